@@ -138,7 +138,7 @@ class TestPeaks:
                 study.harmonic_convergence(peak, **wrong)
         with pytest.raises(bd.SettingError, match=r"^peak: expected a converged one"):
             study.harmonic_convergence(replace(peak, status="not found: why"))
-        with pytest.raises(bd.SettingError, match=r"^peak: expected one of this study"):
+        with pytest.raises(bd.SettingError, match=r"^peak: expected a result of this study"):
             study.replace(friction_coefficient=0.1).harmonic_convergence(peak)
         with pytest.raises(bd.SettingError, match=r"^peak: expected a Peak"):
             study.harmonic_convergence(study.frequency_response(5000.0, INTERVAL))

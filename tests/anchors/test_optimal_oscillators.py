@@ -14,7 +14,7 @@ from scipy.optimize import brentq, fsolve, minimize_scalar
 
 from bdamper.harmonic_balance.equations import Plane
 from bdamper.response.continuation import follow
-from bdamper.response.minimum_search import Place, least
+from bdamper.response.minimum_search import Sample, find_minimum
 from bdamper.response.optimal_curve import smooth_minimum
 from bdamper.response.peak import Peak, coarse_options, find_peak
 from bdamper.response.sensitivity import amplitude_sensitivity, sensitivities
@@ -62,7 +62,7 @@ def optimum(family, start, values):
 
     def place(x):
         q = there[x]
-        return Place(x, np.log(q.amplitude), amplitude_sensitivity(q, family, q.parameter) * q.parameter / q.amplitude)
+        return Sample(x, np.log(q.amplitude), amplitude_sensitivity(q, family, q.parameter) * q.parameter / q.amplitude)
 
     def ask(places):
         for x in places:
@@ -73,7 +73,7 @@ def optimum(family, start, values):
     def settle(a, b, x):
         return smooth_minimum(family, [there[a.x], there[b.x]], a, b)
 
-    places, best = least([place(x) for x in there], ask, settle)
+    places, best = find_minimum([place(x) for x in there], ask, settle)
     return replace(there[places[best.index].x], status=best.kind)
 
 

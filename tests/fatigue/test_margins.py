@@ -170,16 +170,16 @@ def test_what_cannot_be_asked_is_said(study, peak, curve):
         study.stress(curve, len(curve))
     with pytest.raises(SettingError, match="material"):
         study.margin(peak, 300e6)
-    with pytest.raises(SettingError, match="at the rotor speed of this study, 300 rad/s, found one at none"):
+    with pytest.raises(SettingError, match="at the rotor speed of this study, 300 rad/s, found none"):
         study.at_speed(300.0).margin(curve, AISI_1050)
     one = study.replace(harmonics=1)
     turning = one.at_speed(300.0).peak(200.0)
     assert one.at_speed(300.0).margin(turning, AISI_1050).speed == 300.0
-    with pytest.raises(SettingError, match="at the rotor speed of this study, 310 rad/s, found one at 300 rad/s"):
+    with pytest.raises(SettingError, match="at the rotor speed of this study, 310 rad/s, found 300 rad/s"):
         one.at_speed(310.0).margin(turning, AISI_1050)
-    with pytest.raises(SettingError, match="expected one of this study, found one with friction_coefficient = "):
+    with pytest.raises(SettingError, match="expected a result of this study, found friction_coefficient = "):
         study.replace(friction_coefficient=0.2).margin(peak, AISI_1050)
-    with pytest.raises(SettingError, match="expected one of this study's model, found one of another"):
+    with pytest.raises(SettingError, match="expected a result of this study's model, found a result of another model"):
         study.replace(model=with_stress(study.model, seed=1)).margin(peak, AISI_1050)
     bare = one.replace(model=replace(one.model, stress={})).peak(200.0)
     assert one.margin(bare, AISI_1050).least == pytest.approx(one.margin(one.peak(200.0), AISI_1050).least, rel=1e-9)

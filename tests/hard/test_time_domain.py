@@ -10,7 +10,7 @@ from bdamper.contact.laws import LAW_BONDED
 from bdamper.harmonic_balance.sector import Sector
 from bdamper.time_domain.floquet import multipliers, stability_of_points
 from bdamper.time_domain.integration import MarchFailed, Ring
-from bdamper.time_domain.march import AGREES, BOUNDS, DIFFERS, UNDECIDED, judged
+from bdamper.time_domain.march import AGREES, DIFFERS, LIMITS, UNDECIDED, judged
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
 from tests.marches import fails_after, march_until_settled, verify_solution
 from tests.models import acyclic_model, wedge_model
@@ -63,7 +63,7 @@ def test_ring_of_sectors_keeps_the_travelling_wave():
     assert result.distance < 0.03
     assert "distance" in result.summary() and "evaluations" in result.summary()
     cost = result.cost
-    assert cost.evaluations >= 20 * BOUNDS.steps
+    assert cost.evaluations >= 20 * LIMITS.steps
     assert cost.contact == 0.0 < cost.time_integration <= cost.core < cost.processor
     assert result.plot().get_xlabel() == "Period of the excitation"
 
@@ -161,7 +161,7 @@ def test_a_march_that_fails_is_no_response(monkeypatch):
         lambda: march_until_settled(system, omega, 1, 0, u, preload=1.0, periods=100),
     ):
         fails_after(monkeypatch, 20)
-        with pytest.raises(MarchFailed, match="the march fails near "):
+        with pytest.raises(MarchFailed, match="the time integration fails near "):
             ask()
         monkeypatch.undo()
 

@@ -107,7 +107,7 @@ def test_friction_by_temperature_and_excitation_by_order(study):
         ({"friction": {100.0: 0.3, 200.0: 0.4}}, "friction: expected a table that reaches 400, found 100 to 200"),
         ({"friction": "0.3"}, "friction: expected a function, or a mapping of numbers to numbers, found '0.3'"),
         ({"temperature": {0.0: 20.0}}, "temperature: expected friction with it"),
-        ({"excitation": {4: 10.0}}, "excitation: expected one for engine order 5"),
+        ({"excitation": {4: 10.0}}, "excitation: expected a value for engine order 5"),
         ({"excitation": {5: -1.0}}, "excitation of engine order 5: expected a finite number > 0 N"),
         ({"friktion": {}}, r"at_speed: expected keywords that it has, found friktion; did you mean friction\?"),
     ],

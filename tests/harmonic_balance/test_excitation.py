@@ -101,7 +101,7 @@ def test_the_response_at_other_places_needs_no_other_solution(study):
     close(study.response_at(curve, "platform", "radial")[same], other.harmonics[np.isin(other.frequency, curve.frequency)])
     peak = study.peak(300.0, BAND)
     assert abs(study.response_at(peak, "tip")[0, 1]) == pytest.approx(peak.amplitude, rel=1e-12)
-    with pytest.raises(bd.SettingError, match="result: expected one of this study"):
+    with pytest.raises(bd.SettingError, match="result: expected a result of this study"):
         study.replace(friction_coefficient=0.2).response_at(peak, "tip")
     with pytest.raises(bd.SettingError, match="location: expected one of"):
         study.response_at(peak, "tipp")

@@ -39,7 +39,8 @@ def test_settings_beyond_anything_built_are_named(settings, text):
 
 def test_intervals_in_radians_per_second_and_loads_of_another_size_are_named():
     s = study()
-    with pytest.warns(PlausibilityWarning, match=r"frequency: .* 283\.1 Hz, found \(1700, 1850\) without one, 2 pi"):
+    expected = r"frequency: .* 283\.1 Hz, found \(1700, 1850\) without a resonance; divided by 2 pi"
+    with pytest.warns(PlausibilityWarning, match=expected):
         s.free((1700.0, 1850.0))
     with pytest.warns(PlausibilityWarning, match=r"frequency: plausible"):
         s.frequency_response(2000.0, (1700.0, 1850.0), options=bd.ContinuationOptions(budget=20))

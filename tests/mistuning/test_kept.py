@@ -70,7 +70,7 @@ def test_what_is_not_kept_has_no_amplitude(monkeypatch):
     assert [b.get_height() for b in bars] == list(fallen.blades.mean(axis=0))
     fails_after(monkeypatch, 3)
     failed = wheel.time_response(peak, steps_per_period=32)
-    assert failed.status.startswith("not found: the march fails near ") and np.isnan(failed.highest)
+    assert failed.status.startswith("not found: the time integration fails near ") and np.isnan(failed.highest)
     assert np.isnan(failed.blades).all() and failed.blades.shape == (1, N) and failed.plot().patches
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bdamper.response import minimum_search as search
-from bdamper.response.minimum_search import GAIN, Place, agree, least, promise
+from bdamper.response.minimum_search import GAIN, Sample, find_minimum, lower_bound, on_one_branch
 
 GRID = np.arange(-3.0, 5.0)
 
@@ -12,7 +12,7 @@ GRID = np.arange(-3.0, 5.0)
 @pytest.fixture(autouse=True)
 def units(monkeypatch):
     """Places of these functions are one apart; half of it is what a fifth of the preload is."""
-    monkeypatch.setattr(search, "WIDE", 1.5)
+    monkeypatch.setattr(search, "MAX_DISTANCE", 1.5)
 
 
 class Function:
@@ -25,9 +25,9 @@ class Function:
     def place(self, x):
         on = [b for b, low, high in self.branches if low <= x <= high]
         if not on:
-            return Place(x, np.inf)
+            return Sample(x, np.inf)
         top, h = max(on, key=lambda b: b(x)), 1e-6
-        return Place(x, float(top(x)), float(top(x + h) - top(x - h)) / (2.0 * h))
+        return Sample(x, float(top(x)), float(top(x + h) - top(x - h)) / (2.0 * h))
 
     def ask(self, places):
         self.asked += places
@@ -41,7 +41,7 @@ class Function:
         return float(fine[int(np.argmin(height))])
 
     def least(self, grid=GRID):
-        places, best = least([self.place(x) for x in grid], self.ask, self.settle)
+        places, best = find_minimum([self.place(x) for x in grid], self.ask, self.settle)
         return places[best.index], best
 
 
@@ -104,7 +104,7 @@ def test_a_settled_minimum_that_another_branch_exceeds_is_not_the_least():
 
 
 def test_what_is_left_open_is_told(monkeypatch):
-    monkeypatch.setattr(search, "MOST", 0)
+    monkeypatch.setattr(search, "MAX_EVALUATIONS", 0)
     _, best = Function(two_wells).least()
     assert best.open == (2.0, 3.0)
 
@@ -120,28 +120,28 @@ def test_ends_and_gaps_are_named():
     assert 1.3 - search.CORNER < place.x <= 1.3
     uphill = Function((lambda x: -x, -1.5, np.inf))
     assert uphill.least()[1].kind == "end" and not uphill.asked  # nothing lower lies toward what is not known
-    flat = [Place(0.0, 1.0), Place(1.0, 0.0), Place(2.0, 1.0)]  # corners, which have no slope
-    _, best = least(flat, lambda places: [], lambda *_: None)
+    flat = [Sample(0.0, 1.0), Sample(1.0, 0.0), Sample(2.0, 1.0)]  # corners, which have no slope
+    _, best = find_minimum(flat, lambda places: [], lambda *_: None)
     assert best.kind == "unknown" and best.uncertainty == 1.0
 
 
 def test_tangents_agree_along_one_branch_alone():
     f = Function(valley)
-    assert all(agree(f.place(x), f.place(x + 1.0)) for x in GRID)
-    assert not agree(Place(0.0, 1.0, -0.1), Place(1.0, 0.5, -0.1))
-    assert promise(Place(0.0, 0.0, 1.0), Place(1.0, 1.0, 1.0)) is None
-    assert promise(Place(0.0, 0.0, 1.0), Place(1.0, np.inf)) is None
-    for corner in ((Place(0.0, 0.0), Place(1.0, np.inf)), (Place(0.0, np.inf), Place(1.0, 0.0))):
-        assert promise(*corner).value < -GAIN  # without a slope it may fall
+    assert all(on_one_branch(f.place(x), f.place(x + 1.0)) for x in GRID)
+    assert not on_one_branch(Sample(0.0, 1.0, -0.1), Sample(1.0, 0.5, -0.1))
+    assert lower_bound(Sample(0.0, 0.0, 1.0), Sample(1.0, 1.0, 1.0)) is None
+    assert lower_bound(Sample(0.0, 0.0, 1.0), Sample(1.0, np.inf)) is None
+    for corner in ((Sample(0.0, 0.0), Sample(1.0, np.inf)), (Sample(0.0, np.inf), Sample(1.0, 0.0))):
+        assert lower_bound(*corner).value < -GAIN  # without a slope it may fall
 
 
 def test_tangents_of_places_far_apart_prove_nothing(monkeypatch):
     """They agree, or meet above the least value: in between the function may be lower all the same."""
-    a, b = Place(0.0, 0.0, -1.0), Place(2.0, 0.0, 1.0)
-    assert promise(a, Place(1.0, 0.0, 1.0)).smooth and not promise(a, b).smooth
-    assert promise(a, b)[:2] == (-2.0, 1.0)
-    monkeypatch.setattr(search, "WIDE", 3.0)
-    assert promise(a, b).smooth
+    a, b = Sample(0.0, 0.0, -1.0), Sample(2.0, 0.0, 1.0)
+    assert lower_bound(a, Sample(1.0, 0.0, 1.0)).smooth and not lower_bound(a, b).smooth
+    assert lower_bound(a, b)[:2] == (-2.0, 1.0)
+    monkeypatch.setattr(search, "MAX_DISTANCE", 3.0)
+    assert lower_bound(a, b).smooth
 
 
 @pytest.mark.parametrize("corner", [0.43, 1.9])
@@ -152,4 +152,4 @@ def test_places_without_a_slope_are_enclosed_by_halving(corner):
     f.place = lambda x: with_slope(x)._replace(slope=np.nan) if abs(x - corner) < 0.6 else with_slope(x)
     place, best = f.least()
     assert abs(place.x - corner) <= search.CORNER and best.kind == "crossing" and best.uncertainty <= search.CORNER
-    assert len(f.asked) <= search.MOST
+    assert len(f.asked) <= search.MAX_EVALUATIONS

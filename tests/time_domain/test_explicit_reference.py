@@ -13,7 +13,7 @@ import pytest
 import bdamper as bd
 from bdamper.time_domain.integration import Motion, ring_of
 from bdamper.time_domain.march import March
-from bdamper.time_domain.steady_amplitude import RULES, Levels
+from bdamper.time_domain.steady_amplitude import CRITERIA, CurveAmplitudes
 from tests.time_domain import plain_march
 from tests.time_domain.test_time_sweep import W0, one_mass
 
@@ -53,7 +53,7 @@ def explicit(ring, start, omega, periods, steps):
 def both(ring, u, frequency, before, periods, window, steps=STEPS):
     """Means (n_blades,) of all amplitudes over the last periods by both marches, after so many periods of the core."""
     omega = 2.0 * np.pi * frequency
-    settling = March(ring, omega, ring.seeded(ring.start(u, omega, 256), RULES.seed, 0), 256)
+    settling = March(ring, omega, ring.seeded(ring.start(u, omega, 256), CRITERIA.seed, 0), 256)
     settling.run(before)
     start = Motion(*settling.motion[:3])
     march = March(ring, omega, start, 512)
@@ -71,7 +71,7 @@ def study_of(model, order, friction, **given):
 def test_one_mass_that_opens_its_contact():
     """Beside the fold, where the branch bends to lower frequencies: from the balance to the motion in time."""
     study = one_mass(normal=0, kn=0.5 * W0**2, preload=5.0).replace(harmonics=5)
-    levels = Levels(study.frequency_response(0.0, (9.0, 14.0)))
+    levels = CurveAmplitudes(study.frequency_response(0.0, (9.0, 14.0)))
     frequency = float(levels.frequency[levels.top]) + 0.3
     found, expected = both(ring_of(study.problem, 0.0), levels.start(frequency), frequency, 0, 20, 10, 500)
     assert expected == pytest.approx(found, rel=5e-3) and found[0] > 0.9 * levels.at(frequency)[0]
@@ -80,7 +80,7 @@ def test_one_mass_that_opens_its_contact():
 def test_six_blades_with_disturbances():
     """Of the turbine blade with two modes, just after disturbances of every nodal diameter: each blade has its own way."""
     study = study_of("turbine_blade", 10, 0.496, blade_modes=2)
-    levels = Levels(study.frequency_response(38.5, (640.0, 690.0)))
+    levels = CurveAmplitudes(study.frequency_response(38.5, (640.0, 690.0)))
     frequency = float(levels.frequency[levels.top])
     found, expected = both(ring_of(study.problem, 38.5), levels.start(frequency), frequency, 0, 4, 2)
     assert expected == pytest.approx(found, rel=5e-3) and np.ptp(found) > 0.02 * found.mean()
@@ -91,7 +91,8 @@ def test_six_blades_with_disturbances():
 def test_all_blades_of_real_scenes(name):
     model, order, friction, preload, frequency, blades, periods = SCENES[name]
     study = study_of(model, order, friction)
-    levels = Levels(study.frequency_response(preload, (600.0, 720.0) if model == "turbine_blade" else (285.0, 380.0)))
+    interval = (600.0, 720.0) if model == "turbine_blade" else (285.0, 380.0)
+    levels = CurveAmplitudes(study.frequency_response(preload, interval))
     ring = ring_of(study.problem, preload)
     assert ring.n == blades
     found, expected = both(ring, levels.start(frequency), frequency, 240, periods, min(periods, 5))

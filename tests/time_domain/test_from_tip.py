@@ -11,7 +11,7 @@ import scipy.linalg
 
 import bdamper as bd
 from bdamper.time_domain import steady_amplitude as room
-from bdamper.time_domain.steady_amplitude import Place, Walk
+from bdamper.time_domain.steady_amplitude import SteadyPoint, TipSearch
 
 
 class Drawn(NamedTuple):
@@ -87,7 +87,7 @@ def test_a_motion_that_falls_on_the_way_to_a_tip_that_stays(seed, before, monkey
     sweep = swept(d, 0.8 * found.frequency, found.frequency, 500, 300)[-50:]
     assert np.ptp(sweep) < 0.01 * sweep.mean() and found.mean == pytest.approx(sweep.mean(), rel=0.02)
     assert found.mean == pytest.approx(curve.peak.amplitude, rel=0.02)
-    monkeypatch.setattr(Walk, "from_tip", lambda *_: None)
+    monkeypatch.setattr(TipSearch, "from_tip", lambda *_: None)
     along = study.time_response(curve)
     assert along.mean < before * found.mean and along.fall < found.frequency, "below the tip, to which the frequency rises"
     said = r"complete: started at the peak of the balance; along the curve the motion comes to .* m"
@@ -99,46 +99,46 @@ class _Tip:
 
     def __init__(self, monkeypatch, first, after, stays=True, places=(1.0,)):
         levels = SimpleNamespace(frequency=np.array([90.0, 100.0]), amplitude=np.array([0.5, 2.0]), top=1)
-        self.walk, self.asked = Walk(None, levels, 64), []
-        self.walk.places = [Place(99.0, np.array([mean]), True, None) for mean in places]
-        self.walk.fall, self.walk.astray = 99.5, "" if places else "falls"
+        self.search, self.asked = TipSearch(None, levels, 64), []
+        self.search.places = [SteadyPoint(99.0, np.array([mean]), True, None) for mean in places]
+        self.search.fall, self.search.failure = 99.5, "" if places else "falls"
         march = SimpleNamespace(memory=1.0, run=lambda n: march.harmonics.extend(n * [0]), harmonics=[],
                                 amplitude=np.array([2.0, *[first] * 9]), motion="later")  # fmt: skip
         monkeypatch.setattr(room, "March", lambda *given: march)
-        monkeypatch.setattr(self.walk, "solution", lambda f: "tip")
-        monkeypatch.setattr(self.walk, "visit", lambda f, motion, own, limit: (
-            self.asked.append((f, motion, own, limit)) or Place(f, np.array([after]), stays, None)))  # fmt: skip
-        monkeypatch.setattr(self.walk, "on", lambda here, step: self.walk.places.append(here))
-        monkeypatch.setattr(self.walk, "refine", lambda: None)
-        self.walk.from_tip(0.25)
+        monkeypatch.setattr(self.search, "solution", lambda f: "tip")
+        monkeypatch.setattr(self.search, "integrate_at", lambda f, motion, own, limit: (
+            self.asked.append((f, motion, own, limit)) or SteadyPoint(f, np.array([after]), stays, None)))  # fmt: skip
+        monkeypatch.setattr(self.search, "follow_branch", lambda here, step: self.search.places.append(here))
+        monkeypatch.setattr(self.search, "refine", lambda: None)
+        self.search.from_tip(0.25)
 
     @property
     def means(self):
-        return [p.mean for p in self.walk.places]
+        return [p.mean for p in self.search.places]
 
 
 def test_a_higher_motion_from_the_tip_is_a_place_and_its_fall_is_not_that_of_the_walk(monkeypatch):
     tip = _Tip(monkeypatch, 1.8, 1.7)
     assert tip.means == [1.0, 1.7] and tip.asked == [(100.0, "later", 2.0, pytest.approx(1.03))]
-    assert tip.walk.below == 1.0 and np.isnan(tip.walk.fall)
+    assert tip.search.below == 1.0 and np.isnan(tip.search.fall)
 
 
 def test_a_walk_that_falls_at_once_has_the_motion_from_the_tip(monkeypatch):
     tip = _Tip(monkeypatch, 1.8, 1.7, places=())
-    assert tip.means == [1.7] and not tip.walk.astray and tip.walk.below == 0.0
+    assert tip.means == [1.7] and not tip.search.failure and tip.search.below == 0.0
 
 
 @pytest.mark.parametrize(("first", "stays", "visits", "periods"), [(1.02, True, 0, 20), (1.8, False, 1, 20)])
 def test_a_motion_that_falls_from_the_tip_changes_nothing(monkeypatch, first, stays, visits, periods):
     """Twenty periods that are no higher than the walk end it, as its fall in a visit does."""
     tip = _Tip(monkeypatch, first, 1.7, stays)
-    assert tip.means == [1.0] and len(tip.asked) == visits and tip.walk.periods == periods
-    assert tip.walk.fall == 99.5 and np.isnan(tip.walk.below)
+    assert tip.means == [1.0] and len(tip.asked) == visits and tip.search.periods == periods
+    assert tip.search.fall == 99.5 and np.isnan(tip.search.below)
 
 
 def test_nothing_is_started_where_the_walk_is_as_high_as_the_tip(monkeypatch):
     tip = _Tip(monkeypatch, 1.99, 1.99, places=(1.0, 1.91))
-    assert tip.walk.periods == 0 and not tip.asked and tip.means == [1.0, 1.91]
+    assert tip.search.periods == 0 and not tip.asked and tip.means == [1.0, 1.91]
 
 
 @pytest.mark.parametrize(("mean", "below", "said"), [
@@ -150,9 +150,9 @@ def test_the_status_says_if_the_answer_started_at_the_tip(mean, below, said, mon
     """Not if shorter steps have left the places along the curve alone."""
     study, modes = study_of(random(112))
     curve = study.frequency_response(0.0, (0.5 * modes[0], 1.4 * modes[0]))
-    monkeypatch.setattr(Walk, "go", lambda walk, *_: setattr(walk, "below", below))
-    for name in ("from_tip", "others"):
-        monkeypatch.setattr(Walk, name, lambda *_: None)
-    monkeypatch.setattr(Walk, "best", lambda _: Place(11.0, np.full(80, mean), True, None))
-    monkeypatch.setattr(Walk, "open_end", lambda *_: "")
+    monkeypatch.setattr(TipSearch, "approach", lambda search, *_: setattr(search, "below", below))
+    for name in ("from_tip", "verify"):
+        monkeypatch.setattr(TipSearch, name, lambda *_: None)
+    monkeypatch.setattr(TipSearch, "highest", lambda _: SteadyPoint(11.0, np.full(80, mean), True, None))
+    monkeypatch.setattr(TipSearch, "open_question", lambda *_: "")
     assert study.time_response(curve).status == said

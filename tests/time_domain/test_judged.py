@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from bdamper.time_domain.march import AGREES, BOUNDS, DIFFERS, UNDECIDED, judged
+from bdamper.time_domain.march import AGREES, DIFFERS, LIMITS, UNDECIDED, judged
 from tests.each import each
 
-TOLERANCE, LOOK = BOUNDS.tolerance, BOUNDS.look
+TOLERANCE, LOOK = LIMITS.tolerance, LIMITS.look
 SHORT = 1.0  # memory (periods) of a structure whose transients have gone
 
 
@@ -47,7 +47,7 @@ def test_a_decaying_beat_agrees_and_a_lasting_one_does_not():
     """Of 30 and 100 periods.  The first decays as the slowest mode does, so it is no sign of another motion."""
     k = np.arange(1000.0)
     assert first_verdict(0.9 * np.exp(-k / 100.0) * np.cos(k * np.pi / 15.0), 100.0)[0] == AGREES
-    assert first_verdict(0.17 * np.sin(k * np.pi / 50.0), 100.0) == (DIFFERS, 2 * BOUNDS.settled)
+    assert first_verdict(0.17 * np.sin(k * np.pi / 50.0), 100.0) == (DIFFERS, 2 * LIMITS.settled)
     assert first_verdict(0.04 * np.sin(k * np.pi / 15.0))[0] == AGREES, "within the tolerance in all periods"
 
 

@@ -10,7 +10,7 @@ import pytest
 import bdamper as bd
 from bdamper.response.events import ContinuationOptions
 from bdamper.time_domain import steady_amplitude as room
-from bdamper.time_domain.steady_amplitude import Levels
+from bdamper.time_domain.steady_amplitude import CurveAmplitudes
 from bdamper.util.progress import Cost
 from tests.each import each
 from tests.marches import fails_after
@@ -33,7 +33,7 @@ def walked(bent):
 
 def test_levels_and_sides_of_a_curve(bent):
     _, curve = bent
-    levels, (low, high) = Levels(curve), sorted(fold.frequency for fold in curve.folds)
+    levels, (low, high) = CurveAmplitudes(curve), sorted(fold.frequency for fold in curve.folds)
     assert len(levels.at(0.5 * (low + high))) == 3 and len(levels.at(high + 0.1)) == 1
     middle = levels.at(0.5 * (low + high))
     assert list(middle) == sorted(middle, reverse=True)
@@ -53,7 +53,7 @@ def test_one_mass_keeps_its_branch_to_the_fold(bent, walked):
     assert walked.status == "complete" and walked.direction == "down" and walked.diameters == (0,)
     low = min(fold.frequency for fold in curve.folds)
     assert low - 0.15 < walked.fall < walked.frequency and walked.frequency == pytest.approx(low, abs=0.25)
-    on = Levels(curve).at(walked.frequency)
+    on = CurveAmplitudes(curve).at(walked.frequency)
     assert walked.mean == pytest.approx(on[0], rel=0.02) and walked.highest < 1.01 * walked.mean
     assert walked.balance == curve.peak.amplitude and 0.9 < walked.factor <= 1.01
     said = walked._headline()
@@ -106,14 +106,14 @@ def test_long_transients_take_more_periods():
     study = bd.lumped([1.0], [2e-3 * W0], [W0**2], contacts=[contact], forces={0: 0.05}, harmonics=3)
     curve = study.frequency_response(0.0, (11.0, 13.0))
     assert study.time_response(curve).mean > 0.8 * curve.peak.amplitude
-    assert room.RULES.stretched(93.0) == room.RULES and room.RULES.stretched(200.0).window == 80
-    assert room.RULES.stretched(1e9).most == 4 * room.RULES.most
+    assert room.CRITERIA.stretched(93.0) == room.CRITERIA and room.CRITERIA.stretched(200.0).window == 80
+    assert room.CRITERIA.stretched(1e9).most == 4 * room.CRITERIA.most
 
 
 def test_what_leaves_the_answer_open_is_its_status(bent, monkeypatch):
     study, curve = bent
     study = study.replace(harmonics=5)
-    monkeypatch.setattr(room, "RULES", room.Rules(drift=1e-12, steady=0.0, most=160))
+    monkeypatch.setattr(room, "CRITERIA", room.SteadyCriteria(drift=1e-12, steady=0.0, most=160))
     assert study.time_response(curve).status.startswith("incomplete: its mean still changes by ")
 
 
@@ -123,17 +123,19 @@ def test_where_a_march_fails_nothing_is_kept(bent, monkeypatch, calls):
     study, curve = bent
     fails_after(monkeypatch, calls)
     found = study.replace(harmonics=5).time_response(curve)
-    assert found.status.startswith("not found: the march fails near ") and found.status.endswith("raise steps_per_period")
+    assert found.status.startswith("not found: the time integration fails near ")
+    assert found.status.endswith("raise steps_per_period")
     assert all(np.isnan(x) for x in (found.mean, found.lowest, found.highest, found.frequency, found.fall))
     assert found.text == found.status
 
 
 def test_a_motion_that_leaves_the_balance_at_once_says_so(bent, monkeypatch):
     study, curve = bent
-    visit = room.Walk.visit
-    monkeypatch.setattr(room.Walk, "visit", lambda *given, **asked: visit(*given, **asked)._replace(stays=False))
+    visit = room.TipSearch.integrate_at
+    falls = lambda *given, **asked: visit(*given, **asked)._replace(stays=False)  # noqa: E731
+    monkeypatch.setattr(room.TipSearch, "integrate_at", falls)
     found = study.replace(harmonics=5).time_response(curve)
-    assert " in time where the balance has " in found.status and found.status.endswith("use more harmonics")
+    assert ", but the amplitude in time becomes " in found.status and found.status.endswith("use more harmonics")
     said = "At 0 N the amplitude in time is not known, so nothing confirms the peak of the harmonic balance: at "
     assert found._headline().startswith(said)
 
@@ -141,14 +143,14 @@ def test_a_motion_that_leaves_the_balance_at_once_says_so(bent, monkeypatch):
 def test_a_motion_that_grows_beyond_all_bounds_says_so(bent, monkeypatch):
     """As one does of which unresolved contacts gain energy; it is no motion that a blade keeps."""
     study, curve = bent
-    monkeypatch.setattr(room, "RULES", room.Rules(grown=0.9))
+    monkeypatch.setattr(room, "CRITERIA", room.SteadyCriteria(grown=0.9))
     status = study.replace(harmonics=5).time_response(curve).status
-    assert status.startswith("not found: at ") and "an error of its steps and no motion: use more steps" in status
+    assert status.startswith("not found: at ") and "an error of its time steps: use more steps" in status
 
 
 def test_a_response_so_flat_that_it_has_no_half_width_is_walked_along():
     """Ten per cent lower at the end of the curve, with a lower solution up to 103 Hz: the walk starts where that ends."""
-    flat = object.__new__(Levels)
+    flat = object.__new__(CurveAmplitudes)
     flat.frequency = np.array([101.0, 106.0, 111.0, 95.0, 103.0])
     flat.amplitude, flat.branch, flat.top = np.array([1.0, 0.95, 0.9, 0.3, 0.5]), np.array([0, 0, 0, 1, 1]), 0
     width, start = flat.side(1.0)
@@ -159,10 +161,10 @@ def test_a_response_so_flat_that_it_has_no_half_width_is_walked_along():
 
 def test_the_walk_ends_beyond_the_tip_where_there_is_nothing_to_fall_to():
     """One branch that falls from 1 to 0.6 between 101 and 111 Hz, beside which another lies from 106 to 107 Hz or later."""
-    levels = object.__new__(Levels)
+    levels = object.__new__(CurveAmplitudes)
     levels.frequency = np.array([101.0, 106.0, 111.0, 106.0, 107.0])
     levels.amplitude, levels.branch, levels.top = np.array([1.0, 0.8, 0.6, 0.3, 0.3]), np.array([0, 0, 0, 1, 1]), 0
-    on = room.Place(105.0, np.full(80, 0.84), True, None)
+    on = room.SteadyPoint(105.0, np.full(80, 0.84), True, None)
     assert not levels.alone(on, 0.1), "another level comes before it is a tenth lower"
     assert not levels.alone(on._replace(frequency=106.5, amplitude=np.full(80, 0.78)), 0.1), "and is there already"
     assert levels.alone(on, -0.1), "to the other side there is none"
@@ -174,51 +176,51 @@ def test_nodal_diameters_that_a_model_does_not_carry_are_said(bent, monkeypatch)
     study, curve = bent
     ring = SimpleNamespace(nodal_diameters=(0, 5), n=13, cost=Cost())
     monkeypatch.setattr(room, "ring_of", lambda *_: ring)
-    for name in ("go", "from_tip"):
-        monkeypatch.setattr(room.Walk, name, lambda *_: None)
-    monkeypatch.setattr(room.Walk, "best", lambda _: room.Place(11.0, np.ones(80), True, None))
-    monkeypatch.setattr(room.Walk, "others", lambda *_: None)
-    monkeypatch.setattr(room.Walk, "open_end", lambda *_: "")
+    for name in ("approach", "from_tip"):
+        monkeypatch.setattr(room.TipSearch, name, lambda *_: None)
+    monkeypatch.setattr(room.TipSearch, "highest", lambda _: room.SteadyPoint(11.0, np.ones(80), True, None))
+    monkeypatch.setattr(room.TipSearch, "verify", lambda *_: None)
+    monkeypatch.setattr(room.TipSearch, "open_question", lambda *_: "")
     found = study.replace(harmonics=5).time_response(curve)
     assert found.status == "complete: 2 of 7 nodal diameters were marched" and found.mean == 1.0
 
 
 def test_a_motion_that_stays_in_long_steps_alone_says_so(bent, monkeypatch):
     study, curve = bent
-    monkeypatch.setattr(room.Walk, "best", lambda _: None)
+    monkeypatch.setattr(room.TipSearch, "highest", lambda _: None)
     status = study.replace(harmonics=5).time_response(curve).status
     assert status == "not found: no motion stays in steps of half the length: use more steps_per_period"
 
 
 def test_shorter_steps_are_taken_wherever_they_could_find_more(monkeypatch):
     """The highest in long steps loses a tenth in short ones, the second falls; a fourth cannot be higher than the third."""
-    walk, asked, short = room.Walk(None, _Levels(), 4), [], {101.0: 9.0, 102.0: np.nan, 103.0: 9.7, 104.0: 9.3}
+    search, asked, short = room.TipSearch(None, _Amplitudes(), 4), [], {101.0: 9.0, 102.0: np.nan, 103.0: 9.7, 104.0: 9.3}
     motion = room.Motion(*[None] * len(room.Motion._fields))
-    walk.places = [room.Place(f, np.array([m]), True, motion) for f, m in zip(short, (10.0, 9.9, 9.8, 9.4))]
+    search.places = [room.SteadyPoint(f, np.array([m]), True, motion) for f, m in zip(short, (10.0, 9.9, 9.8, 9.4))]
 
     def visit(frequency, start, own, finer):
         asked.append(frequency)
-        return room.Place(frequency, np.array([short[frequency]]), bool(np.isfinite(short[frequency])), motion)
+        return room.SteadyPoint(frequency, np.array([short[frequency]]), bool(np.isfinite(short[frequency])), motion)
 
-    monkeypatch.setattr(walk, "visit", visit)
-    walk.fall = 99.0
-    assert walk.best().frequency == 103.0 and asked == [101.0, 102.0, 103.0]
-    assert walk.answers == {"8 steps": 9.7}
-    assert walk.fall == 99.0, "what fell lies before it"
-    walk.places.reverse()
-    assert walk.best().frequency == 103.0 and walk.fall == 102.0
+    monkeypatch.setattr(search, "integrate_at", visit)
+    search.fall = 99.0
+    assert search.highest().frequency == 103.0 and asked == [101.0, 102.0, 103.0]
+    assert search.answers == {"8 steps": 9.7}
+    assert search.fall == 99.0, "what fell lies before it"
+    search.places.reverse()
+    assert search.highest().frequency == 103.0 and search.fall == 102.0
 
 
 def test_the_way_from_one_frequency_to_the_next_is_a_sweep(bent, monkeypatch):
     """A jump of the frequency would throw off motions that a slow sweep keeps."""
     swept, sweep = [], room.March.sweep
     monkeypatch.setattr(room.March, "sweep", lambda march, ends, *rest: swept.append(ends) or sweep(march, ends, *rest))
-    walk = room.Walk(room.ring_of(bent[0].replace(harmonics=5).problem, 0.0), Levels(bent[1]), 64)
-    f = walk.levels.frequency[walk.levels.top] + 1.5
-    first = walk.visit(f, walk.levels.start(f), walk.levels.at(f)[0])
-    periods = walk.periods
-    walk.follow(first, f - 0.2)
-    assert swept == [pytest.approx((2.0 * np.pi * f, 2.0 * np.pi * (f - 0.2)))] and walk.periods > periods + 40
+    search = room.TipSearch(room.ring_of(bent[0].replace(harmonics=5).problem, 0.0), CurveAmplitudes(bent[1]), 64)
+    f = search.balance.frequency[search.balance.top] + 1.5
+    first = search.integrate_at(f, search.balance.start(f), search.balance.at(f)[0])
+    periods = search.periods
+    search.follow(first, f - 0.2)
+    assert swept == [pytest.approx((2.0 * np.pi * f, 2.0 * np.pi * (f - 0.2)))] and search.periods > periods + 40
 
 
 @pytest.mark.parametrize("budget", [100, 250])
@@ -233,35 +235,36 @@ def test_a_part_of_a_curve_gives_a_lower_bound(bent, budget):
 
 
 def test_the_end_of_the_curve_is_no_fall(bent):
-    walk = room.Walk(room.ring_of(bent[0].problem, 0.0), Levels(bent[1]), 256)
-    place = room.Place(11.0, np.ones(80), True, None)
-    walk.places = [place._replace(frequency=12.0), place]
-    assert "follow more of it" in walk.open_end(place)
-    walk.fall = 10.9
-    assert not walk.open_end(place)
+    search = room.TipSearch(room.ring_of(bent[0].problem, 0.0), CurveAmplitudes(bent[1]), 256)
+    place = room.SteadyPoint(11.0, np.ones(80), True, None)
+    search.places = [place._replace(frequency=12.0), place]
+    assert "widen the interval" in search.open_question(place)
+    search.fall = 10.9
+    assert not search.open_question(place)
 
 
 def test_a_curve_that_ends_before_the_branch_is_alone_is_no_start(bent):
     study, _ = bent
     curve = study.replace(harmonics=5).frequency_response(0.0, (9.0, 10.6))
     if curve.peak_at_end:
-        with pytest.raises(bd.SettingError, match=r"^march: expected a curve with a peak"):
+        with pytest.raises(bd.SettingError, match=r"^curve: expected a curve with a peak"):
             study.replace(harmonics=5).time_response(curve)
     else:
-        assert study.replace(harmonics=5).time_response(curve).status.startswith("not found: the branch is alone nowhere")
+        status = study.replace(harmonics=5).time_response(curve).status
+        assert status.startswith("not found: next to the tip there are several solutions")
 
 
 def test_an_interruption_keeps_the_highest_motion_so_far(bent, monkeypatch):
     study, curve = bent
-    visit, calls = room.Walk.visit, []
+    visit, calls = room.TipSearch.integrate_at, []
 
-    def stopped(walk, *arguments, **options):
+    def stopped(search, *arguments, **options):
         calls.append(1)
         if len(calls) == 3:
             raise KeyboardInterrupt
-        return visit(walk, *arguments, **options)
+        return visit(search, *arguments, **options)
 
-    monkeypatch.setattr(room.Walk, "visit", stopped)
+    monkeypatch.setattr(room.TipSearch, "integrate_at", stopped)
     found = study.replace(harmonics=5).time_response(curve)
     assert found.status == "interrupted" and found.frequency > F0 and np.isfinite(found.mean)
 
@@ -298,7 +301,7 @@ def test_the_reference_disk_beside_an_independent_march():
     assert found.lowest < 0.98 * found.mean < 1.02 * found.mean < found.highest
 
 
-class _Levels:
+class _Amplitudes:
     frequency, top, below = np.array([100.0, 110.0]), 1, 0.0
 
     def at(self, frequency):
@@ -364,12 +367,12 @@ class _March:
 def test_a_motion_is_marched_until_it_stays_or_has_gone(of_period, alone, periods, stays):
     """Of a level of 1 m, below 0.5 m of which it has fallen."""
     march = _March(of_period)
-    place = room.stay(march, 1.0, 0.5, alone)
+    place = room.integrate_until_steady(march, 1.0, 0.5, alone)
     assert (len(march.harmonics), place.stays) == (periods, stays)
     steady = np.ptp(march.amplitude[-20:]) < 1e-3 or march.amplitude[-20:].max() < 0.5
     np.testing.assert_array_equal(place.amplitude, march.amplitude[-20 if steady else -40 :])
     march = _March(of_period)
-    place = room.stay(march, 1.0, 0.5, alone, long=True)
+    place = room.integrate_until_steady(march, 1.0, 0.5, alone, long=True)
     steady = np.ptp(march.amplitude[-20:]) < 1e-3
     np.testing.assert_array_equal(place.amplitude, march.amplitude[-20 if steady else -80 :])
 
@@ -377,93 +380,93 @@ def test_a_motion_is_marched_until_it_stays_or_has_gone(of_period, alone, period
 @pytest.mark.parametrize(("below", "limit"), [(0.0, 1.4), (0.6, 1.4), (1.6, 1.8)])
 def test_a_motion_has_fallen_nearer_to_the_next_lower_solution_or_by_three_tenths(monkeypatch, below, limit):
     """Of a level of 2 m; with twice the steps, too, of which twice the periods are shown."""
-    walk, marched, asked = room.Walk(None, _Levels(), 64), [], []
-    walk.levels.below = below
+    search, marched, asked = room.TipSearch(None, _Amplitudes(), 64), [], []
+    search.balance.below = below
     monkeypatch.setattr(room, "March", lambda *given: marched.append(given) or SimpleNamespace(harmonics=[0] * 90))
-    monkeypatch.setattr(room, "stay", lambda march, *given: asked.append(given))
-    walk.visit(100.0, None, 2.0)
-    walk.visit(100.0, None, 2.0, finer=2)
+    monkeypatch.setattr(room, "integrate_until_steady", lambda march, *given: asked.append(given))
+    search.integrate_at(100.0, None, 2.0)
+    search.integrate_at(100.0, None, 2.0, finer=2)
     assert [given[1:] for given in marched] == [(200.0 * np.pi, None, steps) for steps in (64, 128)]
-    assert asked == [(2.0, pytest.approx(limit), not below, long) for long in (False, True)] and walk.periods == 180
+    assert asked == [(2.0, pytest.approx(limit), not below, long) for long in (False, True)] and search.periods == 180
 
 
 @pytest.mark.parametrize("falls", [103.1, 103.4, 103.6, 103.9])
 def test_the_fall_is_found_within_a_quarter_of_a_step(monkeypatch, falls):
     """Halved twice; the motion grows on its way down in frequency, so that the last place is the highest."""
-    walk = room.Walk(_Ring(), _Levels(), 4)
-    came = lambda f: room.Place(f, np.array([1.0 + 0.1 * (108.0 - f)]), f > falls, None)  # noqa: E731
-    monkeypatch.setattr(walk, "visit", lambda frequency, *_: came(frequency))
-    monkeypatch.setattr(walk, "follow", lambda last, frequency: came(frequency))
-    walk.go(108.0, -1.0)
-    found = [place.frequency for place in walk.places]
+    search = room.TipSearch(_Ring(), _Amplitudes(), 4)
+    came = lambda f: room.SteadyPoint(f, np.array([1.0 + 0.1 * (108.0 - f)]), f > falls, None)  # noqa: E731
+    monkeypatch.setattr(search, "integrate_at", lambda frequency, *_: came(frequency))
+    monkeypatch.setattr(search, "follow", lambda last, frequency: came(frequency))
+    search.approach(108.0, -1.0)
+    found = [place.frequency for place in search.places]
     assert found[:5] == [108.0, 107.0, 106.0, 105.0, 104.0] and found == sorted(found, reverse=True)
-    assert walk.fall < falls < found[-1] == walk.fall + 0.25
+    assert search.fall < falls < found[-1] == search.fall + 0.25
 
 
 def test_the_walk_goes_over_a_dip_before_the_tip_and_ends_a_tenth_below_the_highest_beyond(monkeypatch):
-    walk, means = (
-        room.Walk(_Ring(), _Levels(), 4),
+    search, means = (
+        room.TipSearch(_Ring(), _Amplitudes(), 4),
         {108.0: 0.7, 107.0: 0.6, 106.0: 0.8, 105.0: 1.0, 104.0: 0.95, 103.0: 0.89},
     )
-    walk.levels = SimpleNamespace(
-        at=walk.levels.at,
-        start=walk.levels.start,
-        alone=walk.levels.alone,
+    search.balance = SimpleNamespace(
+        at=search.balance.at,
+        start=search.balance.start,
+        alone=search.balance.alone,
         frequency=np.array([100.0, 105.0, 110.0]),
         top=1,
     )
-    came = lambda f: room.Place(f, np.array([means.get(f, 0.1)]), True, None)  # noqa: E731
-    monkeypatch.setattr(walk, "visit", lambda frequency, *_: came(frequency))
-    monkeypatch.setattr(walk, "follow", lambda last, frequency: came(frequency))
-    walk.go(108.0, -1.0)
-    assert [place.frequency for place in walk.places] == list(means) and np.isnan(walk.fall)
+    came = lambda f: room.SteadyPoint(f, np.array([means.get(f, 0.1)]), True, None)  # noqa: E731
+    monkeypatch.setattr(search, "integrate_at", lambda frequency, *_: came(frequency))
+    monkeypatch.setattr(search, "follow", lambda last, frequency: came(frequency))
+    search.approach(108.0, -1.0)
+    assert [place.frequency for place in search.places] == list(means) and np.isnan(search.fall)
 
 
 @pytest.mark.parametrize(("then", "now", "own"), [(1.0, 1.1, 0.99), (1.0, 3.0, 0.9 * 1.25), (3.0, 1.0, 0.9 * 0.8)])
 def test_the_next_motion_is_expected_to_change_as_the_curve_does(monkeypatch, then, now, own):
-    walk, asked = room.Walk(None, _Levels(), 4), []
-    walk.levels.at = lambda f: np.array([now if f == 101.0 else then])
+    search, asked = room.TipSearch(None, _Amplitudes(), 4), []
+    search.balance.at = lambda f: np.array([now if f == 101.0 else then])
     monkeypatch.setattr(room, "March", lambda _, omega, *given: SimpleNamespace(
         sweep=lambda *_: None, memory=1.0, omega=omega, harmonics=[], motion="swept"))  # fmt: skip
-    place = room.Place(101.0, np.array([own]), True, None)
-    monkeypatch.setattr(walk, "visit", lambda *given: asked.append(given) or place)
-    walk.follow(room.Place(100.0, np.array([0.9]), True, None), 101.0)
+    place = room.SteadyPoint(101.0, np.array([own]), True, None)
+    monkeypatch.setattr(search, "integrate_at", lambda *given: asked.append(given) or place)
+    search.follow(room.SteadyPoint(100.0, np.array([0.9]), True, None), 101.0)
     assert asked == [(101.0, "swept", pytest.approx(own))]
 
 
 @pytest.mark.parametrize(
-    ("mean", "words"), [(9.0, ("grows to 9 m", "no motion", "steps_per_period")), (0.1, ("100 mm", "harmonics"))]
+    ("mean", "words"), [(9.0, ("grows to 9 m", "an error", "steps_per_period")), (0.1, ("100 mm", "harmonics"))]
 )
 def test_a_start_that_goes_astray_says_what_to_use_more_of(monkeypatch, mean, words):
-    walk = room.Walk(_Ring(), _Levels(), 4)
-    monkeypatch.setattr(walk, "visit", lambda *_: room.Place(100.0, np.array([mean]), False, None))
-    walk.go(100.0, 1.0)
-    assert all(word in walk.astray for word in words) and not walk.places
+    search = room.TipSearch(_Ring(), _Amplitudes(), 4)
+    monkeypatch.setattr(search, "integrate_at", lambda *_: room.SteadyPoint(100.0, np.array([mean]), False, None))
+    search.approach(100.0, 1.0)
+    assert all(word in search.failure for word in words) and not search.places
 
 
 def test_places_around_the_highest_are_halved_until_they_are_near(monkeypatch):
     """A smooth top at 103.3 Hz between places one hertz apart, found within the distance of places; disturbed once."""
-    walk, seeded = room.Walk(_Ring(), _Levels(), 4), []
-    came = lambda f: room.Place(f, np.array([2.0 - (f - 103.3) ** 2]), True, "here")  # noqa: E731
-    monkeypatch.setattr(walk, "follow", lambda last, frequency: came(frequency))
-    monkeypatch.setattr(walk.ring, "seeded", lambda motion, *_: seeded.append(motion) or motion, raising=False)
-    walk.places = [came(f) for f in (105.0, 104.0, 103.0, 102.0)]
-    walk.refine()
-    top = max(walk.places, key=lambda p: p.mean)
-    assert abs(top.frequency - 103.3) < 103.3 * room.RULES.fine and seeded == ["here"]
-    assert len(walk.places) < 12
-    before = len(walk.places)
-    monkeypatch.setattr(walk, "follow", lambda last, frequency: came(frequency)._replace(stays=False))
-    walk.places = [came(f) for f in (104.0, 103.0, 102.0)]
-    walk.refine()
-    assert len(walk.places) == 3 < before, "what falls on the way to a neighbour is no place, and is not tried again"
+    search, seeded = room.TipSearch(_Ring(), _Amplitudes(), 4), []
+    came = lambda f: room.SteadyPoint(f, np.array([2.0 - (f - 103.3) ** 2]), True, "here")  # noqa: E731
+    monkeypatch.setattr(search, "follow", lambda last, frequency: came(frequency))
+    monkeypatch.setattr(search.ring, "seeded", lambda motion, *_: seeded.append(motion) or motion, raising=False)
+    search.places = [came(f) for f in (105.0, 104.0, 103.0, 102.0)]
+    search.refine()
+    top = max(search.places, key=lambda p: p.mean)
+    assert abs(top.frequency - 103.3) < 103.3 * room.CRITERIA.fine and seeded == ["here"]
+    assert len(search.places) < 12
+    before = len(search.places)
+    monkeypatch.setattr(search, "follow", lambda last, frequency: came(frequency)._replace(stays=False))
+    search.places = [came(f) for f in (104.0, 103.0, 102.0)]
+    search.refine()
+    assert len(search.places) == 3 < before, "what falls on the way to a neighbour is no place, and is not tried again"
 
 
 @pytest.mark.parametrize(("after", "periods"), [(1.0, 40), (3.0, 400)])
 def test_a_long_march_goes_on_while_disturbances_grow(after, periods):
     march = _March(lambda n: 1.0)
     march.ring = SimpleNamespace(departure=lambda blades: 0.02 * after ** (np.arange(len(blades)) >= len(blades) // 2))
-    room.stay(march, 1.0, 0.5, True, long=True)
+    room.integrate_until_steady(march, 1.0, 0.5, True, long=True)
     assert len(march.harmonics) == periods
     assert room.growth(march, 40) == (pytest.approx(after if after > 1.0 else 1.0), pytest.approx(0.02 * after))
 
@@ -482,18 +485,18 @@ def test_four_times_the_steps_take_few_periods_where_these_are_steady(monkeypatc
     march = _March(of_period)
     march.memory = memory
     monkeypatch.setattr(room, "March", lambda *given: march)
-    walk = room.Walk(None, _Levels(), 64)
-    best = room.Place(100.0, np.ones(20), True, room.Motion(None, None, None, None))
-    found = walk.finer(best)
+    search = room.TipSearch(None, _Amplitudes(), 64)
+    best = room.SteadyPoint(100.0, np.ones(20), True, room.Motion(None, None, None, None))
+    found = search.with_quarter_steps(best)
     window = {20: 20, 100: 80, 400: 320}[periods]
-    assert found == pytest.approx(march.amplitude[-window:].mean()) and walk.periods == len(march.harmonics)
+    assert found == pytest.approx(march.amplitude[-window:].mean()) and search.periods == len(march.harmonics)
     assert len(march.harmonics) == periods
 
 
 def test_answers_that_differ_are_a_range(bent, monkeypatch):
     study, curve = bent
-    finer = room.Walk.finer
-    monkeypatch.setattr(room.Walk, "finer", lambda *given: 1.2 * finer(*given))
+    finer = room.TipSearch.with_quarter_steps
+    monkeypatch.setattr(room.TipSearch, "with_quarter_steps", lambda *given: 1.2 * finer(*given))
     found = study.replace(harmonics=5).time_response(curve)
     low, high = min(found.answers.values()), max(found.answers.values())
     assert high > 1.15 * low and found.status.startswith("incomplete: not settled: ")

@@ -8,7 +8,7 @@ import pytest
 import bdamper as bd
 from bdamper.time_domain import transients
 from bdamper.time_domain.integration import MarchFailed, Ring
-from bdamper.time_domain.march import BOUNDS
+from bdamper.time_domain.march import LIMITS
 from tests.marches import fails_after
 
 F0, ZETA = 10.0, 0.01
@@ -102,10 +102,10 @@ def interrupting(monkeypatch, calls):
 
 def test_what_was_marched_before_an_interruption_is_kept(linear, monkeypatch):
     whole = linear.frequency_sweep(0.0, BAND)
-    settling = -(-round(transients.SETTLING * whole.memory * BAND[0]) // BOUNDS.look)
+    settling = -(-round(transients.SETTLING * whole.memory * BAND[0]) // LIMITS.look)
     interrupting(monkeypatch, settling + 3)
     found = linear.frequency_sweep(0.0, BAND)
-    assert (found.status, len(found)) == ("interrupted", 3 * BOUNDS.look)
+    assert (found.status, len(found)) == ("interrupted", 3 * LIMITS.look)
     assert f"{len(found)} of {len(whole)} turns" in found.summary()
     np.testing.assert_array_equal(found.harmonics, whole.harmonics[: len(found)])
     np.testing.assert_array_equal(found.frequency, whole.frequency[: len(found)])
@@ -117,7 +117,7 @@ def test_what_was_marched_before_an_interruption_is_kept(linear, monkeypatch):
 
 def test_a_march_that_fails_is_no_sweep(linear, monkeypatch):
     fails_after(monkeypatch, 4)
-    with pytest.raises(MarchFailed, match="the march fails near "):
+    with pytest.raises(MarchFailed, match="the time integration fails near "):
         linear.frequency_sweep(0.0, BAND, rate=usual(1.0))
 
 

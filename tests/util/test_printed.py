@@ -104,7 +104,7 @@ class TestStudyOfACurve:
     def test_other_settings_are_refused(self, study, curve):
         with pytest.raises(bd.SettingError, match="other settings"):
             study.replace(friction_coefficient=0.3).with_stability(curve)
-        with pytest.raises(bd.SettingError, match=r"^curve: expected one of this study"):
+        with pytest.raises(bd.SettingError, match=r"^curve: expected a result of this study"):
             study.replace(harmonics=3).with_stability(curve)
 
 

@@ -275,7 +275,8 @@ class TestMistakenArguments:
             study.with_stability((curve, curve))
 
     def test_a_forgotten_engine_order(self, study):
-        with pytest.raises(bd.SettingError, match="engine_order: expected that of the excitation, since the model has 65"):
+        expected = "engine_order: expected the engine order of the excitation, since the model has 65"
+        with pytest.raises(bd.SettingError, match=expected):
             bd.Study(study.model, bd.Excitation("tip"))
 
     def test_a_result_in_the_place_of_a_model(self, curve, tmp_path):

@@ -31,7 +31,7 @@ from bdamper.fatigue.margin import LeastMargin, MarginCurve
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.result_checks import Asking
 from bdamper.response import response_curve as tracking
-from bdamper.response.minimum_search import Place, least
+from bdamper.response.minimum_search import Sample, find_minimum
 from bdamper.response.optimal_curve import Curves, preload_values
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.peak import Peak, find_peak
@@ -366,23 +366,23 @@ def best_margin(
     result = judge.along(problem, curve)
     low, high = curve.settings["frequency"]
 
-    def place(peak: Peak, p: float) -> Place:
+    def place(peak: Peak, p: float) -> Sample:
         """Return ln(preload), -ln(margin) and its derivative, which is NaN if a neighbouring peak was not found."""
         system, neighbours = problem.system, (p * (1.0 - PRELOAD_STEP), p * (1.0 + PRELOAD_STEP))
         along: dict[str, Any] = {} if peak.corner else {"tangent": peak.tangent, "scale": peak.scale}
         near = [find_peak(system(q), peak.y, parameter=q, **along) for q in neighbours]
         here = _height(judge, problem, peak, p)
         ends = [_height(judge, problem, q, q.parameter) if q.converged else np.nan for q in near]
-        return Place(float(np.log(p)), here, (ends[1] - ends[0]) / float(np.log(neighbours[1] / neighbours[0])))
+        return Sample(float(np.log(p)), here, (ends[1] - ends[0]) / float(np.log(neighbours[1] / neighbours[0])))
 
-    def ask(places: Sequence[float]) -> list[Place]:
+    def ask(places: Sequence[float]) -> list[Sample]:
         followed = curves.follow([float(np.exp(x)) for x in places])
-        return [place(t.top.peak, t.preload) if t.known and t.top else Place(x, np.inf) for x, t in zip(places, followed)]
+        return [place(t.top.peak, t.preload) if t.known and t.top else Sample(x, np.inf) for x, t in zip(places, followed)]
 
     with Curves(problem, (low, high)) as curves:
         rows = [(k, float(p), np.isfinite(a)) for k, (p, a) in enumerate(zip(curve.preload, curve.amplitude))]
-        places = [place(_peak(problem, curve, k), p) if is_known else Place(np.log(p), np.inf) for k, p, is_known in rows]
-        places, best = least(places, ask, lambda a, b, x: x)
+        places = [place(_peak(problem, curve, k), p) if is_known else Sample(np.log(p), np.inf) for k, p, is_known in rows]
+        places, best = find_minimum(places, ask, lambda a, b, x: x)
         responses = {k.preload: k for k in curve.time_response if np.isfinite(k.mean)}
         peaks = [(p, peak.top.peak) for p in responses for peak in curves.follow([p]) if peak.known and peak.top]
         tops = [(p, top.y) for p, top in peaks if np.isclose(top.amplitude, responses[p].balance, rtol=1e-3, atol=0.0)]

@@ -1,21 +1,20 @@
-r"""What happens at the contacts in one cycle of a solution: motions and forces over time, and the energy that is lost.
+r"""Contact motion, contact force and energy over one cycle of a solution.
 
 With the motion ``x`` of a contact point and its force ``f`` as complex amplitudes of each harmonic, the work of a cycle is
 
-.. math:: \oint f\,dx = \pi \sum_l l\,\mathrm{Im}(f_l \bar x_l),
+.. math:: \oint f\,dx = \pi \sum_l l\,\mathrm{Im}(f_l \bar x_l).
 
-without any error of truncation, since the motion has no other harmonics than those that are solved for.  It is the energy
-that friction takes from the cycle; normal springs give back what they take.  Multiplying the harmonic-balance equations by
-the velocities gives the balance that a solution satisfies as well as it satisfies the equations,
+It has no truncation error, because the motion contains only the harmonics of the solution.  Friction dissipates this
+energy; the normal springs return theirs.  Multiplying Eq. (16) of the paper by the velocities gives the energy balance
 
 .. math::
     \pi \sum_l l\,\mathrm{Im}(e_l^T \bar q_l)
-    = \pi \sum_l l^2 \omega\, \bar q_l^T C q_l + \sum_\text{points} \oint f\,dx,
+    = \pi \sum_l l^2 \omega\, \bar q_l^T C q_l + \sum_\text{points} \oint f\,dx
 
-work of the excitation, loss to the damping of the modes, loss to the contacts; all of it for one sector.
+of work of the excitation, modal damping and contacts, all for one sector.
 
-The histories of the friction force come from the law itself, event by event, and not from its harmonics, which ring at the
-transitions.
+The histories of the friction force follow from the contact law, event by event.  A sum of its harmonics would overshoot at
+the transitions.
 """
 
 from __future__ import annotations
@@ -32,34 +31,33 @@ from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.sector import Sector, segments
 
 MOST_PERIODS = 100
-"""Periods within which the sliders of a coupled law settle in a given motion."""
+"""Largest number of periods until the sliders of a coupled law are periodic under a given motion."""
 
 
 def energies(system: Equations[Sector], u: NDArray, omega: float, contacts: NDArray | None = None) -> dict[str, Any]:
-    """Work of the excitation and its losses in one cycle, J, of one sector.
+    """Compute the work of the excitation and the losses of one sector in one cycle, J.
 
     Parameters
     ----------
     system : Equations[Sector]
     u : (n_unknowns,) float
-        A solution.
+        Solution.
     omega : float, rad/s
     contacts : (n_points,) bool, optional
-        Points whose equivalent stiffness is asked for, where others are springs of the bodies; all of them by default.
+        Points that enter the equivalent stiffness, if others are springs of the bodies.  All by default.
 
     Returns
     -------
     "contact" : (n_points,) float
-        Lost at each contact point of the equations.
+        Energy dissipated at each contact point of the equations.
     "damping", "excitation" : float
-        Lost to the damping of the modes; work of the excitation.
+        Energy dissipated by modal damping; work of the excitation.
     "kinetic" : float
-        Kinetic energy if all modes and harmonics passed through rest together.
+        Largest kinetic energy, if all modes and harmonics were in phase.
     "stiffness" : complex, N/m
-        Of the contacts with the elasticity around them, seen from the response: the force there that does the work of all
-        contact forces on the fundamental harmonic (:func:`bodily_motion`), over the fundamental harmonic of the response.
-        Its real part is an equivalent spring, its imaginary part the angular frequency times an equivalent viscous damper.
-        NaN where the response is at rest.
+        Equivalent complex stiffness of the contacts at the response location.  A force there does the work of all contact
+        forces on the fundamental harmonic (:func:`bodily_motion`); this force over the response is the stiffness.  The real
+        part is an equivalent spring, the imaginary part omega times an equivalent viscous damper.  NaN at zero response.
     """
     X, F, _ = system.contact(u)
     counted = np.ones(system.n_points, bool) if contacts is None else contacts
@@ -84,37 +82,37 @@ def energies(system: Equations[Sector], u: NDArray, omega: float, contacts: NDAr
 
 
 def bodily_motion(system: Equations[Sector], u: NDArray) -> NDArray:
-    """(n_points, 3) complex, m: fundamental harmonic of the relative motion that the modes of the bodies carry.
+    """Return the fundamental harmonic (n_points, 3) of the relative motion from the modes of the bodies, complex, m.
 
-    Residual modes are left out: they are the elasticity around the contacts, in series with the contact elements.
+    Residual modes are left out: they are the local elasticity in series with the contact elements.
     """
     basis = system.structure.bases[1]
-    own = np.array([coordinate.body != RESIDUAL for coordinate in basis.coordinates])
-    return np.asarray(basis.G[..., own] @ system.layout.amplitudes(u, 1)[own])
+    of_bodies = np.array([coordinate.body != RESIDUAL for coordinate in basis.coordinates])
+    return np.asarray(basis.G[..., of_bodies] @ system.layout.amplitudes(u, 1)[of_bodies])
 
 
 def at_angles(coefficients: NDArray, theta: NDArray) -> NDArray:
-    """(..., n_theta) values of trigonometric polynomials (..., n_coef): mean, then cosine and sine of each harmonic."""
+    """Evaluate trigonometric polynomials (..., n_coef) at angles: mean, then cosine and sine of each harmonic."""
     l = np.arange(1, coefficients.shape[-1] // 2 + 1)
     wave = np.stack([np.cos(np.outer(l, theta)), np.sin(np.outer(l, theta))], axis=1).reshape(2 * len(l), len(theta))
     return np.asarray(coefficients[..., :1] + coefficients[..., 1:] @ wave)
 
 
 def histories(system: Equations[Sector], u: NDArray, theta: NDArray) -> tuple[NDArray, NDArray]:
-    """Relative motion (m) and force (N) at all contact points of the equations over a cycle.
+    """Compute relative motion (m) and force (N) at all contact points of the equations over a cycle.
 
     Parameters
     ----------
     system : Equations[Sector]
     u : (n_unknowns,) float
-        A solution.
+        Solution.
     theta : (n_theta,) float, rad
-        Angles of the excitation from 0 to 2 pi, ascending; coupled laws are marched from one to the next.
+        Phase angles of the excitation from 0 to 2 pi, ascending.  Coupled laws are integrated from one to the next.
 
     Returns
     -------
     two (n_points, 3, n_theta) float
-        Along the axes in which friction acts and along the normal, closing and pressure positive.
+        Along the two friction axes and the normal; approach and pressure are positive.
     """
     coefficients, forces, share = system.contact(u)
     p = system.structure.arrays
@@ -125,30 +123,35 @@ def histories(system: Equations[Sector], u: NDArray, theta: NDArray) -> tuple[ND
     coupled = np.isin(p["law"], (LAW_COUPLED, LAW_COUPLED_CONSTANT))
     for i in np.flatnonzero(~coupled & (p["law"] != LAW_USER)).tolist():
         F[i, :2] = _uncoupled(p, i, coefficients[i], forces[i], theta)
-    rests = coupled & (share[:, 0] > 1.0 - 1e-9)  # one of many sliders, that of the equations
-    F[rests, :2] = at_angles(forces[rests, :2], theta)
-    if (moves := coupled & ~rests).any():
-        F[moves, :2] = _coupled({k: p[k][moves] for k in ("kt", "mu", "w", "law", "load")}, X[moves], F[moves, 2])
+    # a point in permanent stick has a range of admissible sliders: use the one of the equations
+    stuck = coupled & (share[:, 0] > 1.0 - 1e-9)
+    F[stuck, :2] = at_angles(forces[stuck, :2], theta)
+    if (slides := coupled & ~stuck).any():
+        F[slides, :2] = _coupled({k: p[k][slides] for k in ("kt", "mu", "w", "law", "load")}, X[slides], F[slides, 2])
     if system.structure.points.own is not None:
-        _march_own(system, X, F)
+        _integrate_user_laws(system, X, F)
     return X, F
 
 
-def _march_own(system: Equations[Sector], X: NDArray, F: NDArray) -> None:
-    """Forces of points with laws of their own, marched over the cycle until what they remember repeats."""
-    own, memory = system.structure.points.own, system.structure.points.memory
-    assert own is not None and memory is not None
+def _integrate_user_laws(system: Equations[Sector], X: NDArray, F: NDArray) -> None:
+    """Integrate user-defined contact laws over the cycle until their state variables are periodic."""
+    laws, memory = system.structure.points.own, system.structure.points.memory
+    assert laws is not None and memory is not None
     for _ in range(MOST_PERIODS):
         before = memory
         for k in range(X.shape[2]):
-            forces, _, memory = own.step(X[..., k], memory)
-            F[own.held, :, k] = forces[own.held]
+            forces, _, memory = laws.step(X[..., k], memory)
+            F[laws.held, :, k] = forces[laws.held]
         if (np.abs(memory - before) <= 1e-9 * np.abs(memory).max(axis=0)).all():
             break
 
 
 def _uncoupled(p: dict[str, Any], i: int, x: NDArray, f: NDArray, theta: NDArray) -> NDArray:
-    """(2, n_theta) friction forces of one point with independent sliders: exact at every angle."""
+    """Return the friction forces (2, n_theta) of one point with independent sliders, exact at every angle.
+
+    Between a slip-to-stick event (or a closing) and the next event the slider ``w`` is fixed and the force is ``kt (u -
+    w)``. Slip has the force ``+-mu N``; at its end the slider is at ``w = u -+ mu N/kt``.
+    """
     law, kt, load = int(p["law"][i]), p["kt"][i], float(p["load"][i])
     if law == LAW_BONDED:
         return at_angles(f[:2], theta)
@@ -162,16 +165,16 @@ def _uncoupled(p: dict[str, Any], i: int, x: NDArray, f: NDArray, theta: NDArray
         return mu * np.maximum(n0 + kn * at_angles(x[2], angles), 0.0)
 
     out = np.zeros((2, len(theta)))
-    # the events are those of the law, also where the equations were solved with samples
+    # the exact events, even if the equations were solved with sampled contact forces
     for d, parts in enumerate(segments(x, kt, kn, mu, n0, p["w"][i], law, "event_driven", load)):
-        if kt[d] == 0.0 or not parts:  # without friction
+        if kt[d] == 0.0 or not parts:  # no friction
             continue
-        moving = next((k for k, part in enumerate(parts) if part[2] != STICK), None)
-        if moving is None:
+        first = next((k for k, part in enumerate(parts) if part[2] != STICK), None)
+        if first is None:
             out[d] = at_angles(f[d], theta)
             continue
-        w = np.nan  # where the slider is when a part begins
-        for start, end, state in parts[moving:] + parts[:moving]:
+        w = np.nan  # slider at the beginning of the segment
+        for start, end, state in parts[first:] + parts[:first]:
             within = (theta - start) % (2.0 * np.pi) <= end - start
             if state == STICK:
                 out[d, within] = kt[d] * (at_angles(x[d], theta[within]) - w)
@@ -183,7 +186,7 @@ def _uncoupled(p: dict[str, Any], i: int, x: NDArray, f: NDArray, theta: NDArray
 
 
 def _coupled(p: dict[str, Any], X: NDArray, normal: NDArray) -> NDArray:
-    """(n, 2, n_theta) friction forces within disks: sliders marched over the cycle until they settle."""
+    """Return the friction forces (n, 2, n_theta) of coupled sliders, integrated over the cycle until they are periodic."""
     load = np.where((p["law"] == LAW_COUPLED_CONSTANT)[:, None], np.maximum(p["load"], 0.0)[:, None], normal)
     reach, w, kt = p["mu"][:, None] * load, p["w"].copy(), p["kt"]
     out = np.zeros((len(w), 2, X.shape[2]))

@@ -1,29 +1,24 @@
-"""Normal loads of interfaces between constrained bodies: shrouds, roots, a platform pressed on the ground.
+"""Contact points of a study: loads by interference, contact stiffness, and contacts without separation.
 
-Such a load is made by interference at assembly.  With the loads ``N`` of the contact points the surfaces approach by
+**Normal loads between constrained bodies** (shrouds, roots, a platform pressed on the ground) are made by interference at
+assembly.  With the loads ``N`` of the contact points the surfaces approach by
 
     e = N/kn - v,      K q = -G^T F(T, N),      v = (G q)_n,
 
-when the structure has given way to them, where the friction ``T`` is that of surfaces that stick or slip while the loads
-are put on, and free bodies are not there.  ``e`` takes part in the motion of the contact points,
-``x = G q + P s + s_0`` (:mod:`bdamper.contact.static_state`), as what preload or fixed loads displace.
+after the structure has deformed under the loads.  The friction ``T`` follows from surfaces that stick or slip during
+loading; free bodies are absent.  ``e`` is part of the motion of the contact points, ``x = G q + P s + s_0``
+(:mod:`bdamper.contact.static_state`).
 
-Contact stiffness of a study: by the method that its settings name, or by the best that its model has the data for.
+**Contact stiffness** comes from the method in the settings, or from the best method for which the model has data.
 
-Contact points that do not separate, or whose friction limit is constant, in terms of the elements of the core.
-
-A point that stays closed has the two-sided normal spring ``n0 + kn v``.  It is the difference of two one-sided ones,
+**Without separation** a point has the two-sided normal spring ``n0 + kn v``, the difference of two one-sided springs,
 
     n0 + kn v = max(n0 + kn v, 0) - max(-n0 - kn v, 0),
 
-so a second point with the opposite normal is added to the first; it carries no force, and takes hardly any time, unless the
-contact would open.  Friction acts where there is pressure, ``|T| <= mu max(n0 + kn v, 0)``.
-
-With a constant friction limit the core has laws of its own, which keep the static normal load and a two-sided normal
-spring.
-
-Friction points that are open in the static state stay open: they are left out.  Bonded points neither open nor slip in any
-case, and remain as they are.
+so a second point with the opposite normal is added.  It carries no force unless the contact would open, at little cost.
+Friction acts under pressure only, ``|T| <= mu max(n0 + kn v, 0)``.  For a constant friction limit the core has laws
+that store the static normal load and have a two-sided normal spring.  Friction points that are open in the static state are
+left out.  Bonded points neither open nor slip and remain unchanged.
 """
 
 from __future__ import annotations
@@ -54,33 +49,33 @@ from bdamper.model.structure import Interface
 from bdamper.util import validation
 from bdamper.util.errors import ModelError, SettingError, say
 
-# ---- Normal loads of interfaces between constrained bodies ----
+# ---- normal loads between constrained bodies ----
 
 
 SMALLEST_SHARE = 1e-3
-"""Share of a damper's load that its rigid-body modes in the study must carry."""
+"""Smallest fraction of a damper's load that its rigid-body modes in the study must carry."""
 
 
 def at_points(
     name: str, value: float | NDArray, face: Interface, whole: Interface, united: Callable[..., NDArray]
 ) -> NDArray:
-    """(n_points,) values of one interface.
+    """Return the values (n_points,) of one interface.
 
     Parameters
     ----------
     name : str
-        In errors.
+        Name in error messages.
     value : float or (n,) float
-        One for all points, or one for each point of the study or of the model.
+        One value for all points, or one for each point of the study or of the model.
     face, whole : Interface
-        In the study and in the model.
+        Interface in the study and in the model.
     united : callable
-        Values of the points of the study from those of the model: ``united(whole, n_points, values)``.
+        Maps values from the points of the model to those of the study: ``united(whole, n_points, values)``.
 
     Raises
     ------
     SettingError
-        If they are not finite, or of another number.
+        If a value is not finite, or their number is wrong.
     """
     if np.ndim(value) == 0:
         return np.full(face.n_points, validation.number(name, value))
@@ -92,14 +87,14 @@ def at_points(
 
 
 def normal_loads(coupling: Coupling, settings: Settings, item: str) -> NDArray:
-    """(n_points,) normal loads of interfaces between constrained bodies, NaN where none is given.
+    """Return the normal loads (n_points,) of interfaces between constrained bodies, NaN without a load.
 
     Parameters
     ----------
     coupling : Coupling
     settings : Settings
-    item : {"loads", "constant_loads"}
-        Newtons per newton of preload, or fixed ones.
+    item : {"load_per_preload", "constant_loads"}
+        Newtons per newton of preload, or constant loads in N.
     """
     out = np.full(coupling.n_points, np.nan)
     for name, load in (getattr(settings, item) or {}).items():
@@ -111,18 +106,18 @@ def normal_loads(coupling: Coupling, settings: Settings, item: str) -> NDArray:
 
 
 def approach(system: StaticSystem, load_per_preload: NDArray, touching: NDArray, item: str) -> NDArray:
-    """(n_points, 3) approach of the undeformed surfaces that gives contact points their loads at rest.
+    """Compute the approach (n_points, 3) of the undeformed surfaces that gives contact points their loads at rest, m.
 
     Parameters
     ----------
     system : StaticSystem
-        Without the loads.
-    loads : (n_points,) float, N
-        NaN where none is given; a negative one is a gap of ``-N/kn`` at rest.
+        System without the loads.
+    load_per_preload : (n_points,) float, N
+        NaN without a load.  A negative load is a gap of ``-N/kn`` at rest.
     touching : (n_points,) bool
-        Points without a load that touch as they do without it; the others are apart.
+        Points without a load that touch in the system without loads; all others are open.
     item : str
-        Name of the loads in errors.
+        Name of the loads in error messages.
 
     Raises
     ------
@@ -135,7 +130,7 @@ def approach(system: StaticSystem, load_per_preload: NDArray, touching: NDArray,
     expected = "loads of points with a normal stiffness"
     validation.require((kn[pressed] > 0.0).all(), item, expected, f"one of {kn[pressed].min():g} N/m")
     apart = ~pressed & ~touching
-    # a normal spring that is all but missing keeps N at its value while the structure moves
+    # an almost vanishing normal spring holds N constant while the structure deforms
     held = replace(
         system, own=None, kt=system.kt * ~apart[:, None], kn=np.where(pressed | apart, 1e-12 * kn, kn),
         n0=np.where(pressed, load_per_preload, np.where(apart, -1.0, system.n0)),
@@ -148,13 +143,7 @@ def approach(system: StaticSystem, load_per_preload: NDArray, touching: NDArray,
 
 
 def gaps(coupling: Coupling, settings: Settings) -> NDArray:
-    """(n_points,) initial distance of the surfaces (m), negative for interference, none where a load is given.
-
-    Parameters
-    ----------
-    coupling : Coupling
-    settings : Settings
-    """
+    """Return the initial gaps (n_points,) of the surfaces, m; negative for interference, 0 at points with a given load."""
     given = {} if settings.gap is None else validation.mapping("gap", settings.gap, coupling.interfaces, "interfaces")
     parts = []
     for name in coupling.interfaces:
@@ -164,8 +153,8 @@ def gaps(coupling: Coupling, settings: Settings) -> NDArray:
             gap = at_points(f"gap of '{name}'", given[name], face, settings.model.interfaces[name], united_mean)
         if settings.law_by_interface().get(name) == LAW_BONDED and (gap > 0.0).any():
             raise SettingError(
-                f"gap of '{name}': expected none under friction_law=\"bonded\", which holds the surfaces together in "
-                f"both senses, found {gap.max():.3g} m at the widest of {(gap > 0.0).sum()} points"
+                f"gap of '{name}': a bonded interface cannot have a gap, found {gap.max():.3g} m at the widest of "
+                f"{(gap > 0.0).sum()} points"
             )
         parts.append(gap)
     unloaded = np.isnan(
@@ -175,10 +164,10 @@ def gaps(coupling: Coupling, settings: Settings) -> NDArray:
 
 
 def carried(coupling: Coupling, settings: Settings, shares: Mapping[str, float] | None) -> bool:
-    """Whether a study has the motions along which its preload acts.
+    """Return whether the modes of a study can carry its preload.
 
-    The generalised load on the rigid-body modes that the study has must be at least a thousandth of that on all six:
-    motions across the load carry nothing but rounding.
+    The generalised load on the rigid-body modes of the study must be at least `SMALLEST_SHARE` of the load on all six.
+    Motions across the load carry only rounding errors.
 
     Parameters
     ----------
@@ -187,32 +176,32 @@ def carried(coupling: Coupling, settings: Settings, shares: Mapping[str, float] 
     shares : mapping of body name to float, optional
         Newtons on bodies per newton of preload.
     """
-    found = []
+    shares_carried = []
     for body in coupling.model.bodies.values():
         loaded = shares is None or shares.get(body.name, 0.0) > 0.0
         if body.load is None or not np.any(body.load.generalised) or not loaded:
             continue
-        omega2, kept = body.bases[0].omega2, coupling.modes[body.name]
+        omega2, retained = body.bases[0].omega2, coupling.modes[body.name]
         counts = omega2 == 0.0 if body.kind == "free" else np.ones(len(omega2), bool)
         load = np.where(counts, body.load.generalised, 0.0)
-        found.append(float(np.linalg.norm(load[kept]) / np.linalg.norm(load)))
+        shares_carried.append(float(np.linalg.norm(load[retained]) / np.linalg.norm(load)))
     on_faces = any((settings.load_per_preload or {}).get(name, 0.0) > 0.0 for name in settings.constrained_faces)
-    return min(found, default=float(on_faces)) > SMALLEST_SHARE
+    return min(shares_carried, default=float(on_faces)) > SMALLEST_SHARE
 
 
 def assembly_offsets(spread: float, seed: int, friction: NDArray) -> NDArray:
-    """(n_points, 2) float, m: sliders before any load, drawn with a standard deviation where there is friction."""
+    """Draw initial slider positions (n_points, 2), m, with standard deviation ``spread`` at points with friction."""
     drawn = np.random.default_rng(seed).standard_normal((len(friction), 2))
     return np.asarray(spread * drawn * (friction > 0.0)[:, None])
 
 
-# ---- Contact stiffness of a study ----
+# ---- contact stiffness ----
 
 
 def contact_of(settings: Settings, coupling: Coupling, friction: NDArray) -> Contact:
-    """Contact stiffness by the method asked for, with residual modes if it has any.
+    """Compute the contact stiffness by the method of the settings, with residual modes if the method has them.
 
-    By default residual modes; where the model lacks what they need, what it carries, or unit tractions.
+    The default is residual modes.  If the model lacks the data, its stored stiffness is used, or else unit tractions.
     """
     if settings.contact_stiffness is not None:
         return _contact_by(settings, coupling, friction, settings.contact_stiffness)
@@ -241,7 +230,7 @@ def _contact_by(settings: Settings, coupling: Coupling, friction: NDArray, metho
             raise SettingError(f'contact_stiffness="model": the model has none for interfaces {missing}')
         return Contact({n: coupling.model.contact[n] for n in coupling.interfaces}, method=given)
     if settings.contact_points is not None and not isinstance(method, (str, ResidualModes, PerArea)):
-        # numbers are given for the points of the model
+        # values refer to the points of the model
         whole = method if isinstance(method, Mapping) else dict.fromkeys(coupling.interfaces, method)
         method = {}
         for name, k in whole.items():
@@ -251,46 +240,46 @@ def _contact_by(settings: Settings, coupling: Coupling, friction: NDArray, metho
     return replace(contact_stiffness(coupling, method, friction), method=given)
 
 
-# ---- Contact points that do not separate, or whose friction limit is constant, in terms of the  ----
+# ---- contacts without separation or with a constant friction limit ----
 
 
 CONSTANT = {LAW_SEPARABLE: LAW_CONSTANT, LAW_COUPLED: LAW_COUPLED_CONSTANT}
-"""The law of constant normal load that replaces each law of variable load."""
+"""Law of constant normal load for each law of variable load."""
 
 
 def without_separation(
     bases: list[HarmonicBasis], points: PointArrays, state: PreloadState, friction_points: NDArray, *, constant_load: bool
 ) -> tuple[list[HarmonicBasis], PointArrays]:
-    """Modes and points under the assumption that the static contact area is kept.
+    """Return modes and points under the assumption that the static contact area does not change.
 
     Parameters
     ----------
     bases : list of HarmonicBasis
     points : PointArrays
     state : PreloadState
-        Static state: decides which points are closed, and the constant normal load.
+        Static state: defines the closed points and the constant normal load.
     friction_points : (n_points,) bool
-        The points to which the assumption applies; constraint planes remain one-sided.
+        Points to which the assumption applies.  Constraint planes remain one-sided.
     constant_load : bool
-        The friction limit keeps its static value.
+        Whether the friction limit has its static value.
 
     Returns
     -------
     bases, points
-        First the points that are kept, in their order, then the additional ones.
+        Retained points in their order, then the additional ones.
     """
     closed = ~(state.status == OPEN).any(axis=1)
     bonded = points.law == LAW_BONDED
     keep = np.flatnonzero(closed | bonded | ~friction_points)
     held = np.flatnonzero(closed & friction_points & ~bonded)
     if constant_load:
-        kept = points.taken(keep)
+        closed_points = points.taken(keep)
         for i in np.flatnonzero(np.isin(keep, held)):
-            law = int(kept.law[i])
-            kept.law[i] = CONSTANT.get(law, LAW_CONSTANT if law == LAW_NORMAL else law)
-        return [replace(b, G=b.G[keep]) for b in bases], replace(kept, load=state.force[keep, 2])
+            law = int(closed_points.law[i])
+            closed_points.law[i] = CONSTANT.get(law, LAW_CONSTANT if law == LAW_NORMAL else law)
+        return [replace(b, G=b.G[keep]) for b in bases], replace(closed_points, load=state.force[keep, 2])
     source, added = np.concatenate([keep, held]), slice(len(keep), None)
-    # components of the motion that each element of the new system sees, and their sense
+    # sign of each motion component at the elements of the new system
     mask = np.ones((len(source), 3))
     mask[added] = [-0.0, -0.0, -1.0]
     new = points.taken(source)

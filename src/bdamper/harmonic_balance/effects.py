@@ -1,8 +1,8 @@
-"""Physical effects that a simulation includes, and what it assumes where one is left out.
+"""Physical effects that a simulation includes, and the assumption made if an effect is off.
 
-Each effect costs unknowns, contact points or a more expensive contact law: further harmonics, the mean, the variation of
-the normal load, separation, motions of the damper, elastic modes, constraint planes, contact points.  :class:`Effects`
-names them all.  The equations of a study hold nothing of an effect that is off.
+Each effect adds unknowns, contact points or a more expensive contact law: higher harmonics, the mean, variable normal load,
+separation, rigid-body and elastic modes of the damper, constraint planes, contact points.  :class:`Effects` lists them.
+The equations of a study contain no terms of an effect that is off.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ AXES = ("X", "Y", "Z")
 LAW_NAMES = ("uncoupled", "coupled", "bonded")
 MAX_HARMONIC = 64
 HARMONICS = 3
-"""By default: with fewer the peak near the optimal preload is another one (docs/measured.md)."""
+"""Default number of harmonics.  With fewer the peak near the optimal preload differs (docs/measured.md)."""
 BLADE_MODES = 10
-"""By default; fewer where the model has no more.  Residual modes carry what the others would (docs/measured.md)."""
+"""Default number of blade modes, or all modes of a smaller model.  Residual modes replace the others (docs/measured.md)."""
 SWITCHES = ("bias", "variable_normal_load", "separation", "harmonic_nodal_diameters", "constraint_planes")
 """Effects that are on or off."""
 AS_NAMED = (
@@ -44,31 +44,31 @@ class Effects:
     Parameters
     ----------
     harmonics : int or sequence of int
-        How many harmonics of the engine order, or which: ``(1, 3)`` leaves the second out.  The first is always there.
-        Even harmonics vanish only where the normal load is constant: friction with a constant limit is odd in the motion.
+        Number of harmonics of the engine order, or their numbers: ``(1, 3)`` leaves out the second.  The first is required.
+        Even harmonics vanish only at constant normal load, because friction with a constant limit is odd in the motion.
     bias : bool
-        Mean motion as unknowns.  Off: the mean stays at its static value.
+        Mean displacements as unknowns.  If off, the mean has its static value.
     variable_normal_load : bool
-        The friction limit follows the normal load through the cycle.  Off: it is that of the static state; surfaces then
-        do not separate either.
+        Friction limit follows the normal load over the cycle.  If off, the limit is static and surfaces do not separate.
     separation : bool
-        Surfaces may open and close.  Off: friction points that are closed statically stay closed, the others open.
+        Surfaces may open and close.  If off, friction points remain closed or open as in the static state.
     friction_law : {"uncoupled", "coupled", "bonded"}, ContactLaw or mapping of interface name to these
-        "uncoupled": each tangential direction slips for itself.  "coupled": the friction force lies in a disk, sampled.
+        "uncoupled": the tangential directions slip independently.  "coupled": friction force within a disk, sampled.
     rotation, translation : sequence of "X", "Y", "Z"
-        Rigid-body motions of free bodies about and along their own axes: Y along the load, Z along that of rotation.
+        Rigid-body motions of free bodies about and along their axes: Y along the load, Z along the axis of rotation.
     damper_modes : int or mapping of body name to int
-        Elastic modes of free bodies; none of those that a mapping does not name.
+        Number of elastic modes of free bodies; 0 for bodies that a mapping does not list.
     harmonic_nodal_diameters : bool
-        Each harmonic has the modes of the nodal diameter that it excites.  Off: all have those of the first.
-    constraints : bool
-        Constraint planes (front and back of a damper).
+        Each harmonic has the modes of the nodal diameter that it excites.  If off, all have the modes of the first.
+    constraint_planes : bool
+        Include constraint planes (front and back of a damper).
     contact_points : int, optional
-        At most so many on each friction face, by uniting neighbouring patches; the model's own by default.
+        Largest number of contact points on each friction face; neighbouring patches are united.  All of the model by
+        default.
     stability : bool
-        Stability of every point of a response curve.  It changes no solution.
+        Compute the stability of every point of a response curve.  It changes no solution.
     blade_modes : int
-        Modes of each constrained body (at most what the model has).
+        Number of modes of each constrained body, limited by the model.
     """
 
     harmonics: Harmonics = _effect(HARMONICS, "the response is sinusoidal, with or without a mean")
@@ -94,35 +94,35 @@ class Effects:
 
     @property
     def harmonic_numbers(self) -> tuple[int, ...]:
-        """Harmonics besides the mean, ascending."""
+        """Harmonics without the mean, ascending."""
         return harmonic_numbers(self.harmonics)
 
     @classmethod
     def of(cls, problem: Any) -> Effects:
-        """The effects that a study, a problem or settings include."""
-        own = getattr(problem, "settings", problem)
+        """Return the effects that a study, a problem or settings include."""
+        settings = getattr(problem, "settings", problem)
         return cls(
-            **{name: getattr(own, name) for name in AS_NAMED},
-            rotation=tuple(name[1] for name in own.rigid_modes if name[0] == "R"),
-            translation=tuple(name[1] for name in own.rigid_modes if name[0] == "T"),
-            harmonic_nodal_diameters=not own.fundamental_modes_only,
+            **{name: getattr(settings, name) for name in AS_NAMED},
+            rotation=tuple(name[1] for name in settings.rigid_modes if name[0] == "R"),
+            translation=tuple(name[1] for name in settings.rigid_modes if name[0] == "T"),
+            harmonic_nodal_diameters=not settings.fundamental_modes_only,
         )
 
     def settings(self) -> dict[str, Any]:
-        """The settings of a study that carry these effects, by name."""
+        """Return the settings of a study that correspond to these effects, by name."""
         same = {name: getattr(self, name) for name in AS_NAMED}
         rigid = *(f"T{axis}" for axis in self.translation), *(f"R{axis}" for axis in self.rotation)
         return same | {"rigid_modes": rigid, "fundamental_modes_only": not self.harmonic_nodal_diameters}
 
     def without(self, name: str) -> Effects:
-        """This set without one effect; the set itself where the effect is off already.
+        """Return this set without one effect; the set itself if the effect is already off.
 
         Parameters
         ----------
         name : str
-            "bias", "variable normal load", "separation", "harmonic nodal diameters", "constraints"; "rotation X" or
-            "translation Z" and the like; "harmonics", "damper modes", "blade modes" or "contact points" with the most
-            that remain, as "harmonics beyond 3".
+            "bias", "variable normal load", "separation", "harmonic nodal diameters", "constraint planes"; "rotation X" or
+            "translation Z"; or "harmonics", "damper modes", "blade modes", "contact points" with the largest number that
+            remains, as "harmonics beyond 3".
 
         Raises
         ------
@@ -141,17 +141,17 @@ class Effects:
             if left != self.harmonic_numbers:
                 changed[key] = len(left) if left == tuple(range(1, len(left) + 1)) else left
         elif most.isdigit() and key in ("damper_modes", "blade_modes", "contact_points"):
-            own = getattr(self, key)
-            if isinstance(own, Mapping):
-                changed[key] = {body: min(count, int(most)) for body, count in own.items()}
+            present = getattr(self, key)
+            if isinstance(present, Mapping):
+                changed[key] = {body: min(count, int(most)) for body, count in present.items()}
             else:
-                changed[key] = min(int(most), own or int(most)) if key == "contact_points" else min(int(most), own)
+                changed[key] = min(int(most), present or int(most)) if key == "contact_points" else min(int(most), present)
         else:
             raise validation.unfit("effect", "the name of an effect that can be left out", name)
         return replace(self, **changed)
 
     def describe(self) -> str:
-        """A table of all effects: the setting, and what is assumed where it is off or reduced."""
+        """Return a table of all effects with their settings and the assumptions made if they are off or reduced."""
         rows = [(spaced(f.name), _text(getattr(self, f.name)), f.metadata["off"]) for f in fields(self)]
         lines = aligned([("effect", "setting", "assumed where off or reduced"), *rows])
         evens = [l for l in range(2, max(self.harmonic_numbers)) if l % 2 == 0 and l not in self.harmonic_numbers]
@@ -161,7 +161,7 @@ class Effects:
 
 
 def check_harmonics(name: str, harmonics: int | Sequence[int]) -> int | tuple[int, ...]:
-    """A count from 1 to 64, or a set of harmonics that contains the first."""
+    """Return a checked number of harmonics from 1 to 64, or harmonics that include the first."""
     what = f"a whole number from 1 to {MAX_HARMONIC}, or such numbers with 1 among them"
     several = isinstance(harmonics, Sequence) and not isinstance(harmonics, str | bytes)
     given: Any = harmonics if several else [harmonics]
@@ -174,7 +174,7 @@ def check_harmonics(name: str, harmonics: int | Sequence[int]) -> int | tuple[in
 
 
 def check_law(name: str, law: Any) -> Any:
-    """The name of a friction law, a law of the user's own, or a mapping of interface names to them."""
+    """Return a checked friction law: a name, a user-defined law, or a mapping of interface names to these."""
     given = law.values() if isinstance(law, Mapping) else [law]
     good = all(isinstance(one, ContactLaw) or (isinstance(one, str) and one in LAW_NAMES) for one in given)
     validation.that(good, name, f"one of {LAW_NAMES}, a ContactLaw or a mapping of interface names to these", law)
@@ -182,7 +182,7 @@ def check_law(name: str, law: Any) -> Any:
 
 
 def harmonic_numbers(harmonics: int | Sequence[int]) -> tuple[int, ...]:
-    """Harmonics besides the mean, ascending, from a count or a set."""
+    """Return the harmonics without the mean, ascending, from a number or a sequence."""
     if isinstance(harmonics, Sequence):
         return tuple(sorted(int(l) for l in harmonics))
     return tuple(range(1, int(harmonics) + 1))
@@ -203,7 +203,7 @@ def _text(value: object) -> str:
     if isinstance(value, bool):
         return "on" if value else "off"
     if isinstance(value, Mapping):
-        return ", ".join(f"{name} {own}" for name, own in value.items())
+        return ", ".join(f"{name} {count}" for name, count in value.items())
     if isinstance(value, tuple):
         return " ".join(str(v) for v in value) or "off"
     return "all" if value is None else str(value)

@@ -1,14 +1,23 @@
-"""Equations ``R(u, p) = 0`` as whoever solves or follows them sees them: for a sector, along the line of an engine order,
-for a nonlinear mode, or for a whole wheel.
+"""Harmonic balance equations ``R(u, p) = 0`` (paper, Eq. (16)), and Newton's method for them.
 
-A point is ``y = (u, p)``: the unknowns ``u``, which are the ``n_mode[0]`` coordinates of the mean and then for each
-harmonic its cosine and its sine amplitudes, and the free parameter ``p``, mostly the frequency.  The core evaluates and
-solves; small objects say what else differs: rows of the response (:class:`Rows`) and units of a point (:class:`Measure`).
+For the complex modal amplitudes ``q_l`` of harmonic ``l``,
 
-What is asked of a point beside the equations: one condition for the one free parameter.
+    R_l = (K - (l omega)^2 M + i l omega C) q_l + G_l^H F_l(q) - E_l = 0,
 
-A linear one is a plane in scaled unknowns; a stationary one holds where something has no slope along the curve, which
-Newton's method on the curve and a secant along it find together (``csrc/solver/newton.c``).
+with the Fourier coefficients ``F_l`` of the contact forces (paper, Eq. (15)), the modes ``G_l`` at the contact points and
+the modal forces ``E_l`` of the excitation.  Harmonic 0 is the mean, which carries the static load.
+
+The unknowns ``u`` hold the ``n_mode[0]`` coordinates of the mean, then for each harmonic its cosine amplitudes ``c_l`` and
+its sine amplitudes ``s_l``, ``q_l = c_l - i s_l`` (:class:`Layout`).  A point is ``y = (u, p)`` with one free parameter
+``p``, usually the frequency ``omega`` in rad/s.  Newton's method solves the equations with one further condition for ``p``:
+
+- :class:`Plane`: the point lies in a plane through the guess (arc-length continuation);
+- :class:`Fixed`: the parameter is fixed;
+- :class:`Fold` and :class:`Peak`: a quantity is stationary along the curve (``csrc/solver/newton.c``).
+
+The same class :class:`Equations` serves one sector, a curve along an engine order line, a nonlinear mode and a whole wheel.
+They differ in the core object, in the rows that give the response (:class:`Rows`) and in the units of a point
+(:class:`Measure`).
 """
 
 from __future__ import annotations
@@ -26,17 +35,17 @@ from bdamper import _core
 from bdamper.util.formatting import brief
 from bdamper.util.progress import end_if_asked
 
-# ---- What is asked of a point beside the equations ----
+# ---- conditions for the free parameter ----
 
 
 @dataclass(frozen=True)
 class Plane:
-    """A plane through the guess.
+    """Plane through the guess.
 
     Parameters
     ----------
     normal : (n_unknowns + 1,) float
-        In scaled unknowns; the tangent that is found points along it.
+        Normal vector in scaled unknowns.  The tangent of the solution points to the same side.
     """
 
     normal: NDArray
@@ -44,23 +53,23 @@ class Plane:
 
 @dataclass(frozen=True)
 class Fixed:
-    """The parameter stays where the guess has it."""
+    """Parameter fixed at the value of the guess."""
 
 
 @dataclass(frozen=True)
 class Stationary:
-    """Something has no slope along the curve.
+    """Stationary point: the slope of a quantity along the curve vanishes.
 
     Parameters
     ----------
     tangent : (n_unknowns + 1,) float
-        Estimate of the direction of the curve, of unit length in scaled unknowns.
+        Estimated tangent of the curve, of unit length in scaled unknowns.
     curvature : float
-        Estimate of the derivative along the curve of what vanishes; its sign is that of the point.
+        Estimated derivative of the slope along the curve.  It has the sign of the derivative at the solution.
     tolerance : float
-        On the distance to the point, in scaled unknowns.
+        Tolerance of the distance to the point, in scaled unknowns.
     max_step : float
-        Along the curve at a time, in scaled unknowns.
+        Largest single step along the curve, in scaled unknowns.
     """
 
     tangent: NDArray
@@ -70,18 +79,18 @@ class Stationary:
 
 
 class Fold(Stationary):
-    """The parameter: the tangent's last entry vanishes."""
+    """Turning point of the parameter: the last entry of the tangent vanishes."""
 
 
 class Peak(Stationary):
-    """The amplitude of the first harmonic of the response, at a maximum: the slope of its logarithm falls through zero."""
+    """Maximum of the first harmonic of the response: the slope of its logarithm vanishes, its curvature is negative."""
 
 
 Condition = Plane | Fixed | Fold | Peak
 
 
 def for_core(condition: Condition, n_unknowns: int) -> tuple[NDArray, dict[str, Any]]:
-    """The tangent on entry, which becomes that of the point found, and other arguments of the core's ``solve``."""
+    """Return the initial tangent and the further arguments of the core's ``solve``; the core overwrites the tangent."""
     if isinstance(condition, Plane):
         return np.zeros(n_unknowns + 1), {"row": condition.normal}
     if isinstance(condition, Fixed):
@@ -91,7 +100,7 @@ def for_core(condition: Condition, n_unknowns: int) -> tuple[NDArray, dict[str, 
     }  # fmt: skip
 
 
-# ---- Equations ``R(u, p) = 0`` as whoever solves or follows them sees them ----
+# ---- equations and their unknowns ----
 
 
 OK, NOT_CONVERGED, DIVERGED, SINGULAR, NOT_FINITE = range(5)
@@ -104,44 +113,45 @@ STATUS_TEXT = {
 }
 Core = _core.Sector | _core.Eased | _core.Modes | _core.Wheel
 WheelCore = _core.Wheel
-"""Equations of all sectors of a wheel (``csrc/bladed_disk``), for :mod:`bdamper.mistuning.wheel_equations`."""
+"""Core object of all sectors of a wheel (``csrc/bladed_disk/wheel_equations.h``), for :mod:`bdamper.mistuning.wheel_equations`."""
 LINE_SEARCH_TRIALS = 15
-"""Most evaluations of an iteration with line search."""
+"""Largest number of evaluations in one iteration with line search."""
 S = TypeVar("S")
 
 
 def norm2(x: NDArray) -> float:
-    """Euclidean norm of a vector."""
+    """Return the Euclidean norm of a vector."""
     return math.sqrt(x.dot(x))
 
 
 @brief
 @dataclass(frozen=True)
 class Correction:
-    """Outcome of one Newton corrector: where it converged, a point of a curve.
+    """Result of one Newton solution; if converged, a point of a curve.
 
     Parameters
     ----------
     status : int
+        `OK` if converged, otherwise the reason (`STATUS_TEXT`).
     y, tangent : (n_unknowns + 1,) float
-        Point and direction of the curve, the latter of unit length in scaled unknowns.
+        Point and tangent of the curve, the tangent of unit length in scaled unknowns.
     scale : (n_unknowns + 1,) float
         Units of the unknowns.
     iterations : int
     residual : float
         Largest residual relative to the excitation (harmonics) or the static load (mean).
     rank_deficiency : int
-        Directions that the equations leave undetermined, held by least norm.
+        Number of directions that the equations leave undetermined.  The solution has least norm in them.
     shares : tuple of three floats
-        Shares of the cycle that stick, slip and are open at ``y``, averaged over the points with friction; NaN where the
-        core has not evaluated it.
+        Fractions of the cycle in stick, slip and separation at ``y``, averaged over the points with friction.  NaN if the
+        core has not evaluated them.
     orientation : int
-        Sign of det [J; tangent], which stays the same along a curve, corners included; 0 if it is not known.
+        Sign of det [J; tangent], constant along a curve, corners included; 0 if unknown.
     slope, curvature : float
-        Of a stationary point: what vanishes there, and its derivative along the curve.
+        Of a stationary point: the vanishing slope and its derivative along the curve.
     kind : str
-        On a path: "regular", "fold", "maximum", "end", or "drift": the mean position moves while vibration and frequency
-        stay.
+        On a path: "regular", "fold", "maximum", "end", or "drift" (the mean position moves at constant vibration and
+        frequency).
     """
 
     status: int
@@ -160,12 +170,12 @@ class Correction:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Places of the harmonics among the unknowns.
+    """Indices of the harmonics in the vector of unknowns.
 
     Parameters
     ----------
     n_mode : (n_harmonics + 1,) int
-        Coordinates of each harmonic, the mean first.
+        Number of modes of each harmonic, the mean first.
     """
 
     n_mode: NDArray
@@ -176,7 +186,7 @@ class Layout:
         return int(self.n_mode[0] + 2 * self.n_mode[1:].sum())
 
     def slices(self, harmonic: int) -> tuple[slice, slice]:
-        """Places of the cosine and sine amplitudes of one harmonic (for 0: of the mean, and an empty one)."""
+        """Return the slices of the cosine and sine amplitudes of a harmonic; for the mean the second one is empty."""
         n = self.n_mode
         if harmonic == 0:
             return slice(0, n[0]), slice(0, 0)
@@ -184,12 +194,12 @@ class Layout:
         return slice(start, start + n[harmonic]), slice(start + n[harmonic], start + 2 * n[harmonic])
 
     def amplitudes(self, u: NDArray, harmonic: int) -> NDArray:
-        """(..., n_modes) complex modal amplitudes of one harmonic."""
+        """Return the complex modal amplitudes (..., n_modes) of a harmonic."""
         c, s = self.slices(harmonic)
         return u[..., c].astype(complex) if harmonic == 0 else u[..., c] - 1j * u[..., s]
 
     def parts(self, row: NDArray) -> tuple[NDArray, NDArray]:
-        """Real and imaginary part of a row (n_modes,) of the first harmonic, as rows (n_unknowns,)."""
+        """Return real and imaginary part of a row (n_modes,) of the first harmonic as rows (n_unknowns,)."""
         re, im = np.zeros(self.n_unknowns), np.zeros(self.n_unknowns)
         c, s = self.slices(1)
         re[c], re[s] = row.real, row.imag
@@ -197,7 +207,7 @@ class Layout:
         return re, im
 
     def pack(self, mean: NDArray, first: NDArray) -> NDArray:
-        """Unknowns from the mean and the complex amplitudes of the first harmonic, the others zero."""
+        """Return unknowns from the mean and the complex amplitudes of the first harmonic; higher harmonics are zero."""
         u = np.zeros(self.n_unknowns)
         u[: self.n_mode[0]] = mean
         c, s = self.slices(1)
@@ -207,16 +217,16 @@ class Layout:
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Real and imaginary part of the quantity of which peaks are maxima, as rows of the unknowns.
+    """Real and imaginary part of the response, whose maxima are the peaks, as rows of the unknowns.
 
     Parameters
     ----------
     coefficients : (n, 2, n_unknowns) float
-        Of Chebyshev polynomials of the squared rotor speed; one where the rows do not change.
+        Coefficients of Chebyshev polynomials in the squared rotor speed.  One if the rows are constant.
     squares : (middle, half) float
         Interval of the squared speed, rad2/s2.
     engine_order : int
-        Ratio of the parameter (rad/s) to the speed.
+        Ratio of the parameter (rad/s) to the rotor speed.
     """
 
     coefficients: NDArray
@@ -229,7 +239,7 @@ class Rows:
         return len(self.coefficients) > 1
 
     def basis(self, omega: NDArray | float, n: int) -> NDArray:
-        """(..., n) Chebyshev polynomials of the squared speed at values of the parameter."""
+        """Return the first n Chebyshev polynomials (..., n) of the squared speed at values of the parameter."""
         t = ((omega / self.engine_order) ** 2 - self.squares[0]) / self.squares[1]
         values = [0.0 * t + 1.0, t]
         while len(values) < n:
@@ -237,19 +247,19 @@ class Rows:
         return np.array(values[:n]).T
 
     def at(self, omega: float) -> tuple[NDArray, NDArray]:
-        """Both rows at a value of the parameter."""
+        """Return both rows at a value of the parameter."""
         if not self.moving:
             return self.coefficients[0, 0], self.coefficients[0, 1]
         re, im = np.tensordot(self.basis(omega, len(self.coefficients)), self.coefficients, 1)
         return re, im
 
     def value(self, y: NDArray) -> NDArray:
-        """(...,) complex quantity at points (..., n_unknowns + 1)."""
+        """Return the complex response (...,) at points (..., n_unknowns + 1)."""
         rows = np.tensordot(self.basis(y[..., -1], len(self.coefficients)), self.coefficients, 1)
         return np.asarray(((rows[..., 0, :] + 1j * rows[..., 1, :]) * y[..., :-1]).sum(axis=-1))
 
     def squared_gradient(self, y: NDArray) -> tuple[NDArray, float]:
-        """Gradient of half the squared quantity with respect to y, and the squared quantity."""
+        """Return the gradient of half the squared response with respect to y, and the squared response."""
         omega, u = float(y[-1]), y[:-1]
         re, im = self.at(omega)
         a, b, by_parameter = float(re @ u), float(im @ u), 0.0
@@ -261,37 +271,43 @@ class Rows:
 
 
 class Measure(Protocol):
-    """Units of a point, which decide how long a step along a curve is."""
+    """Units of a point, which define the length of a step along a curve."""
 
     def vibration(self, y: NDArray) -> float:
-        """Size of the vibration at a point."""
+        """Return the norm of the vibration at a point."""
 
     def units(self, y: NDArray, vibration: float, width: float) -> NDArray:
-        """(n_unknowns + 1,) units of the mean, of the vibration and of the parameter (``width``) at a point."""
+        """Return the units (n_unknowns + 1,) of mean, vibration and parameter (``width``) at a point."""
 
     def place(self, parameter: float) -> str:
-        """A value of the parameter in words."""
+        """Return a text for a value of the parameter."""
 
 
 @dataclass(frozen=True)
 class InFrequency:
-    """Units where the parameter is the frequency (rad/s)."""
+    """Units if the parameter is the frequency (rad/s).
+
+    Parameters
+    ----------
+    n_mean : int
+        Number of unknowns of the mean.
+    """
 
     n_mean: int
 
     def vibration(self, y: NDArray) -> float:
-        """Norm of the harmonics."""
+        """Return the norm of the harmonics."""
         return norm2(y[self.n_mean : -1])
 
     def units(self, y: NDArray, vibration: float, width: float) -> NDArray:
-        """The mean counts as much as the vibration unless it is larger."""
+        """Return the units; the mean has the unit of the vibration unless it is larger."""
         scale = np.full(len(y), vibration)
         scale[: self.n_mean] = max(norm2(y[: self.n_mean]), vibration)
         scale[-1] = width
         return scale
 
     def place(self, parameter: float) -> str:
-        """The frequency."""
+        """Return the frequency in Hz as text."""
         return f"{parameter / (2.0 * np.pi):.6g} Hz"
 
 
@@ -305,27 +321,27 @@ class Equations(Generic[S]):
     core
         Object of the C core.
     structure
-        What the equations are of: a sector, a family over speed, a mode, a wheel.
+        Subject of the equations: a sector, a family over rotor speed, a mode or a wheel.
     layout : Layout
     response_rows : sequence of (n_modes,) complex
-        Row of modal amplitudes that gives the response, for each harmonic.
+        For each harmonic, the row of modal amplitudes that gives the response.
     rows : Rows
     measure : Measure
     row_scale : (n_unknowns,) float
-        Residuals to those relative to excitation or static load.
+        Factors from residuals to residuals relative to the excitation or the static load.
     n_points : int
-        Contact points.
+        Number of contact points.
     work : (4,) float
-        Million operations of an evaluation, a Jacobian, a factorisation and a solution by least norm
+        Million operations of an evaluation, a Jacobian, a factorisation and a least-norm solution
         (:class:`bdamper.util.progress.Cost`).
     supported : bool
-        Whether the parameter fades a support out (:func:`bdamper.harmonic_balance.sector.supported_by`).
+        Whether the parameter fades out a support (:func:`bdamper.harmonic_balance.sector.supported_by`).
     watched : sequence of (frequency, half-width, modal row), rad/s
         Linear resonances that a path must not step over.
     last : float
-        Evaluations of the core, those before a budget began included, after which no correction is begun.
+        Budget: no Newton iteration begins after this number of evaluations of the core, counted from its creation.
     forms_matrix : bool
-        Whether the whole Jacobian can be formed where it is asked for.
+        Whether the full Jacobian can be formed.
     """
 
     core: Core
@@ -342,16 +358,16 @@ class Equations(Generic[S]):
     last: float = math.inf
     forms_matrix: bool = True
 
-    # ---- sizes, and what is read from a point ----
+    # ---- sizes and derived quantities ----
 
     @property
     def n_unknowns(self) -> int:
-        """Unknowns besides the parameter."""
+        """Number of unknowns without the parameter."""
         return len(self.row_scale)
 
     @property
     def n_mean(self) -> int:
-        """Coordinates of the mean, which come first."""
+        """Number of unknowns of the mean, which are the first ones."""
         return int(self.layout.n_mode[0])
 
     @property
@@ -360,27 +376,27 @@ class Equations(Generic[S]):
         return len(self.layout.n_mode) - 1
 
     def response(self, u: NDArray) -> NDArray:
-        """(..., n_harmonics + 1) complex response amplitudes, the mean first."""
+        """Return the complex response amplitudes (..., n_harmonics + 1), the mean first."""
         rows = self.response_rows
         return np.stack([self.layout.amplitudes(np.asarray(u), l) @ rows[l] for l in range(self.n_harmonics + 1)], axis=-1)
 
     def units(self, y: NDArray, width: float) -> NDArray:
-        """(n_unknowns + 1,) units of the mean, of the vibration and of the parameter (``width``) at a point."""
+        """Return the units (n_unknowns + 1,) of mean, vibration and parameter (``width``) at a point."""
         return self.measure.units(y, max(self.measure.vibration(y), 1e-300), width)
 
     # ---- budget ----
 
     def within(self, evaluations: int) -> Equations[S]:
-        """The same equations with a budget: no correction is begun after so many evaluations from now on."""
+        """Return the same equations with a budget of further evaluations."""
         return replace(self, last=self.core.cost.evaluations + evaluations)
 
     def with_share(self, share: float) -> Equations[S]:
-        """The same equations with a part of what is left of the budget."""
+        """Return the same equations with a fraction of the remaining budget."""
         return self if self.last == math.inf else self.within(int(share * max(self.left, 0)))
 
     @property
     def left(self) -> float:
-        """Evaluations left of the budget; infinite without one."""
+        """Remaining evaluations of the budget; infinite without a budget."""
         return self.last - self.core.cost.evaluations
 
     @property
@@ -391,12 +407,12 @@ class Equations(Generic[S]):
     # ---- evaluation ----
 
     def evaluate_at(self, y: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-        """Residual, Jacobian and derivative with respect to the parameter at a point.
+        """Return residual, Jacobian and derivative with respect to the parameter at a point.
 
         Raises
         ------
         FloatingPointError
-            If they are not finite, or the matrix is too large to be formed.
+            If they are not finite, or if the matrix is too large to be formed.
         """
         if not self.forms_matrix:
             raise FloatingPointError("the matrix of a large wheel is not formed")
@@ -407,22 +423,22 @@ class Equations(Generic[S]):
         return r, J, C
 
     def evaluate(self, u: NDArray, omega: float) -> tuple[NDArray, NDArray, NDArray]:
-        """Residual, Jacobian and derivative with respect to omega."""
+        """Return residual, Jacobian and derivative with respect to omega (rad/s)."""
         return self.evaluate_at(np.append(u, omega))
 
     def residual(self, y: NDArray) -> NDArray:
-        """Residual alone at a point."""
+        """Return the residual at a point."""
         r = np.empty(self.n_unknowns)
         if self.core.evaluate(np.ascontiguousarray(y, float), r) != OK:
             raise FloatingPointError("the residual is not finite at this point")
         return r
 
     def error(self, y: NDArray) -> float:
-        """Largest residual at a point, relative to excitation and static load."""
+        """Return the largest residual at a point, relative to the excitation and the static load."""
         return float(np.abs(self.residual(y) * self.row_scale).max())
 
     def contact(self, u: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-        """Relative motion and force (n_points, 3, n_coef) and shares (n_points, 5) at a point."""
+        """Return relative motion and force (n_points, 3, n_coef) and state fractions (n_points, 5) at a point."""
         n_coef = 2 * self.n_harmonics + 1
         X, F = np.empty((self.n_points, 3, n_coef)), np.empty((self.n_points, 3, n_coef))
         share = np.empty((self.n_points, 5))
@@ -444,7 +460,7 @@ class Equations(Generic[S]):
         loose: float = 0.0,
         rough: float = 0.0,
     ) -> Correction:
-        """Newton's method to where the equations and one condition hold.
+        """Solve the equations and one condition for the parameter with Newton's method.
 
         Parameters
         ----------
@@ -454,17 +470,22 @@ class Equations(Generic[S]):
         scale : (n_unknowns + 1,) float
             Units of the unknowns.
         tolerance : float
-            On the largest residual, relative to excitation and static load.
+            Tolerance of the largest residual, relative to the excitation and the static load.
         max_iterations : int
         line_search : {0, 1, 2}
-            1 halves a step that does not reduce the residual, 2 one that does not make the next one with the same factors
-            shorter; for ``Plane`` and ``Fixed``.
+            Only for ``Plane`` and ``Fixed``.  1 halves steps that do not reduce the residual.  2 halves steps after which
+            the next step with the same factorisation would not be shorter.
         reach : float
-            It ends without having converged where a Newton step is longer, in scaled unknowns, if that is not 0.
+            Largest length of a Newton step in scaled unknowns.  A longer step ends the iteration without convergence; 0
+            disables.
         loose : float
-            A whole Newton step shorter than this ends it as converged, for ``Plane`` and ``Fixed``,
+            Only for ``Plane`` and ``Fixed``.  A full Newton step shorter than this counts as convergence ...
         rough : float
-            if the residual is then below this, or whatever it is if that is 0.
+            ... if the residual is then below this value; 0 accepts any residual.
+
+        Returns
+        -------
+        Correction
         """
         end_if_asked()
         y = np.array(y, float)
@@ -478,39 +499,39 @@ class Equations(Generic[S]):
         c = self.core.solve(
             y, tangent, scale, tolerance, max_iterations, int(line_search), reach, loose=loose, rough=rough, **arguments
         )
-        found = Correction(
+        result = Correction(
             c.status, y, tangent, scale, c.iterations, c.residual, len(y) - c.rank, c.shares, c.orientation,
             c.slope, c.curvature,
         )  # fmt: skip
         if isinstance(condition, Peak) and self.rows.moving:
-            return self._to_own_peak(found, condition, scale, tolerance, max_iterations)
-        return found
+            return self._to_moving_peak(result, condition, scale, tolerance, max_iterations)
+        return result
 
-    def _to_own_peak(
+    def _to_moving_peak(
         self, c: Correction, condition: Peak, scale: NDArray, tolerance: float, max_iterations: int
     ) -> Correction:
-        """From the peak of the response with its rows held to that with its own, by secants."""
+        """Correct a peak for response rows that vary with the parameter, by secant steps along the curve."""
         for _ in range(max_iterations):
             if c.status != OK or not c.curvature < 0.0:
                 break
             gradient, square = self.rows.squared_gradient(c.y)
-            way = -float(gradient @ (c.tangent * scale)) / square / c.curvature
-            if abs(way) <= condition.tolerance:
+            step = -float(gradient @ (c.tangent * scale)) / square / c.curvature
+            if abs(step) <= condition.tolerance:
                 break
-            beside = self.solve(c.y + way * c.tangent * scale, Plane(c.tangent), scale, tolerance, max_iterations)
-            c = replace(beside, curvature=c.curvature, slope=0.0, iterations=c.iterations + beside.iterations)
+            new = self.solve(c.y + step * c.tangent * scale, Plane(c.tangent), scale, tolerance, max_iterations)
+            c = replace(new, curvature=c.curvature, slope=0.0, iterations=c.iterations + new.iterations)
         return c
 
     def correct_at(
         self, u: NDArray, omega: float, scale: NDArray, tolerance: float, max_iterations: int, line_search: int = 0
     ) -> Correction:
-        """Newton at a fixed frequency."""
+        """Solve at a fixed frequency (rad/s); see :meth:`solve`."""
         return self.solve(np.append(u, omega), Fixed(), scale, tolerance, max_iterations, line_search)
 
     def solve_linear(
         self, y: NDArray, border: NDArray, scale: NDArray, right: NDArray, transposed: bool = False
     ) -> NDArray:
-        """Solutions with the Jacobian in scaled unknowns at a point, bordered by a row; of least norm where it is singular.
+        """Solve linear equations with the scaled Jacobian at a point, bordered by a row; least norm if singular.
 
         Parameters
         ----------
@@ -518,7 +539,12 @@ class Equations(Generic[S]):
         right : (m, n_unknowns + 1) float
             Right-hand sides.
         transposed : bool
-            With the transposed matrix.
+            Whether to use the transposed matrix.
+
+        Raises
+        ------
+        FloatingPointError
+            If there is no solution.
         """
         out = np.array(right, float)
         if self.core.bordered(np.ascontiguousarray(y, float), border, scale, out, transposed)[0] != OK:
@@ -526,21 +552,27 @@ class Equations(Generic[S]):
         return out
 
     def slope_gradient(self, y: NDArray, tangent: NDArray, scale: NDArray, step: float) -> tuple[NDArray, NDArray]:
-        """Gradient of the slope of ln(amplitude) along the curve (``csrc/solver/newton.h``, ``bd_gradient``).
+        """Compute the gradient of the slope of ln(amplitude) along the curve (``csrc/solver/newton.h``, ``bd_gradient``).
 
         Parameters
         ----------
         y, tangent, scale : (n_unknowns + 1,) float
-            A point of the curve, its tangent of unit length in scaled unknowns, and their units.
+            Point of the curve, its tangent of unit length in scaled unknowns, and the units.
         step : float
-            Of the differences of Jacobians, in scaled unknowns.
+            Step of the finite differences of Jacobians, in scaled unknowns.
 
         Returns
         -------
         row : (n_unknowns + 1,) float
             Gradient in scaled unknowns.
         nu : (n_unknowns,) float
-            A change of the derivatives [J C] in scaled unknowns changes the slope by ``-nu @ change @ tangent``.
+            Adjoint vector: a change of the derivatives [J C] in scaled unknowns changes the slope by ``-nu @ change @
+            tangent``.
+
+        Raises
+        ------
+        FloatingPointError
+            If the gradient does not exist at this point.
         """
         row, nu = np.empty(self.n_unknowns + 1), np.empty(self.n_unknowns)
         re, im = self.rows.at(y[-1])

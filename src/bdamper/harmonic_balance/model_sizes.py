@@ -1,4 +1,4 @@
-"""Sizes of a model, such as its extent and stiffness, on which plausible ranges of settings depend."""
+"""Characteristic sizes of a model, such as extent and stiffness, as reference for plausible ranges of settings."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from bdamper.util.errors import ModelError
 
 @dataclass(frozen=True)
 class Sizes:
-    """Sizes of a model under its settings, which bound plausible values.
+    """Characteristic sizes of a model under its settings, as reference for plausible ranges.
 
     Parameters
     ----------
@@ -24,12 +24,12 @@ class Sizes:
 
     @property
     def lumped(self) -> bool:
-        """Whether the model is one of masses, which has no extent."""
+        """Whether the model consists of point masses, without an extent."""
         return any(body.kind == "lumped" for body in self.problem.model.bodies.values())
 
     @property
     def size(self) -> float:
-        """Largest extent of contact points and locations along an axis, m."""
+        """Largest extent of contact points and locations along an axis, m; infinite for a lumped model."""
         model = self.problem.model
         places = [face.points for face in model.interfaces.values()]
         places += [place.position[None] for place in model.locations.values()]
@@ -38,18 +38,18 @@ class Sizes:
 
     @property
     def least_order(self) -> float:
-        """1 for a wheel, 0 for a structure without sectors."""
+        """Smallest plausible engine order: 1 for a wheel, 0 for a structure without sectors."""
         return float(self.problem.model.n_blades > 1)
 
     @property
     def amplitude(self) -> float:
-        """Amplitude of the excitation (N) that a preload is compared with; 0 without a force at a location or a load."""
+        """Excitation amplitude (N) as reference for a preload; 0 without a force at a location or without a load."""
         settings = self.problem.settings
         return settings.excitation.amplitude if settings.acts_at_location and self.problem.carries_load else 0.0
 
     @property
     def body_stiffness(self) -> float:
-        """Mean stiffness of the bodies at a component of a contact point (N/m); NaN if the model does not contain it."""
+        """Mean stiffness of the bodies at a component of a contact point, N/m; NaN if the model does not contain it."""
         try:
             flexibility = self.problem.coupling.residual_flexibility(1).diagonal().real.reshape(-1, 3)
         except ModelError:
@@ -58,29 +58,31 @@ class Sizes:
         return float(np.mean(1.0 / flexibility[rows])) if rows.any() and flexibility[rows].min() > 0.0 else np.nan
 
     def faces(self, name: str) -> list[Interface]:
-        """Interface with a name, or those of a body with the name."""
+        """Return the interface with this name, or the interfaces of the body with this name."""
         faces = self.problem.model.interfaces
         return [faces[name]] if name in faces else [f for f in faces.values() if name in (f.body_a, f.body_b)]
 
     def bearable(self, name: str) -> float:
-        """Load (N) of a body or an interface under a mean pressure of 1 GPa."""
+        """Return the load (N) of a body or an interface at a mean pressure of 1 GPa."""
         area = sum(float(face.area.sum()) for face in self.faces(name))
         return np.inf if self.lumped or not area else 1e9 * area
 
     def volume(self, name: str) -> float:
-        """Volume (m3) of a box around the contact points of a body."""
+        """Return the volume (m3) of a box around the contact points of a body."""
         size = np.ptp(np.concatenate([face.points for face in self.faces(name)]), axis=0)
         return float(np.prod(np.maximum(size, 0.1 * size.max())))
 
     def deflecting(self, location: str) -> float:
-        """Static force (N) at a location that deflects it by a tenth of the extent of the model."""
+        """Return the static force (N) at a location that deflects it by a tenth of the extent of the model."""
         omega2 = self.problem.modal_bases[1].omega2
         motion = np.linalg.norm(self.problem.coupling.location_modes(location, 1), axis=0)
         flexibility = float(np.sum(motion[omega2 > 0.0] ** 2 / omega2[omega2 > 0.0]))
         return 0.1 * self.size / flexibility if flexibility > 0.0 else np.inf
 
     def critical_drag(self, name: str | None) -> float:
-        """Twice the mass of a body, or of the heaviest free body, times the first angular frequency, N s/m."""
+        """Return 2 m omega_1 (N s/m) for the mass of a body, or of the heaviest free body, and the first natural
+        frequency.
+        """
         bodies, omega2 = self.problem.model.bodies, self.problem.modal_bases[1].omega2
         names = [name] if name else self.problem.settings.free_bodies
         mass = max((bodies[body].mass or 0.0 for body in names), default=0.0)

@@ -1,21 +1,22 @@
-"""A problem with settings changed by name, as sweeps, samples and sensitivities change them.
+"""Settings of a problem changed by name, for sweeps, samples and sensitivities.
 
-Names are those of the settings of a :class:`bdamper.Study`, with a dot for the parts of excitation and response
-(``"friction_coefficient"``, ``"excitation.amplitude"``, ``"response.location"``), and factors on what is not a single
-number: ``"contact_stiffness_factor"``, ``"damping_factor"`` (all modal damping ratios, not the damping of the damper),
-``"damper_mass_factor"`` (the density of free bodies, at the same shape and stiffness and the same static load) and
-``"damper_mass"`` (the same at a rotor speed, where the faces stay displaced as this speed displaces them under any load of
-the damper: the load belongs to the mass), ``"frequency_factor"`` (all natural frequencies, by the density of all bodies)
-and ``"gap_factor"``.  A dot names one interface, ``"friction_coefficient.left"`` and ``"gap_factor.left"``, one direction
-of the contact stiffness, ``"contact_stiffness_factor.tangential"`` and ``"contact_stiffness_factor.normal"``, one load,
-``"loads.rear"`` and ``"constant_loads.shroud"``, or one free body, ``"damper_mass_factor.rear"`` and
-``"damper_mass.rear"``; the latter has its share of the preload in proportion.
+Names are the settings of a :class:`bdamper.Study`, with a dot for parts of the excitation and the response
+(``"friction_coefficient"``, ``"excitation.amplitude"``, ``"response.location"``).  Factors scale other quantities:
 
-Problems with residual modes made anew, in coordinates that can be compared.
+- ``"contact_stiffness_factor"``: contact stiffness, or one direction with ``".tangential"`` or ``".normal"``;
+- ``"damping_factor"``: all modal damping ratios, not the damping of the damper;
+- ``"damper_mass_factor"``: density of free bodies at the same shape, stiffness and static load;
+- ``"damper_mass"``: the same at a rotor speed, where the static load is proportional to the mass;
+- ``"frequency_factor"``: all natural frequencies, by the density of all bodies;
+- ``"gap_factor"``: initial gaps.
 
-Modes of bodies come with the phases of the model's own basis; residual modes have any, and where several have the same
-mass, any combination.  Those of one problem are turned onto those of another, each group of equal mass by the unitary
-matrix that brings their motions nearest.
+A dot selects one interface (``"friction_coefficient.left"``, ``"gap_factor.left"``), one load
+(``"load_per_preload.rear"``, ``"constant_loads.shroud"``), or one free body (``"damper_mass_factor.rear"``,
+``"damper_mass.rear"``; the latter scales its fraction of the preload).
+
+To compare solutions of two problems, :func:`like` rotates the residual modes of one onto those of the other.  Modes of
+bodies have the phases of the model's basis.  Residual modes have arbitrary phases, and modes of equal mass may be combined
+arbitrarily: the unitary Procrustes rotation of each group of equal mass brings their motions closest.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ from bdamper.model.structure import Body, Model, feed_digest
 from bdamper.model.validation import as_checked
 from bdamper.util import validation
 
-# ---- A problem with settings changed by name, as sweeps, samples and sensitivities change them ----
+# ---- settings changed by name ----
 
 
 FACTORS = (
@@ -48,7 +49,7 @@ SIDES = ("tangential", "normal")
 
 
 def setting_names(problem: Problem) -> list[str]:
-    """All names that :func:`vary` understands."""
+    """Return all names that :func:`vary` accepts."""
     names = [f.name for f in fields(problem.settings) if f.name not in ("model", *FACTORS)]
     names += [f"excitation.{f.name}" for f in fields(problem.settings.excitation) if f.name != "beside"]
     names += [f"response.{f.name}" for f in fields(problem.settings.excitation) if f.name in ("location", "direction")]
@@ -60,12 +61,12 @@ def setting_names(problem: Problem) -> list[str]:
 
 
 def check_name(problem: Problem, name: str) -> None:
-    """Raises a SettingError that lists the names there are."""
+    """Raise a SettingError that lists the valid names if the name is not one of them."""
     validation.choice("setting to vary", name, setting_names(problem))
 
 
 def study_fingerprint(problem: Problem) -> str:
-    """Digest of the model and of all settings of a problem."""
+    """Return a digest of the model and of all settings of a problem."""
     digest = hashlib.sha256(problem.model.hash.encode())
     for item in fields(problem.settings):
         if item.name != "model":
@@ -75,7 +76,7 @@ def study_fingerprint(problem: Problem) -> str:
 
 @asked
 def vary(problem: Problem, settings: Mapping[str, Any]) -> Problem:
-    """The problem with settings replaced by name.
+    """Return the problem with settings replaced by name.
 
     Parameters
     ----------
@@ -85,7 +86,7 @@ def vary(problem: Problem, settings: Mapping[str, Any]) -> Problem:
     Raises
     ------
     SettingError
-        If there is no setting of that name, or its value does not fit.
+        If there is no setting of that name, or its value is not valid.
     """
     for name in settings:
         check_name(problem, name)
@@ -104,8 +105,8 @@ def vary(problem: Problem, settings: Mapping[str, Any]) -> Problem:
         head, _, part = name.partition(".")
         if head == "friction_coefficient" and part:
             mu = problem.settings.friction_by_interface()
-            own = {face: value if face == part else mu[face] for face in problem.settings.law_by_interface()}
-            problem = problem.replace(friction_coefficient=own)
+            coefficients = {face: value if face == part else mu[face] for face in problem.settings.law_by_interface()}
+            problem = problem.replace(friction_coefficient=coefficients)
         elif head in OF_LOAD and part:
             problem = problem.replace(**{head: {**problem.settings.given_loads(head), part: value}})
         elif head in FACTORS:
@@ -140,7 +141,7 @@ def _scaled(problem: Problem, name: str, part: str, factor: float) -> Problem:
 
 
 def _of_mass(problem: Problem, name: str, part: str, factor: float) -> Problem:
-    """The mass of all free bodies multiplied, or of one, which "damper_mass" then gives its load in proportion."""
+    """Scale the mass of all free bodies or of one; "damper_mass" of one body scales its load in proportion."""
     settings = problem.settings
     names = (part,) if part else settings.free_bodies
     validation.require(names, "mass of the damper", "a model with a free body", "none")
@@ -148,7 +149,7 @@ def _of_mass(problem: Problem, name: str, part: str, factor: float) -> Problem:
     if name == "damper_mass_factor":
         expected = f"no rotor speed, where load and mass of a body go together; vary damper_mass.{part}"
         validation.require(settings.speed is None or not one, f"{name}.{part}", expected, f"{settings.speed} rad/s")
-        # the displacement by rotation stays what it is at this load
+        # the displacement by rotation does not change at this load
         spun = [(key, body, body.spin) for key, body in model.bodies.items()]
         moved = {key: replace(b, spin=s and replace(s, contact=factor * s.contact)) for key, b, s in spun}
         model = replace(model, bodies=moved if not one else model.bodies)
@@ -172,7 +173,7 @@ def _damped(body: Body, factor: float) -> Body:
 
 
 def denser(model: Model, factor: float, names: Sequence[str], whole: bool = False) -> Model:
-    """The model with the density of some bodies multiplied: mass-normalised modes shrink, flexibility stays."""
+    """Return the model with the density of some bodies scaled: mass-normalised modes scale, flexibility does not change."""
     chosen = [model.bodies[name] for name in names if model.bodies[name].bases]
     bodies, root = dict(model.bodies), 1.0 / np.sqrt(factor)
     for body in chosen:
@@ -187,36 +188,36 @@ def denser(model: Model, factor: float, names: Sequence[str], whole: bool = Fals
             )
             for d, basis in body.bases.items()
         }
-        own: dict[str, Any] = {"bases": bases}
+        changed: dict[str, Any] = {"bases": bases}
         if body.load is not None:
-            own["load"] = replace(body.load, generalised=root * body.load.generalised)
+            changed["load"] = replace(body.load, generalised=root * body.load.generalised)
         if body.constant_force is not None:
-            own["constant_force"] = root * body.constant_force
+            changed["constant_force"] = root * body.constant_force
         if body.mass is not None and body.inertia is not None:
-            own |= {"mass": factor * body.mass, "inertia": factor * body.inertia}
-        bodies[body.name] = replace(body, **own, local=None if whole else body.local)
+            changed |= {"mass": factor * body.mass, "inertia": factor * body.inertia}
+        bodies[body.name] = replace(body, **changed, local=None if whole else body.local)
     return replace(model, bodies=bodies)
 
 
-# ---- Problems with residual modes made anew, in coordinates that can be compared ----
+# ---- comparable coordinates of residual modes ----
 
 
 def aligned(basis: HarmonicBasis, reference: HarmonicBasis) -> HarmonicBasis:
-    """The same basis with residual modes turned onto those of another one.
+    """Return the basis with its residual modes rotated onto those of a reference basis.
 
     Raises
     ------
     SettingError
-        If the two do not have the same coordinates.
+        If the two bases have different coordinates.
     """
     expected = "a range in which contacts keep their residual modes"
     validation.require(basis.coordinates == reference.coordinates, "residual modes", expected, "one that changes them")
-    own = np.array([i for i, c in enumerate(basis.coordinates) if c.body == RESIDUAL], int)
-    if not len(own):
+    residual = np.array([i for i, c in enumerate(basis.coordinates) if c.body == RESIDUAL], int)
+    if not len(residual):
         return basis
-    mass, G = basis.mass[own], basis.G.copy()
-    equal_mass = 1e-6  # relative difference of the modal masses of residual modes up to which they are turned together
-    for group in np.split(own, np.flatnonzero(np.diff(mass) > equal_mass * mass.max()) + 1):
+    mass, G = basis.mass[residual], basis.G.copy()
+    equal_mass = 1e-6  # relative difference of modal masses below which residual modes form one group
+    for group in np.split(residual, np.flatnonzero(np.diff(mass) > equal_mass * mass.max()) + 1):
         columns, target = (array[..., group].reshape(-1, len(group)) for array in (basis.G, reference.G))
         U, _, V = np.linalg.svd(columns.conj().T @ target)
         G[..., group] = (columns @ (U @ V)).reshape(*G.shape[:2], len(group))
@@ -224,6 +225,6 @@ def aligned(basis: HarmonicBasis, reference: HarmonicBasis) -> HarmonicBasis:
 
 
 def like(problem: Problem, reference: Problem) -> Problem:
-    """A problem with its unknowns turned onto those of another one."""
+    """Return the problem with its unknowns rotated onto those of another problem."""
     bases = [aligned(b, other) for b, other in zip(problem.bases, reference.bases)]
     return problem.given(bases=bases, **({"static_basis": bases[0]} if bases[0].n_modes else {}))

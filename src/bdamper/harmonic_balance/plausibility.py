@@ -1,4 +1,4 @@
-"""Warnings of implausible settings, by the table of ranges, and of intervals in radians per second."""
+"""Warnings of implausible settings (:mod:`bdamper.util.plausible_ranges`), and of intervals given in radians per second."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from bdamper.util.errors import implausible
 from bdamper.util.progress import one_thread
 
 ALONG = 0.12
-"""Part of a mode's motion at the place of the excitation that should lie along the force: 83 degrees between them."""
+"""Smallest plausible cosine between force and modal motion at the excitation location (83 degrees)."""
 
 
 def check_settings(problem: Problem) -> None:
@@ -26,9 +26,9 @@ def check_settings(problem: Problem) -> None:
     for owner, name, value, item in _given(problem):
         plausible_ranges.check(owner, name, value, sizes, item)
     settings = problem.settings
-    own, faces = settings.own_laws(), settings.friction_faces
+    user_laws, faces = settings.own_laws(), settings.friction_faces
     default = next(f.default for f in fields(settings) if f.name == "friction_coefficient")
-    unused = faces and len(own) == len(faces) and not sizes.lumped
+    unused = faces and len(user_laws) == len(faces) and not sizes.lumped
     if unused and settings.friction_coefficient is not default and settings.friction_coefficient != default:
         found = "one that no interface uses: parameters of the law suspected"
         implausible("friction_coefficient", "none, since every friction interface has a ContactLaw", found)
@@ -39,7 +39,7 @@ def check_settings(problem: Problem) -> None:
 
 
 def _given(problem: Problem) -> Iterator[tuple[str, str, Any, str]]:
-    """Yield owner and name in the table, value and name in a warning of all settings."""
+    """Yield owner and name in the table of ranges, value, and name in a warning, for all settings."""
     settings, sizes = problem.settings, problem.sizes
     of_modes = [b.damping_ratio.max(initial=0.0) for b in problem.modal_bases]
     effective = {
@@ -68,9 +68,9 @@ def _given(problem: Problem) -> Iterator[tuple[str, str, Any, str]]:
 
 @one_thread
 def check_question(problem: Problem, preload: Sequence[float] | NDArray, frequency: tuple[float, float] | None) -> None:
-    """Warn of an interval (Hz, not checked yet) that a user requests at one or several preloads (N).
+    """Warn of an implausible interval (Hz, unchecked) requested at one or several preloads (N).
 
-    Public functions call this once for the whole range of preloads.
+    Public functions call it once for the whole range of preloads.
     """
     if frequency is not None:
         frequency = validation.interval("frequency", frequency)
@@ -78,7 +78,7 @@ def check_question(problem: Problem, preload: Sequence[float] | NDArray, frequen
 
 
 def check_unloaded(problem: Problem) -> None:
-    """Warn of fixed loads on all bodies whose load is about to be varied: the optimum is one of the rest of the load."""
+    """Warn if every body whose preload is varied also has a constant load: the optimum then excludes the constant load."""
     settings = problem.settings
     varied = {name for name, share in settings.given_loads("load_per_preload").items() if share}
     held = {name: load for name, load in settings.given_loads("constant_loads").items() if name in varied and np.any(load)}
@@ -88,9 +88,9 @@ def check_unloaded(problem: Problem) -> None:
 
 
 def check_interval(problem: Problem, frequency: tuple[float, float], preload: float) -> None:
-    """Warn of an interval (Hz) that holds the free and the stuck resonance of a mode if it is taken for radians per second.
+    """Warn if an interval (Hz) contains the free and the stuck resonance of a mode only when read as radians per second.
 
-    An interval that holds resonances as it is given is taken so, unless the structure answers them far less.
+    An interval that contains resonances as given is accepted, unless the response there is far weaker.
     """
     state = problem.static(preload)
     if not state.converged:
@@ -98,31 +98,31 @@ def check_interval(problem: Problem, frequency: tuple[float, float], preload: fl
     sector, springs = problem.sector(preload), (None, stuck_springs(problem, state))
     low, high = frequency
     _check_direction(problem, sector, frequency)
-    found = [(w, k) for k in springs for w in sector.linear.modes(k)[0] if w > 0.0]
-    mistaken = [(w, k) for w, k in found if low < w < high]
-    if len({id(k) for _, k in mistaken}) < 2 and any(low < w / (2.0 * np.pi) < high for w, _ in found):
+    resonances = [(w, k) for k in springs for w in sector.linear.modes(k)[0] if w > 0.0]
+    mistaken = [(w, k) for w, k in resonances if low < w < high]
+    if len({id(k) for _, k in mistaken}) < 2 and any(low < w / (2.0 * np.pi) < high for w, _ in resonances):
         return
 
-    def answer(resonances: list[tuple[float, NDArray | None]]) -> float:
+    def strongest(resonances: list[tuple[float, NDArray | None]]) -> float:
         rows = sector.response_rows[1]
         return max((abs(sector.linear.response(w, k) @ rows) for w, k in resonances), default=0.0)
 
-    given = answer([(w, k) for w, k in found if low < w / (2.0 * np.pi) < high])
-    # how many times more than in an interval in Hz the structure must answer where it is taken for rad/s, for that to
-    # be meant; 333 and more for first modes of blades under a tangential force at the tip
+    given = strongest([(w, k) for w, k in resonances if low < w / (2.0 * np.pi) < high])
+    # ratio of responses (read as rad/s over as given) above which rad/s is suspected; at least 333 for first modes of
+    # blades under a tangential force at the tip
     weaker = 20.0
-    if mistaken and answer(mistaken) > weaker * given:
+    if mistaken and strongest(mistaken) > weaker * given:
         near = ", ".join(f"{f:.4g}" for f in sorted({w / (2.0 * np.pi) for w, _ in mistaken})[:3])
-        weak = f"where it answers {answer(mistaken) / given:.2g} times less" if given else "without one"
+        weak = f"with a response {strongest(mistaken) / given:.2g} times weaker" if given else "without a resonance"
         implausible(
             "frequency",
             f"an interval in Hz around resonances of the model, such as {near} Hz",
-            f"({low:g}, {high:g}) {weak}, 2 pi times an interval that has them: radians per second suspected",
+            f"({low:g}, {high:g}) {weak}; divided by 2 pi it contains them: radians per second suspected",
         )
 
 
 def _check_direction(problem: Problem, sector: Sector, frequency: tuple[float, float]) -> None:
-    """Warn of a force across the motion that all modes without contact in an interval (Hz) have at its place."""
+    """Warn of a force perpendicular to the motion of all modes without contact in an interval (Hz)."""
     omega, modes = sector.linear.modes(None)
     hertz, at = omega / (2.0 * np.pi), problem.settings.excitation
     within = (frequency[0] < hertz) & (hertz < frequency[1])

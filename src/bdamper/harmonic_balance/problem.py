@@ -1,7 +1,7 @@
-"""A problem: one model under one set of settings, and the equations that follow from them.
+"""One model under one set of settings, and the equations that follow from them.
 
-Everything is made once and kept: the bases of the harmonics, contact stiffness, static states under the preload.  The
-equations of the harmonic balance at one preload are ``system(preload)``.
+:class:`Problem` computes on demand, once: the modal bases of the harmonics, the contact stiffness, and the static states
+under the preload (paper, section 3.1).  ``system(preload)`` returns the harmonic balance equations (paper, Eq. (16)).
 """
 
 from __future__ import annotations
@@ -54,25 +54,32 @@ from bdamper.util.progress import CostMeter, one_thread
 
 T = TypeVar("T")
 FORCES = (1e-100, 1e100)
-"""Modal forces between which the squares of responses are numbers, neither 0 nor infinite."""
+"""Range of modal forces for which the squared response neither underflows nor overflows."""
 
 
 def made_once(make: Callable[[Any], T]) -> cached_property[T]:
-    """A cached property without the lock of Python 3.11, which all problems share: threads would wait for each other."""
-    made = cached_property(make)
-    made.lock = nullcontext()  # type: ignore[attr-defined]
-    return made
+    """Return a cached property without the lock of Python 3.11, which all instances share and which would serialise
+    threads.
+    """
+    prop = cached_property(make)
+    prop.lock = nullcontext()  # type: ignore[attr-defined]
+    return prop
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A model with settings, and everything derived from them.
+    """Model with settings, and all quantities derived from them.
 
-    Problems are told apart by identity; what two of them have in common is seen in the settings of their results.
+    Two problems are equal only if they are the same object.
 
     Parameters
     ----------
     settings : Settings
+
+    Raises
+    ------
+    SettingError, ModelError
+        If the model lacks a nodal diameter that the harmonics need, or gaps or stiffness values are not valid.
     """
 
     settings: Settings
@@ -81,12 +88,12 @@ class Problem:
     def __post_init__(self, _given: Mapping[str, Any] | None) -> None:
         for name, part in (_given or {}).items():
             object.__setattr__(self, name, part)
-        _ = self.modal_bases  # the nodal diameters that the harmonics need
+        _ = self.modal_bases  # raises if a nodal diameter is missing
         _ = self.point_gaps
         self._check_stiffness()
 
     def _check_stiffness(self) -> None:
-        """Names and the user's own values; what a method needs of the model is found when it is used."""
+        """Check method names and user-defined values; data that a method needs are checked when it is used."""
         method = self.settings.contact_stiffness
         if method is None:
             return
@@ -107,50 +114,50 @@ class Problem:
 
     @property
     def harmonic_numbers(self) -> tuple[int, ...]:
-        """Harmonics besides the mean, ascending."""
+        """Harmonics without the mean, ascending."""
         return self.settings.harmonic_numbers
 
-    # ---- what results keep of it ----
+    # ---- record in results ----
 
     def record(self, options: object = None) -> dict[str, Any]:
-        """All settings as results keep them, with ``options`` of the continuation beside them."""
+        """Return all settings in the form of results, with ``options`` of the continuation."""
         return self.settings.record(self.stiffness_method, options)
 
     def recorded(self, options: object = None) -> dict[str, Any]:
-        """Settings, as :meth:`record` returns them, and hash of the model, for results."""
+        """Return settings (:meth:`record`) and hash of the model, for results."""
         return {"settings": self.record(options), "model_hash": self.model.hash}
 
     # ---- other settings ----
 
     def replace(self, /, **settings: Any) -> Problem:
-        """The same problem under other settings, given by name.
+        """Return the same problem under other settings, given by name.
 
         Raises
         ------
         SettingError
-            If a value does not fit.
+            If a value is not valid.
         """
         return Problem(replace(self.settings, **settings))
 
     def given(self, **parts: Any) -> Problem:
-        """The same problem with parts that were made elsewhere, by name, and its own others as far as they are made."""
-        made = {name: part for name, part in vars(self).items() if name not in ("settings", "_sectors")}
-        return Problem(self.settings, made | parts)
+        """Return the same problem with the given derived quantities; others that exist are reused."""
+        derived = {name: part for name, part in vars(self).items() if name not in ("settings", "_sectors")}
+        return Problem(self.settings, derived | parts)
 
     def with_effects(self, effects: Effects) -> Problem:
-        """The same problem with other effects."""
+        """Return the same problem with other effects."""
         return self.replace(**validation.instance("effects", effects, Effects).settings())
 
-    # ---- parts, made once ----
+    # ---- derived quantities, computed once ----
 
     @made_once
     def static_states(self) -> dict[tuple[float, ...], PreloadState]:
-        """Static states so far, by preload and load history."""
+        """Static states computed so far, by preload and load history."""
         return {}
 
     @made_once
     def coupling(self) -> Coupling:
-        """The model with the retained modes and interfaces."""
+        """Model with the retained modes and interfaces."""
         bodies = {
             name: standard_rigid_modes(self.model, body) if body.kind == "free" else body
             for name, body in self.model.bodies.items()
@@ -160,9 +167,9 @@ class Problem:
             model = unite_contact_points(model, self.settings.contact_points)
         blade_modes = min(self.settings.blade_modes, self.settings.most_modes("constrained"))
         modes = blade_modes, self.settings.by_body("damper_modes"), self.settings.rigid_modes
-        model, kept = completed(model, self.settings.places, *modes)
+        model, retained = completed(model, self.settings.places, *modes)
         return Coupling(
-            model, self.settings.interface_names(), kept, int(self.engine_order), self.settings.fundamental_modes_only
+            model, self.settings.interface_names(), retained, int(self.engine_order), self.settings.fundamental_modes_only
         )
 
     @made_once
@@ -182,12 +189,12 @@ class Problem:
         residual = self.contact.residual
         if residual is None:
             return basis
-        own = residual.basis(harmonic)
-        return joined(basis, replace(own, omega2=float(self.settings.contact_stiffness_factor) * own.omega2))
+        modes = residual.basis(harmonic)
+        return joined(basis, replace(modes, omega2=float(self.settings.contact_stiffness_factor) * modes.omega2))
 
     @made_once
     def modal_bases(self) -> list[HarmonicBasis]:
-        """Modes of the bodies for each harmonic, from the mean on."""
+        """Modes of the bodies for each harmonic, the mean first."""
         return [
             self.coupling.basis(l) if l in self.settings.active_harmonics else self.coupling.no_basis()
             for l in range(self.harmonic_numbers[-1] + 1)
@@ -195,20 +202,20 @@ class Problem:
 
     @made_once
     def bases(self) -> list[HarmonicBasis]:
-        """Modes of each harmonic, from the mean on; residual modes, if there are any, come last."""
+        """Modes of each harmonic, the mean first; residual modes are last."""
         bases = [
             self._with_residual(b, l) if l in self.settings.active_harmonics else b for l, b in enumerate(self.modal_bases)
         ]
         return [self.damped(b, int(self.engine_order) * l if l else None) for l, b in enumerate(bases)]
 
     def damped(self, basis: HarmonicBasis, wave: int | None) -> HarmonicBasis:
-        """The modes of a harmonic with the damping that the settings ask for; ``wave`` None for a mean."""
+        """Return the modes of a harmonic with the damping of the settings; ``wave`` is None for a mean."""
         if self.settings.damping_ratio is not None:
             basis = replace(basis, damping_ratio=np.where(basis.omega2 > 0.0, self.settings.damping_ratio, 0.0))
         if wave is not None and isinstance(flow := self.settings.aerodynamic_damping, Mapping):
             basis = in_flow(basis, self.model, flow, wave)
-        own = self._damper_drag
-        return replace(basis, drag=basis.drag + np.array([own.get(c, 0.0) for c in basis.coordinates])) if own else basis
+        drag = self._damper_drag
+        return replace(basis, drag=basis.drag + np.array([drag.get(c, 0.0) for c in basis.coordinates])) if drag else basis
 
     @made_once
     def _damper_drag(self) -> dict[Coordinate, float]:
@@ -230,41 +237,41 @@ class Problem:
 
     @made_once
     def contact(self) -> Contact:
-        """Contact stiffness by the method asked for, with residual modes if it has any."""
+        """Contact stiffness by the method of the settings, with residual modes if the method has them."""
         return contact_of(self.settings, self.coupling, self.friction)
 
     @property
     def stiffness_method(self) -> Any:
-        """The method or the values of the contact stiffness, the one in use where the study leaves it to the model."""
+        """Method or values of the contact stiffness; the method in use if the settings have none."""
         if self.settings.contact_stiffness is not None:
             return self.settings.contact_stiffness
         try:
             return self.contact.method
-        except (ModelError, SettingError):  # no stiffness at all, which an analysis says
+        except (ModelError, SettingError):  # no method is possible; an analysis raises the error
             return "residual_modes"
 
     @made_once
     def stiffness(self) -> dict[str, ContactStiffness]:
         """Contact stiffness of each interface."""
         factor = float(self.settings.contact_stiffness_factor)
-        own = self.settings.own_laws()
+        user_laws = self.settings.own_laws()
         kinds = {name: face.kind for name, face in self.model.interfaces.items()}
         scaled = {n: replace(c, stiffness=factor * c.stiffness) for n, c in self.contact.stiffness.items()}
-        made = {n: self.contact.stiffness[n] if kinds[n] in ("cubic", "spring") else c for n, c in scaled.items()}
-        return made | {name: law.springs(len(made[name].stiffness), name) for name, law in own.items()}
+        springs = {n: self.contact.stiffness[n] if kinds[n] in ("cubic", "spring") else c for n, c in scaled.items()}
+        return springs | {name: law.springs(len(springs[name].stiffness), name) for name, law in user_laws.items()}
 
     @made_once
     def own_laws(self) -> OwnLaws | None:
-        """Contact laws of the user's own at the points, if there are any."""
-        own = [(self.coupling.rows(name), name, law) for name, law in self.settings.own_laws().items()]
-        if not own:
+        """User-defined contact laws at the points, or None."""
+        user_laws = [(self.coupling.rows(name), name, law) for name, law in self.settings.own_laws().items()]
+        if not user_laws:
             return None
         basis = self.bases[1]
         G = basis.G.reshape(-1, basis.G.shape[-1])
         K = np.diag(basis.omega2) + G.conj().T @ (self.point_stiffness.reshape(-1, 1) * G)
-        x = np.abs(G @ np.linalg.lstsq(K, self.modal_force(1))[0]).reshape(-1, 3)  # stuck, at zero frequency
-        length = max(float(x[rows].max()) for rows, *_ in own)
-        return OwnLaws.of(own, self.point_stiffness[:, 2], self.point_gaps, length or 1.0)
+        x = np.abs(G @ np.linalg.lstsq(K, self.modal_force(1))[0]).reshape(-1, 3)  # static response in stick
+        length = max(float(x[rows].max()) for rows, *_ in user_laws)
+        return OwnLaws.of(user_laws, self.point_stiffness[:, 2], self.point_gaps, length or 1.0)
 
     @made_once
     def point_stiffness(self) -> NDArray:
@@ -273,12 +280,12 @@ class Problem:
 
     @made_once
     def point_gaps(self) -> NDArray:
-        """(n_points,) initial distance of the surfaces, m; negative for interference, none where a load is given."""
+        """(n_points,) initial gaps of the surfaces, m; negative for interference, 0 at points with a given load."""
         return gaps(self.coupling, self.settings)
 
     @made_once
     def point_laws(self) -> NDArray:
-        """(n_points,) law of each contact point."""
+        """(n_points,) contact law of each point."""
         law = np.full(self.coupling.n_points, LAW_NORMAL)
         for name in self.coupling.interfaces:
             kind = self.model.interfaces[name].kind
@@ -290,24 +297,23 @@ class Problem:
 
     @made_once
     def bonded_points(self) -> NDArray:
-        """(n_points,) bool: points of linear springs."""
+        """(n_points,) bool: points with linear springs."""
         return self.point_laws == LAW_BONDED
 
     @made_once
     def tangential_stiffness(self) -> NDArray:
-        """(n_points, 2) contact stiffness along t1 and t2, N/m; none where there is neither friction nor bond."""
+        """(n_points, 2) contact stiffness along t1 and t2, N/m; 0 without friction or bond."""
         return self.point_stiffness[:, :2] * ~np.isin(self.point_laws, (LAW_NORMAL, LAW_CUBIC))[:, None]
 
     @made_once
     def friction_points(self) -> NDArray:
-        """(n_points,) bool: points of friction interfaces, whatever their coefficient."""
+        """(n_points,) bool: points of friction interfaces, for any friction coefficient."""
         faces = [self.coupling.model.interfaces[name] for name in self.coupling.interfaces]
         return np.concatenate([np.full(face.n_points, face.kind == "friction") for face in faces])
 
     @made_once
     def damper_load(self) -> tuple[NDArray, NDArray]:
-        """Modal force (n_modes,) per newton of preload, and motion (n_points, 3) of the points that the modes do not
-        carry."""
+        """Modal force (n_modes,) and motion (n_points, 3) outside the modes, per newton of preload."""
         force, shift = self.coupling.load(self.body_loads)
         arms = centrifugal_arms(self.model)
         if self.settings.speed is not None and arms:
@@ -317,38 +323,38 @@ class Problem:
 
     @made_once
     def fixed_load(self) -> tuple[NDArray, NDArray]:
-        """Modal force (n_modes,) and motion (n_points, 3) of the points that the preload does not change."""
-        own = self.settings.constant_loads or {}
-        force, shift = self.coupling.load({name: float(np.sum(load)) for name, load in own.items()})
+        """Modal force (n_modes,) and motion (n_points, 3) outside the modes that are independent of the preload."""
+        constant_loads = self.settings.constant_loads or {}
+        force, shift = self.coupling.load({name: float(np.sum(load)) for name, load in constant_loads.items()})
         if self.settings.speed is not None and not centrifugal_arms(self.model):
             shift = shift + self.settings.speed**2 * self.coupling.closing_by_rotation()
         constant = self._padded(self.coupling.constant_force())
         loads = normal_loads(self.coupling, self.settings, "constant_loads")
-        beside = np.isin(self.coupling.interface_of, self.settings.constrained_faces)
-        shift = shift + approach(replace(self._unloaded, constant_force=constant), loads, beside, "constant_loads")
+        touching = np.isin(self.coupling.interface_of, self.settings.constrained_faces)
+        shift = shift + approach(replace(self._unloaded, constant_force=constant), loads, touching, "constant_loads")
         return constant + self._padded(force), shift
 
     def _padded(self, force: NDArray) -> NDArray:
-        """Modal forces with those of residual modes, none."""
+        """Append zero forces for the residual modes."""
         return np.pad(force, (0, self.static_basis.n_modes - len(force)))
 
     def location_modes(self, location: str, harmonic: int) -> NDArray:
-        """(3, n_modes) motion of a location by the coordinates of one harmonic; residual modes do not move it."""
+        """Return the motion (3, n_modes) of a location per coordinate of a harmonic; residual modes do not move it."""
         modes = self.coupling.location_modes(location, harmonic)
         return np.pad(modes, ((0, 0), (0, self.bases[harmonic].n_modes - modes.shape[1])))
 
     def modal_force(self, harmonic: int) -> NDArray:
-        """(n_modes,) complex modal excitation at an excited harmonic."""
+        """Return the complex modal excitation (n_modes,) of an excited harmonic."""
         forces = self.settings.excited[harmonic]
         return np.sum([(along @ self.location_modes(at, harmonic)).conj() * force for at, along, force in forces], axis=0)
 
     @made_once
     def response_rows(self) -> list[NDArray]:
-        """(n_modes,) rows that give the response, for each harmonic from the mean on."""
+        """Rows (n_modes,) that give the response, for each harmonic, the mean first."""
         return self.rows_at(self.settings.response_location)
 
     def rows_at(self, place: Response) -> list[NDArray]:
-        """(n_modes,) rows that give the motion of a place, for each harmonic from the mean on."""
+        """Return rows (n_modes,) that give the motion of a location, for each harmonic, the mean first."""
         direction = direction_vector(place.direction, "response direction")
         rows = [
             direction @ self.location_modes(place.location, l) if l in self.settings.active_harmonics else np.zeros(0)
@@ -359,14 +365,14 @@ class Problem:
 
     @property
     def sizes(self) -> Sizes:
-        """Sizes of the model, which bound plausible settings."""
+        """Characteristic sizes of the model, as reference for plausible settings."""
         return Sizes(self)
 
-    # ---- static ----
+    # ---- static analysis ----
 
     @made_once
     def _unloaded(self) -> StaticSystem:
-        """The static contact problem without any load."""
+        """Static contact problem without loads."""
         return StaticSystem(
             stiffness=self.static_basis.omega2,
             G=self.static_basis.G.real,
@@ -384,27 +390,31 @@ class Problem:
 
     @made_once
     def static_system(self) -> StaticSystem:
-        """The same under the loads."""
+        """Static contact problem under the loads."""
         (force, shift), (fixed, moved) = self.damper_load, self.fixed_load
         return replace(self._unloaded, force=force, shift=shift, constant_force=fixed, constant_shift=moved)
 
     @made_once
     def _surfaces(self) -> dict[str, Any]:
-        """What static states say of their contact points, whatever the load."""
+        """Geometry and friction of the contact points, for static states."""
         faces = [self.coupling.model.interfaces[name] for name in self.coupling.interfaces]
         places = {name: np.concatenate([getattr(f, name) for f in faces]) for name in ("points", "frame", "area")}
         return places | {"interface": self.coupling.interface_of, "friction": self.friction}
 
     @one_thread
     def static(self, preload: float, history: Sequence[float] | None = None) -> PreloadState:
-        """Quasi-static contact analysis (paper, section 3.1) under a load on the damper.
+        """Compute the quasi-static contact state under a load on the damper (paper, section 3.1).
 
         Parameters
         ----------
         preload : float, N
         history : sequence of float, optional
-            Load factors, up and down, through which the load passes from zero; ``load_history`` of the study by default.
-            The state is that at the last one.
+            Load factors, up and down, through which the load passes from zero.  Default: ``load_history`` of the study.
+
+        Returns
+        -------
+        PreloadState
+            State at the last load factor.
         """
         preload = self.check_preload(preload)
         factors = self.settings.load_history if history is None else check_history("history", history)
@@ -418,7 +428,7 @@ class Problem:
                 and preload > 0.0
                 and not (self.settings.residual_slip_std or self.settings.constant_loads)
             ):
-                # always from one and the same load, so that results do not depend on what was asked before
+                # scale the state of one fixed load, so that results do not depend on the order of calls
                 unit = self.static_states.get((1.0, 1.0)) or replace(static_state(system, 1.0), **self._surfaces)
                 self.static_states[(1.0, 1.0)] = unit
                 state = scaled_state(system, unit, factors[0] * preload)
@@ -435,18 +445,18 @@ class Problem:
         return self.static_states[key]
 
     def equilibrium(self, preload: float) -> PreloadState:
-        """The static state that a result is built on, an error where there is none."""
+        """Return the static state under a preload (N); raise StaticError if there is none."""
         state = self.static(preload)
         if not state.converged:
             raise StaticError(f"expected a static state under {preload:g} N, found none: {state.note}")
         return state
 
     def wedge_friction(self, preload: float = 1.0) -> WedgeFriction:
-        """Interval of normal forces that statics and friction leave possible; names a self-locking wedge."""
+        """Return the range of normal forces that statics and friction allow; it identifies a self-locking wedge."""
         return wedge_friction(self.coupling, self.friction, self.check_preload(preload), self.body_loads)
 
     def check_preload(self, preload: float) -> float:
-        """The preload (N), refused where it is none or where nothing carries it."""
+        """Return the checked preload (N); raise SettingError if it is negative or if no body carries it."""
         preload = validation.number("preload", preload, least=0.0, unit="N")
         if preload > 0.0 and not self.carries_load:
             raise SettingError(f"preload: expected 0, since {self.why_no_load}, found {preload:g} N")
@@ -454,12 +464,12 @@ class Problem:
 
     @made_once
     def carries_load(self) -> bool:
-        """Whether the preload loads anything along a motion that the study has."""
+        """Whether the preload acts along a motion of the study."""
         return carried(self.coupling, self.settings, self.body_loads)
 
     @property
     def why_no_load(self) -> str:
-        """Why no load acts on a damper, if none does."""
+        """Reason why no load acts on a damper."""
         loaded = [n for n, b in self.model.bodies.items() if b.load is not None and np.any(b.load.generalised)]
         if not loaded:
             return "no body of the model carries a load"
@@ -469,7 +479,7 @@ class Problem:
 
     @property
     def layout(self) -> Layout:
-        """Places of the harmonics among the unknowns of the harmonic balance."""
+        """Indices of the harmonics in the unknowns of the harmonic balance."""
         return Layout(np.array([basis.n_modes for basis in self.bases]))
 
     @property
@@ -482,31 +492,31 @@ class Problem:
         return {}
 
     def __getstate__(self) -> dict[str, Any]:
-        """All but the equations, which other processes make again."""
+        """Return all attributes but the equations, which other processes compute again."""
         return {name: value for name, value in self.__dict__.items() if name != "_sectors"}
 
     def system(self, preload: float) -> Equations[Sector]:
-        """Harmonic balance equations at one preload (N), made once in each thread; see :meth:`sector`."""
+        """Return the harmonic balance equations at one preload (N), one object for each thread; see :meth:`sector`."""
         return self.sector(preload).equations
 
     def sector(self, preload: float) -> Sector:
-        """Data of the equations at one preload (N), computed once.
+        """Return the data of the equations at one preload (N), computed once.
 
         Raises
         ------
         StaticError
-            If no static state was found under it.
+            If there is no static state under this preload.
         SettingError
             If nothing is excited, or the force is not finite.
         """
         preload = self.check_preload(preload)
-        found = self._sectors.get(preload)
-        if found is None:
-            found = self._sector(preload)
+        sector = self._sectors.get(preload)
+        if sector is None:
+            sector = self._sector(preload)
             for former in list(self._sectors)[:-15]:
                 self._sectors.pop(former, None)
-            self._sectors[preload] = found
-        return found
+            self._sectors[preload] = sector
+        return sector
 
     def _sector(self, preload: float) -> Sector:
         forces = {harmonic: self.modal_force(harmonic) for harmonic in self.settings.excited}
@@ -555,17 +565,17 @@ class Problem:
 
 
 def stuck_springs(problem: Problem, state: PreloadState, *, touching: bool = False) -> NDArray:
-    """(n_points, 3) linear springs: points that the preload has closed do not slip.
+    """Return linear springs (n_points, 3) for stick: points closed by the preload do not slip.
 
-    With ``touching`` points that touch at assembly count as closed, too, where their interface has no free body and carries
-    nothing, with a warning.
+    With ``touching``, points in contact at assembly also count as closed, with a warning, if their interface has no free
+    body and no point closed by the preload.
     """
     closed = ~(state.status == OPEN).any(axis=1) & ~problem.coupling.spring_points
     for name in problem.coupling.friction_faces if touching else ():
         rows, face = problem.coupling.rows(name), problem.model.interfaces[name]
         bodies = [problem.model.bodies[body] for body in (face.body_a, face.body_b)]
         touch = problem.point_gaps[rows] <= 0.0
-        if any(body.load is not None for body in bodies):  # of lumped masses: the load may part them for good
+        if any(body.load is not None for body in bodies):  # lumped masses: the load may open the contact permanently
             touch &= state.closing[rows] >= 0.0
         if touch.any() and not closed[rows].any() and not any(body.kind == "free" for body in bodies):
             closed[rows] = touch

@@ -1,9 +1,7 @@
-"""Whether a result belongs to a problem, and what its solutions are elsewhere than where the response was asked for.
+"""Checks that a result belongs to a problem, and the response of its solutions at other locations.
 
-Functions of a problem that also take a study.
-
-Studies stand above all rooms.  What the rooms see of one is its ``problem``, and that it makes another study of another
-problem; functions under :func:`asked` take the first and answer a new problem with the second.
+:func:`asked` makes functions of a problem accept a study.  Class ``Study`` is defined above all packages; these functions
+use only its attribute ``problem`` and its method that returns another study of another problem.
 """
 
 from __future__ import annotations
@@ -22,11 +20,11 @@ from bdamper.model.structure import Model
 from bdamper.util import validation
 from bdamper.util.errors import SettingError
 
-# ---- Whether a result belongs to a problem, and what its solutions are elsewhere than where the ----
+# ---- results and their problem ----
 
 
 class SomeResult(Protocol):
-    """Settings and model hash of the problem of a result."""
+    """Result with the settings and the model hash of its problem."""
 
     @property
     def settings(self) -> dict[str, Any]: ...
@@ -35,32 +33,34 @@ class SomeResult(Protocol):
 
 
 def check_result(problem: Problem, result: SomeResult, name: str = "result") -> None:
-    """Refuse a result of another model, of another rotor speed among them, or of other settings.
+    """Raise an error if a result has another model, another rotor speed or other settings.
 
     Parameters
     ----------
     problem : Problem
     result
-        With ``model_hash`` and ``settings``, which may lack some of those that there are now.
+        Has ``model_hash`` and ``settings``; settings added in a later version may be missing.
     name : str
+        Name in error messages.
 
     Raises
     ------
     SettingError
     """
-    kept, own = result.settings, problem.record()
-    other = [key for key in own if key in kept and kept[key] != own[key] and key != "stability"]
+    recorded, current = result.settings, problem.record()
+    other = [key for key in current if key in recorded and recorded[key] != current[key] and key != "stability"]
     if "speed" in other:
-        mine, at = ("none" if x is None else f"{x:.9g} rad/s" for x in (own["speed"], kept["speed"]))
-        raise SettingError(f"{name}: expected one at the rotor speed of this study, {mine}, found one at {at}")
-    if result.model_hash not in (problem.model.hash, replace(problem.model, stress={}).hash):  # stress may come later
-        raise SettingError(f"{name}: expected one of this study's model, found one of {'another' * bool(kept) or 'none'}")
-    found = ", ".join(f"{key} = {kept[key]} for {own[key]}" for key in other)
-    validation.require(not other, name, "one of this study", f"one with {found}")
+        mine, at = ("none" if x is None else f"{x:.9g} rad/s" for x in (current["speed"], recorded["speed"]))
+        raise SettingError(f"{name}: expected a result at the rotor speed of this study, {mine}, found {at}")
+    if result.model_hash not in (problem.model.hash, replace(problem.model, stress={}).hash):  # stress may be added later
+        found = "a result of another model" if recorded else "a result without a model"
+        raise SettingError(f"{name}: expected a result of this study's model, found {found}")
+    found = ", ".join(f"{key} = {recorded[key]} instead of {current[key]}" for key in other)
+    validation.require(not other, name, "a result of this study", found)
 
 
 def unknowns_of(problem: Problem, result: SomeResult) -> NDArray:
-    """(n, n_unknowns) the solutions of a peak or a curve, NaN where a curve has no value.
+    """Return the solutions (n, n_unknowns) of a peak or a curve, NaN at points of a curve without a solution.
 
     Parameters
     ----------
@@ -70,12 +70,12 @@ def unknowns_of(problem: Problem, result: SomeResult) -> NDArray:
     Raises
     ------
     SettingError
-        If there are none, or they are not those of this problem.
+        If there are no solutions, or they belong to another problem.
     """
     given: Any = result
     if hasattr(given, "y"):
         if not given.converged:
-            raise SettingError(f"result: expected a converged peak, found one that is {given.status}")
+            raise SettingError(f"result: expected a converged peak, found status {given.status!r}")
         unknowns = np.asarray(given.y)[None, :-1]
     elif hasattr(given, "unknowns"):
         unknowns = np.asarray(given.unknowns)
@@ -83,7 +83,8 @@ def unknowns_of(problem: Problem, result: SomeResult) -> NDArray:
         raise SettingError(f"result: expected a peak or a curve with its solutions, found a {type(result).__name__}")
     if not len(unknowns) or unknowns.shape[1] != problem.n_unknowns:
         n = unknowns.shape[1] if len(unknowns) else 0
-        raise SettingError(f"result: expected one of this study, with {problem.n_unknowns} unknowns, found {n}")
+        expected = f"a result of this study, with {problem.n_unknowns} unknowns"
+        raise SettingError(f"result: expected {expected}, found {n} unknowns")
     if hasattr(given, "settings"):
         check_result(problem, result)
     return unknowns
@@ -98,7 +99,7 @@ class Solutions(NamedTuple):
 
 
 def solutions_of(problem: Problem, result: SomeResult) -> Solutions:
-    """Solutions of a peak or a curve at known preloads, NaN where it has no value; errors as for :func:`unknowns_of`."""
+    """Return the solutions of a peak or a curve with their preloads; errors as for :func:`unknowns_of`."""
     given: Any = result
     unknowns = unknowns_of(problem, result)
     preload = np.asarray(given.parameter if hasattr(given, "y") else given.preload, float)
@@ -108,13 +109,13 @@ def solutions_of(problem: Problem, result: SomeResult) -> Solutions:
 
 
 def response_at(problem: Problem, result: SomeResult, location: str, direction: Direction = "tangential") -> NDArray:
-    """Response of a solved peak or curve at any location, from its solutions.
+    """Compute the response of a peak or a curve at any location, from its solutions.
 
     Parameters
     ----------
     problem : Problem
     result : ResponseCurve or Peak
-        Of this study.
+        Result of this study.
     location : str
     direction : {"tangential", "radial", "axial"} or three floats
 
@@ -126,7 +127,7 @@ def response_at(problem: Problem, result: SomeResult, location: str, direction: 
     Raises
     ------
     SettingError
-        If there is no such location, or the result is not one of this study.
+        If there is no such location, or the result belongs to another study.
     """
     places = [name for name, at in problem.model.locations.items() if at.kind is None]
     rows = problem.rows_at(Response(validation.choice("location", location, sorted(places)), direction))
@@ -134,11 +135,11 @@ def response_at(problem: Problem, result: SomeResult, location: str, direction: 
     return np.stack([problem.layout.amplitudes(unknowns, l) @ row for l, row in enumerate(rows)], axis=-1)
 
 
-# ---- Functions of a problem that also take a study ----
+# ---- functions of a problem or a study ----
 
 
 class Asking(Protocol):
-    """A study as the rooms see it."""
+    """Interface of a study that these functions use."""
 
     @property
     def problem(self) -> Problem: ...
@@ -154,23 +155,23 @@ A = TypeVar("A", bound=Asking | Problem)
 
 
 def problem_of(study: Asking | Problem) -> Problem:
-    """The problem of a study, or the one given.
+    """Return the problem of a study, or the problem itself.
 
     Raises
     ------
     SettingError
-        If it is neither.
+        If the argument is neither.
     """
-    found: Any = getattr(study, "problem", study)
-    return validation.instance("study", found, Problem, "a Study")
+    problem: Any = getattr(study, "problem", study)
+    return validation.instance("study", problem, Problem, "a Study")
 
 
 def like(study: A, problem: Problem) -> A:
-    """A problem as what was asked has it: a study of the problem, or the problem."""
-    made: Any = problem
+    """Return a problem in the type of the first argument: a study of the problem, or the problem."""
+    result: Any = problem
     if not isinstance(study, Problem):
-        made = study if problem is study.problem else study._with_problem(problem)
-    return made
+        result = study if problem is study.problem else study._with_problem(problem)
+    return result
 
 
 @overload
@@ -178,7 +179,7 @@ def asked(function: Callable[Concatenate[Problem, P], Problem]) -> Callable[Conc
 @overload
 def asked(function: Callable[Concatenate[Problem, P], R]) -> Callable[Concatenate[Asking | Problem, P], R]: ...
 def asked(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A function that takes a problem first takes a study, too, and answers a problem with a study of it."""
+    """Decorate a function of a problem to accept a study too; a returned problem becomes a study."""
 
     @wraps(function)
     def of_study(study: Any, /, *given: Any, **named: Any) -> Any:

@@ -1,7 +1,7 @@
-"""A problem at a rotor speed: the model there, the preload of the damper's own mass, what else changes with speed.
+"""A problem at a rotor speed: the model at this speed, the centrifugal preload, and speed-dependent conditions.
 
-The preload of a free body is its centrifugal load ``P = m r Omega^2`` along its own radial axis, with the radius ``r`` of
-its centre of mass at rest.  Speeds are in rad/s.
+The preload of a free body is its centrifugal load ``P = m r Omega^2`` along its radial axis, with the radius ``r`` of its
+centre of mass at rest.  Speeds are in rad/s.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from bdamper.util.formatting import short
 RPM = 60.0 / (2.0 * np.pi)
 """Revolutions per minute in one rad/s."""
 Table = Mapping[float, float] | Callable[[float], float]
-"""A function of one number, or its values: linear in between, and refused outside."""
+"""Function of one number, or its values: interpolated linearly, an error outside."""
 Excitations = Callable[[float, int], float] | Mapping[int, Any]
 
 
 def read(name: str, table: Table, at: float) -> float:
-    """The value of a function, or of a table interpolated linearly, at a number within it."""
+    """Evaluate a function, or interpolate a table linearly; raise SettingError outside the table."""
     if callable(table):
         return validation.number(f"{name} at {at:g}", table(at))
     places = sorted(table)
@@ -61,17 +61,22 @@ def _excitation(name: str, given: Excitations) -> Excitations:
 @validation.spelt
 @dataclass(frozen=True)
 class Conditions:
-    """Conditions that change with rotor speed besides structure and preload; others are those of the study.
+    """Conditions that depend on the rotor speed in addition to structure and preload.
 
     Parameters
     ----------
     friction : mapping of number to number, or callable, optional
-        Friction coefficient of all friction faces over speed (rad/s), or over temperature where that is given.
+        Friction coefficient of all friction faces over speed (rad/s), or over ``temperature`` if given.
     temperature : mapping of number to number, or callable, optional
-        Temperature of the contacts over speed, in the unit that ``friction`` takes.
+        Temperature of the contacts over speed, in the unit that ``friction`` uses.
     excitation : callable or mapping, optional
-        Amplitude of the excitation (N): ``excitation(omega, engine_order)``, or by engine order a number or a mapping of
-        speed to newtons.
+        Amplitude of the excitation (N): ``excitation(omega, engine_order)``, or for each engine order a number or a mapping
+        of speed to newtons.
+
+    Raises
+    ------
+    SettingError
+        If a value is not valid, or a temperature is given without friction.
     """
 
     friction: Annotated[Table, _table] | None = None
@@ -83,7 +88,7 @@ class Conditions:
         if self.temperature is not None and self.friction is None:
             raise SettingError("temperature: expected friction with it, a function or table of temperature, found none")
 
-    def __repr__(self) -> str:  # the same from run to run
+    def __repr__(self) -> str:  # without memory addresses, so that it is reproducible
         def named(value: object) -> str:
             return f"{value.__module__}.{value.__qualname__}" if hasattr(value, "__qualname__") else repr(value)
 
@@ -91,33 +96,35 @@ class Conditions:
         return f"Conditions({', '.join(f'{name}={named(v)}' for name, v in given.items() if v is not None)})"
 
     def values(self, speeds: Iterable[float], engine_orders: Iterable[int]) -> tuple[tuple[float | None, ...], ...]:
-        """Friction and excitation of each order at speeds: what functions are known by, of which a name says little."""
+        """Return friction and excitation of each order at speeds; they identify functions, which have no comparable
+        value.
+        """
         orders = list(engine_orders)
         return tuple((self.friction_at(w), *(self.excitation_at(w, order) for order in orders)) for w in speeds)
 
     def reach(self, engine_order: int) -> tuple[float, float]:
-        """Speeds (rad/s) that the tables over speed reach."""
+        """Return the range of speeds (rad/s) that all tables over speed cover."""
         over = self.friction if self.temperature is None else self.temperature
         force = self.excitation.get(engine_order) if isinstance(self.excitation, Mapping) else None
         tables = [table for table in (over, force) if isinstance(table, Mapping)]
         return max((min(t) for t in tables), default=0.0), min((max(t) for t in tables), default=float("inf"))
 
     def friction_at(self, omega: float) -> float | None:
-        """Friction coefficient at a speed; None if it does not change."""
+        """Return the friction coefficient at a speed; None if it is constant."""
         if self.friction is None:
             return None
         at = omega if self.temperature is None else read("temperature", self.temperature, omega)
         return validation.number("friction", read("friction", self.friction, at), least=0.0)
 
     def excitation_at(self, omega: float, engine_order: int) -> float | None:
-        """Amplitude of the excitation (N) at a speed; None if it does not change."""
+        """Return the amplitude of the excitation (N) at a speed; None if it is constant."""
         given = self.excitation
         if given is None:
             return None
         if callable(given):
             force: Any = given(omega, engine_order)
         elif engine_order not in given:
-            raise SettingError(f"excitation: expected one for engine order {engine_order}, found those of {list(given)}")
+            raise SettingError(f"excitation: expected a value for engine order {engine_order}, found orders {list(given)}")
         else:
             force = given[engine_order]
             force = read("excitation", force, omega) if isinstance(force, Mapping) else force
@@ -127,7 +134,7 @@ class Conditions:
 
 
 def preload_at(problem: Problem, omega: float) -> float:
-    """Preload (N) of the damper's mass at a rotor speed (rad/s), 0 in a study whose damper is not loaded."""
+    """Return the preload (N) from the damper's mass at a rotor speed (rad/s); 0 if the damper carries no load."""
     return centrifugal_load(problem.model) * omega**2 if problem.carries_load else 0.0
 
 
@@ -138,20 +145,21 @@ Speeds = Sequence[float] | NDArray | float
 def asked_speeds(
     problem: Problem, speeds: Speeds | None, rpm: Speeds | None, check: Callable[..., Any] = validation.numbers
 ) -> Any:
-    """The speeds (rad/s) of a user who gives them in rad/s or in revolutions per minute; a warning where those were meant.
+    """Return speeds in rad/s from arguments in rad/s or in revolutions per minute; warn if rpm were probably given as
+    rad/s.
 
     Raises
     ------
     SettingError
-        Unless one of the two is given, and above 0.
+        Unless exactly one of the two is given, and positive.
     """
     if (speeds is None) == (rpm is None):
-        raise SettingError(f"rotor speed: expected it in rad/s or as rpm=, found {'none' if rpm is None else 'both'}")
+        raise SettingError(f"rotor speed: expected a value in rad/s or rpm=, found {'none' if rpm is None else 'both'}")
     if rpm is not None:
         return check("rpm", rpm, above=0.0) / RPM
     values = check("speeds" if check is validation.numbers else "rotor speed", speeds, above=0.0, unit="rad/s")
     radius = max((float(np.hypot(*place.position[:2])) for place in problem.model.locations.values()), default=0.0)
-    # largest speed (m/s) of a point of a rotor: the longest blades of steam turbines, of titanium, come to some 750
+    # largest plausible tip speed (m/s): the longest titanium blades of steam turbines reach about 750
     tip_speed = 800.0
     if radius * np.max(values) > tip_speed:
         implausible(
@@ -165,7 +173,7 @@ def asked_speeds(
 @asked
 @partial(validation.spelt, also=Conditions.__dataclass_fields__)
 def at_speed(problem: Problem, /, omega: float | None = None, *, rpm: float | None = None, **conditions: Any) -> Problem:
-    """The same problem at a rotor speed: its model there, friction and excitation by speed where they are given.
+    """Return the same problem at a rotor speed: model, friction and excitation at this speed.
 
     Parameters
     ----------
@@ -179,19 +187,19 @@ def at_speed(problem: Problem, /, omega: float | None = None, *, rpm: float | No
     Returns
     -------
     Problem or Study, as given
-        ``preload`` of such a study is that of the damper's mass at this speed; an analysis at another preload is still one
-        of this speed, with faces displaced as this preload goes with them.
+        ``preload`` of such a study is the centrifugal load of the damper at this speed.  An analysis at another preload
+        still has this speed; the displacement of the faces by rotation scales with the preload.
 
     Raises
     ------
     SettingError
-        If no free body carries a load, or a table does not reach the speed.
+        If no free body carries a load, or a table does not cover the speed.
     """
     return under(problem, asked_speeds(problem, omega, rpm, validation.number), Conditions(**conditions))
 
 
 def under(problem: Problem, omega: float, conditions: Conditions) -> Problem:
-    """See :func:`at_speed`; for conditions that are made already."""
+    """Return the problem at a rotor speed (rad/s) under the given conditions; see :func:`at_speed`."""
     changes: dict[str, Any] = {"model": as_checked(problem.model.at_speed(omega)), "speed": omega}
     mu = conditions.friction_at(omega)
     if mu is not None:

@@ -1,12 +1,15 @@
-"""Harmonic balance equations of one sector under given settings, at one preload and one excitation.
+"""Harmonic balance equations of one sector (paper, Eq. (16)) at one preload and excitation, and their linear limits.
 
-The parameter is the frequency.  With the excitation as the parameter (:func:`excitation_ramp`), and a support that fades
-out with it (:func:`supported_by`), they lead to a first solution.
+The parameter of the equations is the frequency.  To find a first solution the parameter is a factor on the excitation
+(:func:`excitation_ramp`), optionally with a support that fades out (:func:`supported_by`).
 
-Linear limits of a response: no contact at all, or every closed point stuck.
+The linear limits are no contact and permanent stick.  With springs ``K_c`` in place of the contact the first harmonic
+solves
 
-With springs K_c in place of the contact the first harmonic solves Z(omega) q = f, Z = K + K_c + i omega D - omega^2 M.  Its
-poles give the resonances.
+    Z(omega) q = f,      Z = K + K_c + i omega C - omega^2 M.
+
+Its poles are the resonances of the limits.  :func:`segments` gives the states of one contact point over the cycle; the
+transitions between them, such as the slip-to-stick event, are computed in ``csrc/contact/event_driven.c``.
 """
 
 from __future__ import annotations
@@ -37,27 +40,28 @@ from bdamper.model.kinematics import HarmonicBasis
 from bdamper.util import validation
 from bdamper.util.errors import SettingError
 
-# ---- Linear limits of a response ----
+# ---- linear limits ----
 
 
 UNDAMPED = 1e-9
 """Ratio of half-width to frequency of a resonance without damping."""
 NEAREST = 1e-4
-"""Distance, relative to its frequency, at which the response beside a resonance without damping is still solved for."""
+"""Smallest distance from an undamped resonance, relative to its frequency, at which the response is computed."""
 
 
 @dataclass(frozen=True, eq=False)
 class Linear:
-    """A structure with linear springs in place of the contact.
+    """Structure with linear springs in place of the contact.
 
     Parameters
     ----------
     bases : sequence of HarmonicBasis
-        One for each harmonic, with the points and axes to which springs are given.
-    springs : (n_points, 3) float
-        Those that are a part of the bodies.
+        Modes of each harmonic at the contact points, along the axes of the springs.
+    springs : (n_points, 3) float, N/m
+        Springs that are part of the bodies.
     layout : Layout
     force : (n_unknowns,) float
+        Modal excitation and static load.
     """
 
     bases: Sequence[HarmonicBasis]
@@ -66,7 +70,7 @@ class Linear:
     force: NDArray
 
     def matrix(self, omega: float, contact: NDArray | None, harmonic: int = 1) -> NDArray:
-        """Complex dynamic stiffness of one harmonic with linear springs (n_points, 3) at the contact points."""
+        """Return the complex dynamic stiffness of a harmonic with linear springs (n_points, 3) at the contact points."""
         b = self.bases[harmonic]
         w = harmonic * omega
         Z = np.diag(b.omega2 - w**2 * b.mass + 1j * w * b.damping).astype(complex)
@@ -77,12 +81,12 @@ class Linear:
         return Z
 
     def modes(self, contact: NDArray | None, harmonic: int = 1) -> tuple[NDArray, NDArray]:
-        """Undamped frequencies (rad/s), ascending, and mass-normalised modes under linear springs (n_points, 3).
+        """Return undamped frequencies (rad/s), ascending, and mass-normalised modes with linear springs (n_points, 3).
 
-        Modal coordinates without mass follow the others statically and add no frequency.
+        Massless modal coordinates follow the others statically and add no frequency.
         """
         K = self.matrix(0.0, contact, harmonic)
-        shift = max(float(np.abs(np.diag(K)).max()) * 1e-6, 1.0)  # free rigid-body modes have no stiffness
+        shift = max(float(np.abs(np.diag(K)).max()) * 1e-6, 1.0)  # rigid-body modes have zero stiffness
         M = np.diag(self.bases[harmonic].mass)
         inverse, vectors = scipy.linalg.eigh(M, 0.5 * (K + K.conj().T) + shift * M)
         keep = np.flatnonzero(inverse > 1e-12 * inverse[-1])[::-1]
@@ -90,14 +94,17 @@ class Linear:
         return np.sqrt(pole), vectors[:, keep] / np.sqrt(inverse[keep])
 
     def response(self, omega: float, contact: NDArray | None, harmonic: int = 1) -> NDArray:
-        """Complex modal amplitudes of one harmonic under linear contact; rigid modes without any contact stay at rest."""
+        """Return the complex modal amplitudes of a harmonic under linear contact; unrestrained rigid-body modes stay at
+        rest.
+        """
         e = self.layout.amplitudes(self.force, harmonic)
         return np.linalg.lstsq(self.matrix(omega, contact, harmonic), e, rcond=1e-14)[0]
 
     def resonances(self, springs: Sequence[NDArray | None], low: float, high: float) -> list[tuple[float, float, NDArray]]:
-        """Resonances with some springs (none without contact, those of every closed point where it sticks).
+        """Return the resonances between ``low`` and ``high`` (rad/s) for several sets of contact springs.
 
-        Frequency and half-width (damping ratio times frequency) in rad/s, and the row that gives the modal coordinate.
+        Each is a tuple of frequency and half-width (damping ratio times frequency) in rad/s, and the row that gives the
+        modal coordinate.
         """
         out = []
         basis = self.bases[1]
@@ -110,9 +117,10 @@ class Linear:
         return out
 
     def maximum(self, row: NDArray, springs: NDArray | None, omega: float, width: float) -> tuple[float, float]:
-        """Frequency (rad/s) and amplitude (m) of the maximum at a resonance of so many rad/s and half-width.
+        """Return frequency (rad/s) and amplitude (m) of the maximum near a resonance of frequency ``omega`` and half-width
+        ``width``.
 
-        ``row`` (n_modes,) gives the response.  Without damping the response is unbounded, and the amplitude infinite.
+        ``row`` (n_modes,) gives the response.  Without damping the amplitude is infinite.
         """
         if width <= UNDAMPED * omega:
             return omega, np.inf
@@ -122,25 +130,26 @@ class Linear:
 
         ends = (omega - 3.0 * width, omega + 3.0 * width)
         options = {"xatol": 1e-9 * omega, "maxiter": 200}
-        found = minimize_scalar(negative, bounds=ends, method="bounded", options=options)
-        return float(found.x), -float(found.fun)
+        minimum = minimize_scalar(negative, bounds=ends, method="bounded", options=options)
+        return float(minimum.x), -float(minimum.fun)
 
 
 
 
 def reach(free: Sequence[float], stuck: Sequence[float], low: float, high: float) -> tuple[float, float]:
-    """Interval in which branches that pass through (low, high) may turn, in the unit of the arguments.
+    """Return the interval in which branches that pass through (low, high) may have folds, in the unit of the arguments.
 
-    As contact slips and opens, the resonance of a mode and its folds shift from the stuck to the free frequency.  An end
-    between the two of one mode is moved just beyond the outer one; other ends stay.  Modes are paired in their order.
+    As the contact slips and opens, the resonance of a mode moves from its stuck towards its free frequency, and so do the
+    folds.  An end between the two frequencies of a mode moves just beyond the outer one.  Modes are paired in ascending
+    order.
 
     Parameters
     ----------
     free, stuck : sequence of float
-        Resonances without contact (rigid motions left out) and with stuck contact, ascending.
+        Resonances without contact (without rigid-body modes) and with stuck contact, ascending.
     low, high : float
     """
-    # part of its frequency by which a branch may turn beyond the resonance without contact or with stuck contact
+    # relative distance beyond the free or stuck resonance at which a branch may turn
     beyond = 0.03
     spans = [((1.0 - beyond) * min(pair), (1.0 + beyond) * max(pair)) for pair in zip(free, stuck)]
     bottom = min((a for a, b in spans if a < low < b), default=low)
@@ -149,11 +158,11 @@ def reach(free: Sequence[float], stuck: Sequence[float], low: float, high: float
 
 
 def around(low: float, high: float) -> tuple[float, float]:
-    """Interval in which a pole may lie of which the maximum is in (low, high)."""
+    """Return the interval of poles whose maxima may lie in (low, high)."""
     return 0.8 * low, 1.25 * high
 
 
-# ---- Harmonic balance equations of one sector under given settings, at one preload and one exci ----
+# ---- equations of a sector ----
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,19 +172,19 @@ class Sector:
     Parameters
     ----------
     bases : sequence of HarmonicBasis
-        One for each harmonic 0..n_harmonics.
+        Modes of each harmonic 0..n_harmonics.
     points : PointArrays
     force : (n_unknowns,) float
         Modal excitation and static load, in the layout of the unknowns.
     response_rows : sequence of (n_modes,) complex
-        Row of modal amplitudes that gives the response, for each harmonic.
+        For each harmonic, the row of modal amplitudes that gives the response.
     contact_forces : {"event_driven"} or AFT
     force_scale : (2,) float
         Reference modal forces of the mean and of the harmonics, for the relative residual.
-    springs : (n_points, 3) float
-        Springs that are a part of the bodies: with contact and without it.
+    springs : (n_points, 3) float, N/m
+        Springs that are part of the bodies, with contact and without.
     spring_bases : sequence of HarmonicBasis, optional
-        Modes at the points and along the axes to which linear springs are given; ``bases`` by default.
+        Modes at the points and along the axes of linear springs; ``bases`` by default.
     """
 
     bases: list[HarmonicBasis]
@@ -192,22 +201,22 @@ class Sector:
 
     @cached_property
     def evaluation_code(self) -> tuple[int, int]:
-        """Way of evaluation and number of samples, as the core has them."""
+        """Evaluation method and number of samples in the encoding of the core."""
         return evaluation_code(self.contact_forces, len(self.bases) - 1, np.asarray(self.points.law))
 
     @property
     def exact(self) -> bool:
-        """Whether contact forces come from events, not from samples."""
+        """Whether contact forces are event-driven, not sampled."""
         return self.evaluation_code[0] == 0
 
     @cached_property
     def layout(self) -> Layout:
-        """Places of the harmonics among the unknowns."""
+        """Indices of the harmonics in the unknowns."""
         return Layout(np.array([len(b.omega2) for b in self.bases], np.intc))
 
     @cached_property
     def linear(self) -> Linear:
-        """The sector with linear springs in place of the contact."""
+        """Sector with linear springs in place of the contact."""
         return Linear(tuple(self.spring_bases or self.bases), self.springs, self.layout, self.force)
 
     @cached_property
@@ -233,12 +242,12 @@ class Sector:
 
     @property
     def own(self) -> tuple[tuple[Any, ...] | None, ...] | None:
-        """Contact laws of the user's own as the core takes them, with what points remember from the static state."""
+        """User-defined contact laws in the form of the core, with their static state variables."""
         own, memory = self.points.own, self.points.memory
         return None if own is None or memory is None else own.core(memory)
 
     def core(self, **over_speed: Any) -> _core.Sector:
-        """The core's equations, those of a family if its arguments are given."""
+        """Return the core's equations, of a family over speed if its arguments are given."""
         mode, n_time = self.evaluation_code
         given: dict[str, Any] = self.arrays | over_speed | {"own": self.own}
         return _core.Sector(**given, evaluation=mode, n_time=n_time, row_scale=row_scale(self.layout, self.force_scale))
@@ -250,7 +259,7 @@ class Sector:
 
     @property
     def work(self) -> NDArray:
-        """(4,) million operations of an evaluation, Jacobian, factorisation, solution by least norm."""
+        """(4,) million operations of an evaluation, a Jacobian, a factorisation and a least-norm solution."""
         n, points = len(self.force), len(self.points.kn)
         contact = 28e3 * (2 * len(self.bases) - 1) if self.exact else 120e3 + 1.2e3 * self.evaluation_code[1]
         return 1e-6 * np.array([points * contact, 6.0 * points * n**2, n**3 + 700.0 * n**2 + 1e6, 15.0 * n**3])
@@ -261,28 +270,28 @@ class Sector:
 
     @property
     def equations(self) -> Equations[Sector]:
-        """The equations at any frequency, made once in each thread: budget and cost are counted by the core."""
+        """Equations at any frequency, one object for each thread, because the core counts budget and cost."""
         if not hasattr(self._of_thread, "equations"):
             self._of_thread.equations = Equations(
                 self.core(), self, self.layout, self.response_rows, self.rows, InFrequency(int(self.layout.n_mode[0])),
                 row_scale(self.layout, self.force_scale), len(self.points.kn), self.work,
             )  # fmt: skip
-        made: Equations[Sector] = self._of_thread.equations
-        return made
+        equations: Equations[Sector] = self._of_thread.equations
+        return equations
 
 
 def row_scale(layout: Layout, force_scale: tuple[float, float]) -> NDArray:
-    """(n_unknowns,) factors on the residual, from reference forces of the mean and of the harmonics."""
+    """Return factors (n_unknowns,) on the residual, from reference forces of the mean and of the harmonics."""
     scale = np.full(layout.n_unknowns, 1.0 / force_scale[1])
     scale[: layout.n_mode[0]] = 1.0 / force_scale[0]
     return scale
 
 
 def excitation_ramp(system: Equations[Sector], omega: float, support: NDArray | None = None) -> Equations[Sector]:
-    """The same equations with a factor on the excitation of harmonics as the parameter, at fixed omega.
+    """Return the equations at fixed omega (rad/s) with a factor on the excitation as the parameter.
 
-    The last entry of a point ``y`` is then the factor, which also fades out the linear force ``support``
-    (n_unknowns, n_unknowns), if there is one.
+    The parameter scales the excitation of the harmonics and fades out the linear force ``support`` (n_unknowns,
+    n_unknowns).
     """
     assert isinstance(system.core, _core.Sector)
     ramp = np.array(system.structure.force, float)
@@ -292,18 +301,18 @@ def excitation_ramp(system: Equations[Sector], omega: float, support: NDArray | 
 
 
 def supported_coordinates(sector: Sector) -> list[NDArray]:
-    """For each harmonic (n_modes,) bool: mask of coordinates that the homotopy supports (free bodies, or all)."""
+    """Return masks (n_modes,) of the coordinates that the homotopy supports, for each harmonic: free bodies, or all."""
     free = [basis.omega2 == 0.0 for basis in sector.bases]
     return free if any(f.any() for f in free) else [np.ones_like(f) for f in free]
 
 
 def supported_by(system: Equations[Sector], omega: float, drag: float, spring: float) -> Equations[Sector]:
-    """The same equations at fixed omega with free bodies on a support that fades as the parameter s goes to 1.
+    """Return the equations at fixed omega (rad/s) with free bodies on a support that fades out as the parameter s
+    approaches 1.
 
-    Viscous ``drag`` on the vibration and ``spring`` on the mean of coordinates without stiffness of their own (of all,
-    if there are none), in units of ``omega`` and ``omega**2``, times ``1/s - 1``.  The last entry of a point ``y`` is
-    then s, which is also the factor on the excitation: bodies without preload, which answer in proportion to it, rest
-    on the support at its start.
+    The support has a viscous ``drag`` on the vibration and a ``spring`` on the mean of coordinates without stiffness (all
+    coordinates, if there are none), in units of ``omega`` and ``omega**2``, times ``1/s - 1``.  The parameter s also scales
+    the excitation.  At s = 0 bodies without preload, whose response is proportional to it, rest on the support.
     """
     support = np.zeros((system.n_unknowns, system.n_unknowns))
     for l, free in enumerate(supported_coordinates(system.structure)):
@@ -327,21 +336,34 @@ def segments(
     contact_forces: str | AFT = "event_driven",
     load: float | None = None,
 ) -> list[list[tuple[float, float, int]]]:
-    """Parts of the cycle at one contact point: for each tangential direction a list of (start, end, state).
+    """Return the contact states of one point over the cycle, a list of (start, end, state) for each tangential direction.
+
+    The end of a slip segment followed by stick is the slip-to-stick event.
 
     Parameters
     ----------
     x : (3, n_coef) float
-        Motion (u1, u2, v) as coefficients.
+        Motion (u1, u2, v) as coefficients, m.
+    kt : (2,) float, N/m
+        Tangential stiffness.
+    kn : float, N/m
+        Normal stiffness.
+    mu : float
+    n0 : float, N
+        Normal load at zero motion.
+    slider : (2,) float, m
+        Slider position in permanent stick.
+    law : int
     contact_forces : {"event_driven"} or AFT
         Coupled laws need samples.
     load : float, N, optional
-        Normal load that limits friction under the laws of constant load; ``n0`` by default.
+        Normal load of the friction limit under the laws of constant load; ``n0`` by default.
 
     Returns
     -------
-    list of two lists; states 0 stick, 1 slip + (or slip of a coupled law), 2 slip -, 3 open; angles in radians, the last
-    may pass 2 pi.
+    list of two lists
+        States: 0 stick, 1 slip + (or slip of a coupled law), 2 slip -, 3 open.  Angles in radians; the last may exceed 2
+        pi.
     """
     F = np.empty_like(x)
     J = np.empty(x.shape + x.shape)
@@ -354,7 +376,7 @@ def segments(
 
 def evaluation_code(contact_forces: str | AFT, harmonics: int, law: NDArray) -> tuple[int, int]:
     if contact_forces == "event_driven" and np.isin(law, (LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_USER)).any():
-        raise SettingError('contact_forces: expected AFT(n) with a law that has no closed form, found "event_driven"')
+        raise SettingError('contact_forces: expected AFT(n), since the law has no closed form, found "event_driven"')
     check_evaluation(contact_forces, harmonics)
     if isinstance(contact_forces, AFT):
         return (1 if contact_forces.interpolate else 2), contact_forces.n_time

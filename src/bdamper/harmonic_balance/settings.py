@@ -1,6 +1,6 @@
-"""The settings of a problem: what the user chooses about one model, checked at once.
+"""Settings of a study of one model, checked on creation.
 
-Every setting stands for a choice of the method (paper, sections 2 and 3): modes and nodal diameters of the bodies, contact
+Each setting is a choice of the method (paper, sections 2 and 3): modes and nodal diameters of the bodies, contact
 stiffness, friction law, preload history, harmonics of the response.
 """
 
@@ -34,7 +34,8 @@ CIGEROGLU_2009: Mapping[str, Any] = {
     "fundamental_modes_only": True
 }  # fmt: skip
 """Settings of the paper (sections 2.2, 3.2 and 4.1): ``Study(model, ..., **CIGEROGLU_2009)``,
-``study.replace(**CIGEROGLU_2009)``."""
+``study.replace(**CIGEROGLU_2009)``.
+"""
 
 
 @partial(validation.spelt, name="Study")
@@ -48,89 +49,86 @@ class Settings:
     model : Model
     excitation : Excitation
     engine_order : int
-        Of the fundamental harmonic; a bladed disk has no default, a structure without cyclic symmetry needs none.
+        Engine order of the fundamental harmonic.  Required for a bladed disk; 1 for a structure without cyclic symmetry.
     friction_coefficient : float or mapping of interface name to float or (n_points,) float
         An array has a value for each contact point of the interface in the model; united patches have the mean.
     response : Response, optional
-        Location and direction of the excitation by default.
+        Location and direction of the response; those of the excitation by default.
     harmonics : int or tuple of int
-        Harmonics of the response besides the mean: how many, or which.
+        Number of harmonics of the response without the mean, or their numbers.
     contact_stiffness : {"residual_modes", "unit_traction", "cigeroglu2009", "model"}, ResidualModes, float, PerArea,
     mapping, None
-        Method (see :mod:`bdamper.contact.stiffness`), values in N/m or N/m3, or "model": those that the model carries.
-        By default residual modes where the model carries the static flexibility that they need; else the values that the
-        model carries, or unit tractions, with a note in ``stiffness_report`` and a
-        :class:`~bdamper.util.errors.BdamperWarning`.
+        Method (see :mod:`bdamper.contact.stiffness`), values in N/m or N/m3, or "model" for the values in the model.
+        Default: residual modes if the model contains their static flexibility, otherwise the values of the model or unit
+        tractions, with a note in ``stiffness_report`` and a :class:`~bdamper.util.errors.BdamperWarning`.
     contact_stiffness_factor : float
-        On all contact stiffness, whatever its method, that of residual modes too: the flexibility of the whole contact is
-        divided by it.
+        Factor on the contact stiffness of any method.  For residual modes it divides the flexibility of the whole contact.
     blade_modes : int
-        Modes of each constrained body, no more than the model has; the default stands for all of a model that has fewer.
+        Number of modes of each constrained body, limited by the model; the default is accepted for a smaller model.
     damper_modes : int or mapping of body name to int
-        Elastic modes of each free body; of those that a mapping does not name, none.
+        Number of elastic modes of each free body; 0 for bodies that a mapping does not list.
     rigid_modes : sequence of str
-        Rigid-body modes of free bodies: "TX", "TY", "TZ" (translation) and "RX", "RY", "RZ" (rotation), along and about
-        the damper's own axes.
+        Rigid-body modes of free bodies: "TX", "TY", "TZ" (translation) and "RX", "RY", "RZ" (rotation), along and about the
+        damper's axes.
     constraint_planes : bool
-        Whether constraint planes (front and back of a damper) take part.
+        Include constraint planes (front and back of a damper).
     fundamental_modes_only : bool
-        Describe every harmonic by the modes of the fundamental's nodal diameter, as the paper does.
+        Describe every harmonic by the modes of the fundamental's nodal diameter, as in the paper.
     damping_ratio : float, optional
-        For all elastic modes, instead of the model's.
+        Damping ratio of all elastic modes, instead of the values of the model.
     damper_damping_ratio : float or mapping of body name to float
-        Of every motion of free bodies, rigid and elastic, by itself on the springs of its friction faces while these are
-        closed and stuck and the blades at rest, on top of the model's own; a motion against which nothing acts has none.
-        Modes of the stuck damper, which combine these motions, have 0.7 to 1.7 times that on the shipped models.
+        Damping ratio of each rigid-body and elastic motion of a free body, alone on the stuck springs of its friction faces
+        with the blades at rest.  It is added to the damping in the model.  A motion without stiffness has none.  Modes of
+        the stuck damper, which combine these motions, have 0.7 to 1.7 times this value on the shipped models.
     aerodynamic_damping : complex or mapping of nodal diameter to complex, optional
-        Of a flow around the blades: a damping ratio of every mode of the constrained bodies, besides their own; of a
-        complex number the imaginary part is that, and the real part a relative shift of the frequency, as in
-        :meth:`bdamper.Study.flutter`.  At the nodal diameter of the engine order, or at those given: waves ``d`` and
-        ``n_blades - d`` (or ``-d``) run in opposite senses.  None at others and on the mean.
-        :func:`bdamper.influence_coefficients` gives them from a few blades.
+        Damping ratio by the flow for every mode of the constrained bodies, added to their damping.  Of a complex number the
+        imaginary part is the damping ratio and the real part a relative frequency shift, as in
+        :meth:`bdamper.Study.flutter`. A number applies to the nodal diameter of the engine order.  Waves ``d`` and
+        ``n_blades - d`` (or ``-d``) travel in opposite directions.  Other nodal diameters and the mean have none.
+        :func:`bdamper.influence_coefficients` computes them from a few blades.
     damper_drag : float or mapping of body name to float, N s/m
-        Viscous force on the translation of free bodies over its velocity, in proportion to mass on all their motions.
+        Viscous force on the translation of free bodies over its velocity; proportional to mass for all their motions.
     contact_forces : {"event_driven"} or AFT
-        How contact forces are found over a cycle.
+        Evaluation of the contact forces over a cycle.
     friction_law : {"uncoupled", "coupled", "bonded"}, ContactLaw or mapping of interface to these
-        "uncoupled": an independent 1-D element along each of two axes.  "coupled": the friction force lies in a disk of
-        radius mu N (the static analysis uses the uncoupled law, see :mod:`bdamper.contact.static_state`).  "bonded": linear
-        springs in all directions and both senses.  A :class:`~bdamper.ContactLaw` is a compiled function, with springs of
-        its own in place of the contact stiffness.  It and "coupled" are sampled, at 128 instants unless ``contact_forces``
-        says otherwise.
+        "uncoupled": independent 1-D elements along two axes.  "coupled": the friction force lies in a disk of radius mu N
+        (the static analysis uses the uncoupled law, see :mod:`bdamper.contact.static_state`).  "bonded": linear springs in
+        all directions, also in tension.  A :class:`~bdamper.ContactLaw` is a compiled function; its stiffness replaces the
+        contact stiffness.  It and "coupled" are sampled, with 128 samples unless ``contact_forces`` is given.
     bias, variable_normal_load, separation : bool
-        Whether the mean moves, the friction limit follows the normal load, surfaces open and close; what is assumed
-        otherwise stands in :class:`~bdamper.harmonic_balance.effects.Effects`.
+        Whether the mean moves, the friction limit follows the normal load, and surfaces open and close.
+        :class:`~bdamper.harmonic_balance.effects.Effects` describes the assumptions otherwise.
     contact_points : int, optional
-        At most so many contact points on each friction face, by uniting neighbouring patches; no more than the model has.
+        Largest number of contact points on each friction face; neighbouring patches are united.
     gap : mapping of interface name to float or (n_points,) float, optional
-        Initial distance of the surfaces in m, instead of the model's, negative for interference; see
-        :func:`bdamper.face_gap`.  None under the law "bonded".
+        Initial gap of the surfaces in m, instead of the values of the model; negative for interference.  See
+        :func:`bdamper.face_gap`.  Not possible for the law "bonded".
     load_per_preload : mapping of name to float, optional
-        Newtons per newton of preload: on free bodies, by name, and of normal load on friction interfaces between
-        constrained bodies (shrouds, roots); nothing on those that are not named.  By default 1 on every loaded body.  At a
-        rotor speed mass times radius of the bodies decides, and the preload is that of the first one.
+        Newtons per newton of preload on free bodies, and of normal load on friction interfaces between constrained bodies
+        (shrouds, roots); 0 for names that are not listed.  Default: 1 on every loaded body.  At a rotor speed the loads are
+        proportional to mass times radius, and the preload is the load of the first body.
     constant_loads : mapping of name to float or (n_points,) float, optional
-        Newtons that do not change with the preload, on the same bodies and interfaces; one value for each contact point
-        of an interface, or their sum, which is shared by area.  Normal loads of an interface are those of the assembly:
-        after the structure has given way to them, and before the free bodies are loaded.  A negative load of a point is a
-        gap of ``-load/kn`` then; gaps of interfaces with a load do not count.
+        Newtons independent of the preload, on the same bodies and interfaces.  For an interface, one value for each contact
+        point, or their sum, distributed by area.  These normal loads act at assembly: after the deformation of the
+        structure and before the free bodies are loaded.  A negative load of a point is a gap of ``-load/kn`` in this state.
+        Gaps of interfaces with a load are ignored.
     load_history : tuple of float
-        Load factors through which a preload is reached, the last one 1: (1.5, 1.0) is an overload before it.
+        Load factors through which a preload is reached, the last one 1: (1.5, 1.0) is a preceding overload.
     stability : bool
-        Whether response curves come with the stability of every point.
+        Whether response curves include the stability of every point.
     speed : float, rad/s, optional
-        Rotor speed that the model belongs to, as :meth:`bdamper.Study.at_speed` sets it.  The static analysis then takes
-        the displacement of the faces by rotation, per newton of the damper's own centrifugal load.
+        Rotor speed of the model, set by :meth:`bdamper.Study.at_speed`.  The static analysis then includes the displacement
+        of the faces by rotation, per newton of the damper's centrifugal load.
     residual_slip_std : float, m
-        Standard deviation of the displacements from assembly at which friction has no force, drawn for every contact point;
-        the static analysis starts from them.
+        Standard deviation of the slider positions after assembly, drawn for each contact point.  The static analysis starts
+        from them.
     residual_slip_seed : int
-        Equal seeds draw equal offsets.
+        Seed of the random numbers.
 
     Raises
     ------
     SettingError, ModelError
-        At once, naming the setting, what was expected and what was found.
+        If a setting is not valid; the message names the setting, the expected and the given value.
     """
 
     model: Model = field(repr=False)
@@ -170,7 +168,7 @@ class Settings:
     def __post_init__(self) -> None:
         check_model_once(self.model)
         if self.engine_order is None:
-            expected = f"that of the excitation, since the model has {self.model.n_blades} sectors"
+            expected = f"the engine order of the excitation, since the model has {self.model.n_blades} sectors"
             validation.require(self.model.n_blades <= 1, "engine_order", expected, "none")
             object.__setattr__(self, "engine_order", 1)
         validation.checked(self)
@@ -199,11 +197,11 @@ class Settings:
             object.__setattr__(self, "aerodynamic_damping", self._flow(self.aerodynamic_damping))
 
     def _flow(self, given: complex | Mapping[int, complex]) -> dict[int, complex]:
-        """Relative shift of the frequency and damping ratio by the wave, 0 to n_blades - 1."""
-        own = given if isinstance(given, Mapping) else {self.engine_order: given}
+        """Return the complex aerodynamic coefficient of each wave, 0 to n_blades - 1."""
+        by_diameter = given if isinstance(given, Mapping) else {self.engine_order: given}
         validation.require(self.most_modes("constrained"), "aerodynamic_damping", "None without a constrained body", given)
         out = {}
-        for d, value in own.items():
+        for d, value in by_diameter.items():
             item = f"aerodynamic_damping at nodal diameter {d}"
             wave = validation.whole(item.replace("damping at", "damping,"), d, -self.model.n_blades) % self.model.n_blades
             validation.that(isinstance(value, (int, float, complex)) and np.isfinite(value), item, "a finite number", value)
@@ -225,25 +223,25 @@ class Settings:
         validation.choice("response location", self.response_location.location, places)
 
     def _check_orders(self) -> None:
-        """Every force acts on a harmonic that is solved for, the first one among them, which the amplitude is of."""
+        """Check that each force acts on a harmonic of the response, and one of them on the first."""
         for each in (self.excitation, *self.excitation.beside):
-            own = self.engine_order if each.engine_order is None else each.engine_order
+            order = self.engine_order if each.engine_order is None else each.engine_order
             known = [self.engine_order * l for l in self.harmonic_numbers]
-            validation.that(own in known, "engine_order of an excitation", f"one of {known}, those of the harmonics", own)
-        found = sorted(self.excited)
+            validation.that(order in known, "engine_order of an excitation", f"one of {known} (harmonics)", order)
+        harmonics = sorted(self.excited)
         validation.require(
-            found[0] == 1, "excitation", "a force of the study's own engine_order", f"harmonics {found} alone"
+            harmonics[0] == 1, "excitation", "a force of the study's own engine_order", f"harmonics {harmonics} alone"
         )
 
     @property
     def acts_at_location(self) -> bool:
-        """Whether the (first) excitation is a force in N at a location, no field of forces and no modal force."""
+        """Whether the first excitation is a force (N) at a location, not a force field or a modal force."""
         place = self.model.locations.get(self.excitation.location)
         return place is not None and place.kind is None
 
     @property
     def excited(self) -> dict[int, list[tuple[str, NDArray, complex]]]:
-        """Forces on each harmonic: location, direction (3,) that makes a row of its motions, and complex amplitude (N)."""
+        """Forces on each harmonic: location, direction (3,), and complex amplitude (N)."""
         out: dict[int, list[tuple[str, NDArray, complex]]] = {}
         for each in (self.excitation, *self.excitation.beside):
             place = self.model.locations.get(each.location)
@@ -255,7 +253,7 @@ class Settings:
 
     @property
     def places(self) -> tuple[tuple[str, NDArray], ...]:
-        """Locations and directions (3,) of the forces, those on a mode aside, and of the response."""
+        """Locations and directions (3,) of the response and of all forces but modal ones."""
         forces = [(at, along) for group in self.excited.values() for at, along, _ in group if at in self.model.locations]
         response = self.response_location
         return (*forces, (response.location, direction_vector(response.direction, "response direction")))
@@ -266,7 +264,7 @@ class Settings:
         return tuple(body.name for body in self.model.bodies.values() if body.kind == "free")
 
     def by_body(self, name: str) -> dict[str, Any]:
-        """A setting of free bodies ("damper_modes", "damper_damping_ratio", "damper_drag") for each of them."""
+        """Return the value for each free body of "damper_modes", "damper_damping_ratio" or "damper_drag"."""
         given = getattr(self, name)
         return {body: given.get(body, 0) if isinstance(given, Mapping) else given for body in self.free_bodies}
 
@@ -277,17 +275,17 @@ class Settings:
 
     @property
     def constrained_faces(self) -> tuple[str, ...]:
-        """Friction interfaces that no free body takes part in: shrouds, roots, a platform pressed on the ground."""
+        """Friction interfaces between constrained bodies: shrouds, roots, a platform pressed on the ground."""
         free = self.free_bodies
         return tuple(face.name for face in self.friction_faces if face.body_a not in free and face.body_b not in free)
 
     @property
     def loaded(self) -> tuple[str, ...]:
-        """Names of what may be loaded: bodies with a load, and friction interfaces between constrained bodies."""
+        """Names of bodies with a load and of friction interfaces between constrained bodies."""
         return (*(name for name, body in self.model.bodies.items() if body.load is not None), *self.constrained_faces)
 
     def given_loads(self, item: str) -> dict[str, Any]:
-        """``load_per_preload`` (1 on every loaded body where none are given) or ``constant_loads``, by name."""
+        """Return ``load_per_preload`` (by default 1 on every loaded body) or ``constant_loads``, by name."""
         given = getattr(self, item)
         if given is None and item == "load_per_preload":
             return {name: 1.0 for name in self.loaded if name in self.model.bodies}
@@ -314,30 +312,32 @@ class Settings:
 
     @property
     def holds_preload(self) -> bool:
-        """Whether contacts of lumped masses have a preload, which does not follow the contact stiffness."""
+        """Whether contacts of lumped masses have a preload, which is independent of the contact stiffness."""
         faces = self.model.interfaces
         lumped = [body for body in self.model.bodies.values() if body.kind == "lumped"]
         return any((faces[port[0]].gap < 0.0).any() for body in lumped for port in body.ports)
 
     def _check_held(self) -> None:
-        """What a lumped model carries as forces and matrices does not follow settings of contacts and modes."""
+        """Check that settings of contacts and modes do not contradict the forces and matrices of a lumped model."""
         drag = any(basis.drag is not None for body in self.model.bodies.values() for basis in body.bases.values())
         expected = "none, since the model carries a damping matrix that couples its modes"
         validation.that(not drag or self.damping_ratio is None, "damping_ratio", expected, self.damping_ratio)
-        own = isinstance(self.contact_stiffness, Mapping) and self.contact_stiffness_factor == 1.0
-        if self.holds_preload and not own:
+        given_values = isinstance(self.contact_stiffness, Mapping) and self.contact_stiffness_factor == 1.0
+        if self.holds_preload and not given_values:
             raise SettingError(
-                "contact_stiffness: expected that with which the model was made, since the preload of its contacts does "
-                "not follow it; make the model with other contacts instead"
+                "contact_stiffness: expected the values in the model, since the preload of its contacts does not depend on "
+                "them; create the model with other contacts instead"
             )
 
     @property
     def most_points(self) -> int:
-        """Contact points of the friction face of the model that has most of them; 0 without such a face."""
+        """Largest number of contact points of a friction face of the model; 0 without such a face."""
         return max((face.n_points for face in self.friction_faces), default=0)
 
     def most_modes(self, kind: str) -> int:
-        """Modes that every body of a kind has at every nodal diameter, elastic ones of free bodies; 0 without a body."""
+        """Return the number of modes that every body of a kind has at every nodal diameter (elastic modes of free
+        bodies).
+        """
         bodies = [body for body in self.model.bodies.values() if body.kind == kind]
         modes = min((basis.n_natural for body in bodies for basis in body.bases.values()), default=0)
         return modes - len(RIGID_NAMES) if bodies and kind == "free" else modes
@@ -346,9 +346,9 @@ class Settings:
         given, faces = self.friction_law, [face.name for face in self.friction_faces]
         if isinstance(given, Mapping) and set(given) != set(faces):
             raise validation.unfit("friction_law", f"one of {LAW_NAMES} for each interface {faces}", dict(given))
-        # settings that laws of the user's own do not go with
-        served = {"separation": True, "variable_normal_load": True, "stability": False}
-        for name, value in served.items() if self.own_laws() else ():
+        # user-defined laws require these settings
+        required = {"separation": True, "variable_normal_load": True, "stability": False}
+        for name, value in required.items() if self.own_laws() else ():
             validation.that(getattr(self, name) == value, name, f"{value!r} with a ContactLaw", getattr(self, name))
         sampled = {LAW_COUPLED, LAW_USER} & set(self.law_by_interface().values())
         if (
@@ -358,16 +358,16 @@ class Settings:
         _ = self.friction_by_interface()
 
     def _laws(self) -> dict[str, str | ContactLaw]:
-        """Of each friction interface."""
+        """Return the law of each friction interface."""
         given = self.friction_law
         return {face.name: given[face.name] if isinstance(given, Mapping) else given for face in self.friction_faces}
 
     def own_laws(self) -> dict[str, ContactLaw]:
-        """The user's own laws of friction interfaces."""
+        """Return the user-defined laws of friction interfaces."""
         return {name: law for name, law in self._laws().items() if isinstance(law, ContactLaw)}
 
     def law_by_interface(self) -> dict[str, int]:
-        """Law of each friction interface, before it is known which of them have friction."""
+        """Return the law of each friction interface, regardless of its friction coefficient."""
         return {name: LAW_USER if isinstance(law, ContactLaw) else LAWS[law] for name, law in self._laws().items()}
 
     @property
@@ -376,14 +376,16 @@ class Settings:
         return self.response or Response(self.excitation.location, self.excitation.direction)
 
     def interface_names(self) -> tuple[str, ...]:
-        """Interfaces that take part, constraint planes only if they are asked for."""
+        """Return the interfaces in use; constraint planes only if ``constraint_planes`` is set."""
         return tuple(
             name for name, face in self.model.interfaces.items() if self.constraint_planes or face.kind != "constraint"
         )
 
     def friction_by_interface(self) -> dict[str, float | NDArray]:
-        """Friction coefficient of each interface that takes part, or those (n_points,) of its points in the model; none but
-        on friction interfaces."""
+        """Return the friction coefficient of each interface in use, or those (n_points,) of its points in the model.
+
+        Interfaces without friction have 0.
+        """
         out: dict[str, float | NDArray] = {}
         given = self.friction_coefficient
         if isinstance(given, Mapping):
@@ -402,13 +404,13 @@ class Settings:
         return out
 
     def friction_values(self) -> list[float]:
-        """Friction coefficients that there are, ascending, without 0."""
+        """Return the positive friction coefficients, ascending."""
         values = [np.atleast_1d(value) for value in self.friction_by_interface().values()]
         return [mu for mu in np.unique(np.concatenate([*values, [0.0]])).tolist() if mu > 0.0]
 
     @property
     def harmonic_numbers(self) -> tuple[int, ...]:
-        """Harmonics besides the mean, ascending."""
+        """Harmonics without the mean, ascending."""
         return harmonic_numbers(self.harmonics)
 
     @property
@@ -423,14 +425,14 @@ class Settings:
         return {self.model.folded_nodal_diameter(order)[0] for order in orders}
 
     def record(self, stiffness_method: object, options: object = None) -> dict[str, Any]:
-        """All settings as results keep them: numbers, texts, lists and mappings of these.
+        """Return all settings in the form of results: numbers, texts, lists and mappings.
 
         Parameters
         ----------
         stiffness_method
-            That is in use for the contact stiffness.
+            Method of the contact stiffness in use.
         options : dataclass, optional
-            Of the continuation, kept beside them.
+            Options of the continuation, stored with the settings.
         """
         places = {"excitation": self.excitation, "response": self.response_location}
         out = {f.name: getattr(self, f.name) for f in fields(Settings) if f.name not in ("model", *places)}
@@ -443,7 +445,7 @@ class Settings:
 
 
 def settings_of(record: Mapping[str, Any]) -> dict[str, Any]:
-    """Settings by name from what :meth:`Settings.record` made of them; what a result keeps besides is left out."""
+    """Return settings by name from the output of :meth:`Settings.record`; other entries are ignored."""
     if record.get("friction_axes", "contact") != "contact":
         raise SettingError('friction_axes: expected "contact", the axes of this version, found "major"')
     hints = get_type_hints(Settings)
@@ -453,8 +455,8 @@ def settings_of(record: Mapping[str, Any]) -> dict[str, Any]:
     if isinstance(given["contact_stiffness"], Mapping):
         ((kind, value),) = given["contact_stiffness"].items()
         plain: Any = tuple(value) if isinstance(value, list) else _arrays(value)
-        made = PerArea(plain) if kind == "per_area" else plain
-        given["contact_stiffness"] = ResidualModes(**value) if kind == "residual_modes" else made
+        stiffness = PerArea(plain) if kind == "per_area" else plain
+        given["contact_stiffness"] = ResidualModes(**value) if kind == "residual_modes" else stiffness
     law = given.get("friction_law")
     if isinstance(law, Mapping):
         laws = {name: ContactLaw.of_record(x) if isinstance(x, Mapping) else x for name, x in law.items()}
@@ -479,7 +481,7 @@ def _stiffness_setting(given: Any) -> Any:
 
 
 def _plain(value: Any) -> Any:
-    """What JSON does not know among settings, in numbers, texts, lists and mappings of these."""
+    """Convert values that JSON does not support to numbers, texts, lists and mappings."""
     if isinstance(value, ContactLaw):
         return value.record()
     if isinstance(value, (np.ndarray, np.generic)):
@@ -490,5 +492,5 @@ def _plain(value: Any) -> Any:
 
 
 def check_history(name: str, history: Sequence[float]) -> tuple[float, ...]:
-    """Load factors, checked: at least one, none negative."""
+    """Return checked load factors: at least one, none negative."""
     return tuple(validation.numbers(f"{name}, load factors", history, least=0.0).tolist())

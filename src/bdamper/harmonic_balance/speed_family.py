@@ -1,10 +1,9 @@
-"""Equations along the line of an engine order, ``omega = EO Omega``, where everything changes with the rotor speed.
+"""Equations along an engine order line, ``omega = EO Omega``, on which all quantities depend on the rotor speed.
 
     R(u, omega) = r(u, omega; K(Omega), G(Omega), k(Omega), P(Omega), ...) = 0
 
-Every array of the equations is the polynomial of the squared speed through those of the equations at a few speeds, and so
-is the row of the response; its derivative along the line is the exact derivative of the polynomials
-(``csrc/balance/speed_family.c``).
+Each array of the equations, and the row of the response, is a polynomial in the squared speed that interpolates the arrays
+at a few speeds.  The derivative along the line is the exact derivative of the polynomials (``csrc/balance/speed_family.c``).
 """
 
 from __future__ import annotations
@@ -25,24 +24,24 @@ from bdamper.util.errors import SettingError
 
 
 def node_speeds(low: float, high: float, n: int) -> NDArray:
-    """(n,) speeds at which the squared speed has the Chebyshev points of an interval, the highest first."""
+    """Return n speeds, descending, whose squares are the Chebyshev points of the interval of the squared speed."""
     low, high = low**2, high**2
     return np.sqrt(0.5 * (low + high) + 0.5 * (high - low) * np.cos(np.pi * (np.arange(n) + 0.5) / n))
 
 
 @dataclass(frozen=True, eq=False)
 class Family:
-    """Equations of which the frequency decides the speed.
+    """Equations whose rotor speed follows from the frequency.
 
     Parameters
     ----------
     sectors : sequence of Sector
-        At two or more speeds.
+        Sectors at two or more speeds.
     speeds : (n,) float, rad/s
     rows : Rows
-        Of the response along the line.
+        Rows of the response along the line.
     weights : (n, n) float
-        Coefficients of Chebyshev polynomials from values at the speeds.
+        Matrix from values at the speeds to coefficients of Chebyshev polynomials.
     """
 
     sectors: tuple[Sector, ...]
@@ -52,16 +51,16 @@ class Family:
 
     @property
     def engine_order(self) -> int:
-        """Of the line."""
+        """Engine order of the line."""
         return self.rows.engine_order
 
     @property
     def bases(self) -> list[HarmonicBasis]:
-        """Modes of each harmonic at the speed in the middle."""
+        """Modes of each harmonic at the middle speed."""
         return self.sectors[len(self.sectors) // 2].bases
 
     def at(self, omega: float) -> Equations[Sector]:
-        """The equations at the speed of a frequency, in which the frequency is free."""
+        """Return the equations at the speed of a frequency (rad/s), with the frequency as a free parameter."""
         weights = self.rows.basis(omega, len(self.speeds)) @ self.weights
         middle = self.sectors[len(self.sectors) // 2]
 
@@ -84,34 +83,33 @@ class Family:
         return replace(middle, bases=bases, points=points, force=mixed("force"), response_rows=rows).equations
 
     def response_rows(self, omega: float) -> list[NDArray]:
-        """Row of modal amplitudes that gives the response at a frequency, for each harmonic."""
+        """Return the rows of modal amplitudes that give the response at a frequency (rad/s), for each harmonic."""
         weights = self.rows.basis(omega, len(self.speeds)) @ self.weights
         harmonics = range(len(self.sectors[0].bases))
         return [sum(w * s.response_rows[l] for w, s in zip(weights, self.sectors)) for l in harmonics]
 
 
 def responses(system: Equations[Family], y: NDArray) -> NDArray:
-    """(n, n_harmonics + 1) complex response amplitudes at points (n, n_unknowns + 1) along the line, the mean first."""
+    """Return complex response amplitudes (n, n_harmonics + 1) at points (n, n_unknowns + 1) of the line, the mean first."""
     rows = [system.structure.response_rows(point[-1]) for point in y]
     out = [[system.layout.amplitudes(point[:-1], l) @ row for l, row in enumerate(of)] for point, of in zip(y, rows)]
     return np.array(out, complex).reshape(len(y), system.n_harmonics + 1)
 
 
 def family_equations(systems: Sequence[Equations[Sector]], speeds: NDArray, engine_order: int) -> Equations[Family]:
-    """Equations along the line of an engine order.
+    """Create the equations along an engine order line.
 
     Parameters
     ----------
     systems : sequence of Equations
-        At two or more speeds, with unknowns that can be compared; those in the middle of the sequence lend what does not
-        change.
+        Equations at two or more speeds, in comparable coordinates.  The middle one provides the constant quantities.
     speeds : (n,) float, rad/s
     engine_order : int
 
     Raises
     ------
     SettingError
-        If contact laws or numbers of unknowns differ from speed to speed.
+        If contact laws or the number of unknowns differ between speeds.
     """
     middle, speeds = systems[len(systems) // 2], np.asarray(speeds, float)
     refuse(middle.structure.points.own, "a curve over speed")
@@ -120,7 +118,9 @@ def family_equations(systems: Sequence[Equations[Sector]], speeds: NDArray, engi
     try:
         core = middle.structure.core(nodes=nodes, squares=squares, order=float(engine_order))
     except ValueError as error:
-        raise SettingError(f"over speed: expected unknowns and contact laws that stay as they are: {error}") from error
+        raise SettingError(
+            f"over rotor speed: the number of unknowns or the contact law changes between two speeds ({error})"
+        ) from error
     interval = 0.5 * float(squares.max() + squares.min()), 0.5 * float(squares.max() - squares.min())
     weights = np.linalg.inv(chebyshev.chebvander((squares - interval[0]) / interval[1], len(squares) - 1))
     values = np.array([system.rows.coefficients[0] for system in systems])

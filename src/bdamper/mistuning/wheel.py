@@ -37,7 +37,7 @@ from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import TimeResponse
 from bdamper.time_domain.integration import STEPS, MarchFailed, Ring
 from bdamper.time_domain.march import March
-from bdamper.time_domain.steady_amplitude import RULES, stay
+from bdamper.time_domain.steady_amplitude import CRITERIA, integrate_until_steady
 from bdamper.util import validation
 from bdamper.util.errors import NOT_FOUND, BdamperError, SettingError, because
 from bdamper.util.formatting import amount, brief
@@ -261,24 +261,24 @@ def time_response(wheel: WheelProblem, peak: WheelPeak, *, steps_per_period: int
     if (peak.unknowns.shape, peak.model_hash, peak.settings) != (system.structure.shape, model_hash, settings):
         raise SettingError("time_response: needs a peak of this bladed disk, found a peak of another one")
     one = OneStructure(system, peak.blade)
-    steps, limit = STEPS if steps_per_period is None else steps_per_period, RULES.drop * peak.amplitude
+    steps, limit = STEPS if steps_per_period is None else steps_per_period, CRITERIA.drop * peak.amplitude
     none = TimeResponse(
         *(np.nan,) * 3, peak.frequency, peak.preload, peak.amplitude, settings=settings, model_hash=model_hash,
         blade=peak.blade, blades=np.full((1, wheel.n_blades), np.nan),
     )  # fmt: skip
     try:
         march = March(one.ring, tau * peak.frequency, one.start(system.structure.flat(peak.unknowns)), steps, peak.blade)
-        steady, periods = stay(march, peak.amplitude, limit), len(march.harmonics)
+        steady, periods = integrate_until_steady(march, peak.amplitude, limit), len(march.harmonics)
         if steady.stays:
             march = March(one.ring, march.omega, steady.motion._replace(a=None), 2 * steps, peak.blade)
-            steady = stay(march, peak.amplitude, limit, long=True)
+            steady = integrate_until_steady(march, peak.amplitude, limit, long=True)
             periods += len(march.harmonics)
         if not steady.stays:  # the integration stops when the motion falls: continue to its final amplitude
-            march.run(len(march.harmonics) + 2 * RULES.window)
-            periods += 2 * RULES.window
+            march.run(len(march.harmonics) + 2 * CRITERIA.window)
+            periods += 2 * CRITERIA.window
     except MarchFailed as error:
         return replace(none, status=because(NOT_FOUND, error), cost=watch.read(one.ring.cost))
-    blades = np.abs(march.blades[-2 * RULES.window :])
+    blades = np.abs(march.blades[-2 * CRITERIA.window :])
     result = replace(none, periods=periods, blades=blades, cost=watch.read(one.ring.cost))
     if steady.stays:
         lowest, highest = float(steady.amplitude.min()), float(steady.amplitude.max())

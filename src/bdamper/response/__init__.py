@@ -1,7 +1,8 @@
-"""Forced response: response curves through folds, resonance peaks, and peaks over the preload.
+"""Forced response: response curves through folds, resonance peaks, and the optimal preload.
 
-`response_curve` computes a response curve at one preload: `initial_solution` finds a first point, `continuation` follows
-the path from it, and `branches` collects paths until they span the interval.  `peak` finds and refines one resonance peak,
-`highest_peak` the highest one, `optimal_curve` the peak over the preload with its minimum, `sensitivity` their derivatives.
-`linear_curve` computes the responses with free and with stuck contacts.
+`response_curve` computes a response curve at one preload; `branches` finds its first point and covers the frequency
+interval, `continuation` follows one path, `events` locates folds and maxima.  `peak` solves for one resonance peak,
+`highest_peak` selects the highest one.  `optimal_curve` computes the peak over the preload; `minimum_search` chooses the
+optimum.  `sensitivity` differentiates peaks and curves.  `verification` defines the results of checks in time, with more
+harmonics and by error estimates.
 """

@@ -1,23 +1,18 @@
-"""Covering a frequency interval with branches of a response curve.
+"""Coverage of a frequency interval by the branches of a response curve, and the first point of a curve.
 
-From both ends of the interval; outside of it as far as the resonances of its modes go, where a branch may turn and come
-back; then in the gaps that are left, from solutions beside them and from the chain that finds the first point of a curve.
-All within a budget of evaluations (:func:`evaluation_budget`).  A curve is complete if its branches leave no frequency
-without a solution; what is left out is reported.
+Paths start at both ends of the interval.  They are also followed beyond it, up to the resonances of the modes, where a
+branch may turn and return.  Remaining gaps are searched from neighbouring solutions and by the methods for the first point.
+A budget of evaluations limits the work (:func:`evaluation_budget`).  A curve is complete if its branches leave no frequency
+without a solution; all omissions are reported.
 
-The first point of a curve: a solution at one frequency, from nothing but the static state.
+:func:`first_point` computes a solution at one frequency from the static state by, in this order,
 
-The chain is, in this order,
+1. Newton iteration from the static state (:mod:`bdamper.contact.static_state`) plus the linear response in stick,
+2. Newton iteration with line search, and least norm for a rank-deficient Jacobian,
+3. continuation in the level of the excitation from the static state, around folds,
+4. a support homotopy: free bodies (all, if none is free) rest on springs and dampers that fade out as the excitation grows.
 
-1. the static state under the preload (:mod:`bdamper.contact.static_state`), with the linear response of the stuck contact
-on top
-   of it, and Newton's method from there,
-2. the same with line search (and least norm where the Jacobian is rank-deficient),
-3. excitation ramp: continuation in the level of the excitation from the static state on, around folds,
-4. support homotopy: free bodies (all, if none is free) rest on springs and dampers that fade, while the excitation is
-   raised.
-
-The result lists what was tried.
+The log lists all attempts.
 """
 
 from __future__ import annotations
@@ -37,49 +32,48 @@ from bdamper.response.events import SIDE_POINTS, ContinuationOptions, Path
 from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND
 from bdamper.util.progress import CostMeter
 
-# ---- Covering a frequency interval with branches of a response curve ----
+# ---- coverage of a frequency interval ----
 
 
 GAP = 1e-3
-"""Widest part of the interval, relative to all of it, that may be left without solutions in a complete curve."""
+"""Widest gap of a complete curve, relative to the interval."""
 NO_SOLUTION = "no solution found"
 OPERATIONS = 1.5e6
-"""Million operations (:attr:`bdamper.util.progress.Cost.work`) of a budget, within bounds; about half a minute."""
+"""Default budget in million operations (:attr:`bdamper.util.progress.Cost.work`), about half a minute."""
 FEWEST_EVALUATIONS, MOST_EVALUATIONS = 10_000, 60_000
-"""Bounds of a budget in evaluations."""
+"""Bounds of the default budget in evaluations."""
 SHARE = 0.5
-"""Part of what is left of the budget that one path may take, so that a tangle of folds leaves something for other parts.
+"""Fraction of the remaining budget for one path, so that a tangle of folds leaves evaluations for other parts.
 
-If one path may take all of it, the widest gap of one of six curves with tangles grows (from 5.3 to 11.6 Hz), and those of
-the other five stay; none of 284 ordinary curves changes.
+With 1 the widest gap of one of six curves with tangles grows from 5.3 to 11.6 Hz and the other five do not change; none of
+284 ordinary curves changes.
 """
 OUTSIDE = 0.03
-"""Part of the interval at each end, outside of it, in which folds are looked for in any case."""
+"""Minimum margin at each end for the search of folds outside the interval, relative to its width."""
 ARRIVED = ("complete", "turned back")
-PLACES = (0.5, 0.2, 0.8)
-"""Where in a gap solutions are looked for, from those beside it and by the chain of the first point."""
+POSITIONS = (0.5, 0.2, 0.8)
+"""Positions within a gap at which solutions are sought."""
 
 FindStart = Callable[[float], NDArray | None]
-"""The chain of the first point, by frequency (rad/s)."""
+"""Method for the first point as a function of the frequency (rad/s)."""
 
 
 def evaluation_budget(system: Equations) -> int:
-    """Evaluations of the equations that a curve may take if its options name no budget.
+    """Return the default budget of a curve in evaluations.
 
-    So many that they come to OPERATIONS by the sizes of the problem,
-    but at least FEWEST_EVALUATIONS and at most MOST_EVALUATIONS.  A plain curve
-    of some 100 points takes 300 to 700.
+    It corresponds to OPERATIONS for the size of the problem, between FEWEST_EVALUATIONS and MOST_EVALUATIONS.  An ordinary
+    curve of some 100 points takes 300 to 700.
     """
     return int(min(max(OPERATIONS / float(system.work[:3].sum()), FEWEST_EVALUATIONS), MOST_EVALUATIONS))
 
 
 class LeftOut(NamedTuple):
-    """A part of a curve that was not followed.
+    """Part of a curve that was not followed.
 
     Parameters
     ----------
     low, high : float, Hz
-        Between which it lies, or sets off: the same where a path breaks off at a point.
+        Bounds of the part; equal if a path ended at a point.
     why : str
     """
 
@@ -94,17 +88,18 @@ class LeftOut(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """One path.
+    """One path of a curve.
 
     Parameters
     ----------
     path : Path
     up : bool
-        Toward higher frequency is forward along it: so it set off, unless it comes back from a fold outside the interval.
+        Whether forward along the path means increasing frequency.  This is its initial direction, except for a path that
+        returns from a fold outside the interval.
     branch : int
-        Pieces of one branch share its number.
+        Number of the branch; several pieces may share it.
     inside : bool
-        It started within the interval, not at one of its ends.
+        Whether the path started within the interval, not at an end.
     """
 
     path: Path
@@ -114,7 +109,7 @@ class Piece:
 
 
 def in_order(pieces: Sequence[Piece]) -> list[tuple[Correction, Piece]]:
-    """Points of all pieces, each with its own; the two ways from a solution within follow each other as one path."""
+    """Return the points of all pieces with their piece; two paths from one interior solution are joined to one sequence."""
     out: list[tuple[Correction, Piece]] = []
     for before, piece in zip([None, *pieces], pieces):
         points = [(p, piece) for p in piece.path.points]
@@ -139,15 +134,15 @@ def _gaps(pieces: Sequence[Piece], low: float, high: float) -> Iterator[tuple[fl
 
 
 def uncovered(pieces: Sequence[Piece], low: float, high: float) -> list[tuple[float, float]]:
-    """Parts of the interval without a solution that are too wide for a complete curve."""
+    """Return the gaps of the interval that are too wide for a complete curve."""
     return [gap for gap in _gaps(pieces, low, high) if gap[1] - gap[0] > GAP * (high - low)]
 
 
 def ending(pieces: Sequence[Piece], low: float, high: float) -> tuple[str, str, tuple[LeftOut, ...]]:
-    """Status and reason of a curve from those of its pieces, and what was not followed.
+    """Return status and reason of a curve from its pieces, and its omissions.
 
-    "complete" says that there are solutions at every frequency of the interval, gaps below a thousandth of its width aside.
-    Such gaps, and paths that ended where a curve cannot end, are what is left out.
+    "complete" means solutions at every frequency of the interval, except for gaps below a thousandth of its width.  The
+    omissions are these gaps, and paths that ended within the interval.
     """
     gaps = uncovered(pieces, low, high)
     left = _left_out(pieces, low, high)
@@ -176,7 +171,7 @@ def _left_out(pieces: Sequence[Piece], low: float, high: float) -> tuple[LeftOut
 
 @dataclass
 class Coverage:
-    """Search over an interval: settings, and the pieces of the curve found so far.
+    """Search for all branches in an interval.
 
     Parameters
     ----------
@@ -187,12 +182,13 @@ class Coverage:
     on_point : callable, optional
         Called with every accepted point.
     reach : (low, high), rad/s, optional
-        Interval in which branches may turn and come back (:func:`bdamper.harmonic_balance.sector.reach`).
+        Interval in which branches may turn and return (:func:`bdamper.harmonic_balance.sector.reach`).
     pieces : list of Piece
+        Paths computed so far.
     log : list of str
-        From where paths set off besides the ends.
+        Attempts to start paths.
     lost : list of LeftOut
-        Where paths outside the interval broke off.
+        Ends of incomplete paths outside the interval.
     """
 
     system: Equations
@@ -207,16 +203,16 @@ class Coverage:
 
     @property
     def finished(self) -> bool:
-        """Whether nothing is left to be followed: branches lead through from end to end."""
+        """Whether a branch connects both ends and no gap is left."""
         through = any(piece.path.status == "complete" and not piece.inside for piece in self.pieces)
         return through and not uncovered(self.pieces, *self.limits)
 
     def note(self, omega: float, text: str) -> None:
-        """Adds a line on a frequency (rad/s) to the log."""
+        """Add a line about a frequency (rad/s) to the log."""
         self.log.append(f"{omega / TWO_PI:.6g} Hz: {text}")
 
     def cover(self, find_start: FindStart) -> None:
-        """Follows the curve from the ends of the interval, beyond them, and from within the gaps that are left."""
+        """Follow the curve from the ends of the interval, beyond them, and from within the remaining gaps."""
         for up in (True, False):
             start = find_start(self.limits[0 if up else 1])
             if start is None:
@@ -230,7 +226,7 @@ class Coverage:
         self.fill(find_start)
 
     def follow(self, start: NDArray, up: bool, branch: int | None = None, inside: bool = False) -> Path:
-        """Follow one branch and add it, also if interrupted."""
+        """Follow one branch and add it, even if interrupted."""
         stop, follower = None, Follower(self.system.with_share(SHARE), self.limits, self.options, self.on_point)
         try:
             path = follower.run(start, up)
@@ -244,7 +240,7 @@ class Coverage:
         return path
 
     def drop_repeated(self) -> None:
-        """Drops the pieces that start where the last one arrives: it is the same branch, followed further."""
+        """Remove pieces that start at the end of the last path: the last path contains the same branch."""
         last = self.pieces[-1]
         if last.path.status != "complete":
             return
@@ -255,7 +251,7 @@ class Coverage:
                 self.pieces[-1] = replace(last, branch=piece.branch)
 
     def both_ways(self, start: NDArray) -> None:
-        """Adds the branch through a solution within the interval, followed both ways."""
+        """Add the branch through a solution within the interval, followed in both directions."""
         branch = max((p.branch for p in self.pieces), default=-1) + 1
         for up in (True, False):
             if self.follow(start, up, branch, True).status == "closed":
@@ -265,23 +261,23 @@ class Coverage:
 
     @property
     def outside(self) -> tuple[float, float]:
-        """Interval (rad/s) in which folds are looked for from which branches come back."""
+        """Interval (rad/s) in which folds are sought from which branches return."""
         low, high = self.limits
         margin = OUTSIDE * (high - low)
         bottom, top = self.reach or self.limits
         return min(bottom, max(low - margin, 0.5 * low)), max(top, high + margin)
 
     def outside_ends(self) -> None:
-        """Looks for folds outside the interval, from which a branch comes back into it, and follows it there.
+        """Follow branches beyond the interval to folds from which they return, and follow them back into the interval.
 
-        Of 100 narrow bands (``benchmarks/bench_narrow.py``) 2 lose their highest branch, of 97 of these with a margin of
-        3 % in place of the resonances 14.  Curves that hold both resonances of their mode take no more evaluations than
-        with the margin.
-        Without any margin 2 of 240 ordinary curves lose a part of a branch; it takes 9 % of their evaluations.
+        Of 100 narrow intervals (``benchmarks/bench_narrow.py``) 2 lose their highest branch; with a margin of 3 % instead
+        of the resonances 14 do (of 97).  Curves that contain both resonances of their mode take no more evaluations than
+        with the margin. Without any margin 2 of 240 ordinary curves lose part of a branch; the search takes 9 % of their
+        evaluations.
         """
         low, high = self.limits
         bottom, top = self.outside
-        look = replace(self.options, locate=False, max_points=SIDE_POINTS, step=0.5, max_step=1.0)
+        outside = replace(self.options, locate=False, max_points=SIDE_POINTS, step=0.5, max_step=1.0)
         seen: list[Correction] = []
         while not self.system.spent:
             paths = [piece.path.points for piece in self.pieces if piece.path.status in ARRIVED]
@@ -292,7 +288,7 @@ class Coverage:
             seen.append(end)
             up = end.y[-1] == high
             limits = (high, top) if up else (bottom, low)
-            path = Follower(self.system.with_share(SHARE), limits, look).run(end.y, up)
+            path = Follower(self.system.with_share(SHARE), limits, outside).run(end.y, up)
             self.meter.count(path.iterations, path.failed_steps)
             back = path.points[-1] if path.points else end
             if path.status not in ARRIVED:
@@ -309,10 +305,10 @@ class Coverage:
     # ---- gaps ----
 
     def fill(self, find_start: FindStart) -> None:
-        """Looks for solutions in gaps, the widest first, and follows them both ways, until the budget is used up.
+        """Find solutions in gaps, the widest first, and follow them in both directions until the budget is used up.
 
-        Newton with line search from solutions beside the gap, at several places in it, then the chain that finds the first
-        point of a curve.  A gap in which nothing is found is left; what is found makes other gaps of it.
+        Newton's method with line search starts from neighbouring solutions at several positions in the gap, then from the
+        methods for the first point.  A gap without a solution remains.
         """
         if self.finished:
             return
@@ -322,42 +318,41 @@ class Coverage:
             if not gaps:
                 return
             gap = max(gaps, key=lambda g: g[1] - g[0])
-            found = self._within(gap, find_start)
-            if found is None:
+            solution = self._within(gap, find_start)
+            if solution is None:
                 left.add(gap)
                 continue
-            self.note(found[-1], "set off from a solution within a gap")
-            self.both_ways(found)
+            self.note(solution[-1], "set off from a solution within a gap")
+            self.both_ways(solution)
 
     def _within(self, gap: tuple[float, float], find_start: FindStart) -> NDArray | None:
-        """A solution in a gap."""
+        """Return a solution in a gap, or None."""
         a, b = gap
         points = [p for piece in self.pieces for p in piece.path.points]
-        places = [a + part * (b - a) for part in PLACES]
-        for omega in places:
+        positions = [a + part * (b - a) for part in POSITIONS]
+        for omega in positions:
             for point in sorted(points, key=lambda p: abs(p.y[-1] - omega))[:40:8]:
                 c = self.system.correct_at(point.y[:-1], omega, point.scale, self.options.tolerance, 30, True)
                 self.meter.count(c.iterations)
                 if c.status == OK:
                     return c.y
-        return next((start for start in map(find_start, places) if start is not None), None)
+        return next((start for start in map(find_start, positions) if start is not None), None)
 
 
 def _same(y: NDArray, point: Correction) -> bool:
     return y[-1] == point.y[-1] and bool(np.linalg.norm((y - point.y) / point.scale) < 1e-6)
 
 
-# ---- The first point of a curve ----
+# ---- first point of a curve ----
 
 
 DRAG, SPRING = 10.0, 1.0
-"""Support of free bodies: on the vibration, and on the mean.
+"""Support of free bodies: damping of the vibration, and stiffness of the mean.
 
-Of 453 places on the bladed disk (9 and 24 points, one to five harmonics, 20 to 200 N at 1 N) and on random wedges with
-preloads below 20 times the excitation, Newton's method finds a solution at 197, the excitation ramp at 243 of the others,
-and this support at 8 of the 13 that are left.  Of nine other supports none did better there.  On one random
-model, whose shrouds just touch without preload, two supports were compared: only the one that raises the excitation
-meanwhile found a start.
+Of 453 cases on the bladed disk (9 and 24 points, one to five harmonics, 20 to 200 N at 1 N) and on random wedges with
+preloads below 20 times the excitation, Newton's method solves 197, the excitation ramp 243 of the others, and this support
+8 of the remaining 13.  None of nine other supports solved more.  On one random model, whose shrouds just touch without
+preload, only a support that also raises the excitation succeeded.
 """
 
 
@@ -369,22 +364,26 @@ def first_point(
     options: ContinuationOptions,
     meter: CostMeter,
 ) -> tuple[NDArray | None, list[str], NDArray]:
-    """A solution at one frequency.
+    """Compute a solution at one frequency.
 
     Parameters
     ----------
     system : Equations[Sector]
     state : PreloadState
-        The static state, converged.
-    springs : (n_points, 3) float
-        Linear springs of the points that stick.
+        Converged static state.
+    springs : (n_points, 3) float, N/m
+        Linear springs of the points in stick.
     omega : float, rad/s
     options : ContinuationOptions
     meter : CostMeter
 
     Returns
     -------
-    (n_unknowns + 1,) float or None, what was tried, and where the last Newton iteration ended
+    solution : (n_unknowns + 1,) float or None
+    log : list of str
+        Attempts and their outcome.
+    last : (n_unknowns + 1,) float
+        Last Newton iterate.
     """
     log = [f"static state: converged in {state.iterations} iterations, residual {state.residual:.1e}"]
     mean, stuck = state.q[: system.n_mean], system.structure.linear.response(omega, springs)
@@ -400,22 +399,23 @@ def first_point(
         last = c.y
         if c.status == OK:
             return c.y, log, last
-    found = None if system.spent else _by_homotopy(system, omega, options, meter, log, mean, stuck)
-    if found is None and system.spent:
+    solution = None if system.spent else _by_homotopy(system, omega, options, meter, log, mean, stuck)
+    if solution is None and system.spent:
         log.append("the budget of evaluations is used up")
-    return found, log, last
+    return solution, log, last
 
 
 def _by_homotopy(
     system: Equations[Sector], omega: float, options: ContinuationOptions, meter: CostMeter, log: list[str],
     mean: NDArray, stuck: NDArray,
 ) -> NDArray | None:  # fmt: skip
-    """The excitation is raised from almost nothing to its full level, along the curve and around its folds; failing that,
-    free bodies (all, if none is free) start on a support, where they neither bounce nor drift, and it fades.
+    """Raise the excitation to its full level along the curve; if this fails, fade out a support of the free bodies.
+
+    Free bodies on the support (all bodies, if none is free) neither bounce nor drift.
     """
-    # share of the excitation at which the support sets off; the ramp does at a tenth of it. With the whole of it the
-    # ramp finds no start on the wedge dampers of eight sectors where the excitation equals the preload; with a tenth of
-    # it the support finds none on one of two random structures that need it
+    # initial level of the excitation for the support; a tenth of it for the ramp.  With the same level the ramp fails on
+    # wedge dampers of eight sectors if the excitation equals the preload; with a tenth of it the support fails on one of
+    # two random structures that need it
     first = 1e-2
     level = 0.1 * first
     start = np.append(system.layout.pack(mean, level * stuck), level)
@@ -446,7 +446,7 @@ def _by_homotopy(
 
 
 def _homotopy(system: Equations[Sector], start: NDArray, options: ContinuationOptions, meter: CostMeter) -> Path:
-    """Along the last unknown, from where the start has it to 1."""
+    """Follow the curve in the last unknown, from its initial value to 1."""
     limits = 0.5 * float(start[-1]), 1.0
     path = follow(system, start, limits, options=replace(options, locate=False, max_points=SIDE_POINTS))
     meter.count(path.iterations, path.failed_steps)

@@ -1,15 +1,18 @@
-"""Following a response curve by pseudo-arclength continuation.
+"""Pseudo-arclength continuation of a response curve.
 
-A point is ``y = (u, omega)``; steps are measured in scaled unknowns ``z = y/scale``, where each group (mean, vibration,
-frequency) has its own unit, renewed at every step: a step of 0.1 changes the vibration by about a tenth of itself.  The
-predictor is the tangent, the corrector Newton in the plane through the prediction normal to the tangent.
+A point is ``y = (u, omega)``.  Steps are measured in scaled unknowns ``z = y/scale``.  Mean, vibration and frequency each
+have a unit, updated at every step: a step of 0.1 changes the vibration by about a tenth.  The predictor is the tangent.
+The corrector is Newton's method in the plane through the prediction, normal to the tangent.
 
-A step is accepted only if Newton converged *and* the solution is where it was predicted, within half the length of the
-step, and the tangent has not turned by more than a set angle.  That keeps the path from jumping over a sharp resonance
-(the response turns by pi there) or to another branch.  Newton's method is left as soon as one of its steps is longer than
-the step along the curve: of 2690 steps accepted without this rule on an optimal curve it refuses three, and those refused
-anyway take 0.4 of their evaluations.  A step that fails is halved, and searched for a corner of the curve
-(:mod:`bdamper.response.events`), where the tangent is taken from beyond it.
+A step is accepted if Newton's method converges, the solution is within half the step length of its prediction, and the
+tangent turns by less than a set angle.  These conditions prevent steps across a sharp resonance, where the phase of the
+response changes by pi, or to another branch.  The Newton iteration ends as soon as one of its steps exceeds the step along
+the curve: of 2690 steps accepted without this rule on an optimal curve it rejects three, and steps that fail anyway take
+0.4 of their evaluations.  A failed step is shortened and searched for a corner of the curve
+(:mod:`bdamper.response.events`).
+
+The mean position of the damper is part of the unknowns.  Along some curves it moves at constant vibration and frequency;
+these points have the kind "drift".
 """
 
 from __future__ import annotations
@@ -32,7 +35,17 @@ TWO_PI = 2.0 * np.pi
 
 
 class Follower:
-    """State of one run along a curve."""
+    """Continuation along one curve.
+
+    Parameters
+    ----------
+    system : Equations
+    limits : (low, high)
+        Interval of the parameter (rad/s if it is the frequency).
+    options : ContinuationOptions
+    on_point : callable, optional
+        Called with every accepted point.
+    """
 
     def __init__(
         self,
@@ -50,24 +63,24 @@ class Follower:
         self.iterations = 0
         self.failed = 0
         self.largest = 0.0
-        self.sign = 0  # of det [J; tangent] along the path, 0 where it is not known
+        self.sign = 0  # of det [J; tangent] along the path, 0 if unknown
         self.tangle: tuple[float, float] | None = None
 
     # ---- units and records ----
 
     def scale_at(self, y: NDArray) -> NDArray:
-        """Units of the mean, of the vibration and of the parameter at a point."""
+        """Return the units of mean, vibration and parameter at a point."""
         vibration = self.system.measure.vibration(y)
         self.largest = max(self.largest, vibration)
         least = max(1e-9 * self.largest, 1e-300)
         return self.system.measure.units(y, max(vibration, least), 0.5 * (self.high - self.low))
 
     def drifts(self, tangent: NDArray) -> bool:
-        """Whether the path moves the mean position alone."""
+        """Return whether only the mean position of the damper moves along a tangent."""
         return is_drift(tangent, self.system.n_mean)
 
     def record(self, point: Correction) -> Correction:
-        """Adds a point to the path."""
+        """Add a point to the path."""
         if point.kind == "regular" and self.drifts(point.tangent):
             point = replace(point, kind="drift")
         self.points.append(point)
@@ -76,13 +89,13 @@ class Follower:
         return point
 
     def path(self, status: str, reason: str) -> Path:
-        """The path so far."""
+        """Return the path computed so far."""
         return Path(tuple(self.points), status, reason, self.iterations + self.events.iterations, self.failed, self.tangle)
 
     # ---- steps ----
 
     def try_step(self, here: Correction, step: float) -> tuple[Correction, str]:
-        """One predictor and corrector; the text says why it is refused, if it is."""
+        """Return the result of one predictor and corrector, and the reason if the step is rejected."""
         y, tangent, scale = here.y, here.tangent, here.scale
         predicted = y + step * tangent * scale
         if not predicted[-1] > 0.0:
@@ -97,7 +110,7 @@ class Follower:
         # below a step of 1e-3 a large turn is a corner, not curvature
         if step > 1e-3 and float(c.tangent @ tangent) < np.cos(self.options.max_turn):
             return c, "tangent turned too much"
-        # on a part of the curve that runs the other way, unless this is a bifurcation passed straight on
+        # a solution on a part of the curve with the opposite direction, unless a bifurcation was passed
         if step > 1e-5 and self.sign and c.orientation == -self.sign:
             return c, "orientation of the curve changed"
         if self.events.over_resonance(y, c.y):
@@ -107,7 +120,19 @@ class Follower:
         return c, ""
 
     def advance(self, here: Correction, step: float) -> tuple[Correction | None, float, float, str]:
-        """One accepted step: the new point, its length, how far it reaches along the tangent; or why there is none."""
+        """Make one accepted step.
+
+        Returns
+        -------
+        new : Correction or None
+            New point, None if no step is possible.
+        step : float
+            Length of the step.
+        reach : float
+            Length of the step along the tangent.
+        refused : str
+            Reason of the last rejection.
+        """
         refused = "step too short"
         while step >= self.options.min_step and not self.system.spent:
             new, refused = self.try_step(here, step)
@@ -122,12 +147,12 @@ class Follower:
         return None, step, step, refused
 
     def longer(self, step: float, turn: float, iterations: int) -> float:
-        """The next step, by how far the tangent has turned and how many iterations the last one took."""
+        """Return the length of the next step from the turn of the tangent and the iterations of the last step."""
         growth = min(2.0, 0.6 * self.options.max_turn / max(turn, 1e-9), 2.0 * (3.0 / max(iterations, 1)) ** 1.5)
         return min(self.options.max_step, step * max(0.5, growth))
 
     def end_at(self, last: Correction, beyond: NDArray, omega: float) -> Correction | None:
-        """The end of the path at a bound of the interval, which a step leaves."""
+        """Return the end of the path at a bound of the interval that a step crosses; None if the corrector fails."""
         guess = last.y + (omega - last.y[-1]) / (beyond[-1] - last.y[-1]) * (beyond - last.y)
         scale = last.scale
         c = self.system.correct_at(guess[:-1], omega, scale, self.options.tolerance, 2 * self.options.max_iterations)
@@ -137,15 +162,15 @@ class Follower:
         chord = (c.y - last.y) / scale  # along the path, not along frequency
         return replace(c, tangent=np.copysign(1.0, c.tangent @ chord) * c.tangent)
 
-    # ---- why a path ends ----
+    # ---- end of a path ----
 
     def _far(self, y: NDArray, start: NDArray, ratio: float) -> bool:
-        """Whether the mean position is out of all proportion to the vibration and to where it began."""
+        """Return whether the mean position is large compared with the vibration and its initial value."""
         n = self.system.n_mean
         return norm2(y[:n]) > ratio * max(self.largest, norm2(start[:n]))
 
     def _closes(self, y: NDArray, new: Correction) -> bool:
-        """Whether a step passes through the first point of the path in the sense in which the path set off."""
+        """Return whether a step passes through the first point of the path in the initial direction."""
         first = self.points[0]
         chord = (new.y - y) / first.scale
         offset = (first.y - y) / first.scale
@@ -162,7 +187,7 @@ class Follower:
         return self.path(MANY_FOLDS, f"{self.options.patience} points of folds from {low} to {high} without progress")
 
     def _stopped(self, y: NDArray, tangent: NDArray, start: NDArray, refused: str) -> Path:
-        """The path where no step leads on."""
+        """Return the path if no step is possible."""
         if self.system.spent:
             return self.path(OUT_OF_BUDGET, f"its share of the evaluations is used up at {self.place(y[-1])}")
         if self.drifts(tangent) and self._far(y, start, 1e3):
@@ -178,7 +203,7 @@ class Follower:
     # ---- the run ----
 
     def run(self, start: NDArray, up: bool) -> Path:
-        """Follows the curve from a point near it; see :func:`follow`."""
+        """Follow the curve from a point near it; see :func:`follow`."""
         options = self.options
         scale = self.scale_at(start)
         c = self.system.correct_at(start[:-1], start[-1], scale, options.tolerance, 4 * options.max_iterations)
@@ -228,8 +253,9 @@ class Follower:
             drifting = self.drifts(new.tangent) and self.drifts(tangent)
             if (self.system.supported and self._far(new.y, start, 1e2)) or (drifting and self._far(new.y, start, 1e6)):
                 return self.path("drifted off", DRIFTED_OFF)
-            if drifting:  # straight and at one frequency: nothing to miss before the body meets a plane, which is near
-                step = min(4.0 * step, 2.0) if self.failed == failed else step  # where a step was refused
+            if drifting:
+                # straight and at constant frequency: long steps until a step fails near the next contact
+                step = min(4.0 * step, 2.0) if self.failed == failed else step
             else:
                 turn = float(np.arccos(np.clip(new.tangent @ tangent, -1.0, 1.0)))
                 step = self.longer(step, turn, new.iterations)
@@ -244,21 +270,21 @@ def follow(
     up: bool = True,
     options: ContinuationOptions | None = None,
 ) -> Path:
-    """Follow the response from a start near the curve until it leaves the frequency interval.
+    """Follow the response from a point near the curve until it leaves the frequency interval.
 
     Parameters
     ----------
     system : Equations
     start : (n_unknowns + 1,) float
-        A point close enough for Newton at its frequency.
+        Point from which Newton's method converges at its frequency.
     limits : (low, high), rad/s
     up : bool
-        Set off toward higher frequency.
+        Whether to start towards higher frequency.
     options : ContinuationOptions
 
     Returns
     -------
     Path
-        Every point of it is converged; ``status`` and ``reason`` say how it ended.
+        Converged points; ``status`` and ``reason`` describe how the path ended.
     """
     return Follower(system, limits, options or ContinuationOptions()).run(start, up)

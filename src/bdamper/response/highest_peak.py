@@ -1,14 +1,14 @@
-"""The highest point of a response curve: one definition for peaks, optimal curves, margins and curves along a line.
+"""Highest point of a response curve, for peaks, optimal curves, margins and curves along an engine order line.
 
-It is the greatest maximum of the response over the branches that count: at smooth maxima, at corners, at folds, and where
-the mean position drifts.  An end of the interval is no maximum, it may be a flank of the next resonance: it counts only
-where there is no maximum at all, and is told where it is higher.  Closed branches do not count, and if a branch leads from
-end to end of the interval, those that enter and leave at the same end do not (``ResponseCurve.apart``);
-``ResponseCurve.detached`` and ``ResponseCurve.separate`` name the highest point of each.  Any other branch counts, also
-one whose path broke off.
+It is the largest maximum of the response over all branches that count: a smooth maximum, a corner, a fold, or a point at
+which the mean position drifts.  An end of the interval is no maximum, because it may be the flank of the next resonance.
+It counts only if there is no maximum, and a note reports a higher end.  Closed branches do not count.  If a branch connects
+both ends of the interval, branches that enter and leave at the same end do not count (``ResponseCurve.apart``);
+``ResponseCurve.detached`` and ``ResponseCurve.separate`` list their highest points.  All other branches count, including
+incomplete ones.
 
-Points of a curve are converged, but may be coarse.  So the highest ones are refined: smooth maxima by their own equations
-(:func:`bdamper.response.peak.find_peak`), others by a corrector at the point itself.
+The points of a curve are converged but may be coarse, so the highest ones are refined: smooth maxima by the equations of a
+peak (:func:`bdamper.response.peak.find_peak`), others by a corrector at the point.
 """
 
 from __future__ import annotations
@@ -45,31 +45,33 @@ from bdamper.util.progress import Cost, CostMeter, one_thread
 from bdamper.util.storage import typed
 
 NEAR = 3e-3
-"""Relative, by which a point may lie below the highest and its maximum above: a curve followed coarsely is off by less."""
+"""Largest relative difference between a maximum and the nearest point of a coarse curve."""
 LEVEL = 1e-6
-"""Relative change of the amplitude up to which points of a curve count as one, the mean position alone moves there; and of
-the frequency, at an end of the interval."""
+"""Relative change of the amplitude below which neighbouring points are one plateau (only the mean position moves), and
+of the frequency at an end of the interval.
+"""
 REACH = 0.3
-"""Distance, relative to the vibration, within which the maximum of a point is looked for: twice a step of a curve; and that
-of a peak between the peaks of two preloads."""
+"""Largest distance of a maximum from a point of the curve, relative to the vibration: twice a step of a curve.  Also the
+largest distance of a peak from the interpolation between two preloads.
+"""
 
 
 @dataclass(frozen=True)
 class Highest:
-    """The highest point of a curve, refined.
+    """Refined highest point of a curve.
 
     Parameters
     ----------
     peak : Peak
         ``corner`` unless it is a smooth maximum.
     kind : {"peak", "corner", "drift", "fold", "end"}
-        "end" is an end of the interval, which is no maximum.
+        "end" is an end of the interval, not a maximum.
     index : int
-        Of the point of the curve.
+        Index of the point of the curve.
     exact : bool
-        Whether the place is known to the tolerance of the options: not that of a corner that no search has ended at.
+        Whether the position meets the tolerance of the options; False for a corner at which no search converged.
     note : str
-        Where an end of the interval, or a separate branch, is higher than the highest maximum.
+        Reports an end of the interval or a separate branch that is higher than the highest maximum.
     """
 
     peak: Peak
@@ -85,20 +87,20 @@ class Highest:
 
 
 def highest_of_curve(system: Equations, curve: ResponseCurve, *, options: PeakOptions | None = None) -> Highest:
-    """The highest point of a curve, as the head of this module defines it.
+    """Return the highest point of a curve, as defined at the head of this module.
 
     Parameters
     ----------
     system : Equations
-        Equations that the curve solves.
+        Equations of the curve.
     curve : ResponseCurve
     options : PeakOptions
-        How exactly maxima are refined.
+        Accuracy of the refinement.
 
     Raises
     ------
     BdamperError
-        If there is no point on a branch that counts.
+        If no branch that counts has a point.
     """
     search = _Refined(system, curve, options or PeakOptions())
     amplitude, tops = curve.amplitude, _tops(curve.amplitude, curve.point_kind, curve.branch)
@@ -122,20 +124,20 @@ def highest_of_curve(system: Equations, curve: ResponseCurve, *, options: PeakOp
 
 
 def maxima(system: Equations, curve: ResponseCurve, share: float = 0.0) -> tuple[Peak, ...]:
-    """All maxima of a response curve within its interval from a share of the highest on, each once, the highest first."""
+    """Return all distinct maxima of a response curve above a fraction ``share`` of the highest, in descending order."""
     search = _Refined(system, curve, PeakOptions())
-    found: list[Peak] = []
+    peaks: list[Peak] = []
     for i in _tops(curve.amplitude, curve.point_kind, curve.branch):
         if curve.amplitude[i] < share * curve.amplitude.max():
             break
         top = search.at(i)
-        if top.kind != "end" and not any(same_peak(top.peak, other) for other in found):
-            found.append(top.peak)
-    return tuple(sorted(found, key=lambda p: -p.amplitude))
+        if top.kind != "end" and not any(same_peak(top.peak, other) for other in peaks):
+            peaks.append(top.peak)
+    return tuple(sorted(peaks, key=lambda p: -p.amplitude))
 
 
 def _tops(amplitude: NDArray, kinds: Sequence[str], branch: NDArray) -> list[int]:
-    """Points no lower than those beside them on their branch, one of each plateau, the highest first."""
+    """Return the local maxima of each branch, one of each plateau, in descending order."""
     out: list[int] = []
     for number in np.unique(branch):
         on = np.flatnonzero(branch == number)
@@ -151,7 +153,7 @@ def _tops(amplitude: NDArray, kinds: Sequence[str], branch: NDArray) -> list[int
 
 @dataclass(frozen=True)
 class _Refined:
-    """Refines points of one curve; parameters are those of :func:`highest_of_curve`."""
+    """Refinement of points of one curve; parameters as in :func:`highest_of_curve`."""
 
     system: Equations
     curve: ResponseCurve
@@ -163,14 +165,14 @@ class _Refined:
         return np.column_stack([self.curve.unknowns, 2.0 * np.pi * self.curve.frequency])
 
     def at_end(self, i: int) -> bool:
-        """Whether a point is where its branch leaves the interval, or where the mean position drifts there."""
+        """Return whether the branch leaves the interval at this point or at its frequency (drift)."""
         omega, branch = self.y[:, -1], self.curve.branch
         on = np.flatnonzero(branch == branch[i])[[0, -1]]
         leaves = [j for j in on if omega[j] - omega.min() <= LEVEL * omega[j] or omega.max() - omega[j] <= LEVEL * omega[j]]
         return any(abs(omega[j] - omega[i]) <= LEVEL * omega[i] for j in leaves)
 
     def at(self, i: int) -> Highest:
-        """A top of the curve: the smooth maximum beside it, or the point itself."""
+        """Return the smooth maximum next to a local maximum of the curve, or the point itself."""
         y, on = self.y[i], np.flatnonzero(self.curve.branch == self.curve.branch[i])
         tangent, scale = self._direction(max(i - 1, on[0]), min(i + 1, on[-1]), y)
         low, high = self.y[:, -1].min(), self.y[:, -1].max()
@@ -179,17 +181,17 @@ class _Refined:
         if self.curve.point_kind[i] == "drift":
             return Highest(self._point(y, tangent, scale), "drift", i)
         for options in (self.options, replace(self.options, tolerance=max(self.options.tolerance, LOOSEST))):
-            found = find_peak(
+            peak = find_peak(
                 self.system, y, tangent=tangent, scale=scale, options=options, parameter=self.curve.preload, reach=REACH
             )  # fmt: skip
-            good = found.converged and found.amplitude >= (1.0 - LEVEL) * self.curve.amplitude[i]
-            if good and low <= found.y[-1] <= high:
-                return Highest(found, "corner" if found.corner else "peak", i)
+            good = peak.converged and peak.amplitude >= (1.0 - LEVEL) * self.curve.amplitude[i]
+            if good and low <= peak.y[-1] <= high:
+                return Highest(peak, "corner" if peak.corner else "peak", i)
         kind = "fold" if self.curve.point_kind[i] == "fold" else "corner"
         return Highest(self._point(y, tangent, scale), kind, i, exact=False)
 
     def _direction(self, before: int, after: int, y: NDArray) -> tuple[NDArray, NDArray]:
-        """Direction of the curve in scaled unknowns, of unit length, from two of its points, and the units."""
+        """Return the unit direction of the curve in scaled unknowns from two of its points, and the units."""
         chord = self.y[after] - self.y[before]
         scale = self.system.units(y, max(abs(float(chord[-1])), 1e-6 * y[-1]))
         chord = chord / scale
@@ -199,7 +201,7 @@ class _Refined:
         return (chord / size, scale) if size > 0.0 else (np.eye(len(y))[-1], scale)
 
     def _point(self, y: NDArray, normal: NDArray, scale: NDArray) -> Peak:
-        """A point of a curve as a peak without slope, corrected to the tolerance where that can be met."""
+        """Return a point of the curve as a peak without slope, corrected to the tolerance if possible."""
         c = self.system.solve(y, Plane(normal), scale, max(self.options.tolerance, LOOSEST), self.options.max_iterations)
         good = c.status == OK and float(np.linalg.norm(((c.y - y) / scale)[self.system.n_mean :])) < REACH
         at = c.y if good else y
@@ -211,7 +213,7 @@ class _Refined:
 
 
 def given_up(curve: ResponseCurve) -> str:
-    """Where a path of a curve ended among many folds, so that its branch may be higher; empty without such a path."""
+    """Return a note if a path of the curve ended in a tangle of folds, so that its branch may be higher; otherwise ""."""
     parts = (f"{part.low:.6g} to {part.high:.6g} Hz" for part in curve.missing_ranges if part.why.startswith(MANY_FOLDS))
     where = " and ".join(parts)
     return f"a branch was given up among many folds from {where}" if where else ""
@@ -219,19 +221,19 @@ def given_up(curve: ResponseCurve) -> str:
 
 @dataclass(frozen=True)
 class AtPreload:
-    """The response over frequency at one preload, and its highest point.
+    """Response over frequency at one preload, and its highest point.
 
     Parameters
     ----------
     preload : float, N
     curve : ResponseCurve
-        Of an optimal curve without its unknowns.
+        Without its unknowns in an optimal curve.
     top : Highest, optional
-        Its highest point, None where nothing was found.
+        Highest point, None if nothing was found.
     slope : float
-        d ln(amplitude)/d ln(preload) of that, NaN where it has none, as at a corner, or was not asked for.
+        d ln(amplitude)/d ln(preload) of the highest point; NaN at a corner or if not computed.
     rattles : str
-        Why no steady periodic response is expected, if the curve shows the sign (:mod:`bdamper.response.response_curve`).
+        Reason why no steady periodic response is expected (:mod:`bdamper.response.response_curve`), or "".
     cost : Cost
     """
 
@@ -244,36 +246,36 @@ class AtPreload:
 
     @property
     def known(self) -> bool:
-        """Whether no maximum of the branches that were followed is higher; see :func:`given_up`."""
+        """Whether the highest point is a maximum of a complete curve; see :func:`given_up`."""
         return self.top is not None and self.curve.complete and self.top.kind != "end"
 
     @property
     def height(self) -> float:
-        """Amplitude (m) of the highest point, NaN where nothing was found."""
+        """Amplitude (m) of the highest point, NaN if nothing was found."""
         return np.nan if self.top is None else self.top.peak.amplitude
 
     @property
     def value(self) -> float:
-        """ln(amplitude) of the highest point, infinite where that is not known."""
+        """ln(amplitude) of the highest point, infinite if unknown."""
         return float(np.log(self.height)) if self.known else np.inf
 
     @property
     def status(self) -> str:
-        """ "complete", "incomplete" or "not found", with what is to be said of it."""
+        """"complete", "incomplete" or "not found", with the reason."""
         if self.top is None or not self.curve.complete:
-            own = NOT_FOUND if self.top is None else INCOMPLETE
-            return because(own, f"{self.curve.status}: {self.curve.reason}".removeprefix(f"{own}: "))
+            status = NOT_FOUND if self.top is None else INCOMPLETE
+            return because(status, f"{self.curve.status}: {self.curve.reason}".removeprefix(f"{status}: "))
         if self.top.kind == "end":
             return self.top.status
         return because(COMPLETE, "; ".join(filter(None, (self.top.note, given_up(self.curve)))))
 
     def record(self) -> dict[str, Any]:
-        """All of it in numbers, texts, lists and arrays."""
+        """Return all data as numbers, texts, lists and arrays."""
         return {"index": repr(self.preload), **asdict(self)}
 
     @staticmethod
     def of(record: Mapping[str, Any]) -> AtPreload:
-        """Restore a record read from JSON, in which arrays of a curve without points have no shape."""
+        """Restore a record read from JSON; arrays of an empty curve get their shape back."""
         made: AtPreload = typed(AtPreload, record)
         curve, n = made.curve, len(made.curve)
         harmonics, shares = curve.harmonics.reshape(n, 2), curve.shares.reshape(n, 3)
@@ -288,12 +290,11 @@ def found_at(
     options: PeakOptions | None = None,
     budget: int | None = None,
 ) -> AtPreload:
-    """The whole curve at a preload, followed coarsely, and its highest point.
+    """Follow the curve at a preload coarsely and return its highest point.
 
-    Where the coarse curve is not complete, where one of its paths ended among many folds, or where no search has ended at
-    its highest point, it is followed again with the default settings, if it has not used up a given budget.  Of two
-    complete curves the higher one counts: among 107 folds of a disk with 24 points (friction 0.6, engine order 10, 65.6 N)
-    the coarse one lost a peak 34 % higher.
+    The curve is followed again with default settings if it is incomplete, if a path ended in a tangle of folds, or if the
+    highest point was not refined, unless a given budget is used up.  Of two complete curves the higher one counts: among
+    107 folds of a disk with 24 points (friction 0.6, engine order 10, 65.6 N) the coarse one lost a peak 34 % higher.
 
     Parameters
     ----------
@@ -302,7 +303,7 @@ def found_at(
     frequency : (low, high), Hz
     options : PeakOptions
     budget : int, optional
-        Evaluations that each curve may take.
+        Budget of each curve in evaluations.
 
     Raises
     ------
@@ -313,7 +314,7 @@ def found_at(
     system, before = None, None
     if problem.static(preload).converged:
         system = problem.system(preload)
-        meter.watch(system)  # which the curves use as well
+        meter.watch(system)  # the curves use the same equations
     for continuation in (coarse_options(), ContinuationOptions()):
         continuation = continuation if budget is None else replace(continuation, budget=budget)
         curve = uninterrupted(frequency_response(problem, preload, frequency, options=continuation))
@@ -325,7 +326,7 @@ def found_at(
         height = (1.0 + LEVEL) * top.peak.amplitude if curve.complete and top is not None else 0.0
         if before is not None and before[1].peak.amplitude > height:
             curve, top = before
-        spent = budget is not None and curve.cost.evaluations >= budget  # closer steps come less far with as many
+        spent = budget is not None and curve.cost.evaluations >= budget  # default steps are shorter and would cover less
         if spent or (curve.complete and top is not None and top.exact and not given_up(curve)):
             break
         before = (curve, top) if curve.complete and top is not None and top.exact else None
@@ -341,10 +342,23 @@ def highest_peak(
     mode: int = 1,
     options: PeakOptions | None = None,
 ) -> Peak:
-    """The highest point of the response at one preload (:mod:`bdamper.response.highest_peak`).
+    """Compute the highest point of the response at one preload (:mod:`bdamper.response.highest_peak`).
 
-    ``corner`` says that it is no smooth maximum, ``search_status`` whether an end of the interval is higher.  Where the
-    interval holds no maximum, the peak is "incomplete": its amplitude is the highest response, at an end, and no resonance.
+    Parameters
+    ----------
+    problem : Problem
+    preload : float, N
+    frequency : (low, high), Hz, optional
+        Around the free and the stuck resonance of ``mode`` by default.
+    mode : int
+        Mode of the constrained bodies, 1 for the lowest.
+    options : PeakOptions
+
+    Returns
+    -------
+    Peak
+        ``corner`` is set unless it is a smooth maximum; ``search_status`` reports a higher end of the interval.  If the
+        interval contains no maximum, the status is "incomplete" and the amplitude is the highest response, at an end.
 
     Raises
     ------
@@ -354,21 +368,21 @@ def highest_peak(
     preload = problem.check_preload(preload)
     frequency = peak_interval(problem, frequency, preload, mode)
     check_options(options)
-    found = found_at(problem, preload, frequency, options=options)
-    if found.top is None:
+    response = found_at(problem, preload, frequency, options=options)
+    if response.top is None:
         raise BdamperError(
             f"no peak found at {preload:g} N between {frequency[0]:.6g} and {frequency[1]:.6g} Hz; the response curve "
-            f"ended as: {found.status}"
+            f"ended as: {response.status}"
         )
     settings = problem.record() | {"frequency": list(frequency)}
-    status = found.top.status if word(found.status) == COMPLETE else found.status
+    status = response.top.status if word(response.status) == COMPLETE else response.status
     return replace(
-        found.top.peak, cost=found.cost, search_status=found.status, status=status, settings=settings,
+        response.top.peak, cost=response.cost, search_status=response.status, status=status, settings=settings,
         model_hash=problem.model.hash,
     )  # fmt: skip
 
 
 def check_options(options: PeakOptions | None) -> None:
-    """Whether the options of a peak are such, or None."""
+    """Check that the options are PeakOptions or None."""
     if options is not None:
         validation.instance("options", options, PeakOptions)

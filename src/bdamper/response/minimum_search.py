@@ -1,10 +1,13 @@
-"""The least of a function of one variable that is costly, smooth in parts and jumps between them: a peak over the preload.
+"""Search for the optimum: the minimum of an expensive, piecewise smooth function of one variable, given with its slope.
 
-Values are known at some places with their slopes.  Between two of them the tangents tell how low the function may be: where
-they agree it is one smooth branch, whose cubic has a minimum or has none; otherwise one branch may run on along its tangent
-and end, or two cross where their tangents meet.  New places are taken where the function may be lowest, until nothing known
-says that it is lower anywhere.  A bounded search (Brent's) between the neighbours of the least value alone misses minima
-elsewhere, and takes no notice of slopes.
+The function is ln(peak amplitude) over ln(preload).  It is smooth on a branch of peaks and jumps if another peak becomes
+the highest.  Values and slopes are known at some samples.  Between two neighbouring samples (:func:`lower_bound`):
+
+- if the tangents match one smooth branch, the Hermite cubic through both ends has a minimum or none;
+- otherwise one branch may continue along its tangent and end, or two branches cross where their tangents meet.
+
+:func:`find_minimum` evaluates the function where it may be lowest, until no bound is below the smallest known value.  A
+bracketing search (Brent) between the neighbours of the smallest value misses minima elsewhere and does not use slopes.
 """
 
 from __future__ import annotations
@@ -16,31 +19,33 @@ from typing import NamedTuple
 import numpy as np
 
 GAIN = 2e-3
-"""By which the function may be lower for the search to go on: in ln(amplitude) a fifth of what an optimum may be off by."""
+"""Smallest improvement that continues the search; in ln(amplitude) a fifth of the tolerated error of an optimum."""
 LEVEL_SLOPE = 1e-4
-"""Slope at most at a minimum that was settled: where it is larger another branch is the highest there."""
-AGREE = 0.2
-"""Share of the larger change along either tangent by which the tangents of one smooth branch may miss the values."""
-WIDE = 0.6
-"""Distance of two places beyond which tangents that agree or meet prove nothing: with four preloads from 60 N to 20 kN
-(residual modes, one harmonic) the optimum is 17 % too high without it."""
+"""Largest slope at a refined smooth minimum.  With a larger slope another branch is the highest there."""
+MISMATCH = 0.2
+"""Largest mismatch of values and tangents on one smooth branch, relative to the larger change along either tangent."""
+MAX_DISTANCE = 0.6
+"""Largest distance of samples for which matching or crossing tangents prove anything.  Without this limit the optimum from
+four preloads between 60 N and 20 kN (residual modes, one harmonic) is 17 % too high.
+"""
 CORNER = 0.02
-"""Distance of two places down to which one without a slope, a corner or a drift, is enclosed by halving; and the end of
-those with a value, where the function falls toward it: without that one of 15 random optima is 4 % too high."""
-MOST = 12
-"""Places that are asked at most, besides those known."""
+"""Distance to which a sample without a slope (corner or drift), or the end of a decreasing range of known values, is
+enclosed by bisection.  Without it one of 15 random optima is 4 % too high.
+"""
+MAX_EVALUATIONS = 12
+"""Largest number of further evaluations."""
 
 
-class Place(NamedTuple):
-    """A place with the value and the slope of the function, NaN where it has none; an infinite value is not known."""
+class Sample(NamedTuple):
+    """Abscissa with the value and the slope of the function; NaN without a slope, infinite without a value."""
 
     x: float
     value: float
     slope: float = np.nan
 
 
-class Promise(NamedTuple):
-    """How low the function may be between two places, where, and whether they lie on one smooth branch."""
+class LowerBound(NamedTuple):
+    """Lower bound of the function between two samples, its position, and whether both are on one smooth branch."""
 
     value: float
     x: float
@@ -48,18 +53,18 @@ class Promise(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Least:
-    """The least value found.
+class Minimum:
+    """Minimum of the samples, and its kind.
 
     Parameters
     ----------
     index : int
-        Of the place, among all places in order.
+        Index of the sample, in ascending order.
     kind : {"smooth", "crossing", "jump", "end", "unknown"}
     uncertainty : float
-        Of the place.
+        Uncertainty of the position.
     open : (low, high), optional
-        Between which the function may be lower.
+        Interval in which the function may be lower.
     """
 
     index: int
@@ -68,132 +73,139 @@ class Least:
     open: tuple[float, float] | None = None
 
 
-def agree(a: Place, b: Place) -> bool:
-    """Whether the tangents of two places fit their values as those of one smooth branch do."""
+def on_one_branch(a: Sample, b: Sample) -> bool:
+    """Return whether values and tangents of two samples match one smooth branch."""
     h = b.x - a.x
     change = h * max(abs(a.slope), abs(b.slope), abs(b.slope - a.slope))
-    return bool(abs(b.value - a.value - 0.5 * h * (a.slope + b.slope)) <= AGREE * change + 1e-6)
+    return bool(abs(b.value - a.value - 0.5 * h * (a.slope + b.slope)) <= MISMATCH * change + 1e-6)
 
 
-def promise(a: Place, b: Place) -> Promise | None:
-    """Lower bound of the function between two neighbours, from their tangents; None if it is not lower than both."""
+def lower_bound(a: Sample, b: Sample) -> LowerBound | None:
+    """Return the lower bound of the function between two neighbours from their tangents; None if it is not below both."""
     h = b.x - a.x
     fall, rise = -min(a.slope, 0.0), max(b.slope, 0.0)
-    if np.isfinite(a.value) != np.isfinite(b.value):  # the branch at the one that is known may fall on toward the other
+    if np.isfinite(a.value) != np.isfinite(b.value):  # the known branch may decrease further
         drop = h * (fall if np.isfinite(a.value) else rise)
         drop = drop if np.isfinite(drop) else 2.0 * GAIN
-        return Promise(min(a.value, b.value) - drop, a.x + 0.5 * h, False) if drop > 0.0 and h > CORNER else None
-    narrow = 1e-3  # distance of two places below which nothing is looked for between them: at a slope of one half of GAIN
+        return LowerBound(min(a.value, b.value) - drop, a.x + 0.5 * h, False) if drop > 0.0 and h > CORNER else None
+    narrow = 1e-3  # smallest distance worth searching: at a slope of 1 the gain is half of GAIN
     if not (np.isfinite(a.value + b.value) and h > narrow):
         return None
     if not np.isfinite(fall + rise):
-        return Promise(min(a.value, b.value) - 2.0 * GAIN, a.x + 0.5 * h, False) if h > CORNER else None
-    if h <= WIDE and agree(a, b):
+        return LowerBound(min(a.value, b.value) - 2.0 * GAIN, a.x + 0.5 * h, False) if h > CORNER else None
+    if h <= MAX_DISTANCE and on_one_branch(a, b):
         if not fall * rise > 0.0:
             return None
         rise_between = b.value - a.value
-        t = _least_of_cubic(h * a.slope, h * b.slope, rise_between)
+        t = _minimum_of_cubic(h * a.slope, h * b.slope, rise_between)
         bend = t * (1.0 - t) * h * ((1.0 - t) * a.slope - t * b.slope)
-        return Promise(a.value + bend + t * t * (3.0 - 2.0 * t) * rise_between, a.x + t * h, True)
-    if fall * rise > 0.0 and h <= WIDE:  # two branches that cross, if they reach so far
+        return LowerBound(a.value + bend + t * t * (3.0 - 2.0 * t) * rise_between, a.x + t * h, True)
+    if fall * rise > 0.0 and h <= MAX_DISTANCE:  # two branches may cross
         t = (a.value - b.value + rise * h) / ((fall + rise) * h)
         if 0.0 < t < 1.0:
-            return Promise(a.value - fall * t * h, a.x + float(np.clip(t, 0.1, 0.9)) * h, False)
+            return LowerBound(a.value - fall * t * h, a.x + float(np.clip(t, 0.1, 0.9)) * h, False)
     lowest = min(a.value - fall * h, b.value - rise * h)
-    return Promise(lowest, a.x + 0.5 * h, False) if lowest < min(a.value, b.value) else None
+    return LowerBound(lowest, a.x + 0.5 * h, False) if lowest < min(a.value, b.value) else None
 
 
-def _least_of_cubic(first: float, last: float, rise: float) -> float:
-    """Abscissa of the minimum of the Hermite cubic on (0, 1) that decreases at 0 and increases at 1."""
+def _minimum_of_cubic(first: float, last: float, rise: float) -> float:
+    """Return the abscissa of the minimum of the Hermite cubic on (0, 1) that decreases at 0 and increases at 1."""
     b, c = 6.0 * rise - 4.0 * first - 2.0 * last, 3.0 * (first + last) - 6.0 * rise
     root = np.sqrt(max(b * b - 4.0 * c * first, 0.0))
     return float(np.clip(-2.0 * first / (b + root) if b + root > 0.0 else 0.5, 0.01, 0.99))
 
 
-Open = tuple[tuple[Place, Place], Promise]
-"""Two neighbouring places and the lower bound between them."""
-Ask = Callable[[Sequence[float]], Sequence[Place]]
+Candidate = tuple[tuple[Sample, Sample], LowerBound]
+"""Two neighbouring samples and the lower bound between them."""
+Evaluate = Callable[[Sequence[float]], Sequence[Sample]]
 """Evaluates the function at several abscissae."""
-Settle = Callable[[Place, Place, float], float | None]
-"""Minimum of the smooth branch between two places, from a guess; None if not found."""
+Refine = Callable[[Sample, Sample, float], float | None]
+"""Returns the minimum of the smooth branch between two samples, from a guess; None if it fails."""
 
 
-def least(known: Sequence[Place], ask: Ask, settle: Settle) -> tuple[list[Place], Least]:
-    """The least value, from known places and further evaluations where it may be lower.
+def find_minimum(known: Sequence[Sample], evaluate: Evaluate, refine: Refine) -> tuple[list[Sample], Minimum]:
+    """Find the minimum from known samples and further evaluations.
+
+    This function chooses the optimal preload.
 
     Parameters
     ----------
-    known : sequence of Place
-        One or more with a value.
-    ask, settle : callable
+    known : sequence of Sample
+        At least one has a value.
+    evaluate : callable
+        Evaluates the function at several abscissae.
+    refine : callable
+        Refines the minimum of a smooth branch between two samples.
 
     Returns
     -------
-    list of Place, in order, and Least
+    list of Sample
+        All samples, ascending.
+    Minimum
+        Minimum among them.
     """
-    places, settled, tried = sorted(known), set[float](), set[tuple[float, float]]()
-    # places that are asked side by side, so that two cores are busy and the answer does not depend on how many there
-    # are
+    samples, refined, tried = sorted(known), set[float](), set[tuple[float, float]]()
+    # two concurrent evaluations use two cores; the number is fixed so that the result does not depend on the machine
     at_once = 2
-    while len(places) < len(known) + MOST and (open_ := _open(places, tried)):
-        wanted, lowest = [], min(p.value for p in places)
-        for (a, b), there in open_[:at_once]:
-            found = None
+    while len(samples) < len(known) + MAX_EVALUATIONS and (candidates := _candidates(samples, tried)):
+        new_x, lowest = [], min(p.value for p in samples)
+        for (a, b), bound in candidates[:at_once]:
+            minimum = None
             if a.slope < 0.0 < b.slope and (a.x, b.x) not in tried:
                 tried.add((a.x, b.x))
-                found = settle(a, b, there.x)
-            if found is not None and a.x < found < b.x:
-                wanted.append(found)
-                settled.add(found)
-                tried |= {(a.x, found), (found, b.x)}  # the branch between the two is known now
-            elif there.smooth or there.value < lowest - GAIN:
-                wanted.append(there.x)
-        new = ask(wanted) if wanted else ()
-        if wanted and not new:  # nobody answers any more
+                minimum = refine(a, b, bound.x)
+            if minimum is not None and a.x < minimum < b.x:
+                new_x.append(minimum)
+                refined.add(minimum)
+                tried |= {(a.x, minimum), (minimum, b.x)}  # the branch between the two is known
+            elif bound.smooth or bound.value < lowest - GAIN:
+                new_x.append(bound.x)
+        new = evaluate(new_x) if new_x else ()
+        if new_x and not new:  # interrupted
             break
-        places = sorted([*places, *new])
-    return places, _judged(places, settled, _open(places, tried))
+        samples = sorted([*samples, *new])
+    return samples, _classified(samples, refined, _candidates(samples, tried))
 
 
-def _open(places: Sequence[Place], tried: set[tuple[float, float]]) -> list[Open]:
-    """Neighbours between which the function may be lower by GAIN than anywhere known, the lowest bound first.
+def _candidates(samples: Sequence[Sample], tried: set[tuple[float, float]]) -> list[Candidate]:
+    """Return neighbours between which the function may be lower by GAIN than all known values, the lowest bound first.
 
-    Beside the least place the smallest bound counts, until its slope is LEVEL_SLOPE or the minimum was refined (``tried``):
-    from neighbours a third apart the search for it may fail, and succeed from nearer ones.
+    Next to the smallest value any lower bound counts, until its slope is below LEVEL_SLOPE or the minimum was refined
+    (``tried``): a refinement may fail from samples far apart and succeed from closer ones.
     """
-    least_ = min(places, key=lambda p: p.value)
-    lowest = least_.value
+    smallest = min(samples, key=lambda p: p.value)
+    lowest = smallest.value
     out = []
-    for a, b in zip(places, places[1:]):
-        there = promise(a, b)
-        if there is None:
+    for a, b in zip(samples, samples[1:]):
+        bound = lower_bound(a, b)
+        if bound is None:
             continue
-        beside = a.slope < 0.0 < b.slope and least_ in (a, b) and abs(least_.slope) > LEVEL_SLOPE and (a.x,
-            b.x) not in tried
-        if there.value < lowest - GAIN or (beside and there.value < lowest):
-            out.append(((a, b), there))
+        around = a.slope < 0.0 < b.slope and smallest in (a, b) and (a.x, b.x) not in tried
+        around = around and abs(smallest.slope) > LEVEL_SLOPE
+        if bound.value < lowest - GAIN or (around and bound.value < lowest):
+            out.append(((a, b), bound))
     return sorted(out, key=lambda item: item[1].value)
 
 
-def _judged(places: Sequence[Place], settled: set[float], open_: Sequence[Open]) -> Least:
-    """What kind of least value was found, and how closely."""
-    k = min(range(len(places)), key=lambda i: places[i].value)
-    here = places[k]
-    where = None if not open_ else (open_[0][0][0].x, open_[0][0][1].x)
-    if here.x in settled and abs(here.slope) <= LEVEL_SLOPE:
-        return Least(k, "smooth", 0.0, where)
+def _classified(samples: Sequence[Sample], refined: set[float], candidates: Sequence[Candidate]) -> Minimum:
+    """Classify the smallest sample and estimate its uncertainty."""
+    k = min(range(len(samples)), key=lambda i: samples[i].value)
+    here = samples[k]
+    where = None if not candidates else (candidates[0][0][0].x, candidates[0][0][1].x)
+    if here.x in refined and abs(here.slope) <= LEVEL_SLOPE:
+        return Minimum(k, "smooth", 0.0, where)
     toward = k + (1 if here.slope < 0.0 else -1)
-    if not 0 <= toward < len(places):
-        return Least(k, "end", 0.0, where)
-    other = places[toward]
+    if not 0 <= toward < len(samples):
+        return Minimum(k, "end", 0.0, where)
+    other = samples[toward]
     width = abs(other.x - here.x)
     if not np.isfinite(other.value):
-        return Least(k, "unknown", width, where)
+        return Minimum(k, "unknown", width, where)
     if not np.isfinite(here.slope):
-        beside = [places[j] for j in (k - 1, k + 1) if 0 <= j < len(places)]
-        width = max(abs(p.x - here.x) for p in beside)
-        kind = "jump" if max(p.value - here.value for p in beside) > 2.0 * width else "crossing"
-        return Least(k, kind if width <= CORNER else "unknown", width, where)
-    reached = other.value + other.slope * (here.x - other.x)  # by the branch on the other side, which falls toward here
+        neighbours = [samples[j] for j in (k - 1, k + 1) if 0 <= j < len(samples)]
+        width = max(abs(p.x - here.x) for p in neighbours)
+        kind = "jump" if max(p.value - here.value for p in neighbours) > 2.0 * width else "crossing"
+        return Minimum(k, kind if width <= CORNER else "unknown", width, where)
+    reached = other.value + other.slope * (here.x - other.x)  # branch of the neighbour, extrapolated
     meets = other.slope * here.slope < 0.0 and abs(reached - here.value) <= GAIN
-    return Least(k, "crossing" if meets else "jump", width, where)
+    return Minimum(k, "crossing" if meets else "jump", width, where)

@@ -1,11 +1,15 @@
 """Optimal curve and frequency-shift curve: the highest point of the response over the preload, from free to stuck.
 
-The whole response over frequency is followed at each preload, side by side on threads; its highest point is the value there
-(:mod:`bdamper.response.highest_peak`).  More curves are followed between preloads where the tangents over the preload say
-that the least value may lie (:mod:`bdamper.response.minimum_search`); on a smooth branch it is found by a root of the
-adjoint derivative first.  Every value, that of the optimum too, is the highest point of a whole curve of its own.
+The optimum is chosen in these steps:
 
-The whole response at one preload as part of an optimal curve, and how a file keeps it.
+1. the whole response over frequency is followed at each preload, concurrently; its highest point is the value at this
+preload
+   (:mod:`bdamper.response.highest_peak`), and an adjoint solution gives its slope d ln(amplitude)/d ln(preload);
+2. :func:`bdamper.response.minimum_search.find_minimum` chooses further preloads at which the value may be smaller;
+3. on a smooth branch of peaks :func:`smooth_minimum` first solves for the preload of zero slope.
+
+Every value, including the optimum, is the highest point of a whole curve at its preload.  :class:`Curves` stores finished
+curves in a file and resumes from it.
 """
 
 from __future__ import annotations
@@ -28,7 +32,7 @@ from bdamper.harmonic_balance.parameters import study_fingerprint
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.highest_peak import REACH, AtPreload, check_options, found_at, given_up
-from bdamper.response.minimum_search import Place, agree, least
+from bdamper.response.minimum_search import Sample, find_minimum, on_one_branch
 from bdamper.response.optimal_curve_result import OptimalCurve, OptimumPoint
 from bdamper.response.peak import Family, Peak, PeakOptions, find_peak, linear_peak, peak_interval
 from bdamper.response.response_curve import NO_STEADY, open_at_rest, rattles, without_points
@@ -39,11 +43,11 @@ from bdamper.util.progress import Cost, LongWork, ended_by, on_executor, one_thr
 from bdamper.util.rootfinding import find_root
 from bdamper.util.storage import HERE, ResultsFile
 
-# ---- The whole response at one preload as part of an optimal curve, and how a file keeps it ----
+# ---- response at one preload ----
 
 
 LOST = (ArithmeticError, np.linalg.LinAlgError)
-"""What a solution raises that cannot be computed, as where numbers overflow: one preload is lost by it, no curve."""
+"""Errors of a computation that fails at one preload, as by overflow; they do not end the optimal curve."""
 
 
 @one_thread
@@ -55,34 +59,37 @@ def at_preload(
     budget: int | None = None,
     stop: Event | None = None,
 ) -> AtPreload:
-    """The response at a preload; another thread ends the work by setting ``stop``."""
+    """Compute the response at a preload; another thread stops it by setting ``stop``."""
     with ended_by(stop or Event()):
         try:
-            found = found_at(problem, preload, frequency, options=options, budget=budget)
+            response = found_at(problem, preload, frequency, options=options, budget=budget)
         except LOST as error:
             why = f"failed: {type(error).__name__}: {error}"
             lost = without_points(problem, preload, why, ContinuationOptions(), Cost())
-            found = AtPreload(preload, lost, None, np.nan, "", Cost())
-    curve, slope, why = found.curve, np.nan, ""
-    if found.top is not None:
+            response = AtPreload(preload, lost, None, np.nan, "", Cost())
+    curve, slope, why = response.curve, np.nan, ""
+    if response.top is not None:
         why = rattles(curve, open_at_rest(problem, preload))
-        peak = found.top.peak
-        with suppress(*LOST, BdamperError):  # none at a corner
+        peak = response.top.peak
+        with suppress(*LOST, BdamperError):  # a corner has no slope
             slope = amplitude_sensitivity(peak, problem.system, preload) * preload / peak.amplitude
     light = replace(curve, unknowns=np.zeros((len(curve), 0)), harmonics=curve.harmonics[:, :2], start_log=())
-    return replace(found, curve=light, slope=slope, rattles=why)
+    return replace(response, curve=light, slope=slope, rattles=why)
 
 
-# ---- Optimal curve and frequency-shift curve ----
+# ---- optimal curve ----
 
 
 BUDGET = 8000
-"""Evaluations that a curve may take in the search, the default at an optimum.  Curves with many folds take some 4,000, one
-in tens is lost in a tangle of them and takes all it gets, to no avail: 17 of 39 s of one optimal curve."""
+"""Default budget of one curve in the search, in evaluations.
+
+Curves with many folds take some 4,000.  A few per cent are lost in a tangle of folds and use up any budget: 17 of 39 s of
+one optimal curve.
+"""
 FLAT = 1e-6
-"""Relative range of the resonance amplitude over all preloads below which the curve has no optimum."""
-IN_A_ROW = 2
-"""Neighbouring preloads whose curves show that the damper rattles, below which no more are followed."""
+"""Relative range of the amplitude over all preloads below which there is no optimum."""
+MAX_RATTLING = 2
+"""Number of consecutive preloads with a rattling damper after which no lower ones are followed."""
 
 
 @one_thread
@@ -98,34 +105,34 @@ def optimal_curve(
     resume: str | Path | None = None,
     executor: Executor | None = None,
 ) -> OptimalCurve:
-    """Resonance amplitude and frequency over the preload, and the preload of least amplitude.
+    """Compute resonance amplitude and frequency over the preload, and the preload of minimum amplitude.
 
     Parameters
     ----------
     problem : Problem
     preload : (low, high) or sequence of more than two values, N
-        Two values: ``n`` preloads between them, equal ratios apart.
+        Two values: ``n`` preloads between them in geometric progression.
     n : int
     frequency : (low, high), Hz, optional
-        Where to look for peaks; around the free and the stuck resonance of ``mode`` by default.
+        Interval of the peaks; around the free and the stuck resonance of ``mode`` by default.
     mode : int
         Mode of the constrained bodies, 1 for the lowest.
     options : PeakOptions
     progress : bool
     resume : path, optional
-        File for all finished curves: interrupted work continues from there and ends with the same result.
+        File for all finished curves.  Interrupted work continues from it with the same result.
     executor : concurrent.futures.Executor, optional
-        On which the curves are followed; threads, as many as there are cores, by default.
+        Executor of the curves; by default one thread per core.
 
     Returns
     -------
     OptimalCurve
-        After Ctrl-C, or the end of the executor, with what was known by then.
+        After Ctrl-C, or the end of the executor, the part computed so far.
 
     Raises
     ------
     BdamperError
-        If nothing was found at any of the preloads, the file is of another search, or the executor takes no task.
+        If nothing was found at any of the preloads, the file belongs to another search, or the executor accepts no task.
     KeyboardInterrupt
         If the search was interrupted before it found anything.
     """
@@ -143,7 +150,7 @@ def optimal_curve(
         optimum = _optimum(curves, values)
     known = curves.known
     if curves.interrupted:
-        optimum = _least_so_far(curves)
+        optimum = _interrupted_optimum(curves)
     if not any(there.top for there in known.values()):
         if curves.interrupted:
             validation.require(not curves.work.reason, "executor", "one that takes tasks", curves.work.reason)
@@ -164,7 +171,7 @@ def optimal_curve(
 
 @dataclass
 class Curves:
-    """Whole curves at some preloads, followed side by side; a context that an interruption ends quietly.
+    """Response curves at several preloads, computed concurrently; a context manager that handles interruptions.
 
     Parameters
     ----------
@@ -172,13 +179,13 @@ class Curves:
     frequency : (low, high), Hz
     options : PeakOptions, optional
     executor : Executor, optional
-        Threads of its own without one.
+        Threads by default.
     resume : path, optional
     progress : bool
     asked : mapping
-        What else tells the file from those of other searches.
+        Further data that identify the search in the file.
     known : dict of float to AtPreload
-        What is finished, by preload.
+        Finished curves by preload.
     """
 
     problem: Problem
@@ -205,7 +212,7 @@ class Curves:
             self.executor = self.stack.enter_context(ThreadPoolExecutor(os.cpu_count() or 1))
         if self.progress:
             self.report = self.stack.enter_context(stages("optimal curve", "curve"))
-        self.problem.system(0.0)  # what all preloads share is made before threads ask for it
+        self.problem.system(0.0)  # compute shared quantities before the threads start
         self.problem.static(1.0)
         self.work.__enter__()
         return self
@@ -217,9 +224,10 @@ class Curves:
         return quiet
 
     def follow(self, preloads: Sequence[float], budget: int | None = None, row: int = 0) -> list[AtPreload]:
-        """The curves at some preloads, in their order; with ``row`` up to so many that rattle one after another.
+        """Follow the curves at some preloads, in the given order.
 
-        An interruption keeps those that are finished.
+        With ``row`` it stops after this number of consecutive rattling preloads.  An interruption keeps the finished
+        curves.
         """
         assert self.executor is not None
         stop, running = Event(), dict[float, Future[AtPreload]]()
@@ -231,7 +239,7 @@ class Curves:
                 elif p not in self.known:
                     threads = isinstance(self.executor, ThreadPoolExecutor)
                     job = at_preload, self.problem, p, self.frequency, self.options, budget, stop if threads else None
-                    with on_executor(RuntimeError):  # as one that was shut down raises it
+                    with on_executor(RuntimeError):  # raised by an executor that was shut down
                         running[p] = self.executor.submit(*((copy_context().run, *job) if threads else job))
             for i, p in enumerate(preloads):
                 if row and len(out) >= row and all(there.rattles for there in out[-row:]):
@@ -241,61 +249,61 @@ class Curves:
                 if p in running:
                     with on_executor():
                         there = running.pop(p).result()
-                    self._keep(there)
+                    self._store(there)
                 out.append(self.known[p])
         except BaseException:
             for p, future in running.items():
                 if future.done() and not future.cancelled() and future.exception() is None:
-                    self._keep(future.result())
+                    self._store(future.result())
             raise
         finally:
-            stop.set()  # ends what is still at work
+            stop.set()  # ends running curves
             for future in running.values():
                 future.cancel()
         return out
 
-    def _keep(self, there: AtPreload) -> None:
+    def _store(self, there: AtPreload) -> None:
         self.known[there.preload] = there
         if self.file is not None:
             self.file.append(there.record())
 
     def cost(self, start: float) -> Cost:
-        """Cost of all curves, on all threads, in the time since the start."""
+        """Return the cost of all curves on all threads, with the elapsed time since the start."""
         return replace(sum((there.cost for there in self.known.values()), Cost()), seconds=time.perf_counter() - start)
 
 
 def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
-    """The preload of the least value, after more curves where it may lie."""
-    curves.follow([float(p) for p in values[::-1]], BUDGET, row=IN_A_ROW)
+    """Choose the optimum: the preload of minimum amplitude, after more curves where it may lie."""
+    curves.follow([float(p) for p in values[::-1]], BUDGET, row=MAX_RATTLING)
     known = curves.known
     edge = rattling_below(known)
-    there = {float(np.log(p)): known[p] for p in known if p >= edge}  # the edge, too: the least may lie just above it
-    found = [item for item in there.values() if np.isfinite(item.value) and item.preload > edge]
-    if not found:
+    by_log = {float(np.log(p)): known[p] for p in known if p >= edge}  # with the edge: the minimum may lie just above it
+    with_value = [item for item in by_log.values() if np.isfinite(item.value) and item.preload > edge]
+    if not with_value:
         return OptimumPoint(np.nan, np.nan, np.nan, "none", np.inf, because(NOT_FOUND, "no preload has a value"))
-    height = [item.value for item in found]
-    if len(found) > 1 and max(height) - min(height) <= FLAT:
-        peak = found[int(np.argmin(height))].top.peak  # type: ignore[union-attr]
+    height = [item.value for item in with_value]
+    if len(with_value) > 1 and max(height) - min(height) <= FLAT:
+        peak = with_value[int(np.argmin(height))].top.peak  # type: ignore[union-attr]
         flat = because(NOT_FOUND, "the preload does not matter")
         return OptimumPoint(np.nan, peak.amplitude, peak.frequency, "flat", np.inf, flat)
 
-    def place(x: float) -> Place:
-        steady = there[x].preload > rattling_below(known)
-        return Place(x, there[x].value if steady else np.inf, there[x].slope)
+    def sample(x: float) -> Sample:
+        steady = by_log[x].preload > rattling_below(known)
+        return Sample(x, by_log[x].value if steady else np.inf, by_log[x].slope)
 
-    def ask(places: Sequence[float]) -> list[Place]:
-        there.update(zip(places, curves.follow([float(np.exp(x)) for x in places])))
-        return [place(x) for x in places if x in there]
+    def evaluate(logs: Sequence[float]) -> list[Sample]:
+        by_log.update(zip(logs, curves.follow([float(np.exp(x)) for x in logs])))
+        return [sample(x) for x in logs if x in by_log]
 
-    def settle(a: Place, b: Place, x: float) -> float | None:
-        tops = [there[p.x].top for p in (a, b)]
+    def refine(a: Sample, b: Sample, x: float) -> float | None:
+        tops = [by_log[p.x].top for p in (a, b)]
         ends = [top.peak for top in tops if top is not None]
         return smooth_minimum(curves.problem.system, ends, a, b, curves.options)
 
-    places, best = least([place(x) for x in there], ask, settle)
-    at, edge, kind = there[places[best.index].x], rattling_below(known), best.kind
+    samples, best = find_minimum([sample(x) for x in by_log], evaluate, refine)
+    at, edge, kind = by_log[samples[best.index].x], rattling_below(known), best.kind
     assert at.top is not None
-    if kind == "unknown" and not at.slope < 0.0 and there[places[best.index - 1].x].preload <= edge:
+    if kind == "unknown" and not at.slope < 0.0 and by_log[samples[best.index - 1].x].preload <= edge:
         kind = "edge"
     status = COMPLETE
     lower = [p for p in sorted(known) if p > edge and not known[p].known and not known[p].height >= at.top.peak.amplitude]
@@ -312,9 +320,9 @@ def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
 
 
 def smooth_minimum(
-    family: Family, ends: Sequence[Peak], a: Place, b: Place, options: PeakOptions | None = None
+    family: Family, ends: Sequence[Peak], a: Sample, b: Sample, options: PeakOptions | None = None
 ) -> float | None:
-    """ln(parameter) of the least amplitude of the peak that two places share, by a root of its derivative."""
+    """Return ln(parameter) of the minimum amplitude of the peak that two samples share, by a root of its derivative."""
     near = dict(zip((a.x, b.x), ends))
 
     def slope(x: float) -> float:
@@ -323,16 +331,16 @@ def smooth_minimum(
         share = (x - low) / (high - low) if high > low else 0.0
         guess = first.y + share * (last.y - first.y)
         start = first if share < 0.5 else last
-        found = find_peak(
+        peak = find_peak(
             family(p), guess, tangent=start.tangent, scale=start.scale, curvature=start.curvature, options=options,
             parameter=p, reach=REACH,
         )  # fmt: skip
-        if not found.converged or found.corner:
+        if not peak.converged or peak.corner:
             raise ArithmeticError("the peak is lost")
-        near[x] = found
-        return amplitude_sensitivity(found, family, p) * p / found.amplitude
+        near[x] = peak
+        return amplitude_sensitivity(peak, family, p) * p / peak.amplitude
 
-    optimum_tolerance = 1e-7  # relative, on the preload of a smooth optimum
+    optimum_tolerance = 1e-7  # relative tolerance of the preload
     try:
         root = find_root(slope, (a.x, a.slope), (b.x, b.slope), optimum_tolerance)
     except (*LOST, BdamperError):
@@ -340,19 +348,19 @@ def smooth_minimum(
     return float(root.at)
 
 
-def _least_so_far(curves: Curves) -> OptimumPoint:
-    """The least value known at any preload when the search was interrupted."""
+def _interrupted_optimum(curves: Curves) -> OptimumPoint:
+    """Return the smallest value known when the search was interrupted."""
     edge = rattling_below(curves.known)
-    found = [(at.value, p, at.top.peak) for p, at in curves.known.items() if p > edge and at.known and at.top]
+    with_value = [(at.value, p, at.top.peak) for p, at in curves.known.items() if p > edge and at.known and at.top]
     status = because(INTERRUPTED, curves.work.reason or "by the user")
-    if not found:
+    if not with_value:
         return OptimumPoint(np.nan, np.nan, np.nan, "none", np.inf, status)
-    _, p, peak = min(found, key=lambda item: item[0])
+    _, p, peak = min(with_value, key=lambda item: item[0])
     return OptimumPoint(p, peak.amplitude, peak.frequency, "unknown", np.inf, status)
 
 
 def rattling_below(known: dict[float, AtPreload]) -> float:
-    """The highest preload (N) at and below which all curves show that the damper rattles; 0 if the lowest does not."""
+    """Return the preload (N) up to which all curves show a rattling damper; 0 if the lowest does not."""
     out = 0.0
     for p in sorted(known):
         if not known[p].rattles:
@@ -362,23 +370,23 @@ def rattling_below(known: dict[float, AtPreload]) -> float:
 
 
 def _status(row: AtPreload | None, preload: float, edge: float, why: str) -> str:
-    """What is known at a preload."""
+    """Return the status at a preload."""
     if preload <= edge:
         return because(NOT_FOUND, f"{NO_STEADY} below {edge:.6g} N: {why}")
     return because(NOT_FOUND, "no curve was followed") if row is None else row.status
 
 
 def _columns(known: dict[float, AtPreload], values: NDArray, edge: float, n_unknowns: int) -> dict[str, Any]:
-    """Fields of an optimal curve with one entry for each preload."""
+    """Return the fields of an optimal curve with one entry for each preload."""
     rows, why = [known.get(float(p)) for p in values], known[edge].rattles if edge else ""
     tops = [None if row is None or row.preload <= edge or not row.known else row.top for row in rows]
 
     def column(name: str, fill: Any) -> NDArray:
         return np.array([fill if top is None else getattr(top.peak, name) for top in tops])
 
-    places = [Place(np.log(p), np.inf if row is None else row.value, np.nan if row is None else row.slope)
-              for p, row in zip(values, rows)]  # fmt: skip
-    onward = [bool(np.isfinite(a.value + b.value)) and agree(a, b) for a, b in zip(places, places[1:])]
+    samples = [Sample(np.log(p), np.inf if row is None else row.value, np.nan if row is None else row.slope)
+               for p, row in zip(values, rows)]  # fmt: skip
+    onward = [bool(np.isfinite(a.value + b.value)) and on_one_branch(a, b) for a, b in zip(samples, samples[1:])]
     return {
         "preload": values,
         "amplitude": column("amplitude", np.nan),
@@ -394,7 +402,7 @@ def _columns(known: dict[float, AtPreload], values: NDArray, edge: float, n_unkn
 
 
 def preload_values(preload: Any, n: int) -> NDArray:
-    """Preloads of a curve: ``n`` between two given ones, equal ratios apart, or the longer sequence that is given.
+    """Return the preloads of a curve: ``n`` in geometric progression between two values, or the longer sequence as given.
 
     Raises
     ------

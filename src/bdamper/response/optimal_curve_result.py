@@ -1,4 +1,4 @@
-"""The optimal curve as a result: resonance over preload with its limits, its optimum and what happened on the way."""
+"""Result of an optimal curve: resonance over the preload with its linear limits, its optimum and the curves behind it."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ ENDS = {
     "edge": "lowest preload with a steady response",
 }
 SAFE = (1.2, 1.5)
-"""Preloads to build, over the optimum: the amplitude rises steeply below it and slowly above."""
+"""Recommended preloads over the optimum: the amplitude rises steeply below the optimum and slowly above."""
 NEAR_BEST = 1.2
-"""Amplitude over that of the optimum up to which a range of preloads is printed: what a designer may give away."""
+"""Amplitude over the optimum that defines the printed range of acceptable preloads."""
 
 
 @dataclass(frozen=True)
@@ -47,25 +47,29 @@ class Limit:
 
 @dataclass(frozen=True)
 class OptimumPoint:
-    """Preload of the least resonance amplitude.
+    """Preload of minimum resonance amplitude.
 
     Parameters
     ----------
     preload : float, N
-        NaN if the curve is flat, or no preload has a value.
+        NaN if the curve is flat, or if no preload has a value.
     amplitude : float, m
     frequency : float, Hz
     kind : {"smooth", "crossing", "jump", "end", "edge", "unknown", "flat", "none"}
-        Zero derivative; two peaks of equal height; the end of a higher peak, with the least amplitude as the limit from
-        the side on which it is gone; the end of the range of preloads, or of those with a value; the edge below which
-        no response is steady; not known, as where the search was interrupted; none, since the preload does not matter
-        (nothing slips, or all of it is bonded), or since no preload has a value.
+        - "smooth": zero derivative;
+        - "crossing": two peaks of equal height;
+        - "jump": end of a higher peak; the amplitude is the limit from the side without it;
+        - "end": end of the range of preloads, or of the preloads with a value;
+        - "edge": edge below which no response is steady;
+        - "unknown": not determined, as after an interruption;
+        - "flat": the preload has no effect (no slip, or bonded contact);
+        - "none": no preload has a value.
     uncertainty : float
-        Relative, of the preload.
+        Relative uncertainty of the preload.
     status : str
-        "complete" if no preload without a value could take its place, and the tangents of the highest points at two
-        neighbouring preloads nowhere lead below it; a lower value that no tangent leads to may still be missed between
-        preloads far apart.  Otherwise "incomplete", "interrupted" or "not found" with the reason after a colon.
+        "complete" if no preload without a value could replace it, and no tangents of the highest points at two neighbouring
+        preloads indicate a lower value.  A lower value between distant preloads may still be missed.  Otherwise
+        "incomplete", "interrupted" or "not found" with the reason after a colon.
     """
 
     preload: float
@@ -76,13 +80,13 @@ class OptimumPoint:
     status: str = COMPLETE
 
     def __post_init__(self) -> None:
-        first, colon, reason = self.status.partition(":")  # of files of version 0.6
+        first, colon, reason = self.status.partition(":")  # files of version 0.6
         now = {"verified": COMPLETE, "not verified": INCOMPLETE}.get(first, first)
         object.__setattr__(self, "status", f"{now}{colon}{reason}")
 
     @property
     def verified(self) -> bool:
-        """Whether it is complete: nothing known says that a lower value is elsewhere."""
+        """Whether the status is complete: no information indicates a lower value elsewhere."""
         return self.status == COMPLETE
 
 
@@ -98,41 +102,40 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
     ----------
     preload : (n,) float, N
     amplitude : (n,) float, m
-        Of the highest peak; NaN where none was found, and where the response over frequency was not followed to its ends,
-        so that there may be a higher one.
+        Amplitude of the highest peak; NaN if none was found, or if the response curve is incomplete and may have a higher
+        one.
     frequency : (n,) float, Hz
     shares : (n, 3) float
-        Stick, slip and open at the peak, mean over the friction points and the cycle.
+        Fractions of the cycle in stick, slip and separation at the peak, mean over the friction points.
     residual : (n,) float
     unknowns : (n, n_unknowns) float
     status : tuple of str
-        "complete", with a colon where an end of the interval is higher than all maxima; "incomplete: ..." with what was not
-        followed, or where there is no maximum; "not found: ..." with the reason.
+        "complete", with a note after a colon if an end of the interval is higher than all maxima; "incomplete: ..." with
+        the omissions, or without a maximum; "not found: ..." with the reason.
     free, stuck : Limit
     optimum : OptimumPoint
     cost : Cost
-        Of the whole answer: the curves, the marches in time and the peaks with more harmonics.
+        Total cost of curves, time integrations and peaks with more harmonics.
     settings : mapping
     model_hash : str
     lower_bound : (n,) float, m
-        Highest response found at a preload without a value, NaN where there is a value or nothing was found.
+        Highest response found at a preload without a value; NaN with a value, or if nothing was found.
     goes_on : (n,) bool
-        Whether the highest point lies on one smooth branch with that of the preload before, by their tangents.
+        Whether the highest points at this preload and the previous one are on one smooth branch, by their tangents.
     kind : tuple of str
-        Of the highest point at each preload: "peak", "corner", "drift" or "fold"; empty without a value.
+        Kind of the highest point at each preload: "peak", "corner", "drift" or "fold"; empty without a value.
     convergence : Convergence or None
-        The peak at the optimum with more harmonics.
+        Peak at the optimum with more harmonics.
     curves : tuple of ResponseCurve
-        The whole curves that the values are from, and those between them that the search for the optimum took, by rising
-        preload; followed coarsely, and without their unknowns.
+        Whole curves of all values and of the search for the optimum, by ascending preload; coarse, and without unknowns.
     lowest_steady_preload : float, N
-        No steady periodic response is expected up to this preload, by the sign of
-        :mod:`bdamper.response.response_curve`: the damper rattles.  There are no values there and nothing was searched
-        below; 0 where nothing shows it.
+        Up to this preload the damper rattles and no steady periodic response is expected
+        (:mod:`bdamper.response.response_curve`).  There are no values there, and no search below.  0 if there is no sign of
+        it.
     margins : tuple of MarginCurve
-        Margins against fatigue along the curve, where they were asked for.
+        Margins against fatigue along the curve, if requested.
     time_response : tuple of TimeResponse
-        Marches in time at the optimum, and wherever :meth:`bdamper.Study.with_time_response` was asked.
+        Time integrations at the optimum and at the preloads of :meth:`bdamper.Study.with_time_response`.
     """
 
     preload: Newtons
@@ -169,12 +172,12 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
 
     @property
     def interrupted(self) -> bool:
-        """Whether the search was interrupted: the curve holds what was known by then."""
-        return INTERRUPTED in self.optimum.status  # which files of version 0.6 have in the reason
+        """Whether the search was interrupted; the curve then contains the part computed so far."""
+        return INTERRUPTED in self.optimum.status  # files of version 0.6 have it in the reason
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings: preloads without a value, an optimum that is not verified."""
+        """Warnings: preloads without a value, and an optimum that is not verified."""
         low = self.status[0] if self.lowest_steady_preload else ""
         gone = [(p, s) for p, s in zip(self.preload, self.status) if s not in ("complete", low)]
         out = [low] * bool(low) + [f"{p:.6g} N: {s}" for p, s in gone]
@@ -188,26 +191,26 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
 
     @property
     def shift_percent(self) -> Annotated[NDArray, Quantity("%", name="frequency_shift")]:
-        """(n,) float: frequency relative to that of the free resonance, in per cent."""
+        """(n,) float: frequency relative to the free resonance, minus one, in per cent."""
         return 100.0 * (self.frequency / self.free.frequency - 1.0)
 
     @property
     def stuck_shift_percent(self) -> float:
-        """Shift of the stuck limit."""
+        """Frequency shift of the stuck limit, in per cent."""
         return 100.0 * (self.stuck.frequency / self.free.frequency - 1.0)
 
     @property
     def ratio(self) -> float:
-        """Amplitude of the stuck limit over that of the optimum."""
+        """Amplitude of the stuck limit over the amplitude of the optimum."""
         return self.stuck.amplitude / self.optimum.amplitude
 
     def preloads_within(self, amplitude: float) -> tuple[float, float]:
-        """The range of preloads (N) around the optimum in which the amplitude is at most the given one (m).
+        """Return the range of preloads (N) around the optimum in which the amplitude is at most the given one (m).
 
         Raises
         ------
         SettingError
-            If the curve has no optimum, or that is higher.
+            If the curve has no optimum, or if its amplitude is higher.
         """
         best = self.optimum
         validation.require(np.isfinite(best.preload), "preloads_within", "a curve with an optimum", best)
@@ -217,7 +220,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
             beyond = np.flatnonzero(step * (self.preload - best.preload) > 0.0)[::step]
             preload, before = best.preload, best.amplitude
             for p, a in zip(self.preload[beyond], self.amplitude[beyond]):
-                if not a <= limit:  # above it, or not known
+                if not a <= limit:  # also if unknown
                     share = np.log(limit / before) / np.log(a / before) if a > before else 0.0
                     preload *= (p / preload) ** share
                     break
@@ -227,12 +230,12 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
 
     @property
     def optimum_in_time(self) -> TimeResponse | None:
-        """The least amplitude in time among complete marches at several preloads; None of fewer than two."""
+        """Time response of minimum amplitude among complete ones at two or more preloads; otherwise None."""
         return min(self._known, key=lambda k: k.mean) if len(self._known) > 1 else None
 
     @property
     def _known(self) -> list[TimeResponse]:
-        """Marches that leave nothing open."""
+        """Complete time responses."""
         return [k for k in self.time_response if np.isfinite(k.mean) and word(k.status) == COMPLETE]
 
     @property
@@ -241,22 +244,22 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
         return tuple(f"at {curve.preload:.6g} N {fold}" for curve in self.curves for fold in curve.detached)
 
     def report(self, path: FilePath, study: Asking | Problem | None = None, *, fit: Recorded | None = None) -> None:
-        """Write one HTML file for a design review: pictures inside, no links, the same bytes for the same results.
+        """Write one HTML file for a design review, with embedded pictures and without links; reproducible byte by byte.
 
         Parameters
         ----------
         path : path-like
         study : Study, optional
-            Of this curve: with it the response at the optimum is followed and its contact states, loops and sensitivities
-            are computed.
+            Study of this curve.  With it the report contains the response at the optimum with contact states, hysteresis
+            loops and sensitivities.
         fit : bdamper.analyses.fit.Fitted, optional
-            Where friction and contact stiffness come from.
+            Source of friction coefficient and contact stiffness.
 
         Raises
         ------
         BdamperError
-            If the curve has no optimum, is not of this study, the extra ``bdamper[report]`` is missing, or the file cannot
-            be written.
+            If the curve has no optimum or belongs to another study, the extra ``bdamper[report]`` is missing, or the file
+            cannot be written.
         """
         draw(self, "report", path, study, fit)
 
@@ -269,15 +272,13 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
             return f"The preload does not matter: {at}." if o.kind == "flat" else f"No optimum: {o.status}{first}."
         free = self.free.amplitude
         gain = f", {free / o.amplitude:.3g} times below the free blade ({amount(free, 'm')})" if np.isfinite(free) else ""
-        force, shares = (
-            self.settings.get("excitation", {}).get("amplitude", 0.0),
-            shares_of(self.settings.get("load_per_preload")),
-        )
+        force = self.settings.get("excitation", {}).get("amplitude", 0.0)
+        shares = shares_of(self.settings.get("load_per_preload"))
         per = " per newton of excitation" if force == 1.0 else f" at {amount(force, 'N')} of excitation" if force else ""
         per = f" ({shares}){per}" if shares else per
         where = f"{amount(o.preload, 'N')} of preload{per}" + (f", {ENDS[o.kind]}" if o.kind in ENDS else "")
         out = [f"Optimum: {where}. Peak {height(o.amplitude, o.frequency)}{gain}."]
-        out += [self._said_of(kept) for kept in self.time_response] or [NOT_IN_TIME]
+        out += [self._in_time(response) for response in self.time_response] or [NOT_IN_TIME]
         if least := self.optimum_in_time:
             last = least in (self._known[0], self._known[-1])
             beyond = ", the last preload on that side: it may be lower beyond" if last else ""
@@ -289,8 +290,8 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
             out.append(f"More harmonics: {self.convergence.verdict}.")
         return " ".join(filter(None, out))
 
-    def _said_of(self, time_response: TimeResponse) -> str:
-        """The steady-state amplitude in time, beside that of the harmonic balance."""
+    def _in_time(self, time_response: TimeResponse) -> str:
+        """Return a sentence on the steady-state amplitude in time, compared with the harmonic balance."""
         at = "" if time_response.preload == self.optimum.preload else f" at {amount(time_response.preload, 'N')}"
         if not np.isfinite(time_response.mean):
             return time_response._headline()
@@ -302,7 +303,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
         return f"Time integration{at} gives {amount(time_response.mean, 'm')} ({change}).{alike}"
 
     def _recommended(self) -> str:
-        """The preloads to build, and the rise of the amplitude to the preloads on either side of half the optimum."""
+        """Return a sentence with the recommended preloads and the rise of the amplitude at half the optimum."""
         best, text = float(f"{self.optimum.preload:.3g}"), ""
         k = int(np.searchsorted(self.preload, 0.5 * best))
         rise = self.amplitude[k - 1 : k + 1] / self.optimum.amplitude if k else np.full(1, np.nan)

@@ -1,20 +1,17 @@
-"""A resonance peak as the solution of its own equations.
+"""A resonance peak as the solution of its equations, and the interval in which a resonance lies.
 
 On a response curve ``r(y) = 0``, ``y = (u, omega)``, with unit tangent ``t``, the squared amplitude of the response has a
 maximum where its slope
 
     phi = grad(|X_1|^2/2) . t / |X_1|^2
 
-falls through zero.  With the adjoint ``J^T lambda = grad(|X_1|^2/2)`` this is ``lambda^T r_omega = 0`` times the frequency
-component of ``t``; in terms of ``t`` the condition stays regular where the curve turns, and a resonance that leans over
-has its maximum just there.
+falls through zero.  With the adjoint ``J^T lambda = grad(|X_1|^2/2)`` the slope is ``-lambda^T r_omega`` times the
+frequency component of ``t``.  In terms of ``t`` the condition remains regular at folds.
 
-From a near guess, Newton's method to the curve with a secant along it converges to the peak
-(:class:`~bdamper.harmonic_balance.equations.Peak`).  If it fails, :func:`find_peak` takes the steps of a path
-uphill (:mod:`bdamper.response.continuation`) until ``phi`` changes its sign, and locates the maximum of that step as a
-path does. At a corner of the curve ``phi`` may jump through zero: then the search ends at the corner.
-
-Where a resonance lies: the interval around that of a mode, and linear resonances without contact and all of it stuck.
+From a close guess Newton's method on the curve, with a secant along it, converges to the peak
+(:class:`~bdamper.harmonic_balance.equations.Peak`).  If it fails, :func:`find_peak` follows the curve uphill
+(:mod:`bdamper.response.continuation`) until ``phi`` changes sign, and locates the maximum within this step.  At a corner of
+the curve ``phi`` may jump through zero; the search then ends at the corner.
 """
 
 from __future__ import annotations
@@ -43,11 +40,11 @@ from bdamper.util.progress import Cost
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import Cycles, Metre, Quantity, Shares, Tabular
 
-# ---- A resonance peak as the solution of its own equations ----
+# ---- equations of a peak ----
 
 
 JUMP = 1e3
-"""Curvature of ln(amplitude) along the curve, in scaled unknowns, beyond which its slope is said to jump: a corner."""
+"""Curvature of ln(amplitude) along the curve in scaled unknowns above which its slope counts as discontinuous: a corner."""
 DIFFERENCE = 1e-5
 """Relative step of the central differences in sensitivities."""
 FAR = "a peak far from its prediction"
@@ -55,31 +52,31 @@ ANOTHER = "a solution on another part of the curve, by the sign of det J"
 AT_END = "highest at an end of the interval, without a maximum in it"
 """Reason of a highest point that is no maximum."""
 LOOSEST = ContinuationOptions().tolerance
-"""Residual at most that counts as rounding, as along curves."""
+"""Largest residual that counts as rounding, as along curves."""
 
 BelowTen = Annotated[float, validation.Limits(above=0.0, below=10.0)]
 Family = Callable[[float], Equations]
-"""The equations as a function of one scalar parameter."""
+"""Equations as a function of one scalar parameter."""
 
 
 @validation.spelt
 @dataclass(frozen=True)
 class PeakOptions(validation.Checked):
-    """Settings of the search for a peak and of its continuation.
+    """Settings of the search for a peak.
 
     Parameters
     ----------
     tolerance : float
-        On the residual, relative to excitation and static load; where rounding keeps the residual above it, as stiff bonded
-        faces do, that of :func:`rounding` up to 1e-9.
+        Tolerance of the residual, relative to the excitation and the static load.  If rounding exceeds it, as with stiff
+        bonded faces, the tolerance is :func:`rounding`, up to 1e-9.
     position_tolerance : float
-        On the place of the peak along the curve, relative to the vibration.
+        Tolerance of the position of the peak along the curve, relative to the vibration.
     max_step : float
         Largest step along the curve, relative to the vibration.
     max_iterations : int
-        Newton iterations in one corrector.
+        Largest number of Newton iterations in one corrector.
     max_trials : int
-        Correctors spent on one peak.
+        Largest number of correctors for one peak.
     """
 
     tolerance: BelowTen = 1e-10
@@ -92,35 +89,35 @@ class PeakOptions(validation.Checked):
 @brief
 @dataclass(frozen=True)
 class Peak(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-peak"):
-    """A maximum of the response amplitude along a response curve, or the place where the search for it ended.
+    """Maximum of the response amplitude along a response curve, or the point at which the search for it ended.
 
-    Drawn by :func:`bdamper.plot.plot_peak`.
+    :func:`bdamper.plot.plot_peak` draws it.
 
     Parameters
     ----------
     parameter : float
-        Value at which the equations were taken; NaN if they depend on none.
+        Preload (N) of the equations; NaN if they depend on none.
     frequency : float, Hz
     amplitude : float, m
-        Of the first harmonic of the response.
+        Amplitude of the first harmonic of the response.
     y, tangent, scale : (n_unknowns + 1,) float
-        The tangent of the response curve has unit length in unknowns divided by ``scale``.
+        Point, tangent and units; the tangent has unit length in unknowns divided by ``scale``.
     slope, curvature : float
         First and second derivative of ln(amplitude) along the curve in scaled unknowns.
     shares : (3,) float
-        Stick, slip and open.
+        Fractions of the cycle in stick, slip and separation.
     residual : float
     iterations, trials, rank_deficiency : int
     corner : bool
-        The curve has a corner at the peak: slopes on both sides differ in sign but do not vanish.
+        Whether the curve has a corner at the peak: the slopes on both sides differ in sign but do not vanish.
     status : str
-        "complete"; "incomplete: ..." for the end of an interval that holds no maximum, or if ``search_status`` is
-        incomplete; "not found: ..." with the reason.
+        "complete"; "incomplete: ..." at the end of an interval without a maximum, or if ``search_status`` is incomplete;
+        "not found: ..." with the reason.
     cost : Cost, optional
     search_status : str
-        How the curve ended on which it is the highest peak, if there is one: unless "complete", there may be a higher one.
+        Status of the curve on which it is the highest peak; unless "complete" there may be a higher one.
     settings : mapping
-        Of the problem; none of a peak on equations that stand by themselves (:func:`find_peak`).
+        Settings of the problem; empty for :func:`find_peak`.
     model_hash : str
     """
 
@@ -149,7 +146,7 @@ class Peak(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
         return self.status == COMPLETE or (word(self.status) == INCOMPLETE and AT_END not in self.status)
 
     def _facts(self) -> tuple[Fact, ...]:
-        """The peak and how far it is to be trusted; nothing but the reason where none was found."""
+        """Return the peak and its reliability, or only the reason if there is none."""
         return super()._facts() if self.converged else (Fact("peak", self.status),)
 
     def _headline(self) -> str:
@@ -157,16 +154,13 @@ class Peak(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
             top = f" The highest response is {height(self.amplitude, self.frequency)}."
             return f"No peak: {self.status}.{top if word(self.status) == INCOMPLETE else ''}"
         load = f" under {preloaded(self.parameter, self.settings)}" if np.isfinite(self.parameter) else ""
-        open_ = (
-            ""
-            if self.search_status in ("", "complete")
-            else f" There may be a higher one, the curve ended as: {self.search_status}."
-        )
+        certain = self.search_status in ("", "complete")
+        open_ = "" if certain else f" There may be a higher one, the curve ended as: {self.search_status}."
         return f"Resonance of {height(self.amplitude, self.frequency)}{load}. {NOT_IN_TIME}{open_}"
 
 
 def vibration_width(y: NDArray, tangent: NDArray, scale: NDArray, n_mean: int) -> float:
-    """Change of frequency over which the vibration changes by its own size, within reason."""
+    """Return the change of frequency over which the vibration changes by its size, within limits."""
     raw = tangent * scale
     change = max(norm2(raw[n_mean:-1]), 1e-300)
     width = abs(float(raw[-1])) * norm2(y[n_mean:-1]) / change
@@ -174,7 +168,7 @@ def vibration_width(y: NDArray, tangent: NDArray, scale: NDArray, n_mean: int) -
 
 
 def amplitude_and_phase(system: Equations, u: NDArray) -> tuple[NDArray, NDArray, float]:
-    """Gradients (n_unknowns,) of the amplitude and of amplitude times phase of the response, and the amplitude."""
+    """Return the gradients (n_unknowns,) of amplitude and of amplitude times phase of the response, and the amplitude."""
     row = system.response_rows[1]
     x = system.layout.amplitudes(u, 1) @ row
     amplitude = float(abs(x))
@@ -183,18 +177,18 @@ def amplitude_and_phase(system: Equations, u: NDArray) -> tuple[NDArray, NDArray
 
 
 def amplitude_at(system: Equations, y: NDArray) -> float:
-    """Amplitude (m) of the first harmonic of the response."""
+    """Return the amplitude (m) of the first harmonic of the response."""
     return float(abs(system.rows.value(y)))
 
 
 def slope_along(system: Equations, y: NDArray, tangent: NDArray, scale: NDArray) -> float:
-    """Derivative of ln(amplitude) along a direction in scaled unknowns."""
+    """Return the derivative of ln(amplitude) along a direction in scaled unknowns."""
     gradient, square = system.rows.squared_gradient(y)
     return float(gradient @ (tangent * scale)) / max(square, 1e-300)
 
 
 class _Search:
-    """The search for the maximum along one response curve, in units that it finds if it is given none."""
+    """Search for the maximum along one response curve."""
 
     def __init__(self, system: Equations, scale: NDArray, options: PeakOptions, reach: float) -> None:
         self.system = system
@@ -206,7 +200,7 @@ class _Search:
         self.reason = ""
 
     def solve(self, y: NDArray, condition: equations.Condition, tolerance: float = 0.0) -> Correction | None:
-        """Newton's method, to the tolerance of the options or a larger one."""
+        """Run Newton's method to the tolerance of the options or a larger one; None if it fails."""
         self.trials += 1
         options = self.options
         c = self.system.solve(y, condition, self.scale, max(options.tolerance, tolerance), options.max_iterations)
@@ -215,12 +209,12 @@ class _Search:
         return c if c.status == OK else None
 
     def vibration(self, difference: NDArray) -> float:
-        """Size of a difference of two points without their mean positions, in scaled unknowns."""
+        """Return the norm of a difference of two points without the mean positions, in scaled unknowns."""
         n = self.system.n_mean
         return norm2(difference[n:] / self.scale[n:])
 
     def newton(self, y: NDArray, tangent: NDArray, curvature: float) -> Correction | None:
-        """The peak by Newton's method, which converges if the guess is near enough."""
+        """Return the peak by Newton's method from a close guess, or None."""
         options = self.options
         peak = equations.Peak(tangent, curvature, options.position_tolerance, 0.5 * options.max_step)
         c = self.solve(y, peak)
@@ -230,8 +224,8 @@ class _Search:
         if moved > min(self.reach, options.max_step):
             self.reason = FAR
             return None
-        # way to a peak, relative to the vibration, on which secants do not tell its curvature: off by 0.3**3 on the
-        # reference disk from a guess that was 1e-7 away
+        # distance to a peak, relative to the vibration, below which secants do not give its curvature: an error of
+        # 0.3**3 on the reference disk from a guess at a distance of 1e-7
         short = 1e-3
         if moved > short or c.curvature < -JUMP:
             return c
@@ -244,19 +238,19 @@ class _Search:
         return c if near else self.solve(c.y, replace(peak, tangent=c.tangent, curvature=c.curvature))
 
     def first(self, y: NDArray, tangent: NDArray | None) -> Correction | None:
-        """The curve near a guess."""
-        nearby = 1e-6  # residual with which a first point of the curve will do
+        """Return a point of the curve near a guess."""
+        nearby = 1e-6  # sufficient residual of a first point
         return self.solve(y, equations.Fixed() if tangent is None else equations.Plane(tangent), nearby)
 
-    def in_own_units(self, c: Correction) -> Correction:
-        """The same point with the unit of frequency that follows from the direction of the curve there."""
+    def in_local_units(self, c: Correction) -> Correction:
+        """Return the same point with the unit of frequency from the direction of the curve."""
         raw = c.tangent * self.scale
         self.scale = self.system.units(c.y, vibration_width(c.y, c.tangent, self.scale, self.system.n_mean))
         t = raw / self.scale
         return replace(c, tangent=t / norm2(t), scale=self.scale)
 
     def uphill(self, start: Correction) -> Correction | None:
-        """The first maximum along the curve uphill: steps of a path until the slope turns, and the maximum of that step."""
+        """Follow the curve uphill until the slope changes sign, and locate the maximum within the last step."""
         options = self.options
         sense = float(np.copysign(1.0, slope_along(self.system, start.y, start.tangent, self.scale)))
         follower = Follower(
@@ -287,7 +281,7 @@ class _Search:
 
 
 def rounding(system: Equations, y: NDArray) -> float:
-    """Residual, relative as tolerances are, that rounding of its terms can leave at a point."""
+    """Return the relative residual that rounding of its terms can cause at a point."""
     J = system.evaluate(y[:-1], y[-1])[1]
     return float(np.finfo(float).eps * (np.abs(J) @ np.abs(y[:-1]) * system.row_scale).max())
 
@@ -303,7 +297,7 @@ def find_peak(
     parameter: float = np.nan,
     reach: float = np.inf,
 ) -> Peak:
-    """The maximum of the response amplitude that the curve reaches uphill from a point near it.
+    """Compute the maximum of the response amplitude that the curve reaches uphill from a nearby point.
 
     Parameters
     ----------
@@ -311,22 +305,21 @@ def find_peak(
     guess : (n_unknowns + 1,) float
         Unknowns and frequency (rad/s) near the response curve.
     tangent : (n_unknowns + 1,) float, optional
-        Estimate of the direction of the curve in scaled unknowns; the first corrector works in the plane normal to it, or
-        at fixed frequency without it.
+        Estimated direction of the curve in scaled unknowns.  The first corrector is normal to it, or at fixed frequency.
     scale : (n_unknowns + 1,) float, optional
-        Units of the unknowns (``Equations.units``); found from the curve by default.
+        Units of the unknowns (``Equations.units``); from the curve by default.
     curvature : float
-        Estimate of the second derivative of ln(amplitude) along the curve in scaled unknowns.
+        Estimated second derivative of ln(amplitude) along the curve in scaled unknowns.
     options : PeakOptions
     parameter : float
-        Noted in the result.
+        Stored in the result.
     reach : float
         Largest distance along the curve, relative to the vibration.
 
     Returns
     -------
     Peak
-        ``status`` is "complete", or says why there is none.
+        ``status`` is "complete", or gives the reason of failure.
     """
     options = options or PeakOptions()
     guess = np.asarray(guess, float)
@@ -334,12 +327,12 @@ def find_peak(
     top = start = None
     if tangent is not None and scale is not None and curvature < 0.0:
         top = search.newton(guess, tangent, curvature)
-    # curvature of ln(amplitude) along the curve to begin with: about that of any resonance in its own units
+    # initial curvature of ln(amplitude) along the curve, typical of a resonance in scaled unknowns
     curved = -1.0
     if top is None:
         start = search.first(guess, tangent)
         if start is not None:
-            start = search.in_own_units(start) if scale is None else start
+            start = search.in_local_units(start) if scale is None else start
             top = search.newton(start.y, start.tangent, min(curvature, curved)) or search.uphill(start)
         else:
             search.reason = f"no solution near the guess: {search.reason}"
@@ -358,29 +351,31 @@ def find_peak(
 
 
 def sign_of_jacobian(system: Equations, y: NDArray) -> int:
-    """Sign of det J at a solution, which changes at every fold; 0 where it is not known."""
+    """Return the sign of det J at a solution, which changes at every fold; 0 if unknown."""
     return system.correct_at(y[:-1], float(y[-1]), system.units(y, y[-1]), LOOSEST, 2).orientation
 
 
 def peak_of_sign(
     system: Equations, guess: NDArray, sign: int, *, options: PeakOptions, parameter: float = np.nan
 ) -> tuple[Peak | str, int]:
-    """The peak to which Newton's method leads from a far guess, first at its frequency, or why it does not.
+    """Compute a peak from a distant guess by Newton's method, first at the frequency of the guess.
 
     Parameters
     ----------
     system, guess, options, parameter
-        As for :func:`find_peak`.
+        As in :func:`find_peak`.
     sign : int
-        Of det J, at the solution at the frequency of the guess and at the peak.
+        Required sign of det J, at the frequency of the guess and at the peak.
 
     Returns
     -------
-    Peak or str, and iterations
+    Peak or str
+        Peak, or the reason of failure.
+    iterations : int
     """
     iterations = 0
-    # of Newton's method with line search from a far guess: with more harmonics the turbine blade takes up to 37, the
-    # bladed disk at 250 N is lost with 20
+    # Newton's method with line search from a distant guess: with more harmonics the turbine blade takes up to 37
+    # iterations, and the bladed disk at 250 N fails with 20
     most_iterations = 40
     for search in (2, 1):
         scale = system.units(guess, guess[-1])
@@ -396,31 +391,31 @@ def peak_of_sign(
 
 
 def coarse_options() -> ContinuationOptions:
-    """Settings with which a curve is followed only to learn which peaks it has.
+    """Return settings of the continuation for the search of peaks.
 
-    With its longer steps and wider turns, 0.5 and 0.6 in place of 0.15 and 0.45, it takes 2 to 32 % fewer evaluations, and
-    has the same highest points to 1e-6 at 40 preloads of five studies; turns of 0.8 take up to 40 % more among many folds.
+    With steps of 0.5 instead of 0.15 and turns of 0.6 instead of 0.45 a curve takes 2 to 32 % fewer evaluations and has the
+    same highest points to 1e-6 at 40 preloads of five studies.  Turns of 0.8 take up to 40 % more among many folds.
     """
     return ContinuationOptions(tolerance=1e-7, step=0.1, max_step=0.5, max_turn=0.6, locate_tolerance=0.05)
 
 
 def same_peak(a: Peak, b: Peak) -> bool:
-    """Whether two peaks of the same equations agree in frequency and amplitude."""
+    """Return whether two peaks of the same equations agree in frequency and amplitude."""
     return np.allclose((a.frequency, a.amplitude), (b.frequency, b.amplitude), rtol=1e-5, atol=0.0)
 
 
-# ---- Where a resonance lies ----
+# ---- interval of a resonance ----
 
 
 def free_and_stuck(problem: Problem, state: PreloadState, modes: int) -> tuple[NDArray, NDArray]:
-    """(modes,) resonances (Hz) of the constrained bodies without contact, and with all that are closed at rest stuck.
+    """Return the first resonances (modes,) of the constrained bodies without contact and in stick, Hz.
 
-    A mode has the lowest stuck resonance above its own that no mode below it has.
+    The stuck resonance of a mode is the lowest one above its free resonance that belongs to no lower mode.
 
     Raises
     ------
     SettingError
-        If there are not so many modes.
+        If there are fewer modes.
     """
     sector = problem.sector(0.0)
     basis = sector.bases[1]
@@ -439,13 +434,13 @@ def free_and_stuck(problem: Problem, state: PreloadState, modes: int) -> tuple[N
 
 
 def resonance_interval(problem: Problem, preload: float, mode: int = 1) -> tuple[float, float]:
-    """Frequency interval (Hz) that spans the free and the stuck resonance of one mode of the constrained bodies.
+    """Return a frequency interval (Hz) that contains the free and the stuck resonance of a mode of the constrained bodies.
 
     Parameters
     ----------
     problem : Problem
     preload : float, N
-        Decides which points are closed.
+        Preload that closes the contact points.
     mode : int
         1 for the lowest.
 
@@ -462,14 +457,14 @@ def resonance_interval(problem: Problem, preload: float, mode: int = 1) -> tuple
 
 
 def beyond(free: float, stuck: float) -> float:
-    """How far an interval goes beyond the free and the stuck resonance between which that of a mode lies."""
+    """Return the margin of an interval beyond the free and the stuck resonance of a mode."""
     return 0.1 * free + 0.3 * (stuck - free)
 
 
 def linear_peak(problem: Problem, frequency: tuple[float, float], preload: float, *, stuck: bool) -> Limit:
-    """The highest resonance of the free or of the stuck structure in an interval (Hz), NaN if there is none.
+    """Return the highest resonance of the free or stuck structure in an interval (Hz), NaN if there is none.
 
-    NaN too for the stuck one at a preload without a static state.
+    The stuck resonance is also NaN at a preload without a static state.
     """
     if stuck and not problem.static(preload).converged:
         return Limit(np.nan, np.nan)
@@ -486,7 +481,7 @@ def linear_peak(problem: Problem, frequency: tuple[float, float], preload: float
 def peak_interval(
     problem: Problem, frequency: tuple[float, float] | None, preload: float, mode: int = 1
 ) -> tuple[float, float]:
-    """Return the given interval (Hz), or the one around the resonances of a mode at a preload (N)."""
+    """Return the given interval (Hz), or the interval around the resonances of a mode at a preload (N)."""
     mode = validation.whole("mode", mode, least=1)
     if frequency is None:
         return resonance_interval(problem, preload, mode)

@@ -1,30 +1,26 @@
-"""A response curve: all branches that are found over a frequency interval at one preload.
+"""Response curve: all branches that are found over a frequency interval at one preload, and its interpretation.
 
-From the end where it starts; from the other end if it does not lead through; beyond both ends as far as the free and the
-stuck resonance, where a branch may turn and come back; from within what is then left, within a budget of evaluations.
+:func:`frequency_response` covers the interval (:mod:`bdamper.response.branches`): from its lower end; from the upper end if
+the first path does not reach it; beyond both ends up to the free and stuck resonances, where a branch may turn and return;
+and in the remaining gaps, within a budget of evaluations.
 
-The response curve without a preload: nothing holds the dampers in their seats, so the response is the free one.
+**Mean position of the damper.**  The mean position of a free body may drift along a curve at constant vibration, may be
+undetermined (then it has least norm), or may have no equilibrium; :func:`notes` and :func:`why_no_solution` report it.
 
-A damper that its load presses against its neighbours leaves them against that load.  With its mean position so far off
-that no contact point closes in a cycle, the free response satisfies all equations exactly, wherever beyond that it rests.
+**Rattling.**  Under a low preload the damper separates for most of the cycle and lands at different instants in each
+period. Harmonic balance then finds many periodic solutions, connected by folds, and time integration from the highest finds
+no steady amplitude.  :func:`rattles` detects curves with many folds and mostly open contacts.  It is an indication, not a
+proof, and appears only at low preloads (docs/measured.md, *Where a damper rattles*): the amplitude in time does not become
+steady within 250 periods on any of the 11 curves of 84 that show it, nor on 18 of the others.
 
-Mean positions of free bodies along a curve: where they drift, what does not determine them, why there is none.
+**No preload.**  A damper that its load would press against its neighbours moves away from them.  With a mean position so
+far off that no contact point closes in a cycle, the free response satisfies all equations exactly
+(:func:`free_of_contact`).
 
-A sign that a damper rattles in its seat: hardly closed contacts on a response curve of many folds.
-
-A preload that hardly holds the damper lets it fly for most of the cycle and come down at other instants from one period to
-the next.  Harmonic balance then finds many periodic solutions, which the curve connects by folds, and a march in time from
-the highest of them finds no steady amplitude.
-
-It is a sign, no proof, and it comes late (docs/measured.md, *Where a damper rattles*): on none of the 11 curves of 84 that
-show it does the marched amplitude become steady within 250 periods, and on 18 of the others neither.
-
-What a slow sweep of frequency shows of a response curve: the branch that is kept until it folds or loses its stability.
-
-The sweep begins at one end of the interval, on the lowest stable solution there, and moves along stable points.  Where the
-frequency turns or stability is lost the response jumps to a stable solution at that frequency: the nearest lower one, or
-the nearest higher one if none is lower.  The motion during a jump is not computed, so among several stable solutions the
-response may end on another one.
+**Slow sweep of frequency.**  :func:`sweep_of` starts at one end of the interval on the lowest stable solution and follows
+stable points.  Where the branch turns or loses stability the response jumps to a stable solution at that frequency: the
+nearest lower one, or else the nearest higher one.  The motion during a jump is not computed, so among several stable
+solutions the response may end on another one.
 """
 
 from __future__ import annotations
@@ -52,11 +48,11 @@ from bdamper.util import validation
 from bdamper.util.errors import INCOMPLETE, NOT_FOUND, SettingError
 from bdamper.util.progress import Cost, CostMeter, passes_interrupts_on, progress_bar, single_thread
 
-# ---- Mean positions of free bodies along a curve ----
+# ---- mean position of free bodies ----
 
 
 def _displacement(model: Model, coordinate: Coordinate, q: float) -> str:
-    body = model.bodies.get(coordinate.body)  # residual modes belong to none
+    body = model.bodies.get(coordinate.body)  # None for residual modes
     if body is not None and body.mass is not None and coordinate.name in ("TX", "TY", "TZ"):
         return f"{q / np.sqrt(body.mass):.3g} m"
     return f"{q:.3g} kg^1/2 m"
@@ -65,7 +61,7 @@ def _displacement(model: Model, coordinate: Coordinate, q: float) -> str:
 def notes(
     system: Equations[Sector], model: Model, coordinates: Sequence[Coordinate], points: Sequence[Correction]
 ) -> tuple[str, ...]:
-    """Stretches on which the mean position drifts, and mean positions determined by least norm only."""
+    """Describe the ranges in which the mean position drifts, and mean positions that only least norm determines."""
     out = []
     stretches = ((kind, list(pairs)) for kind, pairs in groupby(enumerate(points), key=lambda pair: pair[1].kind))
     for stretch in (pairs for kind, pairs in stretches if kind == "drift"):
@@ -86,7 +82,7 @@ def notes(
 
 
 def neutral_directions(system: Equations[Sector], coordinates: Sequence[Coordinate], y: NDArray) -> list[str]:
-    """Names of the mean coordinates that dominate the null space of the mean part of the Jacobian."""
+    """Return the names of the mean coordinates that dominate the null space of the mean part of the Jacobian."""
     n = system.n_mean
     columns = system.evaluate_at(y)[1][:, :n]
     size = np.abs(columns).max(axis=0)
@@ -101,14 +97,14 @@ def neutral_directions(system: Equations[Sector], coordinates: Sequence[Coordina
 
 
 def why_no_solution(system: Equations[Sector], model: Model, coordinates: Sequence[Coordinate], y: NDArray) -> str:
-    """If a free body cannot be in equilibrium where Newton ended: which mean force is left, and what that means."""
+    """Describe the unbalanced mean force if a free body has no equilibrium at the last Newton iterate; otherwise ""."""
     try:
         r, J, _ = system.evaluate(y[:-1], y[-1])
     except FloatingPointError:
         return ""
     _, _, share = system.contact(y[:-1])
     for k, c in enumerate(coordinates):
-        body = model.bodies.get(c.body)  # residual modes belong to none
+        body = model.bodies.get(c.body)  # None for residual modes
         if body is None or body.kind != "free" or not c.name.startswith("T") or body.mass is None:
             continue
         force = float(r[k]) * np.sqrt(body.mass)
@@ -126,34 +122,38 @@ def why_no_solution(system: Equations[Sector], model: Model, coordinates: Sequen
     return ""
 
 
-# ---- A sign that a damper rattles in its seat ----
+# ---- rattling damper ----
 
 
 NO_STEADY = "no steady periodic response"
 FOLDS = 14
-"""Turning points of a curve in frequency from which on it is a tangle.  With 12 the same 11 of 84 curves show the sign, but
-an optimal curve ends at 49 N instead of 42 N, and a march at 50 N comes to rest."""
+"""Smallest number of folds of a rattling damper.  With 12 the same 11 of 84 curves are detected, but an optimal curve
+ends at 49 N instead of 42 N, and a time integration at 50 N becomes steady.
+"""
 OPEN = 0.5
-"""Share of the cycle that the contacts are open at the highest response, mean over the friction points that are closed at
-rest: over rotor speed the faces of most points may part before anything vibrates.  Without this
-limit three more of the 84 curves show the sign, and on one of them the marched amplitude is steady."""
+"""Smallest fraction of the cycle in separation at the highest response, mean over the friction points that are closed at
+rest.
+
+At a rotor speed most points may be open without vibration.  Without this limit three more of the 84 curves are detected,
+and on one of them the amplitude in time is steady.
+"""
 
 
 def open_at_rest(problem: Problem, preload: float) -> float:
-    """Share of the friction points that are open in the static state of a preload."""
+    """Return the fraction of the friction points that are open in the static state of a preload."""
     closed = problem.static(preload).force[problem.friction_points, 2] > 0.0
     return 1.0 - float(closed.mean()) if closed.any() else 0.0
 
 
 def rattles(curve: ResponseCurve, at_rest: float = 0.0) -> str:
-    """Why no steady periodic response is expected at the preload of a curve; "" without the sign.
+    """Return the reason why no steady periodic response is expected at the preload of a curve, or "".
 
     Parameters
     ----------
     curve : ResponseCurve
         Points of different branches are not connected.
     at_rest : float
-        Share that is open without vibration (:func:`open_at_rest`).
+        Fraction of open points without vibration (:func:`open_at_rest`).
     """
     if len(curve) < FOLDS:
         return ""
@@ -165,14 +165,14 @@ def rattles(curve: ResponseCurve, at_rest: float = 0.0) -> str:
     return f"{folds} folds, and the contacts open for {100.0 * opened:.0f} % of the cycle at the highest response"
 
 
-# ---- The response curve without a preload ----
+# ---- response curve without a preload ----
 
 
 NOTE = "without a preload nothing holds the damper: this is the free response (study.free), with the damper off its seat"
 
 
 def free_of_contact(problem: Problem, frequency: tuple[float, float], options: Any) -> ResponseCurve | None:
-    """The free response as a response curve at no preload, with the dampers away from their seats.
+    """Return the free response as a response curve at zero preload, with the dampers away from their seats.
 
     Parameters
     ----------
@@ -183,8 +183,8 @@ def free_of_contact(problem: Problem, frequency: tuple[float, float], options: A
     Returns
     -------
     ResponseCurve or None
-        None where these points do not satisfy the equations: a structure without a loaded damper, surfaces that press each
-        other without a load, springs of a bonded contact, a mean that is held.
+        None if it does not satisfy the equations: a structure without a loaded damper, surfaces under pressure without a
+        load, springs of a bonded contact, or a fixed mean.
     """
     system, load = problem.system(0.0), problem.damper_load[0]
     rigid = problem.static_basis.omega2 == 0.0
@@ -210,11 +210,11 @@ def free_of_contact(problem: Problem, frequency: tuple[float, float], options: A
     )  # fmt: skip
 
 
-# ---- A response curve ----
+# ---- response curve ----
 
 
 ELASTIC = 1e-3
-"""Of the lowest frequency of a curve: resonances below it are rigid motions, or too far away."""
+"""Relative to the lowest frequency of a curve; resonances below it are rigid-body motions or too distant."""
 
 
 def frequency_response(
@@ -225,13 +225,13 @@ def frequency_response(
     options: ContinuationOptions | None = None,
     progress: bool = False,
 ) -> ResponseCurve:
-    """Response curve: the response over a frequency interval at one preload, with all branches on the way.
+    """Compute the response curve over a frequency interval at one preload, with all branches that are found.
 
     Parameters
     ----------
     problem : Problem
     preload : float, N
-        Radial load on the damper; without one the curve is the free response wherever nothing else holds the damper.
+        Radial load on the damper.  At zero preload it is the free response if nothing else holds the damper.
     frequency : (low, high), Hz
     options : ContinuationOptions
     progress : bool
@@ -240,9 +240,8 @@ def frequency_response(
     Returns
     -------
     ResponseCurve
-        ``status`` is "complete" if its branches span the interval; otherwise ``reason`` says why not, and the points
-        found so far are there, and in any case what was looked for.  A branch that does not reach the other end is
-        complemented by one from there.
+        ``status`` is "complete" if its branches cover the interval.  Otherwise ``reason`` gives the cause, and the curve
+        contains the points found so far.  A branch that does not reach the other end is complemented by one from there.
     """
     preload, frequency = problem.check_preload(preload), validation.interval("frequency", frequency)
     validation.flag("progress", progress)
@@ -269,12 +268,12 @@ def frequency_response(
         if problem.own_laws is not None and len(curve):
             problem.own_laws.warn_below(search.system.contact(curve.unknowns[curve.peak.index])[0])
         locked = (f"{name} is self-locking: its static normal load is not unique" for name in self_locking(problem))
-        reason, left_out = _explained(problem, search, curve), (*curve.missing_ranges, *search.lost)
+        reason, left_out = _reason(problem, search, curve), (*curve.missing_ranges, *search.lost)
         return replace(curve, reason=reason, missing_ranges=left_out, notes=(*curve.notes, *locked))
 
 
 def _search(problem: Problem, preload: float, frequency: tuple[float, float], options: ContinuationOptions) -> Coverage:
-    """What is to be followed, with its budget."""
+    """Return the search for the branches, with its budget."""
     low, high = TWO_PI * frequency[0], TWO_PI * frequency[1]
     system = problem.system(preload)
     budget = options.budget or evaluation_budget(system)
@@ -289,21 +288,21 @@ def _search(problem: Problem, preload: float, frequency: tuple[float, float], op
 
 
 def _start(problem: Problem, preload: float, search: Coverage, omega: float) -> NDArray | None:
-    """A solution at one frequency (rad/s); the log of the search says how."""
+    """Return a solution at one frequency (rad/s) or None, and log all attempts."""
     state = problem.static(preload)
-    found, tried, last = first_point(
+    solution, attempts, last = first_point(
         search.system, state, stuck_springs(problem, state), omega, search.options, search.meter
     )
     why = ""
-    if found is None and not search.system.spent:
+    if solution is None and not search.system.spent:
         why = why_no_solution(search.system, problem.coupling.model, problem.bases[0].coordinates, last)
-    for line in [*tried, why] if why else tried:
+    for line in [*attempts, why] if why else attempts:
         search.note(omega, line)
-    return found
+    return solution
 
 
-def _explained(problem: Problem, search: Coverage, curve: ResponseCurve) -> str:
-    """The reason of a curve with what was looked for, and advice where it is not complete."""
+def _reason(problem: Problem, search: Coverage, curve: ResponseCurve) -> str:
+    """Return the reason of a curve with the extent of the search, and advice if it is incomplete."""
     reason = curve.reason
     if curve.complete:
         bottom, top = (w / TWO_PI for w in search.outside)
@@ -327,7 +326,7 @@ def _explained(problem: Problem, search: Coverage, curve: ResponseCurve) -> str:
 def without_points(
     problem: Problem, preload: float, reason: str, options: ContinuationOptions, cost: Cost
 ) -> ResponseCurve:
-    """An empty curve, for preloads without static equilibrium."""
+    """Return an empty curve, for preloads without static equilibrium."""
     return ResponseCurve(
         kind="tracking",
         frequency=np.zeros(0),
@@ -348,17 +347,17 @@ def without_points(
     )
 
 
-def as_curve(problem: Problem, search: Coverage, ended: tuple[str, str, tuple[LeftOut, ...]], **own: Any) -> ResponseCurve:
-    """The curve of what was followed.
+def as_curve(problem: Problem, search: Coverage, ended: tuple[str, str, tuple[LeftOut, ...]], **more: Any) -> ResponseCurve:
+    """Assemble a response curve from the pieces of a search.
 
     Parameters
     ----------
     problem : Problem
     search : Coverage
     ended : tuple
-        Status, reason, and what was left out.
+        Status, reason and omissions.
     **own
-        Kind, preload, and fields that other curves leave out.
+        Kind, preload, and further fields.
     """
     system, ordered = search.system, in_order(search.pieces)
     points = [p for p, _ in ordered]
@@ -381,56 +380,57 @@ def as_curve(problem: Problem, search: Coverage, ended: tuple[str, str, tuple[Le
         missing_ranges=ended[2],
         cost=search.meter.read(),
         start_log=tuple(search.log),
-        notes=() if "blades" in own else notes(system, problem.coupling.model, problem.bases[0].coordinates, points),
-        **own,
+        notes=() if "blades" in more else notes(system, problem.coupling.model, problem.bases[0].coordinates, points),
+        **more,
         **problem.recorded(search.options),
     )
 
 
 def check_curve(problem: Problem, curve: ResponseCurve, name: str = "curve") -> None:
-    """Refuse what is no response curve of this problem."""
+    """Raise SettingError unless the argument is a response curve of this problem."""
     validation.instance(name, curve, ResponseCurve, "a response curve")
-    validation.require(curve.kind == "tracking", name, "a response curve (study.frequency_response)",
-        f"a {curve.kind} curve")
-    validation.require(curve.model_hash == problem.model.hash, name, "one of this model", "one of another")
+    expected = "a response curve (study.frequency_response)"
+    validation.require(curve.kind == "tracking", name, expected, f"a {curve.kind} curve")
+    validation.require(curve.model_hash == problem.model.hash, name, "a curve of this model", "a curve of another model")
     system = problem.system(curve.preload)
     n = system.n_unknowns
-    validation.require(curve.unknowns.shape[1] == n, name, f"one of this study with {n} unknowns", curve.unknowns.shape[1])
+    expected = f"a result of this study with {n} unknowns"
+    validation.require(curve.unknowns.shape[1] == n, name, expected, curve.unknowns.shape[1])
     if not len(curve):
         return
     i = curve.peak.index
     error = system.error(np.append(curve.unknowns[i], TWO_PI * curve.frequency[i]))
-    found = f"one with other settings (residual {error:.2g} at its peak)"
-    validation.require(error <= max(1e-6, 100.0 * float(curve.residual[i])), name, "one of this study", found)
+    found = f"a result with other settings (residual {error:.2g} at its peak)"
+    validation.require(error <= max(1e-6, 100.0 * float(curve.residual[i])), name, "a result of this study", found)
 
 
 def self_locking(problem: Problem) -> tuple[str, ...]:
-    """Bodies that friction alone holds between their faces, so that their static normal load is not unique.
+    """Return the bodies that friction alone can hold between their faces; their static normal load is not unique.
 
-    Those for which :meth:`Problem.wedge_friction` finds no upper bound of the normal force.
+    :meth:`Problem.wedge_friction` finds no upper bound of their normal force.
     """
     try:
-        found = problem.wedge_friction()
+        bounds = problem.wedge_friction()
     except SettingError:  # no free body has a load, or nothing holds it
         return ()
-    faces = [name for name, high in zip(found.interfaces, found.highest) if np.isinf(high)]
+    faces = [name for name, high in zip(bounds.interfaces, bounds.highest) if np.isinf(high)]
     holders = {problem.coupling.model.interfaces[name].body_a for name in faces}
     springs = {name for name, law in problem.settings.law_by_interface().items() if law == LAW_BONDED}
     holders -= {problem.coupling.model.interfaces[name].body_a for name in springs}
     return tuple(body.name for body in problem.model.bodies.values() if body.load is not None and body.name in holders)
 
 
-# ---- What a slow sweep of frequency shows of a response curve ----
+# ---- slow sweep of frequency ----
 
 
 class Jump(NamedTuple):
-    """Where a sweep leaves one branch for another.
+    """Jump of a sweep from one branch to another.
 
     Parameters
     ----------
     frequency : float, Hz
     before, after : float, m
-        Amplitudes; the latter is NaN where no stable solution is known, and the sweep ends.
+        Amplitudes; ``after`` is NaN if no stable solution is known, and the sweep ends.
     """
 
     frequency: float
@@ -443,17 +443,17 @@ class Jump(NamedTuple):
 
 @dataclass(frozen=True)
 class SlowSweep:
-    """Response along a slow sweep of frequency, by :func:`sweep_of`.
+    """Response in a slow sweep of frequency (:func:`sweep_of`).
 
     Parameters
     ----------
     frequency : (n,) float, Hz
-        In the order of the sweep; twice the same at a jump.
+        In the order of the sweep; a jump has two entries.
     amplitude : (n,) float, m
-        Of the harmonic of the excitation.
+        Amplitude of the first harmonic.
     jumps : tuple of Jump
     point : (n,) int
-        Of the curve; where a jump ends between two points, that of the two which the sweep has not come to yet.
+        Index of the point of the curve; for the end of a jump between two points the next one along the sweep.
     """
 
     frequency: NDArray
@@ -463,7 +463,7 @@ class SlowSweep:
 
 
 class _Landing(NamedTuple):
-    """A stable solution between two points of a curve, the next point in the direction of the sweep, and the way there."""
+    """Stable solution between two points of a curve, the next point along the sweep, and the step of the index."""
 
     amplitude: float
     point: int
@@ -471,30 +471,30 @@ class _Landing(NamedTuple):
 
 
 class _Sweep:
-    """The points of a curve, by a coordinate that rises along the sweep."""
+    """Points of a curve, with a coordinate that increases along the sweep."""
 
     def __init__(self, sense: float, curve: ResponseCurve) -> None:
         self.x, self.amplitude, self.branch = sense * curve.frequency, curve.amplitude, curve.branch
         stable = ~curve.backward if curve.stable is None else np.asarray(curve.stable, bool)
         self.fold = np.array([kind == "fold" for kind in curve.point_kind], bool)
-        self.held = stable | self.fold  # at a fold itself rounding decides
+        self.held = stable | self.fold  # the label of a fold depends on rounding
         joined = (self.branch[:-1] == self.branch[1:]) & self.held[:-1] & self.held[1:]
         self.joined = joined & ~(self.fold[:-1] & self.fold[1:])
 
     def landings(self, x: float) -> list[_Landing]:
-        """Stable solutions from which the sweep can go on, the lowest first: a branch that ends at x is none."""
-        found: list[_Landing] = []
-        # relative difference of amplitudes below which two places of a curve at one frequency are one solution
+        """Return the stable solutions at x from which the sweep can continue, in ascending order."""
+        solutions: list[_Landing] = []
+        # relative difference of amplitudes below which two solutions at one frequency are the same
         same = 1e-6
         points, heights = crossed(self.x, self.amplitude, x, self.joined)
         for i, height in zip(points.tolist(), heights.tolist()):
             way = 1 if self.x[i + 1] > self.x[i] else -1
-            if max(self.x[i], self.x[i + 1]) > x and all(abs(height - other.amplitude) > same * height for other in found):
-                found.append(_Landing(height, i + 1 if way > 0 else i, way))
-        return sorted(found)
+            if max(self.x[i], self.x[i + 1]) > x and all(abs(height - s.amplitude) > same * height for s in solutions):
+                solutions.append(_Landing(height, i + 1 if way > 0 else i, way))
+        return sorted(solutions)
 
     def onward(self, point: int, way: int) -> int | None:
-        """The next point on the branch, if the sweep can go there."""
+        """Return the next point on the branch, None if the sweep cannot continue there."""
         new = point + way
         if not 0 <= new < len(self.x) or self.branch[new] != self.branch[point]:
             return None
@@ -502,9 +502,9 @@ class _Sweep:
 
 
 def sweep_of(curve: ResponseCurve, direction: str) -> SlowSweep:
-    """The response that a slow sweep of frequency shows of a response curve.
+    """Compute the response of a slow sweep of frequency from a response curve.
 
-    Points count as stable by ``curve.stable``, or by the sign between folds where that has not been determined.
+    Stability is ``curve.stable`` if known; otherwise branches between folds that run backward are unstable.
 
     Parameters
     ----------
@@ -514,7 +514,7 @@ def sweep_of(curve: ResponseCurve, direction: str) -> SlowSweep:
     Returns
     -------
     SlowSweep
-        Without points where no stable solution is known at the end from which the sweep sets off.
+        Empty if no stable solution is known at the first frequency.
     """
     validation.choice("direction", direction, ("up", "down"))
     sense = 1.0 if direction == "up" else -1.0

@@ -1,14 +1,12 @@
-"""Response curves: amplitude over frequency with all branches, and where they came from.
+"""Results of response curves, and the linear response curves without contact and in stick.
 
 The response at the chosen location and direction is ``x(t) = x_0 + Re sum_l X_l exp(i l omega t)``.  ``amplitude`` is
-``|X_1|``, the harmonic of the excitation; ``peak_to_peak`` sums up all harmonics.
+``|X_1|``, the harmonic of the excitation; ``peak_to_peak`` includes all harmonics.
 
-A point between two folds, where the curve runs back in frequency, is marked as not stable: without further knowledge this
-is the plain rule of one fold after another; ``stable``, where it was computed, says what is so.
+A part of the curve between two folds on which the frequency decreases is unstable by the sign of det J (``backward``);
+``stable`` contains the computed stability, if available.
 
-Linear response curves: without any contact, or with every closed point stuck.
-
-The response is sampled in equal steps of phase around each resonance, and its maxima are searched for.
+Linear curves are sampled at equal steps of phase around each resonance, and their maxima are refined.
 """
 
 from __future__ import annotations
@@ -47,28 +45,28 @@ from bdamper.util.tables import (
     Tabular,
 )
 
-# ---- Response curves ----
+# ---- results ----
 
 
 HIGHEST = "Highest response"
 NOT_IN_TIME = "Not checked in time."
-"""Of a highest point from which no integration in time has begun."""
+"""Text for a highest point without time integration."""
 
 
 @brief
 @dataclass(frozen=True)
 class Fold:
-    """A point of a curve where it turns: in frequency, or at its largest response.
+    """Turning point of a curve: in frequency, or at its largest response.
 
     Parameters
     ----------
     frequency : float, Hz
     amplitude : float, m
     index : int
-        Of the point in the curve.
+        Index of the point in the curve.
     kind : {"fold", "peak", "highest, no peak", "detached", "separate"}
-        "highest, no peak" is the largest response at an end of the curve, where it is no maximum, "detached" that of a
-        closed branch, "separate" that of a branch that enters and leaves at the same end of the interval.
+        "highest, no peak" is the largest response at an end of the curve, "detached" on a closed branch, "separate" on a
+        branch that enters and leaves at the same end of the interval.
     """
 
     frequency: float
@@ -83,59 +81,58 @@ class Fold:
 @brief
 @dataclass(frozen=True)
 class ResponseCurve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="bdamper-curve"):
-    """A response curve; every point of it is a converged solution.
+    """Response curve; every point is a converged solution.
 
-    ``plot`` draws amplitude over frequency, branches that run backward dashed (:func:`bdamper.plot.plot_curve`).
+    ``plot`` draws amplitude over frequency, with backward branches dashed (:func:`bdamper.plot.plot_curve`).
 
     Parameters
     ----------
     kind : {"tracking", "free", "stuck", "run-up"}
-        "run-up": along the line of an engine order, speed and frequency together.
+        "run-up": along an engine order line, with the rotor speed proportional to the frequency.
     frequency : (n,) float, Hz
     harmonics : (n, n_harmonics + 1) complex, m
         Response amplitudes; the first column is the mean.
     unknowns : (n, n_unknowns) float
-        Modal coordinates (kg^1/2 m): mean, then cosine and sine amplitudes of each harmonic; none along the line of an
-        engine order.
+        Modal coordinates (kg^1/2 m): mean, then cosine and sine amplitudes of each harmonic.  Empty for a run-up.
     residual : (n,) float
-        Relative to excitation and static load.
+        Relative to the excitation and the static load.
     shares : (n, 3) float
-        Stick, slip and open, mean over the friction points and the cycle.
+        Fractions of the cycle in stick, slip and separation, mean over the friction points.
     backward : (n,) bool
-        The curve runs back in frequency here: between two folds, unstable.
+        Whether the frequency decreases along the curve: between two folds, unstable.
     rank_deficiency : (n,) int
-        Mean positions that nothing determines, held by least norm.
+        Number of undetermined mean positions, which have least norm.
     branch : (n,) int
-        Separate branches are numbered from 0; points of one branch follow each other along it.
+        Number of the branch, from 0; points of one branch are in order.
     point_kind : tuple of str
         "regular", "fold", "maximum", "end" or "drift" for each point.
     preload : float, N
-        NaN along the line of an engine order, where it changes with speed.
+        NaN for a run-up, in which it depends on speed.
     status, reason : str
-        "complete", "incomplete", "not found" where there is no solution to begin with, or "interrupted".
+        "complete", "incomplete", "not found" (no first solution) or "interrupted", and the cause.
     cost : Cost
     missing_ranges : tuple of LeftOut
-        What was not followed: frequencies (Hz) without solution, tangles of folds in which a path was left, paths that
-        broke off; each ``(low, high, why)``.  A complete curve has such gaps only below a thousandth of its interval.
+        Omissions ``(low, high, why)``, Hz: frequencies without solution, tangles of folds, incomplete paths.  The gaps of a
+        complete curve are narrower than a thousandth of the interval.
     settings : mapping
     model_hash : str
     start_log : tuple of str
-        What was tried to find the first point.
+        Attempts to find first points.
     notes : tuple of str
-        What the points show besides: where a damper drifts, which mean positions nothing determines.
+        Further observations: drifting or undetermined mean positions.
     stable : (n,) bool or None
-        Whether small disturbances die out; see :mod:`bdamper.time_domain.floquet`.
+        Whether small disturbances decay; see :mod:`bdamper.time_domain.floquet`.
     stability_note : str
-        Which disturbances, and what it cost.
+        Disturbances considered, and the cost.
     in_time : (n,) float or None
-        Mean amplitude of the motion in time that starts at a point over that of the point, NaN where it is not known
-        (:mod:`bdamper.time_domain.floquet`); where it was asked for.
+        Mean amplitude in time of the motion that starts at a point, relative to the point; NaN if unknown
+        (:mod:`bdamper.time_domain.floquet`).
     closed : tuple of int
-        Branches that close on themselves: no sweep of frequency leads to them, and their points are no ``peak``.
+        Closed branches.  No sweep of frequency leads to them, and they do not count for ``peak``.
     speed : (n,) float, rad/s, or None
-        Of the rotor, along the line of an engine order.
+        Rotor speed of a run-up.
     blades : (n, n_blades, n_harmonics + 1) complex, m, or None
-        Response of every blade of a wheel, each in its own axes; ``harmonics`` are those of the highest blade.
+        Response of every blade of a wheel in its local axes; ``harmonics`` is the response of the highest blade.
     """
 
     kind: str
@@ -168,12 +165,12 @@ class ResponseCurve(Plottable, Comparable, Followed, Tabular, Recorded, Storable
 
     @property
     def phase(self) -> Radians:
-        """(n,) float: of that harmonic."""
+        """(n,) float, rad: phase of the first harmonic."""
         return np.angle(self.harmonics[:, 1])
 
     @property
     def peak_to_peak(self) -> Metres:
-        """(n,) float, m: range of the response over a period, all harmonics."""
+        """(n,) float, m: range of the response over a period, with all harmonics."""
         l = np.arange(1, self.harmonics.shape[1])
         theta = np.linspace(0.0, 2.0 * np.pi, 64 * len(l), endpoint=False)
         x = (self.harmonics[:, 1:] @ np.exp(1j * np.outer(l, theta))).real
@@ -189,12 +186,14 @@ class ResponseCurve(Plottable, Comparable, Followed, Tabular, Recorded, Storable
 
     @property
     def gap(self) -> tuple[float, float] | None:
-        """Widest part of the interval without solutions, Hz; None if there is none."""
+        """Widest gap of the interval, Hz; None without a gap."""
         gaps = [(part.low, part.high) for part in self.missing_ranges if part.why == NO_SOLUTION]
         return max(gaps, key=lambda gap: gap[1] - gap[0], default=None)
 
     def _jump(self, fold: Fold, reached: NDArray) -> tuple[float, float]:
-        """Distance (m) of the response at a fold from the nearest other one at its frequency, 0 without; and that."""
+        """Return the distance (m) from a fold to the nearest other response at its frequency (0 without), and the
+        frequency.
+        """
         away = np.abs(np.arange(len(self) - 1) - fold.index + 0.5) > 1.0
         joined = away & (np.diff(self.branch) == 0) & reached[1:]
         _, met = crossed(self.frequency, self.amplitude, fold.frequency, joined)
@@ -213,15 +212,15 @@ class ResponseCurve(Plottable, Comparable, Followed, Tabular, Recorded, Storable
 
     @property
     def detached(self) -> tuple[Fold, ...]:
-        """The largest response of each closed branch, which does not count for the peak."""
+        """Largest response of each closed branch; it does not count for the peak."""
         return self._tops(self.closed, "detached")
 
     @property
     def separate(self) -> tuple[Fold, ...]:
-        """The largest response of each branch that enters and leaves at the same end of the interval.
+        """Largest response of each branch that enters and leaves at the same end of the interval.
 
-        It does not count for the peak if another branch leads from end to end: a slow sweep within the interval stays on
-        that one.  A sweep that begins beyond the end may follow the separate branch; a wider interval shows it.
+        It does not count for the peak if another branch connects both ends, because a slow sweep within the interval stays
+        on that branch.  A sweep from beyond the end may follow the separate branch; a wider interval shows it.
         """
         same_end = 1e-6  # relative difference of frequencies
         through: list[int] = []
@@ -239,7 +238,7 @@ class ResponseCurve(Plottable, Comparable, Followed, Tabular, Recorded, Storable
         return np.isin(self.branch, (*self.closed, *(self.branch[top.index] for top in self.separate)))
 
     def higher(self, amplitude: float) -> str:
-        """Name the separate branches that are higher than an amplitude (m); empty without one."""
+        """Return a text on the separate branches that are higher than an amplitude (m), or ""."""
         tops = (top for top in self.separate if top.amplitude > amplitude)
         ends = ((top, self.frequency[self.branch == self.branch[top.index]][0]) for top in tops)
         return "; ".join(
@@ -249,18 +248,18 @@ class ResponseCurve(Plottable, Comparable, Followed, Tabular, Recorded, Storable
 
     @property
     def out_of_reach(self) -> NDArray:
-        """(n,) bool: points on closed branches, and on separate ones that are higher than the peak."""
+        """(n,) bool: points on closed branches, and on separate branches that are higher than the peak."""
         above = (self.branch[top.index] for top in self.separate if top.amplitude > self.peak.amplitude)
         return np.isin(self.branch, (*self.closed, *above))
 
     @property
     def peak(self) -> Fold:
-        """The largest response without closed and separate branches, even if it is no maximum (``peak_at_end``)."""
+        """Largest response without closed and separate branches, even if it is no maximum (``peak_at_end``)."""
         return self._turn(self._highest(), "highest, no peak" if self.peak_at_end else "peak")
 
     @property
     def peak_at_end(self) -> bool:
-        """Whether the largest response is that at the lowest or highest frequency of the curve, where it is no maximum."""
+        """Whether the largest response is at the lowest or highest frequency of the curve and is no maximum."""
         i = self._highest()
         if self.kind in ("tracking", "run-up") and self.point_kind[i] in ("maximum", "fold"):
             return False
@@ -269,8 +268,9 @@ class ResponseCurve(Plottable, Comparable, Followed, Tabular, Recorded, Storable
 
     @property
     def labels(self) -> NDArray:
-        """(n,) str: "stable" in time, "unstable", "stable as far as N harmonics tell", or "det J > 0 with N harmonics" and
-        "det J < 0 with N harmonics" where no more than that sign is known; empty where nothing was examined."""
+        """(n,) str: "stable" (in time), "unstable", "stable as far as N harmonics tell", or the sign of det J; "" if
+        unknown.
+        """
         if self.stable is None:
             return np.full(len(self), "", object)
         n = len(self.settings.get("harmonics", range(1, self.harmonics.shape[1])))
@@ -283,19 +283,19 @@ class ResponseCurve(Plottable, Comparable, Followed, Tabular, Recorded, Storable
 
     @property
     def unstable(self) -> int | None:
-        """Number of unstable points, None where that has not been examined or only the sign of det J is known of some."""
+        """Number of unstable points; None if not examined, or if only the sign of det J is known at some points."""
         labels = self.labels.tolist()
         known = self.stable is not None and not any(label.startswith("det J") for label in labels)
         return labels.count("unstable") if known else None
 
     @property
     def at_peak(self) -> dict[str, float]:
-        """Shares of the cycle that contacts stick, slip and are open at the peak, in per cent."""
+        """Fractions of the cycle in stick, slip and separation at the peak, in per cent."""
         shares = zip(("stick", "slip", "open"), np.round(100.0 * self.shares[self.peak.index], 1).tolist())
         return {f"{name} (%)": share for name, share in shares if np.isfinite(share)}
 
     def _facts(self) -> tuple[Fact, ...]:
-        """Highest point of the curve and how it was found; empty for a curve without points."""
+        """Return the highest point of the curve and its origin; empty for a curve without points."""
         return super()._facts() if len(self) else ()
 
     def _headline(self) -> str:
@@ -320,7 +320,7 @@ class ResponseCurve(Plottable, Comparable, Followed, Tabular, Recorded, Storable
             out.append(f"In time it is {self.labels[top.index]}." if checked else NOT_IN_TIME)
         reached = ~self.out_of_reach
         size, at = max((self._jump(fold, reached) for fold in self.folds if reached[fold.index]), default=(0.0, 0.0))
-        if size > 0.01 * top.amplitude:  # smaller ones are not seen in a picture
+        if size > 0.01 * top.amplitude:  # smaller jumps are invisible in a plot
             out.append(f"A slow sweep of frequency jumps by up to {amount(size, 'm')}, at {amount(at, 'Hz')}.")
         if not self.complete:
             out.append(f"The curve is {self.status}, there may be a higher one: {self.reason}.")
@@ -328,14 +328,16 @@ class ResponseCurve(Plottable, Comparable, Followed, Tabular, Recorded, Storable
 
 
 def crossed(x: NDArray, height: NDArray, at: float, joined: NDArray) -> tuple[NDArray, NDArray]:
-    """Joined neighbours between which a curve over x comes to an abscissa, by the first of them, and the heights there."""
+    """Return the joined intervals in which a curve over x crosses an abscissa, by their first point, and the
+    interpolated heights.
+    """
     f = x - at
     across = np.flatnonzero((f[:-1] * f[1:] <= 0.0) & (f[:-1] != f[1:]) & joined)
     return across, height[across] + f[across] / (f[across] - f[across + 1]) * (height[across + 1] - height[across])
 
 
 class InterruptedCurve(KeyboardInterrupt):
-    """Ctrl-C while a curve was followed for something else; the curve so far is kept."""
+    """Interruption by Ctrl-C of a curve within another analysis; contains the curve so far."""
 
     def __init__(self, curve: ResponseCurve) -> None:
         super().__init__(curve.reason)
@@ -343,42 +345,52 @@ class InterruptedCurve(KeyboardInterrupt):
 
 
 def uninterrupted(curve: ResponseCurve) -> ResponseCurve:
-    """The curve; what is made of it must not go on as if it were whole.
+    """Return the curve if it was not interrupted.
 
     Raises
     ------
     InterruptedCurve
-        If Ctrl-C has ended it.
+        If Ctrl-C ended it.
     """
     if curve.status == INTERRUPTED:
         raise InterruptedCurve(curve)
     return curve
 
 
-# ---- Linear response curves ----
+# ---- linear response curves ----
 
 
 @one_thread
 def free(problem: Problem, frequency: tuple[float, float]) -> ResponseCurve:
-    """Response without any contact: the limit of no preload.
+    """Compute the response without contact, the limit of zero preload.
 
     Parameters
     ----------
+    problem : Problem
     frequency : (low, high), Hz
+
+    Returns
+    -------
+    ResponseCurve
     """
     return _linear(problem, "free", 0.0, frequency, None)
 
 
 @one_thread
 def stuck(problem: Problem, frequency: tuple[float, float], preload: float = 1.0) -> ResponseCurve:
-    """Response with every point stuck that the preload closes: the limit of high preload.
+    """Compute the response with all closed points stuck, the limit of high preload.
 
     Parameters
     ----------
+    problem : Problem
     frequency : (low, high), Hz
     preload : float, N
-        Decides which points are closed; without gaps its size does not matter.  An interface that touches but carries
-        nothing counts as stuck where it touches, with a warning.
+        Preload that closes the points; without gaps its size has no effect.  An interface that touches without a normal
+        load counts as stuck, with a warning.
+
+    Returns
+    -------
+    ResponseCurve
     """
     if not problem.carries_load:
         preload = 0.0
@@ -389,7 +401,7 @@ def stuck(problem: Problem, frequency: tuple[float, float], preload: float = 1.0
 def _linear(
     problem: Problem, kind: str, preload: float, frequency: tuple[float, float], springs: NDArray | None
 ) -> ResponseCurve:
-    """The linear response over an interval (Hz), with springs of shape (n_points, 3) in N/m in place of the contact."""
+    """Compute the linear response over an interval (Hz), with springs (n_points, 3) in N/m in place of the contact."""
     watch = CostMeter()
     low, high = (2.0 * np.pi * f for f in validation.interval("frequency", frequency))
     check_interval(problem, frequency, preload)
@@ -442,7 +454,7 @@ def _linear(
 
 
 def _shares(problem: Problem, springs: NDArray | None) -> NDArray:
-    """(3,) stick, slip and open: points with friction or a bond that springs hold, and those without any."""
+    """Return the fractions (3,) in stick, slip and separation of the points with friction or a bond."""
     held = np.zeros((len(problem.friction), 3)) if springs is None else springs
     counted = problem.friction_points & ((problem.friction > 0.0) | problem.bonded_points)
     stick = float((held[counted] > 0.0).any(axis=1).mean()) if counted.any() else 0.0
@@ -450,9 +462,9 @@ def _shares(problem: Problem, springs: NDArray | None) -> NDArray:
 
 
 def _maxima(height: Callable[[float], float], omega: NDArray) -> list[float]:
-    """Places (rad/s) of the maxima within the ends of an ascending sample of frequencies."""
+    """Return the frequencies (rad/s) of the maxima within an ascending sample of frequencies."""
     a = np.array([height(w) for w in omega])
-    flat, within = 1e-9, np.pad(a, 1)  # dips between two maxima below this share of the lower one are rounding
+    flat, within = 1e-9, np.pad(a, 1)  # smaller relative dips between two maxima are rounding
     found, out = scipy.signal.find_peaks(within, prominence=flat * within)[0] - 1, []
     for i in found[(found > 0) & (found < len(a) - 1)].tolist():
         ends = (float(omega[i - 1]), float(omega[i + 1]))

@@ -1,9 +1,4 @@
-"""What was marched in time at one preload, as a result carries it.
-
-What more harmonics change of one peak: amplitude and frequency with each number, and modes they meet.
-
-What error estimates look like: one number for each source of error, and what it was measured against.
-"""
+"""Results of checks of a solution: time integration, convergence with harmonics, and error estimates by source."""
 
 from __future__ import annotations
 
@@ -21,12 +16,13 @@ from bdamper.util.progress import Cost
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import ROW, Amplitude, Column, Cycles, Metre, Newton, Numbers, Quantity, Second, Tabular, from_rows
 
-# ---- What was marched in time at one preload, as a result carries it ----
+# ---- response in time ----
 
 
 ALIKE = 0.05
-"""Relative difference of the means of two blades up to which blades vibrate alike, and part of the largest wave below which
-others are not named."""
+"""Relative difference of the mean amplitudes of two blades below which they vibrate equally.  Also the amplitude
+relative to the largest wave below which waves are not listed.
+"""
 
 
 @brief
@@ -34,54 +30,54 @@ others are not named."""
 class TimeResponse(
     Plottable, Tabular, Recorded, Storable, kind="bdamper-time-response", row="period"
 ):
-    """What was marched in time at one preload: the highest amplitude toward the tip of the response, or one motion.
+    """Response in time at one preload: the highest steady-state amplitude near the tip of the response, or one motion.
 
-    ``plot`` draws the amplitudes of all blades, or those of the periods of one motion (:func:`bdamper.plot.plot_blades`).
+    ``plot`` draws the amplitudes of all blades, or the amplitudes over the periods of one motion
+    (:func:`bdamper.plot.plot_blades`).
 
     Parameters
     ----------
     mean, lowest, highest : float, m
-        Amplitude of the harmonic of the excitation on the highest blade: mean over the last periods, and of single periods
-        among them.  Where answers differ too much the ends are those of all answers.
+        Amplitude of the first harmonic of the highest blade: mean over the last periods, and range of single periods.  If
+        verification runs differ too much, the range covers all of them.
     frequency, preload : float, Hz, N
     balance : float, m
-        Highest peak of the harmonic balance, from beside which the march came, or the solution from which it started.
+        Amplitude by harmonic balance: of the highest peak, or of the solution at which the motion starts.
     fall : float, Hz
-        Where the motion fell to another level; NaN where it did not.
+        Frequency at which the motion falls to another amplitude; NaN if it does not.
     direction : {"down", "up", ""}
-        Way of the frequency; empty where nothing had to be marched.
+        Direction of the frequency steps; empty without time integration.
     periods : int
-        TimeResponse in all.
+        Total number of periods.
     diameters : tuple of int
-        Nodal diameters that took part.
+        Nodal diameters of the model.
     status : str
         "complete", "interrupted", or "incomplete: " and "not found: " with the reason.
     cost : Cost
     blade : int
-        The highest one; that of the peak for a mistuned wheel.
+        Highest blade; for a mistuned wheel the blade of the peak.
     blades : (n_periods, n_blades) float, m
         Amplitudes of all blades in the last periods.
     waves : (n_blades, 2) float
-        Nodal diameters and amplitudes (m) of the travelling waves that make up the motion, the largest first.  One that
-        travels against the excitation has a negative nodal diameter.
+        Nodal diameters and amplitudes (m) of the travelling waves of the motion, in descending order.  A wave against the
+        direction of the excitation has a negative nodal diameter.
     answers : dict of str to float, m
-        Means of the highest blade with 2n and 4n steps, from the other side and from other starts.
+        Mean amplitude of the highest blade with 2n and 4n steps, from the other side, and from other initial states.
     energy : tuple of four float, J
         In a period, all blades: work of the excitation, loss in damping, loss in contacts, and rise of kinetic and strain
         energy.
     growth : float
-        Rate per period at which what does not belong to the wave of the excitation grows; negative if it decays, NaN where
-        it is too small to tell.
+        Growth rate per period of the motion outside the wave of the excitation; negative if it decays, NaN if too small.
     harmonics : (n_periods, n_harmonics + 1) complex, m
         Response amplitudes of the highest blade in all periods of one motion; the first column is the mean.
     repeats_after : int or None
-        Periods after which one motion repeats: 1 if it is periodic, None if it is irregular.
+        Number of periods after which one motion repeats: 1 if periodic, None if irregular.
     verdict : str
-        "agrees", "does not agree" or "undecided": whether a motion stays at the solution it began with, if that was asked.
+        "agrees", "does not agree" or "undecided": whether a motion stays at its initial solution, if examined.
     reason : str
-        Of the verdict.
+        Reason of the verdict.
     distance : float
-        Of the vibration in the last period from that solution, relative to its size.
+        Relative distance of the vibration in the last period from the initial solution.
     settings : mapping
     model_hash : str
     """
@@ -118,55 +114,55 @@ class TimeResponse(
 
     @property
     def period(self) -> Numbers:
-        """(n_periods,) int."""
+        """(n_periods,) int: number of the period."""
         return np.arange(len(self.harmonics))
 
     @property
     def amplitude(self) -> Amplitude:
-        """(n_periods,) amplitude of the harmonic of the excitation on the highest blade of one motion, m."""
+        """(n_periods,) float, m: amplitude of the first harmonic of the highest blade in one motion."""
         return np.abs(self.harmonics[:, 1])
 
     def columns(self) -> dict[str, Column]:
-        """Those of the periods of one motion."""
-        found = super().columns()
-        return {name: found[name] for name in ("period", "amplitude", "harmonics")}
+        """Return the columns of the periods of one motion."""
+        columns = super().columns()
+        return {name: columns[name] for name in ("period", "amplitude", "harmonics")}
 
     @property
     def spread(self) -> tuple[float, float]:
-        """Mean amplitudes of the lowest and of the highest blade, m; NaN where there is no march."""
+        """Mean amplitudes of the lowest and the highest blade, m; NaN without time integration."""
         mean = self.blades.mean(axis=0) if self.blades.size else np.full(1, np.nan)
         return float(mean.min()), float(mean.max())
 
     @property
     def parted(self) -> bool:
-        """Whether equal blades vibrate differently, the same ones high in both halves of the periods."""
+        """Whether equal blades vibrate differently, with the same blades high in both halves of the periods."""
         low, high = self.spread
         if not (len(self.waves) > 1 < len(self.blades) and high > (1.0 + ALIKE) * low):
             return False
         halves = [half.mean(axis=0) for half in np.array_split(self.blades, 2)]
-        # correlation of the means of all blades over two halves of the periods from which on the same ones are high
+        # smallest correlation of the blade amplitudes in both halves of the periods
         same = 0.8
         return bool(np.corrcoef(*halves)[0, 1] > same)
 
     @property
     def numerical_loss(self) -> float:
-        """Error of the energy balance of a period, relative to the work of the excitation; NaN without time integration."""
+        """Error of the energy balance of a period relative to the work of the excitation; NaN without time integration."""
         return (self.energy[0] - sum(self.energy[1:])) / self.energy[0] if self.energy else float("nan")
 
     @property
     def elsewhere(self) -> int:
-        """How many of the other starts came to another motion."""
-        own = next((a for name, a in self.answers.items() if name.endswith("steps")), self.mean)
-        return sum(abs(a / own - 1.0) > ALIKE for name, a in self.answers.items() if name.startswith("start"))
+        """Number of other initial states that lead to another motion."""
+        amplitude = next((a for name, a in self.answers.items() if name.endswith("steps")), self.mean)
+        return sum(abs(a / amplitude - 1.0) > ALIKE for name, a in self.answers.items() if name.startswith("start"))
 
     @property
     def factor(self) -> float:
-        """Highest period over the amplitude of the balance, by which stress of the balance is scaled."""
+        """Highest amplitude of a period over the amplitude by harmonic balance, as a factor on stress."""
         return self.highest / self.balance
 
     @property
     def text(self) -> str:
-        """Mean and range: "55 µm (53 to 58)", the range alone where answers differ; the status where there is none."""
+        """Mean and range, "55 µm (53 to 58)"; only the range if runs differ; the status if nothing was found."""
         if self.mean != self.mean:
             return self.status
         if "not settled" in self.status:
@@ -174,7 +170,7 @@ class TimeResponse(
         return f"{amount(self.mean, 'm')} ({span(self.lowest, self.highest, 'm', near=self.mean).rpartition(' ')[0]})"
 
     def mark(self, ax: object) -> object:
-        """Draw mean and range as one point with a bar over response curves (:func:`bdamper.plot.mark_time_response`)."""
+        """Draw mean and range as a point with a bar over response curves (:func:`bdamper.plot.mark_time_response`)."""
         return draw(self, "mark", ax)
 
     def _headline(self) -> str:
@@ -195,7 +191,7 @@ class TimeResponse(
         return head if self.fall != self.fall else head + jump
 
     def _motion(self) -> str:
-        """What one motion comes to, and whether it stays at a solution."""
+        """Return a text on one motion, and whether it stays at a solution."""
         kind = {None: "irregular", 1: "periodic"}.get(self.repeats_after, f"{self.repeats_after}-periodic")
         comes = f"the highest blade comes to {self.text} in time at {amount(self.frequency, 'Hz', 6)}, {kind}"
         alike = f" Blades do not vibrate alike: {span(*self.spread, 'm')}." if self.parted else ""
@@ -204,7 +200,7 @@ class TimeResponse(
         return f"time {self.verdict} with the solution of {amount(self.balance, 'm')}: {comes} ({self.reason}).{alike}"
 
     def _facts(self) -> tuple[Fact, ...]:
-        """Facts of the time integration, with the energy of a period and the waves."""
+        """Return facts of the time integration, with the energy of a period and the waves."""
         unequal = self.blades.size and not self.waves.size
         out = [Fact("blade", self.blade)] * bool(unequal) + list(super()._facts())
         if self.energy:
@@ -214,26 +210,26 @@ class TimeResponse(
             out.append(Fact("energy of a period", f"{amount(work, 'J')}: {', '.join(shares)}, {loss}"))
         if len(self.waves) > 1:
             out.append(Fact("lowest to highest blade", span(*self.spread, "m")))
-            told = [(d, a) for d, a in self.waves if a > ALIKE * self.waves[0, 1]]
-            ways = [f"{abs(d):.0f} {'backward' if d < 0 else 'forward'} {amount(float(a), 'm')}" for d, a in told]
+            listed = [(d, a) for d, a in self.waves if a > ALIKE * self.waves[0, 1]]
+            ways = [f"{abs(d):.0f} {'backward' if d < 0 else 'forward'} {amount(float(a), 'm')}" for d, a in listed]
             out.append(Fact("waves, nodal diameters", ", ".join(ways)))
         return tuple(out)
 
 
-# ---- What more harmonics change of one peak ----
+# ---- convergence with harmonics ----
 
 
 @dataclass(frozen=True)
 class HarmonicPeak:
-    """The peak with one number of harmonics.
+    """Peak with one number of harmonics.
 
     Parameters
     ----------
     harmonics : int
-        The highest harmonic.
+        Highest harmonic.
     amplitude, frequency : float, m, Hz
     seconds : float
-        Of the processor.
+        Processor time.
     """
 
     harmonics: int
@@ -243,18 +239,18 @@ class HarmonicPeak:
 
 
 class Meeting(NamedTuple):
-    """A harmonic near a mode of the structure with stuck contacts.
+    """Harmonic near a mode of the structure with stuck contacts (internal resonance).
 
     Parameters
     ----------
     harmonic, mode : int
-        The mode is counted from 1 at the nodal diameter of the harmonic.
+        Modes are counted from 1 at the nodal diameter of the harmonic.
     nodal_diameter : int
-        -1 in a structure that is no bladed disk.
+        -1 without cyclic symmetry.
     frequency : float, Hz
-        Of the mode.
+        Natural frequency of the mode.
     distance : float
-        Frequency of the harmonic relative to that of the mode, minus one.
+        Frequency of the harmonic over the natural frequency, minus one.
     """
 
     harmonic: int
@@ -272,7 +268,7 @@ class Meeting(NamedTuple):
 @brief
 @dataclass(frozen=True)
 class Convergence(Plottable, Tabular):
-    """One peak with more and more harmonics.
+    """One peak with increasing number of harmonics.
 
     ``plot`` draws the amplitude over the number of harmonics (:func:`bdamper.plot.plot_convergence`).
 
@@ -280,15 +276,15 @@ class Convergence(Plottable, Tabular):
     ----------
     preload : float, N
     tolerance : float
-        Relative, on the amplitude.
+        Relative tolerance of the amplitude.
     peaks : tuple of HarmonicPeak
-        The answer first, then those with more harmonics.
+        Peak of the study, then peaks with more harmonics.
     internal_resonances : tuple of Meeting
-        Of all harmonics up to the highest that could be asked for.
-    limit : str
-        What ends the numbers of harmonics before the highest that was asked for; empty where nothing does.
+        Internal resonances up to the highest possible harmonic.
+    highest_harmonic : str
+        Reason why the harmonics end before the highest requested one, or "".
     status : str
-        "complete", "interrupted", or "incomplete: " with why no peak was found with more harmonics.
+        "complete", "interrupted", or "incomplete: " with the reason why no peak was found with more harmonics.
     cost : Cost
     """
 
@@ -302,53 +298,53 @@ class Convergence(Plottable, Tabular):
     _summary_fields = ("preload", "status", "internal_resonances")
 
     def columns(self) -> dict[str, Column]:
-        """A row for each number of harmonics."""
+        """Return the columns of the table, one row for each number of harmonics."""
         return from_rows(self.peaks)
 
     @property
     def settled(self) -> tuple[HarmonicPeak, ...]:
-        """The last peaks, as many as agree to the tolerance with each other."""
-        found = self.peaks[-1:]
+        """Last peaks that agree within the tolerance."""
+        settled = self.peaks[-1:]
         for peak in self.peaks[-2::-1]:
-            amplitude = [p.amplitude for p in (peak, *found)]
-            if max(amplitude) - min(amplitude) > self.tolerance * found[-1].amplitude:
+            amplitude = [p.amplitude for p in (peak, *settled)]
+            if max(amplitude) - min(amplitude) > self.tolerance * settled[-1].amplitude:
                 break
-            found = (peak, *found)
-        return found
+            settled = (peak, *settled)
+        return settled
 
     @property
     def range(self) -> tuple[float, float]:
-        """Least and largest amplitude (m) of the settled peaks, of all where fewer than two agree."""
+        """Smallest and largest amplitude (m) of the settled peaks, or of all if fewer than two agree."""
         amplitude = [p.amplitude for p in (self.settled if len(self.settled) > 1 else self.peaks)]
         return min(amplitude), max(amplitude)
 
     @property
     def converged(self) -> bool:
-        """Whether the answer agrees with all peaks with more harmonics, at least two, up to the end."""
+        """Whether the peak agrees with all peaks with more harmonics, at least two."""
         return self.status == COMPLETE and len(self.peaks) > 2 and len(self.settled) == len(self.peaks)
 
     @property
     def verdict(self) -> str:
         """Result of the convergence study in words."""
-        own, *more = self.peaks
-        others = [p for p in self.settled if p is not own] if len(self.settled) > 1 else more
+        first_peak, *more = self.peaks
+        others = [p for p in self.settled if p is not first_peak] if len(self.settled) > 1 else more
         if not others:
             return "not known with more harmonics"
         low, high = min(p.amplitude for p in others), max(p.amplitude for p in others)
         heights = amount(high, "m") if amount(low, "m") == amount(high, "m") else span(low, high, "m")
         first, last = others[0].harmonics, others[-1].harmonics
-        found = f"{heights} with {first if first == last else f'{first} to {last}'}"
+        result = f"{heights} with {first if first == last else f'{first} to {last}'}"
         if self.converged:
-            return f"{found}: converged to {percent(self.tolerance)}"
+            return f"{result}: converged to {percent(self.tolerance)}"
         if len(self.settled) == len(self.peaks):
-            return f"{found}: agrees so far"
-        return f"{found}: not converged with {own.harmonics}"
+            return f"{result}: agrees so far"
+        return f"{result}: not converged with {first_peak.harmonics}"
 
     @property
     def note(self) -> str:
-        """Answer, verdict, and what ended the harmonics."""
-        own = self.peaks[0]
-        text = f"{amount(own.amplitude, 'm')} with {own.harmonics} harmonic{'s' * (own.harmonics != 1)}, {self.verdict}"
+        """Amplitude, verdict, and the reason why the harmonics end."""
+        peak = self.peaks[0]
+        text = f"{amount(peak.amplitude, 'm')} with {peak.harmonics} harmonic{'s' * (peak.harmonics != 1)}, {self.verdict}"
         text += f"; {self.highest_harmonic}" if self.highest_harmonic else ""
         text += f"; {self.status}" if self.status != COMPLETE else ""
         return text
@@ -357,7 +353,7 @@ class Convergence(Plottable, Tabular):
         return f"{self.note}."
 
 
-# ---- What error estimates look like ----
+# ---- error estimates ----
 
 
 @dataclass(frozen=True)
@@ -368,11 +364,11 @@ class SourceError:
     ----------
     source : {"harmonics", "evaluation", "contact points", "modes", "residual flexibility", "solver"}
     amplitude, frequency : float
-        Relative change of the peak that a richer setting would make; NaN where none could be estimated.
+        Relative change of the peak with a more accurate setting; NaN without an estimate.
     uncertainty : float
-        Relative change that the estimate may have missed; 0 where the peak was computed with the richer setting.
+        Relative change that the estimate may have missed; 0 if the peak was computed with the more accurate setting.
     against : str
-        The richer setting and how the change was found, or why there is no estimate.
+        The more accurate setting and the method, or the reason why there is no estimate.
     """
 
     source: str
@@ -383,13 +379,13 @@ class SourceError:
 
     @property
     def known(self) -> bool:
-        """Whether there is an estimate that misses less than it finds."""
-        found = np.isfinite(self.amplitude) and np.isfinite(self.frequency)
-        return bool(found and (self.uncertainty == 0.0 or self.uncertainty < max(abs(self.amplitude), abs(self.frequency))))
+        """Whether there is an estimate that is larger than its uncertainty."""
+        change = np.abs([self.amplitude, self.frequency])
+        return bool(np.isfinite(change).all() and (self.uncertainty == 0.0 or self.uncertainty < change.max()))
 
     @property
     def size(self) -> float:
-        """The larger of both relative changes; NaN where they are not known."""
+        """Larger of both relative changes; NaN if unknown."""
         return float(np.fmax(abs(self.amplitude), abs(self.frequency))) if self.known else float("nan")
 
     def __str__(self) -> str:
@@ -407,9 +403,9 @@ class ErrorEstimates(Summarised):
     ----------
     preload : float, N
     frequency, amplitude : float, Hz, m
-        Of the peak.
+        Frequency and amplitude of the peak.
     sources : tuple of SourceError
-        Changes towards richer settings, one setting at a time.
+        Changes by more accurate settings, one setting at a time.
     """
 
     preload: float
@@ -424,7 +420,7 @@ class ErrorEstimates(Summarised):
 
     @property
     def total(self) -> float:
-        """Sum of the sizes of all known errors: a bound if they do not help each other."""
+        """Sum of all known errors: a bound if they do not interact."""
         return float(np.nansum([s.size for s in self.sources]))
 
     @property
@@ -434,7 +430,7 @@ class ErrorEstimates(Summarised):
 
     @property
     def line(self) -> str:
-        """All of it in one line, in per cent; sources of less than a hundredth of the sum are not named."""
+        """Errors in one line, in per cent; sources below a hundredth of the sum are omitted."""
         known = sorted((s for s in self.sources if s.known), key=lambda s: -s.size)
         if not known:
             return "error not estimated"

@@ -1,49 +1,40 @@
-"""Stability of periodic solutions with friction: Floquet multipliers of the state that friction has.
+"""Stability of periodic solutions with friction: Floquet multipliers with sliders as state variables, and time integration.
 
-A contact point that sticks remembers where it began to, so the state of a disturbed solution is ``(q, q', w)`` with the
-sliders ``w``.  Between two events (a change between stick, slip and separation at any point) the linearised equations
+A contact point in stick has a memory of the beginning of stick, so the state of a disturbed solution is ``(q, q', w)`` with
+the sliders ``w``.  Between two events (a change between stick, slip and separation at any point) the linearised equations
 have constant coefficients,
 
     M q'' + C q' + K q + G^T B(G q, w) = 0,
 
-with, for each point and direction: stick ``dT = kt (du - dw)``, slip ``dT = +-mu kn dv``, open nothing, and
-``dN = kn dv`` in contact.  One matrix exponential takes the state from event to event; forces are continuous there, so
-the state passes unchanged, except for the slider: while a point slips or is open its slider is slaved, and where it
-begins to stick
+with, for each point and direction, ``dT = kt (du - dw)`` in stick, ``dT = +-mu kn dv`` in slip, zero in separation, and
+``dN = kn dv`` in contact.  A matrix exponential gives the state at the next event.  The forces are continuous there, so the
+state passes unchanged, except for the slider.  During slip and separation the slider is no state variable.  At the
+beginning of stick it is set to
 
-    dw = du -+ (mu kn/kt) dv      after slip in the positive (negative) sense
-    dw = du - (u'/v') dv          after a closing, whose instant moves by -dv/v'.
+    dw = du -+ (mu kn/kt) dv      at a slip-to-stick event after positive (negative) slip,
+    dw = du - (u'/v') dv          at a closing, whose instant moves by -dv/v'.
 
-The product over a period is the monodromy matrix; multipliers within the unit circle mean that every small disturbance
-dies out.  A slider that is never set within the period has a multiplier of exactly 1, which says nothing: it is left out.
+The product over a period is the monodromy matrix.  If all multipliers are within the unit circle, every small disturbance
+decays.  A slider that is not set within the period has a multiplier of exactly 1 and is left out, also if it rests at its
+friction limit: a disturbance moves it once, into a neighbouring solution with another residual traction.
 
-**Which disturbances.**  With one real basis for all harmonics (a structure without cyclic symmetry) these are all
-disturbances.  A travelling wave on a disk can also be disturbed by other waves, in which every sector differs, and the
-harmonics have bases of their own: there no such state of one sector exists.  Their exponents are the roots of a determinant
-with the memory of the sliders in it (:mod:`bdamper.time_domain.wave_exponents`), and those that grow are counted, whether
-they oscillate or not: within the nodal diameters of the wave, up to one order above the harmonics of the motion.  Faster
-ones, such as chatter of a damper without damping of its own on its contacts, are beyond what so many harmonics describe.
-Where no slider moves and no contact changes, the equations are linear with symmetric stiffness and nothing grows.
+**Disturbances.**  With one real basis for all harmonics (no cyclic symmetry) the multipliers cover all disturbances.  For a
+travelling wave the harmonics have different bases, so there is no such state of one sector.  The exponents are then the
+roots of a determinant that includes the memory of the sliders (:mod:`bdamper.time_domain.wave_exponents`).  Growing
+disturbances are counted, oscillating or not, within the nodal diameters of the wave and up to one order above the harmonics
+of the motion. Faster ones, such as chatter of an undamped damper on its contacts, are beyond the range of these harmonics.
+If no slider moves and no contact state changes, the equations are linear with symmetric stiffness and nothing grows.
 
-The sign of ``det J`` at fixed frequency is negative if an odd number of disturbances of the wave grows without
-oscillating, as between two folds.  It is all that is known under coupled friction and of cubic springs, on any structure,
-as these have no event sequence of this kind.  The equations of a few harmonics have branches that the motion in time does
-not have, so such points are labelled by the sign and not as stable or unstable.
+**Sign of det J.**  At fixed frequency it is negative if an odd number of disturbances of the wave grows without
+oscillation, as between two folds.  It is the only criterion for coupled friction and cubic springs, which have no event
+sequence of this kind. The equations of a few harmonics have branches that do not exist in time, so such points are labelled
+by the sign, not as stable or unstable.
 
-**Sliders at rest at the end of their interval.**  A slider that never moves may rest at the very instant of slip.  A
-disturbance then moves it once, into a neighbouring solution with another residual traction, and later ones do not: it is
-left out like any slider at rest.
-
-**The motion itself.**  All this is said of the motion with the harmonics of the solution.  ``with_stability(in_time=True)``
-asks the motion in time next to it (:mod:`bdamper.time_domain.floquet`).
-
-Stability from the motion in time: does a blade that starts at a solution stay there?
-
-Harmonic balance gives a motion of ``H`` harmonics; the motion that the equations have next to it in time has a sequence of
-stick, slip and separation of its own.  It is started at the solution with a disturbance of every nodal diameter and
-marched until ``bdamper.time_domain.march.judged`` decides (``bdamper.time_domain.transients.verified``).  A damper
-without damping of its own chatters at many points next to separated peaks, without any period; what counts there is the
-amplitude to which this leads, averaged over many periods.
+**Time integration.**  All this applies to the motion with the harmonics of the solution.  With
+``with_stability(in_time=True)`` the motion starts at the solution with a disturbance of every nodal diameter, and
+:func:`bdamper.time_domain.march.judged` decides whether it keeps its amplitude
+(:func:`bdamper.time_domain.transients.verified`). An undamped damper chatters at many points next to separated peaks,
+without any period; the criterion is the resulting amplitude, averaged over many periods.
 """
 
 from __future__ import annotations
@@ -62,59 +53,13 @@ from bdamper.response.continuation import TWO_PI
 from bdamper.response.response_curve import check_curve
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.time_domain.integration import MarchFailed, Ring, ring_of
-from bdamper.time_domain.march import AGREES, BOUNDS, UNDECIDED
+from bdamper.time_domain.march import AGREES, LIMITS, UNDECIDED
 from bdamper.time_domain.transients import march_from, verified
 from bdamper.time_domain.wave_exponents import WaveDisturbances, cycles, rests
 from bdamper.util import validation
 from bdamper.util.progress import CostMeter, LongWork, each, one_thread
 
-# ---- Stability from the motion in time ----
-
-
-def judged_in_time(ring: Ring, curve: ResponseCurve, progress: bool) -> ResponseCurve:
-    """A curve with stability from the harmonics, judged by the motion in time as well.
-
-    That of the harmonics stays where a point remains undecided, as all do that follow after Ctrl-C.
-
-    Parameters
-    ----------
-    ring : Ring
-        Of the curve's preload.
-    curve : ResponseCurve
-    progress : bool
-    """
-    watch, stable, judged = CostMeter(), np.array(curve.stable, bool), 0
-    moving = np.array([not rests(ring.system, u) for u in curve.unknowns], bool).reshape(len(curve))
-    stable[~moving] = True
-    ratios = np.where(moving, np.nan, 1.0)
-    with LongWork() as work:
-        for i in each(np.flatnonzero(moving).tolist(), progress, "motion in time", "point"):
-            verdict, ratio = judged_at(ring, curve.unknowns[i], TWO_PI * float(curve.frequency[i]))
-            judged += 1
-            if verdict != UNDECIDED:
-                stable[i], ratios[i] = verdict == AGREES, ratio
-    note = (
-        f"motion in time, amplitude kept to {100.0 * BOUNDS.tolerance:g} %: {judged} of {len(curve)} points judged, "
-        f"{int((~moving).sum())} rest, {int(np.isnan(ratios).sum())} undecided; {watch.read().seconds:.3g} s"
-        + (", interrupted by the user" if work.interrupted else "")
-        + (f"; the undecided: {curve.stability_note}" if np.isnan(ratios).any() else "")
-    )
-    return replace(curve, stable=stable, stability_note=note, in_time=ratios)
-
-
-def judged_at(ring: Ring, u: NDArray, omega: float) -> tuple[str, float]:
-    """Verdict on a solution, and mean amplitude in time over that of the solution."""
-    expected = ring.system.response(u)
-    if not abs(expected[1]) > 0.0:
-        return UNDECIDED, np.nan
-    try:
-        found = verified(march_from(ring, u, omega, BOUNDS.steps), expected)
-    except MarchFailed:
-        return UNDECIDED, np.nan
-    return found.verdict, float(found.amplitude[-BOUNDS.settled :].mean() / found.balance)
-
-
-# ---- Stability of periodic solutions with friction ----
+# ---- stability by multipliers and exponents ----
 
 
 NEUTRAL = 1e-6
@@ -125,16 +70,16 @@ SINGULAR = 1e-12
 
 @dataclass(frozen=True)
 class Stability:
-    """Verdict on one solution or several.
+    """Stability of one or several solutions.
 
     Parameters
     ----------
     stable : (n,) bool
     largest : (n,) float
-        Largest modulus of a multiplier; NaN where it is not known.
+        Largest modulus of a multiplier; NaN if unknown.
     method : {"multipliers", "exponents", "determinant"}
     note : str
-        Which disturbances are covered.
+        Disturbances considered.
     """
 
     stable: NDArray
@@ -144,7 +89,7 @@ class Stability:
 
 
 def has_one_real_basis(system: Equations[Sector]) -> bool:
-    """Whether all harmonics share one real set of modes with inertia, so that they describe one motion in time."""
+    """Return whether all harmonics share one real set of modes with mass, so that they describe one motion in time."""
     first = system.structure.bases[0]
     real = np.abs(np.imag(first.G)).max(initial=0.0) <= 1e-12 * np.abs(first.G).max(initial=0.0)
     one = real and _one_shape(system) and all(np.array_equal(b.omega2, first.omega2) for b in system.structure.bases)
@@ -152,7 +97,7 @@ def has_one_real_basis(system: Equations[Sector]) -> bool:
 
 
 def _one_shape(system: Equations[Sector]) -> bool:
-    """Whether all harmonics have the same shapes, as on a structure without cyclic symmetry."""
+    """Return whether all harmonics have the same mode shapes, as without cyclic symmetry."""
     first = np.asarray(system.structure.bases[0].G)
     size = 1e-12 * np.abs(first).max(initial=0.0)
     bases = system.structure.bases
@@ -160,19 +105,19 @@ def _one_shape(system: Equations[Sector]) -> bool:
 
 
 def monodromy(system: Equations[Sector], u: NDArray, omega: float) -> NDArray:
-    """Monodromy matrix of (q, q', sliders that are set) over one period from the angle 0.
+    """Return the monodromy matrix of (q, q', sliders that are set) over one period from angle 0.
 
     Parameters
     ----------
     system : Equations[Sector]
-        With one real basis, uncoupled law, exact evaluation.
+        With one real basis, uncoupled law, event-driven contact forces.
     u : (n_unknowns,) float
     omega : float, rad/s
 
     Returns
     -------
     (2 n + m, 2 n + m) float
-        One slider for each of the m parts of the cycle in which one sticks that was set at their beginning.
+        One slider for each of the m stick segments at whose beginning it is set.
     """
     basis, n = system.structure.bases[0], len(system.structure.bases[0].omega2)
     G = np.asarray(basis.G).real
@@ -180,11 +125,11 @@ def monodromy(system: Equations[Sector], u: NDArray, omega: float) -> NDArray:
     force, motion = (G[point, np.array(axes)[kind]] for axes in ((2, 0, 1, 0, 1), (2, 0, 1, 2, 2)))
     hold, m = system.structure.points.kt[at, axis, None] * G[at, axis], len(at)
     angles = np.unique(np.concatenate([[0.0], *(x % TWO_PI for x in (a, b, begin, begin + length))]))
-    angles = angles[np.append(True, np.diff(angles) > 1e-13)]  # events that coincide to rounding are one
+    angles = angles[np.append(True, np.diff(angles) > 1e-13)]  # events within rounding coincide
     first = np.abs(angles[:, None] - begin % TWO_PI).argmin(axis=0)
     M = np.eye(2 * n + m)
     for k, (theta, end) in enumerate(zip(angles, np.append(angles[1:], TWO_PI))):
-        for j in np.flatnonzero(first == k):  # the slider is set
+        for j in np.flatnonzero(first == k):  # slip-to-stick event or closing sets the slider
             M[2 * n + j] = (G[at[j], axis[j]] + factor[j] * G[at[j], 2]) @ M[:n]
         middle = 0.5 * (theta + end)
         now, sticks = (middle - a) % TWO_PI < b - a, (middle - begin) % TWO_PI < length
@@ -194,24 +139,28 @@ def monodromy(system: Equations[Sector], u: NDArray, omega: float) -> NDArray:
         A[n : 2 * n] = np.hstack([-K, -np.diag(basis.damping), hold[sticks].T]) / basis.mass[:, None]
         keep = np.append(np.arange(2 * n), 2 * n + np.flatnonzero(sticks))
         M[keep] = expm(A * ((end - theta) / omega)) @ M[keep]
-    M[2 * n + np.flatnonzero(~sticks)] = 0.0  # what does not stick at the end of the period is no part of the state
+    M[2 * n + np.flatnonzero(~sticks)] = 0.0  # only sliders in stick at the end of the period are state variables
     return M
 
 
 def multipliers(system: Equations[Sector], u: NDArray, omega: float) -> NDArray:
-    """Floquet multipliers, largest modulus first; see :func:`monodromy`."""
+    """Return the Floquet multipliers in descending order of the modulus; see :func:`monodromy`."""
     values = np.linalg.eigvals(monodromy(system, u, omega))
     return np.asarray(values[np.argsort(-np.abs(values))])
 
 
 def stability_of_points(system: Equations[Sector], unknowns: NDArray, omega: NDArray) -> Stability:
-    """Stability of several solutions of one system.
+    """Compute the stability of several solutions of one system.
 
     Parameters
     ----------
     system : Equations[Sector]
     unknowns : (n, n_unknowns) float
     omega : (n,) float, rad/s
+
+    Returns
+    -------
+    Stability
     """
     refuse(system.structure.points.own, "stability")
     n, solutions, largest = len(omega), list(zip(unknowns, omega)), np.full(len(omega), np.nan)
@@ -240,7 +189,7 @@ def stability_of_points(system: Equations[Sector], unknowns: NDArray, omega: NDA
 
 
 def _growing(system: Equations[Sector], u: NDArray, omega: float) -> int:
-    """Number of growing disturbances of a wave; -1 where they cannot be counted."""
+    """Return the number of growing disturbances of a wave; -1 if they cannot be counted."""
     try:
         return WaveDisturbances(system, u, omega).growing(NEUTRAL / TWO_PI * omega, (system.n_harmonics + 1) * omega)
     except FloatingPointError:
@@ -254,6 +203,52 @@ def _positive_determinant(system: Equations[Sector], u: NDArray, omega: float) -
     return bool(sign >= 0.0 or np.linalg.matrix_rank(J / size, tol=SINGULAR) < len(J))
 
 
+# ---- stability by time integration ----
+
+
+def judged_in_time(ring: Ring, curve: ResponseCurve, progress: bool) -> ResponseCurve:
+    """Return a curve with stability by time integration in addition to the harmonics.
+
+    Undecided points, and all points after Ctrl-C, keep the stability by the harmonics.
+
+    Parameters
+    ----------
+    ring : Ring
+        All sectors at the preload of the curve.
+    curve : ResponseCurve
+    progress : bool
+    """
+    watch, stable, judged = CostMeter(), np.array(curve.stable, bool), 0
+    moving = np.array([not rests(ring.system, u) for u in curve.unknowns], bool).reshape(len(curve))
+    stable[~moving] = True
+    ratios = np.where(moving, np.nan, 1.0)
+    with LongWork() as work:
+        for i in each(np.flatnonzero(moving).tolist(), progress, "motion in time", "point"):
+            verdict, ratio = judged_at(ring, curve.unknowns[i], TWO_PI * float(curve.frequency[i]))
+            judged += 1
+            if verdict != UNDECIDED:
+                stable[i], ratios[i] = verdict == AGREES, ratio
+    note = (
+        f"motion in time, amplitude kept to {100.0 * LIMITS.tolerance:g} %: {judged} of {len(curve)} points judged, "
+        f"{int((~moving).sum())} rest, {int(np.isnan(ratios).sum())} undecided; {watch.read().seconds:.3g} s"
+        + (", interrupted by the user" if work.interrupted else "")
+        + (f"; the undecided: {curve.stability_note}" if np.isnan(ratios).any() else "")
+    )
+    return replace(curve, stable=stable, stability_note=note, in_time=ratios)
+
+
+def judged_at(ring: Ring, u: NDArray, omega: float) -> tuple[str, float]:
+    """Return the verdict on a solution, and its mean amplitude in time over the amplitude of the solution."""
+    expected = ring.system.response(u)
+    if not abs(expected[1]) > 0.0:
+        return UNDECIDED, np.nan
+    try:
+        response = verified(march_from(ring, u, omega, LIMITS.steps), expected)
+    except MarchFailed:
+        return UNDECIDED, np.nan
+    return response.verdict, float(response.amplitude[-LIMITS.settled :].mean() / response.balance)
+
+
 @one_thread
 def with_stability(
     problem: Problem,
@@ -261,20 +256,22 @@ def with_stability(
     in_time: bool = False,
     progress: bool = False,
 ) -> ResponseCurve:
-    """The same response curve with the stability of every point; see :mod:`bdamper.time_domain.floquet` for what it
-    covers.
+    """Return the response curve with the stability of every point (:mod:`bdamper.time_domain.floquet`).
 
     Parameters
     ----------
     problem : Problem
     curve : ResponseCurve
-        Tracked with this problem.
+        Response curve of this problem.
     in_time : bool
-        Ask the motion in time which solutions a blade keeps (:mod:`bdamper.time_domain.floquet`): a point is
-        stable if the motion that starts there keeps its amplitude to 5 %.  Where it remains
-        undecided, or after Ctrl-C, what the other settings find is kept, "as far as the harmonics tell" (``curve.labels``).
+        Whether to integrate in time from each point.  A point is stable if the motion keeps its amplitude to 5 %.
+        Undecided points, and all points after Ctrl-C, keep the label "as far as the harmonics tell" (``curve.labels``).
     progress : bool
-        Show a bar of the points marched in time.
+        Show a progress bar of the points integrated in time.
+
+    Returns
+    -------
+    ResponseCurve
     """
     check_curve(problem, curve)
     system, progress = problem.system(curve.preload), validation.flag("progress", progress)

@@ -1,21 +1,21 @@
 """Time integration of the equations of motion (paper, Eq. (12)), as a check that is independent of the harmonic balance.
 
-All sectors of the disk are included, each with its own contacts and sliders.  Their motion is a superposition of nodal
-diameters ``d``, one family for each nodal diameter in use, with complex coordinates ``eta_d(t)``:
+All sectors of the disk are included, each with its contacts and sliders.  Their motion is a superposition of nodal
+diameters ``d`` with complex coordinates ``eta_d(t)``:
 
     x_k(t) = shift + sum_d Re[G_d eta_d(t) exp(i k d 2 pi/N)],
     eta_d'' + 2 zeta Omega eta_d' + Omega^2 eta_d + (c_d/N) sum_k G_d^H exp(-i k d 2 pi/N) F_k(t) = E_d(t),
 
-``c_d = 2``, and 1 with real coordinates for ``d = 0`` and ``d = N/2``.  No travelling wave is assumed, no Fourier series
-cut off.  The contact law is applied from one instant to the next: ``N = max(n0 + kn v, 0)``, the slider is clipped to
-``u -+ mu N/kt`` and moves with ``u`` where the contact is open.  Under the coupled laws the friction force is drawn back
-radially to the disk of radius ``mu N``; under those of constant load a given load takes the place of ``N`` there, and the
-normal spring is two-sided; bonded points keep their slider.
+``c_d = 2``, or 1 with real coordinates for ``d = 0`` and ``d = N/2``.  There is no assumption of a travelling wave and no
+truncated Fourier series.  The contact law is applied from one instant to the next: ``N = max(n0 + kn v, 0)``; the slider is
+clipped to ``u -+ mu N/kt`` and moves with ``u`` in separation.  Coupled laws project the friction force radially onto the
+disk of radius ``mu N``.  Laws of constant load replace ``N`` by a given load, with a two-sided normal spring.  Bonded
+points have a fixed slider.
 
-A step is implicit: generalised alpha, with the contact forces of all sectors at its end from one Newton's method
-(``csrc/time/generalised_alpha.c``).  So its length follows the motion and not the stiffest contact: :data:`STEPS` a period.
-Its error is of second order.  The start is the harmonic-balance solution, so what is measured is where the motion goes from
-there.  The nodal diameters are those of the study's harmonics, or all that the model carries (:func:`every_diameter`).
+The time step is implicit (generalised alpha), with the contact forces of all sectors at its end from one Newton iteration
+(``csrc/time/generalised_alpha.c``).  Its length is set by the motion, not by the stiffest contact: :data:`STEPS` per period.  The
+error is of second order.  The integration starts at a harmonic-balance solution.  The nodal diameters are those of the
+study's harmonics, or all that the model contains (:func:`every_diameter`).
 """
 
 from __future__ import annotations
@@ -42,23 +42,26 @@ from bdamper.util.errors import BdamperError, SettingError, quiet
 from bdamper.util.progress import Cost
 
 STEPS = 256
-"""Steps a period.  Twice as many change the mean amplitude of motions that beat by up to 1 %; with half of them beats are
-missing or steps fail."""
+"""Default time steps per period.  Twice as many change the mean amplitude of beating motions by up to 1 %.  With half of
+them beats are lost or time steps fail.
+"""
 TOLERANCE = 1e-4
-"""Residual of the contact forces, relative to them; a tenth of the cost more or less for each factor of ten."""
+"""Relative residual of the contact forces; each factor of ten changes the cost by about a tenth."""
 RADIUS = 0.8
-"""Spectral radius of a step at infinite frequency.  From 0.8 on unresolved contacts of residual modes gain energy."""
+"""Spectral radius of a time step at infinite frequency.  From 0.8 on unresolved contacts of residual modes gain energy."""
 RADIUS_WITHOUT_MASS = 0.5
-"""That of structures with coordinates without mass: never a gain, for 0.02 to 0.1 % of the energy a period."""
+"""Spectral radius with massless coordinates: no gain of energy, at a loss of 0.02 to 0.1 % per period."""
 MOST_SECTORS = 33
-"""Sectors up to which all nodal diameters are marched, beyond that those of the study's and of :data:`MOST_HARMONIC`."""
+"""Largest number of sectors with all nodal diameters; beyond, those of the study's harmonics and up to
+:data:`MOST_HARMONIC`.
+"""
 MOST_HARMONIC = 6
 MOST_PERIODS = 100
-"""Periods of a given motion within which sliders must settle: two, but many under the coupled laws."""
+"""Largest number of periods of a given motion until sliders are periodic: two, but many under the coupled laws."""
 
 
 class MarchFailed(BdamperError):
-    """The contact forces of a step were not found, not even in short parts of it."""
+    """The contact forces of a time step were not found, even in short parts of it, or the time integration gains energy."""
 
 
 class Motion(NamedTuple):
@@ -69,10 +72,10 @@ class Motion(NamedTuple):
     q, v : (2 n_coordinates,) float
         Real and imaginary parts of the coordinates of all nodal diameters, and their velocities.
     w : (n_sectors, n_points, 2) float, m
-        Sliders; behind them what points with laws of their own remember.
+        Sliders, followed by the state variables of user-defined laws.
     a : (2 n_coordinates,) float, optional
-        Accelerations of the method of integration; without them they, and the coordinates without inertia, follow from the
-        rest.
+        Accelerations of the integration method.  Without them they, and massless coordinates, follow from the other
+        variables.
     """
 
     q: NDArray
@@ -82,20 +85,21 @@ class Motion(NamedTuple):
 
 
 class Trajectory(NamedTuple):
-    """Where a march has come to.
+    """Result of a time integration.
 
     Parameters
     ----------
     motion : Motion
+        Final state.
     harmonics : (n_periods, n_blades, n_harmonics + 1) complex, m
-        Amplitudes of the responses of all blades in each whole period; the first column is the mean.
+        Response amplitudes of all blades in each whole period; the first column is the mean.
     energy : (n_periods, 4) float, J
-        In each whole period, of all sectors: work of the excitation, loss in damping, work on the contacts, and rise of
-        kinetic and strain energy.  What is missing in their balance is the loss of the method of integration.
+        In each whole period, all sectors: work of the excitation, loss in damping, work on the contacts, and rise of
+        kinetic and strain energy.  The remainder of their balance is the numerical loss.
     trace : (n_steps, 2 n_coordinates) float
-        Coordinates at the start of each step, if they were asked for; their responses are those of ``Ring.rows``.
+        Coordinates at the start of each time step, if requested; ``Ring.rows`` gives their responses.
     first : int
-        Step of the period at which the motion stands.
+        Time step of the period at the end.
     """
 
     motion: Motion
@@ -106,32 +110,32 @@ class Trajectory(NamedTuple):
 
 
 class Ring:
-    """All sectors with their contacts: the equations of motion in time.
+    """Equations of motion of all sectors with their contacts.
 
     Parameters
     ----------
     system : Equations[Sector]
-        Each harmonic described by the modes of its own nodal diameter.
+        Each harmonic has the modes of its nodal diameter.
     n_blades, engine_order : int
     wide : Equations[Sector], optional
-        With more harmonics, those of all nodal diameters that are to be marched.
-    wide_order : int, optional
-        Engine order of these harmonics; by default the same.  With a divisor of it the ring is larger: that of the
-        sectors which this order tells apart.
+        Equations with more harmonics, for all nodal diameters to integrate.
     radius : float, optional
-        Spectral radius of a step at infinite frequency, 1 for none of its damping; :data:`RADIUS` by default, and
-        :data:`RADIUS_WITHOUT_MASS` where coordinates have no mass.
+        Spectral radius of a time step at infinite frequency, 1 for no numerical damping.  Default: :data:`RADIUS`, or
+        :data:`RADIUS_WITHOUT_MASS` with massless coordinates.
+    wide_order : int, optional
+        Engine order of ``wide``; the same by default.  A divisor of it gives a larger ring, whose sectors this order
+        distinguishes.
+    rows : (n_blades, 2 n_coordinates) float, optional
+        Rows that give the responses of all blades.
 
     Attributes
     ----------
     rows : (n_blades, 2 n_coordinates) float
-        Responses of all blades by the coordinates.
 
     Raises
     ------
     SettingError
-        If the settings describe something else than a structure in time: one basis for harmonics of several nodal
-        diameters.
+        If one basis describes harmonics of several nodal diameters, which is no structure in time.
     """
 
     def __init__(
@@ -159,8 +163,8 @@ class Ring:
                 d = (l * (across // self.step if across else 0)) % self.n
                 if self.families.keys().isdisjoint((d, (self.n - d) % self.n)):
                     self.families[d] = l
-        own = self.wide if across == engine_order else system
-        for l, basis in enumerate(own.structure.bases):
+        excited = self.wide if across == engine_order else system
+        for l, basis in enumerate(excited.structure.bases):
             if len(basis.omega2):
                 same, reversed_ = self._family(l)
                 self._turns[l] = _turn(self.wide.structure.bases[same], basis, conjugate=reversed_)
@@ -170,7 +174,7 @@ class Ring:
             diameters = {min(order % n_blades, -order % n_blades) for order in orders}
             if len(diameters) > 1:
                 raise SettingError(
-                    "verify: expected fundamental_modes_only=False, found one basis for several nodal diameters"
+                    "time integration: expected fundamental_modes_only=False, found one basis for several nodal diameters"
                 )
         k = np.arange(self.n)
         self.blocks = []  # (harmonic, slice of coordinates, phases, factor)
@@ -191,15 +195,15 @@ class Ring:
         self.omega2 = np.where(heavy, self.stiffness / weight, 0.0)
         self.damping = np.where(heavy, damping / weight, 0.0)
         self.least_damping = float(self.damping[self.omega2 > 0.0].min(initial=np.inf))
-        """Full bandwidth (rad/s) of the least damped mode; infinite if no mode has stiffness of its own."""
+        """Full bandwidth (rad/s) of the least damped mode; infinite if no mode has stiffness."""
         self.radius = radius if radius is not None else RADIUS if heavy.all() else RADIUS_WITHOUT_MASS
         self.rows = self._rows() if rows is None else rows
         self.core = self._core()
         self.effort = np.zeros(2, int)
-        """Steps in which contact forces were solved for, and evaluations for them."""
+        """Time steps with a solution for contact forces, and evaluations for them."""
 
     def _core(self) -> _core.Ring:
-        """What marches: modes, points, excitation and response in arrays."""
+        """Return the core object with modes, points, excitation and response."""
         bases = [self.wide.structure.bases[l] for l, *_ in self.blocks]
         orders, force = self.forcing()
         points = {name: self.wide.structure.arrays[name] for name in ("kt", "kn", "mu", "n0", "load", "shift", "law")}
@@ -220,7 +224,7 @@ class Ring:
         )
 
     def _harmonics(self, u: NDArray) -> Iterator[tuple[int, NDArray]]:
-        """Each harmonic, negative if its wave travels backwards, and its amplitudes (n_coordinates,) complex."""
+        """Yield each harmonic, negative for a backward wave, and its amplitudes (n_coordinates,) complex."""
         where = {l: s for l, s, *_ in self.blocks}
         for harmonic, basis in enumerate(self.system.structure.bases):
             if len(basis.omega2):
@@ -230,7 +234,9 @@ class Ring:
                 yield -harmonic if reversed_ else harmonic, out
 
     def forcing(self) -> tuple[NDArray, NDArray]:
-        """Harmonics (n,) of the excitation, and the factors (n, 2, 2 n_coordinates) of their cosines and sines."""
+        """Return the harmonics (n,) of the excitation, and the factors (n, 2, 2 n_coordinates) of their cosines and
+        sines.
+        """
         orders, factors = [], []
         for harmonic, a in self._harmonics(self.system.structure.force):
             e = np.array([a, -1j * a if harmonic < 0 else 1j * a])
@@ -241,14 +247,14 @@ class Ring:
         return np.array(orders, np.intc), np.array(factors).reshape(len(orders), 2, 2 * self.n_coordinates)
 
     def _family(self, harmonic: int) -> tuple[int, bool]:
-        """Harmonic whose modes describe this one, and whether it travels in the opposite direction."""
+        """Return the harmonic whose modes describe this one, and whether it travels in the opposite direction."""
         d = (harmonic * self.wave) % self.n
         if d in self.families:
             return self.families[d], False
         return self.families[(self.n - d) % self.n], True
 
     def state(self, u: NDArray, omega: float, t: float) -> tuple[NDArray, NDArray]:
-        """Coordinates and velocities (2 n_coordinates,) of a harmonic-balance solution at one instant."""
+        """Return coordinates and velocities (2 n_coordinates,) of a harmonic-balance solution at one instant."""
         q, v = np.zeros((2, self.n_coordinates), complex)
         for harmonic, a in self._harmonics(u):
             turned = a * np.exp(1j * harmonic * omega * t)
@@ -258,21 +264,21 @@ class Ring:
         return np.concatenate([q.real, q.imag]), np.concatenate([v.real, v.imag])
 
     def start(self, u: NDArray, omega: float, n_steps: int) -> Motion:
-        """The motion of a harmonic-balance solution at t = 0, with the sliders that it leads to."""
+        """Return the motion of a harmonic-balance solution at t = 0, with its sliders."""
         return Motion(*self.state(u, omega, 0.0), self.initial_slider(u, omega, n_steps))
 
     def initial_slider(self, u: NDArray, omega: float, n_steps: int) -> NDArray:
-        """Sliders at t = 0 of the solution: its motion marched over periods from the given ones until they settle."""
+        """Return the sliders of a solution at t = 0, from its motion over periods until they are periodic."""
         points = self.system.structure.points
-        kept = points.slider if points.memory is None else np.hstack([points.slider, points.memory])
-        w = np.tile(kept, (self.n, 1, 1)).astype(float)
+        initial = points.slider if points.memory is None else np.hstack([points.slider, points.memory])
+        w = np.tile(initial, (self.n, 1, 1)).astype(float)
         x, _, _ = self.system.contact(np.asarray(u))
         size = max(2.0 * float(np.abs(x[:, :2, 1:]).sum(axis=2).max(initial=0.0)), 1e-300)
         q = np.array([self.state(u, omega, k * TWO_PI / omega / n_steps)[0] for k in range(n_steps)])
         for _ in range(MOST_PERIODS):
             before = w.copy()
             self.core.follow(q, w)
-            scale = np.maximum(np.abs(w[..., 2:]).max(axis=(0, 1)), 1e-300)  # states of own laws have units of their own
+            scale = np.maximum(np.abs(w[..., 2:]).max(axis=(0, 1)), 1e-300)  # user-defined units
             moved = np.abs(w - before)
             if moved[..., :2].max(initial=0.0) <= 1e-9 * size and (moved[..., 2:] <= 1e-9 * scale).all():
                 break
@@ -292,29 +298,35 @@ class Ring:
         trace: bool = False,
         tolerance: float = TOLERANCE,
     ) -> Trajectory:
-        """March a state over whole periods of the excitation or any number of steps.
+        """Integrate a state over whole periods of the excitation, or over a number of time steps.
 
-        The steps are equal in the angle of the excitation; that of the first is ``2 pi first/n_steps``.
+        The time steps are equal in the angle of the excitation; the first begins at ``2 pi first/n_steps``.
 
         Parameters
         ----------
         motion : Motion
         omega : float, rad/s
         n_steps : int
-            Steps per period.
+            Time steps per period.
         periods : int
         steps : int, optional
-            In place of periods.
+            Number of time steps, instead of periods.
         first : int
         omega_end : float, rad/s, optional
-            The frequency goes there linearly in time: a sweep.
+            Final frequency, reached linearly in time.
         trace : bool
-            Keep the coordinates at the start of each step.
+            Whether to store the coordinates at the start of each time step.
+        tolerance : float
+            Relative residual of the contact forces.
+
+        Returns
+        -------
+        Trajectory
 
         Raises
         ------
         MarchFailed
-            If the contact forces of a step are not found, not even when it is halved six times.
+            If the contact forces of a time step are not found, even after six bisections.
         """
         count = n_steps * periods if steps is None else steps
         started = time.thread_time()
@@ -336,16 +348,16 @@ class Ring:
         )
         if status:
             raise MarchFailed(
-                f"the march fails near {omega / TWO_PI:.6g} Hz: contact forces are not found in a step of 1/{n_steps} of a "
-                "period, nor in parts of it; raise steps_per_period"
+                f"the time integration fails near {omega / TWO_PI:.6g} Hz: contact forces are not found in a time step of "
+                f"1/{n_steps} of a period, nor in parts of it; raise steps_per_period"
             )
         trace_ = np.zeros((0, q.shape[1])) if path is None else path[0]
         return Trajectory(Motion(q[0], v[0], w[0], a[0]), harmonics[0], energy[0], trace_, (first + count) % n_steps)
 
     def energy(self, motion: Motion) -> float:
-        """Kinetic and strain energy of a motion (J), with the most that its contacts can hold in their springs.
+        """Return kinetic and strain energy of a motion (J), with the largest possible energy of its contact springs.
 
-        Infinite with contact laws of users, which may hold any.
+        It is infinite for user-defined contact laws, whose energy is unknown.
         """
         points, n, a = self.system.structure.points, self.n_coordinates, self.wide.structure.arrays
         if points.own is not None:
@@ -365,7 +377,7 @@ class Ring:
 
     @property
     def nodal_diameters(self) -> tuple[int, ...]:
-        """Nodal diameters included in the march."""
+        """Nodal diameters of the time integration."""
         return tuple(sorted({self.wide.structure.bases[l].nodal_diameter for l in self.families.values()}))
 
     def _rows(self) -> NDArray:
@@ -377,13 +389,15 @@ class Ring:
         return out
 
     def departure(self, response: NDArray) -> NDArray:
-        """(n_periods,) part of the responses (n_periods, n_blades) outside the wave of the excitation, relative to all."""
+        """Return the fraction (n_periods,) of the responses (n_periods, n_blades) outside the wave of the excitation."""
         size = np.abs(np.fft.fft(response, axis=1)) ** 2
         away = 1.0 - size[:, self.wave % self.n] / np.maximum(size.sum(axis=1), 1e-300)
         return np.sqrt(np.maximum(away, 0.0))
 
     def tractions(self, motion: Motion) -> dict[str, NDArray]:
-        """Sliders (n_sectors, n_points, 2) of the motion without traction, and at the limit of friction either way."""
+        """Return sliders (n_sectors, n_points, 2) of the motion without traction, and at the friction limit in both
+        directions.
+        """
         ends = []
         for far in (1e6, -1e6):
             w = motion.w.copy()
@@ -394,7 +408,7 @@ class Ring:
         return {"no traction": middle, "limit of friction": ends[0], "limit of friction backward": ends[1]}
 
     def waves(self, response: NDArray) -> NDArray:
-        """Travelling waves that make up the responses of all blades, by their discrete Fourier transform.
+        """Decompose the responses of all blades into travelling waves, by discrete Fourier transform.
 
         Parameters
         ----------
@@ -403,8 +417,8 @@ class Ring:
         Returns
         -------
         (n_blades, 2) float
-            Nodal diameter on the whole wheel, negative if the wave travels against that of the excitation, and amplitude
-            (m), the root mean square over the periods; the largest first.
+            Nodal diameter on the whole wheel, negative against the direction of the excitation, and amplitude (m), the root
+            mean square over the periods; in descending order of amplitude.
         """
         amplitude = np.sqrt((np.abs(np.fft.fft(response, axis=1) / self.n) ** 2).mean(axis=0))
         d = np.arange(self.n)
@@ -413,15 +427,15 @@ class Ring:
         return np.column_stack([-signed if backward else signed, amplitude])[np.argsort(-amplitude)]
 
     def seeded(self, motion: Motion, share: float, seed: int) -> Motion:
-        """The motion with a disturbance of each nodal diameter: a symmetric motion parts from rounding alone.
+        """Return the motion with a disturbance of each nodal diameter; otherwise only rounding breaks the symmetry.
 
         Parameters
         ----------
         motion : Motion
         share : float
-            Size of each of the two waves of a nodal diameter, relative to the wave that is excited.
+            Amplitude of each of the two waves of a nodal diameter, relative to the excited wave.
         seed : int
-            Of their phases.
+            Seed of their phases.
         """
         if self.n == 1:
             return motion
@@ -430,49 +444,49 @@ class Ring:
         turns = share * np.exp(2j * np.pi * rng.random((len(self.blocks), 2)))
         for x in (motion.q, motion.v):
             z = x[:n] + 1j * x[n:]
-            own = z[excited].copy()
+            wave = z[excited].copy()
             for (_, s, *_), (forward, backward) in zip(self.blocks, turns):
-                m = min(len(own), s.stop - s.start)
-                z[s.start : s.start + m] += (forward * own + backward * own.conj())[:m]
+                m = min(len(wave), s.stop - s.start)
+                z[s.start : s.start + m] += (forward * wave + backward * wave.conj())[:m]
             z[self.real] = z[self.real].real
             out.append(np.concatenate([z.real, z.imag]))
         return Motion(out[0], out[1], motion.w)
 
 
 def _turn(family: HarmonicBasis, basis: HarmonicBasis, conjugate: bool) -> NDArray:
-    """(m, n) coordinates of a family by those of a harmonic of the same nodal diameter, conjugated if it travels backwards.
+    """Return the coordinates (m, n) of a family from those of a harmonic of the same nodal diameter, or its conjugate.
 
-    Residual modes of the two are turned against each other and span the same flexibility; all others are the same.
+    Residual modes of the two are rotated against each other and span the same flexibility; all other modes are equal.
     """
     if family is basis:
         return np.eye(len(basis.omega2))
-    to, own = (np.asarray(b.G).reshape(-1, len(b.omega2)) for b in (family, basis))
-    own = own.conj() if conjugate else own
+    to, modes = (np.asarray(b.G).reshape(-1, len(b.omega2)) for b in (family, basis))
+    modes = modes.conj() if conjugate else modes
     left, right = (np.array([c.body == RESIDUAL for c in b.coordinates], bool) for b in (family, basis))
     left, right = (x if x.any() else np.zeros(len(b.omega2), bool) for x, b in ((left, family), (right, basis)))
     if (~left).sum() != (~right).sum() or not np.allclose(
-        to[:, ~left], own[:, ~right], rtol=1e-12, atol=1e-12 * np.abs(to).max(initial=0.0)
+        to[:, ~left], modes[:, ~right], rtol=1e-12, atol=1e-12 * np.abs(to).max(initial=0.0)
     ):
-        raise SettingError("verify: expected each harmonic to have the modes of its own nodal diameter")
-    out = np.zeros((to.shape[1], own.shape[1]), complex)
+        raise SettingError("time integration: expected each harmonic to have the modes of its nodal diameter")
+    out = np.zeros((to.shape[1], modes.shape[1]), complex)
     out[np.flatnonzero(~left), np.flatnonzero(~right)] = 1.0
     if left.any() and right.any():
-        out[np.ix_(left, right)] = np.linalg.lstsq(to[:, left], own[:, right], rcond=None)[0]
+        out[np.ix_(left, right)] = np.linalg.lstsq(to[:, left], modes[:, right], rcond=None)[0]
     return out
 
 
 def every_diameter(problem: Problem) -> Problem:
-    """The problem with harmonics of all nodal diameters of its sectors, as far as the model carries them.
+    """Return the problem with harmonics of all nodal diameters of its sectors that the model contains.
 
-    Beyond :data:`MOST_SECTORS` sectors it is those of harmonics up to :data:`MOST_HARMONIC`, besides the study's own.
+    Beyond :data:`MOST_SECTORS` sectors these are the harmonics of the study and those up to :data:`MOST_HARMONIC`.
     """
     order, blades = int(problem.engine_order), problem.model.n_blades
-    n, own = (blades // gcd(blades, order) if order else 1), set(problem.harmonic_numbers)
-    more = set(range(1, (n // 2 if n <= MOST_SECTORS else MOST_HARMONIC) + 1)) - own
+    n, base = (blades // gcd(blades, order) if order else 1), set(problem.harmonic_numbers)
+    more = set(range(1, (n // 2 if n <= MOST_SECTORS else MOST_HARMONIC) + 1)) - base
     if problem.settings.fundamental_modes_only or not more:
         return problem
 
-    contact_forces = "event_driven" if isinstance(problem.settings.contact_forces, str) else AFT(8 * max(own | more) + 128)
+    contact_forces = "event_driven" if isinstance(problem.settings.contact_forces, str) else AFT(8 * max(base | more) + 128)
 
     def carried(harmonics: set[int]) -> Problem | None:
         try:
@@ -483,19 +497,19 @@ def every_diameter(problem: Problem) -> Problem:
         except BdamperError:
             return None
 
-    whole = carried(own | more)
-    return whole or carried(own | {l for l in more if carried(own | {l})}) or problem
+    whole = carried(base | more)
+    return whole or carried(base | {l for l in more if carried(base | {l})}) or problem
 
 
 def ring_of(problem: Problem, preload: float, blades: int | None = None) -> Ring:
-    """All sectors of a problem at a preload (N), with every nodal diameter that the model carries.
+    """Return all sectors of a problem at a preload (N), with every nodal diameter of the model.
 
     Parameters
     ----------
     problem : Problem
     preload : float, N
     blades : int, optional
-        Of the ring; by default as many as the engine order tells apart.
+        Number of blades of the ring; by default the number that the engine order distinguishes.
 
     Raises
     ------
@@ -513,7 +527,7 @@ def ring_of(problem: Problem, preload: float, blades: int | None = None) -> Ring
     across = N // blades
     contact_forces = "event_driven" if isinstance(problem.settings.contact_forces, str) else AFT(8 * blades + 128)
     wide = problem.replace(engine_order=across, harmonics=tuple(range(1, blades // 2 + 1)), contact_forces=contact_forces)
-    contact, others = problem.contact, wide.contact.residual  # point springs are those of the problem's own first harmonic
+    contact, others = problem.contact, wide.contact.residual  # with the point springs of the study's first harmonic
     if contact.residual is not None and others is not None:
         others = replace(others, flexibility=contact.residual.flexibility, _bases={})
     wide = wide.given(contact=replace(contact, residual=others))

@@ -1,31 +1,32 @@
-"""One march in time, and one verdict on what comes of it.
+"""Time integration period by period, and the verdict on the motion.
 
-A :class:`March` starts from a state, the motion of a harmonic-balance solution or the end of another march, and goes on in
-whole turns of the excitation.  Each turn ``k`` has response amplitudes of its own,
+A :class:`March` starts from a harmonic-balance solution or from the end of another time integration, and continues in whole
+periods of the excitation.  Period ``k`` has the response amplitudes
 
-    X_l(k) = 2/T int_kT^(k+1)T x(t) exp(-i l omega t) dt        (half of that for l = 0),
+    X_l(k) = 2/T int_kT^(k+1)T x(t) exp(-i l omega t) dt        (half of this for l = 0).
 
-and all that is said of a motion in time is said of these, by one set of bounds (:data:`BOUNDS`):
+All statements on a motion in time use these amplitudes and the limits :data:`LIMITS`:
+* :func:`judged`: whether the motion keeps an amplitude (*agrees*), leaves it (*does not agree*: it falls to another level,
+  grows or beats), or needs more periods (*undecided*);
+* :func:`to_come`: the remaining change of the mean by the slowest transient;
+* :func:`repeats_after`: whether the motion is periodic, subharmonic or irregular.
 
-* :func:`judged`: whether the motion keeps to an amplitude (*agrees*) or leaves it (*does not agree*: it falls to another
-  level, grows, or beats), or whether that needs more turns (*undecided*);
-* :func:`to_come`: what the slowest transient still adds to the mean;
-* :func:`repeats_after`: whether the motion is periodic, subharmonic, or irregular.
+Every 16 periods :func:`judged` checks for one of these conditions:
+* **Left.**  The distance exceeds twice the tolerance in each of the last 32 periods, and did not decrease from 16 periods
+to the
+  next 16: the motion does not agree.
+* **Settled.**  The mean of 16 periods has changed by less than 1 % within 80 periods, and not faster in their second half.
+The
+  motion agrees if the mean of these 80 periods is within the tolerance, and nine of ten periods within twice the tolerance.
+  The remaining transient must not change the verdict.
+* **Wanders.**  Nine of ten periods are not within twice the tolerance in the last 80, and the largest distance and the
+range
+  exceed the decayed ones of the 80 periods before: the motion does not agree.
 
-After every 16 periods :func:`judged` looks whether one of these holds:
-
-* **Left.**  Farther than twice the tolerance in each of the last 32 periods, and the last 16 no nearer than the 16 before:
-  the motion does not agree.
-* **Settled.**  The mean of 16 periods has changed by less than 1 % within 80 periods, and no faster in their second half
-  than in the first.  It agrees if the mean of these 80 is within the tolerance, and nine periods of ten within twice that;
-  what the slowest mode may still add must not change the answer.
-* **Wanders.**  Farther than that in the last 80 periods, and both the largest distance and the range are larger than the
-  slowest mode leaves of those in the 80 before: it does not agree.
-
-The march itself is that of ``bdamper.time_domain.integration.Ring``, the only place that knows its kernel.  Friction and
-closed contacts give no more energy than their springs hold, so the energy of a motion is at most what it began with and
-was given by the excitation.  Steps that are too long for the contacts break this: the march ends where a motion has more
-than :attr:`Bounds.gain` times as much.
+Class ``bdamper.time_domain.integration.Ring`` makes the time steps.  Friction and closed contacts return no more energy
+than their springs store, so the energy of a motion is bounded by its initial energy and the work of the excitation.  Time
+steps that are too long for the contacts violate this bound; the integration fails if the energy exceeds it by the factor
+:attr:`VerdictLimits.gain`.
 """
 
 from __future__ import annotations
@@ -46,31 +47,32 @@ AGREES, DIFFERS, UNDECIDED = "agrees", "does not agree", "undecided"
 
 
 @dataclass(frozen=True)
-class Bounds:
-    """What every verdict on a motion in time goes by; 50 points (docs/measured.md, *Labels in time and long marches*) are
-    judged as marches of up to 960 periods end.
+class VerdictLimits:
+    """Limits of the verdict on a motion in time.
+
+    They classify 50 points (docs/measured.md, *Labels in time and long marches*) as integrations of up to 960 periods end.
 
     Parameters
     ----------
     tolerance : float
-        Largest relative distance of the amplitude in time from that of a solution that it keeps.
+        Largest relative distance of the amplitude in time from the amplitude of the solution.
     look : int
-        Periods between two looks, and those over which a mean is taken.
+        Periods between two checks, and of a mean.
     settled : int
         Periods over which a settled amplitude changes by less than ``drift``.
     drift : float
-        Relative change of a mean, had or to come, below which it has settled.
+        Relative change of a settled mean, past or remaining.
     repeats : float
-        Relative change over a period below which a motion repeats: 1e-4 to 3e-4 for periodic ones between folds.
+        Relative change over a period below which a motion repeats: 1e-4 to 3e-4 for periodic motions between folds.
     most_repeated : int
-        Largest number of periods after which a repetition is looked for.
+        Largest number of periods of a subharmonic motion.
     most : int
-        Periods of a march that nothing decides; the 50 points take at most 336.
+        Largest number of periods; the 50 points take at most 336.
     steps : int
-        Of a period: with 256 chatter in slip is damped away, and a motion that falls to 0.855 of a solution keeps to it;
-        512 leave 0.89 of it, 1,024 leave 0.860.
+        Time steps per period.  With 256 chatter in slip is damped, and a motion that falls to 0.855 of a solution stays at
+        it; with 512 it falls to 0.89, with 1,024 to 0.860.
     gain : float
-        Energy of a motion, relative to what it can have, from which on its steps have failed.
+        Largest energy of a motion relative to its bound.
     """
 
     tolerance: float = 0.05
@@ -84,38 +86,38 @@ class Bounds:
     gain: float = 4.0
 
 
-BOUNDS = Bounds()
+LIMITS = VerdictLimits()
 
 
 class March:
-    """A structure marched in time, turn by turn of the excitation.
+    """Time integration of a structure, period by period.
 
     Parameters
     ----------
     ring : Ring
     omega : float, rad/s
     start : (n_unknowns,) float or Motion
-        A harmonic-balance solution, of whatever frequency, or where another march has ended.
+        Harmonic-balance solution at any frequency, or the end of another time integration.
     steps : int, optional
-        Per period; :data:`~bdamper.time_domain.integration.STEPS` by default.
+        Time steps per period; :data:`~bdamper.time_domain.integration.STEPS` by default.
     blade : int, optional
-        Whose amplitude is asked for; by default that of which the mean over the second half of the periods is highest.
+        Blade of the amplitude; by default the blade of highest mean over the second half of the periods.
 
     Attributes
     ----------
     motion : Motion
-        Where it has come to.
+        Present state.
     harmonics : list of (n_blades, n_harmonics + 1) complex, m
-        Response amplitudes of all blades in each turn; the first is the mean.
+        Response amplitudes of all blades in each period; the first is the mean.
     energy : list of (4,) float, J
-        Of each turn (:class:`~bdamper.time_domain.integration.TimeResponse`).
+        Energies of each period (:class:`~bdamper.time_domain.integration.Trajectory`).
     memory : float
-        Periods in which a transient of the least damped mode falls to 1/e; of free bodies contacts take energy alone.
+        Periods in which a transient of the least damped mode falls to 1/e; contacts alone damp free bodies.
 
     Raises
     ------
     SettingError
-        If the motion to start from is one of another structure, or there are too few steps.
+        If the initial motion belongs to another structure, or there are too few time steps.
     """
 
     def __init__(
@@ -124,8 +126,8 @@ class March:
         self.steps = STEPS if steps is None else validation.whole("steps_per_period", steps, least=16)
         self.ring, self.omega, self._blade = ring, omega, blade
         if isinstance(start, Motion):
-            own = ring.system.structure.points.own
-            width = 2 if own is None else 2 + own.width
+            laws = ring.system.structure.points.own
+            width = 2 if laws is None else 2 + laws.width
             shapes = (2 * ring.n_coordinates,), (ring.n, ring.system.n_points, width)
             if (start.q.shape, start.w.shape) != shapes:
                 raise SettingError(
@@ -140,35 +142,35 @@ class March:
 
     @property
     def blades(self) -> NDArray:
-        """(n_periods, n_blades) complex: harmonic of the excitation of all blades, m."""
+        """(n_periods, n_blades) complex: first harmonic of all blades, m."""
         return np.array(self.harmonics)[:, :, 1]
 
     @property
     def response(self) -> NDArray:
-        """(n_periods, n_harmonics + 1) complex response of that blade, m, with the phases of the first blade."""
+        """(n_periods, n_harmonics + 1) complex: response of the blade, m, with the phases of the first blade."""
         turn = 2.0 * np.pi * self.blade * self.ring.wave / self.ring.n
-        own = np.array(self.harmonics)[:, self.blade]
-        return np.asarray(own * np.exp(-1j * turn * np.arange(own.shape[1])))
+        amplitudes = np.array(self.harmonics)[:, self.blade]
+        return np.asarray(amplitudes * np.exp(-1j * turn * np.arange(amplitudes.shape[1])))
 
     @property
     def blade(self) -> int:
-        """The blade whose amplitude is asked for, or the highest."""
+        """Index of the blade of the amplitude."""
         if self._blade is not None:
             return self._blade
         return int(np.abs(second_half(self.blades)).mean(axis=0).argmax())
 
     @property
     def amplitude(self) -> NDArray:
-        """(n_periods,) amplitude of the harmonic of the excitation of that blade, m."""
+        """(n_periods,) float: amplitude of the first harmonic of the blade, m."""
         return np.abs(self.response[:, 1])
 
     def turn(self, turns: int = 1, ends: tuple[float, float] | None = None) -> None:
-        """March some turns; the frequency goes linearly in time from one end (rad/s) to the other, if they are given.
+        """Integrate some periods; with ``ends`` (rad/s) the frequency changes linearly in time.
 
         Raises
         ------
         MarchFailed
-            If the contact forces of a step are not found, or the motion has more energy than it can have.
+            If the contact forces of a time step are not found, or the energy exceeds its bound.
         """
         end_if_asked()
         begin, end = ends or (self.omega, None)
@@ -178,50 +180,52 @@ class March:
         self.energy.extend(marched.energy)
         for work, damping, _, rise in marched.energy:
             self._held, self._given = self._held + rise, self._given + abs(work) + abs(damping)
-            if not self._held <= BOUNDS.gain * self._given:
+            if not self._held <= LIMITS.gain * self._given:
                 raise MarchFailed(
-                    f"the march gains energy near {begin / (2.0 * np.pi):.6g} Hz, an error of its steps: raise "
-                    f"steps_per_period, {self.steps} now"
+                    f"the time integration gains energy near {begin / (2.0 * np.pi):.6g} Hz, an error of its time steps: "
+                    f"raise steps_per_period, {self.steps} now"
                 )
 
     def run(self, periods: int, progress: bool = False, decided: Callable[[], bool] | None = None) -> bool:
-        """March until that many periods are there, or it is decided at one of the looks.
+        """Integrate up to a total number of periods, or until ``decided`` returns true at a check.
 
         Returns
         -------
         bool
-            Whether Ctrl-C has ended it.
+            Whether Ctrl-C ended it.
         """
         with LongWork() as work, counter(progress, periods, 0, "marching", "period") as count:
             while len(self.harmonics) < periods:
                 self.turn()
                 count()
-                if decided is not None and len(self.harmonics) % BOUNDS.look == 0 and decided():
+                if decided is not None and len(self.harmonics) % LIMITS.look == 0 and decided():
                     break
         return work.interrupted
 
     def sweep(self, ends: tuple[float, float], turns: int, count: Callable[[], Any]) -> None:
-        """March turns over which the square of the frequency goes linearly in the angle between two ends (rad/s)."""
+        """Integrate periods over which the squared frequency changes linearly in the angle between two ends (rad/s)."""
         square = np.linspace(ends[0] ** 2, ends[1] ** 2, turns + 1)
-        for first in range(0, turns, BOUNDS.look):
-            last = min(first + BOUNDS.look, turns)
+        for first in range(0, turns, LIMITS.look):
+            last = min(first + LIMITS.look, turns)
             self.turn(last - first, (float(np.sqrt(square[first])), float(np.sqrt(square[last]))))
             for _ in range(last - first):
                 count()
 
 
 def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float) -> tuple[str, str]:
-    """Verdict and reason from the amplitudes (n_periods,) marched so far; "undecided" asks for more of them.
+    """Return verdict and reason from the amplitudes so far; "undecided" requires more periods.
 
     Parameters
     ----------
     amplitude : (n_periods,) float, m
     expected : float, m
+        Amplitude of the solution.
     tolerance : float
+        Relative tolerance.
     memory : float
         Periods in which a transient of the least damped mode falls to 1/e.
     """
-    look, span = BOUNDS.look, BOUNDS.settled
+    look, span = LIMITS.look, LIMITS.settled
     off = amplitude / max(expected, 1e-300) - 1.0
     n = len(off)
     last = float(off[-look:].mean())
@@ -234,14 +238,14 @@ def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float)
         return UNDECIDED, f"{100.0 * last:+.2g} % so far; {span + look} periods show whether it has settled"
     then, between, now = (float(off[n - k - look : n - k].mean()) for k in (span, span // 2, 0))
     drift = (now - then) / max(1.0 + then, 1e-300)
-    grows = abs(now - between) > max(1.2 * abs(between - then), 0.1 * BOUNDS.drift)
+    grows = abs(now - between) > max(1.2 * abs(between - then), 0.1 * LIMITS.drift)
     recent, earlier = off[-span:], off[-2 * span : -span]
     stays = float(np.quantile(np.abs(recent), 0.9)) <= 2.0 * tolerance
     within = abs(float(recent.mean())) <= tolerance
     spread = f"{100.0 * recent.min():+.2g} to {100.0 * recent.max():+.2g} %"
-    settled = abs(drift) < BOUNDS.drift and not grows
+    settled = abs(drift) < LIMITS.drift and not grows
     if settled and (not stays or within == (abs(last + to_come(amplitude, memory)) <= tolerance)):
-        shown = f", {spread}" if np.ptp(recent) > BOUNDS.drift else ""
+        shown = f", {spread}" if np.ptp(recent) > LIMITS.drift else ""
         text = f"{100.0 * float(recent.mean()):+.2g} % in the mean of {span} periods{shown}"
         return AGREES if stays and within else DIFFERS, text
     sizes, before = (np.array([np.abs(x).max(), np.ptp(x)]) for x in (recent, earlier))
@@ -254,15 +258,15 @@ def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float)
 
 
 def second_half(x: NDArray) -> NDArray:
-    """Of the periods: those from which means and ranges are taken."""
+    """Return the second half of the periods, from which means and ranges are taken."""
     return x[len(x) // 2 :]
 
 
 def to_come(amplitude: NDArray, memory: float) -> float:
-    """Relative change of the mean that is still to come.
+    """Return the estimated remaining relative change of the mean.
 
-    The means of the last two quarters differ by a transient that falls to 1/e in so many periods: one that falls by a
-    factor p from one quarter to the next still changes the mean by p/(1 - p) of the difference.
+    The means of the last two quarters differ by a transient that falls to 1/e in ``memory`` periods.  If it falls by a
+    factor p from one quarter to the next, the remaining change is p/(1 - p) times the difference.
     """
     before, last = np.array_split(second_half(amplitude), 2)
     change = float((last.mean() - before.mean()) / max(float(last.mean()), 1e-300))
@@ -271,11 +275,11 @@ def to_come(amplitude: NDArray, memory: float) -> float:
 
 
 def repeats_after(harmonics: NDArray) -> int | None:
-    """Least number of periods after which the amplitudes (n_periods, n_harmonics + 1) repeat, over the last quarter."""
+    """Return the smallest number of periods after which the amplitudes (n_periods, n_harmonics + 1) repeat, or None."""
     x = harmonics[:, 1:]
     last = np.arange(len(x) - max(1, len(x) // 4), len(x))
     size = max(float(np.linalg.norm(x[last], axis=1).max()), 1e-300)
-    for n in range(1, BOUNDS.most_repeated + 1):
-        if last[0] >= n and np.linalg.norm(x[last] - x[last - n], axis=1).max() <= BOUNDS.repeats * size:
+    for n in range(1, LIMITS.most_repeated + 1):
+        if last[0] >= n and np.linalg.norm(x[last] - x[last - n], axis=1).max() <= LIMITS.repeats * size:
             return n
     return None

@@ -1,4 +1,4 @@
-"""Marches in time beside an optimal curve: the highest amplitude in time at some of its preloads."""
+"""Steady amplitude in time at preloads of an optimal curve, by time integration."""
 
 from __future__ import annotations
 
@@ -27,18 +27,17 @@ def time_response(
     problem: Problem, result: ResponseCurve | Peak, *, steps_per_period: int | None = None, blades: int | None = None,
     starts: int = 1,
 ) -> TimeResponse:  # fmt: skip
-    """The highest amplitude in time at the preload of a response curve or of a peak
-    (``bdamper.time_domain.steady_amplitude``).
+    """Compute the highest steady amplitude in time at the preload of a response curve or of a peak.
 
     Parameters
     ----------
     problem : Problem
     result : ResponseCurve or Peak
-        Of this study.  For a peak the curve is tracked over the interval in which it was searched.
+        Result of this study.  For a peak the response curve is computed in its interval.
     steps_per_period : int, optional
-        256 by default; the steady-state motion is integrated again with twice as many.
+        256 by default; the steady motion is integrated again with twice and four times as many.
     blades, starts : int
-        Size of the ring that is marched, and motions to begin from (``bdamper.time_domain.steady_amplitude``).
+        Number of blades of the ring, and of initial states (``bdamper.time_domain.steady_amplitude``).
 
     Returns
     -------
@@ -47,17 +46,17 @@ def time_response(
     Raises
     ------
     SettingError
-        If it is of another study, is not a peak, or the settings describe something else than a structure in time.
+        If the result belongs to another study or is no peak, or the settings do not describe a structure in time.
     """
     if isinstance(result, Peak):
         if not result.converged or "frequency" not in result.settings:
             raise validation.unfit("result", "a peak at a preload", result.status)
-        found, what = result, "the highest peak of this study at its preload"
-        if found.model_hash != problem.model.hash:
-            raise validation.unfit("result", what, "one of another model")
-        result = frequency_response(problem, found.parameter, tuple(found.settings["frequency"]))
-        if not (len(result) and np.isclose(result.peak.amplitude, found.amplitude, rtol=1e-3, atol=0.0)):
-            raise validation.unfit("result", what, f"{amount(found.amplitude, 'm')} at {found.frequency:.6g} Hz")
+        peak, what = result, "the highest peak of this study at its preload"
+        if peak.model_hash != problem.model.hash:
+            raise validation.unfit("result", what, "a peak of another model")
+        result = frequency_response(problem, peak.parameter, tuple(peak.settings["frequency"]))
+        if not (len(result) and np.isclose(result.peak.amplitude, peak.amplitude, rtol=1e-3, atol=0.0)):
+            raise validation.unfit("result", what, f"{amount(peak.amplitude, 'm')} at {peak.frequency:.6g} Hz")
     return in_time.time_response(problem, result, steps_per_period=steps_per_period, blades=blades, starts=starts)
 
 
@@ -66,47 +65,47 @@ def time_response(
 def with_time_response(
     problem: Problem, curve: OptimalCurve, preload: Sequence[float] | NDArray | None = None, *, progress: bool = False
 ) -> OptimalCurve:
-    """The optimal curve with the steady-state amplitude in time at some preloads.
+    """Return the optimal curve with the steady-state amplitude in time at some preloads.
 
     Parameters
     ----------
     problem : Problem
     curve : OptimalCurve
-        Of this study.
+        Optimal curve of this study.
     preload : sequence of float, N, optional
-        Its optimum by default.
+        The optimum by default.
     progress : bool
-        Show a bar of the preloads.
+        Show a progress bar of the preloads.
 
     Returns
     -------
     OptimalCurve
-        With a ``bdamper.response.verification.TimeResponse`` for each in ``time_response``, by rising preload, besides
-        those that it had; one that says why where nothing can be marched, none where the curve has no optimum.  After
-        Ctrl-C those at the preloads that were not finished say "interrupted".
+        ``time_response`` has a further :class:`bdamper.response.verification.TimeResponse` for each preload, in ascending
+        order; it gives the reason if no time integration is possible, and is empty without an optimum.  After Ctrl-C
+        unfinished preloads have the status "interrupted".
 
     Raises
     ------
     SettingError
-        If the curve is of another model.
+        If the curve belongs to another model.
     """
     validation.instance("curve", curve, OptimalCurve)
     if curve.model_hash != problem.model.hash:
-        raise validation.unfit("curve", "an optimal curve of this study", "one of another model")
+        raise validation.unfit("curve", "an optimal curve of this study", "a curve of another model")
     options = ContinuationOptions(budget=BUDGET)
     if preload is None:
-        places = [p for p in (curve.optimum.preload,) if np.isfinite(p)]
+        preloads = [p for p in (curve.optimum.preload,) if np.isfinite(p)]
     else:
-        places = [float(p) for p in validation.numbers("preload", preload, above=0.0, unit="N")]
-    none = {p: TimeResponse(*(np.nan,) * 4, p, np.nan, status=INTERRUPTED) for p in places}
-    found, cost = none | {k.preload: k for k in curve.time_response}, curve.cost
+        preloads = [float(p) for p in validation.numbers("preload", preload, above=0.0, unit="N")]
+    none = {p: TimeResponse(*(np.nan,) * 4, p, np.nan, status=INTERRUPTED) for p in preloads}
+    responses, cost = none | {k.preload: k for k in curve.time_response}, curve.cost
     with LongWork():
-        for p in each(places, progress, "marching in time", "preload"):
+        for p in each(preloads, progress, "marching in time", "preload"):
             try:
                 tracked = uninterrupted(frequency_response(problem, p, curve.settings["frequency"], options=options))
                 cost += tracked.cost
-                found[p] = in_time.time_response(problem, tracked)
-                cost += found[p].cost
+                responses[p] = in_time.time_response(problem, tracked)
+                cost += responses[p].cost
             except BdamperError as error:
-                found[p] = replace(none[p], status=because(NOT_FOUND, error))
-    return replace(curve, time_response=tuple(found[p] for p in sorted(found)), cost=cost)
+                responses[p] = replace(none[p], status=because(NOT_FOUND, error))
+    return replace(curve, time_response=tuple(responses[p] for p in sorted(responses)), cost=cost)

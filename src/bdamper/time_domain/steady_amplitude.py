@@ -1,21 +1,21 @@
-"""The highest amplitude in time: a march along the upper branch toward its tip until the motion falls.
+"""Highest steady amplitude in time: time integration along the upper branch towards its tip, until the motion falls.
 
-A peak of the harmonic balance says where a periodic solution is highest, and not whether a motion stays there.  Where
-contacts open, or where a fold is near, it often does not: motions beat, and fall to a lower level before the tip or beyond
-it.  So a march starts beside the tip, where no lower solution exists at the same frequency, and goes toward it in quarters
-of the half width of the resonance, each step from the motion before.  After each step the motion *stays* if the mean of its
-last periods is nearer to this branch than to the next lower solution and does not drift.  Where it falls the last step is
-halved twice, and around the highest place the steps are halved down to :attr:`Rules.fine`.  If all places remain lower than
-the tip, one march starts from the solution there; its motion is the answer if it stays higher.
+The peak of the harmonic balance is the highest periodic solution, but a motion need not stay there.  With separation, or
+near a fold, it often does not: motions beat, and fall to a lower level before or beyond the tip.  The search therefore
+starts next to the tip, at a frequency without a lower solution.  It steps towards the tip by a quarter of the half width of
+the resonance, each time from the previous motion.  A motion *stays* if the mean of its last periods is closer to this
+branch than to the next lower solution and does not drift.  Where it falls, the last step is bisected twice.  Around the
+highest point the steps are bisected down to :attr:`SteadyCriteria.fine`.  If all points are lower than the tip, one
+integration starts from the solution at the tip; its motion is the result if it stays higher.
 
-**All blades.**  An amplitude is that of the highest blade.  Blades of a tuned wheel need not vibrate alike, and a symmetric
-motion would part from rounding alone: waves of every nodal diameter are added at the first place and once more at the
-highest one (``Ring.seeded``), and the last march goes on while they grow.  Blades have parted where the same ones are high
-in both halves of it.
+**All blades.**  The amplitude is that of the highest blade.  The blades of a tuned wheel need not vibrate equally, and only
+rounding would break the symmetry of a motion.  Waves of every nodal diameter are therefore added at the first point and at
+the highest one (``Ring.seeded``), and the last integration continues while they grow.  Blades vibrate differently if the
+same blades are high in both halves of it.
 
-**Several answers.**  Places are marched with n steps, the highest motion with 2n and from there with 4n, since contacts may
-chatter in shorter steps alone.  Its place is reached from the other side, and if asked for, from other disturbances and
-tractions.  Where these amplitudes differ by more than :attr:`Rules.settled` the answer is their range.
+**Verification.**  The search uses n time steps per period, the highest motion 2n and then 4n, because contacts may chatter
+only with shorter steps.  The highest point is also reached from the other side and, if requested, from other disturbances
+and tractions.  If the amplitudes differ by more than :attr:`SteadyCriteria.settled`, the result is their range.
 """
 
 from __future__ import annotations
@@ -41,36 +41,37 @@ from bdamper.util.progress import CostMeter, LongWork, one_thread
 
 
 @dataclass(frozen=True)
-class Rules:
-    """What tells a motion that stays.
+class SteadyCriteria:
+    """Criteria for a steady motion.
 
     Parameters
     ----------
     window : int
-        Periods over which a mean is taken: beats leave 2 to 3 % of scatter in means of 20.
+        Periods of a mean; beats leave a scatter of 2 to 3 % in means of 20.
     brief : int
-        Periods of a sweep between two places, and of a visit in which no blade scatters by more than ``scatter`` (standard
-        deviation) or drifts by more than ``steady``, or the motion has fallen; a drift that small hides up to 3 %.  A long
-        visit takes twice as many or more, until its transient leaves less than ``scatter`` and its blades part no further.
+        Periods of the change between two frequencies, and of a brief integration.  An integration is brief if no blade
+        scatters by more than ``scatter`` (standard deviation) or drifts by more than ``steady`` (this hides up to 3 %), or
+        the motion has fallen.  A long one lasts until its transient is below ``scatter`` and blades do not part further.
     fewest, most : int
-        Periods of a long visit where there is a lower solution to fall to, two windows elsewhere; and after which a mean
-        may still drift.
+        Least periods of a long integration if a lower solution exists (otherwise two windows), and most periods.
     drift : float
-        Relative change between two means above which a motion has not settled.
+        Largest relative change between two means of a settled motion.
+    scatter, steady : float
+        See ``brief``.
     lower : float
-        Another solution below this part of the amplitude is another level, and no ripple of the branch.
+        Solutions below this fraction of the amplitude are another level, not a ripple of the branch.
     drop, grown : float
-        Part of the amplitude that was expected below which a motion has fallen, and above which it has grown.
+        Fractions of the expected amplitude below which a motion has fallen, and above which it has grown.
     apart, fine, near : float
-        Least distance from a tip without half width where the march begins, distance of places around the highest one (both
-        relative to the frequency), and distance from its branch within which a motion beyond the tip goes on along it.
+        Distance of the start from a tip without half width, and spacing of points around the highest one (both relative to
+        the frequency); distance from the branch up to which a motion beyond the tip follows it.
     settled : float
-        Relative difference of two answers above which none of them is one.
+        Largest relative difference of verification runs.
     seed, grows, faint : float
-        Size of the waves that are added, relative to the amplitude; growth of what is not the excited wave between two
-        windows from which on a march goes on; and share of it above rounding whose growth keeps a visit from being brief.
+        Relative amplitude of the added waves; growth between two windows with which an integration continues; fraction
+        above rounding whose growth prevents a brief integration.
     memory, stretch : float
-        Periods in which a transient falls to 1/e from which on all numbers of periods grow with it, and how far at most.
+        Decay time in periods above which all numbers of periods increase in proportion, and the largest factor.
     """
 
     window: int = 40
@@ -93,34 +94,34 @@ class Rules:
     memory: float = 100.0
     stretch: float = 4.0
 
-    def stretched(self, memory: float) -> Rules:
-        """With the periods that a memory takes."""
+    def stretched(self, memory: float) -> SteadyCriteria:
+        """Return the criteria with every number of periods scaled in proportion to the decay time ``memory`` (periods)."""
         factor = min(max(1.0, memory / self.memory), self.stretch)
         periods = ("window", "brief", "fewest", "most")
         return replace(self, **{name: 2 * round(0.5 * factor * getattr(self, name)) for name in periods})
 
 
-RULES = Rules()
+CRITERIA = SteadyCriteria()
 
 
-class Place(NamedTuple):
-    """What was found at one frequency.
+class SteadyPoint(NamedTuple):
+    """Motion at one frequency.
 
     Parameters
     ----------
     frequency : float, Hz
     amplitude : (n_periods,) float, m
-        Of the highest blade in the last periods.
+        Amplitude of the highest blade in the last periods.
     stays : bool
         Whether the motion stays at its level.
     motion : Motion
-        At the end.
+        Final state.
     drift : float
         Relative change between the last two means.
     march : March, optional
-        With all periods.
+        Time integration with all periods.
     origin : float, Hz
-        Where the motion came from.
+        Frequency of the previous motion.
     """
 
     frequency: float
@@ -136,23 +137,28 @@ class Place(NamedTuple):
         return float(self.amplitude.mean())
 
 
-def stay(march: March, own: float, limit: float, alone: bool = False, long: bool = False) -> Place:
-    """March until a motion near the level ``own`` (m) stays or has fallen below a limit.
+def integrate_until_steady(
+    march: March, expected: float, limit: float, alone: bool = False, long: bool = False
+) -> SteadyPoint:
+    """Integrate until a motion near the amplitude ``expected`` (m) is steady or has fallen below a limit.
 
-    Disturbances that grow make a long march go on.
+    A long integration continues while disturbances grow.
 
     Parameters
     ----------
     march : March
-        At its start.
-    own, limit : float, m
+    expected, limit : float, m
     alone : bool
-        Whether it is known that there is no lower solution to fall to.
+        Whether there is no lower solution.
     long : bool
-        Whether amplitudes are those of two windows, not of one, and what is brief has settled and does not part.
+        Whether to use the mean of two windows, and to require a settled motion without growing differences of blades.
+
+    Returns
+    -------
+    SteadyPoint
     """
-    rules, drift = RULES.stretched(march.memory), np.inf
-    most, window = RULES.grown * own, rules.window
+    rules, drift = CRITERIA.stretched(march.memory), np.inf
+    most, window = CRITERIA.grown * expected, rules.window
     fewest = 0 if alone else rules.fewest if long else 2 * window
     while True:
         march.run(len(march.harmonics) + rules.brief // 2)
@@ -169,13 +175,12 @@ def stay(march: March, own: float, limit: float, alone: bool = False, long: bool
         if gone or n >= rules.most or (enough and not (long and growth(march, window)[0] > rules.grows)):
             last = amplitude[-(2 if long else 1) * window :]
             break
-    return Place(
-        march.omega / TWO_PI, last, bool(limit <= last.mean() <= most), march.motion, drift, march
-    )
+    stays = bool(limit <= last.mean() <= most)
+    return SteadyPoint(march.omega / TWO_PI, last, stays, march.motion, drift, march)
 
 
-def _brief(march: March, limit: float, rules: Rules, long: bool) -> bool:
-    """Whether a few periods show that a motion has settled, or in a visit that is not long has fallen for good."""
+def _brief(march: March, limit: float, rules: SteadyCriteria, long: bool) -> bool:
+    """Return whether a few periods show that a motion has settled or, in a brief integration, has fallen."""
     blades = np.abs(march.blades[-rules.brief :])
     before, last = (half.mean(axis=0) for half in np.array_split(blades, 2))
     if np.abs(last - before).max() > rules.steady * last.min() or blades.std(axis=0).max() > rules.scatter * last.min():
@@ -186,18 +191,18 @@ def _brief(march: March, limit: float, rules: Rules, long: bool) -> bool:
     return to_settle <= rules.scatter and growth(march, rules.brief // 2, rules.faint)[0] <= 1.0
 
 
-def growth(march: March, window: int, least: float = 0.1 * RULES.seed) -> tuple[float, float]:
-    """What does not belong to the wave of the excitation: its growth between two windows, and its share in the last.
+def growth(march: March, window: int, least: float = 0.1 * CRITERIA.seed) -> tuple[float, float]:
+    """Return the growth of the motion outside the wave of the excitation between two windows, and its last fraction.
 
-    A share below the ``least`` one does not count as growing.
+    A fraction below ``least`` does not count as growing.
     """
     away = march.ring.departure(march.blades[-2 * window :])
     before, last = (float(np.sqrt((half**2).mean())) for half in np.array_split(away, 2))
     return (last / before if last > least and before > 0.0 else 0.0), last
 
 
-class Levels:
-    """The amplitudes (m) of a response curve over frequency, without closed branches and separate ones above its peak."""
+class CurveAmplitudes:
+    """Amplitudes (m) of a response curve over frequency, without closed branches and separate branches above its peak."""
 
     def __init__(self, curve: ResponseCurve) -> None:
         points = np.flatnonzero(~curve.out_of_reach)
@@ -207,114 +212,128 @@ class Levels:
         self.top = int(np.argmax(self.amplitude))
 
     def at(self, frequency: float) -> NDArray:
-        """All solutions at a frequency, the highest first."""
+        """Return the amplitudes of all solutions at a frequency, in descending order."""
         return np.sort(crossed(self.frequency, self.amplitude, frequency, np.diff(self.branch) == 0)[1])[::-1]
 
     def start(self, frequency: float) -> NDArray:
-        """Unknowns of the point of the highest level next to a frequency, of any level where the curve has a gap."""
-        high = np.flatnonzero(self.amplitude >= RULES.lower * max(self.at(frequency), default=0.0))
+        """Return the unknowns of the highest solution closest to a frequency, of any solution in a gap of the curve."""
+        high = np.flatnonzero(self.amplitude >= CRITERIA.lower * max(self.at(frequency), default=0.0))
         return np.asarray(self.unknowns[high[np.abs(self.frequency[high] - frequency).argmin()]])
 
-    def lower(self, frequency: float, own: float) -> float:
-        """The next solution below a level, 0 without one."""
-        return float(max((a for a in self.at(frequency) if a < RULES.lower * own), default=0.0))
+    def lower(self, frequency: float, expected: float) -> float:
+        """Return the next solution below an amplitude, 0 if there is none."""
+        return float(max((a for a in self.at(frequency) if a < CRITERIA.lower * expected), default=0.0))
 
-    def alone(self, here: Place, step: float) -> bool:
-        """Whether a motion is on its branch and has no other solution beside it, up to where that is a tenth lower."""
-        own = self.at(here.frequency)
-        if len(own) != 1 or abs(here.mean / own[0] - 1.0) > RULES.near:
+    def alone(self, here: SteadyPoint, step: float) -> bool:
+        """Return whether a motion is on its branch without another solution, up to where the branch is a tenth lower."""
+        expected = self.at(here.frequency)
+        if len(expected) != 1 or abs(here.mean / expected[0] - 1.0) > CRITERIA.near:
             return False
         ahead = (self.at(f) for f in np.linspace(here.frequency, self.end(step), 100)[1:-1])
-        high = takewhile(lambda there: max(there, default=0.0) > RULES.lower * own[0], ahead)
+        high = takewhile(lambda there: max(there, default=0.0) > CRITERIA.lower * expected[0], ahead)
         return all(len(there) == 1 for there in high)
 
     def end(self, sign: float) -> float:
-        """Last frequency (Hz) on one side."""
+        """Return the last frequency (Hz) on one side."""
         return float(self.frequency.max() if sign > 0.0 else self.frequency.min())
 
     def side(self, sign: float) -> tuple[float, float]:
-        """Half width (Hz, with its sign) on one side of the tip, and the first frequency half of it away where the branch
-        is alone; NaN where it ends before.  A response that does not fall by that much has twice the way to that place."""
+        """Return the signed half width (Hz) on one side of the tip, and the first frequency beyond half of it with one
+        solution.
+
+        It is NaN if the branch ends before.  If the response does not fall by this much, the width is twice the distance to
+        that frequency.
+        """
         tip, height = self.frequency[self.top], self.amplitude[self.top]
         end = self.end(sign)
         width, before = np.nan, height
         for f in np.linspace(tip, end, 400)[1:-1]:
-            own = float(max(self.at(f), default=0.0))
-            if own < RULES.drop * before:
+            expected = float(max(self.at(f), default=0.0))
+            if expected < CRITERIA.drop * before:
                 return width, np.nan
-            before = own
-            if own <= height / np.sqrt(2.0):
+            before = expected
+            if expected <= height / np.sqrt(2.0):
                 width = f - tip
                 break
-        apart = sign * RULES.apart * tip if np.isnan(width) else 0.5 * width
+        apart = sign * CRITERIA.apart * tip if np.isnan(width) else 0.5 * width
         away = np.linspace(tip + apart, end, 400)[:-1] if abs(end - tip) > abs(apart) else np.zeros(0)
         alone = (x for x in away if len(self.at(x)) and not self.lower(x, self.at(x)[0]))
         start = float(next(alone, np.nan))
         return 2.0 * (start - tip) if np.isnan(width) else width, start
 
 
-class Walk:
-    """A march along a branch toward its tip and on until the motion falls; the places that were found.
+class TipSearch:
+    """Time integration along a branch towards its tip and beyond until the motion falls.
 
     Parameters
     ----------
     ring : Ring
-    levels : Levels
+    balance : CurveAmplitudes
     steps : int
-        Of a period.
+        Time steps per period.
 
     Attributes
     ----------
+    places : list of SteadyPoint
+        Steady motions.
+    answers : dict of str to float, m
+        Amplitudes of the verification runs.
     fall : float, Hz
-        Where the motion of the last place falls; NaN if it does not.
+        Frequency at which the last motion falls; NaN if it does not.
     below : float, m
-        Highest mean of the places before a higher motion was started at the tip, 0 without any; NaN without this motion.
+        Highest mean before a higher motion was started at the tip, 0 without any; NaN without this motion.
+    failure : str
+        Reason if no motion stays at the first frequency.
     """
 
-    def __init__(self, ring: Ring, levels: Levels, steps: int) -> None:
-        self.ring, self.levels, self.steps = ring, levels, steps
-        self.places: list[Place] = []
+    def __init__(self, ring: Ring, balance: CurveAmplitudes, steps: int) -> None:
+        self.ring, self.balance, self.steps = ring, balance, steps
+        self.places: list[SteadyPoint] = []
         self.answers: dict[str, float] = {}
         self.fall = self.below = float("nan")
-        self.astray = ""
+        self.failure = ""
         self.periods = 0
 
-    def visit(
-        self, frequency: float, start: NDArray | Motion, own: float, finer: int = 1, long: bool = False, limit: float = 0.0
-    ) -> Place:
-        """March at a frequency until a motion near the level ``own`` (m) stays or has fallen, below ``limit`` if given."""
+    def integrate_at(
+        self, frequency: float, start: NDArray | Motion, expected: float, finer: int = 1, long: bool = False,
+        limit: float = 0.0,
+    ) -> SteadyPoint:  # fmt: skip
+        """Integrate at a frequency until a motion near the amplitude ``expected`` (m) is steady or has fallen (below
+        ``limit`` if given).
+        """
         march = March(self.ring, TWO_PI * frequency, start, finer * self.steps)
-        lower = self.levels.lower(frequency, own)
-        limit = limit or max(0.5 * (own + lower) if lower else 0.0, RULES.drop * own)
-        place = stay(march, own, limit, not lower, long or finer > 1)
+        lower = self.balance.lower(frequency, expected)
+        limit = limit or max(0.5 * (expected + lower) if lower else 0.0, CRITERIA.drop * expected)
+        place = integrate_until_steady(march, expected, limit, not lower, long or finer > 1)
         self.periods += len(march.harmonics)
         return place
 
     def solution(self, frequency: float) -> Motion:
-        """Return the solution of the highest level next to a frequency, with disturbances."""
-        motion = self.ring.start(self.levels.start(frequency), TWO_PI * frequency, self.steps)
-        return self.ring.seeded(motion, RULES.seed, 0)
+        """Return the highest solution closest to a frequency, with disturbances."""
+        motion = self.ring.start(self.balance.start(frequency), TWO_PI * frequency, self.steps)
+        return self.ring.seeded(motion, CRITERIA.seed, 0)
 
-    def go(self, start: float, step: float) -> None:
-        """March from the solution at a frequency in steps (Hz) until the motion falls, or is past the tip and low."""
-        own = self.levels.at(start)[0]
-        here = self.visit(start, self.solution(start), own)
+    def approach(self, start: float, step: float) -> None:
+        """Integrate from the solution at a frequency in steps (Hz) until the motion falls, or is beyond the tip and low."""
+        expected = self.balance.at(start)[0]
+        here = self.integrate_at(start, self.solution(start), expected)
         if here.stays:
-            self.on(here, step)
+            self.follow_branch(here, step)
             return
-        self.fall, at, has = start, f"at {start:.6g} Hz, beside the peak,", f"where the balance has {amount(own, 'm')}"
-        falls = f"{at} a blade comes to {amount(here.mean, 'm')} in time {has}: use more harmonics"
-        gains = f"{at} the march grows to {amount(here.mean, 'm')} {has}, an error of its steps and no motion"
-        self.astray = falls if here.mean <= RULES.grown * own else f"{gains}: use more steps_per_period"
+        self.fall, solution = start, f"harmonic balance gives {amount(expected, 'm')}"
+        at = f"at {start:.6g} Hz, next to the peak, {solution}"
+        falls = f"{at}, but the amplitude in time becomes {amount(here.mean, 'm')}: use more harmonics"
+        gains = f"{at}, but the time integration grows to {amount(here.mean, 'm')}, an error of its time steps"
+        self.failure = falls if here.mean <= CRITERIA.grown * expected else f"{gains}: use more steps_per_period"
 
-    def on(self, here: Place, step: float) -> None:
-        """Follow a motion that stays in steps (Hz) until it falls, or is past the tip and low."""
-        tip, ends = self.levels.frequency[self.levels.top], self.levels.frequency
+    def follow_branch(self, here: SteadyPoint, step: float) -> None:
+        """Follow a steady motion in steps (Hz) until it falls, or is beyond the tip and low."""
+        tip, ends = self.balance.frequency[self.balance.top], self.balance.frequency
         while here.stays:
             self.places.append(here)
             beyond = (here.frequency - tip) * np.sign(step) > 0.0
             highest, following = max(p.mean for p in self.places), here.frequency + step
-            over = here.mean < RULES.lower * highest or (here.mean < highest and self.levels.alone(here, step))
+            over = here.mean < CRITERIA.lower * highest or (here.mean < highest and self.balance.alone(here, step))
             if (beyond and over) or not ends.min() <= following <= ends.max():
                 return
             here = self.follow(here, following)
@@ -328,97 +347,98 @@ class Walk:
                 self.fall = here.frequency
 
     def from_tip(self, step: float) -> None:
-        """Start from the solution at the tip if no place is as high, and go on (step in Hz) if its motion stays higher.
+        """Start from the solution at the tip if no motion is as high, and continue (step in Hz) if its motion stays higher.
 
-        A motion that falls on the way to the tip does not show that none stays there.
+        A motion that falls on the way to the tip does not prove that none stays there.
         """
-        frequency, own = (float(x[self.levels.top]) for x in (self.levels.frequency, self.levels.amplitude))
+        frequency, expected = (float(x[self.balance.top]) for x in (self.balance.frequency, self.balance.amplitude))
         highest = max((p.mean for p in self.places), default=0.0)
-        if highest >= (1.0 - RULES.settled) * own:
+        if highest >= (1.0 - CRITERIA.settled) * expected:
             return
-        limit = (1.0 + RULES.drift) * highest
+        limit = (1.0 + CRITERIA.drift) * highest
         march = March(self.ring, TWO_PI * frequency, self.solution(frequency), self.steps)
-        march.run(RULES.stretched(march.memory).brief)
+        march.run(CRITERIA.stretched(march.memory).brief)
         self.periods += len(march.harmonics)
         if second_half(march.amplitude).mean() <= limit:
             return
-        here = self.visit(frequency, march.motion, own, limit=limit)
+        here = self.integrate_at(frequency, march.motion, expected, limit=limit)
         if here.stays:
-            self.below, self.fall, self.astray = highest, float("nan"), ""
-            self.on(here, step)
+            self.below, self.fall, self.failure = highest, float("nan"), ""
+            self.follow_branch(here, step)
             self.refine()
 
     def refine(self) -> None:
-        """Add places around the highest one, between it and its neighbours, from its motion with disturbances."""
+        """Add points around the highest one, between it and its neighbours, from its motion with disturbances."""
         fallen: list[float] = []
         motion: Motion | None = None
         first = self.places[0].frequency if self.places else 0.0
         while len(self.places) > 1:
             top = max(self.places, key=lambda p: p.mean)
-            gaps = [f - top.frequency for f in self.beside(top.frequency) if f not in fallen]
+            gaps = [f - top.frequency for f in self.neighbours(top.frequency) if f not in fallen]
             gap = max(gaps, key=abs, default=0.0)
-            if abs(gap) <= 1.5 * RULES.fine * top.frequency:
+            if abs(gap) <= 1.5 * CRITERIA.fine * top.frequency:
                 break
-            motion = self.ring.seeded(top.motion, RULES.seed, 0) if motion is None else top.motion
+            motion = self.ring.seeded(top.motion, CRITERIA.seed, 0) if motion is None else top.motion
             here = self.follow(top._replace(motion=motion), top.frequency + 0.5 * gap)
             if here.stays:
                 self.places.append(here)
             else:
                 fallen.append(top.frequency + gap)
-            if here.drift and abs(here.mean / top.mean - 1.0) <= 2.0 * RULES.scatter:
-                break  # it beats, by more than places so near differ
-        self.places.sort(key=lambda p: abs(p.frequency - first))  # along the way
+            if here.drift and abs(here.mean / top.mean - 1.0) <= 2.0 * CRITERIA.scatter:
+                break  # the scatter by beats exceeds the difference of neighbouring points
+        self.places.sort(key=lambda p: abs(p.frequency - first))  # in the order of the search
 
-    def beside(self, frequency: float) -> list[float]:
-        """The next places to both sides of a frequency (Hz), as far as there are any."""
+    def neighbours(self, frequency: float) -> list[float]:
+        """Return the frequencies (Hz) of the neighbouring points on both sides."""
         f = np.array([p.frequency for p in self.places])
         return [*map(float, (*np.sort(f[f > frequency])[:1], *np.sort(f[f < frequency])[-1:]))]
 
-    def follow(self, last: Place, frequency: float) -> Place:
-        """From one place to the next, where the motion is expected to change as the curve does, by a quarter at most.
+    def follow(self, last: SteadyPoint, frequency: float) -> SteadyPoint:
+        """Continue from one point to the next; the expected change is that of the curve, at most a quarter.
 
-        The frequency goes there over a few periods: at once it would throw off a motion that a slow sweep keeps.
+        The frequency changes over a few periods.  A sudden change would disturb a motion that stays in a slow sweep.
         """
-        now, then = (float(max(self.levels.at(f), default=last.mean)) for f in (frequency, last.frequency))
-        own = last.mean * float(np.clip(now / then, 0.8, 1.25))
+        now, then = (float(max(self.balance.at(f), default=last.mean)) for f in (frequency, last.frequency))
+        expected = last.mean * float(np.clip(now / then, 0.8, 1.25))
         march = March(self.ring, TWO_PI * last.frequency, last.motion, self.steps)
-        march.sweep((march.omega, TWO_PI * frequency), RULES.stretched(march.memory).brief, lambda: None)
+        march.sweep((march.omega, TWO_PI * frequency), CRITERIA.stretched(march.memory).brief, lambda: None)
         self.periods += len(march.harmonics)
-        return self.visit(frequency, march.motion, own)._replace(origin=last.frequency)
+        return self.integrate_at(frequency, march.motion, expected)._replace(origin=last.frequency)
 
-    def best(self) -> Place | None:
-        """The highest motion that stays in steps of half the length, too; it falls where the next one does not.
+    def highest(self) -> SteadyPoint | None:
+        """Return the highest motion that also stays with half the time step; set ``fall`` to the nearest frequency at which
+        it does not.
 
-        Places are marched again as long as they could be higher: beside a fall the shorter steps took 7 % off the first.
+        Points are repeated as long as they could be higher: next to a fall the shorter time steps reduced the first by 7 %.
         """
         fallen: list[float] = []
-        best: Place | None = None
+        best: SteadyPoint | None = None
         for place in sorted(self.places, key=lambda p: -p.mean):
-            if best is not None and place.mean <= (1.0 + RULES.drift) * best.mean:
+            if best is not None and place.mean <= (1.0 + CRITERIA.drift) * best.mean:
                 break
-            found = self.visit(place.frequency, place.motion._replace(a=None), place.mean, finer=2)
-            if not found.stays:
+            refined = self.integrate_at(place.frequency, place.motion._replace(a=None), place.mean, finer=2)
+            if not refined.stays:
                 fallen.append(place.frequency)
-            elif best is None or found.mean > best.mean:
-                best = found._replace(origin=place.origin)
+            elif best is None or refined.mean > best.mean:
+                best = refined._replace(origin=place.origin)
                 self.answers = {f"{2 * self.steps} steps": best.mean}
         if best is not None:
             at, way = best.frequency, self.places[-1].frequency - self.places[0].frequency
             self.fall = min((f for f in fallen if (f - at) * way > 0.0), key=lambda f: abs(f - at), default=self.fall)
         return best
 
-    def finer(self, best: Place) -> float:
-        """Mean amplitude (m) at a place with 4n steps.
+    def with_quarter_steps(self, best: SteadyPoint) -> float:
+        """Return the mean amplitude (m) at a point with 4n time steps.
 
-        It is that of a few periods if these scatter little and, with all that a transient may still change, differ from
-        that with 2n by less than answers may; otherwise that of two windows after them.
+        It is the mean of a few periods if these scatter little and, with the remaining transient, differ from the mean with
+        2n by less than the tolerance; otherwise the mean of two further windows.
         """
         march = March(self.ring, TWO_PI * best.frequency, best.motion._replace(a=None), 4 * self.steps)
-        rules = RULES.stretched(march.memory)
+        rules = CRITERIA.stretched(march.memory)
         march.run(rules.brief)
         before, last = (float(half.mean()) for half in np.array_split(march.amplitude, 2))
         mean, scatter = 0.5 * (before + last), float(march.amplitude.std())
-        left = float(np.exp(-0.5 * rules.brief / march.memory))  # of a transient, from one half to the next
+        left = float(np.exp(-0.5 * rules.brief / march.memory))  # decay of a transient from one half to the next
         apart = abs(mean / best.mean - 1.0) + abs(last / before - 1.0) * left / (1.0 - left)
         if scatter > rules.scatter * mean or apart > rules.settled:
             march.run(rules.brief + 2 * rules.window)
@@ -426,28 +446,30 @@ class Walk:
         self.periods += len(march.harmonics)
         return mean
 
-    def others(self, best: Place, starts: int) -> None:
-        """Answers at the highest place with 4n steps, from its neighbour on the other side, and from other starts."""
-        self.answers[f"{4 * self.steps} steps"] = self.finer(best)
-        sides = [f for f in self.beside(best.frequency) if (f - best.frequency) * (best.origin - best.frequency) < 0.0]
+    def verify(self, best: SteadyPoint, starts: int) -> None:
+        """Compute verification runs at the highest point: with 4n time steps, from the other side, and from other
+        initial states.
+        """
+        self.answers[f"{4 * self.steps} steps"] = self.with_quarter_steps(best)
+        sides = [f for f in self.neighbours(best.frequency) if (f - best.frequency) * (best.origin - best.frequency) < 0.0]
         for side, last in ((p.frequency, p) for p in self.places if p.frequency in sides):
             here = self.follow(last, best.frequency)
-            if here.stays and abs(here.mean / best.mean - 1.0) > 0.5 * RULES.settled:  # it may still be on its way
-                here = self.visit(best.frequency, here.motion, here.mean, long=True)
+            if here.stays and abs(here.mean / best.mean - 1.0) > 0.5 * CRITERIA.settled:  # may still be a transient
+                here = self.integrate_at(best.frequency, here.motion, here.mean, long=True)
             if here.stays:
                 self.answers[f"from {side:.5g} Hz"] = here.mean
         tractions = self.ring.tractions(best.motion)
         for k in range(1, starts):
             name = list(tractions)[(k - 1) % len(tractions)]
-            motion = self.ring.seeded(best.motion._replace(w=tractions[name]), RULES.seed, k)
-            self.answers[f"start {k}, {name}"] = self.visit(best.frequency, motion, best.mean, long=True).mean
+            motion = self.ring.seeded(best.motion._replace(w=tractions[name]), CRITERIA.seed, k)
+            self.answers[f"start {k}, {name}"] = self.integrate_at(best.frequency, motion, best.mean, long=True).mean
 
-    def open_end(self, best: Place) -> str:
-        """What says that a higher motion may be kept; "" if nothing does."""
-        if abs(best.drift) > RULES.drift:
+    def open_question(self, best: SteadyPoint) -> str:
+        """Return a reason why a higher motion may exist, or ""."""
+        if abs(best.drift) > CRITERIA.drift:
             return f"its mean still changes by {100.0 * best.drift:+.2g} % within {len(best.amplitude) // 2} periods"
         if self.fall != self.fall and best.frequency == self.places[-1].frequency:
-            return "it is the last before the end of the curve; follow more of it"
+            return "the curve ends before the motion falls; widen the interval"
         return ""
 
 
@@ -460,7 +482,7 @@ def time_response(
     blades: int | None = None,
     starts: int = 1,
 ) -> TimeResponse:
-    """The highest amplitude in time at the preload of a response curve.
+    """Compute the highest steady amplitude in time at the preload of a response curve.
 
     Amplitudes are those of the highest blade (:mod:`bdamper.time_domain.steady_amplitude`).
 
@@ -468,89 +490,91 @@ def time_response(
     ----------
     problem : Problem
     curve : ResponseCurve
-        Tracked with this problem, from one flank of the resonance to the other.
+        Response curve of this problem, from one flank of the resonance to the other.
     steps_per_period : int, optional
-        256 by default; the highest motion is marched again with twice as many.
+        256 by default; the highest motion is integrated again with twice and four times as many.
     blades : int, optional
-        Of the ring: by default as many as the engine order tells apart.  More have more nodal diameters and patterns.
+        Number of blades of the ring; by default the number that the engine order distinguishes.  More blades have more
+        nodal diameters and patterns.
     starts : int
-        Motions from which the highest one is marched: its own, and others with disturbances of their own (their numbers are
-        the seeds of the phases) and friction that begins without traction, or at its limit either way.
+        Number of initial states at the highest point.  Further ones have other disturbances (their numbers are the seeds of
+        the phases) and friction without traction, or at its limit in either direction.
 
     Returns
     -------
     TimeResponse
-        "not found" where no motion stays or a march fails; "incomplete" where answers differ, the mean still drifts or the
-        curve ends before the motion falls; after Ctrl-C the highest motion so far that stays.
+        "not found" if no motion stays or the integration fails; "incomplete" if runs differ, the mean drifts, or the curve
+        ends before the motion falls.  After Ctrl-C the highest steady motion so far.
 
     Raises
     ------
     SettingError
-        If the curve has no peak, or the settings describe something else than a structure in time.
+        If the curve has no peak, or the settings do not describe a structure in time.
     """
     starts = validation.whole("starts", starts, least=1)
     check_curve(problem, curve)
     if curve.peak_at_end:
-        raise SettingError(f"march: expected a curve with a peak, found its highest amplitude at its end, {curve.peak}")
-    watch, levels, top = CostMeter(), Levels(curve), curve.peak
-    sides = [levels.side(sign) for sign in (1.0, -1.0)]
-    found = TimeResponse(*(top.amplitude,) * 3, top.frequency, curve.preload, top.amplitude, **problem.recorded())
+        raise SettingError(f"curve: expected a curve with a peak, found its highest amplitude at its end, {curve.peak}")
+    watch, balance, top = CostMeter(), CurveAmplitudes(curve), curve.peak
+    sides = [balance.side(sign) for sign in (1.0, -1.0)]
+    response = TimeResponse(*(top.amplitude,) * 3, top.frequency, curve.preload, top.amplitude, **problem.recorded())
     part = "" if curve.complete else f"there may be a higher peak, as the curve is {curve.status}"
-    none = replace(found, mean=np.nan, lowest=np.nan, highest=np.nan, frequency=np.nan)
+    none = replace(response, mean=np.nan, lowest=np.nan, highest=np.nan, frequency=np.nan)
     ways = [side for side in sides if np.isfinite(side[1])]
     if not ways:
-        return replace(none, status=because(NOT_FOUND, "the branch is alone nowhere beside its tip; follow more of it"))
+        why = "next to the tip there are several solutions at all frequencies; widen the interval"
+        return replace(none, status=because(NOT_FOUND, why))
     step, start = min(ways, key=lambda side: abs(side[1] - top.frequency))
     ring = ring_of(problem, curve.preload, blades)
-    walk, best = Walk(ring, levels, STEPS if steps_per_period is None else steps_per_period), None
+    search, best = TipSearch(ring, balance, STEPS if steps_per_period is None else steps_per_period), None
     with LongWork() as work:
         try:
-            walk.go(start, -step / 4.0)
-            walk.refine()
-            walk.from_tip(-step / 4.0)
-            best = walk.best()
+            search.approach(start, -step / 4.0)
+            search.refine()
+            search.from_tip(-step / 4.0)
+            best = search.highest()
             if best is not None:
-                walk.others(best, starts)
+                search.verify(best, starts)
         except MarchFailed as error:
-            walk.places, walk.astray = [], str(error)
+            search.places, search.failure = [], str(error)
     if work.interrupted and best is None:
-        best = max(walk.places, key=lambda p: p.mean, default=None)
-    none = replace(none, periods=walk.periods, diameters=ring.nodal_diameters, cost=watch.read(ring.cost))
-    none = replace(none, direction="up" if step < 0.0 else "down", fall=walk.fall, answers=walk.answers)
-    return _found(none, walk, best, part, work.interrupted)
+        best = max(search.places, key=lambda p: p.mean, default=None)
+    none = replace(none, periods=search.periods, diameters=ring.nodal_diameters, cost=watch.read(ring.cost))
+    none = replace(none, direction="up" if step < 0.0 else "down", fall=search.fall, answers=search.answers)
+    return _found(none, search, best, part, work.interrupted)
 
 
-def _found(none: TimeResponse, walk: Walk, best: Place | None, part: str, interrupted: bool) -> TimeResponse:
-    """The result of a walk, from one without amplitudes; ``part`` says what the curve leaves open."""
-    left = walk.astray or (walk.open_end(best) or part if best is not None else "")
+def _found(none: TimeResponse, search: TipSearch, best: SteadyPoint | None, part: str, interrupted: bool) -> TimeResponse:
+    """Return the result of a search from a result without amplitudes; ``part`` is the omission of the curve."""
+    left = search.failure or (search.open_question(best) or part if best is not None else "")
     if best is None:
         why = left or "no motion stays in steps of half the length: use more steps_per_period"
         status = INTERRUPTED if interrupted else because(NOT_FOUND, why)
         return replace(none, direction="", fall=np.nan, answers={}, status=status)
     around = best.amplitude
-    if best.march is not None:  # of a brief visit all but its first periods
-        rules = RULES.stretched(best.march.memory)
+    if best.march is not None:  # all but the first periods of a brief integration
+        rules = CRITERIA.stretched(best.march.memory)
         around = best.march.amplitude[rules.brief :][-2 * rules.window :]
-    answers = np.array([*walk.answers.values()])
-    if len(answers) and np.ptp(answers) > RULES.settled * answers.min():
+    answers = np.array([*search.answers.values()])
+    if len(answers) and np.ptp(answers) > CRITERIA.settled * answers.min():
         ends = span(float(answers.min()), float(answers.max()), "m")
         left = f"not settled: {ends}{f'; {left}' if left else ''}"
         around = np.append(around, answers)
-    carried, all_ = len(walk.ring.nodal_diameters), walk.ring.n // 2 + 1
+    carried, all_ = len(search.ring.nodal_diameters), search.ring.n // 2 + 1
     short = f"{carried} of {all_} nodal diameters were marched" if carried < all_ else ""
-    other = f"comes to {amount(walk.below, 'm')}" if walk.below else "falls"
-    tip = f"started at the peak of the balance; along the curve the motion {other}" if best.mean > walk.below else ""
+    other = f"comes to {amount(search.below, 'm')}" if search.below else "falls"
+    tip = f"started at the peak of the balance; along the curve the motion {other}" if best.mean > search.below else ""
     said = "; ".join(filter(None, (tip, short)))
-    found = replace(
+    result = replace(
         none, mean=best.mean, lowest=float(around.min()), highest=float(around.max()), frequency=best.frequency,
         status=INTERRUPTED if interrupted else because(INCOMPLETE, left) if left else because(COMPLETE, said),
     )  # fmt: skip
-    return found if best.march is None else replace(found, **of_blades(best.march, len(best.amplitude)))
+    return result if best.march is None else replace(result, **of_blades(best.march, len(best.amplitude)))
 
 
 def of_blades(march: March, periods: int) -> dict[str, Any]:
-    """What a result says of all blades in the last periods of a march."""
-    blades, rules = march.blades[-periods:], RULES.stretched(march.memory)
+    """Return the fields of a result about all blades, from the last periods of a time integration."""
+    blades, rules = march.blades[-periods:], CRITERIA.stretched(march.memory)
     window = min(rules.window, len(march.harmonics) // 2)
     ratio = growth(march, window)[0] if window >= rules.brief else 0.0
     return {

@@ -1,25 +1,17 @@
-"""What a motion comes to that starts at a point of a response curve: where it settles, and whether it stays there.
+"""Time integration from a point of a response curve, and slow sweeps of frequency in time.
 
-All sectors are marched from the solution (:mod:`bdamper.time_domain.steady_amplitude`) with a disturbance of every nodal
-diameter.  If the response amplitudes of the periods stay the same the response is periodic; if they repeat after some
-periods it is subharmonic; otherwise, as for a damper that rattles in its seat, it is irregular and is described by a mean
-and a range. Both are those of the highest blade over the second half of the periods.
+**From a solution.**  All sectors are integrated from the solution with a disturbance of every nodal diameter.  If the
+response amplitudes of the periods become constant, the response is periodic; if they repeat after some periods, it is
+subharmonic. Otherwise, as for a rattling damper, it is irregular, and mean and range describe it.  Both are taken from the
+highest blade over the second half of the periods.  :func:`settle` integrates a given number of periods, for frequencies
+without a solution or without a stable one.  :func:`verify` integrates until ``bdamper.time_domain.march.judged`` decides
+whether the amplitude stays at the solution.  It does not detect growth that appears only after hundreds of periods.
 
-:func:`settle` marches a number of periods, for frequencies at which harmonic balance has no solution or none that is
-stable.  :func:`verify` marches until ``bdamper.time_domain.march.judged`` says whether the amplitude stays that of
-the solution; a growth that shows only after hundreds of periods is beyond it, as it is beyond a test.
-
-Slow sweeps of frequency, marched in time: what a test rig would see.
-
-The equations of all sectors (:mod:`bdamper.time_domain.integration`) are marched while the frequency of the excitation
-goes linearly in time from one end of an interval to the other.  Each turn of the excitation has response amplitudes of its
-own (:mod:`bdamper.time_domain.steady_amplitude`).  Where several stable solutions exist,
-the sweep stays on the one on which
-it is until that ends, and then jumps; what is unstable it leaves.
-
-A transient of the least damped mode, whose half bandwidth is ``b = zeta f``, falls to 1/e within ``1/(2 pi b)``.  The rate
-says how far the frequency goes meanwhile: ``rate = RATE b 2 pi b``.  A sweep at twice the rate shows the
-error: it differs by about as much, as the lag of a response behind its steady value grows in proportion to the rate.
+**Slow sweep.**  The frequency of the excitation changes linearly in time from one end of an interval to the other, as on a
+test rig.  Among several stable solutions the sweep follows its branch until it ends, and then jumps; it leaves unstable
+solutions. A transient of the least damped mode, with half bandwidth ``b = zeta f``, falls to 1/e within ``1/(2 pi b)``.
+The default rate moves the frequency by RATE half bandwidths in this time: ``rate = RATE b 2 pi b``.  The lag of a response
+behind its steady value is proportional to the rate, so a sweep at twice the rate estimates the error.
 """
 
 from __future__ import annotations
@@ -36,8 +28,8 @@ from bdamper.response.response_curve import Jump, check_curve, frequency_respons
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import TimeResponse
 from bdamper.time_domain.integration import Ring, ring_of
-from bdamper.time_domain.march import BOUNDS, UNDECIDED, March, judged, repeats_after, second_half, to_come
-from bdamper.time_domain.steady_amplitude import RULES, of_blades
+from bdamper.time_domain.march import LIMITS, UNDECIDED, March, judged, repeats_after, second_half, to_come
+from bdamper.time_domain.steady_amplitude import CRITERIA, of_blades
 from bdamper.util import validation
 from bdamper.util.display import Fact, Plottable
 from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, BdamperError, SettingError, because
@@ -46,21 +38,21 @@ from bdamper.util.progress import Cost, CostMeter, LongWork, counter, one_thread
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import ROW, Followed, Hertz, Metres, Quantity, Tabular
 
-# ---- What a motion comes to that starts at a point of a response curve ----
+# ---- time integration from a solution ----
 
 
-FEWEST = BOUNDS.look
-"""Least number of periods from which a mean and a range are taken."""
+FEWEST = LIMITS.look
+"""Smallest number of periods of a mean and a range."""
 
 
 def march_from(ring: Ring, u: NDArray, omega: float, steps: int | None = None) -> March:
-    """A march from a solution (n_unknowns,) with a disturbance of every nodal diameter."""
+    """Return a time integration from a solution (n_unknowns,) with a disturbance of every nodal diameter."""
     march = March(ring, omega, u, steps)
-    return March(ring, omega, ring.seeded(march.motion, RULES.seed, 0), march.steps)
+    return March(ring, omega, ring.seeded(march.motion, CRITERIA.seed, 0), march.steps)
 
 
 def described(march: March, preload: float, status: str, **more: Any) -> TimeResponse:
-    """The result of a march, with mean and range over the second half of its periods."""
+    """Return the result of a time integration, with mean and range over the second half of its periods."""
     amplitude = second_half(march.amplitude)
     return TimeResponse(
         float(amplitude.mean()), float(amplitude.min()), float(amplitude.max()), march.omega / (2.0 * np.pi), preload,
@@ -70,14 +62,14 @@ def described(march: March, preload: float, status: str, **more: Any) -> TimeRes
 
 
 def settled(march: March, preload: float, periods: int = 200, progress: bool = False, **more: Any) -> TimeResponse:
-    """What a march over whole periods of the excitation comes to; ``more`` are fields of the result.
+    """Integrate whole periods of the excitation and return the result; ``more`` are further fields.
 
     Raises
     ------
     SettingError
-        If there are too few periods to judge.
+        If there are too few periods.
     MarchFailed
-        If the march fails.
+        If the time integration fails.
     """
     watch = CostMeter()
     stopped = march.run(validation.whole("periods", periods, least=FEWEST), progress)
@@ -85,23 +77,23 @@ def settled(march: March, preload: float, periods: int = 200, progress: bool = F
         raise KeyboardInterrupt
     change = to_come(march.amplitude, march.memory)
     status, text = COMPLETE, f"estimated change of the mean still to come {100.0 * change:+.2g} %"
-    if abs(change) > BOUNDS.drift:
-        longer = int(np.ceil(march.memory * np.log(abs(change) / BOUNDS.drift) / 10.0)) * 10
+    if abs(change) > LIMITS.drift:
+        longer = int(np.ceil(march.memory * np.log(abs(change) / LIMITS.drift) / 10.0)) * 10
         status = because(INCOMPLETE, f"still moving, {text}; some {longer} more periods would settle it")
     status = INTERRUPTED if stopped else status
     return described(march, preload, status, cost=watch.read(march.ring.cost), **more)
 
 
 def verified(
-    march: March, expected: NDArray, preload: float = np.nan, tolerance: float = BOUNDS.tolerance,
-    periods: int = BOUNDS.most, progress: bool = False, **more: Any,
+    march: March, expected: NDArray, preload: float = np.nan, tolerance: float = LIMITS.tolerance,
+    periods: int = LIMITS.most, progress: bool = False, **more: Any,
 ) -> TimeResponse:  # fmt: skip
-    """March until it is clear whether the motion keeps to a response (n_harmonics + 1,) complex, m.
+    """Integrate until it is decided whether the motion keeps the response ``expected`` (n_harmonics + 1,) complex, m.
 
     Raises
     ------
     MarchFailed
-        If the march fails.
+        If the time integration fails.
     """
     periods = validation.whole("periods", periods, least=1)
     tolerance = validation.number("tolerance", tolerance, above=0.0, most=1.0)
@@ -132,20 +124,20 @@ def settle(
     steps_per_period: int | None = None,
     progress: bool = False,
 ) -> TimeResponse:
-    """March in time for a number of periods, and say what the response comes to.
+    """Integrate in time for a number of periods and return the resulting response.
 
-    This is for frequencies at which no solution was found, or none that is stable: a damper that rattles may have no
-    periodic response at all, and is described by a mean amplitude and a range (:mod:`bdamper.time_domain.transients`).
+    It applies to frequencies without a solution, or without a stable one.  A rattling damper may have no periodic response;
+    mean and range of the amplitude describe it (:mod:`bdamper.time_domain.transients`).
 
     Parameters
     ----------
     problem : Problem
     start : ResponseCurve
-        A response curve, from whose solution nearest in frequency the march starts.
+        Response curve; the integration starts from the solution closest in frequency.
     frequency : float, Hz, optional
-        By default the middle of the widest part of the curve without solutions.
+        Default: the middle of the widest gap of the curve.
     periods : int
-        Of the excitation.  A transient of a mode with the damping ratio ``zeta`` takes about ``1/(2 zeta)`` of them.
+        Periods of the excitation.  A transient of a mode with damping ratio ``zeta`` takes about ``1/(2 zeta)`` periods.
     steps_per_period : int, optional
         256 by default.
     progress : bool
@@ -154,20 +146,22 @@ def settle(
     Returns
     -------
     TimeResponse
-        "incomplete" while the mean still moves; after Ctrl-C that of the periods marched by then, if these are 16.
+        "incomplete" while the mean changes.  After Ctrl-C the result of the periods so far, at least 16.
 
     Raises
     ------
-    SettingError, MarchFailed
-        If the curve has a solution at every frequency and none is given, or an argument does not fit; if the march fails.
+    SettingError
+        If no frequency is given for a curve without gap, or an argument is not valid.
+    MarchFailed
+        If the time integration fails.
     """
     if frequency is not None:
         frequency = validation.number("frequency", frequency, above=0.0, unit="Hz")
     check_curve(problem, start, "start")
-    validation.that(len(start), "start", "a curve with points", f"one without ({start.status}: {start.reason})")
+    validation.that(len(start), "start", "a curve with points", f"no points ({start.status}: {start.reason})")
     if frequency is None:
         if start.gap is None:
-            raise validation.unfit("frequency", "one in Hz, as the curve has a solution at each", None)
+            raise validation.unfit("frequency", "a value in Hz, since the curve has no gap to start in", None)
         frequency = float(np.mean(start.gap))
     u = start.unknowns[int(np.abs(start.frequency - frequency).argmin())]
     march = march_from(ring_of(problem, start.preload), u, 2.0 * np.pi * frequency, steps_per_period)
@@ -180,83 +174,83 @@ def verify(
     curve: ResponseCurve,
     index: int | None = None,
     *,
-    tolerance: float = BOUNDS.tolerance,
-    periods: int = BOUNDS.most,
+    tolerance: float = LIMITS.tolerance,
+    periods: int = LIMITS.most,
     steps_per_period: int | None = None,
     progress: bool = False,
 ) -> TimeResponse:
-    """March in time from a point of a response curve and say whether the motion agrees with it.
+    """Integrate in time from a point of a response curve and decide whether the motion agrees with it.
 
-    All sectors take part, each with its own contacts; no Fourier series is cut off, no travelling wave assumed
-    (:mod:`bdamper.time_domain.transients`).  The march ends as soon as it is decided, most often after 48 to 200 periods.
+    All sectors are included, each with its contacts; there is no truncated Fourier series and no assumption of a travelling
+    wave (:mod:`bdamper.time_domain.transients`).  The integration ends with the decision, usually after 48 to 200 periods.
 
     Parameters
     ----------
     problem : Problem
     curve : ResponseCurve
-        Tracked with this problem.
+        Response curve of this problem.
     index : int, optional
-        Of the point; the largest response by default.
+        Index of the point; the largest response by default.
     tolerance : float
-        Difference of the amplitude, as a share of it, up to which the motion agrees.
+        Largest relative difference of the amplitude.
     periods : int
-        Periods of the excitation, at most.
+        Largest number of periods of the excitation.
     steps_per_period : int, optional
         1,024 by default.
     progress : bool
-        Show a bar of the periods, with the time left.
+        Show a progress bar of the periods, with the remaining time.
 
     Returns
     -------
     TimeResponse
-        With the ``verdict`` "agrees", "does not agree" or "undecided"; after Ctrl-C that of the periods marched by then.
+        ``verdict`` is "agrees", "does not agree" or "undecided".  After Ctrl-C the result of the periods so far.
 
     Raises
     ------
     SettingError, MarchFailed
-        If the settings describe something else than a structure in time, or a number does not fit; if the march fails.
+        If the settings do not describe a structure in time or a number is not valid; if the time integration fails.
     """
     check_curve(problem, curve)
     i = curve.peak.index if index is None else validation.whole("index of a point", index, -len(curve), len(curve) - 1)
     system, u, omega = problem.system(curve.preload), curve.unknowns[i], 2.0 * np.pi * float(curve.frequency[i])
-    steps = BOUNDS.steps if steps_per_period is None else steps_per_period
+    steps = LIMITS.steps if steps_per_period is None else steps_per_period
     march = march_from(ring_of(problem, curve.preload), u, omega, steps)
     return verified(march, system.response(u), curve.preload, tolerance, periods, progress, **problem.recorded())
 
 
-# ---- Slow sweeps of frequency, marched in time ----
+# ---- slow sweep of frequency ----
 
 
 RATE = 0.1
-"""Half bandwidths of the least damped mode that the frequency goes within the memory of its transients."""
-SETTLING = np.ceil(-np.log(BOUNDS.drift))
-"""Memories that are marched at the first frequency before the sweep begins, until a transient has settled."""
+"""Change of the frequency within the decay time of a transient, in half bandwidths of the least damped mode."""
+SETTLING = np.ceil(-np.log(LIMITS.drift))
+"""Decay times at the first frequency before the sweep, until a transient has settled."""
 JUMP = 0.2
-"""Relative change of the amplitude within one memory that counts as a jump; without one a linear resonance makes RATE/2."""
+"""Relative change of the amplitude within one decay time that counts as a jump; a linear resonance changes by RATE/2."""
 AFTER_JUMP = 4.0
-"""Memories after a jump within which its transient has died out."""
+"""Decay times after a jump until its transient has decayed."""
 NEAR = 1e-4
-"""Half the relative width of the interval in which the first solution is sought."""
+"""Half the relative width of the interval of the first solution."""
 
 
 @brief
 @dataclass(frozen=True)
 class TimeSweep(Plottable, Followed, Tabular, Recorded, Storable, kind="bdamper-time-sweep", row="turn"):
-    """The response while the frequency goes slowly from one end of an interval to the other, turn by turn.
+    """Response in a slow sweep of frequency in time, period by period.
 
     ``plot`` draws amplitude over frequency, also over response curves (:func:`bdamper.plot.plot_frequency_sweep`).
 
     Parameters
     ----------
     frequency : (n,) float, Hz
-        In the middle of each turn of the excitation, in the order of time.
+        In the middle of each period of the excitation, in the order of time.
     harmonics : (n, n_harmonics + 1) complex, m
-        Response amplitudes of each turn, those of the blade that is highest in it; the first column is the mean.
+        Response amplitudes of the highest blade in each period; the first column is the mean.
     preload : float, N
     rate : float, Hz/s
         Positive upward.
     memory : float, s
-        In which a transient of the least damped mode falls to 1/e.
+        Decay time to 1/e of a transient of the least damped mode.
     steps_per_period, sectors : int
     status : {"complete", "interrupted"}
     reason : str
@@ -278,12 +272,12 @@ class TimeSweep(Plottable, Followed, Tabular, Recorded, Storable, kind="bdamper-
 
     @property
     def up(self) -> bool:
-        """Whether the frequency rises."""
+        """Whether the frequency increases."""
         return self.rate > 0.0
 
     @property
     def mean(self) -> Metres:
-        """(n,) mean position, m."""
+        """(n,) float, m: mean position."""
         return self.harmonics[:, 0].real
 
     @property
@@ -294,12 +288,13 @@ class TimeSweep(Plottable, Followed, Tabular, Recorded, Storable, kind="bdamper-
 
     @property
     def jumps(self) -> tuple[Jump, ...]:
-        """Where the amplitude changes by more than a fifth within the memory of a transient and stays there, in time.
+        """Changes of the amplitude by more than a fifth within the decay time of a transient that last, in the order of
+        time.
 
-        Amplitudes before and after are means over a memory, the latter once the transient has died out: what only scatters,
-        as the motion of a damper that rattles, is no jump.
+        Amplitudes before and after are means over a decay time, the latter after the transient has decayed.  Scatter, as of
+        a rattling damper, is no jump.
         """
-        a, m, found = self.amplitude, self._turns(1.0), []
+        a, m, jumps = self.amplitude, self._turns(1.0), []
         log = np.log(np.maximum(a, 1e-300))
         fast = np.flatnonzero(np.abs(log[m:] - log[:-m]) > np.log1p(JUMP))
         for part in np.split(fast, np.flatnonzero(np.diff(fast) > m) + 1) if len(fast) else ():
@@ -308,8 +303,8 @@ class TimeSweep(Plottable, Followed, Tabular, Recorded, Storable, kind="bdamper-
             later = min(int(part[-1]) + m + self._turns(AFTER_JUMP), len(a) - m)
             before, after = (float(a[k : k + m].mean()) for k in (max(0, first - m + 1), later))
             if abs(np.log(after / before)) > np.log1p(JUMP):
-                found.append(Jump(float(self.frequency[begins]), before, after))
-        return tuple(found)
+                jumps.append(Jump(float(self.frequency[begins]), before, after))
+        return tuple(jumps)
 
     def _turns(self, memories: float) -> int:
         return max(1, round(memories * self.memory * float(self.frequency.mean())))
@@ -321,7 +316,7 @@ class TimeSweep(Plottable, Followed, Tabular, Recorded, Storable, kind="bdamper-
         return f"Sweep in time {way}, preload {amount(self.preload, 'N')}: highest {height(a, f)}{jumps}."
 
     def _facts(self) -> tuple[Fact, ...]:
-        """Rate and jumps."""
+        """Return rate and jumps."""
         return (Fact("rate", abs(self.rate), "Hz/s"), *(Fact("jump", str(jump)) for jump in self.jumps))
 
 
@@ -337,11 +332,11 @@ def frequency_sweep(
     steps_per_period: int | None = None,
     progress: bool = False,
 ) -> TimeSweep:
-    """March in time while the frequency of the excitation goes slowly over an interval.
+    """Integrate in time while the frequency of the excitation changes slowly over an interval.
 
-    All sectors take part, each with its own contacts; no Fourier series is cut off, no travelling wave assumed.  The nodal
-    diameters are all that the model carries.  The march begins at the lowest solution between folds that is found at the
-    first frequency, and settles there before the sweep begins.
+    All sectors are included, each with its contacts; there is no truncated Fourier series and no assumption of a travelling
+    wave.  The integration includes all nodal diameters of the model.  It starts at the lowest solution at the first
+    frequency that is not between folds, and settles there before the sweep begins.
 
     Parameters
     ----------
@@ -349,26 +344,25 @@ def frequency_sweep(
     preload : float, N
     frequency : (low, high), Hz
     up : bool
-        From the low end to the high one, or back.
+        Whether the frequency increases.
     rate : float, Hz/s, optional
-        By default a tenth of the half bandwidth of the least damped mode within the memory of its transients.
+        Default: a tenth of the half bandwidth of the least damped mode within the decay time of its transients.
     steps_per_period : int, optional
         256 by default.
     progress : bool
-        Show a bar of the turns of the excitation.
+        Show a progress bar of the periods of the excitation.
 
     Returns
     -------
     TimeSweep
-        After Ctrl-C the turns marched by then.
+        After Ctrl-C the periods so far.
 
     Raises
     ------
     SettingError
-        If a number does not fit, no rate is given where nothing is damped, or the settings describe something else than a
-        structure in time.
+        If a number is not valid, a mode has no damping, or the settings do not describe a structure in time.
     BdamperError
-        If no solution is found at the first frequency, or the march fails.
+        If no solution is found at the first frequency, or the time integration fails.
     """
     preload, (low, high) = problem.check_preload(preload), validation.interval("frequency", frequency)
     for name, value in (("up", up), ("progress", progress)):
@@ -401,7 +395,7 @@ def frequency_sweep(
 
 
 def _start(problem: Problem, preload: float, first: float) -> tuple[NDArray, float]:
-    """Solution and its frequency (Hz) from which the march starts."""
+    """Return the initial solution and its frequency (Hz)."""
     start = frequency_response(problem, preload, (first * (1.0 - NEAR), first * (1.0 + NEAR)))
     if not len(start):
         raise BdamperError(f"no solution to start from at {first:g} Hz ({start.status}: {start.reason})")
@@ -410,12 +404,14 @@ def _start(problem: Problem, preload: float, first: float) -> tuple[NDArray, flo
 
 
 def _marched(march: March, ends: tuple[float, float], settling: int, turns: int, progress: bool) -> NDArray:
-    """Harmonics of the highest blade in each turn of the sweep, from the motion that has settled at the beginning."""
+    """Return the harmonics of the highest blade in each period of the sweep, after the motion has settled at its first
+    frequency.
+    """
     first, last = TWO_PI * ends[0], TWO_PI * ends[1]
-    found: list[NDArray] = []
+    harmonics: list[NDArray] = []
     with LongWork(), counter(progress, settling + turns, 0, "marching", "turn") as count:
         march.sweep((first, first), settling, count)
         sweep = March(march.ring, first, march.motion, march.steps)
-        found = sweep.harmonics
+        harmonics = sweep.harmonics
         sweep.sweep((first, last), turns, count)
-    return np.array([x[np.abs(x[:, 1]).argmax()] for x in found])
+    return np.array([x[np.abs(x[:, 1]).argmax()] for x in harmonics])

@@ -1,32 +1,33 @@
 """Disturbances of a travelling wave: exponents of the linearised equations with the memory of sliders.
 
-In the frame that runs with the wave every sector has the same contact coefficients, so a disturbance of the ring is
+In the frame of the wave every sector has the same contact coefficients, so a disturbance of the ring is
 
     dx_k(t) = Re sum_l q_l exp((lambda + i l omega) t + i k (d + l EO) 2 pi/N),
 
-harmonic ``l`` in the nodal diameter ``d + l EO``.  Those with ``d = 0`` live in the nodal diameters of the wave itself,
-whose modes the harmonic balance has: with ``l = -H..H`` nothing else is needed.  Their exponents are the roots of
+with harmonic ``l`` in the nodal diameter ``d + l EO``.  Disturbances with ``d = 0`` have the nodal diameters of the wave,
+whose modes the harmonic balance contains for ``l = -H..H``.  Their exponents are the roots of
 
     det D(lambda) = 0,    D = diag[(s_l^2 M + s_l C + K)_l] + G^H B(lambda) G,    s_l = lambda + i l omega.
 
-``B`` holds the Fourier coefficients of the linearised contact over the cycle: stick ``kt (du - dw)``, slip ``+-mu kn dv``,
-contact ``kn dv``.  A slider that was set at the angle ``a`` and sticks until ``b`` remembers the disturbance then,
+``B`` contains the Fourier coefficients of the linearised contact over the cycle: stick ``kt (du - dw)``, slip ``+-mu kn
+dv``, contact ``kn dv``.  A slider set at the angle ``a`` that sticks until ``b`` stores the disturbance at ``a``,
 
-    dw = (du + f dv)(a),    f = -+mu kn/kt after slip in the positive (negative) sense, -u'/v' after a closing,
+    dw = (du + f dv)(a),
 
-which in coefficients is of rank one and depends on the exponent, with ``z = lambda/omega + i l``:
+with ``f = -+mu kn/kt`` at a slip-to-stick event after positive (negative) slip, and ``f = -u'/v'`` at a closing.  In
+Fourier coefficients the memory has rank one and depends on the exponent, with ``z = lambda/omega + i l``:
 
     dT_l = -kt exp(-i l a) (1 - exp(-z (b - a)))/(2 pi z) sum_m exp(i m a) (du_m + f dv_m).
 
-The sum over ``l`` is cut off at the harmonics of the motion, as harmonic balance itself is.
-``D(0)`` is the Jacobian of the harmonic balance in complex coefficients.
+The sum over ``l`` ends at the harmonics of the motion, as in harmonic balance.  ``D(0)`` is the Jacobian of the harmonic
+balance in complex coefficients.
 
-**Number of growing disturbances.**  ``det D`` is analytic, so by the argument principle the turn of its phase around a
-region counts the roots in it: those to the right of a line parallel to the imaginary axis, up to a highest frequency.  The
-phase is taken relative to the product of ``lambda - lambda_r`` over estimates of roots away from the region, which makes
-it smooth.  An estimate beside the path would hide a root on the other side of it, so these are left out.  Any root shows
-in the phase, the size or the bend of the determinant between places, and there the path is refined, so the count does not
-depend on the estimates.
+**Number of growing disturbances.**  ``det D`` is analytic.  By the argument principle the change of its phase around a
+region is 2 pi times the number of roots in it.  The region is to the right of a line parallel to the imaginary axis, up to
+a highest frequency.  The phase is taken relative to the product of ``lambda - lambda_r`` over estimates of roots away from
+the region, which makes it smooth.  Estimates close to the path are left out, because they could hide a root on its other
+side.  Any root appears in phase, magnitude or curvature of the determinant along the path, which is refined there.  The
+count is therefore independent of the estimates.
 """
 
 from __future__ import annotations
@@ -45,18 +46,20 @@ from bdamper.model.kinematics import HarmonicBasis
 from bdamper.response.continuation import TWO_PI
 
 SMOOTH = 0.9
-"""Largest change of phase (rad), of the logarithm of the size and of its derivative from one place to the next.  With 0.8
-and 1.0 36 points of six curves have the same counts, with 3 % more and 3 % fewer places."""
+"""Largest change between neighbouring points of phase (rad), logarithm of the magnitude, and its derivative.
+
+With 0.8 and 1.0 36 points of six curves have the same counts, with 3 % more and 3 % fewer points of the path.
+"""
 MOST_PLACES = 20_000
 ACROSS = 16
-"""Places on the part of the path that runs away from the line."""
+"""Points on the part of the path away from the line."""
 BESIDE = 0.25
-"""Estimates within this distance (in omega) of the region are left out."""
+"""Estimates within this distance of the region (in omega) are left out."""
 CHUNK = 8
 
 
 class WaveDisturbances:
-    """The matrix D of one solution.
+    """Matrix D of one solution.
 
     Parameters
     ----------
@@ -65,15 +68,15 @@ class WaveDisturbances:
     u : (n_unknowns,) float
     omega : float, rad/s
     bases : sequence of HarmonicBasis, optional
-        Those of the harmonics from the mean on; by default those of the motion.
+        Modes of the harmonics, the mean first; those of the motion by default.
     """
 
     def __init__(
         self, system: Equations[Sector], u: NDArray, omega: float, bases: Sequence[HarmonicBasis] | None = None
     ) -> None:
         self.omega = omega
-        own = system.structure.bases if bases is None else bases
-        both = {l: own[abs(l)] for l in range(1 - len(own), len(own)) if len(own[abs(l)].omega2)}
+        modes = system.structure.bases if bases is None else bases
+        both = {l: modes[abs(l)] for l in range(1 - len(modes), len(modes)) if len(modes[abs(l)].omega2)}
         G = np.concatenate([basis.G if l >= 0 else basis.G.conj() for l, basis in both.items()], axis=2)  # (points, 3, n)
         self.l = np.repeat(np.array(list(both), float), [len(b.omega2) for b in both.values()])
         self.mass, self.damping, self.stiffness = (
@@ -91,7 +94,7 @@ class WaveDisturbances:
         self._distinct, self._place = np.unique(self.l, return_inverse=True)
 
     def matrix(self, exponent: NDArray) -> NDArray:
-        """(k, n, n) complex D at the exponents (k,), rad/s."""
+        """Return D (k, n, n) complex at the exponents (k,), rad/s."""
         exponent = np.atleast_1d(np.asarray(exponent, complex))
         s = exponent[:, None] + 1j * self.l * self.omega
         out = np.broadcast_to(self.steady, (len(s), *self.steady.shape)).copy()
@@ -103,14 +106,16 @@ class WaveDisturbances:
         return out
 
     def _held(self, exponent: NDArray) -> NDArray:
-        """(k, n, events) (1 - exp(-z L))/z by order l, z = lambda/omega + i l and L the length of each part."""
+        """Return (1 - exp(-z L))/z (k, n, events) by order l, with z = lambda/omega + i l and the length L of each stick
+        segment.
+        """
         x = (exponent[:, None, None] / self.omega + 1j * self._distinct[:, None]) * self._length
         zero = x == 0.0
         held = np.where(zero, 1.0, -np.expm1(-x) / np.where(zero, 1.0, x)) * self._length
         return np.asarray(held[:, self._place])
 
     def estimates(self) -> NDArray:
-        """Roots of the blocks of single harmonics without memory, with their conjugates."""
+        """Return the roots of the blocks of single harmonics without memory, with their conjugates."""
         out = []
         for k in self._blocks:
             block, s = np.ix_(k, k), 1j * self.l[k[0]] * self.omega
@@ -119,7 +124,7 @@ class WaveDisturbances:
         return np.concatenate(out)
 
     def growing(self, rate: float, band: float) -> int:
-        """Number of exponents with a real part above ``rate`` and an imaginary part within ``+-band``.
+        """Return the number of exponents with a real part above ``rate`` and an imaginary part within ``+-band``.
 
         Parameters
         ----------
@@ -135,7 +140,7 @@ class WaveDisturbances:
         distance = np.hypot(np.minimum(aside, 0.0), np.maximum(over, 0.0))
         roots = roots[distance > BESIDE * self.omega + np.maximum(aside, 0.0)]
         far = 3.0 * float(np.abs(roots).max(initial=0.0)) + 10.0 * band
-        # up the line, away to the right, and to the real axis, below which the turn is the same
+        # along the line, to the right, and back to the real axis; the lower half is symmetric
         line = np.linspace(0.0, band, int(np.ceil(4.0 * band / self.omega)) + 1)
         away = np.geomspace(self.omega / 8.0, far, ACROSS)
         path = np.concatenate([rate + 1j * line, rate + away + 1j * band, [rate + far]])
@@ -145,11 +150,11 @@ class WaveDisturbances:
             width, change = np.abs(gap), np.diff(value)
             change.imag = _wrapped(change.imag)
             rough = (np.abs(change.imag) > SMOOTH) | (np.abs(change.real) > SMOOTH)
-            # the derivative bends where a root without an estimate, or two, are no further than a place from the next
+            # the derivative changes if roots without an estimate are within one interval
             slope = change / gap
             ahead, behind = np.append(slope[1:], slope[-1]), np.append(slope[0].conj(), slope[:-1])
             rough |= np.abs(ahead - behind) * width > SMOOTH
-            # intervals grow by no more than a factor, so that none hides what its neighbours begin to show
+            # neighbouring intervals differ by at most a factor of ten, so that a long one hides no root
             rough[1:] |= width[1:] > 10.0 * width[:-1]
             rough[:-1] |= width[:-1] > 10.0 * width[1:]
             rough &= width > 1e-13 * self.omega
@@ -162,21 +167,21 @@ class WaveDisturbances:
             path, value = np.insert(path, at, new), np.insert(value, at, self._relative(new, roots))
         turn = float(_wrapped(np.diff(value.imag)).sum()) / np.pi
         if abs(turn - round(turn)) > 0.05:
-            raise FloatingPointError("the phase of the determinant does not come to a whole number of turns")
+            raise FloatingPointError("the phase of the determinant does not change by a whole number of turns")
         return -round(turn)
 
     def _relative(self, exponent: NDArray, roots: NDArray) -> NDArray:
-        """(k,) complex logarithm of det D over the product of the distances to the roots.
+        """Return the complex logarithm (k,) of det D over the product of the distances to the roots.
 
-        Memory makes more roots than the masses do, but far to the right the determinant grows as these alone let it: what
-        is too many or too few is made up for at ``-omega``.
+        Memory adds roots, but far to the right only the masses determine the growth of the determinant.  Roots at
+        ``-omega`` compensate the difference in number.
         """
         rest = 2 * np.count_nonzero(self.mass) - len(roots)
         product = np.log(exponent[:, None] - roots).sum(axis=1) + rest * np.log(exponent + self.omega)
         return np.asarray(self._determinant(exponent) - product)
 
     def _determinant(self, exponent: NDArray) -> NDArray:
-        """(k,) complex logarithm of det D."""
+        """Return the complex logarithm (k,) of det D."""
         out = np.empty(len(exponent), complex)
         for start in range(0, len(exponent), CHUNK):
             part = slice(start, start + CHUNK)
@@ -186,7 +191,7 @@ class WaveDisturbances:
 
 
 def rests(system: Equations[Sector], u: NDArray) -> bool:
-    """Whether no slider moves and every contact is closed or open all through the cycle, on springs that only resist."""
+    """Return whether no slider moves, no contact state changes, and all springs and dampers are passive."""
     a = system.structure.arrays
     if not system.structure.exact or np.isin(a["law"], LAW_CUBIC).any():
         return False
@@ -199,7 +204,7 @@ def rests(system: Equations[Sector], u: NDArray) -> bool:
 
 
 def _pencil(K: NDArray, damping: NDArray, mass: NDArray) -> NDArray:
-    """Eigenvalues of mass s^2 + damping s + K, as many as the masses give."""
+    """Return the finite eigenvalues of mass s^2 + damping s + K, two for each mass."""
     n, C = len(mass), np.diag(damping)
     eye, zero = np.eye(n), np.zeros((n, n))
     values = scipy.linalg.eigvals(np.block([[zero, eye], [-K, -C]]), scipy.linalg.block_diag(eye, np.diag(mass)))
@@ -215,9 +220,9 @@ NORMAL = 0  # kinds of contact stiffness: kn v v; 1, 2: kt u_d u_d; 3, 4: mu kn 
 
 
 def _steady(pieces: tuple[NDArray, ...], G: NDArray, orders: list[int], blocks: list[NDArray]) -> NDArray:
-    """(n, n) complex G^H B G without memory; B from the Fourier coefficients of each piece of the cycle.
+    """Return G^H B G (n, n) without memory; B from the Fourier coefficients of each segment of the cycle.
 
-    ``1/2 pi int_a^b exp(-i d theta)`` for the differences d of two orders.
+    They are ``1/2 pi int_a^b exp(-i d theta)`` for the differences d of two orders.
     """
     point, kind, a, b, weight = pieces
     n_points, n = G.shape[0], G.shape[2]
@@ -238,7 +243,7 @@ def _steady(pieces: tuple[NDArray, ...], G: NDArray, orders: list[int], blocks: 
         g = G[:, :, columns]
         for l, rows in zip(orders, blocks):
             c = sums[:, :, abs(l - m)]
-            c = (c if l >= m else c.conj())[:, :, None]  # the indicator of a piece is real
+            c = (c if l >= m else c.conj())[:, :, None]  # conjugate symmetry of a real function
             force = np.empty_like(g)
             force[:, 0] = c[:, 1] * g[:, 0] + c[:, 3] * g[:, 2]
             force[:, 1] = c[:, 2] * g[:, 1] + c[:, 4] * g[:, 2]
@@ -248,7 +253,7 @@ def _steady(pieces: tuple[NDArray, ...], G: NDArray, orders: list[int], blocks: 
 
 
 def slope_at(x: NDArray, theta: float) -> NDArray:
-    """Derivatives with respect to the angle of the rows of x, Fourier coefficients of a motion."""
+    """Return the derivatives with respect to the angle of motions x, given as Fourier coefficients."""
     l = np.arange(1, x.shape[-1] // 2 + 1)
     b = np.zeros(x.shape[-1])
     b[1::2], b[2::2] = -l * np.sin(l * theta), l * np.cos(l * theta)
@@ -256,14 +261,14 @@ def slope_at(x: NDArray, theta: float) -> NDArray:
 
 
 def cycles(system: Equations[Sector], x: NDArray) -> tuple[tuple[NDArray, ...], tuple[NDArray, ...]]:
-    """What the contacts do in the cycle.
+    """Return the contact states over the cycle.
 
     Returns
     -------
     pieces : point, kind, begin, end, weight (N/m)
-        In ascending order of point and kind.
+        Segments with stiffness, in ascending order of point and kind.
     events : point, axis, begin, length, factor
-        Parts in which a slider sticks that was set at their beginning.
+        Stick segments whose slider is set at their beginning.
     """
     p = system.structure.points
     pieces: list[tuple[int, int, float, float, float]] = []
@@ -282,7 +287,7 @@ def cycles(system: Equations[Sector], x: NDArray) -> tuple[tuple[NDArray, ...], 
             pieces.append((i, NORMAL, 0.0, TWO_PI, kn))
         else:
             seen = next((parts[d] for d in range(2) if kt[d] > 0.0 and parts[d]), None)
-            if seen is None:  # no friction tells of separation: that of a slider next to none
+            if seen is None:  # without friction: separation from a slider with negligible friction
                 seen = segments(x[i], np.full(2, kn), kn, 1e-12, n0, np.zeros(2))[0] if kn > 0.0 else []
             pieces += [(i, NORMAL, a, b, kn) for a, b, state in seen if state != OPEN]
         parts = [_united(list(f)) for f in parts]
@@ -296,7 +301,7 @@ def cycles(system: Equations[Sector], x: NDArray) -> tuple[tuple[NDArray, ...], 
                 if state in (SLIP_PLUS, SLIP_MINUS):
                     if reach > 0.0:
                         pieces.append((i, 3 + d, a, b, reach if state == SLIP_PLUS else -reach))
-                elif state == STICK and len(parts[d]) > 1:  # in one state all through nothing is set
+                elif state == STICK and len(parts[d]) > 1:  # permanent stick sets no slider
                     factor = {SLIP_PLUS: -reach / kt[d], SLIP_MINUS: reach / kt[d]}.get(parts[d][k - 1][2])
                     if factor is None:
                         slope = slope_at(x[i], a)
