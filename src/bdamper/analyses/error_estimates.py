@@ -67,8 +67,8 @@ from bdamper.response.response_curve import check_curve, frequency_response
 from bdamper.response.response_curve_result import ResponseCurve, uninterrupted
 from bdamper.response.verification import ErrorEstimates, SourceError
 from bdamper.util import validation
-from bdamper.util.errors import COMPLETE, BdamperError, SettingError, word
-from bdamper.util.formatting import short
+from bdamper.util.errors import COMPLETE, BdamperError, SettingError, status_word
+from bdamper.util.formatting import short_text
 from bdamper.util.progress import one_thread
 
 
@@ -244,10 +244,10 @@ def _read(problem: Problem, result: Any) -> tuple[float, float, str]:
             amplitude, frequency = (float(value) for value in result)
         except (TypeError, ValueError):
             what = "a ResponseCurve, a Peak, or amplitude (m) and frequency (Hz)"
-            raise SettingError(f"answer: expected {what}, found {short(result)}") from None
+            raise SettingError(f"answer: expected {what}, found {short_text(result)}") from None
         return amplitude, frequency, ""
     if isinstance(result, Peak):
-        known = result.converged and word(result.search_status) in ("", COMPLETE)
+        known = result.converged and status_word(result.search_status) in ("", COMPLETE)
         reason = f"status '{result.status}', search {result.search_status}"
     else:
         known, reason = result.complete, f"{result.status}: {result.reason}"
@@ -420,7 +420,7 @@ def estimate_errors(problem: Problem, result: ResponseCurve | Peak, *, sources: 
         preload = result.preload
         tops = replace(Tops.of(problem, result), follow=not result.peak_at_end)
     else:
-        validation.require(result.converged, "peak", "a converged one", f"status '{result.status}'")
+        validation.check(result.converged, "peak", "a converged one", f"status '{result.status}'")
         check_result(problem, result, "peak")
         preload, tops = result.parameter, Tops((result,))
     top = tops.peaks[0]

@@ -46,8 +46,8 @@ from scipy import LowLevelCallable
 from bdamper import _core
 from bdamper.model.structure import ContactStiffness
 from bdamper.util import validation
-from bdamper.util.errors import SettingError, say, shortened
-from bdamper.util.formatting import brief
+from bdamper.util.errors import SettingError, one_line, warn
+from bdamper.util.formatting import short_repr
 
 # ---- Contact laws of the C core ----
 
@@ -68,7 +68,7 @@ class AFT(validation.Checked):
         Interpolate the instant of closing between samples.  Otherwise the derivative of the forces does not converge.
     """
 
-    n_time: Annotated[int, partial(validation.whole, least=8, most=MAX_SAMPLES)] = 128
+    n_time: Annotated[int, partial(validation.integer, least=8, most=MAX_SAMPLES)] = 128
     interpolate: bool = True
 
 
@@ -76,12 +76,12 @@ def check_evaluation(contact_forces: str | AFT, harmonics: int) -> None:
     """Raise SettingError unless ``contact_forces`` is "event_driven" or AFT with enough samples for all harmonics."""
     if isinstance(contact_forces, AFT):
         expected = f"AFT with at least {4 * harmonics + 4} samples for {harmonics} harmonics"
-        validation.that(contact_forces.n_time >= 4 * harmonics + 4, "contact_forces", expected, contact_forces.n_time)
+        validation.check_value(contact_forces.n_time >= 4 * harmonics + 4, "contact_forces", expected, contact_forces.n_time)
     elif not isinstance(contact_forces, str) or contact_forces != "event_driven":
-        raise validation.unfit("contact_forces", '"event_driven" or AFT(n_time)', contact_forces)
+        raise validation.invalid("contact_forces", '"event_driven" or AFT(n_time)', contact_forces)
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class PointArrays:
     """Parameters of all contact points, stacked in the order of the interfaces.
@@ -184,27 +184,27 @@ class ContactLaw:
         pointer, name = _pointer(self.function)
         object.__setattr__(self, "pointer", pointer)
         object.__setattr__(self, "name", self.name or name)
-        object.__setattr__(self, "n_state", validation.whole("n_state", self.n_state, most=1000))
+        object.__setattr__(self, "n_state", validation.integer("n_state", self.n_state, most=1000))
         validation.number("resolution", self.resolution, least=0.0, unit="m")
         for array in ("parameters", "stick"):
             numbers = _numbers(getattr(self, array))
-            validation.that(numbers is not None, array, "finite numbers, (n,) or (n_points, n)", getattr(self, array))
+            validation.check_value(numbers is not None, array, "finite numbers, (n,) or (n_points, n)", getattr(self, array))
             object.__setattr__(self, array, numbers)
         good = self.stick.shape[-1] == 3 and (self.stick >= 0.0).all() and self.stick.any()
-        validation.that(good, "stick", "stiffness kt1, kt2, kn in N/m, none negative, one positive", self.stick)
+        validation.check_value(good, "stick", "stiffness kt1, kt2, kn in N/m, none negative, one positive", self.stick)
         unreserved = self.name not in SHIPPED or pointer.function is SHIPPED[self.name]
-        validation.that(unreserved, "name", f"none of {tuple(SHIPPED)}, the names of built-in laws", self.name)
+        validation.check_value(unreserved, "name", f"none of {tuple(SHIPPED)}, the names of built-in laws", self.name)
         for row in np.atleast_2d(self.parameters):
             try:
                 _core.check_laws(((pointer, row, np.zeros(3 + self.n_state)),))
             except (TypeError, ValueError) as error:
-                raise SettingError(f"law '{self.name}': {error}: {shortened(row.tolist())}") from error
+                raise SettingError(f"law '{self.name}': {error}: {one_line(row.tolist())}") from error
 
     def __str__(self) -> str:
         return f"{self.name} ({self.parameters.shape[-1]} parameters, {self.n_state} states)"
 
     @classmethod
-    @validation.spelt
+    @validation.check_arguments
     def jenkins(cls, stiffness: Numbers, limit: Numbers | float, mu: Numbers | float = 0.0, *, kn: float = 0.0) -> Self:
         """Return parallel Jenkins elements (spring and slider in series) along each tangential direction.
 
@@ -226,7 +226,7 @@ class ContactLaw:
         return cls(_core.jenkins, 2 * len(k), parameters, np.array([k.sum(), k.sum(), kn]), "jenkins")
 
     @classmethod
-    @validation.spelt
+    @validation.check_arguments
     def iwan(
         cls,
         strength: float,
@@ -267,7 +267,7 @@ class ContactLaw:
         chi = validation.number("chi", chi, above=-1.0, most=0.0)
         beta = validation.number("beta", beta, least=0.0)
         decades = validation.number("decades", decades, least=1.0, most=12.0)
-        n = round(13.0 * decades) if n is None else validation.whole("n", n, least=2, most=400)
+        n = round(13.0 * decades) if n is None else validation.integer("n", n, least=2, most=400)
         edge = np.concatenate([[0.0], np.geomspace(10.0**-decades, 1.0, n)])
         last = F * (1.0 + beta) / (K * (beta + (chi + 1.0) / (chi + 2.0)))
         share = np.diff(edge ** (chi + 1.0))
@@ -278,7 +278,7 @@ class ContactLaw:
         return replace(law, name="iwan", resolution=10.0 ** (1.0 - decades) * last)
 
     @classmethod
-    @validation.spelt
+    @validation.check_arguments
     def bouc_wen(
         cls, stiffness: float, alpha: float, beta: float, gamma: float, n: float = 1.0, *, kn: float = 0.0
     ) -> Self:
@@ -324,7 +324,7 @@ class ContactLaw:
         name = record.get("contact_law")
         if not isinstance(name, str) or name not in SHIPPED:
             found = f"{name!r}, of which a file has no function; create the study again with this law"
-            raise SettingError(f"friction_law: expected a law of {tuple(SHIPPED)}, found {shortened(found)}")
+            raise SettingError(f"friction_law: expected a law of {tuple(SHIPPED)}, found {one_line(found)}")
         numbers: dict[str, Any] = {key: record.get(key) for key in ("n_state", "parameters", "stick")}
         return cls(SHIPPED[name], **numbers, name=name, resolution=record.get("resolution", 0.0))
 
@@ -349,7 +349,7 @@ class ContactLaw:
         """Return the attribute ``name`` with one row for each of n points."""
         rows = getattr(self, name)
         good = rows.ndim == 1 or len(rows) == n
-        validation.require(good, f"{name} of law '{self.name}'", f"{n} rows for '{interface}'", f"{len(rows)}")
+        validation.check(good, f"{name} of law '{self.name}'", f"{n} rows for '{interface}'", f"{len(rows)}")
         return np.broadcast_to(rows, (n, rows.shape[-1]))
 
 
@@ -373,7 +373,7 @@ def _pointer(function: Any) -> tuple[LowLevelCallable, str]:
         signature = str(low_level.signature)
     except (TypeError, ValueError) as error:
         expected = "a PyCapsule, scipy.LowLevelCallable or numba cfunc, since the core cannot call Python functions"
-        raise validation.unfit("function", expected, function) from error
+        raise validation.invalid("function", expected, function) from error
     if SIGNATURE.fullmatch(signature.replace(", ", ",")) is None:
         raise SettingError(f"function: expected the signature void of eleven pointers (bd_user_law), found '{signature}'")
     return low_level, getattr(low_level.function, "__name__", name)
@@ -435,7 +435,7 @@ class OwnLaws:
                 largest[key] = max(x, largest.get(key, 0.0))
         for (law, interface), x in largest.items():
             if x < law.resolution:
-                say(
+                warn(
                     f"{_named(law, interface)} moves by at most {x:.3g} m at the highest point, less than the "
                     f"{law.resolution:.3g} m that the law resolves: its dissipation is wrong there; increase its decades"
                 )

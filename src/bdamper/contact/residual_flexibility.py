@@ -33,11 +33,11 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from bdamper.model.fields import require
+from bdamper.model.fields import check
 from bdamper.model.kinematics import Coordinate, Coupling, HarmonicBasis
 from bdamper.util import validation
 from bdamper.util.errors import mismatch
-from bdamper.util.formatting import brief
+from bdamper.util.formatting import short_repr
 
 MARGIN = 0.1
 """Smallest fraction of the flexibility under a force vector that residual modes represent."""
@@ -51,7 +51,7 @@ RESIDUAL = "residual"
 
 
 def _count_or_all(name: str, value: int | str) -> int | str:
-    return value if isinstance(value, str) and value == "all" else validation.whole(name, value, least=1)
+    return value if isinstance(value, str) and value == "all" else validation.integer(name, value, least=1)
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ def check_definite(flexibility: NDArray, what: str) -> NDArray:
     """
     diagonal = np.diag(flexibility).real
     found = f"{diagonal.min(initial=np.inf):.3g} m/N; the retained modes are softer than the full model"
-    require((diagonal > 0.0).all(), what, "a positive flexibility at every contact point", found)
+    check((diagonal > 0.0).all(), what, "a positive flexibility at every contact point", found)
     size = np.sqrt(diagonal)
     scaled = flexibility / size[:, None] / size
     try:
@@ -159,7 +159,7 @@ def _stuck_static(coupling: Coupling, basis: HarmonicBasis, R: NDArray, kept: ND
     return scipy.linalg.solve_triangular(factor, G @ q + s, lower=True, trans="T") / size
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class ResidualSet:
     """Residual modes of a coupling, computed on demand for each harmonic.
@@ -206,7 +206,7 @@ class ResidualSet:
             If a flexibility is missing or not positive semi-definite.
         """
         active = active_components(coupling, friction)
-        validation.require(active.any(), "residual modes", "an interface with friction", "none")
+        validation.check(active.any(), "residual modes", "an interface with friction", "none")
         point = np.where(active.ravel(), np.diag(coupling.residual_flexibility(1)).real, 0.0)
         unscaled = cls(coupling, options, active, point.reshape(-1, 3), 1.0, static)
         largest = max(unscaled._point_share(l) for l in (0, 1))

@@ -37,12 +37,12 @@ from numpy.typing import NDArray
 
 from bdamper.contact.residual_flexibility import ResidualModes, ResidualSet
 from bdamper.contact.static_contact import solve_static_contact, static_contact_problem
-from bdamper.model.fields import require
+from bdamper.model.fields import check
 from bdamper.model.kinematics import Coupling
 from bdamper.model.structure import ContactStiffness
 from bdamper.util import validation
 from bdamper.util.errors import SettingError
-from bdamper.util.formatting import brief
+from bdamper.util.formatting import short_repr
 
 METHODS = ("residual_modes", "unit_traction", "cigeroglu2009")
 FAR = 10.0
@@ -70,7 +70,7 @@ class PerArea:
             validation.numbers("stiffness per area", self.stiffness, 3, least=0.0, unit="N/m3")
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class Contact:
     """Contact stiffness of all interfaces and the residual modes that complete it.
@@ -155,7 +155,7 @@ def check_method(method: Any) -> None:
         return
     if method is None or isinstance(method, str | bytes) or np.ndim(method) != 0:
         expected = f"one of {(*METHODS, 'model')}, one number in N/m, PerArea(...), ResidualModes(...) or a mapping"
-        raise validation.unfit("contact_stiffness", f"{expected} of interface names to values", method)
+        raise validation.invalid("contact_stiffness", f"{expected} of interface names to values", method)
     validation.number("contact_stiffness", method, least=0.0, unit="N/m")
 
 
@@ -232,7 +232,7 @@ def _static_contact_forces(coupling: Coupling, friction: NDArray) -> NDArray:
     worst, limit = float(imbalance / max(float(np.abs(problem.load).max()), 1e-300)), 0.02
     expected = f"equilibrium with a load of 1 N within {limit:.0%}"
     found = f"a difference of {worst:.3g} times the load"
-    require(worst <= limit, "static contact forces of the model", expected, found)
+    check(worst <= limit, "static contact forces of the model", expected, found)
     return force
 
 
@@ -253,7 +253,7 @@ def _omitted_displacement(coupling: Coupling, force: NDArray) -> NDArray:
     worst, limit = float(np.linalg.norm(difference[components]) / size), 0.2
     expected = f"agreement with its static flexibility under its contact forces within {limit:.0%}"
     found = f"a difference of {worst:.3g} times the deformation"
-    require(worst <= limit, "static contact displacements of the model", expected, found)
+    check(worst <= limit, "static contact displacements of the model", expected, found)
     modal = problem.flexibility - coupling.residual_flexibility(0).real
     # motion = offset + Psi eta - R_modal F - omitted displacement
     omitted = problem.offset.ravel() + problem.rigid @ eta - modal @ force.ravel() - motion.ravel()
@@ -293,7 +293,7 @@ def unit_traction(residual: NDArray, area: NDArray) -> ContactStiffness:
         positive = displacement > 0.0
         quantity, expected = f"residual flexibility along axis {axis}", "a positive displacement under a uniform traction"
         found = f"at most {displacement.max():.3g} m2 m/N; the retained modes are stiffer than the full model"
-        require(positive.any(), quantity, expected, found)
+        check(positive.any(), quantity, expected, found)
         fallback[:, axis] = ~positive
         displacement[~positive] = np.median(displacement[positive] / area[positive]) * area[~positive]
         stiffness[:, axis] = area / displacement
@@ -339,10 +339,10 @@ def _user_values(coupling: Coupling, value: float | PerArea | Mapping[str, NDArr
             k = np.array(np.broadcast_to(np.asarray(numbers, float), (face.n_points, 3)))
         except (TypeError, ValueError) as error:
             expected = f"numbers in N/m, PerArea(...) or an array that broadcasts to {(face.n_points, 3)}"
-            raise validation.unfit(f"contact_stiffness['{name}']", expected, numbers) from error
+            raise validation.invalid(f"contact_stiffness['{name}']", expected, numbers) from error
         # a cubic spring may soften
         wrong = k[~(np.isfinite(k) & ((k >= 0.0) | (face.kind == "cubic")))]
         if wrong.size:
-            raise validation.unfit(f"contact_stiffness['{name}']", "finite numbers >= 0 N/m", wrong[0])
+            raise validation.invalid(f"contact_stiffness['{name}']", "finite numbers >= 0 N/m", wrong[0])
         stiffness[name] = ContactStiffness(k, "user")
     return stiffness

@@ -22,8 +22,8 @@ from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.result_checks import Solutions, SomeResult, solutions_of
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Plottable, draw
-from bdamper.util.errors import COMPLETE, BdamperError, word
-from bdamper.util.formatting import UNITS, amount, brief
+from bdamper.util.errors import COMPLETE, BdamperError, status_word
+from bdamper.util.formatting import UNITS, amount, short_repr
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import ROW, Column, Hertz, Metres, Newtons, Numbers, Quantity, RadiansPerSecond, Tabular
 
@@ -95,7 +95,7 @@ class SteadyAmplitude(Protocol):
     def text(self) -> str: ...
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class Margins(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-margins", row="location"):
     """Safety factors of one solution at every point of the stress sets.
@@ -168,7 +168,7 @@ class Margins(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, kind
         return f"Margin against fatigue {self.least:.3g}: {judged}. Least at {self.names[i]}, {stress}.{yields}"
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-margin-curve"):
     """Margin over frequency, preload, rotor speed or damper mass.
@@ -328,16 +328,16 @@ def _scaled_to_time(cycle: StressCycle, time_response: SteadyAmplitude | None) -
     validation.instance("time_response", time_response, SteadyAmplitude)
     if not np.isfinite(time_response.factor) or abs(time_response.preload - cycle.preload) > 1e-6 * cycle.preload:
         expected = f"a time integration at {cycle.preload:g} N"
-        raise validation.unfit("time_response", expected, f"{time_response.text} at {time_response.preload:g} N")
+        raise validation.invalid("time_response", expected, f"{time_response.text} at {time_response.preload:g} N")
     coefficients = cycle.coefficients.copy()
     coefficients[..., 1:] *= time_response.factor
     highest = amount(time_response.highest, "m")
     note = f"vibration scaled by {time_response.factor:.3g}: the highest blade reaches {highest} in time"
-    doubt = () if word(time_response.status) == COMPLETE else (f"the amplitude in time is {time_response.status}",)
+    doubt = () if status_word(time_response.status) == COMPLETE else (f"the amplitude in time is {time_response.status}",)
     return replace(cycle, coefficients=coefficients, notes=(*cycle.notes, note, *doubt))
 
 
-@validation.spelt
+@validation.check_arguments
 @dataclass(frozen=True)
 class LeastMargin(Rule):
     """Failure criterion with material, stress sets and speed; a quantity for :meth:`bdamper.Study.crossings`.
@@ -401,7 +401,7 @@ class LeastMargin(Rule):
         SettingError
             If the stress cycle has no counted point.
         """
-        validation.require(cycle.counted.any(), "margin", "points away from contact faces", "none in the stress sets")
+        validation.check(cycle.counted.any(), "margin", "points away from contact faces", "none in the stress sets")
         origin = {"settings": cycle.settings, "model_hash": cycle.model_hash}
         return {"material": self.material, "rule": self.rule, "notes": cycle.notes, **origin}
 
@@ -409,7 +409,7 @@ class LeastMargin(Rule):
         """Return the margin at every point of a curve."""
         chosen, solutions = over_cycle.chosen_sets(problem, self.sets), solutions_of(problem, curve)
         known = np.isfinite(solutions.unknowns).all(axis=1)
-        validation.require(known.any(), "margin", "a curve with solutions", "none")
+        validation.check(known.any(), "margin", "a curve with solutions", "none")
         solved = Solutions(*(column[known] for column in solutions))
         first = over_cycle.of_solution(problem, Solutions(*(column[:1] for column in solved)), chosen, self.speed)
         shared = self._of(first)

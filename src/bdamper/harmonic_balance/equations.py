@@ -32,8 +32,8 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from bdamper import _core
-from bdamper.util.formatting import brief
-from bdamper.util.progress import end_if_asked
+from bdamper.util.formatting import short_repr
+from bdamper.util.progress import raise_if_stopped
 
 # ---- conditions for the free parameter ----
 
@@ -124,7 +124,7 @@ def norm2(x: NDArray) -> float:
     return math.sqrt(x.dot(x))
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class Correction:
     """Result of one Newton solution; if converged, a point of a curve.
@@ -311,7 +311,7 @@ class InFrequency:
         return f"{parameter / (2.0 * np.pi):.6g} Hz"
 
 
-@brief
+@short_repr
 @dataclass(frozen=True, eq=False)
 class Equations(Generic[S]):
     """Residual, Jacobian and Newton's method of one set of equations.
@@ -487,7 +487,7 @@ class Equations(Generic[S]):
         -------
         Correction
         """
-        end_if_asked()
+        raise_if_stopped()
         y = np.array(y, float)
         tangent, arguments = for_core(condition, self.n_unknowns)
         if isinstance(condition, Peak):

@@ -56,7 +56,7 @@ def check_result(problem: Problem, result: SomeResult, name: str = "result") -> 
         found = "a result of another model" if recorded else "a result without a model"
         raise SettingError(f"{name}: expected a result of this study's model, found {found}")
     found = ", ".join(f"{key} = {recorded[key]} instead of {current[key]}" for key in other)
-    validation.require(not other, name, "a result of this study", found)
+    validation.check(not other, name, "a result of this study", found)
 
 
 def unknowns_of(problem: Problem, result: SomeResult) -> NDArray:
@@ -103,7 +103,7 @@ def solutions_of(problem: Problem, result: SomeResult) -> Solutions:
     given: Any = result
     unknowns = unknowns_of(problem, result)
     preload = np.asarray(given.parameter if hasattr(given, "y") else given.preload, float)
-    validation.require(np.isfinite(preload).all(), "result", "one at a known preload", "none")
+    validation.check(np.isfinite(preload).all(), "result", "one at a known preload", "none")
     n = len(unknowns)
     return Solutions(unknowns, np.broadcast_to(np.asarray(given.frequency, float), n), np.broadcast_to(preload, n))
 

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from bdamper.fem.surface import N_CORNER
 from bdamper.importers.fe_body import BODIES, LARGEST_COUNT, FEBody, by_kind, check_count, data_lines, read_body, reader
-from bdamper.model.fields import check_all, require
+from bdamper.model.fields import check, check_all
 from bdamper.util.errors import mismatch
 from bdamper.util.storage import MOST_BYTES, FilePath
 
@@ -81,20 +81,20 @@ def _elements(data: bytes, order: str, item: str) -> Iterator[tuple[int, bytes]]
         kind, length = struct.unpack_from(order + "II", data, at)
         if kind >> 16:  # small element: length and type in the first word, data in the second
             length, kind, start, step = kind >> 16, kind & 0xFFFF, at + 4, 8
-            require(length <= 4, item, "small elements of at most four bytes", length)
+            check(length <= 4, item, "small elements of at most four bytes", length)
         else:
             start = at + 8
             step = 8 + (length if kind == _COMPRESSED else (length + 7) // 8 * 8)
-        require(start + length <= len(data), item, f"{length} bytes of data", f"{len(data) - start}: damaged or truncated")
+        check(start + length <= len(data), item, f"{length} bytes of data", f"{len(data) - start}: damaged or truncated")
         yield kind, data[start : start + length]
         at += step
 
 
 def _numbers(part: tuple[int, bytes], order: str, item: str) -> NDArray:
     kind, content = part
-    require(kind in _TYPES, item, "numbers", f"data of type {kind}")
+    check(kind in _TYPES, item, "numbers", f"data of type {kind}")
     dtype = np.dtype(order + _TYPES[kind])
-    require(not len(content) % dtype.itemsize, item, f"numbers of {dtype.itemsize} bytes", f"{len(content)} bytes")
+    check(not len(content) % dtype.itemsize, item, f"numbers of {dtype.itemsize} bytes", f"{len(content)} bytes")
     return np.frombuffer(content, dtype)
 
 
@@ -114,7 +114,7 @@ def _array(content: bytes, order: str, item: str, out: dict[str, NDArray | sp.sp
     rows, columns = (check_count(int(n), item, "a size") for n in size)
     rest = [_numbers(part, order, item) for part in parts]
     if kind != _SPARSE:
-        require(len(rest) == 1 and len(rest[0]) == rows * columns, item, f"{rows} x {columns} numbers", sum(map(len, rest)))
+        check(len(rest) == 1 and len(rest[0]) == rows * columns, item, f"{rows} x {columns} numbers", sum(map(len, rest)))
         out[name] = rest[0].reshape(columns, rows).T.astype(float)
         return
     if len(rest) != 3 or len(rest[1]) != columns + 1:
@@ -123,10 +123,10 @@ def _array(content: bytes, order: str, item: str, out: dict[str, NDArray | sp.sp
     count = int(pointer[-1])
     steps = np.diff(pointer)
     good = pointer[0] == 0 and np.all(steps >= 0) and 0 <= count <= min(len(row), len(value), LARGEST_COUNT)
-    require(good, item, "ascending column pointers within the numbers", f"up to {count} of {len(value)}")
+    check(good, item, "ascending column pointers within the numbers", f"up to {count} of {len(value)}")
     row, value = row[:count], value[:count]
     low, high = row.min(initial=0), row.max(initial=0)
-    require(low >= 0 and high < max(rows, 1), item, f"rows 0 to {rows - 1}", f"{low} to {high}")
+    check(low >= 0 and high < max(rows, 1), item, f"rows 0 to {rows - 1}", f"{low} to {high}")
     out[name] = sp.coo_matrix((value, (row, np.repeat(np.arange(columns), steps))), shape=(rows, columns))
 
 
@@ -159,7 +159,7 @@ def read_matrix(path: Path, name: str | None = None) -> sp.csr_matrix:
         If the file does not exist or has no such square matrix of finite real numbers.
     """
     kind = path.suffix.lower()
-    require(kind in _MATRICES, str(path), "the ending .npz, .npy, .mat or .mtx", f"'{kind}'")
+    check(kind in _MATRICES, str(path), "the ending .npz, .npy, .mat or .mtx", f"'{kind}'")
     return square_matrix(_MATRICES[kind](path, name), str(path))
 
 
@@ -198,7 +198,7 @@ def _chosen(names: list[str], name: str | None, source: Path) -> str:
     if name is None and len(names) == 1:
         return names[0]
     wanted = "the name of an array" if name is None else f"an array '{name}' of real numbers"
-    require(name in names, str(source), wanted, f"the arrays {names}")
+    check(name in names, str(source), wanted, f"the arrays {names}")
     return str(name)
 
 
@@ -215,8 +215,8 @@ def square_matrix(matrix: sp.spmatrix | NDArray, item: str) -> sp.csr_matrix:
     """Return a matrix in CSR format; raise ModelError unless it is square, real and finite with valid indices."""
     matrix = matrix if sp.issparse(matrix) else np.asarray(matrix)
     good = matrix.dtype.kind in "fiu" and matrix.ndim == 2
-    require(good, item, "a real matrix", f"an array {matrix.shape} of {matrix.dtype}")
-    require(matrix.shape[0] == matrix.shape[1] > 0, item, "a square matrix", f"shape {matrix.shape}")
+    check(good, item, "a real matrix", f"an array {matrix.shape} of {matrix.dtype}")
+    check(matrix.shape[0] == matrix.shape[1] > 0, item, "a square matrix", f"shape {matrix.shape}")
     if hasattr(matrix, "check_format"):
         matrix.check_format(full_check=True)
     out = sp.coo_matrix(matrix)
@@ -261,7 +261,7 @@ def number_rows(source: Path, *columns: int, mixed: bool = False, separators: st
             wanted = len(rows[0]) if rows and not mixed else " or ".join(map(str, columns))
             raise mismatch(f"{source}: line {k}", f"{wanted} numbers", f"{len(row)}")
         rows.append(row)
-    require(bool(rows), str(source), "at least one line of numbers", "none")
+    check(bool(rows), str(source), "at least one line of numbers", "none")
     return rows
 
 
@@ -298,7 +298,7 @@ def read_abaqus_matrix(path: Path) -> tuple[sp.csr_matrix, NDArray | None]:
         If the file does not exist or is damaged.
     """
     market = path.read_bytes()[:14].lower() == b"%%matrixmarket"
-    require(not market, str(path), "Abaqus coordinate text", "a Matrix Market file; pass the matrix of scipy.io.mmread")
+    check(not market, str(path), "Abaqus coordinate text", "a Matrix Market file; pass the matrix of scipy.io.mmread")
     table, dofs = number_table(path, 3, 5), None
     if table.shape[1] == 3:
         row, column = (as_integers(table[:, k], f"{path}: column {k + 1}") - 1 for k in (0, 1))
@@ -471,6 +471,6 @@ def _reordered(matrix: sp.csr_matrix, dofs: NDArray, order: NDArray, item: str) 
     index = {tuple(pair): k for k, pair in enumerate(order.tolist())}
     pairs = [tuple(pair) for pair in dofs.tolist()]
     unknown = sorted(set(pairs) - set(index))
-    require(not unknown, item, "nodes and components of the stiffness matrix", f"also {unknown[:3]}")
+    check(not unknown, item, "nodes and components of the stiffness matrix", f"also {unknown[:3]}")
     row, entries = np.array([index[pair] for pair in pairs]), matrix.tocoo()
     return sp.csr_matrix((entries.data, (row[entries.row], row[entries.col])), shape=(len(order), len(order)))

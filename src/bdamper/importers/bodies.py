@@ -39,11 +39,11 @@ from bdamper.importers.contact_faces import LaidContacts
 from bdamper.importers.fe_body import BOUNDS, ElementKind, FEBody, Modes
 from bdamper.importers.plausibility import check_rigid_motion, compare_frequencies
 from bdamper.importers.prepared_body import ImportReport, NodeSet, PreparedBody, Ring
-from bdamper.model.fields import require
+from bdamper.model.fields import check
 from bdamper.model.modal_basis import fix_phase, rigid_motions
 from bdamper.model.structure import Body, BodyLoad, Interface, ModalBasis, turn
 from bdamper.util import validation
-from bdamper.util.errors import SettingError, needed
+from bdamper.util.errors import SettingError, import_extra
 
 if TYPE_CHECKING:
     from bdamper.fem.element_stress import Solids, StressRows
@@ -72,7 +72,7 @@ def over_speed(bodies: Mapping[float, FEBody]) -> FEBody:
         If there are not two speeds, the nodes differ, or one speed has matrices and the other has modes only.
     """
     if not isinstance(bodies, Mapping) or len(bodies) != 2:
-        raise validation.unfit("over_speed", "a mapping of two rotor speeds to FEBody", bodies)
+        raise validation.invalid("over_speed", "a mapping of two rotor speeds to FEBody", bodies)
     checked = []
     for key, value in bodies.items():
         omega = validation.number("rotor speed", key, least=0.0, unit="rad/s")
@@ -80,7 +80,7 @@ def over_speed(bodies: Mapping[float, FEBody]) -> FEBody:
         checked.append(replace(body, rotor_speed=omega, faster=None))
     slower, faster = sorted(checked, key=lambda body: body.rotor_speed)
     same, item = np.array_equal(slower.numbers, faster.numbers), f"{faster.source} at {faster.rotor_speed:g} rad/s"
-    require(same, item, f"the nodes of {slower.source}", "other numbers")
+    check(same, item, f"the nodes of {slower.source}", "other numbers")
     if (slower.stiffness is None) != (faster.stiffness is None):
         raise SettingError("over_speed: expected matrices at both speeds, or modes at both speeds, found one of each")
     return replace(slower, faster=faster)
@@ -529,10 +529,10 @@ def stress_rows(
     """
     if sets is None:
         return []
-    needed("skfem", "stress of an import", "fe")
+    import_extra("skfem", "stress of an import", "fe")
     from bdamper.fem.element_stress import StressRows, near_patches
 
-    validation.require(
+    validation.check(
         body.has_matrices, "stress", "a blade with its matrices", "modes alone; give StressSet arrays instead"
     )
     named = sets if isinstance(sets, Mapping) else {sets if isinstance(sets, str) else "stress": sets}

@@ -51,15 +51,15 @@ from bdamper.importers.plausibility import (
     check_table,
 )
 from bdamper.importers.prepared_body import ImportReport, NodeSet, Placement, PreparedBody, Ring
-from bdamper.model.fields import require
+from bdamper.model.fields import check
 from bdamper.model.model_file import save_model
 from bdamper.model.structure import Body, Location, ModalBasis, Model
 from bdamper.model.validation import check_model
 from bdamper.util import validation
 from bdamper.util.display import Plottable
 from bdamper.util.errors import SettingError
-from bdamper.util.formatting import brief
-from bdamper.util.progress import one_thread, stages
+from bdamper.util.formatting import short_repr
+from bdamper.util.progress import one_thread, progress_stages
 from bdamper.util.storage import FilePath
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def force_fields(fields: Mapping[str, object] | None, body: PreparedBody) -> dic
         units, out[name] = body.placement.units, np.zeros((len(body.nodes), 3), complex)
         in_si = units.mass * units.length * forces @ body.placement.rotation.T
         np.add.at(out[name], body.index(numbers, f"forces '{name}'"), in_si)
-        validation.require(out[name].any(), f"forces '{name}'", "forces other than 0", "zeros only")
+        validation.check(out[name].any(), f"forces '{name}'", "forces other than 0", "zeros only")
     return out
 
 
@@ -102,13 +102,13 @@ def _table(item: str, value: Any) -> tuple[NDArray, NDArray]:
     if isinstance(value, str | os.PathLike):
         table = number_table(Path(value), 7)
         return as_integers(table[:, 0], item), table[:, 1::2] + 1j * table[:, 2::2]
-    validation.that(isinstance(value, tuple) and len(value) == 2, item, EXPECTED, value)
+    validation.check_value(isinstance(value, tuple) and len(value) == 2, item, EXPECTED, value)
     try:
         numbers, forces = np.asarray(value[0]), np.asarray(value[1], complex)
     except (ValueError, TypeError) as error:
-        raise validation.unfit(item, EXPECTED, value) from error
+        raise validation.invalid(item, EXPECTED, value) from error
     good = numbers.ndim == 1 and len(numbers) and forces.shape == (len(numbers), 3) and np.isfinite(forces).all()
-    validation.that(good, item, EXPECTED, value)
+    validation.check_value(good, item, EXPECTED, value)
     return numbers, forces
 
 
@@ -120,7 +120,7 @@ def frequencies_of(basis: ModalBasis) -> NDArray:
     return np.sqrt(basis.omega2[: basis.n_natural]) / (2.0 * np.pi)
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class BuiltModel(Plottable):
     """Imported model with its report, which ``print`` shows.
@@ -199,7 +199,7 @@ INTEGRATED = 33
 """Largest period of an excitation, in sectors, for which a model has all nodal diameters for time integration."""
 
 
-@validation.spelt
+@validation.check_arguments
 @one_thread
 def build_model(
     blade: FEBody,
@@ -293,7 +293,7 @@ def _prepared(
     """Return the bodies in SI units and in the axes of the model; the first one is the blade."""
     free = damper if isinstance(damper, Mapping) else {} if damper is None else {"damper": damper}
     reserved = [name for name in free if name in ("blade", "ground") or not isinstance(name, str)]
-    validation.require(not reserved, "free bodies", "names other than 'blade' and 'ground'", reserved)
+    validation.check(not reserved, "free bodies", "names other than 'blade' and 'ground'", reserved)
     out = {}
     for name, raw in {"blade": blade, **free}.items():
         body = validation.instance(name, raw, FEBody, "an FEBody, as read_arrays returns it")
@@ -305,8 +305,8 @@ def _counts(free: Sequence[str], n_modes: int, n_damper_modes: int | Mapping[str
     """Return the number of modes of each body."""
     named = n_damper_modes if isinstance(n_damper_modes, Mapping) else dict.fromkeys(free, n_damper_modes)
     validation.mapping("n_damper_modes", named, free, "free bodies")
-    counts = {name: validation.whole("n_damper_modes", named.get(name, DAMPER_MODES), 6, BOUNDS.modes) for name in free}
-    return {"blade": validation.whole("n_modes", n_modes, 1, BOUNDS.modes), **counts}
+    counts = {name: validation.integer("n_damper_modes", named.get(name, DAMPER_MODES), 6, BOUNDS.modes) for name in free}
+    return {"blade": validation.integer("n_modes", n_modes, 1, BOUNDS.modes), **counts}
 
 
 def _check_bodies(
@@ -329,7 +329,7 @@ def _known_frequencies(
 ) -> Mapping[int, Sequence[float]]:
     known = validation.instance("expected_frequencies", {} if frequencies is None else frequencies, Mapping, "a mapping")
     for d, values in known.items():
-        require(d in diameters, "expected_frequencies", f"nodal diameters out of {list(diameters)}", d)
+        check(d in diameters, "expected_frequencies", f"nodal diameters out of {list(diameters)}", d)
         validation.numbers(f"expected_frequencies at nodal diameter {d}", values, above=0.0, unit="Hz")
     return known
 
@@ -337,9 +337,9 @@ def _known_frequencies(
 def _checked_contacts(contacts: Sequence[ContactFaces]) -> tuple[ContactFaces, ...]:
     several = isinstance(contacts, Iterable) and not isinstance(contacts, str)
     out = tuple(validation.instance("contacts", contact, ContactFaces) for contact in contacts) if several else ()
-    validation.that(out, "contacts", "a sequence of one or more ContactFaces", contacts)
+    validation.check_value(out, "contacts", "a sequence of one or more ContactFaces", contacts)
     names = [contact.name for contact in out]
-    validation.that(len(set(names)) == len(names), "contacts", "each name once", names)
+    validation.check_value(len(set(names)) == len(names), "contacts", "each name once", names)
     return out
 
 
@@ -348,15 +348,15 @@ def _diameters(
     blade: FEBody,
 ) -> tuple[tuple[int, ...], tuple[int, ...], str]:  # fmt: skip
     """Return the nodal diameters of a model, the excited ones among them, and the reason for the choice."""
-    orders = () if engine_order is None else validation.wholes("engine_order", np.atleast_1d(engine_order))
+    orders = () if engine_order is None else validation.integers("engine_order", np.atleast_1d(engine_order))
     excited = tuple(sorted({min(order % n_blades, -order % n_blades) for order in orders}))
     listed = None if blade.stiffness is not None or not blade.modes else {modes.nodal_diameter for modes in blade.modes}
     if nodal_diameters is not None or not orders:
         if nodal_diameters is None and n_blades > 1 and listed is None:
             raise SettingError("nodal diameters: expected engine_order or nodal_diameters, found neither")
         chosen = nodal_diameters if nodal_diameters is not None else [0] if n_blades == 1 else sorted(listed or ())
-        return tuple(sorted({0, *validation.wholes("nodal_diameters", chosen, most=n_blades // 2)})), excited, "given"
-    most = HARMONICS if harmonics is None else validation.whole("harmonics", harmonics, 1, 64)
+        return tuple(sorted({0, *validation.integers("nodal_diameters", chosen, most=n_blades // 2)})), excited, "given"
+    most = HARMONICS if harmonics is None else validation.integer("harmonics", harmonics, 1, 64)
     reason = f"for {most} harmonics of engine order {', '.join(map(str, orders))}"
     wanted = set[int]()
     for order in orders:
@@ -373,7 +373,7 @@ def _sector_faces(
     body: PreparedBody, node_sets: tuple[NodeSet, NodeSet] | None, n_blades: int | None, report: ImportReport
 ) -> SectorFaces:
     """Return the sector faces, given or found in the mesh; faces with different meshes are tied by interpolation."""
-    n_blades = None if n_blades is None else validation.whole("n_blades", n_blades, least=1)
+    n_blades = None if n_blades is None else validation.integer("n_blades", n_blades, least=1)
     if n_blades == 1:
         return no_faces()
     tolerance = BOUNDS.sector_faces * body.size
@@ -385,7 +385,7 @@ def _sector_faces(
         report.checks.append(f"sector faces: found from the geometry, {faces.n_sectors} sectors")
         return faces
     if isinstance(node_sets, str) or not isinstance(node_sets, Sequence) or len(node_sets) != 2:
-        raise validation.unfit("sector_faces", "two sets of nodes, the faces at which the sector repeats", node_sets)
+        raise validation.invalid("sector_faces", "two sets of nodes, the faces at which the sector repeats", node_sets)
     first, second = (body.node_set(s, "sector_faces") for s in node_sets)
     if n_blades is None:
         n_blades = _sectors_between(body, first, second, report)
@@ -429,8 +429,8 @@ def _locations(
         body = "blade"
         if isinstance(value, tuple) and len(value) == 2 and isinstance(value[0], str):
             body, value = value
-        validation.require(body in bodies, f"location '{name}'", f"a body out of {sorted(bodies)}", f"'{body}'")
-        validation.require(name not in out, f"location '{name}'", "a name that forces do not have", f"'{name}' twice")
+        validation.check(body in bodies, f"location '{name}'", f"a body out of {sorted(bodies)}", f"'{body}'")
+        validation.check(name not in out, f"location '{name}'", "a name that forces do not have", f"'{name}' twice")
         out[name] = (body, bodies[body].node(value, f"location '{name}'", report))
     return out
 
@@ -454,7 +454,7 @@ def _shown(progress: bool | None, n_bodies: int, ring: Ring, wheel: bool, report
         return
     waves = {*ring.diameters, *sampled_waves(ring.faces.n_sectors)} if wheel else ring.diameters
     total, done = len(waves) + n_bodies - 1 + (ring.faces.n_sectors // 2 + 1 if wheel else 0), count()
-    with stages("import", "step") as show:
+    with progress_stages("import", "step") as show:
         report.step = lambda text: show(text, next(done), total)
         yield
         show("done", total, total)
@@ -481,7 +481,7 @@ def _reduced(
                 sizes = shapes or LocalSizes()
                 made[name] = with_local_basis(made[name], body, wanted, sector, laid.interfaces, part, sizes, report)
         elif name == "blade":
-            validation.require(wheel is None, "wheel", "a sector of a cyclic structure with its matrices", "modes alone")
+            validation.check(wheel is None, "wheel", "a sector of a cyclic structure with its matrices", "modes alone")
             made[name], pictures = constrained_from_modes(body, wanted, ring, report)
         else:
             made[name] = (free_from_matrices if body.has_matrices else free_from_modes)(body, wanted, report)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bdamper.fem.surface import N_CORNER, enclosed_volume, twisted
 from bdamper.importers.fe_body import BOUNDS, UNITS
 from bdamper.importers.prepared_body import ImportReport, PreparedBody
-from bdamper.model.fields import require
+from bdamper.model.fields import check
 from bdamper.model.modal_basis import rigid_motions
 from bdamper.model.structure import Body
 
@@ -44,14 +44,14 @@ def compare_frequencies(computed: NDArray, expected: NDArray, item: str, source:
         If the difference exceeds ``BOUNDS.agreement``.  The message names a mistaken unit that explains the ratio.
     """
     n = min(len(computed), len(expected))
-    require(n > 0, item, f"frequencies to compare with {source}", "none")
+    check(n > 0, item, f"frequencies to compare with {source}", "none")
     computed, expected = np.sort(computed)[:n], np.sort(expected)[:n]
     ratio = computed / np.maximum(expected, 1e-300)
     middle, error = float(np.median(ratio)), float(np.abs(ratio - 1.0).max())
     words = ratio_in_words(middle) if np.abs(ratio / middle - 1.0).max() < 0.02 else None
     suspicion = f"the ratio {middle:.6g} is {words}" if words else f"ratios {ratio.min():.4g} to {ratio.max():.4g}"
     shown, wanted = (", ".join(f"{f:.6g}" for f in values[:3]) for values in (computed, expected))
-    require(
+    check(
         error <= BOUNDS.agreement, item, f"the frequencies of {source}, {wanted}, ... Hz", f"{shown}, ... Hz; {suspicion}"
     )
     return error

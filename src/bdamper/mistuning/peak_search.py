@@ -31,7 +31,7 @@ from bdamper.harmonic_balance.equations import OK, Correction, Fixed, Plane, nor
 from bdamper.mistuning.wheel_equations import Structure, WheelSystem, of_blade
 from bdamper.mistuning.wheel_problem import Loaded, WheelProblem
 from bdamper.response.peak import PeakOptions, find_peak, slope_along
-from bdamper.util.progress import CostMeter, end_if_asked
+from bdamper.util.progress import CostMeter, raise_if_stopped
 
 # ---- Search ----
 
@@ -162,7 +162,7 @@ class Search:
         for w in omega:
             solution = None
             for start in (last, at_rest):
-                end_if_asked()
+                raise_if_stopped()
                 y = np.append(start, w)
                 scale = self.system.structure.units_about(y, self.width)
                 c = system.solve(y, Fixed(), scale, 1e-6, 25, 2, loose=0.0 if start is at_rest else accepted_step)

@@ -39,8 +39,8 @@ from bdamper.time_domain.integration import STEPS, MarchFailed, Ring
 from bdamper.time_domain.march import March
 from bdamper.time_domain.steady_amplitude import CRITERIA, integrate_until_steady
 from bdamper.util import validation
-from bdamper.util.errors import NOT_FOUND, BdamperError, SettingError, because
-from bdamper.util.formatting import amount, brief
+from bdamper.util.errors import NOT_FOUND, BdamperError, SettingError, with_reason
+from bdamper.util.formatting import amount, short_repr
 from bdamper.util.progress import CostMeter, one_thread
 
 # ---- Peaks over the preload ----
@@ -68,7 +68,7 @@ def _highest(_: Any, preload: Any, *, wheel: WheelProblem, options: WheelPeakOpt
     return answers(highest) | {"tuned_amplitude": highest.tuned_amplitude}
 
 
-@validation.spelt
+@validation.check_arguments
 def optimal_curve(
     wheel: WheelProblem,
     preloads: Sequence[float],
@@ -118,7 +118,7 @@ def first_point(system: WheelSystem, omega: float) -> NDArray | None:
     return None
 
 
-@validation.spelt
+@validation.check_arguments
 @one_thread
 def frequency_response(
     wheel: WheelProblem,
@@ -220,7 +220,7 @@ class OneStructure:
         return self._projected(u, self.inverse)
 
 
-@validation.spelt
+@validation.check_arguments
 @one_thread
 def time_response(wheel: WheelProblem, peak: WheelPeak, *, steps_per_period: int | None = None) -> TimeResponse:
     """Compute the steady-state amplitude of the highest blade by time integration of all blades from the peak.
@@ -277,7 +277,7 @@ def time_response(wheel: WheelProblem, peak: WheelPeak, *, steps_per_period: int
             march.run(len(march.harmonics) + 2 * CRITERIA.window)
             periods += 2 * CRITERIA.window
     except MarchFailed as error:
-        return replace(none, status=because(NOT_FOUND, error), cost=watch.read(one.ring.cost))
+        return replace(none, status=with_reason(NOT_FOUND, error), cost=watch.read(one.ring.cost))
     blades = np.abs(march.blades[-2 * CRITERIA.window :])
     result = replace(none, periods=periods, blades=blades, cost=watch.read(one.ring.cost))
     if steady.stays:
@@ -285,13 +285,13 @@ def time_response(wheel: WheelProblem, peak: WheelPeak, *, steps_per_period: int
         return replace(result, mean=steady.mean, lowest=lowest, highest=highest)
     in_time, balance = amount(float(blades[:, peak.blade].mean()), "m"), amount(peak.amplitude, "m")
     text = f"blade {peak.blade} reaches {in_time} in time, {balance} by harmonic balance"
-    return replace(result, status=because(NOT_FOUND, text))
+    return replace(result, status=with_reason(NOT_FOUND, text))
 
 
 # ---- Bladed disk ----
 
-@validation.spelt
-@brief
+@validation.check_arguments
+@short_repr
 @dataclass(frozen=True, eq=False)
 class BladedDisk(WheelProblem):
     """All blades and dampers of a mistuned bladed disk.

@@ -44,7 +44,7 @@ from bdamper.model.modal_basis import LocalBasis
 from bdamper.model.structure import Model, SurfaceMesh
 from bdamper.model.validation import as_checked
 from bdamper.util.errors import ModelError, SettingError
-from bdamper.util.formatting import brief
+from bdamper.util.formatting import short_repr
 
 
 def local_model(model: Model) -> Model:
@@ -84,7 +84,7 @@ disk (9 points, 16 shapes) with one harmonic 16, 8, 6 and 4 take 3, 3, 3 and 4 i
 with three harmonics that leaves 1e-3 after 80 iterations, while eight shapes leave 1e-7 after 17."""
 
 
-@brief
+@short_repr
 @dataclass(frozen=True, eq=False)
 class Structure:
     """Matrices of a bladed disk, without contact laws and loads.

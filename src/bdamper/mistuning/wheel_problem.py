@@ -30,7 +30,7 @@ from bdamper.response.highest_peak import highest_peak
 from bdamper.response.peak import Peak
 from bdamper.util import validation
 from bdamper.util.errors import SettingError, StaticError
-from bdamper.util.formatting import brief
+from bdamper.util.formatting import short_repr
 from bdamper.util.progress import one_thread
 
 # ---- Static state ----
@@ -247,7 +247,7 @@ def wheel_system(structure: Structure, state: Loaded, excitation: NDArray, respo
 
 # ---- Problem ----
 
-@brief
+@short_repr
 @dataclass(frozen=True, eq=False)
 class WheelProblem:
     """A bladed disk and its equations; parameters as in :class:`~bdamper.mistuning.wheel.BladedDisk`."""
@@ -301,7 +301,7 @@ class WheelProblem:
         s, tuned = self.structure, self.structure.tuned
         e = tuned.settings.excitation
         one_force = tuned.settings.acts_at_location and not e.beside
-        validation.that(one_force, "excitation of a bladed disk", "one force at a location", e)
+        validation.check_value(one_force, "excitation of a bladed disk", "one force at a location", e)
         row = s.location_rows(e.location, e.direction, "excitation")
         periods = (int(tuned.engine_order) * np.arange(self.n_blades)) % self.n_blades / self.n_blades
         wave = e.amplitude * np.exp(1j * e.phase + 2j * np.pi * periods)

@@ -133,7 +133,7 @@ def united_mean(face: Interface, n_points: int | None, values: NDArray) -> NDArr
 # ---- Gaps of imperfect surfaces ----
 
 
-@validation.spelt
+@validation.check_arguments
 def face_gap(
     interface: Interface,
     *,

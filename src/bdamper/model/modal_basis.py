@@ -32,13 +32,13 @@ from scipy.linalg import eigh
 
 from bdamper.model.fields import DAMPING, Data
 from bdamper.model.rotation import SpeedBasis
-from bdamper.util.formatting import brief
+from bdamper.util.formatting import short_repr
 from bdamper.util.validation import Limits
 
 # ---- Modal basis ----
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class ModalBasis:
     """Modes of one body at one nodal diameter.
@@ -174,7 +174,7 @@ def fix_phase(vectors: NDArray, mass: NDArray | sp.spmatrix) -> NDArray:
 # ---- Local basis of blade and disk ----
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class LocalBasis:
     """Blade and disk in local coordinates: cantilever modes, attachment modes, root shapes.

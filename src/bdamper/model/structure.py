@@ -43,7 +43,7 @@ from bdamper.model.modal_basis import ModalBasis as ModalBasis
 from bdamper.model.rotation import SpeedBasis, SpinStatic
 from bdamper.util import validation
 from bdamper.util.display import Plottable, draw
-from bdamper.util.formatting import brief
+from bdamper.util.formatting import short_repr
 
 # ---- Stress ----
 
@@ -51,7 +51,7 @@ COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "xz")
 """Order of the stress components, along the axes of the body."""
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class StressSet:
     """Stress at some points of a constrained body.
@@ -109,7 +109,7 @@ def turn(angle: float) -> NDArray:
     return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class BodyLoad:
     """Static load proportional to one number, the radial (centrifugal) load in newtons.
@@ -129,7 +129,7 @@ class BodyLoad:
     displacement: Annotated[NDArray, Data("m/N", ("n_points", 3))]
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class Body:
     """Structure with modes, or the ground.
@@ -166,7 +166,7 @@ class Body:
     spin: SpinStatic | None = None
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class Interface:
     """Contact points between two bodies.
@@ -224,7 +224,7 @@ class Location:
     kind: Literal["forces"] | None = None
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class ContactStiffness:
     """Stiffness at the contact points of one interface.
@@ -244,7 +244,7 @@ class ContactStiffness:
     fallback: Annotated[NDArray, Data("1", ("n_points", 3), "bool")] | None = None
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class StaticContact:
     """Static contact solution of the full finite element model at one interface, for Eqs (4) and (10) of the paper.
@@ -262,7 +262,7 @@ class StaticContact:
     displacement_b: Annotated[NDArray, Data("m", ("n_points", 3))]
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class SurfaceMesh:
     """Surface of a body for plots.
@@ -280,7 +280,7 @@ class SurfaceMesh:
     modes: Annotated[Mapping[int, NDArray], Data("kg^-1/2", ("n_nodes", 3, None), "picture")] = field(default_factory=dict)
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class Model(Plottable):
     """Structure with all data of an analysis; :mod:`bdamper.model.structure` describes the conventions.

@@ -24,9 +24,9 @@ from bdamper.model.structure import Model
 from bdamper.plot.axes import STYLE, drawing, looks
 from bdamper.plot.motion import VIEW, sectors_shown, surface_motion
 from bdamper.util import validation
-from bdamper.util.display import draws
-from bdamper.util.errors import SettingError, needed
-from bdamper.util.storage import writing
+from bdamper.util.display import register_plot
+from bdamper.util.errors import SettingError, import_extra
+from bdamper.util.storage import file_errors
 
 # ---- Export ----
 
@@ -40,7 +40,7 @@ def shown_shapes(model: Model, body: str | None, nodal_diameter: int | None, pur
         raise SettingError(f"{purpose}: expected a body with mode shapes on its mesh out of {bodies}, found {body!r}")
     modes = model.meshes[body].modes
     d = next(iter(modes)) if nodal_diameter is None else nodal_diameter
-    validation.require(d in modes, purpose, f"a nodal diameter out of {sorted(modes)}", d)
+    validation.check(d in modes, purpose, f"a nodal diameter out of {sorted(modes)}", d)
     return body, d
 
 
@@ -68,7 +68,7 @@ def export_modes(
     SettingError
         If the model has no such shapes.
     """
-    meshio = needed("meshio", "export to VTU", "viz")
+    meshio = import_extra("meshio", "export to VTU", "viz")
     body, d = shown_shapes(model, body, nodal_diameter, "export of modes")
     mesh = model.meshes[body]
     frequency = np.sqrt(model.bodies[body].bases[d].omega2) / (2.0 * np.pi)
@@ -78,7 +78,7 @@ def export_modes(
         fields[f"{name}, real"] = np.ascontiguousarray(shape.real)
         if np.iscomplexobj(shape):
             fields[f"{name}, imaginary"] = np.ascontiguousarray(shape.imag)
-    with writing(path):
+    with file_errors(path):
         meshio.Mesh(mesh.points, [("quad", mesh.quads)], point_data=fields).write(path)
     return Path(path)
 
@@ -109,7 +109,7 @@ def export_response(problem: Problem, unknowns: NDArray, folder: str | PathLike[
     """
     if not problem.model.meshes:
         raise SettingError("export of a response: needs the mesh of a body, and the model has none")
-    meshio = needed("meshio", "export to VTU", "viz")
+    meshio = import_extra("meshio", "export to VTU", "viz")
     out = []
     for body, motion in surface_motion(problem, unknowns).items():
         path = Path(folder) / f"{name}_{body}.vtu"
@@ -119,7 +119,7 @@ def export_response(problem: Problem, unknowns: NDArray, folder: str | PathLike[
             "vibration, imaginary, m": np.ascontiguousarray(motion.amplitude.imag),
         }
         quads = problem.model.meshes[body].quads
-        with writing(path):
+        with file_errors(path):
             meshio.Mesh(motion.points, [("quad", quads)], point_data=fields).write(path)
         out.append(path)
     return out
@@ -185,7 +185,7 @@ def _scale(ax: Axes) -> None:
         ax.text(x, y, name, ha="center", va="center", fontsize=7.0)
 
 
-@draws(Model)
+@register_plot(Model)
 def plot_model(model: Model) -> Axes:
     """Plot the bodies at rest with their contact points.
 
@@ -196,7 +196,7 @@ def plot_model(model: Model) -> Axes:
     for name, _, rotation in sectors_shown(model):
         mesh, kind = model.meshes[name], model.bodies[name].kind
         kinds[kind == "free"].append((mesh.points @ rotation.T, mesh.quads, tint[kind]))
-    validation.require(kinds[False] or kinds[True], "plot of a model", "at least one body with a mesh", "none")
+    validation.check(kinds[False] or kinds[True], "plot of a model", "at least one body with a mesh", "none")
     ax = plot_surfaces([*kinds[False], *kinds[True]])
     if kinds[False] and kinds[True]:
         plot_surfaces(kinds[True], ax=ax)
@@ -206,7 +206,7 @@ def plot_model(model: Model) -> Axes:
     return ax
 
 
-@draws(Model, "plot_mode")
+@register_plot(Model, "plot_mode")
 def plot_mode(model: Model, mode: int = 1, *, body: str | None = None, nodal_diameter: int | None = None) -> Axes:
     """Plot a mode of a constrained body: deformed shape, coloured by the amplitude.
 
@@ -228,7 +228,7 @@ def plot_mode(model: Model, mode: int = 1, *, body: str | None = None, nodal_dia
     """
     body, d = shown_shapes(model, body, nodal_diameter, "plot of a mode")
     mesh = model.meshes[body]
-    mode = validation.whole("mode", mode, least=1, most=mesh.modes[d].shape[2])
+    mode = validation.integer("mode", mode, least=1, most=mesh.modes[d].shape[2])
     shape = mesh.modes[d][..., mode - 1]
     scale = float(np.ptp(mesh.points, axis=0).max()) / 12.0 / float(np.abs(shape).max())
     surfaces = []
@@ -241,7 +241,7 @@ def plot_mode(model: Model, mode: int = 1, *, body: str | None = None, nodal_dia
     return plot_surfaces(surfaces, title=f"mode {mode}, nodal diameter {d}: {frequency:.1f} Hz")
 
 
-@draws(BuiltModel)
+@register_plot(BuiltModel)
 def plot_import_report(report: BuiltModel) -> Axes:
     """Plot the bodies and contact points of the model (:func:`plot_model`)."""
     return plot_model(report.model)

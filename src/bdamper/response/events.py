@@ -20,13 +20,13 @@ from numpy.typing import NDArray
 
 from bdamper.harmonic_balance.equations import OK, Correction, Equations, Fold, Peak, Plane, norm2
 from bdamper.util import validation
-from bdamper.util.formatting import brief
+from bdamper.util.formatting import short_repr
 from bdamper.util.rootfinding import root_trials
 
 # ---- settings and result of a path ----
 
 
-AtLeastTwo = Annotated[int, partial(validation.whole, least=2)]
+AtLeastTwo = Annotated[int, partial(validation.integer, least=2)]
 SIDE_POINTS = 1000
 """Largest number of points of an auxiliary path: outside the interval, or of a homotopy.
 
@@ -34,7 +34,7 @@ Outside, with 150, one more of 100 narrow intervals (``benchmarks/bench_narrow.p
 """
 
 
-@validation.spelt
+@validation.check_arguments
 @dataclass(frozen=True)
 class ContinuationOptions:
     """Settings of the continuation.
@@ -80,12 +80,12 @@ class ContinuationOptions:
     corner_step: validation.Positive = 0.3
 
     def __post_init__(self) -> None:
-        validation.checked(self)
+        validation.check_fields(self)
         steps = self.min_step, self.step, self.max_step
-        validation.that(sorted(steps) == list(steps), "steps", "0 < min_step <= step <= max_step", steps)
+        validation.check_value(sorted(steps) == list(steps), "steps", "0 < min_step <= step <= max_step", steps)
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class Path:
     """Points of a path and how it ended.

@@ -46,7 +46,7 @@ from bdamper.response.events import ContinuationOptions, Path
 from bdamper.response.response_curve_result import ResponseCurve, crossed, free
 from bdamper.util import validation
 from bdamper.util.errors import INCOMPLETE, NOT_FOUND, SettingError
-from bdamper.util.progress import Cost, CostMeter, passes_interrupts_on, progress_bar, single_thread
+from bdamper.util.progress import Cost, CostMeter, is_part_of_work, progress_bar, single_thread
 
 # ---- mean position of free bodies ----
 
@@ -260,7 +260,7 @@ def frequency_response(
             with progress_bar(progress, *search.limits) as search.on_point:
                 search.cover(find_start)
         except KeyboardInterrupt:
-            if passes_interrupts_on():
+            if is_part_of_work():
                 raise
             if not any(piece.path.status == "interrupted" for piece in search.pieces):
                 search.pieces.append(Piece(Path((), "interrupted", "by the user", 0, 0), True))
@@ -390,18 +390,18 @@ def check_curve(problem: Problem, curve: ResponseCurve, name: str = "curve") -> 
     """Raise SettingError unless the argument is a response curve of this problem."""
     validation.instance(name, curve, ResponseCurve, "a response curve")
     expected = "a response curve (study.frequency_response)"
-    validation.require(curve.kind == "tracking", name, expected, f"a {curve.kind} curve")
-    validation.require(curve.model_hash == problem.model.hash, name, "a curve of this model", "a curve of another model")
+    validation.check(curve.kind == "tracking", name, expected, f"a {curve.kind} curve")
+    validation.check(curve.model_hash == problem.model.hash, name, "a curve of this model", "a curve of another model")
     system = problem.system(curve.preload)
     n = system.n_unknowns
     expected = f"a result of this study with {n} unknowns"
-    validation.require(curve.unknowns.shape[1] == n, name, expected, curve.unknowns.shape[1])
+    validation.check(curve.unknowns.shape[1] == n, name, expected, curve.unknowns.shape[1])
     if not len(curve):
         return
     i = curve.peak.index
     error = system.error(np.append(curve.unknowns[i], TWO_PI * curve.frequency[i]))
     found = f"a result with other settings (residual {error:.2g} at its peak)"
-    validation.require(error <= max(1e-6, 100.0 * float(curve.residual[i])), name, "a result of this study", found)
+    validation.check(error <= max(1e-6, 100.0 * float(curve.residual[i])), name, "a result of this study", found)
 
 
 def self_locking(problem: Problem) -> tuple[str, ...]:

@@ -354,8 +354,8 @@ def _finite(value: float, peak: Peak) -> float:
 
 
 def _check(peak: Peak) -> None:
-    validation.require(peak.converged, "sensitivities", "a converged peak", f"status '{peak.status}'")
-    validation.require(not peak.corner, "sensitivities", "a smooth peak", "a peak at a corner of the response curve")
+    validation.check(peak.converged, "sensitivities", "a converged peak", f"status '{peak.status}'")
+    validation.check(not peak.corner, "sensitivities", "a smooth peak", "a peak at a corner of the response curve")
 
 
 # ---- derivatives with respect to the preload and to settings ----

@@ -18,9 +18,9 @@ from bdamper.response.response_curve_result import ResponseCurve, uninterrupted
 from bdamper.response.verification import TimeResponse
 from bdamper.time_domain import steady_amplitude as in_time
 from bdamper.util import validation
-from bdamper.util.errors import INTERRUPTED, NOT_FOUND, BdamperError, because
+from bdamper.util.errors import INTERRUPTED, NOT_FOUND, BdamperError, with_reason
 from bdamper.util.formatting import amount
-from bdamper.util.progress import LongWork, each, one_thread
+from bdamper.util.progress import LongWork, one_thread, with_progress
 
 
 def time_response(
@@ -50,17 +50,17 @@ def time_response(
     """
     if isinstance(result, Peak):
         if not result.converged or "frequency" not in result.settings:
-            raise validation.unfit("result", "a peak at a preload", result.status)
+            raise validation.invalid("result", "a peak at a preload", result.status)
         peak, what = result, "the highest peak of this study at its preload"
         if peak.model_hash != problem.model.hash:
-            raise validation.unfit("result", what, "a peak of another model")
+            raise validation.invalid("result", what, "a peak of another model")
         result = frequency_response(problem, peak.parameter, tuple(peak.settings["frequency"]))
         if not (len(result) and np.isclose(result.peak.amplitude, peak.amplitude, rtol=1e-3, atol=0.0)):
-            raise validation.unfit("result", what, f"{amount(peak.amplitude, 'm')} at {peak.frequency:.6g} Hz")
+            raise validation.invalid("result", what, f"{amount(peak.amplitude, 'm')} at {peak.frequency:.6g} Hz")
     return in_time.time_response(problem, result, steps_per_period=steps_per_period, blades=blades, starts=starts)
 
 
-@validation.spelt
+@validation.check_arguments
 @one_thread
 def with_time_response(
     problem: Problem, curve: OptimalCurve, preload: Sequence[float] | NDArray | None = None, *, progress: bool = False
@@ -91,7 +91,7 @@ def with_time_response(
     """
     validation.instance("curve", curve, OptimalCurve)
     if curve.model_hash != problem.model.hash:
-        raise validation.unfit("curve", "an optimal curve of this study", "a curve of another model")
+        raise validation.invalid("curve", "an optimal curve of this study", "a curve of another model")
     options = ContinuationOptions(budget=BUDGET)
     if preload is None:
         preloads = [p for p in (curve.optimum.preload,) if np.isfinite(p)]
@@ -100,12 +100,12 @@ def with_time_response(
     none = {p: TimeResponse(*(np.nan,) * 4, p, np.nan, status=INTERRUPTED) for p in preloads}
     responses, cost = none | {k.preload: k for k in curve.time_response}, curve.cost
     with LongWork():
-        for p in each(preloads, progress, "marching in time", "preload"):
+        for p in with_progress(preloads, progress, "marching in time", "preload"):
             try:
                 tracked = uninterrupted(frequency_response(problem, p, curve.settings["frequency"], options=options))
                 cost += tracked.cost
                 responses[p] = in_time.time_response(problem, tracked)
                 cost += responses[p].cost
             except BdamperError as error:
-                responses[p] = replace(none[p], status=because(NOT_FOUND, error))
+                responses[p] = replace(none[p], status=with_reason(NOT_FOUND, error))
     return replace(curve, time_response=tuple(responses[p] for p in sorted(responses)), cost=cost)

@@ -35,7 +35,7 @@ from bdamper.response.verification import TimeResponse
 from bdamper.time_domain.integration import STEPS, MarchFailed, Motion, Ring, ring_of
 from bdamper.time_domain.march import March, second_half, to_come
 from bdamper.util import validation
-from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND, SettingError, because
+from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND, SettingError, with_reason
 from bdamper.util.formatting import amount, span
 from bdamper.util.progress import CostMeter, LongWork, one_thread
 
@@ -511,7 +511,7 @@ def time_response(
     SettingError
         If the curve has no peak, or the settings do not describe a structure in time.
     """
-    starts = validation.whole("starts", starts, least=1)
+    starts = validation.integer("starts", starts, least=1)
     check_curve(problem, curve)
     if curve.peak_at_end:
         raise SettingError(f"curve: expected a curve with a peak, found its highest amplitude at its end, {curve.peak}")
@@ -523,7 +523,7 @@ def time_response(
     ways = [side for side in sides if np.isfinite(side[1])]
     if not ways:
         why = "next to the tip there are several solutions at all frequencies; widen the interval"
-        return replace(none, status=because(NOT_FOUND, why))
+        return replace(none, status=with_reason(NOT_FOUND, why))
     step, start = min(ways, key=lambda side: abs(side[1] - top.frequency))
     ring = ring_of(problem, curve.preload, blades)
     search, best = TipSearch(ring, balance, STEPS if steps_per_period is None else steps_per_period), None
@@ -549,7 +549,7 @@ def _found(none: TimeResponse, search: TipSearch, best: SteadyPoint | None, part
     left = search.failure or (search.open_question(best) or part if best is not None else "")
     if best is None:
         why = left or "no motion stays in steps of half the length: use more steps_per_period"
-        status = INTERRUPTED if interrupted else because(NOT_FOUND, why)
+        status = INTERRUPTED if interrupted else with_reason(NOT_FOUND, why)
         return replace(none, direction="", fall=np.nan, answers={}, status=status)
     around = best.amplitude
     if best.march is not None:  # all but the first periods of a brief integration
@@ -567,7 +567,7 @@ def _found(none: TimeResponse, search: TipSearch, best: SteadyPoint | None, part
     said = "; ".join(filter(None, (tip, short)))
     result = replace(
         none, mean=best.mean, lowest=float(around.min()), highest=float(around.max()), frequency=best.frequency,
-        status=INTERRUPTED if interrupted else because(INCOMPLETE, left) if left else because(COMPLETE, said),
+        status=INTERRUPTED if interrupted else with_reason(INCOMPLETE, left) if left else with_reason(COMPLETE, said),
     )  # fmt: skip
     return result if best.march is None else replace(result, **of_blades(best.march, len(best.amplitude)))
 
