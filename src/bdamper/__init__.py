@@ -120,7 +120,7 @@ def __dir__() -> list[str]:
 def __getattr__(name: str) -> Any:
     """A public name, or a room of the package."""
     if name == "__version__":
-        return import_module("bdamper.util.storage").HERE.bdamper
+        return import_module("bdamper.util.storage").INSTALLED.bdamper
     if name == "load":  # reads results of all rooms
         for home in HOMES.values():
             import_module(f"bdamper.{home}")

@@ -43,7 +43,7 @@ OWN_SETTINGS = (
 BODY, GROUND = "masses", "ground"
 
 
-@validation.spelt
+@validation.check_arguments
 @dataclass(frozen=True)
 class Contact:
     """A contact between degrees of freedom of a lumped model, or between one and the ground.
@@ -82,7 +82,7 @@ class Contact:
     tangential2: Row | None = None
 
     def __post_init__(self) -> None:
-        validation.checked(self)
+        validation.check_fields(self)
         slides, closes = self.tangential is not None, self.normal is not None
         if not (slides or closes) or (self.tangential2 is not None and not slides):
             raise SettingError("contact: expected tangential, normal or both, found neither")
@@ -90,7 +90,7 @@ class Contact:
             found = f"tangential={self.tangential!r}, kt={self.kt:g}, mu={self.mu:g}"
             raise SettingError(f"contact: expected tangential, kt > 0 and mu > 0 together, found {found}")
         expected = "normal and kn > 0 together"
-        validation.require(closes == (self.kn > 0.0), "contact", expected, f"normal={self.normal!r}, kn={self.kn:g}")
+        validation.check(closes == (self.kn > 0.0), "contact", expected, f"normal={self.normal!r}, kn={self.kn:g}")
         if not closes and not (self.preload > 0.0 and self.gap == 0.0):
             raise SettingError(
                 "contact: expected a preload > 0 and no gap where the normal load is constant (no normal), found "
@@ -100,7 +100,7 @@ class Contact:
             raise SettingError(f"contact: expected a preload or a gap, found {self.preload:g} N and {self.gap:g} m")
 
 
-@partial(validation.spelt, also=[f.name for f in fields(Settings)])
+@partial(validation.check_arguments, also=[f.name for f in fields(Settings)])
 def lumped(
     mass: Any,
     damping: Any,
@@ -164,7 +164,7 @@ def lumped(
     for contact in validation.instance("contacts", contacts, Sequence, "a sequence of Contact"):
         validation.instance("contacts", contact, Contact)
     cubic = {} if cubic is None else validation.instance("cubic", cubic, Mapping, "a mapping of motions to N/m3")
-    validation.require(contacts or cubic, "contacts", "at least one contact or cubic spring", "none")
+    validation.check(contacts or cubic, "contacts", "at least one contact or cubic spring", "none")
     faces = _faces(contacts, cubic, modes)
     given = _forces(modes, forces)
     excitation, patterns = _excitation(modes, given)
@@ -212,18 +212,18 @@ class _Modes:
         C, K = _matrix("damping", damping, self.n), _matrix("stiffness", stiffness, self.n)
         least, largest = float(np.linalg.eigvalsh(M)[0]), float(np.abs(M).max())
         enough = f"a positive definite matrix with eigenvalues above {ROUNDING:g} of its largest entry, {largest:.3g} kg"
-        validation.require(least > ROUNDING * largest, "mass", enough, f"an eigenvalue of {least:.3g} kg")
+        validation.check(least > ROUNDING * largest, "mass", enough, f"an eigenvalue of {least:.3g} kg")
         omega2, self.shapes = scipy.linalg.eigh(K, M)
         self.springs: list[tuple[NDArray, float]] = []
         size = float(np.abs(omega2).max())
         expected = "a positive semidefinite matrix"
-        validation.require(not omega2[0] < -ROUNDING * size, "stiffness", expected, f"a mode of {omega2[0]:.3g} rad2/s2")
+        validation.check(not omega2[0] < -ROUNDING * size, "stiffness", expected, f"a mode of {omega2[0]:.3g} rad2/s2")
         self.omega2 = np.where(omega2 <= ROUNDING**1.5 * size, 0.0, omega2)
         self.damping_ratio, self.drag = self._damped(C)
         given = {f"x{i}": i for i in range(self.n)} if locations is None else locations
         self.locations: dict[str, int] = {}
         for name, i in validation.instance("locations", given, Mapping, "a mapping of names to degrees of freedom").items():
-            self.locations[name] = validation.whole(f"location '{name}'", i, most=self.n - 1)
+            self.locations[name] = validation.integer(f"location '{name}'", i, most=self.n - 1)
 
     def _damped(self, C: NDArray) -> tuple[NDArray, NDArray]:
         """(n,) damping ratios, and damping beyond them, 1/s; turns modes of one frequency so that damping is diagonal."""
@@ -273,8 +273,8 @@ class _Modes:
         if isinstance(value, str):
             return self.locations[validation.choice(what, value, self.locations)]
         if not isinstance(value, Integral) or isinstance(value, bool):
-            raise validation.unfit(what, f"a freedom from 0 to {self.n - 1} or the name of a location", value)
-        return validation.whole(what, value, most=self.n - 1)
+            raise validation.invalid(what, f"a freedom from 0 to {self.n - 1} or the name of a location", value)
+        return validation.integer(what, value, most=self.n - 1)
 
     def name(self, value: Any) -> str:
         """Location name of a degree of freedom, created if missing."""
@@ -296,7 +296,7 @@ class _Modes:
         if isinstance(row, np.ndarray):  # in modal coordinates already
             return row
         if isinstance(row, tuple):
-            validation.that(len(row) == 2, what, "two degrees of freedom, of which it is the difference", row)
+            validation.check_value(len(row) == 2, what, "two degrees of freedom, of which it is the difference", row)
             factors = [(row[0], 1.0), (row[1], -1.0)]
         elif isinstance(row, Mapping):
             factors = [(key, validation.number(f"{what}, factor of {key!r}", value)) for key, value in row.items()]
@@ -305,7 +305,7 @@ class _Modes:
         out = np.zeros(self.n)
         for key, factor in factors:
             out[self.freedom(key, what)] += factor
-        validation.that(out.any(), what, "a motion of some freedom", row)
+        validation.check_value(out.any(), what, "a motion of some freedom", row)
         return np.asarray(out @ self.shapes)
 
 
@@ -314,7 +314,7 @@ def _matrix(name: str, value: Any, n: int | None = None) -> NDArray:
     try:
         A = np.array(value.toarray() if hasattr(value, "toarray") else value, float)
     except (TypeError, ValueError):
-        raise validation.unfit(name, "a number, a diagonal or a matrix", value) from None
+        raise validation.invalid(name, "a number, a diagonal or a matrix", value) from None
     found = A.shape
     if A.ndim == 0 and n is not None:
         A = np.full(n, float(A)) if n == 1 or A == 0.0 else A
@@ -336,9 +336,9 @@ def _forces(modes: _Modes, forces: Any) -> dict[Any, complex]:
         modes.freedom(key, "forces")
         number = value.item() if isinstance(value, np.generic) else value
         if isinstance(number, bool) or not isinstance(number, int | float | complex) or not np.isfinite(number):
-            raise validation.unfit(f"force on {key!r}", "a finite real or complex number in N", value)
+            raise validation.invalid(f"force on {key!r}", "a finite real or complex number in N", value)
         out[key] = complex(number)
-    validation.require(out, "forces", "a force on at least one freedom", "none")
+    validation.check(out, "forces", "a force on at least one freedom", "none")
     return out
 
 
@@ -387,7 +387,7 @@ def _model(
             "load_per_preload", load_per_preload, Mapping, "a mapping of degrees of freedom to numbers"
         ).items():
             f += validation.number(f"load on {key!r}", value) * modes.motion(key, "load_per_preload")
-        validation.require(f.any(), "load_per_preload", "a static force on some freedom", dict(load_per_preload))
+        validation.check(f.any(), "load_per_preload", "a static force on some freedom", dict(load_per_preload))
         elastic = modes.omega2 > 0.0
         rest = shapes[..., elastic] @ (f[elastic] / modes.omega2[elastic])
         load = BodyLoad(np.array([0.0, 0.0, 1.0]), f, rest)

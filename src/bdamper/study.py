@@ -58,9 +58,9 @@ from bdamper.time_domain import floquet, optimum_in_time, transients
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Fact
 from bdamper.util.errors import INTERRUPTED, BdamperError, SettingError
-from bdamper.util.formatting import UNITS, aligned, brief, plain, spaced
+from bdamper.util.formatting import UNITS, aligned, short_repr, spaced, text_of
 from bdamper.util.progress import one_thread
-from bdamper.util.storage import HERE, FilePath, enter_reader, load, opened, written
+from bdamper.util.storage import INSTALLED, FilePath, load, read_hdf5, register_reader, write_hdf5
 
 S = ParamSpec("S")
 P = ParamSpec("P")
@@ -91,7 +91,7 @@ def takes_what(makes: Callable[S, Any]) -> Callable[[Callable[..., None]], Calla
     return signed
 
 
-@brief
+@short_repr
 @dataclass(frozen=True, eq=False, init=False)
 class Study(Comparable):
     """One model under one set of settings, asked for responses.
@@ -168,14 +168,14 @@ class Study(Comparable):
             Fact("excitation", float(at.amplitude), f"N {at.shown}"),
             Fact("beside it", "; ".join(map(force, at.beside))),
             Fact("engine order", int(s.engine_order)),
-            Fact("response", f"{seen.location} {plain(seen.direction)}"),
+            Fact("response", f"{seen.location} {text_of(seen.direction)}"),
             Fact("harmonics", " ".join(map(str, s.harmonic_numbers))),
             Fact("friction coefficient", ", ".join(f"{mu:g}" for mu in friction) or "none"),
-            Fact("contact stiffness", plain(self.problem.stiffness_method)),
+            Fact("contact stiffness", text_of(self.problem.stiffness_method)),
             Fact("contact points", coupling.n_points),
             Fact("modes", sum(map(len, coupling.modes.values())), f"({', '.join(stored)})"),
             Fact("unknowns", self.problem.n_unknowns),
-            *(Fact(spaced(name), f"{plain(getattr(s, name))} {UNITS.get(name, '')}".strip()) for name in other),
+            *(Fact(spaced(name), f"{text_of(getattr(s, name))} {UNITS.get(name, '')}".strip()) for name in other),
             Fact("neglected", "; ".join(s.model.neglected_over_speed(s.needed_diameters)) if s.speed else ""),
         )
 
@@ -192,7 +192,7 @@ class Study(Comparable):
     free = analysis(response_curve_result.free)
     stuck = analysis(response_curve_result.stuck)
 
-    @validation.spelt
+    @validation.check_arguments
     def frequency_response(
         self,
         preload: float,
@@ -237,7 +237,7 @@ class Study(Comparable):
     time_response = analysis(optimum_in_time.time_response)
 
     # peaks and the optimal curve
-    @validation.spelt
+    @validation.check_arguments
     @one_thread
     def peak(
         self,
@@ -265,7 +265,7 @@ class Study(Comparable):
         check_question(problem, [preload], frequency)
         return highest_peak.highest_peak(problem, preload, frequency, mode=mode, options=options)
 
-    @validation.spelt
+    @validation.check_arguments
     @one_thread
     def optimal_curve(
         self,
@@ -387,8 +387,8 @@ class Study(Comparable):
         """
         check_model_once(self.model)
         settings = self.problem.record() | ({"contact_stiffness": None} if self.settings.contact_stiffness is None else {})
-        with written(path, track_order=True) as file:
-            file.attrs.update({"format": FORMAT, "version": 1, "model_hash": self.model.hash, **HERE.attributes()})
+        with write_hdf5(path, track_order=True) as file:
+            file.attrs.update({"format": FORMAT, "version": 1, "model_hash": self.model.hash, **INSTALLED.attributes()})
             file["settings"] = json.dumps(settings)
             if include_model:
                 write_model(new_group(file, "model"), self.model)
@@ -413,7 +413,7 @@ def load_study(path: FilePath, model: Model | None = None) -> Study:
     BdamperError
         If the file is neither, or the model is missing or another one.
     """
-    with opened(path, "a study or a result") as file:
+    with read_hdf5(path, "a study or a result") as file:
         digest = str(file.attrs.get("model_hash", ""))
         settings = json.loads(file["settings"][()]) if digest else {}
         own = read_model(file["model"]) if digest and "model" in file else None
@@ -433,7 +433,7 @@ def load_study(path: FilePath, model: Model | None = None) -> Study:
     return Study(model, **settings_of(settings))
 
 
-enter_reader(FORMAT, load_study)
+register_reader(FORMAT, load_study)
 
 
 def _settings_explained() -> str:

@@ -29,8 +29,8 @@ from bdamper.plot.motion import contact_status
 from bdamper.response import optimal_curve
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.peak import peak_interval
-from bdamper.util.formatting import height
-from bdamper.util.progress import end_if_asked
+from bdamper.util.formatting import peak_text
+from bdamper.util.progress import raise_if_stopped
 
 SHORT = 60.0  # longest wait for an answer, s
 SIZES = {"desktop": (1280, 800), "phone": (390, 844)}
@@ -268,7 +268,7 @@ def test_the_end_of_the_thread_ends_all_its_work(monkeypatch, harmonics):
             return frequency_response(study, *given, **keywords)
         begun.set()
         while True:
-            end_if_asked()
+            raise_if_stopped()
             time.sleep(0.01)
 
     monkeypatch.setattr(bd.Study, "frequency_response", endless)
@@ -463,7 +463,7 @@ def test_the_work_of_a_session_ends_with_it(served, monkeypatch):
     def endless(study, *given, **keywords):
         begun.set()
         while True:
-            end_if_asked()
+            raise_if_stopped()
             time.sleep(0.01)
 
     monkeypatch.setattr(bd.Study, "frequency_response", endless)
@@ -636,7 +636,7 @@ def test_a_chosen_point_is_told_once_it_is_the_one_that_is_shown(page, answers):
     assert "Peak" in page.text.text and "Chosen point" not in page.text.text
     page.show(replace(provisional, full=True, point=3))
     curve = provisional.curve
-    assert f" Chosen point: {height(curve.amplitude[3], curve.frequency[3])}." in page.text.text
+    assert f" Chosen point: {peak_text(curve.amplitude[3], curve.frequency[3])}." in page.text.text
 
 
 def test_of_an_empty_curve_the_curve_alone_is_saved(page, answers, monkeypatch):
@@ -718,7 +718,7 @@ def test_every_control_at_both_sizes(browser, explorer, size):
         until(lambda setting=setting: setting in explorer.pages[-1].question().settings)
         peak = window.shown().curve.peak
         assert peak.amplitude != first
-        until(lambda peak=peak: f"Peak {height(peak.amplitude, peak.frequency)}" in window.text())
+        until(lambda peak=peak: f"Peak {peak_text(peak.amplitude, peak.frequency)}" in window.text())
         window.move(name, explorer.pages[-1].first[name])
         until(lambda: not explorer.pages[-1].question().settings)
     window.type("preload", "104")

@@ -12,7 +12,7 @@ from bdamper.plot import plot_response_map
 from bdamper.response.branches import LeftOut
 from bdamper.response.highest_peak import AT_END, _tops, highest_of_curve, maxima
 from bdamper.response.peak import coarse_options, resonance_interval
-from bdamper.util.formatting import amount, height
+from bdamper.util.formatting import amount, peak_text
 from tests.models import wedge_model
 from tests.plain import plain_study
 
@@ -94,7 +94,7 @@ def test_an_end_that_is_higher_than_the_maximum_is_told_and_does_not_count():
     assert not peak.corner and low < peak.frequency < 0.9 * high
     inner = study.frequency_response(30e3, (low, peak.frequency * 1.02)).peak
     assert peak.amplitude == pytest.approx(inner.amplitude, rel=1e-8)
-    told = f"higher at an end of the interval: {height(curve.peak.amplitude, high, 4)}"
+    told = f"higher at an end of the interval: {peak_text(curve.peak.amplitude, high, 4)}"
     assert peak.search_status == f"complete: {told}" and told in peak.summary()
     result = study.optimal_curve((10.0, 30e3), 3, frequency=(low, high), check=False)
     assert result.amplitude[-1] == pytest.approx(peak.amplitude, rel=1e-9) and result.complete

@@ -20,7 +20,7 @@ from bdamper.response.optimal_curve import at_preload, optimal_curve
 from bdamper.response.response_curve import without_points
 from bdamper.util.display import Fact
 from bdamper.util.progress import Cost
-from bdamper.util.storage import as_line
+from bdamper.util.storage import json_line
 
 ASKED = {"preload": (20.0, 10e3), "n": 8, "frequency": (250.0, 400.0)}
 
@@ -110,18 +110,18 @@ def test_an_interrupted_curve_has_the_values_that_were_finished(whole, tmp_path)
 def test_what_is_kept_is_what_was_found():
     study = new_study()
     there = at_preload(study.problem, 300.0, (250.0, 400.0))
-    again = AtPreload.of(json.loads(as_line(there.record())))
+    again = AtPreload.of(json.loads(json_line(there.record())))
     assert (again.value, again.slope, again.status) == (there.value, there.slope, there.status)
     for name in ("frequency", "amplitude", "shares", "branch", "point_kind", "missing_ranges", "settings"):
         assert np.array_equal(getattr(again.curve, name), getattr(there.curve, name)), name
     assert np.array_equal(again.top.peak.y, there.top.peak.y) and again.top.kind == there.top.kind
-    assert json.loads(as_line(again.record())) == json.loads(as_line(there.record()))
+    assert json.loads(json_line(again.record())) == json.loads(json_line(there.record()))
 
 
 def test_a_curve_without_points_keeps_its_shape():
     curve = without_points(new_study().problem, 300.0, "failed", ContinuationOptions(), Cost())
     light = replace(curve, harmonics=curve.harmonics[:, :2])
-    again = AtPreload.of(json.loads(as_line(AtPreload(300.0, light, None, np.nan, "", Cost()).record()))).curve
+    again = AtPreload.of(json.loads(json_line(AtPreload(300.0, light, None, np.nan, "", Cost()).record()))).curve
     assert again.amplitude.shape == (0,) and again.shares.shape == (0, 3) and list(again.columns()) == list(light.columns())
 
 

@@ -19,7 +19,7 @@ import pytest
 import bdamper as bd
 from bdamper.analyses.sweep import Comparison
 from bdamper.response.response_curve_result import ResponseCurve
-from bdamper.util.storage import HERE, Storable, opened
+from bdamper.util.storage import INSTALLED, Storable, read_hdf5
 from tests.every_result import RESULTS, bladed_disk, response_curve
 from tests.test_codebase import nodes_of, spelled
 
@@ -44,7 +44,7 @@ def study():
 
 @pytest.fixture(scope="module")
 def curve(study):
-    return replace(response_curve(study), made_with=replace(HERE, bdamper="0.4.0"))
+    return replace(response_curve(study), made_with=replace(INSTALLED, bdamper="0.4.0"))
 
 
 @pytest.fixture(scope="module")
@@ -93,7 +93,7 @@ class TestReading:
 
     def test_errors_without_a_text_are_named(self, tmp_path):
         h5py.File(path := tmp_path / "result.h5", "w").close()
-        with pytest.raises(bd.BdamperError, match=r"found something else \(MemoryError\)$"), opened(path, "a file"):
+        with pytest.raises(bd.BdamperError, match=r"found something else \(MemoryError\)$"), read_hdf5(path, "a file"):
             raise MemoryError
 
     @pytest.mark.parametrize("cls", Storable.__subclasses__(), ids=lambda cls: cls.__name__)
@@ -212,21 +212,21 @@ class TestWriting:
 
 class TestVersions:
     def test_a_file_tells_what_made_it(self, tmp_path, curve):
-        assert replace(curve, preload=1.0).made_with == curve.made_with != HERE  # a copy of an old result stays old
-        made_now = replace(curve, made_with=HERE)
-        assert str(HERE) == f"bdamper {bd.__version__}, NumPy {np.__version__}, SciPy {HERE.scipy}"
+        assert replace(curve, preload=1.0).made_with == curve.made_with != INSTALLED  # a copy of an old result stays old
+        made_now = replace(curve, made_with=INSTALLED)
+        assert str(INSTALLED) == f"bdamper {bd.__version__}, NumPy {np.__version__}, SciPy {INSTALLED.scipy}"
         made_now.save(tmp_path / "curve.h5")
         with h5py.File(tmp_path / "curve.h5", "a") as file:
             assert file.attrs["bdamper_version"] == bd.__version__
             assert file.attrs["numpy_version"] == np.__version__
             file.attrs["scipy_version"] = "1.99"
-        assert bd.load(tmp_path / "curve.h5").made_with == replace(HERE, scipy="1.99")
+        assert bd.load(tmp_path / "curve.h5").made_with == replace(INSTALLED, scipy="1.99")
 
     def test_results_within_results_keep_their_own(self, tmp_path, curve, answers):
         whole = answers("optimal_curve")
-        replace(whole, curves=(curve, replace(curve, made_with=HERE)), made_with=HERE).save(tmp_path / "whole.h5")
+        replace(whole, curves=(curve, replace(curve, made_with=INSTALLED)), made_with=INSTALLED).save(tmp_path / "whole.h5")
         again = bd.load(tmp_path / "whole.h5")
-        assert again.made_with == HERE and [c.made_with for c in again.curves] == [curve.made_with, HERE]
+        assert again.made_with == INSTALLED and [c.made_with for c in again.curves] == [curve.made_with, INSTALLED]
 
     def test_a_kind_that_is_unknown_is_named_with_its_version(self, tmp_path, curve):
         curve.save(path := tmp_path / "curve.h5")

@@ -19,8 +19,8 @@ from bdamper.analyses.sweep import SweepResult
 from bdamper.plot.motion import rigid_motion
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import Convergence, HarmonicPeak
-from bdamper.util.display import Plottable, draws
-from bdamper.util.formatting import amount, height
+from bdamper.util.display import Plottable, register_plot
+from bdamper.util.formatting import amount, peak_text
 from bdamper.util.tables import (
     ROW,
     Kinds,
@@ -30,8 +30,8 @@ from bdamper.util.tables import (
     Quantity,
     Shares,
     Tabular,
-    from_rows,
-    label,
+    axis_label,
+    columns_of_rows,
     quantities,
 )
 from tests.plain import plain_study
@@ -185,14 +185,15 @@ class TestQuantities:
         assert replace(self.made, judged=np.array([True, False])).columns()["judged"].values.tolist() == [True, False]
 
     def test_labels(self):
-        assert label(Made, "half") == "Half of it (mm)" and label(Made, "weight") == "Mass of the disk (kg)"
-        assert label(ResponseCurve, "peak_to_peak") == "Peak to peak (m)" and label(ResponseCurve, "stable") == "Stable"
-        assert label(Made, "place", "mm") == "Place (mm)"
+        assert axis_label(Made, "half") == "Half of it (mm)" and axis_label(Made, "weight") == "Mass of the disk (kg)"
+        assert axis_label(ResponseCurve, "peak_to_peak") == "Peak to peak (m)"
+        assert axis_label(ResponseCurve, "stable") == "Stable"
+        assert axis_label(Made, "place", "mm") == "Place (mm)"
 
     def test_rows_of_small_records(self):
-        columns = from_rows([HarmonicPeak(3, 2.0, 100.0), HarmonicPeak(5, 2.0, 101.0)])
+        columns = columns_of_rows([HarmonicPeak(3, 2.0, 100.0), HarmonicPeak(5, 2.0, 101.0)])
         assert columns["amplitude"].unit == "m" and columns["frequency"].unit == "Hz" and columns["harmonics"].unit == ""
-        assert columns["harmonics"].values.tolist() == [3, 5] and from_rows([]) == {}
+        assert columns["harmonics"].values.tolist() == [3, 5] and columns_of_rows([]) == {}
 
 
 class TestNotebook:
@@ -223,11 +224,11 @@ class TestNotebook:
             def plot(self):
                 raise AssertionError
 
-        draws(Empty)(lambda shown: (_ for _ in ()).throw(bd.SettingError("nothing")))
+        register_plot(Empty)(lambda shown: (_ for _ in ()).throw(bd.SettingError("nothing")))
         assert Empty()._repr_html_() == "<div><pre>a &lt; b</pre></div>"
 
     def test_the_peak_of_a_curve_is_called_a_peak(self, study, curve):
-        assert str(curve.peak).startswith(f"peak: {height(curve.peak.amplitude, curve.peak.frequency, 6)} (point")
+        assert str(curve.peak).startswith(f"peak: {peak_text(curve.peak.amplitude, curve.peak.frequency, 6)} (point")
         assert repr(study.frequency_response(2000.0, (360.0, 362.0)).peak).startswith("highest, no peak: ")
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bdamper.util.formatting import PREFIXES, aligned, amount, cut, percent, spaced
+from bdamper.util.formatting import PREFIXES, aligned, amount, percent, spaced, truncate
 
 
 @pytest.mark.parametrize(
@@ -23,7 +23,7 @@ def test_percent_with_a_sign():
 
 def test_names_and_tables():
     assert spaced("excitation.amplitude_of") == "excitation amplitude of"
-    assert cut("abcdef", 6) == "abcdef" and cut("abcdefg", 6) == "abc..."
+    assert truncate("abcdef", 6) == "abcdef" and truncate("abcdefg", 6) == "abc..."
     assert aligned([("a", "bcd", ""), ("ef", "g", "h")], "- ") == ["- a   bcd", "- ef  g    h"]
 
 

@@ -20,14 +20,14 @@ def test_numbers_pass_in_every_form(value):
     out = validation.number("n", value, above=1.0, most=2.0)
     assert out == 2.0
     assert type(out) is float
-    whole = validation.whole("n", value, least=2, most=2)
+    whole = validation.integer("n", value, least=2, most=2)
     assert whole == 2
     assert type(whole) is int
 
 
 @pytest.mark.parametrize("value", ["2", None, True, np.True_, np.nan, np.inf, [2.0], np.array([2.0]), 2j, 10**400])
 def test_other_things_are_no_numbers(value):
-    for check in (validation.number, validation.whole):
+    for check in (validation.number, validation.integer):
         with pytest.raises(bd.SettingError, match=r"n: expected a (finite|whole) number.*, found "):
             check("n", value)
 
@@ -58,7 +58,7 @@ def test_limits_are_in_the_message():
         (lambda n, v: validation.instance(n, v, bd.Excitation), bd.Excitation("tip"), ["tip", None, bd.Excitation]),
         (lambda n, v: validation.mapping(n, v, ("a",), "faces"), {"a": 1}, [("a", 1), {"b": 1}, None]),
         (lambda n, v: validation.interval(n, v), (1.0, 2.0), [1.0, (2.0, 1.0), (0.0, 1.0), (1.0,), "12", ("1", "2"), None]),
-        (lambda n, v: validation.wholes(n, v, most=9), (1, 2), [1, "12", (1.5,), (10,), (1, 1), None]),
+        (lambda n, v: validation.integers(n, v, most=9), (1, 2), [1, "12", (1.5,), (10,), (1, 1), None]),
     ],
 )
 def test_checks_return_what_is_good_and_name_what_is_not(check, good, bad):

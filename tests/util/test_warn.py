@@ -13,7 +13,7 @@ from bdamper.harmonic_balance.problem import Problem
 from bdamper.importers.fe_body import reader
 from bdamper.importers.universal_file import read_unv
 from bdamper.time_domain.integration import every_diameter
-from bdamper.util.errors import quiet, say
+from bdamper.util.errors import quiet, warn
 
 LONG = 30.0  # s
 
@@ -48,11 +48,11 @@ def test_quiet_is_of_one_thread():
 
     def work():
         with quiet():
-            say("inside")
+            warn("inside")
             pause()
-        say("after")
+        warn("after")
 
-    assert heard_beside(work, pause, lambda: say("beside")) == ["beside", "after"]
+    assert heard_beside(work, pause, lambda: warn("beside")) == ["beside", "after"]
 
 
 def test_a_reader_leaves_the_warnings_of_others(tmp_path):
@@ -75,12 +75,12 @@ def test_all_diameters_are_made_without_warnings_and_leave_those_of_others(monke
 
     def slow(problem, **changes):
         pause()
-        say("of a problem that nobody asked for")
+        warn("of a problem that nobody asked for")
         return with_(problem, **changes)
 
     monkeypatch.setattr(Problem, "replace", slow)
     said = [f"warning {k}" for k in range(50)]
-    assert heard_beside(lambda: every_diameter(study.problem), pause, lambda: [say(text) for text in said]) == said
+    assert heard_beside(lambda: every_diameter(study.problem), pause, lambda: [warn(text) for text in said]) == said
 
 
 def test_a_universal_file_leaves_the_output_of_others(tmp_path, monkeypatch, capsys):

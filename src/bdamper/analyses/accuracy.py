@@ -53,11 +53,11 @@ from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import Convergence, HarmonicPeak, Meeting
 from bdamper.util import validation
 from bdamper.util.display import Plottable
-from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND, BdamperError, because
-from bdamper.util.formatting import brief, height, percent, spaced
-from bdamper.util.progress import CostMeter, LongWork, ended_by, one_thread
+from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND, BdamperError, with_reason
+from bdamper.util.formatting import peak_text, percent, short_repr, spaced
+from bdamper.util.progress import CostMeter, LongWork, one_thread, stopped_by
 from bdamper.util.storage import Storable
-from bdamper.util.tables import Column, Cycles, Metre, Second, Tabular, from_rows
+from bdamper.util.tables import Column, Cycles, Metre, Second, Tabular, columns_of_rows
 
 # ---- More harmonics at one peak, by Newton's method along the condition of a peak ----
 
@@ -100,11 +100,11 @@ def harmonic_convergence(
         If the peak is none of this study, or has not converged.
     """
     validation.instance("peak", peak, Peak)
-    validation.require(peak.converged, "peak", "a converged one", f"status '{peak.status}'")
+    validation.check(peak.converged, "peak", "a converged one", f"status '{peak.status}'")
     check_result(problem, peak, "peak")
     tolerance = validation.number("tolerance", tolerance, above=0.0, below=1.0)
-    asked = [validation.whole("harmonics", n, 1, MAX_HARMONIC) for n in harmonics]
-    validation.require(asked == sorted(set(asked)) and asked, "harmonics", "rising numbers", asked)
+    asked = [validation.integer("harmonics", n, 1, MAX_HARMONIC) for n in harmonics]
+    validation.check(asked == sorted(set(asked)) and asked, "harmonics", "rising numbers", asked)
     own = problem.harmonic_numbers[-1]
     meter = CostMeter()
     most, limit = _most(problem, peak.frequency, max(own, asked[-1]))
@@ -118,7 +118,7 @@ def harmonic_convergence(
             begin, n = time.thread_time(), richer.harmonic_numbers[-1]
             new = _to(at, richer, sign, meter)
             if isinstance(new, str):
-                status = because(INCOMPLETE, f"with {n} harmonics no peak was found beside this one ({new})")
+                status = with_reason(INCOMPLETE, f"with {n} harmonics no peak was found beside this one ({new})")
                 break
             at, seconds = new, time.thread_time() - begin
             found.append(HarmonicPeak(n, at[1].amplitude, at[1].frequency, seconds))
@@ -147,11 +147,11 @@ def at_optimum(problem: Problem, curve: OptimalCurve) -> Convergence | None:
         try:
             peak = highest_peak(problem, best.preload, tuple(curve.settings["frequency"]))
             if not abs(peak.amplitude / best.amplitude - 1.0) <= NEAR_HIGHEST:
-                raise BdamperError(f"the highest peak there is {height(peak.amplitude, peak.frequency)}")
+                raise BdamperError(f"the highest peak there is {peak_text(peak.amplitude, peak.frequency)}")
             found = harmonic_convergence(problem, peak, harmonics=[n for n in HARMONICS if n <= 16])
             found = replace(found, cost=found.cost if peak.cost is None else found.cost + peak.cost)
         except BdamperError as error:
-            status = because(NOT_FOUND, error)
+            status = with_reason(NOT_FOUND, error)
     own = HarmonicPeak(problem.harmonic_numbers[-1], best.amplitude, best.frequency)
     return found or Convergence(best.preload, TOLERANCE, (own,), status=status)
 
@@ -163,7 +163,7 @@ def beside(problem: Problem, curve: OptimalCurve, work: Callable[[], OptimalCurv
     """
     start, stop = time.perf_counter(), Event()
     with ThreadPoolExecutor(1) as pool:
-        more = pool.submit(ended_by(stop)(at_optimum), problem, curve)
+        more = pool.submit(stopped_by(stop)(at_optimum), problem, curve)
         try:
             done = work()
             if any(k.status == INTERRUPTED for k in done.time_response):
@@ -313,7 +313,7 @@ class Run:
     reason: str = ""
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy", version=3):
     """Errors and times of settings, one at a time and combined, against the richest that was run.
@@ -348,7 +348,7 @@ class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy", versio
     def columns(self) -> dict[str, Column]:
         """A row for each run: its settings, its highest peak and its error against the richest run."""
         varied = {n: Column(np.array([r.values[i] for r in self.runs])) for i, n in enumerate(self.varied)}
-        return varied | from_rows(self.runs)
+        return varied | columns_of_rows(self.runs)
 
     @property
     def richest(self) -> Run:
@@ -406,13 +406,13 @@ def ladder_values(problem: Problem, name: str) -> list[Any]:
 def make_ladders(problem: Problem, vary: Any) -> dict[str, dict[str, Any]]:
     """Values of each setting that is varied by their names, from the cheapest to the richest; see :func:`accuracy_cost`."""
     vary = DEFAULT if vary is None else (vary,) if isinstance(vary, str) else vary
-    validation.that(isinstance(vary, Iterable), "vary", "names of settings, or a mapping of them to values", vary)
+    validation.check_value(isinstance(vary, Iterable), "vary", "names of settings, or a mapping of them to values", vary)
     named = vary if isinstance(vary, Mapping) else {name: ladder_values(problem, name) for name in vary}
-    validation.that(named, "vary", "at least one setting of a study", vary)
+    validation.check_value(named, "vary", "at least one setting of a study", vary)
     known = {f.name for f in fields(problem.settings)} - {"model"}
     for name, values in validation.mapping("vary", named, known, "settings of a study").items():
         several = isinstance(values, Sequence | np.ndarray) and not isinstance(values, str) and len(values)
-        validation.that(several, f"vary '{name}'", "a sequence of values", values)
+        validation.check_value(several, f"vary '{name}'", "a sequence of values", values)
     return {name: {_name(value): value for value in values} for name, values in named.items()}
 
 
@@ -465,7 +465,7 @@ class _Runs:
         return self.done[-1]
 
 
-@validation.spelt
+@validation.check_arguments
 @one_thread
 def accuracy_cost(
     study: Asking | Problem,
@@ -510,7 +510,7 @@ def accuracy_cost(
     KeyboardInterrupt
         If that was interrupted.
     """
-    validation.that(
+    validation.check_value(
         quantity is None or callable(quantity), "quantity", "a function of study, preload and interval", quantity
     )
     problem = problem_of(study)

@@ -30,15 +30,15 @@ from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import validation
 from bdamper.util.display import Fact, Plottable, draw
 from bdamper.util.errors import BdamperError
-from bdamper.util.formatting import amount, brief, percent
-from bdamper.util.progress import CostMeter, each, one_thread
+from bdamper.util.formatting import amount, percent, short_repr
+from bdamper.util.progress import CostMeter, one_thread, with_progress
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import Hertz, Numbers, RadiansPerSecond, Tabular
 
 # ---- Campbell and interference diagrams ----
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class Campbell(Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
     """Frequencies over rotor speed.
@@ -90,7 +90,7 @@ class Campbell(Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
             If the model does not have it.
         """
         known = self.nodal_diameter.tolist()
-        validation.require(nodal_diameter in known, "nodal_diameter", f"one of {known}", nodal_diameter)
+        validation.check(nodal_diameter in known, "nodal_diameter", f"one of {known}", nodal_diameter)
         return known.index(nodal_diameter)
 
     @property
@@ -142,7 +142,7 @@ def line_crossings(speed: NDArray, frequency: NDArray, engine_order: int) -> NDA
     return np.append(found, speed[-1:][gap[-1:] == 0.0])
 
 
-@partial(validation.spelt, also=Conditions.__dataclass_fields__)
+@partial(validation.check_arguments, also=Conditions.__dataclass_fields__)
 @one_thread
 def campbell(
     problem: Problem,
@@ -181,13 +181,13 @@ def campbell(
         If speeds or orders are none, or damped crossings of another model.
     """
     values = speed_values(asked_speeds(problem, speeds, rpm))
-    orders = validation.wholes("engine_orders", engine_orders, least=1)
-    modes = validation.whole("modes", modes, least=1)
+    orders = validation.integers("engine_orders", engine_orders, least=1)
+    modes = validation.integer("modes", modes, least=1)
     shown = (damped,) if isinstance(damped, SweepResult) else tuple(damped or ())
     for item in shown:
         crossings = isinstance(item, SweepResult) and {"speed", "mass"} <= {*item.quantities}
-        validation.that(crossings, "damped", "crossings, as Study.crossings returns them", item)
-        validation.require(
+        validation.check_value(crossings, "damped", "crossings, as Study.crossings returns them", item)
+        validation.check(
             item.model_hash == problem.model.hash, "damped", "crossings of this model", "those of another one"
         )
     given = Conditions(**conditions)
@@ -197,11 +197,11 @@ def campbell(
     free, stuck = np.full((2, len(diameters), len(values), modes), np.nan)
     n, resting = problem.model.n_blades, Conditions(given.friction, given.temperature)
     beyond = [order for order in orders if problem.model.folded_nodal_diameter(order)[0] not in diameters]
-    validation.require(not beyond, "engine_orders", f"orders that meet nodal diameters {diameters}", beyond)
+    validation.check(not beyond, "engine_orders", f"orders that meet nodal diameters {diameters}", beyond)
     by_diameter = [SpeedFamily(problem.replace(engine_order=d or n, harmonics=1), resting) for d in diameters]
     own = problem.model.folded_nodal_diameter(int(problem.engine_order))[0]
     mean = diameters.index(own) if own in diameters else 0  # the static state has no nodal diameter: one serves all
-    for i, omega in enumerate(each(values.tolist(), progress, "Campbell diagram", "speed")):
+    for i, omega in enumerate(with_progress(values.tolist(), progress, "Campbell diagram", "speed")):
         problems = [under(family.base, omega, resting) for family in by_diameter]
         preload = preload_at(problem, omega) if problem.carries_load else 0.0
         state = problems[mean].equilibrium(preload)
@@ -227,7 +227,7 @@ WITHIN = (50.0, 2000.0)
 """Speeds (rad/s) between which a crossing is looked for if none are given."""
 
 
-@partial(validation.spelt, also=Conditions.__dataclass_fields__)
+@partial(validation.check_arguments, also=Conditions.__dataclass_fields__)
 @one_thread
 def run_up(
     problem: Problem,
@@ -272,7 +272,7 @@ def run_up(
     narrow = speeds is not None or rpm is not None
     if narrow:
         asked = speed_values(asked_speeds(problem, speeds, rpm))
-    mode = validation.whole("mode", mode, least=1)
+    mode = validation.integer("mode", mode, least=1)
     meter = CostMeter()
     family = SpeedFamily(problem, given)
     low, high = float(asked[0]), float(asked[-1])
@@ -288,7 +288,7 @@ def run_up(
         )
     top, error = exact(family, found.peak)
     left = f"a residual of {error:.2g} after interpolation over it; give a shorter one"
-    validation.require(error <= CLOSE, "speeds", "a range in which the equations change smoothly", left)
+    validation.check(error <= CLOSE, "speeds", "a range in which the equations change smoothly", left)
     fixed = at_fixed_speed(equations, found.peak, meter)
     out = _with_maximum(curve, found.index, top, responses(equations, top.y[None])[0])
     notes = _beside(top, fixed), f"interpolation over speed leaves a residual of {error:.1e} there"

@@ -401,7 +401,7 @@ class CrossingTask:
         return out | {"warning": warnings}
 
 
-@partial(validation.spelt, also=Conditions.__dataclass_fields__)
+@partial(validation.check_arguments, also=Conditions.__dataclass_fields__)
 def resonance_crossings(
     problem: Problem,
     /,
@@ -447,10 +447,10 @@ def resonance_crossings(
         If speeds, orders or factors are none, or no free body carries a load.
     """
     values = speed_values(asked_speeds(problem, speeds, rpm))
-    orders = validation.wholes("engine_orders", engine_orders, least=1)
+    orders = validation.integers("engine_orders", engine_orders, least=1)
     factors = validation.numbers("damper_mass", damper_mass, above=0.0)
-    mode = validation.whole("mode", mode, least=1)
-    validation.require(orders, "engine_orders", "at least one", "none")
+    mode = validation.integer("mode", mode, least=1)
+    validation.check(orders, "engine_orders", "at least one", "none")
     preload_at(problem, float(values[-1]))
     if not problem.carries_load:
         raise SettingError(f"crossings: expected a model with a body that carries a load, found that {problem.why_no_load}")
@@ -474,5 +474,5 @@ def speed_values(speeds: Any, n: int = 13) -> NDArray:
     """
     values = validation.numbers("speeds", speeds, above=0.0, unit="rad/s")
     if len(values) < 2 or np.any(np.diff(values) <= 0.0):
-        raise validation.unfit("speeds", "(low, high) in rad/s, or a longer sequence of increasing values", speeds)
+        raise validation.invalid("speeds", "(low, high) in rad/s, or a longer sequence of increasing values", speeds)
     return values if len(values) > 2 else np.linspace(values[0], values[1], n)

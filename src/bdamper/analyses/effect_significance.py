@@ -28,10 +28,10 @@ from bdamper.harmonic_balance.problem import Problem
 from bdamper.util import validation
 from bdamper.util.display import Plottable
 from bdamper.util.errors import BdamperError, SettingError
-from bdamper.util.formatting import amount, brief, percent
+from bdamper.util.formatting import amount, percent, short_repr
 from bdamper.util.progress import one_thread
 from bdamper.util.storage import Storable
-from bdamper.util.tables import Column, Tabular, from_rows
+from bdamper.util.tables import Column, Tabular, columns_of_rows
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class EffectRow:
         return "switch on" if self.significant else "stays off"
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class EffectSignificance(Plottable, Tabular, Storable, kind="bdamper-effect-significance", version=4):
     """Change of the peak without each effect, and which effects are needed.
@@ -122,7 +122,7 @@ class EffectSignificance(Plottable, Tabular, Storable, kind="bdamper-effect-sign
 
     def columns(self) -> dict[str, Column]:
         """A row for each effect; changes are relative."""
-        return from_rows(self.effects)
+        return columns_of_rows(self.effects)
 
     def __getitem__(self, name: str) -> EffectRow:
         by_name = {item.name: item for item in self.effects}
@@ -152,7 +152,7 @@ class EffectSignificance(Plottable, Tabular, Storable, kind="bdamper-effect-sign
         return [*rows, ("all left out", *changes, "", "computed", f"{self.work:.2f}", "")]
 
 
-@validation.spelt
+@validation.check_arguments
 @one_thread
 def effect_significance(
     problem: Problem,

@@ -73,8 +73,8 @@ from bdamper.response.response_curve import check_curve, frequency_response
 from bdamper.response.response_curve_result import ResponseCurve, uninterrupted
 from bdamper.response.verification import ErrorEstimates, SourceError
 from bdamper.util import validation
-from bdamper.util.errors import COMPLETE, BdamperError, SettingError, word
-from bdamper.util.formatting import short
+from bdamper.util.errors import COMPLETE, BdamperError, SettingError, status_word
+from bdamper.util.formatting import short_text
 from bdamper.util.progress import one_thread
 
 # ---- The change of a peak from one study to another, without computing the other peak ----
@@ -238,11 +238,11 @@ def _read(problem: Problem, result: Any) -> tuple[float, float, str]:
             amplitude, frequency = (float(value) for value in result)
         except (TypeError, ValueError):
             what = "a ResponseCurve, a Peak, or amplitude (m) and frequency (Hz)"
-            raise SettingError(f"answer: expected {what}, found {short(result)}") from None
+            raise SettingError(f"answer: expected {what}, found {short_text(result)}") from None
         return amplitude, frequency, ""
     if isinstance(result, Peak):
         known, why = (
-            result.converged and word(result.search_status) == COMPLETE,
+            result.converged and status_word(result.search_status) == COMPLETE,
             f"status '{result.status}', scan {result.search_status}",
         )
     else:
@@ -396,7 +396,7 @@ def estimate_errors(problem: Problem, result: ResponseCurve | Peak, *, sources: 
         preload = result.preload
         tops = replace(Tops.of(problem, result), follow=not result.peak_at_end)
     else:
-        validation.require(result.converged, "peak", "a converged one", f"status '{result.status}'")
+        validation.check(result.converged, "peak", "a converged one", f"status '{result.status}'")
         check_result(problem, result, "peak")
         preload, tops = result.parameter, Tops((result,))
     top = tops.peaks[0]

@@ -27,8 +27,8 @@ import numpy as np
 
 from bdamper.util import errors, validation
 from bdamper.util.errors import BdamperError
-from bdamper.util.progress import Cost, CostMeter, ExecutorEnded, LongWork, counter, on_executor
-from bdamper.util.storage import ResultsFile, as_line
+from bdamper.util.progress import Cost, CostMeter, ExecutorEnded, LongWork, executor_errors, progress_counter
+from bdamper.util.storage import ResultsFile, json_line
 
 Record = dict[str, Any]
 Keep = Callable[[int, Record], None]
@@ -56,7 +56,7 @@ def recorded(ask: Callable[[], Mapping[str, Any]]) -> Record:
         if work.interrupted:
             raise ExecutorEnded(work.reason) if work.reason else KeyboardInterrupt
     except (BdamperError, ArithmeticError, np.linalg.LinAlgError, ExecutorEnded) as error:
-        ending = errors.because(errors.FAILED, error)
+        ending = errors.with_reason(errors.FAILED, error)
     spent = watch.read()
     cost = values.pop("cost") if isinstance(values.get("cost"), Cost) else spent
     return {"status": ending, "values": values, "seconds": spent.seconds, "cost": asdict(cost)}
@@ -122,7 +122,7 @@ class _Tasks:
 
     def submit(self, i: int, carries: bool) -> None:
         """Submit a point, with the job or with its digest alone."""
-        with on_executor(RuntimeError):  # as one that was shut down raises it
+        with executor_errors(RuntimeError):  # as one that was shut down raises it
             future = self.executor.submit(work, self.key, self.path, self.packed if carries else None, self.points[i])
         self.running[future] = i
         if carries:
@@ -132,7 +132,7 @@ class _Tasks:
     def record(self, future: Task) -> Record | None:
         """Record of a finished task, None if it was handed back."""
         self.carriers.discard(future)
-        with on_executor():
+        with executor_errors():
             worker, record = future.result()
         if record is None:
             self.without.add(worker)
@@ -219,7 +219,7 @@ def run_points(
 def check_executor(executor: Any) -> None:
     """Refuse what takes no tasks; None stands for this process."""
     if executor is not None and not callable(getattr(executor, "submit", None)):
-        raise validation.unfit("executor", "an executor with a method submit, as those of concurrent.futures", executor)
+        raise validation.invalid("executor", "an executor with a method submit, as those of concurrent.futures", executor)
 
 
 def run_stored(
@@ -252,7 +252,7 @@ def run_stored(
     """
     records: dict[int | str, Record] = {} if store is None else dict(store.records)
     todo = [i for i, name in enumerate(names) if name not in records]
-    with LongWork() as work, counter(progress, len(points), len(points) - len(todo), what, unit) as advance:
+    with LongWork() as work, progress_counter(progress, len(points), len(points) - len(todo), what, unit) as advance:
 
         def keep(i: int, record: Record) -> None:
             records[names[i]] = {"index": names[i], **record}
@@ -261,5 +261,5 @@ def run_stored(
             advance()
 
         run_points(job, points, todo, executor, keep)
-    not_run = NOT_RUN | {"status": errors.because(errors.NOT_RUN, work.reason)}
-    return [json.loads(as_line(records.get(name, not_run))) for name in names]
+    not_run = NOT_RUN | {"status": errors.with_reason(errors.NOT_RUN, work.reason)}
+    return [json.loads(json_line(records.get(name, not_run))) for name in names]

@@ -49,8 +49,8 @@ from bdamper.importers.measurements import Measured, Measurement
 from bdamper.response.sensitivity import setting_value
 from bdamper.util import validation
 from bdamper.util.display import Plottable
-from bdamper.util.errors import COMPLETE, INCOMPLETE, BdamperError, SettingError, because
-from bdamper.util.formatting import brief, spaced
+from bdamper.util.errors import COMPLETE, INCOMPLETE, BdamperError, SettingError, with_reason
+from bdamper.util.formatting import short_repr, spaced
 from bdamper.util.progress import one_thread
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import Column, Tabular
@@ -78,7 +78,7 @@ UNLOADED = {"damping_factor": (0.05, 20.0), "frequency_factor": (0.8, 1.25), FOR
 """Parameters that are found from the response without damper, with their ranges."""
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="point"):
     """Parameters found from measured responses; they belong to the settings with which they were found.
@@ -169,7 +169,7 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
         richer : Fitted
             Of the same parameters from the same data, with more harmonics, modes or contact points.
         """
-        validation.require(richer.names == self.names, "richer", f"a fit of {self.names}", f"one of {richer.names}")
+        validation.check(richer.names == self.names, "richer", f"a fit of {self.names}", f"one of {richer.names}")
         away = np.exp(np.abs(np.log(richer.values / self.values)))
         low, high = np.minimum(self.low / away, richer.low), np.maximum(self.high * away, richer.high)
         return replace(self, low=low, high=high, notes=(*self.notes, f"intervals reach a fit with {richer._belong()}"))
@@ -316,7 +316,7 @@ def left_out(r: NDArray, J: NDArray, rows: Sequence[slice | NDArray]) -> NDArray
 
 
 @asked
-@validation.spelt
+@validation.check_arguments
 @one_thread
 def fit(
     problem: Problem,
@@ -357,7 +357,7 @@ def fit(
         If no response can be computed at any measured point.
     """
     data = [data] if isinstance(data, MeasuredResponse | Measured) else list(data)
-    validation.require(data, "data", "one test or more", "none")
+    validation.check(data, "data", "one test or more", "none")
     for each in data:
         validation.instance("data", each, (MeasuredResponse, Measured))
     noise = validation.number("noise", noise, above=0.0, below=1.0)
@@ -373,7 +373,7 @@ def fit(
                 problem, [free if isinstance(free, MeasuredResponse) else MeasuredResponse(free, 0.0)], unloaded, noise
             )
         )
-    validation.require(ranges, "vary", "parameters beside those that are found from the free response", list(vary))
+    validation.check(ranges, "vary", "parameters beside those that are found from the free response", list(vary))
     stiff = [name for name in ranges if name.startswith("contact_stiffness")]
     if (
         "frequency_factor" in ranges
@@ -494,7 +494,7 @@ def _profile(objective: Objective, x: NDArray, j: int, rise: float, half: float)
 
 def _with_status(found: Fitted, doubts: Sequence[str]) -> Fitted:
     doubts = [each for each in (found.wrong, *doubts) if each]
-    return replace(found, status=because(INCOMPLETE, "; ".join(doubts)) if doubts else COMPLETE)
+    return replace(found, status=with_reason(INCOMPLETE, "; ".join(doubts)) if doubts else COMPLETE)
 
 
 def _joined(first: Fitted, last: Fitted) -> Fitted:

@@ -21,14 +21,14 @@ from bdamper.response.events import ContinuationOptions
 from bdamper.response.optimal_curve import preload_values
 from bdamper.util import validation
 from bdamper.util.display import Plottable
-from bdamper.util.errors import COMPLETE, INCOMPLETE, because
-from bdamper.util.formatting import amount, brief
+from bdamper.util.errors import COMPLETE, INCOMPLETE, with_reason
+from bdamper.util.formatting import amount, short_repr
 from bdamper.util.progress import one_thread
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Tabular
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class Flutter(Plottable, Tabular, Recorded, Storable, kind="bdamper-flutter", row="cycle"):
     """Rest and limit cycles of a blade that a flow excites, over preload and nodal diameter.
@@ -89,7 +89,7 @@ class Flutter(Plottable, Tabular, Recorded, Storable, kind="bdamper-flutter", ro
         return f"Starts below {amount(safe[k], 'm')} stay bounded, the least at {where}: {cycles}."
 
 
-@validation.spelt
+@validation.check_arguments
 @one_thread
 def flutter(
     problem: Problem,
@@ -127,7 +127,7 @@ def flutter(
     rows: list[tuple[Any, ...]] = []
     for d, value in given.items():
         flow = complex(value)
-        validation.that(np.isfinite(flow), f"aerodynamic_damping at nodal diameter {d}", "a finite number", value)
+        validation.check_value(np.isfinite(flow), f"aerodynamic_damping at nodal diameter {d}", "a finite number", value)
         zeta = flow.imag if isinstance(value, complex) else flow.real
         one = problem if d == own else problem.replace(engine_order=int(d) or problem.model.n_blades)
         one = _shifted(one, flow.real if isinstance(value, complex) else 0.0, float(values[-1]), mode)
@@ -170,7 +170,7 @@ def _shifted(problem: Problem, shift: float, preload: float, mode: int) -> Probl
 
 def _cycles(problem: Problem, mode: NonlinearMode, zeta: float) -> list[tuple[float, float, bool, str]]:
     """Amplitude (m), frequency (Hz), stability and status of the motions of a mode with a damping ratio of ``-zeta``."""
-    validation.require(len(mode), "flutter", f"a mode under {mode.preload:g} N", f"none: {mode.reason}")
+    validation.check(len(mode), "flutter", f"a mode under {mode.preload:g} N", f"none: {mode.reason}")
     system, _ = mode_system(problem, mode.preload, mode.mode, float(mode.amplitude.min()))
     g, out = mode.damping_ratio + zeta, []
     for i in np.flatnonzero((g[:-1] * g[1:] <= 0.0) & (g[1:] != 0.0) & (mode.branch[:-1] == mode.branch[1:])):
@@ -180,7 +180,8 @@ def _cycles(problem: Problem, mode: NonlinearMode, zeta: float) -> list[tuple[fl
         guess = a + g[i] / (g[i] - g[i + 1]) * (b - a)
         scale = system.units(guess, 1.0)
         c = system.solve(guess, Plane(np.eye(len(guess))[-2]), scale, 1e-10, 20, True)
-        y, status = (c.y, COMPLETE) if c.status == OK else (guess, because(INCOMPLETE, "between two points of the mode"))
+        between = with_reason(INCOMPLETE, "between two points of the mode")
+        y, status = (c.y, COMPLETE) if c.status == OK else (guess, between)
         stable = bool((g[i + 1] - g[i]) * (b[-1] - a[-1]) > 0.0)
         out.append((float(system.structure.reference * np.exp(y[-1])), float(y[-3]) / TWO_PI, stable, status))
     return out

@@ -47,8 +47,8 @@ from bdamper.response.response_curve import check_curve
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Fact, Plottable, draw
-from bdamper.util.errors import COMPLETE, FAILED, ModelError, SettingError, because
-from bdamper.util.formatting import amount, brief, percent
+from bdamper.util.errors import COMPLETE, FAILED, ModelError, SettingError, with_reason
+from bdamper.util.formatting import amount, percent, short_repr
 from bdamper.util.progress import one_thread
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import ROW, Column, Quantity, Tabular
@@ -64,7 +64,7 @@ NOTHING = 1e-9
 Solved = ResponseCurve | Peak | OptimalCurve
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-hysteresis"):
     """Energies, equivalent stiffness and damping of the contacts; of a single solution also its motions and forces.
@@ -220,9 +220,9 @@ class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamp
                 return self.response, self.whole
             rows = self.rows(where)
         else:
-            rows = np.array([validation.whole("where, index of a contact point", where, 0, len(self.points) - 1)])
+            rows = np.array([validation.integer("where, index of a contact point", where, 0, len(self.points) - 1)])
         rows = rows[np.isfinite(self.displacement[rows, 0, 0])]
-        validation.require(len(rows), "where", "contact that takes part", f"{where!r}, which the settings leave out")
+        validation.check(len(rows), "where", "contact that takes part", f"{where!r}, which the settings leave out")
         moved = np.average(self.displacement[rows, k], axis=0, weights=self.area[rows])
         return moved - moved[:-1].mean(), self.force[rows, k].sum(axis=0)
 
@@ -265,7 +265,7 @@ def _solutions(problem: Problem, result: Solved) -> tuple[Solutions, NDArray]:
     elif isinstance(result, OptimalCurve):
         branch = np.cumsum(~result.goes_on)  # points of one smooth branch go on from each other
     known = np.isfinite(solved.frequency)
-    validation.require(known.any(), "result", "solutions", f"none ({type(result).__name__})")
+    validation.check(known.any(), "result", "solutions", f"none ({type(result).__name__})")
     return Solutions(*(column[known] for column in solved)), branch[known]
 
 
@@ -357,14 +357,14 @@ def hysteresis(problem: Problem, result: Solved, index: int | None = None, *, n_
     SettingError
         If the result is of another problem, or holds no solution.
     """
-    n_theta = validation.whole("n_theta", n_theta, least=16)
+    n_theta = validation.integer("n_theta", n_theta, least=16)
     if index is None and isinstance(result, ResponseCurve) and len(result):
         index = result.peak.index
     elif index is None and isinstance(result, OptimalCurve):
         known = result.amplitude[np.isfinite(result.amplitude)]
         index = int(np.argmin(known)) if len(known) else None
     solved, branch = _solutions(problem, result)
-    k = 0 if index is None else validation.whole("index of a point", index, -len(branch), len(branch) - 1)
+    k = 0 if index is None else validation.integer("index of a point", index, -len(branch), len(branch) - 1)
     u, frequency, preload = (column[k] for column in solved)
     system = problem.system(preload)
     theta = np.linspace(0.0, 2.0 * np.pi, n_theta + 1)
@@ -442,7 +442,7 @@ def microslip(
         If there is no static state under the preload.
     """
     wanted = validation.numbers("microslip forces", forces, above=0.0, unit="N")
-    validation.that(not np.any(np.diff(wanted) <= 0.0), "microslip forces", "increasing forces above 0 N", forces)
+    validation.check_value(not np.any(np.diff(wanted) <= 0.0), "microslip forces", "increasing forces above 0 N", forces)
     validation.choice("microslip location", location, sorted(problem.model.locations))
     seat = problem.static(preload)
     if not seat.converged:
@@ -465,7 +465,7 @@ def microslip(
             break
         values.append(_answers(state, float(d.real @ (state.q - seat.q))))
     beyond = len(wanted) + 1 - len(values)
-    status = (COMPLETE,) * len(values) + (because(FAILED, "the damper slides"),) * beyond
+    status = (COMPLETE,) * len(values) + (with_reason(FAILED, "the damper slides"),) * beyond
     points = tuple({"force": force} for force in (0.0, *wanted.tolist()))
     found = (*values, *[{}] * beyond)
     return SweepResult(("force",), points, found, status, np.zeros(len(points)), (len(points),), **problem.recorded())

@@ -29,8 +29,8 @@ from bdamper.analyses.fit import left_out
 from bdamper.importers.measurements import FORCES, LENGTHS, read_columns
 from bdamper.util import validation
 from bdamper.util.display import Plottable
-from bdamper.util.errors import COMPLETE, INCOMPLETE, because
-from bdamper.util.formatting import amount, brief, percent
+from bdamper.util.errors import COMPLETE, INCOMPLETE, with_reason
+from bdamper.util.formatting import amount, percent, short_repr
 
 REVERSAL = 10.0
 """Reversals of the displacement count from this multiple of its noise, or from ``CLOSED`` of its range."""
@@ -48,7 +48,7 @@ POOR = 0.05
 """Misfit above which the model does not describe a loop."""
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class FittedLoop(Plottable):
     """Contact stiffness and friction of a hysteresis loop.
@@ -102,7 +102,7 @@ class FittedLoop(Plottable):
         )
 
 
-@validation.spelt
+@validation.check_arguments
 def fit_loop(displacement: NDArray, force: NDArray, *, normal: float, sliders: int = 20) -> FittedLoop:
     """Find contact stiffness, friction coefficient and its spread from a measured loop.
 
@@ -130,9 +130,9 @@ def fit_loop(displacement: NDArray, force: NDArray, *, normal: float, sliders: i
     """
     x, y = validation.numbers("displacement", displacement), validation.numbers("force", force)
     expected = "ten or more displacements and as many forces"
-    validation.require(len(x) == len(y) >= 10, "loop", expected, f"{len(x)} and {len(y)}")
+    validation.check(len(x) == len(y) >= 10, "loop", expected, f"{len(x)} and {len(y)}")
     normal = validation.number("normal", normal, above=0.0, unit="N")
-    sliders = validation.whole("sliders", sliders, least=1)
+    sliders = validation.integer("sliders", sliders, least=1)
     noise = np.array([_noise(x), _noise(y)])
     sense = _senses(x, y, max(REVERSAL * noise[0], CLOSED * float(np.ptp(x))))
     used = sense != 0.0
@@ -150,7 +150,7 @@ def fit_loop(displacement: NDArray, force: NDArray, *, normal: float, sliders: i
     return FittedLoop(
         kt=float(np.exp(p[0])), mu=float(np.exp(p[1])), spread=float(p[2]), deviation=deviation, misfit=misfit, noise=noise,
         sliders=sliders, displacement=x, force=y, model=loop.force(p), notes=notes,
-        status=because(INCOMPLETE, wrong) if misfit > POOR else COMPLETE,
+        status=with_reason(INCOMPLETE, wrong) if misfit > POOR else COMPLETE,
     )  # fmt: skip
 
 
@@ -175,7 +175,7 @@ def _senses(x: NDArray, y: NDArray, apart: float) -> NDArray:
         full[[0, -1]] = False
         sense = sense * full
     expected = "a closed period or more; remove drift, or give whole periods of constant amplitude"
-    validation.require(
+    validation.check(
         {-1.0, 1.0} <= set(sense), "displacement", expected, f"{len(turns)} turning points and no full period"
     )
     if len(turns) <= 2:
@@ -183,7 +183,7 @@ def _senses(x: NDArray, y: NDArray, apart: float) -> NDArray:
             span, step = float(np.ptp(values)), float(np.abs(np.diff(values)).max())
             gap = abs(float(values[-1] - values[0]))
             found = f"{percent(gap / span)} of its range between the first and the last point"
-            validation.require(gap <= max(2.0 * step, CLOSED * span), name, expected, found)
+            validation.check(gap <= max(2.0 * step, CLOSED * span), name, expected, found)
     return np.repeat(sense, np.diff(ends))
 
 
@@ -191,12 +191,12 @@ def _check_signs(x: NDArray, y: NDArray, sense: NDArray) -> None:
     """Refuse a loop that sticks, supplies energy or has a negative stiffness."""
     slope, half, _ = np.linalg.lstsq(np.column_stack([x, sense, np.ones(len(x))]), y, rcond=None)[0]
     slips = abs(half) > STICKS * np.ptp(y)
-    validation.require(slips, "loop", "slip, without which friction is not known", "a loop that sticks")
+    validation.check(slips, "loop", "slip, without which friction is not known", "a loop that sticks")
     opposite = bool(slope * np.ptp(x) < -CLOSED * np.ptp(y))
     mends = {"change the sign of the force": opposite, "reverse the order of the points": opposite == (half > 0.0)}
     mend = " and ".join(words for words, needed in mends.items() if needed)
     found = "negative stiffness" if half > 0.0 else "energy that is supplied"
-    validation.require(not mend, "loop", "positive stiffness and energy that is dissipated", f"{found}; {mend}")
+    validation.check(not mend, "loop", "positive stiffness and energy that is dissipated", f"{found}; {mend}")
 
 
 @dataclass(eq=False)

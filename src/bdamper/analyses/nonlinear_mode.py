@@ -33,17 +33,17 @@ from bdamper.response.events import ContinuationOptions, Path
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Plottable
 from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, SettingError
-from bdamper.util.formatting import amount, brief, height
+from bdamper.util.formatting import amount, peak_text, short_repr
 from bdamper.util.progress import Cost, CostMeter, one_thread
 from bdamper.util.storage import Recorded, Storable
-from bdamper.util.tables import ROW, Followed, Hertz, Kinds, Numbers, PerRow, Quantity, Shares, Tabular
+from bdamper.util.tables import ROW, FrequencySeries, Hertz, Kinds, Numbers, PerRow, Quantity, Shares, Tabular
 
 # ---- A nonlinear mode as a result ----
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
-class NonlinearMode(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="bdamper-nonlinear-mode"):
+class NonlinearMode(Plottable, Comparable, FrequencySeries, Tabular, Recorded, Storable, kind="bdamper-nonlinear-mode"):
     """Free vibration of a structure with friction: frequency and damping over its amplitude.
 
     Every point is a converged periodic motion.  ``plot`` draws both over the amplitude
@@ -134,7 +134,7 @@ class NonlinearMode(Plottable, Comparable, Followed, Tabular, Recorded, Storable
         edge = ", an end of the range" if top in (0, len(self) - 1) else ""
         return (
             f"Damping of mode {self.mode} {where}: at most {amount(100.0 * self.damping_ratio[top], '%')}, with "
-            f"{height(self.amplitude[top], self.frequency[top])}{edge}; the frequency lies between "
+            f"{peak_text(self.amplitude[top], self.frequency[top])}{edge}; the frequency lies between "
             f"{amount(self.frequency.min(), 'Hz')} and {amount(self.frequency.max(), 'Hz')}."
             + ("" if self.complete else f" The mode is {self.status}: {self.reason}.")
         )
@@ -250,7 +250,7 @@ FLAT = 1e-6
 """By how much a maximum of the damping exceeds its neighbours at least, relative."""
 
 
-@validation.spelt
+@validation.check_arguments
 @one_thread
 def nonlinear_mode(
     problem: Problem,
@@ -285,7 +285,7 @@ def nonlinear_mode(
     SettingError
         If a value does not fit, or the response does not move in this mode.
     """
-    preload, mode = problem.check_preload(preload), validation.whole("mode", mode, least=1)
+    preload, mode = problem.check_preload(preload), validation.integer("mode", mode, least=1)
     low, high = validation.interval("amplitude", amplitude, "m")
     validation.instance("options", options or ContinuationOptions(), ContinuationOptions)
     meter = CostMeter()
@@ -325,7 +325,7 @@ def mode_system(problem: Problem, preload: float, mode: int, low: float) -> tupl
     state, driven = problem.equilibrium(preload), problem.system(preload)
     free, alone = driven.structure.linear.modes(None)
     elastic = np.flatnonzero(free > RIGID * free[-1])
-    mode = validation.whole("mode", mode, least=1, most=len(elastic))
+    mode = validation.integer("mode", mode, least=1, most=len(elastic))
     frequencies, shapes = driven.structure.linear.modes(stuck_springs(problem, state))
     across = np.abs((driven.structure.bases[1].mass * alone[:, elastic[mode - 1]].conj()) @ shapes)
     k = int(np.argmax(across))

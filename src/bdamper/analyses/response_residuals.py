@@ -49,7 +49,7 @@ EDGE = 1e-6
 """Relative: what curves go beyond the measured frequencies; a step or a distance that counts as none."""
 
 
-@validation.spelt
+@validation.check_arguments
 @dataclass(frozen=True)
 class MeasuredResponse(validation.Checked):
     """A measured response over frequency, and how it was measured.
@@ -77,8 +77,8 @@ class MeasuredResponse(validation.Checked):
         super().__post_init__()
         validation.instance("data", self.data, Measurement, "a Measurement, as bdamper.importers.read_response reads it")
         name, least = self.data.name, min(self.data.frequency.min(), self.data.amplitude.min())
-        validation.require(len(np.unique(self.data.frequency)) > 2, name, "three frequencies or more", "fewer")
-        validation.require(least > 0.0 < self.data.metres, name, "frequencies and amplitudes above 0", f"{least:g}")
+        validation.check(len(np.unique(self.data.frequency)) > 2, name, "three frequencies or more", "fewer")
+        validation.check(least > 0.0 < self.data.metres, name, "frequencies and amplitudes above 0", f"{least:g}")
 
     def __str__(self) -> str:
         force = "" if self.force is None else f", {self.force:g} N"
@@ -301,7 +301,7 @@ def of_resonances(varied: Variations, data: Measured, noise: float) -> Separatio
     order = np.argsort(data.load)[-n:]
     rest = int(np.argmin(data.load))
     source, least = data.source or "resonances", float(data.load[rest])
-    validation.require(least == 0.0, source, "a row of load 0, the reference", f"{least:g} N as the least load")
+    validation.check(least == 0.0, source, "a row of load 0, the reference", f"{least:g} N as the least load")
     measured = np.array([data.amplitude, data.frequency]).T[order] / [data.amplitude[rest], data.frequency[rest]]
     peaks, reasons = {}, []
     for load in loads:

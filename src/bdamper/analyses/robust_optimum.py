@@ -43,10 +43,10 @@ from bdamper.util.errors import (
     BdamperError,
     SettingError,
     all_complete,
-    because,
-    word,
+    status_word,
+    with_reason,
 )
-from bdamper.util.formatting import amount, brief
+from bdamper.util.formatting import amount, short_repr
 from bdamper.util.progress import one_thread
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import ROW, Column, Newtons, Quantity, Tabular
@@ -77,8 +77,8 @@ def sample(distributions: Mapping[str, Any], n: int, *, seed: int = 0) -> dict[s
     for name, distribution in distributions.items():
         if not callable(getattr(distribution, "ppf", None)):
             raise SettingError(f"distribution of '{name}': expected one of scipy.stats, found {distribution!r}")
-    n, seed = validation.whole("n", n, least=2), validation.whole("seed", seed)
-    validation.require(n & (n - 1) == 0, "n", "a power of two for a Sobol sequence", n)
+    n, seed = validation.integer("n", n, least=2), validation.integer("seed", seed)
+    validation.check(n & (n - 1) == 0, "n", "a power of two for a Sobol sequence", n)
     drawn = {}
     if "residual_slip_std" in given:
         spread = validation.number("residual_slip_std", given["residual_slip_std"], least=0.0, unit="m")
@@ -89,7 +89,7 @@ def sample(distributions: Mapping[str, Any], n: int, *, seed: int = 0) -> dict[s
     return {name: np.asarray(dist.ppf(unit[:, i]), float) for i, (name, dist) in enumerate(distributions.items())} | drawn
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class RobustOptimum:
     """The preload at which a percentile of the resonance amplitude over a sample is least.
@@ -120,7 +120,7 @@ class RobustOptimum:
     status: str = COMPLETE
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class OptimalCurveUncertainty(Plottable, Tabular, Recorded, Storable, kind="bdamper-optimal-curve-uncertainty",
     row="preload"):
@@ -188,7 +188,7 @@ class OptimalCurveUncertainty(Plottable, Tabular, Recorded, Storable, kind="bdam
         )
 
 
-@validation.spelt
+@validation.check_arguments
 def optimal_curve_uncertainty(
     study: Asking | Problem,
     samples: Mapping[str, Sequence[float] | NDArray],
@@ -214,7 +214,7 @@ def optimal_curve_uncertainty(
         As in :func:`bdamper.sweep`.
     """
     validation.instance("samples", samples, Mapping, "a mapping of settings to numbers, as draw returns it")
-    validation.require("preload" not in samples, "samples", "settings other than the preload", "'preload'")
+    validation.check("preload" not in samples, "samples", "settings other than the preload", "'preload'")
     values = preload_values(preload, n)
     task = OptimalTask(tuple(float(p) for p in values), len(values), frequency, mode)
     done = sweep(study, dict(samples), task, combine="zip", executor=executor, resume=resume, progress=progress)
@@ -231,7 +231,7 @@ def optimal_curve_uncertainty(
     )
 
 
-@validation.spelt
+@validation.check_arguments
 def robust_optimum(
     study: Asking | Problem,
     samples: Mapping[str, Sequence[float] | NDArray],
@@ -277,7 +277,7 @@ def robust_optimum(
         If the first grid was interrupted.
     """
     percentile = validation.number("percentile", percentile, least=0.0, most=100.0)
-    n = validation.whole("n", n, least=5)
+    n = validation.integer("n", n, least=5)
     tolerance = validation.number("tolerance", tolerance, above=0.0, below=1.0)
     ends = preload_values(preload, 2)[[0, -1]]
     low, high = (float(p) for p in ends)
@@ -287,7 +287,7 @@ def robust_optimum(
         curve = optimal_curve_uncertainty(
             study, samples, (low, high), n, frequency=frequency, mode=mode, executor=executor, progress=progress
         )
-        left = [s.removeprefix(NOT_RUN) for s in curve.status if word(s) == NOT_RUN]
+        left = [s.removeprefix(NOT_RUN) for s in curve.status if status_word(s) == NOT_RUN]
         if left:
             if found is None:
                 raise BdamperError(f"robust optimum{left[0]}") if left[0] else KeyboardInterrupt
@@ -302,7 +302,7 @@ def robust_optimum(
         width = float(np.log(p[min(k + 1, n - 1)] / p[max(k - 1, 0)])) / 2.0
         kind = "end" if p[k] in (ends[0], ends[1]) else "interior"
         warned = sum(bool(w) for w in curve.warnings)
-        status = COMPLETE if width <= tolerance else because(INCOMPLETE, "bracket not narrowed further")
+        status = COMPLETE if width <= tolerance else with_reason(INCOMPLETE, "bracket not narrowed further")
         found = RobustOptimum(float(p[k]), float(height[k]), float(percentile), width, kind, warned, status)
         if width <= tolerance or rounds >= 30:
             return found
@@ -377,7 +377,7 @@ def best_margin(
     preload, value = float(np.exp(at.x)), float(np.exp(-at.value))
     where = WHERE.get(best.kind, "refined between its neighbours")
     doubt = _doubt(problem, curve, judge, preload, value)
-    status = because(INCOMPLETE, f"{where}, {doubt}") if doubt else because(COMPLETE, where)
+    status = with_reason(INCOMPLETE, f"{where}, {doubt}") if doubt else with_reason(COMPLETE, where)
     in_time = tuple(judge.margins(problem, y, p, kept[p]) for p, y in tops)
     return replace(found, best_value=preload, best_margin=value, best_status=status, in_time=in_time)
 

@@ -33,11 +33,11 @@ from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import plausible_ranges, validation
 from bdamper.util.display import Differences, Plottable
-from bdamper.util.errors import FAILED, NOT_RUN, SettingError, all_complete, word
-from bdamper.util.formatting import UNITS, amount, brief, height, percent, short, spaced
-from bdamper.util.progress import Cost, each, one_thread
-from bdamper.util.storage import HERE, Recorded, ResultsFile, Storable
-from bdamper.util.tables import Column, Tabular, joined
+from bdamper.util.errors import FAILED, NOT_RUN, SettingError, all_complete, status_word
+from bdamper.util.formatting import UNITS, amount, peak_text, percent, short_repr, short_text, spaced
+from bdamper.util.progress import Cost, one_thread, with_progress
+from bdamper.util.storage import INSTALLED, Recorded, ResultsFile, Storable
+from bdamper.util.tables import Column, Tabular, concatenate
 
 # ---- Sweeps ----
 
@@ -117,7 +117,7 @@ class OptimalTask(validation.Checked):
         }  # fmt: skip
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
     """Answers at all points of a sweep.
@@ -223,9 +223,9 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
             (q for q in self.quantities if self.array(q).dtype.kind == "f" and self.array(q).ndim == len(self.shape)), ""
         )
         known = self.array(name).ravel() if name else np.empty(0)
-        failed = sum(word(s) == FAILED for s in self.status)
+        failed = sum(status_word(s) == FAILED for s in self.status)
         head = f"{len(self)} points over {', '.join(spaced(n) for n in self.names)}, {failed} failed"
-        if left := sum(word(s) == NOT_RUN for s in self.status):
+        if left := sum(status_word(s) == NOT_RUN for s in self.status):
             head += f", {left} not run"
         if not np.isfinite(known).any():
             return f"{head}."
@@ -236,7 +236,7 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
 
 def as_words(point: Mapping[str, Any]) -> str:
     """Settings of a point with their values and units."""
-    texts = {n: amount(v, UNITS.get(n, ""), 6) if isinstance(v, float) else short(v) for n, v in point.items()}
+    texts = {n: amount(v, UNITS.get(n, ""), 6) if isinstance(v, float) else short_text(v) for n, v in point.items()}
     return ", ".join(f"{spaced(name)} {text}" for name, text in texts.items())
 
 
@@ -264,19 +264,19 @@ class _Job:
 
 
 def _points(over: Any, combine: str) -> tuple[tuple[str, ...], list[dict[str, Any]], tuple[int, ...]]:
-    validation.that(isinstance(over, Mapping) and over, "over", "a mapping of setting to values", over)
+    validation.check_value(isinstance(over, Mapping) and over, "over", "a mapping of setting to values", over)
     names = tuple(over)
     columns: list[list[Any]] = []
     for name in names:
         if isinstance(over[name], (str, bytes)) or not isinstance(over[name], (Sequence, np.ndarray)):
             raise SettingError(f"over '{name}': expected a sequence of values, found {over[name]!r}")
         columns.append([v.item() if isinstance(v, np.generic) else v for v in over[name]])
-        validation.require(columns[-1], f"over '{name}'", "at least one value", "none")
+        validation.check(columns[-1], f"over '{name}'", "at least one value", "none")
     if combine == "product":
         return names, [dict(zip(names, row)) for row in itertools.product(*columns)], tuple(len(c) for c in columns)
     if combine == "zip":
         lengths = {len(c) for c in columns}
-        validation.require(len(lengths) == 1, 'combine="zip"', "as many values of each setting", [len(c) for c in columns])
+        validation.check(len(lengths) == 1, 'combine="zip"', "as many values of each setting", [len(c) for c in columns])
         return names, [dict(zip(names, row)) for row in zip(*columns)], (len(columns[0]),)
     raise SettingError(f'combine: expected "product" or "zip", found {combine!r}')
 
@@ -298,7 +298,7 @@ def _question(
         raise SettingError("preload, frequency, mode: expected none of them together with evaluate, which has its own")
     task: Task = PeakTask(preload, frequency, mode) if evaluate is None else evaluate
     good = callable(task) and not isinstance(task, type)
-    validation.that(good, "evaluate", "PeakTask(...), OptimalTask(...) or a function", task)
+    validation.check_value(good, "evaluate", "PeakTask(...), OptimalTask(...) or a function", task)
     if isinstance(task, PeakTask) and task.preload is None and "preload" not in names:
         raise SettingError('preload: expected a number, or "preload" among the settings of the sweep, found neither')
     return task
@@ -317,13 +317,13 @@ def _check_plausible(problem: Problem, evaluate: Task, over: Mapping[str, Any]) 
 def _header(job: _Job, over: Mapping[str, Any], combine: str) -> dict[str, Any]:
     """What identifies a sweep in its results file."""
     return {
-        "format": "bdamper-sweep-results", "version": 4, **HERE.attributes(),
+        "format": "bdamper-sweep-results", "version": 4, **INSTALLED.attributes(),
         "study": study_fingerprint(problem_of(job.study)), "evaluate": _named(job.evaluate), "combine": combine,
         "over": {name: list(values) for name, values in over.items()},
     }  # fmt: skip
 
 
-@validation.spelt
+@validation.check_arguments
 @one_thread
 def sweep(
     study: Asking | Problem,
@@ -390,7 +390,7 @@ def sweep(
 # ---- One question asked of several studies, and one table of what comes of it ----
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class Comparison(Plottable, Tabular, Storable, kind="bdamper-comparison"):
     """Response curves or optimal curves of several problems.
@@ -428,7 +428,7 @@ class Comparison(Plottable, Tabular, Storable, kind="bdamper-comparison"):
     def columns(self) -> dict[str, Column]:
         """The points of all curves one below the other, each with the name of its problem."""
         results: tuple[ResponseCurve, ...] | tuple[OptimalCurve, ...] = self.curves or self.optimal
-        return {"name": Column(np.repeat(np.array(self.names), [len(r) for r in results])), **joined(results)}
+        return {"name": Column(np.repeat(np.array(self.names), [len(r) for r in results])), **concatenate(results)}
 
     def change(self, name: str) -> float:
         """Amplitude relative to that of the first problem, minus one; NaN if one of both is not known."""
@@ -450,7 +450,7 @@ class Comparison(Plottable, Tabular, Storable, kind="bdamper-comparison"):
             return f"No peak of '{self.names[0]}' to compare with: {why}."
         known = [(name, change) for name in self.names[1:] if np.isfinite(change := self.change(name))]
         parts = ", ".join(f"'{name}' {percent(change, True)}" for name, change in known) or "none is known"
-        return f"Beside '{self.names[0]}' with {height(a, f)}, preload {amount(p, 'N')}: {parts}."
+        return f"Beside '{self.names[0]}' with {peak_text(a, f)}, preload {amount(p, 'N')}: {parts}."
 
 
 def _outcome(result: ResponseCurve | OptimalCurve) -> tuple[float, float, float, str]:
@@ -462,11 +462,12 @@ def _outcome(result: ResponseCurve | OptimalCurve) -> tuple[float, float, float,
         return np.nan, np.nan, result.preload, f"{result.status}: {result.reason}"
     top = result.peak
     if result.peak_at_end:
-        return np.nan, np.nan, result.preload, f"{result.status}, no peak: highest {height(top.amplitude, top.frequency)}"
+        highest = peak_text(top.amplitude, top.frequency)
+        return np.nan, np.nan, result.preload, f"{result.status}, no peak: highest {highest}"
     return top.amplitude, top.frequency, result.preload, result.status
 
 
-@validation.spelt
+@validation.check_arguments
 @one_thread
 def compare(
     studies: Mapping[str, Asking | Problem | Mapping[str, Any]],
@@ -499,14 +500,14 @@ def compare(
     """
     words = "a mapping of one or more names to studies or settings"
     named = isinstance(studies, Mapping) and studies and all(isinstance(key, str) for key in studies)
-    validation.that(bool(named), "studies", words, studies)
+    validation.check_value(bool(named), "studies", words, studies)
     first = next(iter(studies.values()))
     problem, asked = problem_of(first), []  # type: ignore[arg-type]
     for name, given in studies.items():
         own: Any = validation.instance(f"study '{name}'", getattr(given, "problem", given), (Problem, Mapping), words)
         asked.append(given if isinstance(own, Problem) else like(first, vary(problem, own)))  # type: ignore[type-var]
     found: list[ResponseCurve | OptimalCurve] = []
-    for study in each(asked, progress, "studies", "study"):
+    for study in with_progress(asked, progress, "studies", "study"):
         answer = validation.instance(
             "answer", question(study), (ResponseCurve, OptimalCurve), "a ResponseCurve or an OptimalCurve"
         )

@@ -54,8 +54,8 @@ from scipy import LowLevelCallable
 from bdamper import _core
 from bdamper.model.structure import ContactStiffness
 from bdamper.util import validation
-from bdamper.util.errors import SettingError, say, shortened
-from bdamper.util.formatting import brief
+from bdamper.util.errors import SettingError, one_line, warn
+from bdamper.util.formatting import short_repr
 
 # ---- Contact laws by number, and how contact forces are found over a cycle ----
 
@@ -77,7 +77,7 @@ class AFT(validation.Checked):
         Interpolate the instant of closing between samples; without it the derivative does not converge.
     """
 
-    n_time: Annotated[int, partial(validation.whole, least=8, most=MAX_SAMPLES)] = 128
+    n_time: Annotated[int, partial(validation.integer, least=8, most=MAX_SAMPLES)] = 128
     interpolate: bool = True
 
 
@@ -85,9 +85,10 @@ def check_evaluation(contact_forces: str | AFT, harmonics: int) -> None:
     """Refuse what is no evaluation, or too few samples for the highest harmonic."""
     if isinstance(contact_forces, AFT):
         expected = f"AFT with at least {4 * harmonics + 4} samples for {harmonics} harmonics"
-        validation.that(contact_forces.n_time >= 4 * harmonics + 4, "contact_forces", expected, contact_forces.n_time)
+        n_time = contact_forces.n_time
+        validation.check_value(n_time >= 4 * harmonics + 4, "contact_forces", expected, n_time)
     elif not isinstance(contact_forces, str) or contact_forces != "event_driven":
-        raise validation.unfit("contact_forces", '"event_driven" or AFT(n_time)', contact_forces)
+        raise validation.invalid("contact_forces", '"event_driven" or AFT(n_time)', contact_forces)
 
 
 # ---- Tests of a user's contact law at a few states, before an analysis relies on it ----
@@ -242,27 +243,27 @@ class ContactLaw:
         pointer, name = _pointer(self.function)
         object.__setattr__(self, "pointer", pointer)
         object.__setattr__(self, "name", self.name or name)
-        object.__setattr__(self, "n_state", validation.whole("n_state", self.n_state, most=1000))
+        object.__setattr__(self, "n_state", validation.integer("n_state", self.n_state, most=1000))
         validation.number("resolution", self.resolution, least=0.0, unit="m")
         for own in ("parameters", "stick"):
             given = _numbers(getattr(self, own))
-            validation.that(given is not None, own, "finite numbers, (n,) or (n_points, n)", getattr(self, own))
+            validation.check_value(given is not None, own, "finite numbers, (n,) or (n_points, n)", getattr(self, own))
             object.__setattr__(self, own, given)
         good = self.stick.shape[-1] == 3 and (self.stick >= 0.0).all() and self.stick.any()
-        validation.that(good, "stick", "stiffness kt1, kt2, kn in N/m, none negative, one positive", self.stick)
+        validation.check_value(good, "stick", "stiffness kt1, kt2, kn in N/m, none negative, one positive", self.stick)
         free = self.name not in SHIPPED or pointer.function is SHIPPED[self.name]
-        validation.that(free, "name", f"none of {tuple(SHIPPED)}, which are those of built-in laws", self.name)
+        validation.check_value(free, "name", f"none of {tuple(SHIPPED)}, which are those of built-in laws", self.name)
         for row in np.atleast_2d(self.parameters):
             try:
                 _core.check_laws(((pointer, row, np.zeros(3 + self.n_state)),))
             except (TypeError, ValueError) as error:
-                raise SettingError(f"law '{self.name}': {error}: {shortened(row.tolist())}") from error
+                raise SettingError(f"law '{self.name}': {error}: {one_line(row.tolist())}") from error
 
     def __str__(self) -> str:
         return f"{self.name} ({self.parameters.shape[-1]} parameters, {self.n_state} states)"
 
     @classmethod
-    @validation.spelt
+    @validation.check_arguments
     def jenkins(cls, stiffness: Numbers, limit: Numbers | float, mu: Numbers | float = 0.0, *, kn: float = 0.0) -> Self:
         """Springs with sliders, side by side along each tangential direction.
 
@@ -284,7 +285,7 @@ class ContactLaw:
         return cls(_core.jenkins, 2 * len(k), parameters, np.array([k.sum(), k.sum(), kn]), "jenkins")
 
     @classmethod
-    @validation.spelt
+    @validation.check_arguments
     def iwan(
         cls,
         strength: float,
@@ -325,7 +326,7 @@ class ContactLaw:
         chi = validation.number("chi", chi, above=-1.0, most=0.0)
         beta = validation.number("beta", beta, least=0.0)
         decades = validation.number("decades", decades, least=1.0, most=12.0)
-        n = round(13.0 * decades) if n is None else validation.whole("n", n, least=2, most=400)
+        n = round(13.0 * decades) if n is None else validation.integer("n", n, least=2, most=400)
         edge = np.concatenate([[0.0], np.geomspace(10.0**-decades, 1.0, n)])
         last = F * (1.0 + beta) / (K * (beta + (chi + 1.0) / (chi + 2.0)))
         share = np.diff(edge ** (chi + 1.0))
@@ -336,7 +337,7 @@ class ContactLaw:
         return replace(law, name="iwan", resolution=10.0 ** (1.0 - decades) * last)
 
     @classmethod
-    @validation.spelt
+    @validation.check_arguments
     def bouc_wen(
         cls, stiffness: float, alpha: float, beta: float, gamma: float, n: float = 1.0, *, kn: float = 0.0
     ) -> Self:
@@ -381,7 +382,7 @@ class ContactLaw:
         name = record.get("contact_law")
         if not isinstance(name, str) or name not in SHIPPED:
             found = f"{name!r}, of which a file has no function; make the study again with the law"
-            raise SettingError(f"friction_law: expected a law of {tuple(SHIPPED)}, found {shortened(found)}")
+            raise SettingError(f"friction_law: expected a law of {tuple(SHIPPED)}, found {one_line(found)}")
         numbers: dict[str, Any] = {key: record.get(key) for key in ("n_state", "parameters", "stick")}
         return cls(SHIPPED[name], **numbers, name=name, resolution=record.get("resolution", 0.0))
 
@@ -406,7 +407,7 @@ class ContactLaw:
         """Return the parameters or the springs with a row for each of n points."""
         given = getattr(self, name)
         good = given.ndim == 1 or len(given) == n
-        validation.require(good, f"{name} of law '{self.name}'", f"{n} rows for '{interface}'", f"{len(given)}")
+        validation.check(good, f"{name} of law '{self.name}'", f"{n} rows for '{interface}'", f"{len(given)}")
         return np.broadcast_to(given, (n, given.shape[-1]))
 
 
@@ -430,7 +431,7 @@ def _pointer(function: Any) -> tuple[LowLevelCallable, str]:
         signature = str(made.signature)
     except (TypeError, ValueError) as error:
         expected = "a PyCapsule, scipy.LowLevelCallable or cfunc of numba, since the core calls no Python"
-        raise validation.unfit("function", expected, function) from error
+        raise validation.invalid("function", expected, function) from error
     if SIGNATURE.fullmatch(signature.replace(", ", ",")) is None:
         raise SettingError(f"function: expected the signature void of eleven pointers (bd_user_law), found '{signature}'")
     return made, getattr(made.function, "__name__", name)
@@ -486,7 +487,7 @@ class OwnLaws:
                 largest[key] = max(x, largest.get(key, 0.0))
         for (law, interface), x in largest.items():
             if x < law.resolution:
-                say(
+                warn(
                     f"{_named(law, interface)} moves by at most {x:.3g} m at the highest point, less than the "
                     f"{law.resolution:.3g} m that the law resolves: its dissipation is wrong there; raise its decades"
                 )
@@ -534,7 +535,7 @@ def refuse(own: OwnLaws | None, what: str) -> None:
 # ---- Parameters of the contact points, as the equations take them ----
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class PointArrays:
     """Parameters of all contact points, stacked.

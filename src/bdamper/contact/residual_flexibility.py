@@ -32,11 +32,11 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from bdamper.model.fields import require
+from bdamper.model.fields import check
 from bdamper.model.kinematics import Coordinate, Coupling, HarmonicBasis
 from bdamper.util import validation
 from bdamper.util.errors import mismatch
-from bdamper.util.formatting import brief
+from bdamper.util.formatting import short_repr
 
 MARGIN = 0.1
 """Smallest share of the flexibility of a pattern that residual modes must carry."""
@@ -49,7 +49,7 @@ RESIDUAL = "residual"
 
 
 def _count_or_all(name: str, value: int | str) -> int | str:
-    return value if isinstance(value, str) and value == "all" else validation.whole(name, value, least=1)
+    return value if isinstance(value, str) and value == "all" else validation.integer(name, value, least=1)
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ def check_definite(flexibility: NDArray, what: str) -> NDArray:
     """
     own = np.diag(flexibility).real
     found = f"{own.min(initial=np.inf):.3g} m/N; the retained modes are softer than the full model"
-    require((own > 0.0).all(), what, "a positive flexibility at every contact point", found)
+    check((own > 0.0).all(), what, "a positive flexibility at every contact point", found)
     size = np.sqrt(own)
     scaled = flexibility / size[:, None] / size
     try:
@@ -147,7 +147,7 @@ def _stuck_static(coupling: Coupling, basis: HarmonicBasis, R: NDArray, kept: ND
     return scipy.linalg.solve_triangular(factor, G @ q + s, lower=True, trans="T") / size
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class ResidualSet:
     """Residual modes of a coupling, made for each harmonic when it is asked for.
@@ -195,7 +195,7 @@ class ResidualSet:
         """
         active = active_components(coupling, friction)
         kept = active.ravel()
-        validation.require(kept.any(), "residual modes", "an interface with friction", "none")
+        validation.check(kept.any(), "residual modes", "an interface with friction", "none")
         point = np.where(kept, np.diag(coupling.residual_flexibility(1)).real, 0.0)
         bare = cls(coupling, options, active, point.reshape(-1, 3), 1.0, static)
         largest = max(bare._point_share(l) for l in (0, 1))

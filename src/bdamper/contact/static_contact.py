@@ -41,11 +41,11 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from bdamper.contact.static_state import STICK, law_tangent, limited_forces
-from bdamper.model.fields import require
+from bdamper.model.fields import check
 from bdamper.model.kinematics import Coupling
 from bdamper.util import validation
 from bdamper.util.errors import ModelError, SettingError
-from bdamper.util.formatting import brief
+from bdamper.util.formatting import short_repr
 
 # ---- Static contact forces with friction of the full model, condensed to the contact points ----
 
@@ -54,7 +54,7 @@ TOLERANCE = 1e-12
 """On the residual, relative to the largest contact force."""
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class StaticContactProblem:
     """Arrays of the problem, per newton of load.
@@ -78,7 +78,7 @@ class StaticContactProblem:
     friction: NDArray
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class StaticContactSolution:
     """A state of the contact, per newton of load.
@@ -262,7 +262,7 @@ def solve_static_contact(problem: StaticContactProblem) -> StaticContactSolution
         p = problem
         balanced = forces_in_balance(np.zeros(len(p.rigid)), p.friction, p.rigid, p.load).status != 2
         expected = "contact forces with N >= 0, |T| <= mu N in equilibrium with the load"
-        require(balanced, "static contact", expected, "none: the body slides away")
+        check(balanced, "static contact", expected, "none: the body slides away")
         F, eta, status, ok, rest = solver.creep()
     if not ok:
         instead = "give the contact stiffness or finite element contact forces instead"
@@ -321,7 +321,7 @@ def static_contact_problem(coupling: Coupling, friction: NDArray | None = None) 
 # ---- Statics of a wedge ----
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class WedgeFriction:
     """Total normal forces that friction leaves possible on rigid faces.
@@ -393,7 +393,7 @@ def wedge_friction(
     """
     faces = coupling.model.interfaces
     loaded = {b.name: b.load for b in coupling.model.bodies.values() if b.kind == "free" and b.load is not None}
-    validation.require(loaded, "wedge friction", "a free body with a load", "none")
+    validation.check(loaded, "wedge friction", "a free body with a load", "none")
     pressed = {name: loaded.get(faces[name].body_a) or loaded.get(faces[name].body_b) for name in coupling.friction_faces}
     names = tuple(name for name, by in pressed.items() if by is not None)
     basis = coupling.basis(0)

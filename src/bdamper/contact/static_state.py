@@ -32,7 +32,7 @@ from scipy.linalg import get_lapack_funcs
 
 from bdamper.contact.laws import OwnLaws, PointArrays
 from bdamper.util.display import Plottable
-from bdamper.util.formatting import amount, brief
+from bdamper.util.formatting import amount, short_repr
 from bdamper.util.progress import Cost
 from bdamper.util.storage import Storable
 from bdamper.util.tables import Kinds, Metres, Pascals, PerRow, Places, Quantity, SquareMetres, Tabular
@@ -42,7 +42,7 @@ _getrf, _getrs, _gecon = get_lapack_funcs(("getrf", "getrs", "gecon"), dtype=flo
 STICK, SLIP_PLUS, SLIP_MINUS, OPEN = range(4)
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class StaticSystem:
     """Arrays of the static problem.
@@ -93,7 +93,7 @@ class StaticSystem:
         return not (pressed or np.any(self.constant_force) or np.any(self.constant_shift))
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class PreloadState(Plottable, Tabular, Storable, kind="bdamper-static", row="contact_point"):
     """Static state under a load.

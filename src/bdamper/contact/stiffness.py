@@ -33,12 +33,12 @@ from numpy.typing import NDArray
 
 from bdamper.contact.residual_flexibility import ResidualModes, ResidualSet
 from bdamper.contact.static_contact import solve_static_contact, static_contact_problem
-from bdamper.model.fields import require
+from bdamper.model.fields import check
 from bdamper.model.kinematics import Coupling
 from bdamper.model.structure import ContactStiffness
 from bdamper.util import validation
 from bdamper.util.errors import SettingError
-from bdamper.util.formatting import brief
+from bdamper.util.formatting import short_repr
 
 METHODS = ("residual_modes", "unit_traction", "cigeroglu2009")
 FAR = 10.0
@@ -60,7 +60,7 @@ class PerArea:
             validation.numbers("stiffness per area", self.stiffness, 3, least=0.0, unit="N/m3")
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class Contact:
     """Stiffness of all interfaces, with the residual coordinates that belong to it.
@@ -115,7 +115,7 @@ def unit_traction(residual: NDArray, area: NDArray) -> ContactStiffness:
         ok = give > 0.0
         item, expected = f"residual flexibility along axis {axis}", "a positive displacement under a uniform traction"
         found = f"at most {give.max():.3g} m2 m/N; the retained modes are stiffer than the full model"
-        require(ok.any(), item, expected, found)
+        check(ok.any(), item, expected, found)
         fallback[:, axis] = ~ok
         give[~ok] = np.median(give[ok] / area[ok]) * area[~ok]
         stiffness[:, axis] = area / give
@@ -191,7 +191,7 @@ def check_method(method: Any) -> None:
         return
     if method is None or isinstance(method, str | bytes) or np.ndim(method) != 0:
         expected = f"one of {(*METHODS, 'model')}, one number in N/m, PerArea(...), ResidualModes(...) or a mapping"
-        raise validation.unfit("contact_stiffness", f"{expected} of interface names to values", method)
+        raise validation.invalid("contact_stiffness", f"{expected} of interface names to values", method)
     validation.number("contact_stiffness", method, least=0.0, unit="N/m")
 
 
@@ -248,7 +248,7 @@ def _forces_for_paper(coupling: Coupling, friction: NDArray) -> NDArray:
         worst = float(np.abs(given - load).max() / max(float(np.abs(load).max()), 1e-300))
         expected = f"equilibrium with a load of 1 N within {out_of_balance:.0%}"
         found = f"a difference of {worst:.3g} times the load"
-        require(worst <= out_of_balance, "static contact forces of the model", expected, found)
+        check(worst <= out_of_balance, "static contact forces of the model", expected, found)
         return out
     only_faces = replace(coupling, interfaces=faces)
     rows = coupling.friction_rows
@@ -273,7 +273,7 @@ def _left_out_of_finite_elements(coupling: Coupling, force: NDArray) -> NDArray:
     other_model = 0.2  # largest difference of the user's displacements from the model's, relative to the deformation
     expected = f"those of its static flexibility under its contact forces within {other_model:.0%}"
     found = f"a difference of {worst:.3g} times the deformation"
-    require(worst <= other_model, "static contact displacements of the model", expected, found)
+    check(worst <= other_model, "static contact displacements of the model", expected, found)
     modal = full.flexibility - coupling.residual_flexibility(0).real
     # x = offset + Psi eta - R_modal F - (what is left out)
     left_out = full.offset.ravel() + full.rigid @ eta - modal @ force.ravel() - given.ravel()
@@ -298,10 +298,10 @@ def _from_user(coupling: Coupling, value: float | PerArea | Mapping[str, NDArray
             k = np.array(np.broadcast_to(np.asarray(given, float), (n, 3)))
         except (TypeError, ValueError) as error:
             expected = f"numbers in N/m, PerArea(...) or an array that broadcasts to {(n, 3)}"
-            raise validation.unfit(f"contact_stiffness['{name}']", expected, given) from error
+            raise validation.invalid(f"contact_stiffness['{name}']", expected, given) from error
         softens = coupling.model.interfaces[name].kind == "cubic"
         wrong = k[~(np.isfinite(k) & ((k >= 0.0) | softens))]
         if wrong.size:
-            raise validation.unfit(f"contact_stiffness['{name}']", "finite numbers >= 0 N/m", wrong[0])
+            raise validation.invalid(f"contact_stiffness['{name}']", "finite numbers >= 0 N/m", wrong[0])
         out[name] = ContactStiffness(k, "user")
     return out

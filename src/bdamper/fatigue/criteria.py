@@ -352,7 +352,7 @@ LINES = ("goodman", "gerber", "soderberg")
 ON = ("amplitude", "both")
 
 
-@validation.spelt
+@validation.check_arguments
 @dataclass(frozen=True)
 class Material(validation.Checked):
     """Strength of a material, as the user knows it for this part.
@@ -386,7 +386,7 @@ class Material(validation.Checked):
         super().__post_init__()
         for name in ("yield_strength", "endurance_limit"):
             expected = f"at most the ultimate strength, {self.ultimate_strength:g} Pa"
-            validation.require(not getattr(self, name) > self.ultimate_strength, name, expected, f"{getattr(self, name):g}")
+            validation.check(not getattr(self, name) > self.ultimate_strength, name, expected, f"{getattr(self, name):g}")
 
     def limit(self, line: str) -> float:
         """Mean stress (Pa) that leaves no amplitude."""

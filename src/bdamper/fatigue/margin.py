@@ -22,8 +22,8 @@ from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.result_checks import Solutions, SomeResult, solutions_of
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Plottable, draw
-from bdamper.util.errors import COMPLETE, BdamperError, word
-from bdamper.util.formatting import UNITS, amount, brief
+from bdamper.util.errors import COMPLETE, BdamperError, status_word
+from bdamper.util.formatting import UNITS, amount, short_repr
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import ROW, Column, Hertz, Metres, Newtons, Numbers, Quantity, RadiansPerSecond, Tabular
 
@@ -85,7 +85,7 @@ class SteadyAmplitude(Protocol):
     def text(self) -> str: ...
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class Margins(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-margins", row="location"):
     """Margins of one solution at every point of the stress sets.
@@ -158,7 +158,7 @@ class Margins(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, kind
         return f"Margin against fatigue {self.least:.3g}: {judged}. Least at {self.names[i]}, {stress}.{yields}"
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-margin-curve"):
     """The margin over frequency, preload, speed or the mass of the damper.
@@ -310,18 +310,18 @@ def _as_kept(found: StressCycle, time_response: SteadyAmplitude | None) -> Stres
         return found
     validation.instance("time_response", time_response, SteadyAmplitude)
     if not np.isfinite(time_response.factor) or abs(time_response.preload - found.preload) > 1e-6 * found.preload:
-        raise validation.unfit(
+        raise validation.invalid(
             "time_response", f"a march at {found.preload:g} N", f"{time_response.text} at {time_response.preload:g} N"
         )
     coefficients = found.coefficients.copy()
     coefficients[..., 1:] *= time_response.factor
     highest = amount(time_response.highest, "m")
     note = f"vibration scaled by {time_response.factor:.3g}: the highest blade reaches {highest} in time"
-    doubt = () if word(time_response.status) == COMPLETE else (f"the amplitude in time is {time_response.status}",)
+    doubt = () if status_word(time_response.status) == COMPLETE else (f"the amplitude in time is {time_response.status}",)
     return replace(found, coefficients=coefficients, notes=(*found.notes, note, *doubt))
 
 
-@validation.spelt
+@validation.check_arguments
 @dataclass(frozen=True)
 class LeastMargin(Rule):
     """How a margin is judged, and the question for the least one, as :meth:`bdamper.Study.crossings` takes it.
@@ -369,7 +369,7 @@ class LeastMargin(Rule):
 
     def _of(self, found: StressCycle) -> dict[str, Any]:
         """What margins take over from a cycle of stress, which needs points that count."""
-        validation.require(found.counted.any(), "margin", "points away from contact faces", "none in the stress sets")
+        validation.check(found.counted.any(), "margin", "points away from contact faces", "none in the stress sets")
         notes = (*found.notes, *([HIDES] if self.criterion == "signed_von_mises" else []))
         own = {"settings": found.settings, "model_hash": found.model_hash}
         return {"material": self.material, "rule": self.rule, "notes": notes, **own}
@@ -378,7 +378,7 @@ class LeastMargin(Rule):
         """The margin at every point of a curve."""
         chosen, found = over_cycle.chosen_sets(problem, self.sets), solutions_of(problem, curve)
         known = np.isfinite(found.unknowns).all(axis=1)
-        validation.require(known.any(), "margin", "a curve with solutions", "none")
+        validation.check(known.any(), "margin", "a curve with solutions", "none")
         solved = Solutions(*(column[known] for column in found))
         first = over_cycle.of_solution(problem, Solutions(*(column[:1] for column in solved)), chosen, self.speed)
         shared = self._of(first)

@@ -29,7 +29,7 @@ from bdamper.model.structure import Body, ModalBasis, StressSet
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Plottable
 from bdamper.util.errors import SettingError
-from bdamper.util.formatting import amount, brief
+from bdamper.util.formatting import amount, short_repr
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import Numbers, Pascals, PerRow, Quantity, Tabular
 
@@ -64,7 +64,7 @@ class AtPoints:
         return len(self.points)
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class StressCycle(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-stress", row="location"):
     """Stress over the cycle of one solution.
@@ -112,7 +112,7 @@ class StressCycle(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, 
         return f"Largest stress amplitude (von Mises) {stress} at {self.names[i]} ({at})."
 
 
-@validation.spelt
+@validation.check_arguments
 def stress(
     problem: Problem,
     result: SomeResult,
@@ -144,11 +144,11 @@ def stress(
     chosen, found = chosen_sets(problem, sets), solutions_of(problem, result)
     n = len(found.unknowns)
     if n > 1:
-        index = _highest(result, found) if index is None else validation.whole("index", index, least=0, most=n - 1)
+        index = _highest(result, found) if index is None else validation.integer("index", index, least=0, most=n - 1)
     return of_solution(problem, Solutions(*(column[[index or 0]] for column in found)), chosen, speed)
 
 
-@validation.spelt
+@validation.check_arguments
 def gauge_stress(
     problem: Problem,
     result: SomeResult,
@@ -186,7 +186,7 @@ def gauge_stress(
         away, near = np.linalg.norm(points - place, axis=1), 0.05 * np.abs(points).max()
         gauge, least = list(named)[int(away.argmin())], float(away.min())
         told = f"'{gauge}' as the nearest, {amount(least, 'm')} away"
-        validation.require(
+        validation.check(
             least <= near, "gauge", f"a place within {amount(near, 'm')} of a point of the stress sets", told
         )
     whole, k = named[validation.choice("gauge", gauge, named)]
@@ -196,7 +196,7 @@ def gauge_stress(
     if elastic is not None:
         modulus, poisson = validation.numbers("elastic, Young's modulus and Poisson's ratio", elastic, 2, least=0.0)
         expected = "a modulus above 0 and a ratio from 0 to 0.5"
-        validation.require(modulus > 0.0 and poisson <= 0.5, "elastic", expected, elastic)
+        validation.check(modulus > 0.0 and poisson <= 0.5, "elastic", expected, elastic)
         along = ((1.0 + poisson) * along - poisson * np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])) / modulus
     return np.asarray(np.einsum("c,mcl->ml", along, tensor))
 
@@ -218,7 +218,7 @@ def speeds(problem: Problem, frequency: NDArray, speed: float | None = None) -> 
 def chosen_sets(problem: Problem, sets: str | Sequence[str] | None = None) -> tuple[StressSet, ...]:
     """The stress sets asked for, as the study's contact points have them."""
     known = problem.coupling.model.stress
-    validation.require(known, "stress", "a model with stress sets", "none (docs/fatigue.md tells how to make them)")
+    validation.check(known, "stress", "a model with stress sets", "none (docs/fatigue.md tells how to make them)")
     names = [sets] if isinstance(sets, str) else list(known if sets is None else sets)
     return tuple(known[validation.choice("stress set", name, list(known))] for name in names)
 

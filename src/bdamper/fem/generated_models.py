@@ -93,7 +93,7 @@ from bdamper.fem.sector_faces import match_faces
 from bdamper.model.modal_basis import LocalBasis
 from bdamper.model.structure import Body, Interface, Model, StressSet, turn
 from bdamper.util import validation
-from bdamper.util.progress import each
+from bdamper.util.progress import with_progress
 
 # ---- Contact points and contact axes of the reference model (paper, Figs ----
 
@@ -187,7 +187,7 @@ class SectorFE:
 
     def cyclic(self, nodal_diameter: int) -> CyclicSector:
         """The sector at one nodal diameter, 0 to ``n_blades // 2``."""
-        validation.whole("nodal diameter", nodal_diameter, most=self.geometry.n_blades // 2)
+        validation.integer("nodal diameter", nodal_diameter, most=self.geometry.n_blades // 2)
         if not self.keep_factors:
             for d, other in self._cyclic.items():
                 if d != nodal_diameter:
@@ -367,7 +367,7 @@ def bladed_disk(
     contact = fe.blade_contact(left, right)
     nodes, damper_nodes = blade_nodes(fe.blade, g), {"damper": fe.damper.body.nearest_node(fe.damper.centre)}
     rotation = fe.rotation(rotation) if isinstance(rotation, int | float) else rotation
-    turns = each(diameters, progress, "finite element model", "nodal diameter")
+    turns = with_progress(diameters, progress, "finite element model", "nodal diameter")
     wanted = Wanted(BLADE_PORTS, contact, nodes, n_modes, damping_ratio)
     blade = constrained_body("blade", wanted, fe.cyclic, turns, rotation)
     local = None if wheel is None else fe.local_basis(wanted, faces, wheel)

@@ -16,7 +16,7 @@ from bdamper.model.model_file import load_model, save_model
 from bdamper.model.structure import Model
 from bdamper.util import validation
 from bdamper.util.errors import BdamperError, SettingError
-from bdamper.util.storage import HERE
+from bdamper.util.storage import INSTALLED
 
 CONTACT_POINTS = {
     "turbine_blade": (9,),
@@ -71,7 +71,7 @@ def reference_model(name: str = "bladed_disk", contact_points: int | None = None
 
 def _kept(name: str, points: int) -> Model:
     """From the cache folder of this version."""
-    folder = user_cache_path("bdamper", version=HERE.bdamper)
+    folder = user_cache_path("bdamper", version=INSTALLED.bdamper)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}_{points}.h5"
     with open(path.with_suffix(".lock"), "w") as lock:

@@ -52,7 +52,7 @@ from bdamper.model.contact_points import united_mean, united_sum
 from bdamper.model.kinematics import Coupling, HarmonicBasis
 from bdamper.model.structure import Interface
 from bdamper.util import validation
-from bdamper.util.errors import ModelError, SettingError, say
+from bdamper.util.errors import ModelError, SettingError, warn
 
 # ---- Normal loads of interfaces between constrained bodies ----
 
@@ -87,7 +87,7 @@ def at_points(
     values = validation.numbers(name, value)
     if len(values) == whole.n_points != face.n_points:
         values = united(whole, face.n_points, values)
-    validation.that(values.shape == (face.n_points,), name, f"one or {face.n_points} finite numbers", values)
+    validation.check_value(values.shape == (face.n_points,), name, f"one or {face.n_points} finite numbers", values)
     return values
 
 
@@ -133,7 +133,7 @@ def approach(system: StaticSystem, load_per_preload: NDArray, touching: NDArray,
     if not pressed.any():
         return out
     expected = "loads of points with a normal stiffness"
-    validation.require((kn[pressed] > 0.0).all(), item, expected, f"one of {kn[pressed].min():g} N/m")
+    validation.check((kn[pressed] > 0.0).all(), item, expected, f"one of {kn[pressed].min():g} N/m")
     apart = ~pressed & ~touching
     # a normal spring that is all but missing keeps N at its value while the structure moves
     held = replace(
@@ -142,7 +142,7 @@ def approach(system: StaticSystem, load_per_preload: NDArray, touching: NDArray,
         bonded=system.bonded & ~apart,
     )  # fmt: skip
     state = static_state(held, 0.0)
-    validation.require(state.converged, item, "a structure that can carry them at rest", state.note)
+    validation.check(state.converged, item, "a structure that can carry them at rest", state.note)
     out[pressed, 2] = load_per_preload[pressed] / kn[pressed] - (system.G @ state.q)[pressed, 2]
     return out
 
@@ -229,7 +229,7 @@ def contact_of(settings: Settings, coupling: Coupling, friction: NDArray) -> Con
         f'contact stiffness "{contact.method}" instead of residual modes ({why}); peaks may be off by tens of per cent, '
         "which more blade modes would show"
     )
-    say(note)
+    warn(note)
     return replace(contact, note=note)
 
 

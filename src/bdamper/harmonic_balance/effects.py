@@ -36,7 +36,7 @@ def _effect(default: Any, off: str) -> Any:
     return field(default=default, metadata={"off": off})
 
 
-@validation.spelt
+@validation.check_arguments
 @dataclass(frozen=True)
 class Effects:
     """Physical effects that a simulation includes.
@@ -88,7 +88,7 @@ class Effects:
     )
 
     def __post_init__(self) -> None:
-        validation.checked(self)
+        validation.check_fields(self)
         if not self.variable_normal_load:
             object.__setattr__(self, "separation", False)
 
@@ -147,7 +147,7 @@ class Effects:
             else:
                 changed[key] = min(int(most), own or int(most)) if key == "contact_points" else min(int(most), own)
         else:
-            raise validation.unfit("effect", "the name of an effect that can be left out", name)
+            raise validation.invalid("effect", "the name of an effect that can be left out", name)
         return replace(self, **changed)
 
     def describe(self) -> str:
@@ -166,10 +166,10 @@ def check_harmonics(name: str, harmonics: int | Sequence[int]) -> int | tuple[in
     several = isinstance(harmonics, Sequence) and not isinstance(harmonics, str | bytes)
     given: Any = harmonics if several else [harmonics]
     try:
-        known = tuple(validation.whole(name, l, 1, MAX_HARMONIC) for l in given)
+        known = tuple(validation.integer(name, l, 1, MAX_HARMONIC) for l in given)
     except SettingError as error:
-        raise validation.unfit(name, what, harmonics) from error
-    validation.that((1 in known or not several) and len(set(known)) == len(given), name, what, harmonics)
+        raise validation.invalid(name, what, harmonics) from error
+    validation.check_value((1 in known or not several) and len(set(known)) == len(given), name, what, harmonics)
     return known if several else known[0]
 
 
@@ -177,7 +177,7 @@ def check_law(name: str, law: Any) -> Any:
     """The name of a friction law, a law of the user's own, or a mapping of interface names to them."""
     given = law.values() if isinstance(law, Mapping) else [law]
     good = all(isinstance(one, ContactLaw) or (isinstance(one, str) and one in LAW_NAMES) for one in given)
-    validation.that(good, name, f"one of {LAW_NAMES}, a ContactLaw or a mapping of interface names to these", law)
+    validation.check_value(good, name, f"one of {LAW_NAMES}, a ContactLaw or a mapping of interface names to these", law)
     return law
 
 
@@ -196,7 +196,7 @@ def _axes(name: str, value: Sequence[str]) -> tuple[str, ...]:
 Axes = Annotated[tuple[str, ...], _axes]
 Harmonics = Annotated[int | tuple[int, ...], check_harmonics]
 Law = Annotated[str | ContactLaw | Mapping[str, str | ContactLaw], check_law]
-ByBody = Annotated[int | Mapping[str, int], validation.each(validation.whole)]
+ByBody = Annotated[int | Mapping[str, int], validation.each(validation.integer)]
 
 
 def _text(value: object) -> str:

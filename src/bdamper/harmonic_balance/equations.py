@@ -23,8 +23,8 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from bdamper import _core
-from bdamper.util.formatting import brief
-from bdamper.util.progress import end_if_asked
+from bdamper.util.formatting import short_repr
+from bdamper.util.progress import raise_if_stopped
 
 # ---- What is asked of a point beside the equations ----
 
@@ -115,7 +115,7 @@ def norm2(x: NDArray) -> float:
     return math.sqrt(x.dot(x))
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class Correction:
     """Outcome of one Newton corrector: where it converged, a point of a curve.
@@ -295,7 +295,7 @@ class InFrequency:
         return f"{parameter / (2.0 * np.pi):.6g} Hz"
 
 
-@brief
+@short_repr
 @dataclass(frozen=True, eq=False)
 class Equations(Generic[S]):
     """Residual, Jacobian and Newton's method of one set of equations.
@@ -466,7 +466,7 @@ class Equations(Generic[S]):
         rough : float
             if the residual is then below this, or whatever it is if that is 0.
         """
-        end_if_asked()
+        raise_if_stopped()
         y = np.array(y, float)
         tangent, arguments = for_core(condition, self.n_unknowns)
         if isinstance(condition, Peak):

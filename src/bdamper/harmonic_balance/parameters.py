@@ -123,7 +123,7 @@ def _scaled(problem: Problem, name: str, part: str, factor: float) -> Problem:
         return _of_mass(problem, name, part, factor)
     if part:
         expected = "contact stiffness by values or unit tractions: residual modes are flexible as a whole"
-        validation.require(problem.contact.residual is None, f"{name}.{part}", expected, "residual modes")
+        validation.check(problem.contact.residual is None, f"{name}.{part}", expected, "residual modes")
         way = np.where(part == "normal", [1.0, 1.0, factor], [factor, factor, 1.0])
         kinds = problem.settings.law_by_interface()
         values = {f: c.stiffness * (way if f in kinds else 1.0) for f, c in problem.stiffness.items()}
@@ -143,11 +143,11 @@ def _of_mass(problem: Problem, name: str, part: str, factor: float) -> Problem:
     """The mass of all free bodies multiplied, or of one, which "damper_mass" then gives its load in proportion."""
     settings = problem.settings
     names = (part,) if part else settings.free_bodies
-    validation.require(names, "mass of the damper", "a model with a free body", "none")
+    validation.check(names, "mass of the damper", "a model with a free body", "none")
     model, one = denser(problem.model, factor, names), len(names) < len(settings.free_bodies)
     if name == "damper_mass_factor":
         expected = f"no rotor speed, where load and mass of a body go together; vary damper_mass.{part}"
-        validation.require(settings.speed is None or not one, f"{name}.{part}", expected, f"{settings.speed} rad/s")
+        validation.check(settings.speed is None or not one, f"{name}.{part}", expected, f"{settings.speed} rad/s")
         # the displacement by rotation stays what it is at this load
         spun = [(key, body, body.spin) for key, body in model.bodies.items()]
         moved = {key: replace(b, spin=s and replace(s, contact=factor * s.contact)) for key, b, s in spun}
@@ -210,7 +210,7 @@ def aligned(basis: HarmonicBasis, reference: HarmonicBasis) -> HarmonicBasis:
         If the two do not have the same coordinates.
     """
     expected = "a range in which contacts keep their residual modes"
-    validation.require(basis.coordinates == reference.coordinates, "residual modes", expected, "one that changes them")
+    validation.check(basis.coordinates == reference.coordinates, "residual modes", expected, "one that changes them")
     own = np.array([i for i, c in enumerate(basis.coordinates) if c.body == RESIDUAL], int)
     if not len(own):
         return basis

@@ -13,7 +13,7 @@ from bdamper.contact.stiffness import PerArea
 from bdamper.harmonic_balance.problem import Problem, stuck_springs
 from bdamper.harmonic_balance.sector import Sector
 from bdamper.util import plausible_ranges, validation
-from bdamper.util.errors import implausible
+from bdamper.util.errors import warn_implausible
 from bdamper.util.progress import one_thread
 
 ALONG = 0.12
@@ -31,11 +31,12 @@ def check_settings(problem: Problem) -> None:
     unused = faces and len(own) == len(faces) and not sizes.lumped
     if unused and settings.friction_coefficient is not default and settings.friction_coefficient != default:
         found = "one that no interface uses: parameters of the law suspected"
-        implausible("friction_coefficient", "none, since every friction interface has a ContactLaw", found)
+        warn_implausible("friction_coefficient", "none, since every friction interface has a ContactLaw", found)
     flow, n = settings.aerodynamic_damping, max(problem.model.n_blades, 1)
     used = sorted({problem.engine_order * harmonic % n for harmonic in settings.harmonic_numbers})
     if isinstance(flow, Mapping) and not set(flow) & set(used):
-        implausible("aerodynamic_damping", f"at one of the nodal diameters {used} of the study", f"at {sorted(flow)} alone")
+        plausible = f"at one of the nodal diameters {used} of the study"
+        warn_implausible("aerodynamic_damping", plausible, f"at {sorted(flow)} alone")
 
 
 def _given(problem: Problem) -> Iterator[tuple[str, str, Any, str]]:
@@ -84,7 +85,7 @@ def check_unloaded(problem: Problem) -> None:
     held = {name: load for name, load in settings.given_loads("constant_loads").items() if name in varied and np.any(load)}
     if varied and set(held) == varied:
         found = f"{', '.join(f'{float(np.sum(load)):g} N on {name!r}' for name, load in held.items())}, in addition to it"
-        implausible("constant_loads", "none on a body whose preload is varied", found)
+        warn_implausible("constant_loads", "none on a body whose preload is varied", found)
 
 
 def check_interval(problem: Problem, frequency: tuple[float, float], preload: float) -> None:
@@ -114,7 +115,7 @@ def check_interval(problem: Problem, frequency: tuple[float, float], preload: fl
     if mistaken and answer(mistaken) > weaker * given:
         near = ", ".join(f"{f:.4g}" for f in sorted({w / (2.0 * np.pi) for w, _ in mistaken})[:3])
         weak = f"where it answers {answer(mistaken) / given:.2g} times less" if given else "without one"
-        implausible(
+        warn_implausible(
             "frequency",
             f"an interval in Hz around resonances of the model, such as {near} Hz",
             f"({low:g}, {high:g}) {weak}, 2 pi times an interval that has them: radians per second suspected",
@@ -131,7 +132,7 @@ def _check_direction(problem: Problem, sector: Sector, frequency: tuple[float, f
     if within.any() and (along <= ALONG * motion).all():
         share = np.max(along / np.where(motion > 0.0, motion, 1.0))
         modes_at = ", ".join(f"{f:.4g}" for f in hertz[within][:3])
-        implausible(
+        warn_implausible(
             "excitation direction",
             f"along the motion of a mode in the interval ({modes_at} Hz)",
             f"{at.direction} at '{at.location}', along which these have {100.0 * share:.2g} % of their motion there",

@@ -49,7 +49,7 @@ from bdamper.model.loads import Response, direction_vector
 from bdamper.model.residual_vectors import completed
 from bdamper.model.structure import ContactStiffness, Model
 from bdamper.util import validation
-from bdamper.util.errors import ModelError, SettingError, StaticError, say
+from bdamper.util.errors import ModelError, SettingError, StaticError, warn
 from bdamper.util.progress import CostMeter, one_thread
 
 T = TypeVar("T")
@@ -546,7 +546,7 @@ class Problem:
             )
         pressed = np.einsum("pdm,pd->m", self.static_basis.G.real, state.force)
         static = max(float(np.abs(state.load * load).max()), float(np.abs(pressed).max()), vibration)
-        validation.require(
+        validation.check(
             static <= most, "load_per_preload", f"static forces on the modes up to {most:g}", f"{static:.3g}"
         )
         scale = (static or 1.0, vibration or static or 1.0)
@@ -569,7 +569,7 @@ def stuck_springs(problem: Problem, state: PreloadState, *, touching: bool = Fal
             touch &= state.closing[rows] >= 0.0
         if touch.any() and not closed[rows].any() and not any(body.kind == "free" for body in bodies):
             closed[rows] = touch
-            say(
+            warn(
                 f"interface '{name}' touches without a normal load: it counts as stuck where it touches, although it "
                 "carries nothing at rest; load_per_preload=, constant_loads= or a negative gap press it"
             )

@@ -56,7 +56,7 @@ def check_result(problem: Problem, result: SomeResult, name: str = "result") -> 
     if result.model_hash not in (problem.model.hash, replace(problem.model, stress={}).hash):  # stress may come later
         raise SettingError(f"{name}: expected one of this study's model, found one of {'another' * bool(kept) or 'none'}")
     found = ", ".join(f"{key} = {kept[key]} for {own[key]}" for key in other)
-    validation.require(not other, name, "one of this study", f"one with {found}")
+    validation.check(not other, name, "one of this study", f"one with {found}")
 
 
 def unknowns_of(problem: Problem, result: SomeResult) -> NDArray:
@@ -102,7 +102,7 @@ def solutions_of(problem: Problem, result: SomeResult) -> Solutions:
     given: Any = result
     unknowns = unknowns_of(problem, result)
     preload = np.asarray(given.parameter if hasattr(given, "y") else given.preload, float)
-    validation.require(np.isfinite(preload).all(), "result", "one at a known preload", "none")
+    validation.check(np.isfinite(preload).all(), "result", "one at a known preload", "none")
     n = len(unknowns)
     return Solutions(unknowns, np.broadcast_to(np.asarray(given.frequency, float), n), np.broadcast_to(preload, n))
 

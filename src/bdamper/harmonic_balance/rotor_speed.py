@@ -19,8 +19,8 @@ from bdamper.harmonic_balance.result_checks import asked
 from bdamper.model.kinematics import centrifugal_load
 from bdamper.model.validation import as_checked
 from bdamper.util import validation
-from bdamper.util.errors import SettingError, implausible
-from bdamper.util.formatting import short
+from bdamper.util.errors import SettingError, warn_implausible
+from bdamper.util.formatting import short_text
 
 RPM = 60.0 / (2.0 * np.pi)
 """Revolutions per minute in one rad/s."""
@@ -44,21 +44,21 @@ def _table(name: str, table: Table) -> Table:
         validation.numbers(f"{name}, where its values are given", list(table))
         validation.numbers(f"{name}, values", list(table.values()))
     elif not callable(table):
-        raise validation.unfit(name, "a function, or a mapping of numbers to numbers", table)
+        raise validation.invalid(name, "a function, or a mapping of numbers to numbers", table)
     return table
 
 
 def _excitation(name: str, given: Excitations) -> Excitations:
     if isinstance(given, Mapping) and given:
         for order, value in given.items():
-            item = f"{name} of engine order {validation.whole(f'{name}, engine order', order, least=1)}"
+            item = f"{name} of engine order {validation.integer(f'{name}, engine order', order, least=1)}"
             _ = _table(item, value) if isinstance(value, Mapping) else validation.number(item, value, above=0.0, unit="N")
     elif not callable(given):
-        raise validation.unfit(name, "a function or a mapping of engine order to newtons", given)
+        raise validation.invalid(name, "a function or a mapping of engine order to newtons", given)
     return given
 
 
-@validation.spelt
+@validation.check_arguments
 @dataclass(frozen=True)
 class Conditions:
     """Conditions that change with rotor speed besides structure and preload; others are those of the study.
@@ -79,7 +79,7 @@ class Conditions:
     excitation: Annotated[Excitations, _excitation] | None = None
 
     def __post_init__(self) -> None:
-        validation.checked(self)
+        validation.check_fields(self)
         if self.temperature is not None and self.friction is None:
             raise SettingError("temperature: expected friction with it, a function or table of temperature, found none")
 
@@ -154,16 +154,16 @@ def asked_speeds(
     # largest speed (m/s) of a point of a rotor: the longest blades of steam turbines, of titanium, come to some 750
     tip_speed = 800.0
     if radius * np.max(values) > tip_speed:
-        implausible(
+        warn_implausible(
             "rotor speed",
             f"at most {tip_speed / radius:.0f} rad/s, {tip_speed:g} m/s at a radius of {radius:.3g} m",
-            f"{np.max(values):g}: revolutions per minute suspected, which are given as rpm={short(speeds)}",
+            f"{np.max(values):g}: revolutions per minute suspected, which are given as rpm={short_text(speeds)}",
         )
     return values
 
 
 @asked
-@partial(validation.spelt, also=Conditions.__dataclass_fields__)
+@partial(validation.check_arguments, also=Conditions.__dataclass_fields__)
 def at_speed(problem: Problem, /, omega: float | None = None, *, rpm: float | None = None, **conditions: Any) -> Problem:
     """The same problem at a rotor speed: its model there, friction and excitation by speed where they are given.
 

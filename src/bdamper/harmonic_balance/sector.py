@@ -188,7 +188,7 @@ class Sector:
     spring_bases: list[HarmonicBasis] | None = None
 
     def __post_init__(self) -> None:
-        validation.require(len(self.bases) > 1, "harmonics", "at least 1", "0")
+        validation.check(len(self.bases) > 1, "harmonics", "at least 1", "0")
 
     @cached_property
     def evaluation_code(self) -> tuple[int, int]:

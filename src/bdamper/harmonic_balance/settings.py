@@ -25,8 +25,8 @@ from bdamper.model.structure import Interface, Model
 from bdamper.model.validation import check_model_once
 from bdamper.util import validation
 from bdamper.util.errors import SettingError
-from bdamper.util.formatting import brief
-from bdamper.util.storage import typed
+from bdamper.util.formatting import short_repr
+from bdamper.util.storage import from_json
 
 LAWS = dict(zip(LAW_NAMES, (LAW_SEPARABLE, LAW_COUPLED, LAW_BONDED)))
 CIGEROGLU_2009: Mapping[str, Any] = {
@@ -37,8 +37,8 @@ CIGEROGLU_2009: Mapping[str, Any] = {
 ``study.replace(**CIGEROGLU_2009)``."""
 
 
-@partial(validation.spelt, name="Study")
-@brief
+@partial(validation.check_arguments, name="Study")
+@short_repr
 @dataclass(frozen=True, eq=False)
 class Settings:
     """Settings of a study of one model.
@@ -171,27 +171,27 @@ class Settings:
         check_model_once(self.model)
         if self.engine_order is None:
             expected = f"that of the excitation, since the model has {self.model.n_blades} sectors"
-            validation.require(self.model.n_blades <= 1, "engine_order", expected, "none")
+            validation.check(self.model.n_blades <= 1, "engine_order", expected, "none")
             object.__setattr__(self, "engine_order", 1)
-        validation.checked(self)
+        validation.check_fields(self)
         self._check_places()
-        validation.whole("blade_modes", self.blade_modes, 1, max(BLADE_MODES, self.most_modes("constrained")))
+        validation.integer("blade_modes", self.blade_modes, 1, max(BLADE_MODES, self.most_modes("constrained")))
         self._check_friction()
         most = max(self.most_points, 1)
         expected = f"at most {most}, those of a friction face of the model, which decides how many there are (None for all)"
-        validation.that((self.contact_points or 0) <= most, "contact_points", expected, self.contact_points)
+        validation.check_value((self.contact_points or 0) <= most, "contact_points", expected, self.contact_points)
         check_evaluation(self.contact_forces, self.harmonic_numbers[-1])
-        validation.require(self.load_history[-1] == 1.0, "load_history", "1.0 at its end", self.load_history)
+        validation.check(self.load_history[-1] == 1.0, "load_history", "1.0 at its end", self.load_history)
         for name in ("damper_modes", "damper_damping_ratio", "damper_drag"):
             given = getattr(self, name)
             if isinstance(given, Mapping):
                 validation.mapping(name, given, self.free_bodies, "free bodies")
             elif name != "damper_modes":
-                validation.that(self.free_bodies or not given, name, "0, since the model has no free body", given)
+                validation.check_value(self.free_bodies or not given, name, "0, since the model has no free body", given)
         if self.speed is not None:
             own = self.model.provenance.get("rotor speed", "none")
             expected = f"a model at {self.speed:.9g} rad/s, as study.at_speed makes it"
-            validation.require(own == f"{self.speed:.9g} rad/s", "speed", expected, f"one at {own}")
+            validation.check(own == f"{self.speed:.9g} rad/s", "speed", expected, f"one at {own}")
         self._check_held()
         self._check_loads()
         self._check_orders()
@@ -201,13 +201,14 @@ class Settings:
     def _flow(self, given: complex | Mapping[int, complex]) -> dict[int, complex]:
         """Relative shift of the frequency and damping ratio by the wave, 0 to n_blades - 1."""
         own = given if isinstance(given, Mapping) else {self.engine_order: given}
-        validation.require(self.most_modes("constrained"), "aerodynamic_damping", "None without a constrained body", given)
+        validation.check(self.most_modes("constrained"), "aerodynamic_damping", "None without a constrained body", given)
         out = {}
         for d, value in own.items():
             item = f"aerodynamic_damping at nodal diameter {d}"
-            wave = validation.whole(item.replace("damping at", "damping,"), d, -self.model.n_blades) % self.model.n_blades
-            validation.that(isinstance(value, (int, float, complex)) and np.isfinite(value), item, "a finite number", value)
-            validation.require(wave not in out, item, "each wave once", f"that of {d} twice")
+            wave = validation.integer(item.replace("damping at", "damping,"), d, -self.model.n_blades) % self.model.n_blades
+            finite = isinstance(value, (int, float, complex)) and np.isfinite(value)
+            validation.check_value(finite, item, "a finite number", value)
+            validation.check(wave not in out, item, "each wave once", f"that of {d} twice")
             out[wave] = value if isinstance(value, complex) else 1j * value
         return out
 
@@ -218,10 +219,11 @@ class Settings:
             others = modes if each.location.startswith("mode ") and each.location not in self.model.locations else ()
             validation.choice("excitation location", each.location, (*sorted(self.model.locations), *others))
             plain = each.location in places or each.direction == "tangential"
-            validation.that(plain, "excitation direction", f"none, which '{each.location}' does not have", each.direction)
+            expected = f"none, which '{each.location}' does not have"
+            validation.check_value(plain, "excitation direction", expected, each.direction)
         if self.response is None:
             expected = "a Response(location, direction), since the excitation is no force at a location"
-            validation.require(self.acts_at_location, "response", expected, "none")
+            validation.check(self.acts_at_location, "response", expected, "none")
         validation.choice("response location", self.response_location.location, places)
 
     def _check_orders(self) -> None:
@@ -229,9 +231,10 @@ class Settings:
         for each in (self.excitation, *self.excitation.beside):
             own = self.engine_order if each.engine_order is None else each.engine_order
             known = [self.engine_order * l for l in self.harmonic_numbers]
-            validation.that(own in known, "engine_order of an excitation", f"one of {known}, those of the harmonics", own)
+            expected = f"one of {known}, those of the harmonics"
+            validation.check_value(own in known, "engine_order of an excitation", expected, own)
         found = sorted(self.excited)
-        validation.require(
+        validation.check(
             found[0] == 1, "excitation", "a force of the study's own engine_order", f"harmonics {found} alone"
         )
 
@@ -303,14 +306,14 @@ class Settings:
                 if np.ndim(given[name]) == 0 or item == "load_per_preload" or name in bodies:
                     validation.number(f"{item} of '{name}'", given[name], least=0.0)
         if self.load_per_preload is not None:
-            validation.require(
+            validation.check(
                 any(self.load_per_preload.values()), "load_per_preload", "at least one above 0", dict(self.load_per_preload)
             )
         if self.speed is not None:
             expected = "none at a rotor speed, where mass times radius of the bodies decides (vary damper_mass there)"
-            validation.require(self.load_per_preload is None, "load_per_preload", expected, self.load_per_preload)
+            validation.check(self.load_per_preload is None, "load_per_preload", expected, self.load_per_preload)
             held = [name for name in self.constant_loads or () if name in bodies]
-            validation.require(not held, "constant_loads", "those of interfaces alone at a rotor speed", held)
+            validation.check(not held, "constant_loads", "those of interfaces alone at a rotor speed", held)
 
     @property
     def holds_preload(self) -> bool:
@@ -323,7 +326,7 @@ class Settings:
         """What a lumped model carries as forces and matrices does not follow settings of contacts and modes."""
         drag = any(basis.drag is not None for body in self.model.bodies.values() for basis in body.bases.values())
         expected = "none, since the model carries a damping matrix that couples its modes"
-        validation.that(not drag or self.damping_ratio is None, "damping_ratio", expected, self.damping_ratio)
+        validation.check_value(not drag or self.damping_ratio is None, "damping_ratio", expected, self.damping_ratio)
         own = isinstance(self.contact_stiffness, Mapping) and self.contact_stiffness_factor == 1.0
         if self.holds_preload and not own:
             raise SettingError(
@@ -345,11 +348,11 @@ class Settings:
     def _check_friction(self) -> None:
         given, faces = self.friction_law, [face.name for face in self.friction_faces]
         if isinstance(given, Mapping) and set(given) != set(faces):
-            raise validation.unfit("friction_law", f"one of {LAW_NAMES} for each interface {faces}", dict(given))
+            raise validation.invalid("friction_law", f"one of {LAW_NAMES} for each interface {faces}", dict(given))
         # settings that laws of the user's own do not go with
         served = {"separation": True, "variable_normal_load": True, "stability": False}
         for name, value in served.items() if self.own_laws() else ():
-            validation.that(getattr(self, name) == value, name, f"{value!r} with a ContactLaw", getattr(self, name))
+            validation.check_value(getattr(self, name) == value, name, f"{value!r} with a ContactLaw", getattr(self, name))
         sampled = {LAW_COUPLED, LAW_USER} & set(self.law_by_interface().values())
         if (
             sampled and isinstance(self.contact_forces, str) and self.contact_forces == "event_driven"
@@ -447,7 +450,7 @@ def settings_of(record: Mapping[str, Any]) -> dict[str, Any]:
     if record.get("friction_axes", "contact") != "contact":
         raise SettingError('friction_axes: expected "contact", the axes of this version, found "major"')
     hints = get_type_hints(Settings)
-    given = {f.name: typed(hints[f.name], record[f.name]) for f in fields(Settings) if f.name in record}
+    given = {f.name: from_json(hints[f.name], record[f.name]) for f in fields(Settings) if f.name in record}
     if isinstance(given["contact_forces"], Mapping):
         given["contact_forces"] = AFT(**given["contact_forces"])
     if isinstance(given["contact_stiffness"], Mapping):

@@ -36,7 +36,7 @@ from bdamper.importers.fe_body import (
     read_body,
     reader,
 )
-from bdamper.model.fields import check_all, require
+from bdamper.model.fields import check, check_all
 from bdamper.util.errors import mismatch
 from bdamper.util.storage import FilePath
 
@@ -110,13 +110,13 @@ class _Deck:
             self._set(sets, parameters.get(keyword[1:], ""), "GENERATE" in parameters, lines, item)
         elif keyword == "*SURFACE":
             name, kind = parameters.get("NAME", "").upper(), parameters.get("TYPE", "ELEMENT").upper()
-            require(kind in ("NODE", "ELEMENT"), item, "TYPE=NODE or TYPE=ELEMENT", f"TYPE={kind}")
+            check(kind in ("NODE", "ELEMENT"), item, "TYPE=NODE or TYPE=ELEMENT", f"TYPE={kind}")
             if kind == "NODE":
                 self.node_surfaces[name] = [text.split(",")[0].strip() for _, text in lines]
             else:
                 pairs = [tuple(w.strip() for w in text.split(",")[:2]) for _, text in lines]
                 good = all(len(pair) == 2 for pair in pairs)
-                require(good, item, "an element or set and the label of a face in every line", "another line")
+                check(good, item, "an element or set and the label of a face in every line", "another line")
                 self.surfaces[name] = pairs  # type: ignore[assignment]
         elif keyword == "*MATERIAL":
             self.material = parameters.get("NAME", "").upper()
@@ -171,7 +171,7 @@ class _Deck:
             return
         words = self._integers(lines)
         expected = f"1 + {n} numbers for each element of type {kind}"
-        require(len(words) % (n + 1) == 0, item, expected, f"{len(words)} numbers in all")
+        check(len(words) % (n + 1) == 0, item, expected, f"{len(words)} numbers in all")
         for k in range(0, len(words), n + 1):
             self.element_of[words[k]] = words[k + 1 : k + n + 1]
             self.type_of[words[k]] = plain + next((letter for letter in "RI" if letter in kind[len(plain) :]), "")
@@ -179,14 +179,14 @@ class _Deck:
             self.element_sets.setdefault(parameters["ELSET"].upper(), []).extend(words[:: n + 1])
 
     def _set(self, sets: dict[str, list[int]], name: str, generate: bool, lines: list[tuple[int, str]], item: str) -> None:
-        require(bool(name), item, "a name of the set", "none")
+        check(bool(name), item, "a name of the set", "none")
         members = sets.setdefault(name.upper(), [])
         if generate:
             for line in lines:
                 words = self._integers([line])
                 step = words[2] if len(words) > 2 else 1
                 good = len(words) > 1 and step > 0 and 0 <= (words[1] - words[0]) // step <= LARGEST_COUNT // 100
-                require(good, self._line(line[0]), "first, last and step", f"'{line[1][:50]}'")
+                check(good, self._line(line[0]), "first, last and step", f"'{line[1][:50]}'")
                 members.extend(range(words[0], words[1] + 1, step))
             return
         for number, text in lines:
@@ -195,12 +195,12 @@ class _Deck:
                     members += self._integers([(number, word)])
                 else:
                     expected = f"a number or a set out of {sorted(sets)}"
-                    require(word.upper() in sets, self._line(number), expected, f"'{word[:30]}'")
+                    check(word.upper() in sets, self._line(number), expected, f"'{word[:30]}'")
                     members.extend(sets[word.upper()])
 
     def body(self) -> FEBody:
         """The deck as a body without matrices."""
-        require(bool(self.numbers), str(self.source), "*NODE with at least one node", "none")
+        check(bool(self.numbers), str(self.source), "*NODE with at least one node", "none")
         # A node given twice is the same node; the last one counts, as in the program.
         unique = dict(zip(self.numbers, self.positions))
         numbers = np.array(list(unique), dtype=np.int64)
@@ -223,16 +223,16 @@ class _Deck:
             facets: dict[int, list[NDArray]] = {}
             for who, label in pairs:
                 known = who.isdigit() or who.upper() in self.element_sets
-                require(known, item, f"an element or a set out of {sorted(self.element_sets)}", f"'{who[:30]}'")
+                check(known, item, f"an element or a set out of {sorted(self.element_sets)}", f"'{who[:30]}'")
                 members = [int(who)] if who.isdigit() else self.element_sets[who.upper()]
                 for element in members:
-                    require(element in self.element_of, item, "solid elements of this deck", f"element {element}")
+                    check(element in self.element_of, item, "solid elements of this deck", f"element {element}")
                     own = self.element_of[element]
                     faces = FACES[N_CORNER[len(own)]]
                     labels = [f"S{k}" for k in range(1, len(faces) + 1)]
-                    require(label.upper() in labels, item, f"faces S1 to {labels[-1]}", f"'{label[:30]}'")
+                    check(label.upper() in labels, item, f"faces S1 to {labels[-1]}", f"'{label[:30]}'")
                     missing = [n for n in own if n not in index]
-                    require(not missing, item, "elements with existing nodes", f"nodes {missing}")
+                    check(not missing, item, "elements with existing nodes", f"nodes {missing}")
                     rows = np.array([index[n] for n in own])
                     facet = oriented_facet(rows[list(faces[labels.index(label.upper())])], rows, nodes)
                     facets.setdefault(len(facet), []).append(numbers[facet])
@@ -264,11 +264,11 @@ def read_inp(path: Path) -> FEBody:
 def _triplets(path: Path, n: int) -> sp.csr_matrix:
     """Symmetric matrix (n, n) from lines of row, column, value."""
     table = np.loadtxt(path, ndmin=2, encoding="ascii", comments=None)
-    require(table.shape[1] == 3, str(path), "three numbers a line", f"{table.shape[1]}")
+    check(table.shape[1] == 3, str(path), "three numbers a line", f"{table.shape[1]}")
     row, column = (as_integers(table[:, k], f"{path}: column {k + 1}") - 1 for k in (0, 1))
     low, high = table[:, :2].min(initial=n), table[:, :2].max(initial=0)
     good, expected = low >= 1 and high <= n, f"rows and columns 1 to {n}, as many as lines of the .dof file"
-    require(good and len(table), str(path), expected, f"{low:g} to {high:g}")
+    check(good and len(table), str(path), expected, f"{low:g} to {high:g}")
     check_all(np.isfinite(table[:, 2]), table[:, 2], "finite numbers", str(path))
     return triangle_to_full(row, column, table[:, 2], n)
 
@@ -279,10 +279,10 @@ def _condensed(
     """Matrices without the amplitudes of the bubbles of C3D8I, nine to an element, for which CalculiX adds three nodes."""
     n = sum(9 * len(e) for e, kind in zip(body.elements, body.element_kinds) if kind.name == "C3D8I")
     found = int(internal.sum())
-    require(found == n, f"{body.source}: elements C3D8I", f"{n} rows of their internal nodes in the matrices", found)
+    check(found == n, f"{body.source}: elements C3D8I", f"{n} rows of their internal nodes in the matrices", found)
     outer, inner = np.flatnonzero(~internal), np.flatnonzero(internal)
     own = stiffness[inner][:, inner].tobsr(blocksize=(9, 9))
-    require(own.data.shape[0] == n // 9, f"{body.source}: elements C3D8I", "one block of nine rows for each", len(own.data))
+    check(own.data.shape[0] == n // 9, f"{body.source}: elements C3D8I", "one block of nine rows for each", len(own.data))
     inverse = sp.bsr_matrix((np.linalg.inv(own.data), own.indices, own.indptr)).tocsr()
     shapes = sp.vstack([sp.identity(len(outer)), -inverse @ stiffness[inner][:, outer]], format="csr")
     order = np.concatenate([outer, inner])
@@ -358,10 +358,10 @@ def read_frd_stress(path: Path) -> list[tuple[NDArray, NDArray]]:
     file = _Frd(path, stress=True)
     file.body()
     stress = [(own, values) for _, own, values in file.found["STRESS"]]
-    require(len(stress) > 0, str(path), "blocks of stress (STRESS)", "none")
+    check(len(stress) > 0, str(path), "blocks of stress (STRESS)", "none")
     for k, (own, _) in enumerate(stress):
         good = len(np.unique(own)) == len(own) and np.isin(own, file.numbers).all()
-        require(good, f"{path}: stress {k + 1}", "each node once, those of the mesh", own)
+        check(good, f"{path}: stress {k + 1}", "each node once, those of the mesh", own)
     return stress
 
 
@@ -420,7 +420,7 @@ class _Frd:
                 mode = int(line[10:].split()[0])
             elif key.startswith("100C"):
                 self._result(line, diameter, mode)
-        require(len(self.numbers) > 0, self.source, "a block of nodes (2C)", "none")
+        check(len(self.numbers) > 0, self.source, "a block of nodes (2C)", "none")
         shapes = self.found["DISP"]
         modes = modes_by_diameter(((d, hertz, 1.0, nodes, shape) for (d, _, hertz), nodes, shape in shapes), self.source)
         return FEBody(self.numbers, self.nodes, **by_kind(self.elements), modes=modes, source=self.source)
@@ -442,5 +442,5 @@ class _Frd:
         elif found and found[-1][0][:2] == (diameter, mode):  # the imaginary part follows the real one
             key, own, real = found[-1]
             nodes, values = self._rows(head, n_values)
-            require(np.array_equal(own, nodes), f"{self.source}: mode {mode}", f"nodes {own} in both parts", nodes)
+            check(np.array_equal(own, nodes), f"{self.source}: mode {mode}", f"nodes {own} in both parts", nodes)
             found[-1] = (key, own, real + 1j * values)

@@ -35,7 +35,7 @@ from bdamper.fem.surface import N_CORNER
 from bdamper.importers.arrays import triangle_to_full
 from bdamper.importers.deck_keywords import CDB_HARMLESS, CDB_READ, refuse
 from bdamper.importers.fe_body import ElementKind, FEBody, Lines, by_kind, check_count, modes_by_diameter, parsing, reader
-from bdamper.model.fields import check_all, require
+from bdamper.model.fields import check, check_all
 from bdamper.util.errors import mismatch
 from bdamper.util.storage import FilePath
 
@@ -59,9 +59,9 @@ class _Binary:
         self.source = source
         self.data = source.read_bytes()
         head = self.record(0, "standard header")
-        require(len(head) >= 2 and head.dtype.kind == "i", str(source), "a binary file of Ansys", "another beginning")
+        check(len(head) >= 2 and head.dtype.kind == "i", str(source), "a binary file of Ansys", "another beginning")
         found = _KINDS.get(int(head[0]), "another kind")
-        require(int(head[0]) == kind, str(source), f"a file of {_KINDS[kind]}: number {kind}", f"{int(head[0])}, {found}")
+        check(int(head[0]) == kind, str(source), f"a file of {_KINDS[kind]}: number {kind}", f"{int(head[0])}, {found}")
 
     def record(self, word: int, item: str) -> NDArray:
         """Numbers of the record at a word of the file."""
@@ -77,16 +77,16 @@ class _Binary:
         where = f"{self.source}: {item} at word {word}"
         start = 4 * int(word)
         within, words = 0 <= start <= len(self.data) - 12, len(self.data) // 4
-        require(within, where, f"a record within {words} words", "a place outside: the file is truncated")
+        check(within, where, f"a record within {words} words", "a place outside: the file is truncated")
         size, flags = struct.unpack_from("<iI", self.data, start)
         end = start + 8 + 4 * size
         within, found = size >= 0 and end + 4 <= len(self.data), f"a length of {size} words: damaged or truncated"
-        require(within, where, "a record that ends within the file", found)
+        check(within, where, "a record that ends within the file", found)
         again = struct.unpack_from("<i", self.data, end)[0]
-        require(again == size, where, f"the length {size} again at its end", f"{again}: damaged")
+        check(again == size, where, f"the length {size} again at its end", f"{again}: damaged")
         kind = flags >> 24
         dtype = np.dtype({0x80: "<i4", 0xC0: "<i2", 0x00: "<f8", 0x40: "<f4"}[kind & (_INTEGERS | _SHORT)])
-        require(not kind & _ZLIB, where, "a record without zlib compression (/FCOMP,FULL,0 or /FCOMP,RST,0)", "one with it")
+        check(not kind & _ZLIB, where, "a record without zlib compression (/FCOMP,FULL,0 or /FCOMP,RST,0)", "one with it")
         raw = self.data[start + 8 : end]
         if kind & _BITS:
             values = self._bits(raw, dtype, where)
@@ -98,16 +98,16 @@ class _Binary:
 
     @staticmethod
     def _head(raw: bytes, where: str) -> tuple[int, int]:
-        require(len(raw) >= 8, where, "the head of a compressed record", "less than two words")
+        check(len(raw) >= 8, where, "the head of a compressed record", "less than two words")
         size, second = struct.unpack_from("<ii", raw, 0)
         return check_count(size, where, "a length", largest=100_000_000), second
 
     def _bits(self, raw: bytes, dtype: np.dtype, where: str) -> NDArray:
         """One bit for each of at most 32 values tells whether it follows or is zero."""
         size, code = self._head(raw, where)
-        require(size <= 32, where, "at most 32 values in a record compressed by bits", size)
+        check(size <= 32, where, "at most 32 values in a record compressed by bits", size)
         set_ = np.array([(code >> k) & 1 for k in range(size)], bool)
-        require(8 + int(set_.sum()) * dtype.itemsize <= len(raw), where, f"{int(set_.sum())} values", "fewer: damaged")
+        check(8 + int(set_.sum()) * dtype.itemsize <= len(raw), where, f"{int(set_.sum())} values", "fewer: damaged")
         out = np.zeros(size, dtype)
         out[set_] = np.frombuffer(raw, dtype, int(set_.sum()), 8)
         return out
@@ -119,7 +119,7 @@ class _Binary:
         out = np.zeros(size, dtype)
         at = 8
         for _ in range(count):
-            require(at + 8 <= len(raw), where, f"{count} windows", "the end of the record")
+            check(at + 8 <= len(raw), where, f"{count} windows", "the end of the record")
             place, length = struct.unpack_from("<ii", raw, at)
             if place > 0:
                 length = 1
@@ -128,7 +128,7 @@ class _Binary:
             place, length = abs(place), abs(length)
             stored = step if taken == 1 else taken * dtype.itemsize
             within = place + length <= size and at + taken * dtype.itemsize <= len(raw)
-            require(within, where, f"windows within {size} values", f"one of {length} from {place}")
+            check(within, where, f"windows within {size} values", f"one of {length} from {place}")
             out[place : place + length] = np.frombuffer(raw, dtype, taken, at)
             at += stored
         return out
@@ -145,7 +145,7 @@ class _Header:
     def __init__(self, file: _Binary, word: int, name: str) -> None:
         self.item = f"{file.source}: {name}"
         self.values, self.largest = file.record(word, name), len(file.data)
-        require(self.values.dtype.kind == "i", self.item, "whole numbers", str(self.values.dtype))
+        check(self.values.dtype.kind == "i", self.item, "whole numbers", str(self.values.dtype))
 
     def count(self, position: int, what: str, smallest: int = 1) -> int:
         """A number that the size of the file bounds."""
@@ -201,31 +201,31 @@ def read_full(path: Path) -> FullMatrices:
         (head[11], "a consistent mass matrix (LUMPM,OFF)", "a lumped one"),
         (head[21], "no constraint equations in the matrices", f"{head[21]} of them"),
     ):
-        require(not refused, head.item, expected, found)
+        check(not refused, head.item, expected, found)
     n_eq, n_nodes = head.count(2, "a number of equations"), head.count(33, "a number of nodes")
     _, dof_names, node_numbers = file.run(_HEADER, 3, "header, degrees of freedom and nodes")
     counts, constraint = file.run(head.pointer(36, 37), 2, "degrees of freedom of each node")
     dofs = _full_dofs(path, dof_names, node_numbers, counts, n_nodes, n_eq)
-    require(len(constraint) >= n_eq, f"{path}: table of fixed components", f"{n_eq} entries", len(constraint))
+    check(len(constraint) >= n_eq, f"{path}: table of fixed components", f"{n_eq} entries", len(constraint))
     places = {"stiffness": head.pointer(19, 20), "mass": head.pointer(27, 28)}
     matrices = [_full_matrix(file, place, n_eq, name) for name, place in places.items()]
     keep = np.flatnonzero(constraint[:n_eq] >= 0)
     empty = matrices[0].diagonal()[keep] == 0.0
     keep = keep[~empty]
-    require(len(keep) > 0, str(path), "free components", "none")
+    check(len(keep) > 0, str(path), "free components", "none")
     kept = [m[keep][:, keep].tocsr() for m in matrices]
     highest = dofs[keep, 1].max()
-    require(highest <= 3, f"{path}: degrees of freedom", "UX, UY, UZ only", f"number {highest}")
+    check(highest <= 3, f"{path}: degrees of freedom", "UX, UY, UZ only", f"number {highest}")
     return FullMatrices(kept[0], kept[1], dofs[keep], n_eq - len(keep), np.unique(dofs[:, 0]))
 
 
 def _full_dofs(source: Path, dof_names: NDArray, numbers: NDArray, counts: NDArray, n_nodes: int, n_eq: int) -> NDArray:
     """Node number and component of each equation."""
     for what, table in (("node numbers", numbers), ("degrees of freedom of each node", counts)):
-        require(len(table) >= n_nodes, f"{source}: table of {what}", f"{n_nodes} entries, one for each node", len(table))
+        check(len(table) >= n_nodes, f"{source}: table of {what}", f"{n_nodes} entries, one for each node", len(table))
     numbers, counts = numbers[:n_nodes].astype(np.int64), counts[:n_nodes].astype(np.int64)
     good = counts.min() >= 0 and counts.max() <= len(dof_names) and counts.sum() == n_eq
-    require(good, f"{source}: degrees of freedom of each node", f"{n_eq} in all", int(counts.sum()))
+    check(good, f"{source}: degrees of freedom of each node", f"{n_eq} in all", int(counts.sum()))
     first = np.repeat(np.cumsum(counts) - counts, counts)
     place = np.arange(n_eq) - first
     return np.column_stack([np.repeat(numbers, counts), dof_names.astype(np.int64)[place]])
@@ -234,16 +234,16 @@ def _full_dofs(source: Path, dof_names: NDArray, numbers: NDArray, counts: NDArr
 def _full_matrix(file: _Binary, word: int, n_eq: int, name: str) -> sp.csr_matrix:
     """One triangle, row by row: columns, then values."""
     item = f"{name} matrix"
-    require(word > 0, f"{file.source}: {item}", "a matrix", "none in the file")
+    check(word > 0, f"{file.source}: {item}", "a matrix", "none in the file")
     rows, columns, values = [], [], []
     records = file.run(word, 2 * n_eq, item)
     for row in range(n_eq):
         column, value = next(records), next(records)
         where = f"{file.source}: {item}, row {row + 1}"
         good = column.dtype.kind == "i" and value.dtype.kind == "f" and len(column) == len(value)
-        require(good, where, "a record of columns and one of as many values", f"{len(column)} and {len(value)}")
+        check(good, where, "a record of columns and one of as many values", f"{len(column)} and {len(value)}")
         low, high = column.min(initial=1), column.max(initial=1)
-        require(low >= 1 and high <= n_eq, where, f"columns 1 to {n_eq}", f"{low} to {high}")
+        check(low >= 1 and high <= n_eq, where, f"columns 1 to {n_eq}", f"{low} to {high}")
         rows.append(np.full(len(column), row))
         columns.append(column.astype(np.int64) - 1)
         values.append(value.astype(float))
@@ -275,7 +275,7 @@ def read_ansys(full: FilePath, archive: FilePath, results: FilePath | None = Non
         missing = np.setdiff1d(others, nodes)
         some = ", ".join(map(str, missing[:5])) + ", ..." * (len(missing) > 5)
         wanted = f"the nodes of {of}, which is to be of the same model"
-        require(not len(missing), str(place), wanted, f"{len(missing)} of {len(others)} missing: {some}")
+        check(not len(missing), str(place), wanted, f"{len(missing)} of {len(others)} missing: {some}")
     modes = read_rst(results).modes if results is not None else ()
     notes = (*body.notes, f"{found.dropped} rows of fixed components dropped from {full}")
     matrices = {"stiffness": found.stiffness, "mass": found.mass, "dofs": found.dofs}
@@ -344,7 +344,7 @@ class _Archive:
                 self.elastic.setdefault(words[3].upper(), {}).setdefault(int(words[4]), float(words[6]))
             else:
                 self._skip(key, line)
-        require(bool(self.numbers), self.source, "a block of nodes (NBLOCK)", "none")
+        check(bool(self.numbers), self.source, "a block of nodes (NBLOCK)", "none")
         numbers, nodes = np.array(self.numbers, np.int64), np.array(self.positions, float)
         axes = {n: _node_axes(np.array(a)) for n, a in zip(self.numbers, self.angles) if any(a)}
         solids = by_kind(self.elements, map(self._kind, self.owners, self.elements))
@@ -418,7 +418,7 @@ class _Archive:
         members, last = [np.zeros(0, np.int64)], 0
         for number in found[:total]:  # a negative one ends a range
             good = number >= 0 or 0 < last <= -number <= last + 50_000_000
-            require(good, item, f"ranges in component '{name}'", number)
+            check(good, item, f"ranges in component '{name}'", number)
             members.append(np.arange(last + 1 if number < 0 else number, abs(number) + 1))
             last = abs(number)
         if kind.startswith("NODE") and total:
@@ -458,7 +458,7 @@ def read_rst(path: Path) -> FEBody:
     """
     file = _Binary(path, _RESULT)
     head = _Header(file, _HEADER, "header")
-    require(head[8] == _MODAL, head.item, f"a modal analysis: number {_MODAL}", head[8])
+    check(head[8] == _MODAL, head.item, f"a modal analysis: number {_MODAL}", head[8])
     n_nodes, n_sets = head.count(3, "a number of nodes"), head.count(9, "a number of result sets")
     room = head.count(4, "room for result sets", n_sets)
     index = file.record(head.pointer(11, 41), "index of result sets")
@@ -497,7 +497,7 @@ def _rst_mesh(file: _Binary, word: int) -> tuple[FEBody, dict[int, NDArray]]:
         offsets = file.record(place, "index of elements")
         words = np.ascontiguousarray(offsets).astype("<i4").view("<i8") if len(offsets) >= 2 * n_elements else offsets
         for k in range(n_elements):
-            require(k < len(words), f"{file.source}: index of elements", f"{n_elements} entries", len(words))
+            check(k < len(words), f"{file.source}: index of elements", f"{n_elements} entries", len(words))
             element = file.record(place + int(words[k]), f"element {k + 1}")[10:].astype(np.int64)
             if len(element) in (8, 10, 20) and np.isin(element, numbers).all():
                 elements.append(np.array(_without_repeats(element.tolist())))
@@ -511,7 +511,7 @@ def _rst_shape(file: _Binary, word: int, numbers: NDArray, axes: dict[int, NDArr
     item, n = head.item, head.count(3, "a number of nodes")
     per_node = check_count(head[20] + head[98], item, "a number of values of each node", 3, 64)
     names = [head[21 + j] for j in range(head[20])] if 0 < head[20] <= 30 else []
-    require(names[:3] == [1, 2, 3], item, "displacements UX, UY, UZ", f"degrees of freedom {names}")
+    check(names[:3] == [1, 2, 3], item, "displacements UX, UY, UZ", f"degrees of freedom {names}")
     place = word + (head.pointer(105, 106) or head[11])
     values = file.record(place, f"displacements of result set {k + 1}").astype(float)
     if len(values) < n * per_node or n != len(numbers):

@@ -40,7 +40,7 @@ from bdamper.importers.fe_body import (
     read_body,
     reader,
 )
-from bdamper.model.fields import check_all, require
+from bdamper.model.fields import check, check_all
 from bdamper.util.errors import mismatch
 from bdamper.util.storage import MOST_BYTES, FilePath
 
@@ -90,20 +90,20 @@ def _elements(data: bytes, order: str, item: str) -> Iterator[tuple[int, bytes]]
         kind, length = struct.unpack_from(order + "II", data, at)
         if kind >> 16:  # a small element: length and type share the first word, the data are in the second
             length, kind, start, step = kind >> 16, kind & 0xFFFF, at + 4, 8
-            require(length <= 4, item, "small elements of at most four bytes", length)
+            check(length <= 4, item, "small elements of at most four bytes", length)
         else:
             start = at + 8
             step = 8 + (length if kind == _COMPRESSED else (length + 7) // 8 * 8)
-        require(start + length <= len(data), item, f"{length} bytes of data", f"{len(data) - start}: damaged or truncated")
+        check(start + length <= len(data), item, f"{length} bytes of data", f"{len(data) - start}: damaged or truncated")
         yield kind, data[start : start + length]
         at += step
 
 
 def _numbers(part: tuple[int, bytes], order: str, item: str) -> NDArray:
     kind, content = part
-    require(kind in _TYPES, item, "numbers", f"data of type {kind}")
+    check(kind in _TYPES, item, "numbers", f"data of type {kind}")
     dtype = np.dtype(order + _TYPES[kind])
-    require(not len(content) % dtype.itemsize, item, f"numbers of {dtype.itemsize} bytes", f"{len(content)} bytes")
+    check(not len(content) % dtype.itemsize, item, f"numbers of {dtype.itemsize} bytes", f"{len(content)} bytes")
     return np.frombuffer(content, dtype)
 
 
@@ -122,7 +122,7 @@ def _array(content: bytes, order: str, item: str, out: dict[str, NDArray | sp.sp
     rows, columns = (check_count(int(n), item, "a size") for n in size)
     rest = [_numbers(part, order, item) for part in parts]
     if kind != _SPARSE:
-        require(len(rest) == 1 and len(rest[0]) == rows * columns, item, f"{rows} x {columns} numbers", sum(map(len, rest)))
+        check(len(rest) == 1 and len(rest[0]) == rows * columns, item, f"{rows} x {columns} numbers", sum(map(len, rest)))
         out[name] = rest[0].reshape(columns, rows).T.astype(float)
         return
     if len(rest) != 3 or len(rest[1]) != columns + 1:
@@ -131,10 +131,10 @@ def _array(content: bytes, order: str, item: str, out: dict[str, NDArray | sp.sp
     count = int(pointer[-1])
     steps = np.diff(pointer)
     good = pointer[0] == 0 and np.all(steps >= 0) and 0 <= count <= min(len(row), len(value), LARGEST_COUNT)
-    require(good, item, "ascending column pointers within the numbers", f"up to {count} of {len(value)}")
+    check(good, item, "ascending column pointers within the numbers", f"up to {count} of {len(value)}")
     row, value = row[:count], value[:count]
     low, high = row.min(initial=0), row.max(initial=0)
-    require(low >= 0 and high < max(rows, 1), item, f"rows 0 to {rows - 1}", f"{low} to {high}")
+    check(low >= 0 and high < max(rows, 1), item, f"rows 0 to {rows - 1}", f"{low} to {high}")
     out[name] = sp.coo_matrix((value, (row, np.repeat(np.arange(columns), steps))), shape=(rows, columns))
 
 
@@ -153,10 +153,10 @@ def read_market(source: Path) -> sp.coo_matrix | NDArray:
     words = first.lower().split()
     if len(words) != 5 or words[:2] != ["%%matrixmarket", "matrix"] or words[2] not in ("coordinate", "array"):
         raise mismatch(f"{item}: line 1", "%%MatrixMarket matrix coordinate|array <field> <symmetry>", first[:60])
-    require(words[3] in ("real", "integer", "double"), f"{item}: line 1", "a real matrix", words[3])
-    require(words[4] in ("general", "symmetric"), f"{item}: line 1", "a general or symmetric matrix", words[4])
+    check(words[3] in ("real", "integer", "double"), f"{item}: line 1", "a real matrix", words[3])
+    check(words[4] in ("general", "symmetric"), f"{item}: line 1", "a general or symmetric matrix", words[4])
     content = data_lines(text, "%")
-    require(bool(content), item, "a line of sizes", "the end of the file")
+    check(bool(content), item, "a line of sizes", "the end of the file")
     (number, head), *body = content
     coordinate, symmetric = words[2] == "coordinate", words[4] == "symmetric"
     with parsing(f"{item}: line {number}", "the sizes of the matrix", head):
@@ -165,14 +165,14 @@ def read_market(source: Path) -> sp.coo_matrix | NDArray:
             raise ValueError
     rows, columns = (check_count(n, f"{item}: size line", "a size") for n in sizes[:2])
     good = not symmetric or rows == columns
-    require(good, f"{item}: size line", "as many rows as columns of a symmetric matrix", f"{rows}, {columns}")
+    check(good, f"{item}: size line", "as many rows as columns of a symmetric matrix", f"{rows}, {columns}")
     n_values = rows * (rows + 1) // 2 if symmetric else rows * columns
     count = sizes[2] if coordinate else n_values
-    require(count == len(body), f"{item}: size line", f"{len(body)} entries, as many as lines follow", count)
+    check(count == len(body), f"{item}: size line", f"{len(body)} entries, as many as lines follow", count)
     width = 3 if coordinate else 1
     words = " ".join(line for _, line in body).split()
     good = len(words) == width * count
-    require(good, item, f"{width} numbers in every line after the sizes", f"{len(words)} in {count} lines")
+    check(good, item, f"{width} numbers in every line after the sizes", f"{len(words)} in {count} lines")
     try:
         table = np.array(words, dtype=float).reshape(count, width)
     except ValueError as error:  # the text of which ends with the first word that is no number
@@ -221,7 +221,7 @@ def read_matrix(path: Path, name: str | None = None) -> sp.csr_matrix:
         For Abaqus text with nodes see :func:`read_abaqus_matrix`, which also returns the table of them.
     """
     kind = path.suffix.lower()
-    require(kind in _MATRICES, str(path), "the ending .npz, .npy, .mat or .mtx", f"'{kind}'")
+    check(kind in _MATRICES, str(path), "the ending .npz, .npy, .mat or .mtx", f"'{kind}'")
     return square_matrix(_MATRICES[kind](path, name), str(path))
 
 
@@ -261,7 +261,7 @@ def _chosen(names: list[str], name: str | None, source: Path) -> str:
     if name is None and len(names) == 1:
         return names[0]
     wanted = "the name of an array" if name is None else f"an array '{name}' of real numbers"
-    require(name in names, str(source), wanted, f"the arrays {names}")
+    check(name in names, str(source), wanted, f"the arrays {names}")
     return str(name)
 
 
@@ -285,8 +285,8 @@ def square_matrix(matrix: sp.spmatrix | NDArray, item: str) -> sp.csr_matrix:
     """A square matrix of finite real numbers with indices in range, or an error that names ``item``."""
     matrix = matrix if sp.issparse(matrix) else np.asarray(matrix)
     good = matrix.dtype.kind in "fiu" and matrix.ndim == 2
-    require(good, item, "a real matrix", f"an array {matrix.shape} of {matrix.dtype}")
-    require(matrix.shape[0] == matrix.shape[1] > 0, item, "a square matrix", f"shape {matrix.shape}")
+    check(good, item, "a real matrix", f"an array {matrix.shape} of {matrix.dtype}")
+    check(matrix.shape[0] == matrix.shape[1] > 0, item, "a square matrix", f"shape {matrix.shape}")
     if hasattr(matrix, "check_format"):
         matrix.check_format(full_check=True)
     out = sp.coo_matrix(matrix)
@@ -325,7 +325,7 @@ def number_rows(source: Path, *columns: int, mixed: bool = False, separators: st
             wanted = len(rows[0]) if rows and not mixed else " or ".join(map(str, columns))
             raise mismatch(f"{source}: line {k}", f"{wanted} numbers", f"{len(row)}")
         rows.append(row)
-    require(bool(rows), str(source), "at least one line of numbers", "none")
+    check(bool(rows), str(source), "at least one line of numbers", "none")
     return rows
 
 
@@ -485,6 +485,6 @@ def _reordered(matrix: sp.csr_matrix, own: NDArray, wanted: NDArray, item: str) 
     index = {tuple(pair): k for k, pair in enumerate(wanted.tolist())}
     pairs = [tuple(pair) for pair in own.tolist()]
     unknown = sorted(set(pairs) - set(index))
-    require(not unknown, item, "nodes and components of the stiffness matrix", f"also {unknown[:3]}")
+    check(not unknown, item, "nodes and components of the stiffness matrix", f"also {unknown[:3]}")
     place, entries = np.array([index[pair] for pair in pairs]), matrix.tocoo()
     return sp.csr_matrix((entries.data, (place[entries.row], place[entries.col])), shape=(len(wanted), len(wanted)))

@@ -40,11 +40,11 @@ from bdamper.importers.contact_faces import LaidContacts
 from bdamper.importers.fe_body import BOUNDS, ElementKind, FEBody, Modes
 from bdamper.importers.plausibility import check_rigid_motion, compare_frequencies
 from bdamper.importers.prepared_body import NodeSet, PreparedBody, Ring
-from bdamper.model.fields import require
+from bdamper.model.fields import check
 from bdamper.model.modal_basis import fix_phase, rigid_motions
 from bdamper.model.structure import Body, BodyLoad, Interface, ModalBasis, turn
 from bdamper.util import validation
-from bdamper.util.errors import SettingError, needed
+from bdamper.util.errors import SettingError, import_extra
 
 if TYPE_CHECKING:
     from bdamper.fem.element_stress import Solids, StressRows
@@ -73,7 +73,7 @@ def over_speed(bodies: Mapping[float, FEBody]) -> FEBody:
         If there are not two speeds, or the bodies are not the same nodes with the same kind of data.
     """
     if not isinstance(bodies, Mapping) or len(bodies) != 2:
-        raise validation.unfit("over_speed", "a mapping of two rotor speeds to FEBody", bodies)
+        raise validation.invalid("over_speed", "a mapping of two rotor speeds to FEBody", bodies)
     made = []
     for key, value in bodies.items():
         omega = validation.number("rotor speed", key, least=0.0, unit="rad/s")
@@ -81,7 +81,7 @@ def over_speed(bodies: Mapping[float, FEBody]) -> FEBody:
         made.append(replace(body, rotor_speed=omega, faster=None))
     slower, faster = sorted(made, key=lambda body: body.rotor_speed)
     alike, item = np.array_equal(slower.numbers, faster.numbers), f"{faster.source} at {faster.rotor_speed:g} rad/s"
-    require(alike, item, f"the nodes of {slower.source}", "other numbers")
+    check(alike, item, f"the nodes of {slower.source}", "other numbers")
     if (slower.stiffness is None) != (faster.stiffness is None):
         raise SettingError("over_speed: expected matrices at both speeds, or modes at both speeds, found one of each")
     return replace(slower, faster=faster)
@@ -499,10 +499,10 @@ def stress_rows(
     """
     if given is None:
         return []
-    needed("skfem", "stress of an import", "fe")
+    import_extra("skfem", "stress of an import", "fe")
     from bdamper.fem.element_stress import StressRows, near_patches
 
-    validation.require(
+    validation.check(
         body.has_matrices, "stress", "a blade with its matrices", "modes alone; give StressSet arrays instead"
     )
     sets = given if isinstance(given, Mapping) else {given if isinstance(given, str) else "stress": given}

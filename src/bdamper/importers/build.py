@@ -52,15 +52,15 @@ from bdamper.importers.plausibility import (
     check_table,
 )
 from bdamper.importers.prepared_body import NodeSet, Placement, PreparedBody, Ring
-from bdamper.model.fields import require
+from bdamper.model.fields import check
 from bdamper.model.model_file import save_model
 from bdamper.model.structure import Body, Location, ModalBasis, Model
 from bdamper.model.validation import check_model
 from bdamper.util import validation
 from bdamper.util.display import Plottable
 from bdamper.util.errors import SettingError
-from bdamper.util.formatting import brief
-from bdamper.util.progress import one_thread, stages
+from bdamper.util.formatting import short_repr
+from bdamper.util.progress import one_thread, progress_stages
 from bdamper.util.storage import FilePath
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ def force_fields(given: Mapping[str, object] | None, body: PreparedBody) -> dict
         units, out[name] = body.place.units, np.zeros((len(body.nodes), 3), complex)
         in_si = units.mass * units.length * forces @ body.place.rotation.T
         np.add.at(out[name], body.index(numbers, f"forces '{name}'"), in_si)
-        validation.require(out[name].any(), f"forces '{name}'", "forces other than 0", "zeros alone")
+        validation.check(out[name].any(), f"forces '{name}'", "forces other than 0", "zeros alone")
     return out
 
 
@@ -104,13 +104,13 @@ def _table(item: str, value: Any) -> tuple[NDArray, NDArray]:
     if isinstance(value, str | os.PathLike):
         table = number_table(Path(value), 7)
         return as_integers(table[:, 0], item), table[:, 1::2] + 1j * table[:, 2::2]
-    validation.that(isinstance(value, tuple) and len(value) == 2, item, EXPECTED, value)
+    validation.check_value(isinstance(value, tuple) and len(value) == 2, item, EXPECTED, value)
     try:
         numbers, forces = np.asarray(value[0]), np.asarray(value[1], complex)
     except (ValueError, TypeError) as error:
-        raise validation.unfit(item, EXPECTED, value) from error
+        raise validation.invalid(item, EXPECTED, value) from error
     good = numbers.ndim == 1 and len(numbers) and forces.shape == (len(numbers), 3) and np.isfinite(forces).all()
-    validation.that(good, item, EXPECTED, value)
+    validation.check_value(good, item, EXPECTED, value)
     return numbers, forces
 
 
@@ -122,7 +122,7 @@ def frequencies_of(basis: ModalBasis) -> NDArray:
     return np.sqrt(basis.omega2[: basis.n_natural]) / (2.0 * np.pi)
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class BuiltModel(Plottable):
     """A model and the report on how it came about, which it prints.
@@ -199,7 +199,7 @@ MARCHED = 33
 """Sectors after which an excitation repeats, up to which a model has all their nodal diameters, for marches in time."""
 
 
-@validation.spelt
+@validation.check_arguments
 @one_thread
 def build_model(
     blade: FEBody,
@@ -293,7 +293,7 @@ def _prepared(
     """The bodies in SI units and the axes of the model, the blade first."""
     free = damper if isinstance(damper, Mapping) else {} if damper is None else {"damper": damper}
     taken = [name for name in free if name in ("blade", "ground") or not isinstance(name, str)]
-    validation.require(not taken, "free bodies", "names other than 'blade' and 'ground'", taken)
+    validation.check(not taken, "free bodies", "names other than 'blade' and 'ground'", taken)
     out = {}
     for name, given in {"blade": blade, **free}.items():
         body = validation.instance(name, given, FEBody, "an FEBody, as read_arrays returns it")
@@ -305,8 +305,8 @@ def _counts(free: Sequence[str], n_modes: int, n_damper_modes: int | Mapping[str
     """Modes of each body."""
     given = n_damper_modes if isinstance(n_damper_modes, Mapping) else dict.fromkeys(free, n_damper_modes)
     validation.mapping("n_damper_modes", given, free, "free bodies")
-    own = {name: validation.whole("n_damper_modes", given.get(name, DAMPER_MODES), 6, BOUNDS.modes) for name in free}
-    return {"blade": validation.whole("n_modes", n_modes, 1, BOUNDS.modes), **own}
+    own = {name: validation.integer("n_damper_modes", given.get(name, DAMPER_MODES), 6, BOUNDS.modes) for name in free}
+    return {"blade": validation.integer("n_modes", n_modes, 1, BOUNDS.modes), **own}
 
 
 def _check_bodies(bodies: Mapping[str, PreparedBody], n_blades: int, check_units: bool) -> None:
@@ -327,7 +327,7 @@ def _known_frequencies(
 ) -> Mapping[int, Sequence[float]]:
     known = validation.instance("expected_frequencies", {} if given is None else given, Mapping, "a mapping")
     for d, values in known.items():
-        require(d in diameters, "expected_frequencies", f"nodal diameters out of {list(diameters)}", d)
+        check(d in diameters, "expected_frequencies", f"nodal diameters out of {list(diameters)}", d)
         validation.numbers(f"expected_frequencies at nodal diameter {d}", values, above=0.0, unit="Hz")
     return known
 
@@ -335,9 +335,9 @@ def _known_frequencies(
 def _given_contacts(given: Sequence[ContactFaces]) -> tuple[ContactFaces, ...]:
     several = isinstance(given, Iterable) and not isinstance(given, str)
     contacts = tuple(validation.instance("contacts", contact, ContactFaces) for contact in given) if several else ()
-    validation.that(contacts, "contacts", "a sequence of one or more ContactFaces", given)
+    validation.check_value(contacts, "contacts", "a sequence of one or more ContactFaces", given)
     names = [contact.name for contact in contacts]
-    validation.that(len(set(names)) == len(names), "contacts", "each name once", names)
+    validation.check_value(len(set(names)) == len(names), "contacts", "each name once", names)
     return contacts
 
 
@@ -346,15 +346,15 @@ def _diameters(
     blade: FEBody,
 ) -> tuple[tuple[int, ...], tuple[int, ...], str]:  # fmt: skip
     """Nodal diameters of a model, those of its engine orders, and why the model has the former."""
-    orders = () if engine_order is None else validation.wholes("engine_order", np.atleast_1d(engine_order))
+    orders = () if engine_order is None else validation.integers("engine_order", np.atleast_1d(engine_order))
     excited = tuple(sorted({min(order % n_blades, -order % n_blades) for order in orders}))
     held = None if blade.stiffness is not None or not blade.modes else {modes.nodal_diameter for modes in blade.modes}
     if given is not None or not orders:
         if given is None and n_blades > 1 and held is None:
             raise SettingError("expected engine_order or nodal_diameters, found neither")
         chosen = given if given is not None else [0] if n_blades == 1 else sorted(held or ())
-        return tuple(sorted({0, *validation.wholes("nodal_diameters", chosen, most=n_blades // 2)})), excited, "given"
-    most = HARMONICS if harmonics is None else validation.whole("harmonics", harmonics, 1, 64)
+        return tuple(sorted({0, *validation.integers("nodal_diameters", chosen, most=n_blades // 2)})), excited, "given"
+    most = HARMONICS if harmonics is None else validation.integer("harmonics", harmonics, 1, 64)
     reason = f"for {most} harmonics of engine order {', '.join(map(str, orders))}"
     wanted = set[int]()
     for order in orders:
@@ -369,7 +369,7 @@ def _diameters(
 
 def _sector_faces(body: PreparedBody, given: tuple[NodeSet, NodeSet] | None, n_blades: int | None) -> SectorFaces:
     """The faces at which the sector repeats: those given, or found; matching ones, or tied by interpolation."""
-    n_blades = None if n_blades is None else validation.whole("n_blades", n_blades, least=1)
+    n_blades = None if n_blades is None else validation.integer("n_blades", n_blades, least=1)
     if n_blades == 1:
         return no_faces()
     tolerance = BOUNDS.sector_faces * body.size
@@ -381,7 +381,7 @@ def _sector_faces(body: PreparedBody, given: tuple[NodeSet, NodeSet] | None, n_b
         body.checks.append(f"sector faces: found from the geometry, {faces.n_sectors} sectors")
         return faces
     if isinstance(given, str) or not isinstance(given, Sequence) or len(given) != 2:
-        raise validation.unfit("sector_faces", "two sets of nodes, the faces at which the sector repeats", given)
+        raise validation.invalid("sector_faces", "two sets of nodes, the faces at which the sector repeats", given)
     first, second = (body.node_set(s, "sector_faces") for s in given)
     if n_blades is None:
         n_blades = _sectors_between(body, first, second)
@@ -423,8 +423,8 @@ def _locations(
         body = "blade"
         if isinstance(value, tuple) and len(value) == 2 and isinstance(value[0], str):
             body, value = value
-        validation.require(body in bodies, f"location '{name}'", f"a body out of {sorted(bodies)}", f"'{body}'")
-        validation.require(name not in out, f"location '{name}'", "another name than one of forces", f"'{name}' twice")
+        validation.check(body in bodies, f"location '{name}'", f"a body out of {sorted(bodies)}", f"'{body}'")
+        validation.check(name not in out, f"location '{name}'", "another name than one of forces", f"'{name}' twice")
         out[name] = (body, bodies[body].node(value, f"location '{name}'"))
     return out
 
@@ -448,7 +448,7 @@ def _shown(progress: bool | None, bodies: Mapping[str, PreparedBody], ring: Ring
         return
     waves = {*ring.diameters, *sampled_waves(ring.faces.n_sectors)} if wheel else ring.diameters
     total, done = len(waves) + len(bodies) - 1 + (ring.faces.n_sectors // 2 + 1 if wheel else 0), count()
-    with stages("import", "step") as report:
+    with progress_stages("import", "step") as report:
         for body in bodies.values():
             body.step = lambda text: report(text, next(done), total)
         yield
@@ -476,7 +476,7 @@ def _reduced(
                 sizes = shapes or LocalSizes()
                 made[name] = with_local_basis(made[name], body, wanted, sector, laid.interfaces, part, sizes)
         elif name == "blade":
-            validation.require(wheel is None, "wheel", "a sector of a cyclic structure with its matrices", "modes alone")
+            validation.check(wheel is None, "wheel", "a sector of a cyclic structure with its matrices", "modes alone")
             made[name] = constrained_from_modes(body, wanted, ring)
         else:
             made[name] = free_from_matrices(body, wanted) if body.has_matrices else free_from_modes(body, wanted)

@@ -19,14 +19,14 @@ from bdamper.fem.contact_patches import Patches, PatchMeans, patches_on_faces, p
 from bdamper.fem.surface import Facets, area_vectors
 from bdamper.importers.fe_body import BOUNDS
 from bdamper.importers.prepared_body import FaceSet, PreparedBody
-from bdamper.model.fields import require
+from bdamper.model.fields import check
 from bdamper.model.structure import ContactStiffness, Interface, Port, turn
 from bdamper.util import validation
-from bdamper.util.errors import implausible
-from bdamper.util.formatting import brief
+from bdamper.util.errors import warn_implausible
+from bdamper.util.formatting import short_repr
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class ContactFaces:
     """A pair of faces that touch, and how contact points are laid over them.
@@ -66,14 +66,14 @@ class ContactFaces:
     body_b: str = "blade"
     points: Annotated[int | tuple[int, int], _points] = 24
     kind: Literal["friction", "constraint"] = "friction"
-    sector_b: Annotated[int, partial(validation.whole, least=-1, most=1)] | None = None
+    sector_b: Annotated[int, partial(validation.integer, least=-1, most=1)] | None = None
     gap: Annotated[float | Literal["measured"], _gap] = 0.0
     patches: Patches | None = None
     stiffness: NDArray | tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
         validation.instance("name of a contact", self.name, str, "a text")
-        validation.checked(self, f"{self.item}: ")
+        validation.check_fields(self, f"{self.item}: ")
 
     @property
     def item(self) -> str:
@@ -85,16 +85,17 @@ def _points(name: str, points: int | tuple[int, int]) -> int | tuple[int, ...]:
     pair = isinstance(points, Sequence | np.ndarray) and not isinstance(points, str | bytes)
     counts = tuple(points) if pair else (points,)  # type: ignore[arg-type]
     good = len(counts) == (2 if pair else 1)
-    validation.that(good, name, "a number of contact points or two, along t1 and t2", points)
-    counts = tuple(validation.whole(name, n, 1, BOUNDS.points) for n in counts)
-    validation.that(np.prod(counts) <= BOUNDS.points, name, f"at most {BOUNDS.points} contact points on a face", points)
+    validation.check_value(good, name, "a number of contact points or two, along t1 and t2", points)
+    counts = tuple(validation.integer(name, n, 1, BOUNDS.points) for n in counts)
+    expected = f"at most {BOUNDS.points} contact points on a face"
+    validation.check_value(np.prod(counts) <= BOUNDS.points, name, expected, points)
     return counts if pair else counts[0]
 
 
 def _gap(name: str, gap: float | str) -> float | str:
     if not isinstance(gap, str):
         return validation.number(name, gap)
-    validation.that(gap == "measured", name, "a distance in the units of the files, or 'measured'", gap)
+    validation.check_value(gap == "measured", name, "a distance in the units of the files, or 'measured'", gap)
     return gap
 
 
@@ -203,7 +204,7 @@ def lay_contacts(contacts: Sequence[ContactFaces], bodies: Mapping[str, Prepared
 def _user_stiffness(contact: ContactFaces, n: int) -> ContactStiffness:
     values = np.asarray(contact.stiffness, float)
     good = values.shape in ((3,), (n, 3)) and np.isfinite(values).all() and (values >= 0.0).all()
-    validation.require(good, contact.item, f"stiffness (3,) or ({n}, 3) >= 0 N/m", values.shape)
+    validation.check(good, contact.item, f"stiffness (3,) or ({n}, 3) >= 0 N/m", values.shape)
     return ContactStiffness(np.broadcast_to(values, (n, 3)).copy(), "user")
 
 
@@ -212,11 +213,11 @@ def _laid(
 ) -> tuple[Interface, PatchMeans, str]:
     """Interface, means and figures of one pair of faces."""
     item, body_a, body_b = contact.item, contact.body_a, contact.body_b
-    validation.require(body_a in bodies, item, f"body_a out of {sorted(bodies)}", f"'{body_a}'")
+    validation.check(body_a in bodies, item, f"body_a out of {sorted(bodies)}", f"'{body_a}'")
     known = [*sorted(bodies), "ground"]
-    validation.require(body_b in known, item, f"body_b out of {known}", f"'{body_b}'")
+    validation.check(body_b in known, item, f"body_b out of {known}", f"'{body_b}'")
     given, found = contact.faces_b is not None, "none" if contact.faces_b is None else "some"
-    validation.require(given == (body_b != "ground"), item, f"faces_b on '{body_b}' (none on the ground)", found)
+    validation.check(given == (body_b != "ground"), item, f"faces_b on '{body_b}' (none on the ground)", found)
     a = bodies[body_a]
     face_a = a.faces(contact.faces_a, item)
     areas, sector, face_b, placed = [_area(face_a, a.nodes)], 0, None, None
@@ -270,22 +271,22 @@ def _check_touching(contact: ContactFaces, means: PatchMeans, areas: Sequence[fl
     measured = contact.patches is None and len(areas) == 2
     expected = f"faces that have at least {100 * BOUNDS.overlap:.0f} % of the smaller one in common"
     found = f"{area:.4g} m2 of {' and '.join(f'{a:.4g}' for a in areas)} m2"
-    require(not measured or share >= BOUNDS.overlap, item, expected, found)
+    check(not measured or share >= BOUNDS.overlap, item, expected, found)
     farthest = distance[np.abs(distance).argmax()]
     found = f"a distance of {farthest:.4g} m with faces {width:.4g} m wide"
-    require(abs(farthest) <= BOUNDS.distance * width, item, "faces that lie on each other", found)
+    check(abs(farthest) <= BOUNDS.distance * width, item, "faces that lie on each other", found)
     if not isinstance(contact.gap, str):
         expected = "much less than the width of the face, in the units of the files"
         found = f"{contact.gap:.4g} m on a face {width:.4g} m wide"
-        require(abs(contact.gap) <= BOUNDS.distance * width, f"{item}: gap", expected, found)
+        check(abs(contact.gap) <= BOUNDS.distance * width, f"{item}: gap", expected, found)
         off = distance - contact.gap
         worst = float(off[np.abs(off).argmax()])
         if len(areas) == 2 and abs(worst) > BOUNDS.misfit * width:
             expected = f"meshes within {BOUNDS.misfit * width:.2g} m of the gap {contact.gap:g} m (or gap='measured')"
-            implausible(item, expected, f"{abs(worst):.3g} m {'farther apart' if worst > 0.0 else 'into each other'}")
+            warn_implausible(item, expected, f"{abs(worst):.3g} m {'farther apart' if worst > 0.0 else 'into each other'}")
     if measured and max(areas) <= (1.0 + BOUNDS.agreement) * min(areas) and share < 1.0 - BOUNDS.misfit:
         found = f"{100.0 * share:.3g} % in common, as of a shift by some {(1.0 - share) * width:.2g} m"
-        implausible(item, f"faces of equal areas that match to {100 * BOUNDS.misfit:g} %", found)
+        warn_implausible(item, f"faces of equal areas that match to {100 * BOUNDS.misfit:g} %", found)
 
 
 def _centre_and_normal(facets: Facets, nodes: NDArray) -> tuple[NDArray, NDArray]:
@@ -302,14 +303,14 @@ def _sector_of(
     """Sector in which face b lies on face a: the one in which it is nearest; there it must look the other way."""
     own = contact.body_a == contact.body_b
     allowed = [s for s in (-1, 0, 1) if (s == 0 or n_blades > 1) and not (own and s == 0)]
-    validation.require(allowed, contact.item, "another body, or a neighbouring sector of the same one", "neither")
+    validation.check(allowed, contact.item, "another body, or a neighbouring sector of the same one", "neither")
     wrong = contact.sector_b is not None and contact.sector_b not in allowed
-    validation.require(not wrong, contact.item, f"sector_b in {allowed}", contact.sector_b)
+    validation.check(not wrong, contact.item, f"sector_b in {allowed}", contact.sector_b)
     candidates = allowed if contact.sector_b is None else [contact.sector_b]
     distance, product, sector = _nearest(candidates, a, face_a, b, face_b, n_blades)
     expected = "outward normals that point at each other (faces seen from outside counter-clockwise)"
     found = f"a cosine of {product:.3f} between them in sector {sector:+d}, {distance:.4g} m apart"
-    require(product <= -0.5, contact.item, expected, found)
+    check(product <= -0.5, contact.item, expected, found)
     return sector
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import NoReturn
 
-from bdamper.model.fields import require
+from bdamper.model.fields import check
 from bdamper.util.errors import mismatch
 
 
@@ -92,7 +92,7 @@ def adds_to_matrices(keyword: str, parameters: Mapping[str, str], item: str) -> 
     if keyword in INP_READ:
         unknown = [f"{key}={value}".rstrip("=") for key, value in parameters.items() if key not in INP_READ[keyword]]
         expected = f"no parameters of {keyword} but {', '.join(sorted(INP_READ[keyword]))}"
-        require(not unknown, item, expected, ", ".join(unknown))
+        check(not unknown, item, expected, ", ".join(unknown))
         return False
     ties = keyword == "*CONTACTPAIR" and not parameters.keys().isdisjoint(("ADJUST", "TIED"))
     cyclic = keyword == "*TIE" and "CYCLICSYMMETRY" in parameters

@@ -7,7 +7,7 @@ Reading files of other programs: one registry of readers, and what they share.
 
 A reader is a function of a path under :func:`reader`, which turns every failure in it into one ModelError that names the
 file, what was expected of it and what was found; with endings of names, :func:`read_body` finds it by them.  Checks within
-a file go through :func:`bdamper.model.fields.require` or, where there are lines, :meth:`Lines.require`.
+a file go through :func:`bdamper.model.fields.check` or, where there are lines, :meth:`Lines.require`.
 
 One table of the bounds of all checks of an import, with what each is of and what it was measured on.
 """
@@ -28,16 +28,16 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper.model.fields import check_all, require
+from bdamper.model.fields import check, check_all
 from bdamper.util import validation
 from bdamper.util.errors import BdamperError, mismatch
-from bdamper.util.formatting import brief
+from bdamper.util.formatting import short_repr
 from bdamper.util.storage import MOST_BYTES, FilePath
 
 # ---- Data of one body from another program ----
 
 
-@validation.spelt
+@validation.check_arguments
 @dataclass(frozen=True)
 class Units(validation.Checked):
     """Units of a finite element model, as factors to metres and kilograms; time is in seconds.
@@ -63,7 +63,7 @@ UNITS = {
 """Systems of units by name; "mm-t-s" is that of N and MPa."""
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class Modes:
     """Modes of one body at one nodal diameter, as a file has them.
@@ -92,10 +92,10 @@ class Modes:
     def __post_init__(self) -> None:
         item = f"{self.source or 'modes'}, nodal diameter {self.nodal_diameter}"
         n, m = len(self.numbers), len(self.frequency)
-        require(self.nodal_diameter >= 0, item, "a nodal diameter >= 0", self.nodal_diameter)
+        check(self.nodal_diameter >= 0, item, "a nodal diameter >= 0", self.nodal_diameter)
         if self.shapes.shape != (n, 3, m):
             raise mismatch(item, f"shapes ({n}, 3, {m}) for {n} nodes and {m} frequencies", self.shapes.shape)
-        require(len(np.unique(self.numbers)) == n, item, "each node once", "a repeated node number")
+        check(len(np.unique(self.numbers)) == n, item, "each node once", "a repeated node number")
         for values in (self.frequency, self.shapes):
             check_all(np.isfinite(values), values, "finite frequencies and shapes", item)
         if self.modal_mass is not None:
@@ -127,7 +127,7 @@ def modes_by_diameter(given: Iterable[tuple[int, float, float, NDArray, NDArray]
     return tuple(out)
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class MassProperties:
     """Mass, centre and inertia of a rigid body, for a free body without a mass matrix.
@@ -173,7 +173,7 @@ def by_kind(
     return {"elements": arrays, "element_kinds": tuple(kind for kind, _ in groups if kind is not None)}
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class FEBody:
     """A body of a finite element model, in the units, axes and numbers of the program that made it.
@@ -233,7 +233,7 @@ class FEBody:
     def __post_init__(self) -> None:
         shapes = [np.shape(e) for e in self.elements]
         expected = "arrays (n, nodes of an element) in a tuple"
-        require(all(len(shape) == 2 for shape in shapes), f"{self.source}: elements", expected, f"shapes {shapes[:2]}")
+        check(all(len(shape) == 2 for shape in shapes), f"{self.source}: elements", expected, f"shapes {shapes[:2]}")
 
     def __str__(self) -> str:
         n_elements = sum(len(e) for e in self.elements)
@@ -328,13 +328,13 @@ def read_body(path: FilePath) -> Any:
     FileNotFoundError, ModelError
     """
     ending = Path(path).suffix.lower()
-    require(ending in BODIES, str(path), f"a name that ends in one of {sorted(BODIES)}", f"'{ending}'")
+    check(ending in BODIES, str(path), f"a name that ends in one of {sorted(BODIES)}", f"'{ending}'")
     return BODIES[ending](path)
 
 
 def check_count(value: int, item: str, what: str, smallest: int = 0, largest: int = LARGEST_COUNT) -> int:
     """A count read from a file, if it can be one."""
-    require(smallest <= value <= largest, item, f"{what} from {smallest} to {largest}", value)
+    check(smallest <= value <= largest, item, f"{what} from {smallest} to {largest}", value)
     return int(value)
 
 
@@ -382,12 +382,12 @@ class Included:
         """
         self._count += 1
         limits = f"at most {MOST_INCLUDED} included files, {DEEPEST} in each other"
-        require(self._count <= MOST_INCLUDED and depth < DEEPEST, item, limits, "more")
+        check(self._count <= MOST_INCLUDED and depth < DEEPEST, item, limits, "more")
         relative = PureWindowsPath(name)  # takes both kinds of slashes
         below = not relative.anchor and ".." not in relative.parts
-        require(below, item, "a file in the folder of this one or below", f"'{name[:60]}'")
+        check(below, item, "a file in the folder of this one or below", f"'{name[:60]}'")
         path = source.parent / relative.as_posix()
-        require(path.is_file(), item, "an existing file", f"'{name[:60]}'")
+        check(path.is_file(), item, "an existing file", f"'{name[:60]}'")
         return path
 
 
@@ -406,7 +406,7 @@ class Lines:
 
     def take(self, what: str) -> str:
         """The next line, which is to hold ``what``."""
-        require(self._read < len(self._lines), str(self.source), what, "the end of the file")
+        check(self._read < len(self._lines), str(self.source), what, "the end of the file")
         self._read += 1
         return self._lines[self._read - 1]
 
@@ -421,7 +421,7 @@ class Lines:
 
     def require(self, good: object, expected: str, found: object) -> None:
         """Raise the error for the line that was read last unless it is good."""
-        require(good, self.item, expected, found)
+        check(good, self.item, expected, found)
 
 
 # ---- One table of the bounds of all checks of an import, with what each is of and what it was m ----

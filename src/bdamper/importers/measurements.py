@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.importers.fe_body import data_lines, parsing
-from bdamper.model.fields import check_all, require
+from bdamper.model.fields import check, check_all
 from bdamper.util import validation
 from bdamper.util.display import Plottable
 from bdamper.util.errors import mismatch
-from bdamper.util.formatting import brief
+from bdamper.util.formatting import short_repr
 from bdamper.util.storage import Storable
 from bdamper.util.tables import Column, Hertz, Radians, Tabular
 
@@ -40,7 +40,7 @@ ANGLES = {"rad": 1.0, "deg": np.pi / 180.0, "°": np.pi / 180.0}
 """Units of phase in radians."""
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
     """Measured response over frequency.
@@ -100,7 +100,7 @@ class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
         """
         unit = _plain(self.unit) or "m"
         expected = f"displacements in one of {tuple(LENGTHS)} or a scale to metres (scale=...)"
-        validation.require(unit in LENGTHS, f"measurement '{self.name}'", expected, f"the unit '{self.unit}'")
+        validation.check(unit in LENGTHS, f"measurement '{self.name}'", expected, f"the unit '{self.unit}'")
         return LENGTHS[unit]
 
     def __str__(self) -> str:
@@ -115,7 +115,7 @@ COLUMNS: dict[str, Mapping[str, float] | None] = {"load": FORCES, "amplitude": N
 """Columns of resonances, with their units."""
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class Measured:
     """Measured resonances.
@@ -183,12 +183,12 @@ def read_columns(
         If no set is complete, a column has no unit or an unknown one, or a value is not a finite number; the message
         names the line.
     """
-    require(not Path(path).is_dir(), str(path), "a CSV file", "a folder")
+    check(not Path(path).is_dir(), str(path), "a CSV file", "a folder")
     try:
         lines = data_lines(Path(path).read_text(encoding="utf-8-sig"), "#")
     except UnicodeDecodeError as error:
         raise mismatch(str(path), "text in UTF-8", f"another encoding ({error})") from error
-    require(bool(lines), str(path), "a header and rows of numbers", "nothing")
+    check(bool(lines), str(path), "a header and rows of numbers", "nothing")
     (first, header), *lines = lines
     names = [name.strip().lower() for name in next(csv.reader([header]))]
     head: dict[str, tuple[int, str]] = {}
@@ -204,10 +204,10 @@ def read_columns(
     for k, line in lines:
         where, row = f"{path}, line {k}", next(csv.reader([line]))
         expected = f"{len(names)} values separated by commas, as the header has, with points in numbers"
-        require(len(row) <= len(names), where, expected, f"{len(row)}: '{line[:60]}'")
+        check(len(row) <= len(names), where, expected, f"{len(row)}: '{line[:60]}'")
         row += [""] * (len(names) - len(row))
         rows.append([_number(row[head[name][0]].strip(), where, name, signed, name in blank) for name in there])
-    require(bool(rows), str(path), "rows of numbers after the header", "none")
+    check(bool(rows), str(path), "rows of numbers after the header", "none")
     return {name: (factor * column, head[name][1]) for name, factor, column in zip(there, factors, np.array(rows).T)}
 
 
@@ -227,7 +227,7 @@ def check_unit(where: str, column: str, unit: str, known: Mapping[str, float] | 
     shown = [name for name in known or LENGTHS if name]
     expected = f"its unit in the header, such as '{column} ({shown[0]})'" + (f", one of {shown}" if known else "")
     factors = {_plain(name): factor for name, factor in known.items()} if known else {_plain(unit): 1.0} if unit else {}
-    require(_plain(unit) in factors, f"{where}, column '{column}'", expected, f"the unit '{unit}'" if unit else "no unit")
+    check(_plain(unit) in factors, f"{where}, column '{column}'", expected, f"the unit '{unit}'" if unit else "no unit")
     return factors[_plain(unit)]
 
 
@@ -277,7 +277,7 @@ def read_response(path: str | PathLike[str], *, unit: str | None = None, name: s
     frequency, size, *rest = (values for values, _ in found.values())
     _, own, *others = (text for _, text in found.values())
     if "imag" in found:
-        require(others == [own], str(path), "real and imag in the same unit", f"'{own}' and '{others[0]}'")
+        check(others == [own], str(path), "real and imag in the same unit", f"'{own}' and '{others[0]}'")
     response = size.astype(complex)
     if "imag" in found:
         response = size + 1j * rest[0]

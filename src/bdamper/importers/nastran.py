@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from bdamper.importers.arrays import square_matrix, triangle_to_full
 from bdamper.importers.deck_keywords import BDF_HARMLESS, BDF_IN_MATRICES, BDF_READ, refuse
 from bdamper.importers.fe_body import ElementKind, FEBody, Included, Modes, by_kind, check_count, reader
-from bdamper.model.fields import check_all, require
-from bdamper.util.errors import mismatch, needed
+from bdamper.model.fields import check, check_all
+from bdamper.util.errors import import_extra, mismatch
 from bdamper.util.storage import FilePath
 
 _EXTRA = "reading a file of Nastran", "nastran"
@@ -38,7 +38,7 @@ def read_op4(path: Path) -> dict[str, sp.csr_matrix]:
     ------
     FileNotFoundError, ModelError
     """
-    op4 = needed("pyNastran.op4.op4", *_EXTRA).OP4
+    op4 = import_extra("pyNastran.op4.op4", *_EXTRA).OP4
     _check_op4_sizes(path)
     content = op4(debug=False).read_op4(str(path))
     out = {}
@@ -48,7 +48,7 @@ def read_op4(path: Path) -> dict[str, sp.csr_matrix]:
             stored = sp.coo_matrix(data)
             full = triangle_to_full(stored.row, stored.col, stored.data, data.shape[0])
             out[name] = square_matrix(full, f"{path}: {name}")
-    require(bool(out), str(path), "a square matrix", {k: getattr(v, "shape", None) for k, v in content.items()})
+    check(bool(out), str(path), "a square matrix", {k: getattr(v, "shape", None) for k, v in content.items()})
     return out
 
 
@@ -69,7 +69,7 @@ def read_bdf(path: Path) -> FEBody:
     ------
     FileNotFoundError, ModelError
     """
-    bdf = needed("pyNastran.bdf.bdf", *_EXTRA).BDF
+    bdf = import_extra("pyNastran.bdf.bdf", *_EXTRA).BDF
     model, text = bdf(debug=None), _with_included(path, Included())
     whole = re.search(r"^\s*CEND\b", text, re.MULTILINE | re.IGNORECASE)
     # bulk data alone may come with the lines around them or without
@@ -77,7 +77,7 @@ def read_bdf(path: Path) -> FEBody:
     cards = text if whole else re.split(begin, text, maxsplit=1, flags=re.MULTILINE | re.IGNORECASE)[-1]
     model.read_bdf(StringIO(cards), punch=not whole, xref=False)
     _check_cards(model.card_count, text, path)
-    require(bool(model.nodes), str(path), "grid points (GRID)", "none")
+    check(bool(model.nodes), str(path), "grid points (GRID)", "none")
     labels, positions = model.get_xyz_in_coord_no_xref(cid=0)
     numbers, nodes = np.array(labels, np.int64), np.array(positions, float)
     check_all(np.isfinite(nodes), nodes, "finite positions", f"{path}: GRID")
@@ -109,7 +109,7 @@ def _with_included(source: Path, included: Included, depth: int = 0) -> str:
             lines.append(line)
             continue
         item, name = f"{source}: INCLUDE in line {number}", re.fullmatch(r"'([^']+)'|\"([^\"]+)\"|(\S+)", named[1].strip())
-        require(name, item, "the name of a file in one line", f"'{named[1].strip()[:60]}'")
+        check(name, item, "the name of a file in one line", f"'{named[1].strip()[:60]}'")
         assert name is not None
         lines.append(_with_included(included.path(name[name.lastindex or 0], source, depth, item), included, depth + 1))
     return "\n".join(lines)
@@ -142,7 +142,7 @@ def _displacement_axes(model: Any, numbers: NDArray, nodes: NDArray) -> dict[int
         if system.type in ("CORD1C", "CORD2C"):
             radial = axes @ (position - np.asarray(system.origin, float)) * [1.0, 1.0, 0.0]
             length = np.linalg.norm(radial)
-            require(length > 0.0, f"GRID {number}", "a place off the axis of its cylindrical axes", "one on it")
+            check(length > 0.0, f"GRID {number}", "a place off the axis of its cylindrical axes", "one on it")
             r = radial / length
             axes = np.array([r, np.cross([0.0, 0.0, 1.0], r), [0.0, 0.0, 1.0]]) @ axes
         elif system.type not in ("CORD1R", "CORD2R"):
@@ -216,9 +216,9 @@ def read_nastran(
         rows = 6 * len(body.numbers)
         for path, name in zip((stiffness, mass or stiffness), names):
             content = read_op4(path)
-            require(name in content, str(path), f"a matrix '{name}'", f"the matrices {sorted(content)}")
+            check(name in content, str(path), f"a matrix '{name}'", f"the matrices {sorted(content)}")
             wanted = f"{rows} rows: six for each of {len(body.numbers)} grid points"
-            require(content[name].shape[0] == rows, str(path), wanted, content[name].shape[0])
+            check(content[name].shape[0] == rows, str(path), wanted, content[name].shape[0])
             found.append(content[name])
         ordered = np.sort(body.numbers)
         dofs = np.column_stack([np.repeat(ordered, 6), np.tile(np.arange(1, 7), len(ordered))])
@@ -246,14 +246,14 @@ def read_op2(
     ------
     FileNotFoundError, ModelError
     """
-    op2 = needed("pyNastran.op2.op2", *_EXTRA).OP2
+    op2 = import_extra("pyNastran.op2.op2", *_EXTRA).OP2
     model = op2(debug=None)
     model.read_op2(str(path), build_dataframe=False, skip_undefined_matrices=True)
-    require(bool(model.eigenvectors), str(path), "eigenvectors", "none")
+    check(bool(model.eigenvectors), str(path), "eigenvectors", "none")
     cases = {(key[0] if isinstance(key, tuple) else key): value for key, value in model.eigenvectors.items()}
     if subcase is None:
         subcase = sorted(cases)[0]
-    require(subcase in cases, str(path), f"a subcase out of {sorted(cases)}", subcase)
+    check(subcase in cases, str(path), f"a subcase out of {sorted(cases)}", subcase)
     found = cases[subcase]
     grid = found.node_gridtype[:, 1] == 1
     shapes = np.moveaxis(np.asarray(found.data)[:, grid, :3], 0, 2).astype(float)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from bdamper.fem.surface import N_CORNER, enclosed_volume, twisted
 from bdamper.importers.fe_body import BOUNDS, UNITS
 from bdamper.importers.prepared_body import PreparedBody
-from bdamper.model.fields import require
+from bdamper.model.fields import check
 from bdamper.model.modal_basis import rigid_motions
 from bdamper.model.structure import Body
 
@@ -34,14 +34,14 @@ def compare_frequencies(found: NDArray, expected: NDArray, item: str, source: st
         If they do not agree; the message names a mistaken unit that explains the ratio.
     """
     n = min(len(found), len(expected))
-    require(n > 0, item, f"frequencies to compare with {source}", "none")
+    check(n > 0, item, f"frequencies to compare with {source}", "none")
     found, expected = np.sort(found)[:n], np.sort(expected)[:n]
     ratio = found / np.maximum(expected, 1e-300)
     middle, error = float(np.median(ratio)), float(np.abs(ratio - 1.0).max())
     words = ratio_in_words(middle) if np.abs(ratio / middle - 1.0).max() < 0.02 else None
     suspicion = f"the ratio {middle:.6g} is {words}" if words else f"ratios {ratio.min():.4g} to {ratio.max():.4g}"
     shown, wanted = (", ".join(f"{f:.6g}" for f in values[:3]) for values in (found, expected))
-    require(
+    check(
         error <= BOUNDS.agreement, item, f"the frequencies of {source}, {wanted}, ... Hz", f"{shown}, ... Hz; {suspicion}"
     )
     return error

@@ -23,9 +23,9 @@ from bdamper.fem.sector_faces import SectorFaces
 from bdamper.fem.surface import Facets, Structure, boundary_facets, facets_on_nodes
 from bdamper.importers.arrays import square_matrix
 from bdamper.importers.fe_body import BOUNDS, UNITS, FEBody, Units, parsing
-from bdamper.model.fields import require
+from bdamper.model.fields import check
 from bdamper.util import validation
-from bdamper.util.errors import ModelError, mismatch, say
+from bdamper.util.errors import ModelError, mismatch, warn
 
 FaceSet = str | NDArray | tuple[NDArray, ...]
 NodeSet = str | NDArray | list[int]
@@ -65,11 +65,11 @@ class Placement:
     units: Annotated[Any, _units]
 
     def __post_init__(self) -> None:
-        validation.checked(self)
+        validation.check_fields(self)
         lengths = np.linalg.norm(self.axis) * np.linalg.norm(self.radial)
         good = lengths > 0.0 and abs(self.axis @ self.radial) <= BOUNDS.axes * lengths
         found = f"{self.axis.tolist()} and {self.radial.tolist()}"
-        validation.require(good, "axis and radial", "two directions at right angles", found)
+        validation.check(good, "axis and radial", "two directions at right angles", found)
 
     @cached_property
     def rotation(self) -> NDArray:
@@ -160,7 +160,7 @@ class PreparedBody:
 
     def require(self, good: object, item: str, expected: str, found: object) -> None:
         """Raise ModelError unless ``good``."""
-        require(good, f"{self.where}: {item}", expected, found)
+        check(good, f"{self.where}: {item}", expected, found)
 
     def refusing(self, item: str, expected: str) -> AbstractContextManager[None]:
         """Turn what SciPy or the reduction raises in the block into the error for something that does not fit."""
@@ -175,7 +175,7 @@ class PreparedBody:
             if self.strict:
                 raise
             self.failed.append(str(error))
-            say(f"{error} (strict=True refuses)")
+            warn(f"{error} (strict=True refuses)")
 
     # ---- numbers, sets and faces ----
 
@@ -329,10 +329,10 @@ class PreparedBody:
     def _expanded(self, key: str) -> sp.csr_matrix:
         item, (rows, _) = f"{self.where}: {key} matrix", self._table
         matrix, n_eq = sp.csr_matrix(getattr(self.given, key)), len(rows)
-        require(matrix.shape == (n_eq, n_eq), item, f"shape ({n_eq}, {n_eq})", matrix.shape)
+        check(matrix.shape == (n_eq, n_eq), item, f"shape ({n_eq}, {n_eq})", matrix.shape)
         matrix = square_matrix(matrix, item)
         scale = float(abs(matrix).max())
-        require(scale != 0.0, item, "numbers other than 0", "none")
+        check(scale != 0.0, item, "numbers other than 0", "none")
         difference = abs(matrix - matrix.T).tocoo()
         if difference.nnz and difference.data.max() > BOUNDS.symmetry * scale:
             k = int(difference.data.argmax())
@@ -341,7 +341,7 @@ class PreparedBody:
             raise mismatch(item, "a symmetric matrix (both triangles)", found)
         diagonal = matrix.diagonal()
         k = int(diagonal.argmin())
-        require(diagonal[k] >= 0.0, item, "a diagonal without negative numbers", f"{diagonal[k]:.6g} in row {k + 1}")
+        check(diagonal[k] >= 0.0, item, "a diagonal without negative numbers", f"{diagonal[k]:.6g} in row {k + 1}")
         n = 3 * len(self.nodes)
         pick = sp.csr_matrix((np.ones(n_eq), (rows, np.arange(n_eq))), shape=(n, n_eq))
         full = (pick @ (0.5 * (matrix + matrix.T)) @ pick.T).tocsr()

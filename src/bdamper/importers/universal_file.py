@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from bdamper.importers.fe_body import FEBody, Lines, by_kind, modes_by_diameter, parsing, reader
 from bdamper.importers.measurements import Measurement
-from bdamper.model.fields import require
-from bdamper.util.errors import mismatch, needed
+from bdamper.model.fields import check
+from bdamper.util.errors import import_extra, mismatch
 
 _LINEAR = {111: 4, 112: 6, 115: 8}
 # Elements of second order alternate corners and nodes between them around the bottom, then list the upright nodes between
@@ -27,7 +27,7 @@ _QUADRATIC = {118: (10, (0, 2, 4, 9)), 113: (15, (0, 2, 4, 9, 11, 13)), 116: (20
 
 def _sets(source: Path, wanted: tuple[int, ...]) -> list[dict[str, Any]]:
     """Data sets of the given kinds, by pyuff."""
-    pyuff = needed("pyuff", "reading a universal file", "unv")
+    pyuff = import_extra("pyuff", "reading a universal file", "unv")
     file = pyuff.UFF(str(source))
     kinds = [int(k) for k in np.atleast_1d(file.get_set_types()) if np.isfinite(k)]
     out = []
@@ -74,9 +74,9 @@ def read_unv(path: Path, nodal_diameters: Mapping[int, int] | int = 0) -> FEBody
             d = nodal_diameters if isinstance(nodal_diameters, int) else nodal_diameters.get(mode[0], -1)
             if d >= 0:
                 found.append((d, *mode[1:]))
-    require(bool(numbers), str(path), "nodes (data set 15 or 2411)", "none")
+    check(bool(numbers), str(path), "nodes (data set 15 or 2411)", "none")
     expected = "positions and displacements of nodes in the axes of the file"
-    require(not systems & used, str(path), expected, f"nodes in the coordinate systems {sorted(systems & used)}")
+    check(not systems & used, str(path), expected, f"nodes in the coordinate systems {sorted(systems & used)}")
     labels = np.concatenate(numbers).astype(np.int64)
     modes = modes_by_diameter(found, str(path))
     return FEBody(labels, np.concatenate(positions), **by_kind(_elements(path)), modes=modes, source=str(path))
@@ -110,21 +110,21 @@ def _mode(data: dict[str, Any], item: str) -> tuple[int, float, float, NDArray, 
         frequency, mass = float(data["record12_field2"]), float(data["record12_field4"])
         number = int(data["record10_field6"])
     there = [key for key in keys if key in data]
-    require(len(there) == 3, item, "three displacements at every node", f"{there}")
+    check(len(there) == 3, item, "three displacements at every node", f"{there}")
     nodes = np.asarray(data["node_nums"]).astype(np.int64)
     shape = np.column_stack([np.asarray(data[key]) for key in keys])
-    require(shape.shape == (len(nodes), 3), item, f"values of {len(nodes)} nodes", f"{shape.shape}")
+    check(shape.shape == (len(nodes), 3), item, f"values of {len(nodes)} nodes", f"{shape.shape}")
     return number, frequency, mass, nodes, shape
 
 
 def _components(data: dict[str, Any], item: str) -> dict[str, NDArray]:
     """Displacements x, y, z of data set 2414, real or as pairs of real and imaginary parts."""
     rows = data["data_at_node"]
-    require(len({len(row) for row in rows}) == 1, item, "as many values at every node", sorted({len(row) for row in rows}))
+    check(len({len(row) for row in rows}) == 1, item, "as many values at every node", sorted({len(row) for row in rows}))
     values = np.array(rows, float)
     if int(data["data_type"]) in (5, 6):
         values = values[:, 0::2] + 1j * values[:, 1::2]
-    require(values.shape[1] >= 3, item, "three displacements at every node", f"{values.shape[1]}")
+    check(values.shape[1] >= 3, item, "three displacements at every node", f"{values.shape[1]}")
     return {key: values[:, k] for k, key in enumerate("xyz")}
 
 
@@ -171,5 +171,5 @@ def read_measurements(path: Path) -> tuple[Measurement, ...]:
         node, direction = (int(data.get(key, 0)) for key in ("rsp_node", "rsp_dir"))
         unit = str(data.get("ordinate_axis_units_lab", "")).strip().replace("NONE", "")
         out.append(Measurement(name, frequency, response, node, direction, unit, str(path)))
-    require(bool(out), str(path), "functions over frequency (data set 58)", "none")
+    check(bool(out), str(path), "functions over frequency (data set 58)", "none")
     return tuple(out)

@@ -20,7 +20,7 @@ from bdamper.importers.measurements import HEADER, HERTZ, check_unit
 from bdamper.util import plausible_ranges, validation
 from bdamper.util.display import Plottable
 from bdamper.util.errors import SettingError, mismatch
-from bdamper.util.formatting import brief
+from bdamper.util.formatting import short_repr
 from bdamper.util.storage import FilePath, Storable
 from bdamper.util.tables import Column, Tabular
 
@@ -29,8 +29,8 @@ _BLADES, _DAMPERS = 1, 2
 """Last number of the seeds of blades and of dampers, whose draws are independent."""
 
 
-@validation.spelt
-@brief
+@validation.check_arguments
+@short_repr
 @dataclass(frozen=True)
 class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="blade"):
     """Frequency deviations of the blades of a wheel.
@@ -115,7 +115,7 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         return cls.from_frequencies(_read_frequencies(path), reference, f"file {Path(path).name}")
 
     @classmethod
-    @validation.spelt
+    @validation.check_arguments
     def random(
         cls,
         n_blades: int,
@@ -137,7 +137,7 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         seed : int or sequence of int
             Equal seeds give equal draws.
         """
-        n_blades = validation.whole("n_blades", n_blades, least=1)
+        n_blades = validation.integer("n_blades", n_blades, least=1)
         deviation = validation.number("standard_deviation", standard_deviation, least=0.0, below=1.0)
         seed = _seed(seed)
         generator = np.random.default_rng([*seed, _BLADES])
@@ -197,8 +197,8 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         )
 
 
-@validation.spelt
-@brief
+@validation.check_arguments
+@short_repr
 @dataclass(frozen=True)
 class DamperVariation(Storable, kind="bdamper-damper-variation"):
     """How the dampers of a wheel differ from the nominal one; damper ``n`` lies between the blades ``n`` and ``n + 1``.
@@ -232,11 +232,11 @@ class DamperVariation(Storable, kind="bdamper-damper-variation"):
             object.__setattr__(self, name, validation.numbers(name, np.asarray(getattr(self, name)), n, **limits))
         missing = np.array(self.missing)
         if missing.dtype != bool or missing.ndim != 1 or n == 0:
-            raise validation.unfit("missing", "(n_blades,) True or False", self.missing)
+            raise validation.invalid("missing", "(n_blades,) True or False", self.missing)
         object.__setattr__(self, "missing", missing)
 
     @classmethod
-    @validation.spelt
+    @validation.check_arguments
     def of(cls, n_blades: int, *, missing: Sequence[int] = (), **properties: Any) -> Self:
         """Dampers of which some properties differ; one number stands for all dampers.
 
@@ -248,17 +248,17 @@ class DamperVariation(Storable, kind="bdamper-damper-variation"):
         **properties : float or (n_blades,) float
             mass, friction_coefficient, contact_stiffness and gap as above; those of the nominal damper by default.
         """
-        n = validation.whole("n_blades", n_blades, least=1)
+        n = validation.integer("n_blades", n_blades, least=1)
         full: dict[str, Any] = dict.fromkeys(_LIMITS, np.ones(n)) | {"gap": np.zeros(n)}
         for name, value in properties.items():
             validation.choice("properties of dampers", name, tuple(_LIMITS))
             full[name] = [value] * n if np.ndim(value) == 0 else value
         gone = np.zeros(n, bool)
-        gone[list(validation.wholes("missing", missing, most=n - 1))] = True
+        gone[list(validation.integers("missing", missing, most=n - 1))] = True
         return cls(**full, missing=gone)
 
     @classmethod
-    @validation.spelt
+    @validation.check_arguments
     def random(cls, n_blades: int, *, missing: Sequence[int] = (), seed: int | Sequence[int] = 0, **spread: float) -> Self:
         """Dampers drawn independently.
 
@@ -272,7 +272,7 @@ class DamperVariation(Storable, kind="bdamper-damper-variation"):
             mass, friction_coefficient and contact_stiffness: relative standard deviations of factors with lognormal
             distributions of mean 1, which stay above 0.  gap: mean of gaps with an exponential distribution, m.
         """
-        n = validation.whole("n_blades", n_blades, least=1)
+        n = validation.integer("n_blades", n_blades, least=1)
         generator = np.random.default_rng([*_seed(seed), _DAMPERS])
         full: dict[str, Any] = {}
         for name in _LIMITS:
@@ -309,13 +309,13 @@ def _by_blade(name: str, given: ArrayLike, above: float, what: str) -> NDArray:
     except (TypeError, ValueError):
         values = np.array(np.nan)
     if values.ndim not in (1, 2) or 0 in values.shape or not (np.isfinite(values).all() and (values > above).all()):
-        raise validation.unfit(name, f"(n_blades,) or (n_blades, n_modes) {what}", given)
+        raise validation.invalid(name, f"(n_blades,) or (n_blades, n_modes) {what}", given)
     return values
 
 
 def _seed(seed: Any) -> tuple[int, ...]:
     given = seed if isinstance(seed, Sequence) and not isinstance(seed, str | bytes) else [seed]
-    return tuple(validation.whole("seed", s) for s in given)
+    return tuple(validation.integer("seed", s) for s in given)
 
 
 def _read_frequencies(path: FilePath) -> NDArray:

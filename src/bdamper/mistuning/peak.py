@@ -33,14 +33,14 @@ from bdamper.util import errors as status
 from bdamper.util import validation
 from bdamper.util.display import Plottable, draw
 from bdamper.util.errors import COMPLETE, HELD
-from bdamper.util.formatting import amount, brief, height
+from bdamper.util.formatting import amount, peak_text, short_repr
 from bdamper.util.progress import Cost, CostMeter, one_thread
 from bdamper.util.storage import Recorded, Storable
 
 # ---- The highest peak of a wheel as a result ----
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class WheelPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
     """The highest amplitude of any blade of a wheel at one preload.
@@ -134,7 +134,7 @@ class WheelPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
     def _headline(self) -> str:
         if not np.isfinite(self.amplitude):
             return f"No peak of the wheel at a preload of {amount(self.preload, 'N')}: {self.reason}."
-        top = height(self.amplitude, self.frequency)
+        top = peak_text(self.amplitude, self.frequency)
         tuned = f"{self.amplification:.3g} times the tuned wheel ({amount(self.tuned_amplitude, 'm')})"
         open_ = "" if self.converged else f" {self.status.capitalize()}: {self.reason}."
         head = f"Highest of {len(self.response)} blades at a preload of {amount(self.preload, 'N')}"
@@ -150,7 +150,7 @@ searches with three times as many attempts those that found more than any other 
 (docs/measured.md, "Peaks of mistuned wheels")."""
 
 
-@validation.spelt
+@validation.check_arguments
 @dataclass(frozen=True)
 class WheelPeakOptions(validation.Checked):
     """Settings of the search for the highest peak.
@@ -215,7 +215,7 @@ class _Equations:
         return np.append(self.whole.structure.flat(np.concatenate([U, X[..., m:]], axis=2)), y[-1])
 
 
-@validation.spelt
+@validation.check_arguments
 @one_thread
 def peak(
     wheel: WheelProblem,

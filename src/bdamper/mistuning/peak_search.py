@@ -32,7 +32,7 @@ from bdamper.harmonic_balance.equations import OK, Correction, Fixed, Plane, nor
 from bdamper.mistuning.wheel_equations import Structure, WheelSystem, of_blade
 from bdamper.mistuning.wheel_problem import Loaded, WheelProblem
 from bdamper.response.peak import PeakOptions, find_peak, slope_along
-from bdamper.util.progress import CostMeter, end_if_asked
+from bdamper.util.progress import CostMeter, raise_if_stopped
 
 # ---- Peaks of single blades ----
 
@@ -151,7 +151,7 @@ class Search:
 
     def near(self, system: WheelSystem, y: NDArray, tolerance: float, loose: float = 0.0) -> Correction:
         """Newton's method at the frequency of a point, with steps shortened."""
-        end_if_asked()
+        raise_if_stopped()
         return system.solve(y, Fixed(), self.system.structure.units_about(y, self.width), tolerance, 25, 2, loose=loose)
 
     def sweep(self, omega: NDArray) -> list[NDArray | None]:

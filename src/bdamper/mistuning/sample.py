@@ -37,10 +37,10 @@ from bdamper.mistuning.wheel import OF_PEAKS, BladedDisk, answers
 from bdamper.response.peak import Peak
 from bdamper.util import validation
 from bdamper.util.display import Fact, Plottable, Summarised, draw
-from bdamper.util.errors import COMPLETE, FAILED, NOT_RUN, BdamperError, SettingError, all_complete, word
-from bdamper.util.formatting import amount, brief
+from bdamper.util.errors import COMPLETE, FAILED, NOT_RUN, BdamperError, SettingError, all_complete, status_word
+from bdamper.util.formatting import amount, short_repr
 from bdamper.util.progress import one_thread
-from bdamper.util.storage import HERE, Recorded, ResultsFile, Storable
+from bdamper.util.storage import INSTALLED, Recorded, ResultsFile, Storable
 from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Resonance, Seconds, Tabular
 
 # ---- What a sample of wheels tells ----
@@ -53,7 +53,7 @@ def highest_wheels(height: NDArray, audit: float) -> NDArray:
     return np.asarray((rank < n) & np.isfinite(height))
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class Audit(Summarised, Tabular, row="search"):
     """Highest peaks of a search beside those of a wider one on the same wheels, dampers freed in both.
@@ -119,7 +119,7 @@ class Audit(Summarised, Tabular, row="search"):
         )
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class BestPreload:
     """The preload, of those of a sample, at which a percentile of the worst blade's amplitude is least.
@@ -162,7 +162,7 @@ class BestPreload:
         )
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel-sample", version=1, row="wheel"):
     """Highest blades of many wheels; arrays of shape (n_wheels, n_deviations, n_preloads) are NaN where there is no answer.
@@ -311,8 +311,8 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
         """The search beside a thorough one: of the wheels drawn before any result, or of the highest of each cell."""
         chosen = np.broadcast_to(np.isin(self.wheels, self.audited)[:, None, None], self.amplitude.shape)
         chosen = highest_wheels(self.amplitude, self.audit_share) if tail else chosen
-        status = [s if word(s) == FAILED else c for s, c in zip(self.status, self.curve_status)]
-        asked = np.array([s != "not asked" and word(s) != NOT_RUN for s in status], bool)
+        status = [s if status_word(s) == FAILED else c for s, c in zip(self.status, self.curve_status)]
+        asked = np.array([s != "not asked" and status_word(s) != NOT_RUN for s in status], bool)
         flat = np.flatnonzero(chosen.ravel() & asked)
         i, j, k = np.unravel_index(flat, chosen.shape)
         kind = "highest wheels" if tail else "drawn before any result"
@@ -339,7 +339,7 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
         spent = float(np.nansum(self.processor)), float(np.nansum(self.curve_processor))
         return (
             Fact("wheels", f"{len(self)} of {self.n_blades} blades"),
-            Fact("without a peak", sum(word(s) == FAILED for s in self.status)),
+            Fact("without a peak", sum(status_word(s) == FAILED for s in self.status)),
             Fact("held", int((self.springs > 0.0).sum())),
             *cells,
             *(Fact(f"missed, {a.kind}", f"{a.missed.sum()} of {len(a.wheel)}") for a in map(self.audit, (False, True))),
@@ -399,7 +399,7 @@ class _Sample:
 
     def audits(self, peaks: list[Record], share: float, drawn: NDArray) -> list[int]:
         """Numbers of the points that are searched again: of wheels drawn before, and of the highest once all are known."""
-        if any(word(r["status"]) == NOT_RUN for r in peaks):
+        if any(status_word(r["status"]) == NOT_RUN for r in peaks):
             return []
         height = np.array([r["values"].get("amplitude", np.nan) for r in peaks]).reshape(self.shape)
         chosen = highest_wheels(height, share) | np.isin(self.over["wheel"], drawn)[:, None, None]
@@ -420,7 +420,7 @@ class _Sample:
         """Header that identifies a sample in its results file, which also serves more wheels."""
         over = {name: values for name, values in self.over.items() if name != "wheel"}
         return {
-            "format": "bdamper-wheel-sample", "version": 4, **HERE.attributes(),
+            "format": "bdamper-wheel-sample", "version": 4, **INSTALLED.attributes(),
             "study": study_fingerprint(problem_of(self.wheel.study)), **self.random, **over,
             "options": repr(self.options),
         }  # fmt: skip
@@ -439,7 +439,7 @@ def audit_wheels(wheels: Sequence[int], share: float, seed: int = 0) -> NDArray:
     return np.array([k for k in wheels if np.random.default_rng([seed, k, _AUDIT]).random() < share], int)
 
 
-@validation.spelt
+@validation.check_arguments
 @one_thread
 def mistuned_sample(
     study: Asking | Problem,
@@ -496,8 +496,9 @@ def mistuned_sample(
     wheel = BladedDisk(study)
     deviations = validation.numbers("standard_deviation", np.atleast_1d(standard_deviation), least=0.0)
     preloads = validation.numbers("preload", np.atleast_1d(preload), least=0.0, unit="N")
-    numbers = validation.wholes("wheels", wheels if np.ndim(wheels) else range(validation.whole("wheels", wheels, least=1)))
-    seed = validation.whole("seed", seed)
+    given = wheels if np.ndim(wheels) else range(validation.integer("wheels", wheels, least=1))
+    numbers = validation.integers("wheels", given)
+    seed = validation.integer("seed", seed)
     name = distribution.deviation.tolist() if isinstance(distribution, Mistuning) else distribution
     varied = dict(validation.instance("dampers", dampers or {}, Mapping, "variations of dampers by name"))
     drawn = {"distribution": name, "dampers": varied, "seed": seed}

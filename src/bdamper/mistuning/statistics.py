@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from bdamper.util import validation
 from bdamper.util.errors import SettingError
-from bdamper.util.formatting import amount, brief
+from bdamper.util.formatting import amount, short_repr
 
 
 class Interval(NamedTuple):
@@ -77,7 +77,7 @@ def share(count: int, n: int) -> Interval:
     return Interval(float(low), count / n, float(high))
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class WeibullTail:
     r"""A Weibull distribution of maxima, bounded above, fitted to the upper values of a sample.

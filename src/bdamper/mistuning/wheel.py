@@ -43,8 +43,8 @@ from bdamper.time_domain.integration import STEPS, MarchFailed, Ring
 from bdamper.time_domain.march import March
 from bdamper.time_domain.steady_amplitude import RULES, stay
 from bdamper.util import validation
-from bdamper.util.errors import NOT_FOUND, BdamperError, SettingError, because
-from bdamper.util.formatting import amount, brief
+from bdamper.util.errors import NOT_FOUND, BdamperError, SettingError, with_reason
+from bdamper.util.formatting import amount, short_repr
 from bdamper.util.progress import CostMeter, one_thread
 
 # ---- The highest blade of a wheel over the preload, as a sweep ----
@@ -73,7 +73,7 @@ def _highest(_: Any, preload: Any, *, wheel: WheelProblem, options: WheelPeakOpt
     return answers(found) | {"tuned_amplitude": found.tuned_amplitude}
 
 
-@validation.spelt
+@validation.check_arguments
 def optimal_curve(
     wheel: WheelProblem,
     preloads: Sequence[float],
@@ -122,7 +122,7 @@ def first_point(system: WheelSystem, omega: float) -> NDArray | None:
     return None
 
 
-@validation.spelt
+@validation.check_arguments
 @one_thread
 def frequency_response(
     wheel: WheelProblem,
@@ -225,7 +225,7 @@ class OneStructure:
         return self._taken(u, self.inverse)
 
 
-@validation.spelt
+@validation.check_arguments
 @one_thread
 def time_response(wheel: WheelProblem, peak: WheelPeak, *, steps_per_period: int | None = None) -> TimeResponse:
     """Steady-state amplitude of the highest blade in time, of all blades from the peak.  Ctrl-C leaves no result.
@@ -280,21 +280,21 @@ def time_response(wheel: WheelProblem, peak: WheelPeak, *, steps_per_period: int
             march.run(len(march.harmonics) + 2 * RULES.window)
             periods += 2 * RULES.window
     except MarchFailed as error:
-        return replace(none, status=because(NOT_FOUND, error), cost=watch.read(one.ring.cost))
+        return replace(none, status=with_reason(NOT_FOUND, error), cost=watch.read(one.ring.cost))
     blades = np.abs(march.blades[-2 * RULES.window :])
     found = replace(none, periods=periods, blades=blades, cost=watch.read(one.ring.cost))
     if place.stays:
         mean, lowest, highest = place.mean, float(place.amplitude.min()), float(place.amplitude.max())
         return replace(found, mean=mean, lowest=lowest, highest=highest)
     comes = f"blade {peak.blade} comes to {amount(float(blades[:, peak.blade].mean()), 'm')} in time"
-    return replace(found, status=because(NOT_FOUND, f"{comes} where the balance has {amount(peak.amplitude, 'm')}"))
+    return replace(found, status=with_reason(NOT_FOUND, f"{comes} where the balance has {amount(peak.amplitude, 'm')}"))
 
 
 # ---- The wheel ----
 
 
-@validation.spelt
-@brief
+@validation.check_arguments
+@short_repr
 @dataclass(frozen=True, eq=False)
 class BladedDisk(WheelProblem):
     """All blades and dampers of a wheel at once, blades mistuned and dampers different.

@@ -50,7 +50,7 @@ from bdamper.model.structure import Model, SurfaceMesh
 from bdamper.model.validation import as_checked
 from bdamper.util import validation
 from bdamper.util.errors import ModelError, SettingError
-from bdamper.util.formatting import brief
+from bdamper.util.formatting import short_repr
 
 # ---- The model whose modes are those of the local basis ----
 
@@ -93,7 +93,7 @@ take 29, 36 and 104 to 1e-4.  The cost of the ring falls with the third power of
 with three that leaves 1e-3 after 80 iterations where eight shapes leave 1e-7 after 17."""
 
 
-@brief
+@short_repr
 @dataclass(frozen=True, eq=False)
 class Structure:
     """Matrices of a wheel, without contact laws and loads.
@@ -204,7 +204,7 @@ class Structure:
 
         ratio = None if tuned.settings.damping_ratio is None else float(tuned.settings.damping_ratio)
         damping = of_waves(np.array([local.damping(d, ratio) for d in range(N // 2 + 1)]))
-        validation.require(tuned.settings.aerodynamic_damping is None, "aerodynamic_damping", "None in a wheel", "some")
+        validation.check(tuned.settings.aerodynamic_damping is None, "aerodynamic_damping", "None in a wheel", "some")
         basis = tuned.damped(tuned.coupling.basis(1), None)
         own = np.array([c.body != blade.name for c in basis.coordinates], bool)
         return cls(

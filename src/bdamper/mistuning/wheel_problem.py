@@ -34,7 +34,7 @@ from bdamper.response.highest_peak import highest_peak
 from bdamper.response.peak import Peak
 from bdamper.util import validation
 from bdamper.util.errors import SettingError, StaticError
-from bdamper.util.formatting import brief
+from bdamper.util.formatting import short_repr
 from bdamper.util.progress import one_thread
 
 # ---- Quasi-static contact analysis of a whole wheel whose dampers differ ----
@@ -255,7 +255,7 @@ def wheel_system(structure: Structure, state: Loaded, excitation: NDArray, respo
 # ---- The equations of a wheel ----
 
 
-@brief
+@short_repr
 @dataclass(frozen=True, eq=False)
 class WheelProblem:
     """A wheel with its equations at a preload; parameters are those of :class:`~bdamper.mistuning.wheel.BladedDisk`."""
@@ -309,7 +309,7 @@ class WheelProblem:
         s, tuned = self.structure, self.structure.tuned
         e = tuned.settings.excitation
         plain = tuned.settings.acts_at_location and not e.beside
-        validation.that(plain, "excitation of a wheel", "one force at a location", e)
+        validation.check_value(plain, "excitation of a wheel", "one force at a location", e)
         row = s.location_rows(e.location, e.direction, "excitation")
         n = np.arange(self.n_blades)
         turned = (int(tuned.engine_order) * n) % self.n_blades / self.n_blades

@@ -135,7 +135,7 @@ def united_mean(face: Interface, n_points: int | None, values: NDArray) -> NDArr
 # ---- Initial distance of contact surfaces that do not fit ----
 
 
-@validation.spelt
+@validation.check_arguments
 def face_gap(
     interface: Interface,
     *,

@@ -175,14 +175,14 @@ def _check_attribute(value: object, own: Item, item: str) -> None:
     elif own.kind is float:
         _check_number(value, own.data, item)
     elif own.kind is str:
-        require(isinstance(value, str), item, "a text", repr(value))
+        check(isinstance(value, str), item, "a text", repr(value))
     elif get_origin(own.kind) is Literal:
-        require(value in get_args(own.kind), item, f"one of {list(get_args(own.kind))}", repr(value))
+        check(value in get_args(own.kind), item, f"one of {list(get_args(own.kind))}", repr(value))
 
 
 def _check_number(value: object, data: Data, item: str) -> None:
     good = isinstance(value, int | float | np.floating) and np.isfinite(value) and data.limits.hold(float(value))
-    require(good, item, f"a finite number {data.limits}", repr(value))
+    check(good, item, f"a finite number {data.limits}", repr(value))
 
 
 def _check_data(array: object, own: Item, item: str, sizes: Sizes) -> None:
@@ -215,17 +215,17 @@ def learn(shape: Shape, found: tuple[int, ...], sizes: Sizes) -> None:
 # Values
 
 
-def require(good: object, item: str, expected: str, found: object) -> None:
+def check(good: object, item: str, expected: str, found: object) -> None:
     if not good:
         raise mismatch(item, expected, found)
 
 
 def check_integer(value: object, item: str) -> None:
-    require(isinstance(value, int | np.integer) and not isinstance(value, bool), item, "an integer", repr(value))
+    check(isinstance(value, int | np.integer) and not isinstance(value, bool), item, "an integer", repr(value))
 
 
 def check_type(value: object, expected: type, item: str) -> None:
-    require(isinstance(value, expected), item, f"a {expected.__name__}", f"a {type(value).__name__}")
+    check(isinstance(value, expected), item, f"a {expected.__name__}", f"a {type(value).__name__}")
 
 
 def check_array(array: object, shape: tuple[int | None, ...], item: str, kind: str = "real") -> None:
@@ -235,8 +235,8 @@ def check_array(array: object, shape: tuple[int | None, ...], item: str, kind: s
     letters, words = TYPES[kind]
     double = array.dtype in (np.float64, np.complex128) or "f" not in letters
     expected = f"{words} in double precision" if "f" in letters else words
-    require(double and array.dtype.kind in letters, item, expected, f"dtype {array.dtype}")
-    require(fits(array.shape, shape), item, f"shape {shape_text(shape)}", array.shape)
+    check(double and array.dtype.kind in letters, item, expected, f"dtype {array.dtype}")
+    check(fits(array.shape, shape), item, f"shape {shape_text(shape)}", array.shape)
     check_all(np.isfinite(array), array, "finite numbers", item)
 
 
@@ -260,7 +260,7 @@ def check_all(good: NDArray, array: NDArray, expected: str, item: str) -> None:
 
 
 def check_hermitian(matrix: NDArray, item: str, word: str = "Hermitian") -> None:
-    require(matrix.shape[0] == matrix.shape[1], item, f"a {word} matrix", f"shape {matrix.shape}")
+    check(matrix.shape[0] == matrix.shape[1], item, f"a {word} matrix", f"shape {matrix.shape}")
     error = np.abs(matrix - matrix.conj().T)
     size = np.abs(matrix).max(initial=0.0)
     if not error.max(initial=0.0) <= ROUNDING * size:

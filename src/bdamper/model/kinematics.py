@@ -31,8 +31,8 @@ from scipy.optimize import linear_sum_assignment
 from bdamper.model.modal_basis import rigid_motions
 from bdamper.model.structure import Body, ModalBasis, Model
 from bdamper.util import validation
-from bdamper.util.errors import ModelError, SettingError, say
-from bdamper.util.formatting import brief
+from bdamper.util.errors import ModelError, SettingError, warn
+from bdamper.util.formatting import short_repr
 
 RIGID_NAMES = ("TX", "TY", "TZ", "RX", "RY", "RZ")
 """Rigid-body modes of a free body, along and about its own axes: Y along its load, Z along the axis of rotation."""
@@ -54,7 +54,7 @@ class Coordinate:
         return not self.name.startswith(STATIC)
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class HarmonicBasis:
     """All modes that describe one harmonic, over all bodies.
@@ -137,7 +137,7 @@ def standard_rigid_modes(model: Model, body: Body) -> Body:
     return replace(body, bases={0: replace(basis, contact_modes=modes, locations=locations)}, load=load)
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class Coupling:
     """A model with a choice of modes and interfaces, ready to give the matrices of any harmonic.
@@ -379,7 +379,7 @@ def centrifugal_arms(model: Model) -> dict[str, float]:
     loaded = {b.name: b for b in model.bodies.values() if b.kind == "free" and b.load is not None}
     arms = {name: float(b.mass * np.hypot(*b.centre[:2])) for name, b in loaded.items()}  # type: ignore[index]
     found = ", ".join(f"{arm:.6g} kg m of '{name}'" for name, arm in arms.items())
-    validation.require(min(arms.values(), default=1.0) > 0.0, "rotor speed", "loaded free bodies off the axis", found)
+    validation.check(min(arms.values(), default=1.0) > 0.0, "rotor speed", "loaded free bodies off the axis", found)
     return arms
 
 
@@ -392,7 +392,7 @@ def centrifugal_load(model: Model) -> float:
         If no free body carries a load, or one lies on the axis.
     """
     arms = centrifugal_arms(model)
-    validation.require(arms, "rotor speed", "a free body off the axis that carries a load", "none")
+    validation.check(arms, "rotor speed", "a free body off the axis that carries a load", "none")
     return next(iter(arms.values()))
 
 
@@ -418,16 +418,16 @@ def retained_modes(
         Rigid-body modes of free bodies that take part, from :data:`RIGID_NAMES`.
     """
     unknown = [name for name in rigid if name not in RIGID_NAMES]
-    validation.require(not unknown, "rigid-body modes", f"names out of {RIGID_NAMES}", unknown)
+    validation.check(not unknown, "rigid-body modes", f"names out of {RIGID_NAMES}", unknown)
     out = {}
     for body in model.bodies.values():
         if body.kind == "constrained":
             have = min(basis.n_natural for basis in body.bases.values())
-            validation.require(1 <= blade_modes <= have, "blade_modes", f"1 to {have} (body '{body.name}')", blade_modes)
+            validation.check(1 <= blade_modes <= have, "blade_modes", f"1 to {have} (body '{body.name}')", blade_modes)
             out[body.name] = np.arange(blade_modes)
         elif body.kind == "free":
             have, own = body.bases[0].n_modes - 6, damper_modes[body.name]
-            validation.require(0 <= own <= have, "damper_modes", f"0 to {have} (body '{body.name}')", own)
+            validation.check(0 <= own <= have, "damper_modes", f"0 to {have} (body '{body.name}')", own)
             keep = [RIGID_NAMES.index(name) for name in RIGID_NAMES if name in rigid]
             out[body.name] = np.array(keep + list(range(6, 6 + own)), int)
         elif body.kind == "lumped":
@@ -463,7 +463,7 @@ def damper_drag(
     rates = {c: float(2.0 * ratio[c.body] * w + drag[c.body] / m) for c, (w, m) in masses.items() if m is not None}
     omega, rate = float(np.sqrt(basis.omega2[basis.omega2 > 0.0].min(initial=np.inf))), max(rates.values(), default=0.0)
     if rate > omega:
-        say(
+        warn(
             f"damping of the damper: a rate of up to {rate:.3g} 1/s beside omega = {omega:.3g} rad/s of the lowest mode "
             "drags every motion of the damper against the rotor"
         )
@@ -493,6 +493,6 @@ def in_flow(basis: HarmonicBasis, model: Model, flow: Mapping[int, complex], wav
     drag = basis.damping + 2.0 * np.imag(z) * np.sqrt(basis.omega2)
     expected = "modes with damping and stiffness left; study.flutter finds the limit cycles of others"
     good = (drag >= 0.0).all() and (np.real(z) > -0.5).all()
-    validation.require(good, f"aerodynamic_damping at nodal diameter {wave % model.n_blades}", expected, "some without")
+    validation.check(good, f"aerodynamic_damping at nodal diameter {wave % model.n_blades}", expected, "some without")
     none = np.zeros_like(basis.damping_ratio)
     return replace(basis, omega2=basis.omega2 * (1.0 + 2.0 * np.real(z)), damping_ratio=none, drag=drag)

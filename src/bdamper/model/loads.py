@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bdamper.util import validation
 from bdamper.util.errors import SettingError
-from bdamper.util.formatting import plain
+from bdamper.util.formatting import text_of
 
 
 def direction_vector(value: str | Sequence[float], what: str) -> NDArray:
@@ -20,11 +20,11 @@ def direction_vector(value: str | Sequence[float], what: str) -> NDArray:
     directions = {"tangential": (1.0, 0.0, 0.0), "radial": (0.0, 1.0, 0.0), "axial": (0.0, 0.0, 1.0)}
     if isinstance(value, str):
         if value not in directions:
-            near = validation.meant(value, directions)
+            near = validation.suggest_name(value, directions)
             raise SettingError(f"{what}: expected one of {tuple(directions)} or three numbers, found '{value}'{near}")
         return np.array(directions[value])
     vector = validation.numbers(what, value, 3)
-    validation.that(np.any(vector), what, "3 finite numbers, not all zero", value)
+    validation.check_value(np.any(vector), what, "3 finite numbers, not all zero", value)
     return vector / np.linalg.norm(vector)
 
 
@@ -36,14 +36,14 @@ def _direction(name: str, value: str | Sequence[float]) -> str | Sequence[float]
 def _phase(name: str, value: float) -> float:
     expected = "a phase in radians from -2 pi to 2 pi; np.deg2rad(90) is 90 degrees"
     phase = validation.number(name, value)
-    validation.that(abs(phase) <= 2.0 * np.pi, name, expected, value)
+    validation.check_value(abs(phase) <= 2.0 * np.pi, name, expected, value)
     return phase
 
 
 def _excitations(name: str, value: Sequence[Excitation]) -> tuple[Excitation, ...]:
     for part in value:
         validation.instance(name, part, Excitation)
-        validation.that(not part.beside, name, "forces without others beside them", part)
+        validation.check_value(not part.beside, name, "forces without others beside them", part)
     return tuple(value)
 
 
@@ -53,7 +53,7 @@ Direction = Annotated[str | tuple[float, float, float], _direction]
 Location = Annotated[str, partial(validation.instance, kind=str, words="the name of a location")]
 
 
-@validation.spelt
+@validation.check_arguments
 @dataclass(frozen=True)
 class Excitation:
     """A travelling-wave force of engine-order type on every blade; sums of them act together: ``one + other``.
@@ -85,7 +85,7 @@ class Excitation:
     beside: Annotated[tuple[Excitation, ...], _excitations] = ()
 
     def __post_init__(self) -> None:
-        validation.checked(self, "excitation ")
+        validation.check_fields(self, "excitation ")
 
     def __add__(self, other: Excitation) -> Excitation:
         return replace(self, beside=(*self.beside, replace(other, beside=()), *other.beside))
@@ -99,10 +99,10 @@ class Excitation:
     def shown(self) -> str:
         """Location, direction and phase as a print shows them."""
         phase = f", phase {np.rad2deg(self.phase):.6g} degrees" if self.phase else ""
-        return f"at {self.location} {plain(self.direction)}{phase}"
+        return f"at {self.location} {text_of(self.direction)}{phase}"
 
 
-@validation.spelt
+@validation.check_arguments
 @dataclass(frozen=True)
 class Response:
     """Location and direction of the response.
@@ -117,10 +117,10 @@ class Response:
     direction: Direction = "tangential"
 
     def __post_init__(self) -> None:
-        validation.checked(self, "response ")
+        validation.check_fields(self, "response ")
 
 
-@validation.spelt
+@validation.check_arguments
 def influence_coefficients(given: Mapping[int, complex], n_blades: int) -> dict[int, complex]:
     """Aerodynamic damping of every nodal diameter from what the motion of one blade does to its neighbours.
 
@@ -140,8 +140,8 @@ def influence_coefficients(given: Mapping[int, complex], n_blades: int) -> dict[
     ------
     SettingError
     """
-    n = validation.whole("n_blades", n_blades, 1)
+    n = validation.integer("n_blades", n_blades, 1)
     for k, z in validation.instance("influence coefficients", given, Mapping, "a mapping of blades to numbers").items():
-        validation.whole(f"blade of coefficient {k}", k, -n)
-        validation.that(np.isfinite(z), f"influence coefficient of blade {k}", "a finite number", z)
+        validation.integer(f"blade of coefficient {k}", k, -n)
+        validation.check_value(np.isfinite(z), f"influence coefficient of blade {k}", "a finite number", z)
     return {d: complex(sum(z * np.exp(2j * np.pi * k * d / n) for k, z in given.items())) for d in range(n)}

@@ -34,13 +34,13 @@ from scipy.linalg import eigh
 
 from bdamper.model.fields import DAMPING, Data
 from bdamper.model.rotation import SpeedBasis
-from bdamper.util.formatting import brief
+from bdamper.util.formatting import short_repr
 from bdamper.util.validation import Limits
 
 # ---- Modes of one body at one nodal diameter;  ----
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class ModalBasis:
     """Modes of one body at one nodal diameter.
@@ -179,7 +179,7 @@ def fix_phase(vectors: NDArray, mass: NDArray | sp.spmatrix) -> NDArray:
 # ---- Coordinates of one blade on its disk in which a mistuned wheel is local ----
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class LocalBasis:
     """One blade and the disk, in the coordinates of the module's docstring: cantilever modes, attachments, interface.

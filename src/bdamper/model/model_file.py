@@ -35,12 +35,12 @@ from bdamper.model.fields import (
     Kind,
     Sizes,
     by_rank,
+    check,
     fits,
     known_shape,
     layout,
     learn,
     member,
-    require,
     shape_text,
 )
 from bdamper.model.modal_basis import LocalBasis
@@ -48,7 +48,7 @@ from bdamper.model.rotation import SpeedBasis
 from bdamper.model.structure import Body, ModalBasis, Model
 from bdamper.model.validation import as_checked, check_model
 from bdamper.util.errors import ModelError
-from bdamper.util.storage import MOST_EXPANDED, enter_reader, opened, written
+from bdamper.util.storage import MOST_EXPANDED, read_hdf5, register_reader, write_hdf5
 from bdamper.util.validation import declarations
 
 # ---- Records of a model in groups of an HDF5 file, written and read by the annotated types of t ----
@@ -161,7 +161,7 @@ def read_record(group: h5py.Group, kind: Kind, sizes: Sizes | None = None, ports
     sizes = dict(sizes or {})
     if kind is LocalBasis:
         counts = {name: read_number(group, name, int) for name in LOCAL_SIZES}
-        require(min(counts.values()) >= 0, place(group), "numbers of shapes >= 0", counts)
+        check(min(counts.values()) >= 0, place(group), "numbers of shapes >= 0", counts)
         sizes |= {**counts, "n": sum(counts.values()), "n_diameters": None}
     _check_names(group, layout(kind))
     values: dict[str, Any] = {"name": group.name.rsplit("/", 1)[-1]} if "name" in declarations(kind) else {}
@@ -184,7 +184,7 @@ def _check_names(group: h5py.Group, items: Iterable[Item]) -> None:
     names = [name for _, head, _ in stored for name in (diameters if head == "*" else [head])]
     check_members(group, [head for needed, head, _ in stored if needed and head != "*"], names)
     rows = {tail: needed for needed, head, tail in stored if head == "*" and tail}
-    require(diameters or not rows, place(group), "a group nd000, nd001, ... for each nodal diameter", "none")
+    check(diameters or not rows, place(group), "a group nd000, nd001, ... for each nodal diameter", "none")
     for name in diameters if rows else ():
         check_members(subgroup(group, name), [tail for tail, needed in rows.items() if needed], rows)
 
@@ -219,9 +219,9 @@ def _read_value(group: h5py.Group, name: str, item: Item, sizes: Sizes, ports: M
 def _with_speed(group: h5py.Group, basis: ModalBasis, speed: dict[str, Any]) -> ModalBasis:
     """The basis with its data over speed; those of standstill follow from it."""
     one, other = place(group, "speed/residual2"), place(group, "speed/residual0")
-    require("residual2" in speed or "residual0" not in speed, one, "this dataset beside residual0", "nothing")
+    check("residual2" in speed or "residual0" not in speed, one, "this dataset beside residual0", "nothing")
     follows = "residual2" not in speed or "residual0" in speed or basis.flexibility is not None
-    require(follows, other, "this dataset where the basis has no flexibility", "nothing")
+    check(follows, other, "this dataset where the basis has no flexibility", "nothing")
     made: Any = basis.with_speed(speed["stiffness2"], speed.get("residual2"), speed["omega_ref"])
     return replace(basis, speed=replace(made.speed, **speed))
 
@@ -236,22 +236,22 @@ def check_members(group: h5py.Group, required: Iterable[str], optional: Iterable
     required = list(required)
     known = list(dict.fromkeys([*required, *optional]))
     for name in required:
-        require(name in group, place(group, name), "this group or dataset", "nothing")
+        check(name in group, place(group, name), "this group or dataset", "nothing")
     for name in group:
-        require(name in known, place(group, name), f"no other names than {known}", "this one")
+        check(name in known, place(group, name), f"no other names than {known}", "this one")
         check_link(group, name)
 
 
 def check_link(group: h5py.Group, name: str) -> None:
     link = group.get(name, getlink=True)
     good = isinstance(link, h5py.HardLink)
-    require(good, place(group, name), "a group or dataset in this place", f"a {type(link).__name__}")
+    check(good, place(group, name), "a group or dataset in this place", f"a {type(link).__name__}")
 
 
 def subgroup(group: h5py.Group, name: str) -> h5py.Group:
     check_link(group, name)
     member = group[name]
-    require(isinstance(member, h5py.Group), place(group, name), "a group", f"a {type(member).__name__.lower()}")
+    check(isinstance(member, h5py.Group), place(group, name), "a group", f"a {type(member).__name__.lower()}")
     return member
 
 
@@ -260,13 +260,13 @@ def read_array(group: h5py.Group, name: str, data: Data, sizes: Sizes) -> NDArra
     check_link(group, name)
     dataset = group[name]
     item = place(group, name)
-    require(isinstance(dataset, h5py.Dataset), item, "a dataset", f"a {type(dataset).__name__.lower()}")
+    check(isinstance(dataset, h5py.Dataset), item, "a dataset", f"a {type(dataset).__name__.lower()}")
     check_storage(dataset, item)
     letters, words = TYPES[data.kind]
-    require(dataset.dtype.kind in letters, item, words, f"data of type {dataset.dtype}")
+    check(dataset.dtype.kind in letters, item, words, f"data of type {dataset.dtype}")
     check_text(dataset, "units", data.units)
     shape = known_shape(data.shape, sizes)
-    require(fits(dataset.shape, shape), item, f"shape {shape_text(shape)}", f"{dataset.shape}")
+    check(fits(dataset.shape, shape), item, f"shape {shape_text(shape)}", f"{dataset.shape}")
     learn(data.shape, dataset.shape, sizes)
     array = np.asarray(dataset[()])
     return array.astype(_NATIVE[array.dtype.kind], copy=False)
@@ -284,28 +284,28 @@ def read_ports(group: h5py.Group, name: str) -> tuple[tuple[str, ...], ...]:
     ports = [as_text(text, item).rpartition(".") for text in np.atleast_1d(attribute(group, name)).ravel()]
     for interface, dot, side in ports:
         good = bool(dot) and side in ("a", "b")
-        require(good, item, "texts like 'interface.a' or 'interface.b'", f"'{interface}{dot}{side}'")
+        check(good, item, "texts like 'interface.a' or 'interface.b'", f"'{interface}{dot}{side}'")
     return tuple((interface, side) for interface, _, side in ports)
 
 
 def check_storage(dataset: h5py.Dataset, item: str) -> None:
     """The numbers lie in this file, and there are no more of them than its bytes can hold."""
     elsewhere = dataset.is_virtual or dataset.external is not None
-    require(not elsewhere, item, "numbers stored in this file", "a reference to other files")
-    require(dataset.shape is not None, item, "numbers", "an empty dataset")
+    check(not elsewhere, item, "numbers stored in this file", "a reference to other files")
+    check(dataset.shape is not None, item, "numbers", "an empty dataset")
     stored = dataset.id.get_storage_size()
     wanted = dataset.size * dataset.dtype.itemsize
     within = wanted <= MOST_EXPANDED * stored
-    require(within, item, f"{wanted} bytes for shape {dataset.shape}", f"{stored} bytes in the file")
+    check(within, item, f"{wanted} bytes for shape {dataset.shape}", f"{stored} bytes in the file")
 
 
 def check_text(owner: h5py.Group | h5py.Dataset, name: str, expected: str) -> None:
     found = read_text(owner, name)
-    require(found == expected, place(owner, f"@{name}"), f"'{expected}'", f"'{found}'")
+    check(found == expected, place(owner, f"@{name}"), f"'{expected}'", f"'{found}'")
 
 
 def attribute(owner: h5py.Group | h5py.Dataset, name: str) -> Any:
-    require(name in owner.attrs, place(owner, f"@{name}"), "this attribute", "nothing")
+    check(name in owner.attrs, place(owner, f"@{name}"), "this attribute", "nothing")
     return owner.attrs[name]
 
 
@@ -319,7 +319,7 @@ def as_text(value: Any, item: str) -> str:
         value = value.reshape(-1)[0]
     if isinstance(value, bytes):
         value = value.decode("utf-8", errors="replace")
-    require(isinstance(value, str), item, "a text", repr(value))
+    check(isinstance(value, str), item, "a text", repr(value))
     return str(value)
 
 
@@ -329,7 +329,7 @@ def read_number(owner: h5py.Group | h5py.Dataset, name: str, kind: type[float] =
     given = attribute(owner, name)
     value = np.asarray(given)
     good = value.dtype.kind in letters and value.size == 1 and np.isfinite(value).all()
-    require(good, place(owner, f"@{name}"), expected, repr(given))
+    check(good, place(owner, f"@{name}"), expected, repr(given))
     return kind(value.item())
 
 
@@ -366,7 +366,7 @@ def save_model(model: Model, path: str | os.PathLike[str]) -> None:
         If the file cannot be written; an existing file is then unchanged.
     """
     check_model(model)
-    with written(path, track_order=True) as file:
+    with write_hdf5(path, track_order=True) as file:
         write_model(file, model)
 
 
@@ -415,14 +415,14 @@ def load_model(path: str | os.PathLike[str]) -> Model:
     """
     if not Path(path).exists():
         raise FileNotFoundError(f"there is no model file '{path}'")
-    require(not Path(path).is_dir(), str(path), "a model file", "a folder")
-    with opened(path, "a readable HDF5 file", ModelError) as file:
+    check(not Path(path).is_dir(), str(path), "a model file", "a folder")
+    with read_hdf5(path, "a readable HDF5 file", ModelError) as file:
         model = read_model(file)
     check_model(model, where=str(path))
     return as_checked(model)
 
 
-enter_reader(FORMAT, load_model)
+register_reader(FORMAT, load_model)
 
 
 def read_model(file: h5py.Group) -> Model:
@@ -440,7 +440,7 @@ def _read_member(group: h5py.Group, kind: Any, parts: Mapping[str, Any]) -> Any:
         return read_record(group, kind)
     ports, interfaces = read_ports(group, "ports") if "ports" in group.attrs else (), parts["interfaces"]
     for name, _ in ports:
-        require(name in interfaces, place(group, "@ports"), f"an interface of {list(interfaces)}", f"'{name}'")
+        check(name in interfaces, place(group, "@ports"), f"an interface of {list(interfaces)}", f"'{name}'")
     points = {".".join(port): interfaces[port[0]].n_points for port in ports}
     n = sum(points.values())
     return read_record(group, Body, {"n_points": n, "n_forces": 3 * n}, points)
@@ -450,14 +450,14 @@ def _check_root(file: h5py.Group) -> None:
     """Format, version and conventions; nothing else is looked at before these fit."""
     found = read_text(file, "format")
     other = f"'{found}': bd.load reads results" if found.startswith("bdamper-") else f"'{found}'"
-    require(found == FORMAT, place(file, "@format"), f"'{FORMAT}'", other)
+    check(found == FORMAT, place(file, "@format"), f"'{FORMAT}'", other)
     version = read_number(file, "version", int)
-    require(version == VERSION, place(file, "@version"), f"{VERSION}", f"{version}")
+    check(version == VERSION, place(file, "@version"), f"{VERSION}", f"{version}")
     check_text(file, "time_convention", TIME_CONVENTION)
     check_text(file, "phase_convention", PHASE_CONVENTION)
     axis = np.asarray(attribute(file, "axis"))
     good = axis.dtype.kind in "fiu" and np.array_equal(axis, AXIS)
-    require(good, place(file, "@axis"), f"{list(AXIS)}", f"{axis.tolist()!r}")
+    check(good, place(file, "@axis"), f"{list(AXIS)}", f"{axis.tolist()!r}")
     needed = [group.place() for group in RECORDS if group.required]
     check_members(file, needed, [*(group.place() for group in RECORDS), "provenance"])
 

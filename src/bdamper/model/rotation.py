@@ -32,14 +32,14 @@ from scipy.optimize import linear_sum_assignment
 from bdamper.model.fields import Data
 from bdamper.util import validation
 from bdamper.util.errors import SettingError
-from bdamper.util.formatting import brief
+from bdamper.util.formatting import short_repr
 
 MODAL: Any = ("n_modes", "n_modes"), "field"
 FLEXIBLE: Any = ("n_forces", "n_forces"), "field"
 NotNegative = Annotated[float, Data(limits=validation.Limits(least=0.0))]
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class SpeedBasis:
     """How the stiffness and the residual flexibility of one modal basis change with rotor speed.
@@ -100,7 +100,7 @@ class SpeedBasis:
         """
         omega2, shapes = eigh(self.stiffness(omega))
         found = f"a negative squared frequency at {omega:.6g} rad/s"
-        validation.require(not omega2[0] < -1e-12 * omega2[-1], "rotor speed", "a stable structure", found)
+        validation.check(not omega2[0] < -1e-12 * omega2[-1], "rotor speed", "a stable structure", found)
         own = linear_sum_assignment(-(np.abs(shapes) ** 2))[1]
         omega2, shapes = np.maximum(omega2[own], 0.0), shapes[:, own]
         along = np.diag(shapes)
@@ -146,7 +146,7 @@ class SpeedBasis:
         return np.diag(size) / frequency, (size / np.maximum(apart, np.finfo(float).tiny)).max(axis=1, initial=0.0)
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class SpinStatic:
     """Static displacement of a body by its own rotation, without contact, per squared speed: nodal diameter 0.

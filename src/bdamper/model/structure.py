@@ -45,7 +45,7 @@ from bdamper.model.modal_basis import ModalBasis as ModalBasis
 from bdamper.model.rotation import SpeedBasis, SpinStatic
 from bdamper.util import validation
 from bdamper.util.display import Plottable, draw
-from bdamper.util.formatting import brief
+from bdamper.util.formatting import short_repr
 
 # ---- Stress of a body at chosen points, as rows that turn a solution into stress ----
 
@@ -54,7 +54,7 @@ COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "xz")
 """Order of the six components of stress, along the axes of the body."""
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class StressSet:
     """Stress at some points of a constrained body.
@@ -113,7 +113,7 @@ def turn(angle: float) -> NDArray:
     return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class BodyLoad:
     """Static load that scales with one number, the radial (centrifugal) load in newtons.
@@ -133,7 +133,7 @@ class BodyLoad:
     displacement: Annotated[NDArray, Data("m/N", ("n_points", 3))]
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class Body:
     """A structure that takes part in a contact.
@@ -170,7 +170,7 @@ class Body:
     spin: SpinStatic | None = None
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class Interface:
     """Contact points between two bodies.
@@ -228,7 +228,7 @@ class Location:
     kind: Literal["forces"] | None = None
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class ContactStiffness:
     """Stiffness at the contact points of one interface.
@@ -248,7 +248,7 @@ class ContactStiffness:
     fallback: Annotated[NDArray, Data("1", ("n_points", 3), "bool")] | None = None
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class StaticContact:
     """A static contact solution of the full finite element model at one interface (for Eqs (4), (10)).
@@ -265,7 +265,7 @@ class StaticContact:
     displacement_b: Annotated[NDArray, Data("m", ("n_points", 3))]
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class SurfaceMesh:
     """Surface of a body, for pictures.
@@ -283,7 +283,7 @@ class SurfaceMesh:
     modes: Annotated[Mapping[int, NDArray], Data("kg^-1/2", ("n_nodes", 3, None), "picture")] = field(default_factory=dict)
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class Model(Plottable):
     """A structure with all data that an analysis uses; the module's docstring states the conventions.

@@ -30,6 +30,7 @@ from bdamper.model.fields import (
     ROUNDING,
     SINGLE,
     Sizes,
+    check,
     check_all,
     check_hermitian,
     check_integer,
@@ -37,7 +38,6 @@ from bdamper.model.fields import (
     check_type,
     is_positive_definite,
     layout,
-    require,
 )
 from bdamper.model.kinematics import RIGID_NAMES
 from bdamper.model.modal_basis import LocalBasis, rigid_motions
@@ -82,7 +82,7 @@ def check_model(model: Model, *, where: str = "model") -> None:
     ModelError
         At the first violation found.
     """
-    require(isinstance(model, Model), where, "a Model", type(model).__name__)
+    check(isinstance(model, Model), where, "a Model", type(model).__name__)
     with np.errstate(all="ignore"):  # numbers out of range fail a check, without a warning before it
         _check_head(model, where)
         for name, interface in model.interfaces.items():
@@ -106,27 +106,27 @@ def check_model(model: Model, *, where: str = "model") -> None:
 
 def _check_head(model: Model, where: str) -> None:
     check_integer(model.n_blades, f"{where}: /@n_blades")
-    require(model.n_blades >= 1, f"{where}: /@n_blades", "at least 1", model.n_blades)
+    check(model.n_blades >= 1, f"{where}: /@n_blades", "at least 1", model.n_blades)
     for group in (group for group in layout(Model) if group.is_record):
         check_type(getattr(model, group.name), Mapping, f"{where}: /{group.place()}")
         for name, member in getattr(model, group.name).items():
             item = f"{where}: /{group.place(name)}"
             good = isinstance(name, str) and name.isprintable() and name and not set(name) & set("/.")
-            require(good, item, "a name of printable characters without '/' and '.'", repr(name))
+            check(good, item, "a name of printable characters without '/' and '.'", repr(name))
             check_type(member, group.kind, item)
             own = getattr(member, "name", name)
-            require(own == name, item, f"the name '{name}'", repr(own))
-    require(bool(model.bodies), f"{where}: /bodies", "at least one body", "none")
+            check(own == name, item, f"the name '{name}'", repr(own))
+    check(bool(model.bodies), f"{where}: /bodies", "at least one body", "none")
 
 
 def _check_interface(interface: Interface, model: Model, item: str) -> None:
-    require(np.size(interface.area) > 0, f"{item}/area", "at least one point", "none")
+    check(np.size(interface.area) > 0, f"{item}/area", "at least one point", "none")
     check_record(interface, Interface, item)
     _check_frame(interface.frame, f"{item}/frame")
     allowed = (0,) if model.n_blades == 1 else (-1, 0, 1)
     for side, sector in (("a", interface.sector_a), ("b", interface.sector_b)):
         expected = f"one of {list(allowed)} (n_blades = {model.n_blades})"
-        require(sector in allowed, f"{item}/@sector_{side}", expected, sector)
+        check(sector in allowed, f"{item}/@sector_{side}", expected, sector)
 
 
 def _check_frame(frame: NDArray, item: str) -> None:
@@ -139,16 +139,16 @@ def _check_frame(frame: NDArray, item: str) -> None:
 def _check_ports(body: Body, model: Model, item: str) -> None:
     """The ports of a body are the sides of interfaces that name it, each once; the ground may leave them out."""
     kinds = ["constrained", "free", "lumped", "ground"]
-    require(body.kind in kinds, f"{item}/@kind", f"one of {kinds}", repr(body.kind))
+    check(body.kind in kinds, f"{item}/@kind", f"one of {kinds}", repr(body.kind))
     item = f"{item}/@ports"
     check_type(body.ports, tuple, item)
     for port in body.ports:
         good = isinstance(port, tuple) and len(port) == 2 and all(isinstance(part, str) for part in port)
-        require(good and port[1] in ("a", "b"), item, "pairs (interface, 'a' or 'b')", repr(port))
+        check(good and port[1] in ("a", "b"), item, "pairs (interface, 'a' or 'b')", repr(port))
     sides = [(face.name, "a") for face in model.interfaces.values() if face.body_a == body.name]
     sides += [(face.name, "b") for face in model.interfaces.values() if face.body_b == body.name]
     good = sorted(body.ports) == sorted(sides) or (body.kind == "ground" and set(body.ports) <= set(sides))
-    require(good, item, f"the sides of interfaces that name this body, {sorted(sides)}", f"{list(body.ports)}")
+    check(good, item, f"the sides of interfaces that name this body, {sorted(sides)}", f"{list(body.ports)}")
 
 
 def _check_sides(interface: Interface, model: Model, item: str) -> None:
@@ -159,7 +159,7 @@ def _check_sides(interface: Interface, model: Model, item: str) -> None:
         if body is None:
             raise mismatch(f"{item}/@body_{side}", f"a body of {list(model.bodies)}", repr(name))
         bodies.append(body)
-    require(not bodies[0].kind == bodies[1].kind == "ground", item, "a body that can move", "ground on both sides")
+    check(not bodies[0].kind == bodies[1].kind == "ground", item, "a body that can move", "ground on both sides")
     if bodies[0] is bodies[1] and interface.sector_a == interface.sector_b:
         found = f"body '{interface.body_a}' of sector {interface.sector_a} on both sides"
         raise mismatch(item, "two bodies, or one body in two sectors", found)
@@ -172,7 +172,7 @@ def _check_locations(model: Model, where: str) -> None:
         body = model.bodies.get(location.body)
         if body is None:
             raise mismatch(f"{item}/@body", f"a body of {list(model.bodies)}", repr(location.body))
-        require(body.kind != "ground", f"{item}/@body", "a body that can move", f"'{body.name}', which is ground")
+        check(body.kind != "ground", f"{item}/@body", "a body that can move", f"'{body.name}', which is ground")
 
 
 # -----------------------------------------------------------------------------------------------------------
@@ -182,8 +182,8 @@ def _check_locations(model: Model, where: str) -> None:
 def _check_body(body: Body, model: Model, item: str) -> None:
     check_type(body.bases, Mapping, item)
     if body.kind == "ground":
-        require(not body.bases, item, "no modes of a ground body", f"nodal diameters {list(body.bases)}")
-        require(body.load is None, f"{item}/load", "no load on a ground body", "one")
+        check(not body.bases, item, "no modes of a ground body", f"nodal diameters {list(body.bases)}")
+        check(body.load is None, f"{item}/load", "no load on a ground body", "one")
         return
     _check_nodal_diameters(body, model, item)
     n_points = _n_points(body, model)
@@ -195,16 +195,16 @@ def _check_body(body: Body, model: Model, item: str) -> None:
     check_record(body, Body, item, sizes)
     if body.inertia is not None:
         smallest = np.linalg.eigvalsh(body.inertia)[0]
-        require(smallest > 0, f"{item}/inertia", "principal moments > 0", f"{smallest:.6g}")
+        check(smallest > 0, f"{item}/inertia", "principal moments > 0", f"{smallest:.6g}")
     _check_real(body.bases[0], f"{item}/nd000", body.kind == "lumped")
     if body.kind == "free":
         for key in ("mass", "centre", "inertia"):
-            require(getattr(body, key) is not None, f"{item}/{key}", f"the {key} of a free body", "nothing")
+            check(getattr(body, key) is not None, f"{item}/{key}", f"the {key} of a free body", "nothing")
         _check_rigid(body, model, f"{item}/nd000")
     if body.load is not None:
         check_record(body.load, BodyLoad, f"{item}/load", sizes)
         length = np.linalg.norm(body.load.direction)
-        require(abs(length - 1) <= SINGLE, f"{item}/load/direction", "a unit vector", f"length {length:.9g}")
+        check(abs(length - 1) <= SINGLE, f"{item}/load/direction", "a unit vector", f"length {length:.9g}")
     if body.spin is not None:
         check_record(body.spin, SpinStatic, f"{item}/spin", sizes)
         _check_places(body.spin.locations, places, f"{item}/spin")
@@ -218,7 +218,7 @@ def _n_points(body: Body, model: Model) -> int:
 
 
 def _check_places(found: Iterable[str], places: Iterable[str], item: str) -> None:
-    require(set(found) == set(places), f"{item}/locations", f"{sorted(places)}", f"{sorted(found)}")
+    check(set(found) == set(places), f"{item}/locations", f"{sorted(places)}", f"{sorted(found)}")
 
 
 def _check_nodal_diameters(body: Body, model: Model, item: str) -> None:
@@ -226,8 +226,8 @@ def _check_nodal_diameters(body: Body, model: Model, item: str) -> None:
     for d in body.bases:
         check_integer(d, f"{item} (nodal diameter)")
         expected = f"nodal diameters 0 to {largest} of a {body.kind} body"
-        require(0 <= d <= largest, item, f"{expected} (n_blades = {model.n_blades})", d)
-    require(0 in body.bases, f"{item}/nd000", "the modes of nodal diameter 0", f"only {sorted(body.bases)}")
+        check(0 <= d <= largest, item, f"{expected} (n_blades = {model.n_blades})", d)
+    check(0 in body.bases, f"{item}/nd000", "the modes of nodal diameter 0", f"only {sorted(body.bases)}")
 
 
 def _check_basis(basis: ModalBasis, body: Body, sizes: Sizes, places: list[str], item: str) -> None:
@@ -235,15 +235,15 @@ def _check_basis(basis: ModalBasis, body: Body, sizes: Sizes, places: list[str],
     _check_places(basis.locations, places, item)
     first = N_RIGID if body.kind == "free" else 0
     found = f"{basis.static_shapes} of {basis.n_modes}"
-    require(basis.n_natural > 0, f"{item}/static_shapes", "static shapes beside at least one mode", found)
+    check(basis.n_natural > 0, f"{item}/static_shapes", "static shapes beside at least one mode", found)
     _check_frequencies(basis.omega2, first, f"{item}/omega2", lumped=body.kind == "lumped")
     if basis.flexibility is not None:
         shapes = basis.contact_modes.reshape(len(basis.flexibility), basis.n_modes)[:, first:]
         rest = basis.flexibility - (shapes / basis.omega2[first:]) @ shapes.conj().T
         _check_beside(rest, basis.flexibility, f"{item}/flexibility", "flexibility - Phi Omega^-2 Phi^H (elastic modes)")
     if basis.speed is not None:
-        require(body.kind != "free", f"{item}/speed", "nothing over speed on a free body", "a group")
-        require(basis.drag is None, f"{item}/speed", "no drag on modes that change with speed", "drag")
+        check(body.kind != "free", f"{item}/speed", "nothing over speed on a free body", "a group")
+        check(basis.drag is None, f"{item}/speed", "no drag on modes that change with speed", "drag")
         check_record(basis.speed, SpeedBasis, f"{item}/speed", {**sizes, "n_modes": basis.n_modes})
         _check_speed(basis, basis.speed, f"{item}/speed")
 
@@ -252,7 +252,7 @@ def _check_frequencies(omega2: NDArray, n_rigid: int, item: str, lumped: bool = 
     if lumped:
         check_all(omega2 >= 0, omega2, "numbers >= 0", item)
         return
-    require(len(omega2) >= n_rigid, item, f"{n_rigid} rigid-body modes first", f"{len(omega2)} modes in all")
+    check(len(omega2) >= n_rigid, item, f"{n_rigid} rigid-body modes first", f"{len(omega2)} modes in all")
     check_all(omega2[:n_rigid] == 0, omega2, "exactly 0 for the six rigid-body modes", item)
     good = omega2 > 0
     good[:n_rigid] = True
@@ -264,11 +264,11 @@ def _check_beside(rest: NDArray, flexibility: NDArray, item: str, what: str) -> 
     size = np.linalg.norm(flexibility)
     allowed = SINGLE * size
     good = np.isfinite(size) and np.isfinite(rest).all()
-    require(good, item, "numbers whose squares are finite", f"sizes up to {np.abs(flexibility).max(initial=0.0):.3g}")
+    check(good, item, "numbers whose squares are finite", f"sizes up to {np.abs(flexibility).max(initial=0.0):.3g}")
     if not is_positive_definite(rest + allowed * np.eye(len(rest))):
         smallest = np.linalg.eigvalsh(0.5 * (rest + rest.conj().T))[0]
         found = f"the eigenvalue {smallest:.3g} m/N, size {size:.3g} m/N"
-        require(not smallest < -allowed, item, f"{what} positive semi-definite", found)
+        check(not smallest < -allowed, item, f"{what} positive semi-definite", found)
 
 
 def _check_speed(basis: ModalBasis, speed: SpeedBasis, item: str) -> None:
@@ -277,10 +277,10 @@ def _check_speed(basis: ModalBasis, speed: SpeedBasis, item: str) -> None:
     difference = np.abs(speed.stiffness(speed.omega_ref) - np.diag(basis.omega2)) / (size[:, None] * size)
     error, found = difference.max(initial=0.0), "a relative difference of {:.3g}"
     expected = "stiffness0 + omega_ref^2 stiffness2 = the diagonal matrix of omega2"
-    require(error <= STIFFNESS_TOLERANCE, f"{item}/stiffness0", expected, found.format(error))
+    check(error <= STIFFNESS_TOLERANCE, f"{item}/stiffness0", expected, found.format(error))
     for name, other in (("residual0", speed.residual2), ("residual2", speed.residual0)):
         given = getattr(speed, name) is not None or other is None
-        require(given, f"{item}/{name}", "residual0 and residual2, or neither", "one alone")
+        check(given, f"{item}/{name}", "residual0 and residual2, or neither", "one alone")
     residual = speed.residual(speed.omega_ref)
     if residual is None or basis.flexibility is None:
         return
@@ -288,7 +288,7 @@ def _check_speed(basis: ModalBasis, speed: SpeedBasis, item: str) -> None:
     whole = residual + (shapes[:, used] / basis.omega2[used]) @ shapes[:, used].conj().T
     error = np.linalg.norm(whole - basis.flexibility) / (np.linalg.norm(basis.flexibility) or 1.0)
     expected = "residual0 + omega_ref^2 residual2 + Phi Omega^-2 Phi^H = flexibility"
-    require(error <= SINGLE, f"{item}/residual0", expected, found.format(error))
+    check(error <= SINGLE, f"{item}/residual0", expected, found.format(error))
 
 
 def _check_real(basis: ModalBasis, item: str, lumped: bool) -> None:
@@ -301,7 +301,7 @@ def _check_real(basis: ModalBasis, item: str, lumped: bool) -> None:
         for key, values in arrays.items():
             largest = np.abs(values.imag).max(initial=0.0)
             found = f"imaginary parts up to {largest:.3g}, size {size:.3g}"
-            require(largest <= ROUNDING * size, f"{item}/{key}", "real numbers at nodal diameter 0", found)
+            check(largest <= ROUNDING * size, f"{item}/{key}", "real numbers at nodal diameter 0", found)
 
 
 # -----------------------------------------------------------------------------------------------------------
@@ -327,7 +327,7 @@ def _check_rigid(body: Body, model: Model, item: str) -> None:
         raise mismatch(f"{item}/modes", "rigid motions about the centre as the first six modes", found)
     difference = np.abs(given @ given.T - exact @ exact.T).max() / size**2
     expected = "mass-normalised independent rigid-body modes (Phi Phi^T as from mass, centre, inertia)"
-    require(difference <= 4 * RIGID_TOLERANCE, f"{item}/modes", expected, f"a relative difference of {difference:.3g}")
+    check(difference <= 4 * RIGID_TOLERANCE, f"{item}/modes", expected, f"a relative difference of {difference:.3g}")
 
 
 def _rigid_motions(body: Body, model: Model) -> NDArray:
@@ -360,23 +360,23 @@ def _check_local(body: Body, local: LocalBasis, model: Model, item: str, sizes: 
     Its frequencies are those of a smaller space than the finite element model has: from above, and the lowest near.
     """
     check_type(local, LocalBasis, item)
-    require(body.kind == "constrained", item, "a local basis on constrained bodies only", f"one on a {body.kind} body")
-    require(model.n_blades > 1, item, "a local basis in cyclic structures only", "an acyclic one")
+    check(body.kind == "constrained", item, "a local basis on constrained bodies only", f"one on a {body.kind} body")
+    check(model.n_blades > 1, item, "a local basis in cyclic structures only", "an acyclic one")
     loaded = body.load is not None or body.constant_force is not None
-    require(not loaded, item, "no static load on a body with a local basis", "one")
+    check(not loaded, item, "no static load on a body with a local basis", "one")
     check_type(local.blade_stiffness, np.ndarray, f"{item}/blade_stiffness")
     own: Sizes = {"n": len(np.atleast_1d(local.blade_stiffness)), "n_diameters": model.n_blades // 2 + 1}
     check_record(local, LocalBasis, item, {**sizes, **own})
     r, m = local.n_interface, local.n_cantilever
     enough = local.n_attachment >= 0 and r > 0 and m > 0
-    require(enough, item, "cantilever modes and shapes of the interface, at most n in all", f"{m} and {r} of n = {local.n}")
+    check(enough, item, "cantilever modes and shapes of the interface, at most n in all", f"{m} and {r} of n = {local.n}")
     for key in ("disk_stiffness", "disk_mass"):
         _check_disk(getattr(local, key), model.n_blades, f"{item}/{key}")
     _check_cantilever(local, item)
     for d in range(model.n_blades // 2 + 1):
         for key in ("stiffness", "mass"):
             definite = is_positive_definite(getattr(local, key)(d))
-            require(definite, f"{item}/disk_{key}", "blade and disk positive definite", f"not at nodal diameter {d}")
+            check(definite, f"{item}/disk_{key}", "blade and disk positive definite", f"not at nodal diameter {d}")
     if local.flexibility is not None and (rest := local.residual_flexibility()) is not None:
         _check_beside(rest, local.flexibility, f"{item}/flexibility", "flexibility less that of the coordinates")
     for d, basis in body.bases.items():
@@ -407,7 +407,7 @@ def _check_cantilever(local: LocalBasis, item: str) -> None:
         found = f"{local.blade_stiffness[i, j]:.9g} instead of {expected[i, j]:.9g} at ({i}, {j})"
         raise mismatch(f"{item}/blade_stiffness", "omega2 on the diagonal of cantilever modes, 0 beside", found)
     smallest = np.linalg.eigvalsh(local.blade_stiffness / np.outer(size, size))[0]
-    require(smallest >= -ROUNDING, f"{item}/blade_stiffness", "no negative eigenvalue", f"{smallest:.3g} of its size")
+    check(smallest >= -ROUNDING, f"{item}/blade_stiffness", "no negative eigenvalue", f"{smallest:.3g} of its size")
 
 
 # -----------------------------------------------------------------------------------------------------------
@@ -421,7 +421,7 @@ def _check_optional(model: Model, where: str) -> None:
         owners, word = groups[group.name], "a body" if group.name == "meshes" else "an interface"
         for name, part in getattr(model, group.name).items():
             item = f"{where}: /{group.place(name)}"
-            require(name in owners, item, f"the name of {word} of {list(owners)}", f"'{name}'")
+            check(name in owners, item, f"the name of {word} of {list(owners)}", f"'{name}'")
             check_record(part, group.kind, item, {"n_points": getattr(owners[name], "n_points", 0)})
     for name, mesh in model.meshes.items():
         inside = (mesh.quads >= 0) & (mesh.quads < len(mesh.points))
@@ -431,10 +431,10 @@ def _check_optional(model: Model, where: str) -> None:
 def _check_stress(stress: StressSet, model: Model, item: str) -> None:
     """A constrained body, and rows for every mode and contact force of it, at nodal diameter 0 and others that it has."""
     bodies = {name: body for name, body in model.bodies.items() if body.kind in ("constrained", "lumped")}
-    require(stress.body in bodies, f"{item}/@body", f"a constrained body of {list(bodies)}", repr(stress.body))
+    check(stress.body in bodies, f"{item}/@body", f"a constrained body of {list(bodies)}", repr(stress.body))
     body = bodies[stress.body]
     check_record(stress, StressSet, item, {"n_forces": 3 * _n_points(body, model)})
-    require(len(stress) > 0, f"{item}/points", "at least one point", "none")
+    check(len(stress) > 0, f"{item}/points", "at least one point", "none")
     if 0 not in stress.modes or not set(stress.modes) <= set(body.bases):
         expected = f"nodal diameter 0 and others of {sorted(body.bases)}"
         raise mismatch(f"{item} (nodal diameters)", expected, sorted(stress.modes))
@@ -442,16 +442,16 @@ def _check_stress(stress: StressSet, model: Model, item: str) -> None:
         raise mismatch(f"{item} (nodal diameters of contact)", f"{sorted(stress.modes)}", sorted(stress.contact))
     for d, rows in stress.modes.items():
         shape = (len(stress), 6, body.bases[d].n_modes)
-        require(rows.shape == shape, f"{item}/nd{d:03d}/mode_stress", f"shape {shape}", rows.shape)
+        check(rows.shape == shape, f"{item}/nd{d:03d}/mode_stress", f"shape {shape}", rows.shape)
 
 
 def _check_provenance(model: Model, where: str) -> None:
     item = f"{where}: /provenance"
     check_type(model.provenance, Mapping, item)
     for key, value in model.provenance.items():
-        require(isinstance(key, str) and isinstance(value, str), item, "texts", f"{key!r}: {value!r}")
+        check(isinstance(key, str) and isinstance(value, str), item, "texts", f"{key!r}: {value!r}")
         text = key + value
         if key == "" or "\0" in text or text.encode(errors="ignore").decode() != text:
             raise mismatch(item, "named texts that UTF-8 can hold, without NUL", f"{key!r}: {value!r}")
         size, most = len(value.encode()), 60000  # bytes; HDF5 has room for 64 KiB with the name
-        require(size + len(key.encode()) <= most, item, f"texts of at most {most} bytes", f"{size} bytes in '{key[:40]}'")
+        check(size + len(key.encode()) <= most, item, f"texts of at most {most} bytes", f"{size} bytes in '{key[:40]}'")

@@ -28,9 +28,9 @@ from matplotlib.transforms import ScaledTranslation
 from numpy.typing import NDArray
 
 from bdamper.util import validation
-from bdamper.util.display import Plottable, draw, draws
-from bdamper.util.formatting import FITTING, PREFIXES, fitting
-from bdamper.util.storage import writing
+from bdamper.util.display import Plottable, draw, register_plot
+from bdamper.util.formatting import FITTING, PREFIXES, unit_prefix
+from bdamper.util.storage import file_errors
 
 MARKERS = "osD^v<>pP*hX"
 MINUS = "\N{MINUS SIGN}"
@@ -82,7 +82,7 @@ def drawing(
     with plt.rc_context(STYLE):
         axes = np.ravel(np.asarray(new_axes(*size, rows) if ax is None else ax, object))
         if len(axes) != rows or not all(isinstance(each, Axes) for each in axes):
-            raise validation.unfit(
+            raise validation.invalid(
                 "ax", f"{('one', 'two', 'three')[rows - 1]} axes", [type(each).__name__ for each in axes]
             )
         try:
@@ -107,7 +107,7 @@ def picture(
     """Decorator: a function that draws into axes ``ax`` draws a type of result, into new axes where none are given.
 
     The function takes ``title`` as well, and returns the axes.  Parameters of the decorator are those of
-    :func:`bdamper.util.display.draws` and of :func:`drawing`.
+    :func:`bdamper.util.display.register_plot` and of :func:`drawing`.
     """
 
     def enter(function: Callable[..., None]) -> Callable[..., Any]:
@@ -121,7 +121,7 @@ def picture(
                 function(*bound.args, **bound.kwargs)
             return axes
 
-        return drawn if shown is object else draws(shown, kind)(drawn)
+        return drawn if shown is object else register_plot(shown, kind)(drawn)
 
     return enter
 
@@ -159,7 +159,7 @@ def fit_units(ax: Axes) -> None:
         name, _, unit = axis.get_label_text().rpartition(" (")
         base, scale = axis.label.get_gid() or unit.removesuffix(")"), 1.0
         if name and base in FITTING:
-            prefix = fitting(float(np.sqrt(low * high)) if log else float(high), base)
+            prefix = unit_prefix(float(np.sqrt(low * high)) if log else float(high), base)
             scale = PREFIXES[prefix]
             axis.label.set_gid(base)  # the unit of what is drawn, for the next time
             axis.set_label_text(f"{name} ({prefix.strip()}{base})")
@@ -191,12 +191,12 @@ def save_figure(target: Axes | Figure | Sequence[Axes] | NDArray, path: Any, **o
     """Write a figure, or that of some axes, to a file, and close it; ``options`` as matplotlib's ``savefig`` takes them."""
     first = np.ravel(np.asarray(target, object))[0]
     figure = first if isinstance(first, Figure) else first.figure
-    with writing(path), plt.rc_context(STYLE):
+    with file_errors(path), plt.rc_context(STYLE):
         figure.savefig(path, **options)
     plt.close(figure)
 
 
-@draws(Plottable, "image")
+@register_plot(Plottable, "image")
 def image_of(shown: Plottable, **options: Any) -> bytes:
     """The picture of an object as a file, a PNG for a notebook unless the options of ``savefig`` say otherwise."""
     file = io.BytesIO()

@@ -24,9 +24,9 @@ from bdamper.model.structure import Model
 from bdamper.plot.axes import STYLE, drawing, looks
 from bdamper.plot.motion import VIEW, sectors_shown, surface_motion
 from bdamper.util import validation
-from bdamper.util.display import draws
-from bdamper.util.errors import SettingError, needed
-from bdamper.util.storage import writing
+from bdamper.util.display import register_plot
+from bdamper.util.errors import SettingError, import_extra
+from bdamper.util.storage import file_errors
 
 # ---- Export of mode shapes and responses to VTU files, for ParaView (through meshio, extra ``bd ----
 
@@ -35,12 +35,12 @@ def shown_shapes(model: Model, body: str | None, nodal_diameter: int | None, wha
     """Body and nodal diameter whose shapes are shown: those asked for, or the first that the meshes carry."""
     carriers = [name for name, mesh in model.meshes.items() if mesh.modes]
     body = carriers[0] if body is None and carriers else body
-    validation.require(carriers, what, "a model with mode shapes on the mesh of a body", "none")
+    validation.check(carriers, what, "a model with mode shapes on the mesh of a body", "none")
     if body not in carriers:
         raise SettingError(f"{what}: expected a body with mode shapes on its mesh out of {carriers}, found {body!r}")
     modes = model.meshes[body].modes
     d = next(iter(modes)) if nodal_diameter is None else nodal_diameter
-    validation.require(d in modes, what, f"a nodal diameter out of {sorted(modes)}", d)
+    validation.check(d in modes, what, f"a nodal diameter out of {sorted(modes)}", d)
     return body, d
 
 
@@ -68,7 +68,7 @@ def export_modes(
     SettingError
         If the model carries no such shapes.
     """
-    meshio = needed("meshio", "export to VTU", "viz")
+    meshio = import_extra("meshio", "export to VTU", "viz")
     body, d = shown_shapes(model, body, nodal_diameter, "export of modes")
     mesh = model.meshes[body]
     frequency = np.sqrt(model.bodies[body].bases[d].omega2) / (2.0 * np.pi)
@@ -78,7 +78,7 @@ def export_modes(
         fields[f"{name}, real"] = np.ascontiguousarray(shape.real)
         if np.iscomplexobj(shape):
             fields[f"{name}, imaginary"] = np.ascontiguousarray(shape.imag)
-    with writing(path):
+    with file_errors(path):
         meshio.Mesh(mesh.points, [("quad", mesh.quads)], point_data=fields).write(path)
     return Path(path)
 
@@ -109,7 +109,7 @@ def export_response(problem: Problem, unknowns: NDArray, folder: str | PathLike[
     """
     if not problem.model.meshes:
         raise SettingError("export of a response: expected a model with the surface of a body, found none")
-    meshio = needed("meshio", "export to VTU", "viz")
+    meshio = import_extra("meshio", "export to VTU", "viz")
     out = []
     for body, motion in surface_motion(problem, unknowns).items():
         path = Path(folder) / f"{name}_{body}.vtu"
@@ -119,7 +119,7 @@ def export_response(problem: Problem, unknowns: NDArray, folder: str | PathLike[
             "vibration, imaginary, m": np.ascontiguousarray(motion.amplitude.imag),
         }
         quads = problem.model.meshes[body].quads
-        with writing(path):
+        with file_errors(path):
             meshio.Mesh(motion.points, [("quad", quads)], point_data=fields).write(path)
         out.append(path)
     return out
@@ -186,7 +186,7 @@ def _scale(ax: Axes) -> None:
         ax.text(float(at[0]), float(at[1]), name, ha="center", va="center", fontsize=7.0)
 
 
-@draws(Model)
+@register_plot(Model)
 def plot_model(model: Model) -> Axes:
     """Bodies at rest and contact points by their faces; free bodies over the others, between which they would be hidden."""
     tint = {"constrained": "#dde4ea", "free": "#e8b563", "ground": "#cccccc"}
@@ -194,7 +194,7 @@ def plot_model(model: Model) -> Axes:
     for name, _, turned in sectors_shown(model):
         mesh, kind = model.meshes[name], model.bodies[name].kind
         kinds[kind == "free"].append((mesh.points @ turned.T, mesh.quads, tint[kind]))
-    validation.require(kinds[False] or kinds[True], "plot of a model", "at least one body with a mesh", "none")
+    validation.check(kinds[False] or kinds[True], "plot of a model", "at least one body with a mesh", "none")
     ax = plot_surfaces([*kinds[False], *kinds[True]])
     if kinds[False] and kinds[True]:
         plot_surfaces(kinds[True], ax=ax)
@@ -204,7 +204,7 @@ def plot_model(model: Model) -> Axes:
     return ax
 
 
-@draws(Model, "plot_mode")
+@register_plot(Model, "plot_mode")
 def plot_mode(model: Model, mode: int = 1, *, body: str | None = None, nodal_diameter: int | None = None) -> Axes:
     """A mode of a constrained body: deformed, coloured by the size of its amplitude.
 
@@ -223,7 +223,7 @@ def plot_mode(model: Model, mode: int = 1, *, body: str | None = None, nodal_dia
     """
     body, d = shown_shapes(model, body, nodal_diameter, "plot of a mode")
     mesh = model.meshes[body]
-    mode = validation.whole("mode", mode, least=1, most=mesh.modes[d].shape[2])
+    mode = validation.integer("mode", mode, least=1, most=mesh.modes[d].shape[2])
     shape = mesh.modes[d][..., mode - 1]
     scale = float(np.ptp(mesh.points, axis=0).max()) / 12.0 / float(np.abs(shape).max())
     surfaces = []
@@ -236,7 +236,7 @@ def plot_mode(model: Model, mode: int = 1, *, body: str | None = None, nodal_dia
     return plot_surfaces(surfaces, title=f"mode {mode}, nodal diameter {d}: {frequency:.1f} Hz")
 
 
-@draws(BuiltModel)
+@register_plot(BuiltModel)
 def plot_import_report(report: BuiltModel) -> Axes:
     """Bodies and contact points of the model (:func:`plot_model`)."""
     return plot_model(report.model)

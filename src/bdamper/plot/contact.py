@@ -24,10 +24,10 @@ from bdamper.plot.motion import STATES, ContactStatus
 from bdamper.plot.studies import draw_table
 from bdamper.response.peak import Peak
 from bdamper.util import validation
-from bdamper.util.display import draws
+from bdamper.util.display import register_plot
 from bdamper.util.errors import BdamperError
 from bdamper.util.formatting import amount
-from bdamper.util.tables import label as label_of
+from bdamper.util.tables import axis_label as label_of
 
 # ---- Contact faces ----
 
@@ -52,8 +52,8 @@ def plot_status_bars(
         Tangential direction t1 or t2.
     title : str
     """
-    points = validation.wholes("points", points, most=len(status.parts) - 1)
-    direction = validation.whole("direction", direction, 0, 1)
+    points = validation.integers("points", points, most=len(status.parts) - 1)
+    direction = validation.integer("direction", direction, 0, 1)
     period = 2.0 * np.pi
     with drawing(ax, size=(5.2, 0.9 + 0.32 * len(points)), title=title) as ax:
         for row, point in enumerate(points):
@@ -113,7 +113,7 @@ def plot_status_map(status: ContactStatus, model: Model, interface: str, ax: Axe
     direction : {0, 1}
     """
     validation.choice("interface", interface, [name for name in model.interfaces if name in status.interface])
-    direction = validation.whole("direction", direction, 0, 1)
+    direction = validation.integer("direction", direction, 0, 1)
     face = model.interfaces[interface]
     x, y, dx, dy = face_coordinates(face.points, face.frame[0])
     left, right, low, high, state = tiles(status.share[status.rows(interface), direction], x, y, dx, dy)
@@ -159,7 +159,7 @@ def plot_peak(peak: Peak, ax: Axes = NEW) -> None:
     _status_legend(ax)
 
 
-@draws(PreloadState)
+@register_plot(PreloadState)
 def plot_static(state: PreloadState, quantity: str = "pressure") -> NDArray:
     """Pressure, gap or use of the friction limit over the friction faces at rest; open points stay white.
 
@@ -222,7 +222,7 @@ def plot_loops(
     """
     places = [where] if isinstance(where, (int, np.integer, str)) else list(where)
     if not places or (WHOLE in places and len(places) > 1):
-        raise validation.unfit("where", f'contact points and faces, or "{WHOLE}" alone', where)
+        raise validation.invalid("where", f'contact points and faces, or "{WHOLE}" alone', where)
     whole = places == [WHOLE]
     lost: dict[Any, float] = {WHOLE: result.lost, **result.by_interface, **dict(enumerate(result.energy))}
     for place, look in zip(places, looks(len(places))):
@@ -247,7 +247,7 @@ def plot_history(result: Hysteresis, where: int, ax: NDArray = NEW) -> None:
     where : int
         Index of the point.
     """
-    i = validation.whole("where, index of a contact point", where, 0, len(result.points) - 1)
+    i = validation.integer("where, index of a contact point", where, 0, len(result.points) - 1)
     time = result.theta / (2.0 * np.pi)
     for k, (name, look) in enumerate(zip(AXES, looks(3))):
         look["marker"] = ""
@@ -261,13 +261,13 @@ def plot_history(result: Hysteresis, where: int, ax: NDArray = NEW) -> None:
     ax[1].set(ylabel="Motion and gap (m)", xlabel="Time (periods)")
 
 
-@draws(Hysteresis, "energy")
+@register_plot(Hysteresis, "energy")
 def plot_energy(result: Hysteresis) -> NDArray:
     """Energy that is lost in a cycle for each area, over the faces that lose any."""
     density = np.maximum(result.energy, 0.0) / result.area
     least = 1e-9 * float(density.max(initial=0.0))
     names = [name for name in result.interfaces if (density[result.rows(name)] > least).any()]
-    validation.require(names, "energy", "contact points that lose some", "none: nothing slips")
+    validation.check(names, "energy", "contact points that lose some", "none: nothing slips")
     rows = [result.rows(name) for name in names]
     places = [(f"{name} face", result.points[r], result.frame[r]) for name, r in zip(names, rows)]
     return plot_faces(places, [density[r] for r in rows], "Energy lost per cycle (J/m$^2$)")
@@ -300,7 +300,7 @@ def plot_dissipation(result: Hysteresis, ax: NDArray = NEW, *, over: str = "ampl
     energy.set_ylim(smallest * result.excitation.max(), None)
 
 
-@draws(Hysteresis)
+@register_plot(Hysteresis)
 def plot_hysteresis(result: Hysteresis, *arguments: Any, **options: Any) -> Any:
     """Loops of a single solution (:func:`plot_loops`), stiffness and damping of several (:func:`plot_dissipation`)."""
     return (plot_loops if result.single else plot_dissipation)(result, *arguments, **options)

@@ -46,9 +46,9 @@ from bdamper.response.sensitivity import CurveSensitivity, band
 from bdamper.response.verification import TimeResponse
 from bdamper.time_domain.transients import TimeSweep
 from bdamper.util import validation
-from bdamper.util.display import draws
+from bdamper.util.display import register_plot
 from bdamper.util.formatting import amount, percent, spaced
-from bdamper.util.tables import label as label_of
+from bdamper.util.tables import axis_label as label_of
 
 # ---- Curves over frequency, preload and time, in the style that  ----
 
@@ -115,11 +115,12 @@ def plot_curves(curves: Sequence[ResponseCurve], ax: Axes = NEW, *, labels: Sequ
     labels : sequence of str, optional
         One for each response curve; the preload by default.
     """
-    validation.that(isinstance(curves, Iterable), "curves", "a sequence of ResponseCurve (plot_curve draws one)", curves)
+    expected = "a sequence of ResponseCurve (plot_curve draws one)"
+    validation.check_value(isinstance(curves, Iterable), "curves", expected, curves)
     curves = tuple(curves)
     tracking = [c for c in curves if validation.instance("curves", c, ResponseCurve).kind not in LIMITS]
     if labels is not None and (isinstance(labels, str) or len(labels) != len(tracking)):
-        raise validation.unfit("labels", f"{len(tracking)} texts, one for each response curve", labels)
+        raise validation.invalid("labels", f"{len(tracking)} texts, one for each response curve", labels)
     for curve in curves:
         if curve.kind in LIMITS and len(curve):
             limit_line(ax, curve.kind, curve.frequency, curve.amplitude, curve.peak.frequency)
@@ -147,7 +148,7 @@ def plot_curves(curves: Sequence[ResponseCurve], ax: Axes = NEW, *, labels: Sequ
         ax.figure.colorbar(bar, ax=ax, label=PRELOAD)
 
 
-@draws(ResponseCurve)
+@register_plot(ResponseCurve)
 def plot_curve(curve: ResponseCurve, ax: Axes | None = None, **style: Any) -> Axes:
     """Amplitude over frequency for one curve, over speed for a run-up; ``style`` as for :func:`plot_curves`."""
     return plot_curves([curve], ax, **style)
@@ -201,7 +202,7 @@ def plot_measurement(measurement: Measurement, ax: Axes = NEW, scale: float | No
         ax.set(xlabel=FREQUENCY, ylabel=AMPLITUDE)
 
 
-@draws(OptimalCurve)
+@register_plot(OptimalCurve)
 def plot_optimal(
     result: OptimalCurve, ax: Axes | None = None, *, quantity: str = "amplitude", title: str = ""
 ) -> Axes | NDArray:
@@ -361,7 +362,7 @@ def plot_response_map(result: OptimalCurve, ax: Axes = NEW) -> None:
         With its curves, which files of versions before 0.6 do not have.
     """
     curves = [curve for curve in result.curves if len(curve)]
-    validation.require(len(curves) >= 2, "result", "an optimal curve with two or more curves", len(curves))
+    validation.check(len(curves) >= 2, "result", "an optimal curve with two or more curves", len(curves))
     low, high = result.settings["frequency"]
     # frequencies at which each curve is read: the map of a column is then narrower than a pixel of a printed page
     columns = 400
@@ -412,18 +413,18 @@ def plot_together(
     measured : sequence of Measurement
         Laid over response curves.
     """
-    validation.that(
+    validation.check_value(
         isinstance(results, Mapping) and results, "results", "a mapping of one or more names to results", results
     )
     kind = next((kind for kind in OF if all(isinstance(result, kind) for result in results.values())), None)
     if kind is None:
         found = [type(result).__name__ for result in results.values()]
         kinds = "response curves, optimal curves or hysteresis, all of one kind"
-        raise validation.unfit("results", kinds, found)
+        raise validation.invalid("results", kinds, found)
     x, columns = OF[kind]
     quantity = validation.choice("quantity", quantity or next(iter(columns)), columns)
     if isinstance(measured, Measurement) or (measured and kind is not ResponseCurve):
-        raise validation.unfit("measured", "a sequence of Measurement, over response curves", measured)
+        raise validation.invalid("measured", "a sequence of Measurement, over response curves", measured)
     if kind is ResponseCurve:
         curves = cast(Mapping[str, ResponseCurve], results)
         plot_curves(list(curves.values()), ax, labels=[name for name, curve in curves.items() if curve.kind not in LIMITS])
@@ -452,7 +453,7 @@ def _star(ax: Axes, result: OptimalCurve, colour: Any) -> None:
         ax.plot(o.preload, o.amplitude, marker="*", label=once(ax, OPTIMA[o.verified]), **look)
 
 
-@draws(Comparison)
+@register_plot(Comparison)
 def plot_comparison(comparison: Comparison, *arguments: Any, **options: Any) -> Axes:
     """All results of a comparison on the same axes, as :func:`plot_together` draws them."""
     return cast(Axes, plot_together(comparison.results, *arguments, **options))

@@ -11,7 +11,7 @@ from typing import Any
 
 from bdamper.study import Study
 from bdamper.util import validation
-from bdamper.util.errors import BdamperError, needed
+from bdamper.util.errors import BdamperError, import_extra
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ def explore(study: Study, *, source: str = "# study: the one that is explored") 
     """
     validation.instance("study", study, Study)
     server, application, handlers, access, web = (
-        needed(name, "explore", "app")
+        import_extra(name, "explore", "app")
         for name in (
             "bokeh.server.server", "bokeh.application", "bokeh.application.handlers.function", "bokeh.server.auth_provider",
             "tornado.web",

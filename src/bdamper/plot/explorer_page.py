@@ -26,8 +26,8 @@ from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import TimeResponse
 from bdamper.study import Study
 from bdamper.util.display import draw
-from bdamper.util.errors import needed
-from bdamper.util.formatting import amount, height, percent
+from bdamper.util.errors import import_extra
+from bdamper.util.formatting import amount, peak_text, percent
 
 LOGARITHMIC_SLIDERS = ("preload", FORCE, "mass")
 EDGES = ("left", "right", "bottom", "top")
@@ -81,7 +81,7 @@ class Page:
     """
 
     def __init__(self, document: Any, study: Study, source: str) -> None:
-        self.models: Any = needed("bokeh.models", "explore", "app")
+        self.models: Any = import_extra("bokeh.models", "explore", "app")
         self.document, self.study, self.source = document, study, source
         self.shown: dict[str, Answer] = {}
         self.told: dict[str, str] = {}
@@ -268,7 +268,7 @@ class Page:
     # ---- what is seen ----
 
     def _views(self) -> None:
-        self.figure = needed("bokeh.plotting", "explore", "app").figure
+        self.figure = import_extra("bokeh.plotting", "explore", "app").figure
         size: dict[str, Any] = {"min_width": 200, "min_height": 120, "sizing_mode": "stretch_both"}
         plain: dict[str, Any] = {**size, "tools": "", "toolbar_location": None}
         tools = {"tools": "box_zoom,wheel_zoom,reset,hover", "active_drag": None, "toolbar_location": "right"}
@@ -348,7 +348,7 @@ class Page:
         quads.js_on_change("data", self.models.CustomJS(args=args, code=MOVE))
 
     def _lay_out(self) -> None:
-        layout, wide = needed("bokeh.layouts", "explore", "app"), {"sizing_mode": "stretch_width", "spacing": 0}
+        layout, wide = import_extra("bokeh.layouts", "explore", "app"), {"sizing_mode": "stretch_width", "spacing": 0}
         pairs = [layout.column(self.numbers[name], slider, **wide) for name, slider in self.sliders.items()]
         hint = "Click the curve to choose a point; drag in the curve of peaks to move the preload."
         said = self.models.Div(text=hint, styles=QUIET, sizing_mode="stretch_width")
@@ -417,11 +417,11 @@ class Page:
 
     def _curve(self, answer: Answer, curve: ResponseCurve) -> None:
         """The response curve with its limits and the chosen point."""
-        here = height(curve.amplitude[answer.point], curve.frequency[answer.point]) if len(curve) else ""
+        here = peak_text(curve.amplitude[answer.point], curve.frequency[answer.point]) if len(curve) else ""
         at = f" Chosen point: {here}." if here and answer.full and answer.question.point is not None else ""
         whole = answer.full or curve.complete
         if whole and len(curve) and curve.complete and not curve.peak_at_end:
-            peak, load = height(curve.peak.amplitude, curve.peak.frequency), amount(curve.preload, "N")
+            peak, load = peak_text(curve.peak.amplitude, curve.peak.frequency), amount(curve.preload, "N")
             told = f"{DOT} <b>Peak {peak}</b>" + (f" at a preload of {load}." if curve.preload else ".")
         else:
             told = html.escape(curve._headline()) if whole else "the curve ends early, as long as the slider moves."

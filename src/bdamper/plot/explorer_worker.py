@@ -27,8 +27,8 @@ from bdamper.response.peak import peak_interval
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import TimeResponse
 from bdamper.study import Study
-from bdamper.util.errors import INTERRUPTED, NOT_FOUND, BdamperError, SettingError, because
-from bdamper.util.progress import LongWork, ended_by
+from bdamper.util.errors import INTERRUPTED, NOT_FOUND, BdamperError, SettingError, with_reason
+from bdamper.util.progress import LongWork, stopped_by
 
 T = TypeVar("T")
 R = TypeVar("R", ResponseCurve, OptimalCurve)
@@ -153,7 +153,7 @@ class Answers:
         for ask, harmonics in ((self.curve, 1), *((ask, None) for ask in (*asks, self.time_response))):
             if harmonics and self._key(ask, question, None) in self.kept:
                 continue
-            with LongWork() as work, ended_by(self.ended if harmonics else self.stop):
+            with LongWork() as work, stopped_by(self.ended if harmonics else self.stop):
                 self.deliver(ask(question, harmonics))
             if work.interrupted or self.stop.is_set():
                 return
@@ -254,7 +254,7 @@ class Answers:
             try:
                 found = study.time_response(curve) if curve is not None and len(curve) else replace(none, status=NOT_FOUND)
             except BdamperError as error:
-                return replace(none, status=because(NOT_FOUND, error))
+                return replace(none, status=with_reason(NOT_FOUND, error))
             if found.status == INTERRUPTED:
                 raise KeyboardInterrupt
             return found

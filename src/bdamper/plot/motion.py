@@ -20,8 +20,8 @@ from bdamper.harmonic_balance.sector import segments
 from bdamper.model.kinematics import RIGID_NAMES, body_axes, principal_axes
 from bdamper.model.structure import Model, turn
 from bdamper.util import validation
-from bdamper.util.errors import SettingError, implausible
-from bdamper.util.formatting import brief
+from bdamper.util.errors import SettingError, warn_implausible
+from bdamper.util.formatting import short_repr
 
 LARGEST_DRAWN = 1.0 / 15.0
 """Largest displacement in a line drawing, over the size of the bodies."""
@@ -35,7 +35,7 @@ PLAIN = (STICK, SLIP, SLIP, OPEN)
 Parts = tuple[tuple[float, float, int], ...]
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class RigidMotion:
     """Motion of a free body at one or several solutions.
@@ -64,7 +64,7 @@ class RigidMotion:
         return np.abs(self.vibratory[..., 0, :])
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class ContactStatus:
     """State of every contact point over one period.
@@ -106,7 +106,7 @@ def _solutions(problem: Problem, unknowns: NDArray) -> NDArray:
     except (TypeError, ValueError):
         out = np.empty(0)
     if out.ndim == 0 or out.shape[-1] != n or not np.isfinite(out).all():
-        raise validation.unfit("unknowns", f"solutions of this study, {n} finite numbers each", unknowns)
+        raise validation.invalid("unknowns", f"solutions of this study, {n} finite numbers each", unknowns)
     return out
 
 
@@ -202,7 +202,7 @@ def _without_friction(x: NDArray, kn: float, n0: float, two_sided: bool) -> list
     return [(start, end, state if state == 3 else sliding) for start, end, state in parts]
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class SurfaceMotion:
     """Motion of the surface of a body.
@@ -284,7 +284,7 @@ def surface_motion(problem: Problem, unknowns: NDArray) -> dict[str, SurfaceMoti
                 missing = np.linalg.norm(q[own[~known]]) / max(float(np.linalg.norm(q[own])), 1e-300)
                 if harmonic == 1 and missing > largest_missing:
                     most = f"at most {100 * largest_missing:g} % of the motion in modes without shapes on the mesh"
-                    implausible(f"motion of the surface of '{name}'", most, f"{100 * missing:.2g} %")
+                    warn_implausible(f"motion of the surface of '{name}'", most, f"{100 * missing:.2g} %")
         out[name] = SurfaceMotion(mesh.points, mean, amplitude)
     return out
 
@@ -297,7 +297,7 @@ def sectors_shown(model: Model) -> list[tuple[str, int, NDArray]]:
     return [(name, sector, turn(2.0 * np.pi * sector / model.n_blades)) for name, sector in shown]
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class LineDrawing:
     """Moving surfaces as seen from one side, so that faces painted in their order hide the lines behind them.
@@ -339,7 +339,7 @@ def line_drawing(problem: Problem, unknowns: NDArray) -> LineDrawing:
         If the model has no surface, or one without shapes at the nodal diameter of the fundamental.
     """
     model, motions = problem.model, surface_motion(problem, unknowns)
-    validation.require(motions, "drawing of a motion", "a model with the surface of a body", "none")
+    validation.check(motions, "drawing of a motion", "a model with the surface of a body", "none")
     places, moved, faces, names, n = [], [], [], [], 0
     for name, sector, turned in sectors_shown(model):
         motion, quads, seen = motions[name], model.meshes[name].quads, VIEW @ turned

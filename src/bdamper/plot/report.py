@@ -24,10 +24,10 @@ from bdamper.response.optimal_curve_result import ENDS, NEAR_BEST, OptimalCurve
 from bdamper.response.response_curve import frequency_response
 from bdamper.response.sensitivity import peak_sensitivities
 from bdamper.util import validation
-from bdamper.util.display import Plottable, draw, draws
-from bdamper.util.errors import COMPLETE, needed, word
-from bdamper.util.formatting import amount, cut, percent, spaced
-from bdamper.util.storage import FilePath, check_folder, writing
+from bdamper.util.display import Plottable, draw, register_plot
+from bdamper.util.errors import COMPLETE, import_extra, status_word
+from bdamper.util.formatting import amount, percent, spaced, truncate
+from bdamper.util.storage import FilePath, check_folder, file_errors
 
 GOOD, FAIR = 0.05, 0.2
 """Relative differences up to which a light is green, and amber."""
@@ -56,16 +56,16 @@ class Light(NamedTuple):
     rule: str
 
 
-@draws(OptimalCurve, "report")
+@register_plot(OptimalCurve, "report")
 def write_report(
     curve: OptimalCurve, path: FilePath, study: Asking | Problem | None = None, fit: Fitted | None = None
 ) -> None:
     """Write the report of an optimal curve (:meth:`bdamper.response.optimal_curve_result.OptimalCurve.report`)."""
-    jinja2 = needed("jinja2", "report", "report")
+    jinja2 = import_extra("jinja2", "report", "report")
     check_folder(path)
     best = curve.optimum
     known = np.isfinite(best.amplitude) and np.isfinite(best.preload)
-    validation.require(known, "report", "an optimal curve with an optimum", f"one without: {best.status}")
+    validation.check(known, "report", "an optimal curve with an optimum", f"one without: {best.status}")
     figures: list[tuple[str, str]] = [("Resonance over preload", _picture(curve))]
     rows: list[tuple[str, ...]] = []
     if study is None and curve.curves:
@@ -97,7 +97,7 @@ def write_report(
             f"best = study.optimal_curve(({curve.preload[0]:.12g}, {curve.preload[-1]:.12g}), {len(curve)}{band}{check})",
         ),
     )  # fmt: skip
-    with writing(path):
+    with file_errors(path):
         Path(path).write_bytes(text.encode())
 
 
@@ -126,7 +126,7 @@ def lights(curve: OptimalCurve, fit: Fitted | None = None) -> list[Light]:
         Light("red" if missing else "green", "A value at every preload", f"{len(curve) - missing} of {len(curve)}",
               "red if a curve was not followed to its ends"),
     ]  # fmt: skip
-    marched = [k for k in curve.time_response if np.isfinite(k.mean) and word(k.status) == COMPLETE]
+    marched = [k for k in curve.time_response if np.isfinite(k.mean) and status_word(k.status) == COMPLETE]
     if marched:
         at = min(marched, key=lambda k: abs(np.log(k.preload / best.preload)))
         found = f"{at.text} in time, {amount(at.balance, 'm')} by harmonic balance"
@@ -187,7 +187,7 @@ def _at_optimum(problem: Problem, curve: OptimalCurve) -> tuple[list[tuple[str, 
 def _short(value: Any) -> str:
     """A setting as one line."""
     text = value if isinstance(value, str) else json.dumps(value, sort_keys=True)
-    return cut(text, 120)
+    return truncate(text, 120)
 
 
 def _picture(shown: Plottable) -> str:

@@ -24,9 +24,9 @@ from bdamper.plot.axes import IN_TIME, NEW, OPTIMUM, STYLES, colours, looks, onc
 from bdamper.plot.bodies import plot_surfaces, seen
 from bdamper.plot.studies import draw_table
 from bdamper.util import validation
-from bdamper.util.display import draws
+from bdamper.util.display import register_plot
 from bdamper.util.errors import SettingError
-from bdamper.util.tables import label as label_of
+from bdamper.util.tables import axis_label as label_of
 
 # ---- Pictures over rotor speed ----
 
@@ -158,7 +158,7 @@ def plot_stress(cycle: StressCycle, point: int | None = None, ax: Axes = NEW) ->
     point : int, optional
         The critical one by default.
     """
-    i = cycle.critical if point is None else validation.whole("point", point, least=0, most=len(cycle) - 1)
+    i = cycle.critical if point is None else validation.integer("point", point, least=0, most=len(cycle) - 1)
     theta = np.linspace(0.0, 2.0 * np.pi, 721)
     stress = MEGA * cycle.over_cycle(theta)[i]
     large = np.abs(stress).max(axis=1) > 0.02 * np.abs(stress).max()
@@ -228,7 +228,7 @@ def plot_margin(curve: MarginCurve, ax: Axes = NEW, *, label: str = "margin") ->
         other.grid(False)
 
 
-@draws(Margins, "plot_critical")
+@register_plot(Margins, "plot_critical")
 def plot_critical(margins: Margins, model: Model) -> Axes:
     """The points on the surface of their body: lighter where the factor is larger, a star at the critical one.
 
@@ -241,7 +241,7 @@ def plot_critical(margins: Margins, model: Model) -> Axes:
     names = {name.rsplit(" ", 1)[0] for name in margins.names}
     bodies = sorted({model.stress[name].body for name in names if name in model.stress})
     meshes = [model.meshes[body] for body in bodies if body in model.meshes]
-    validation.require(meshes, "model", f"the surface of {bodies or 'the body of the points'}", "none")
+    validation.check(meshes, "model", f"the surface of {bodies or 'the body of the points'}", "none")
     i = margins.critical
     title = f"margin {margins.least:.3g} at {margins.names[i]}"
     axes = plot_surfaces([(mesh.points, mesh.quads, "#e4e4e4") for mesh in meshes], title=title)

@@ -29,7 +29,7 @@ from bdamper.plot.axes import DASHED, MARKERS, NEW, colours, legend_beside, look
 from bdamper.response.verification import Convergence
 from bdamper.util.errors import SettingError
 from bdamper.util.formatting import UNITS, amount, percent, spaced
-from bdamper.util.tables import FEW_ROWS, Tabular, label, quantities
+from bdamper.util.tables import FEW_ROWS, Tabular, axis_label, quantities
 
 # ---- Design studies, and what settings change ----
 
@@ -232,7 +232,7 @@ def draw_table(ax: Axes, table: Tabular, x: str, y: str, *, rows: Any = slice(No
     kind: Any = type(table)
     for name, axis, scale in ((x, ax.xaxis, ax.set_xscale), (y, ax.yaxis, ax.set_yscale)):
         if not axis.get_label_text():
-            axis.set_label_text(label(kind, name, "%" if name.endswith("ratio") else ""))
+            axis.set_label_text(axis_label(kind, name, "%" if name.endswith("ratio") else ""))
         mark = quantities(kind).get(name)
         least, most = np.nanmin(values[name], initial=np.inf), np.nanmax(values[name], initial=0.0)
         if mark is not None and mark.unit in LOGARITHMIC and most > 5.0 * least > 0.0:

@@ -22,7 +22,7 @@ from bdamper.response.verification import TimeResponse
 from bdamper.util import validation
 from bdamper.util.errors import BdamperError
 from bdamper.util.formatting import amount
-from bdamper.util.tables import label
+from bdamper.util.tables import axis_label
 
 PERCENTILES = (50.0, 95.0)
 _FACTOR = "Amplification of the worst blade"
@@ -53,7 +53,7 @@ def plot_wheel_map(curve: ResponseCurve, ax: Axes = NEW) -> None:
     """
     response = validation.instance("curve", curve, ResponseCurve).blades
     if response is None:
-        raise validation.unfit("curve", "a curve of BladedDisk.track", curve)
+        raise validation.invalid("curve", "a curve of BladedDisk.track", curve)
     top, blades = curve.peak, np.abs(response[..., 1])
     frequency = np.linspace(curve.frequency.min(), curve.frequency.max(), 400)
     amplitude, _ = highest_on(frequency, curve.frequency, blades, curve.branch)
@@ -64,7 +64,7 @@ def plot_wheel_map(curve: ResponseCurve, ax: Axes = NEW) -> None:
     highest = int(blades[top.index].argmax())
     ax.plot(top.frequency, highest, "o", **circle, clip_on=False)
     ax.figure.colorbar(image, ax=ax, label="Amplitude (m)")
-    ax.set(xlabel=label(ResponseCurve, "frequency"), ylabel="Blade", title=amount(curve.preload, "N"))
+    ax.set(xlabel=axis_label(ResponseCurve, "frequency"), ylabel="Blade", title=amount(curve.preload, "N"))
 
 
 def _bars(ax: Axes, heights: NDArray, blade: int, **look: Any) -> None:
@@ -209,8 +209,8 @@ def plot_sample(
     if preloads:
         tuned = sample.tuned_amplitude[order] / (sample.tuned_amplitude[order] if relative else 1.0)
         limit_line(ax, "tuned wheel", x, tuned, x[-1])
-    across = label(MistunedSample, "preload") if preloads else "Standard deviation of blade frequencies (%)"
-    ax.set(xlabel=across, ylabel=_FACTOR if relative else label(MistunedSample, "amplitude"))
+    across = axis_label(MistunedSample, "preload") if preloads else "Standard deviation of blade frequencies (%)"
+    ax.set(xlabel=across, ylabel=_FACTOR if relative else axis_label(MistunedSample, "amplitude"))
     ax.set(xscale="log" if preloads else "linear", yscale="linear" if relative else "log")
     ax.set_title(_of(sample, i, len(sample)) if preloads else f"{len(sample)} wheels")
 

@@ -22,19 +22,19 @@ from numpy.typing import NDArray
 
 from bdamper.harmonic_balance.equations import OK, Correction, Equations, Fold, Peak, Plane, norm2
 from bdamper.util import validation
-from bdamper.util.formatting import brief
+from bdamper.util.formatting import short_repr
 from bdamper.util.rootfinding import root_trials
 
 # ---- What a path along a curve is ----
 
 
-AtLeastTwo = Annotated[int, partial(validation.whole, least=2)]
+AtLeastTwo = Annotated[int, partial(validation.integer, least=2)]
 SIDE_POINTS = 1000
 """Points of a path that is no part of a curve: outside of its interval, or along which an excitation is raised or a support
 fades.  Outside, with 150, one more of 100 narrow bands (``benchmarks/bench_narrow.py``) loses its highest branch."""
 
 
-@validation.spelt
+@validation.check_arguments
 @dataclass(frozen=True)
 class ContinuationOptions:
     """Settings of the continuation.
@@ -80,12 +80,12 @@ class ContinuationOptions:
     corner_step: validation.Positive = 0.3
 
     def __post_init__(self) -> None:
-        validation.checked(self)
+        validation.check_fields(self)
         steps = self.min_step, self.step, self.max_step
-        validation.that(sorted(steps) == list(steps), "steps", "0 < min_step <= step <= max_step", steps)
+        validation.check_value(sorted(steps) == list(steps), "steps", "0 < min_step <= step <= max_step", steps)
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class Path:
     """Points of a path and how it ended.

@@ -39,10 +39,10 @@ from bdamper.response.peak import (
 from bdamper.response.response_curve import frequency_response
 from bdamper.response.response_curve_result import ResponseCurve, uninterrupted
 from bdamper.util import validation
-from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, BdamperError, because, word
-from bdamper.util.formatting import height
+from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, BdamperError, status_word, with_reason
+from bdamper.util.formatting import peak_text
 from bdamper.util.progress import Cost, CostMeter, one_thread
-from bdamper.util.storage import typed
+from bdamper.util.storage import from_json
 
 NEAR = 3e-3
 """Relative, by which a point may lie below the highest and its maximum above: a curve followed coarsely is off by less."""
@@ -81,7 +81,9 @@ class Highest:
     @property
     def status(self) -> str:
         """Status of the peak; "incomplete" with the reason at an end of the interval."""
-        return because(INCOMPLETE, "; ".join(filter(None, (AT_END, self.note)))) if self.kind == "end" else self.peak.status
+        if self.kind != "end":
+            return self.peak.status
+        return with_reason(INCOMPLETE, "; ".join(filter(None, (AT_END, self.note))))
 
 
 def highest_of_curve(system: Equations, curve: ResponseCurve, *, options: PeakOptions | None = None) -> Highest:
@@ -115,7 +117,7 @@ def highest_of_curve(system: Equations, curve: ResponseCurve, *, options: PeakOp
         best = max(best, search.at(i), key=lambda found: found.peak.amplitude)
     notes, top = [], counted[0]
     if search.at_end(top) and amplitude[top] > best.peak.amplitude and best.kind != "end":
-        notes.append(f"higher at an end of the interval: {height(amplitude[top], curve.frequency[top], 4)}")
+        notes.append(f"higher at an end of the interval: {peak_text(amplitude[top], curve.frequency[top], 4)}")
     if higher := curve.higher(best.peak.amplitude):
         notes.append(higher)
     return replace(best, note="; ".join(notes))
@@ -262,10 +264,10 @@ class AtPreload:
         """ "complete", "incomplete" or "not found", with what is to be said of it."""
         if self.top is None or not self.curve.complete:
             own = NOT_FOUND if self.top is None else INCOMPLETE
-            return because(own, f"{self.curve.status}: {self.curve.reason}".removeprefix(f"{own}: "))
+            return with_reason(own, f"{self.curve.status}: {self.curve.reason}".removeprefix(f"{own}: "))
         if self.top.kind == "end":
             return self.top.status
-        return because(COMPLETE, "; ".join(filter(None, (self.top.note, given_up(self.curve)))))
+        return with_reason(COMPLETE, "; ".join(filter(None, (self.top.note, given_up(self.curve)))))
 
     def record(self) -> dict[str, Any]:
         """All of it in numbers, texts, lists and arrays."""
@@ -274,7 +276,7 @@ class AtPreload:
     @staticmethod
     def of(record: Mapping[str, Any]) -> AtPreload:
         """Restore a record read from JSON, in which arrays of a curve without points have no shape."""
-        made: AtPreload = typed(AtPreload, record)
+        made: AtPreload = from_json(AtPreload, record)
         curve, n = made.curve, len(made.curve)
         harmonics, shares = curve.harmonics.reshape(n, 2), curve.shares.reshape(n, 3)
         return replace(made, curve=replace(curve, unknowns=np.zeros((n, 0)), harmonics=harmonics, shares=shares))
@@ -361,7 +363,7 @@ def highest_peak(
             f"ended as: {found.status}"
         )
     settings = problem.record() | {"frequency": list(frequency)}
-    status = found.top.status if word(found.status) == COMPLETE else found.status
+    status = found.top.status if status_word(found.status) == COMPLETE else found.status
     return replace(
         found.top.peak, cost=found.cost, search_status=found.status, status=status, settings=settings,
         model_hash=problem.model.hash,

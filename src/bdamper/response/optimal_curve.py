@@ -34,10 +34,10 @@ from bdamper.response.peak import Family, Peak, PeakOptions, find_peak, linear_p
 from bdamper.response.response_curve import NO_STEADY, open_at_rest, rattles, without_points
 from bdamper.response.sensitivity import amplitude_sensitivity
 from bdamper.util import validation
-from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND, BdamperError, because
-from bdamper.util.progress import Cost, LongWork, ended_by, on_executor, one_thread, stages
+from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND, BdamperError, with_reason
+from bdamper.util.progress import Cost, LongWork, executor_errors, one_thread, progress_stages, stopped_by
 from bdamper.util.rootfinding import find_root
-from bdamper.util.storage import HERE, ResultsFile
+from bdamper.util.storage import INSTALLED, ResultsFile
 
 # ---- The whole response at one preload as part of an optimal curve, and how a file keeps it ----
 
@@ -56,7 +56,7 @@ def at_preload(
     stop: Event | None = None,
 ) -> AtPreload:
     """The response at a preload; another thread ends the work by setting ``stop``."""
-    with ended_by(stop or Event()):
+    with stopped_by(stop or Event()):
         try:
             found = found_at(problem, preload, frequency, options=options, budget=budget)
         except LOST as error:
@@ -134,7 +134,7 @@ def optimal_curve(
     validation.flag("progress", progress)
     check_options(options)
     why = problem.why_no_load
-    validation.require(problem.carries_load, "optimal_curve", "a model with a body that carries a load", f"that {why}")
+    validation.check(problem.carries_load, "optimal_curve", "a model with a body that carries a load", f"that {why}")
     frequency = peak_interval(problem, frequency, float(values[-1]), mode)
     free = linear_peak(problem, frequency, float(values[-1]), stuck=False)
     stuck = linear_peak(problem, frequency, float(values[-1]), stuck=True)
@@ -146,7 +146,7 @@ def optimal_curve(
         optimum = _least_so_far(curves)
     if not any(there.top for there in known.values()):
         if curves.interrupted:
-            validation.require(not curves.work.reason, "executor", "one that takes tasks", curves.work.reason)
+            validation.check(not curves.work.reason, "executor", "one that takes tasks", curves.work.reason)
             raise KeyboardInterrupt
         ends = ", ".join(dict.fromkeys(there.status for there in known.values()))
         raise BdamperError(
@@ -197,14 +197,14 @@ class Curves:
         self.file, self.stored = None, dict[int | str, dict[str, Any]]()
         if self.resume is not None:
             header = {"format": "bdamper-optimal-search", "version": 3, "study": study_fingerprint(self.problem)}
-            header |= HERE.attributes() | {"frequency": self.frequency} | self.asked
+            header |= INSTALLED.attributes() | {"frequency": self.frequency} | self.asked
             self.file = ResultsFile(self.resume, header, "search for an optimal curve")
             self.stack.enter_context(closing(self.file))
             self.stored = self.file.records
         if self.executor is None:
             self.executor = self.stack.enter_context(ThreadPoolExecutor(os.cpu_count() or 1))
         if self.progress:
-            self.report = self.stack.enter_context(stages("optimal curve", "curve"))
+            self.report = self.stack.enter_context(progress_stages("optimal curve", "curve"))
         self.problem.system(0.0)  # what all preloads share is made before threads ask for it
         self.problem.static(1.0)
         self.work.__enter__()
@@ -231,7 +231,7 @@ class Curves:
                 elif p not in self.known:
                     threads = isinstance(self.executor, ThreadPoolExecutor)
                     job = at_preload, self.problem, p, self.frequency, self.options, budget, stop if threads else None
-                    with on_executor(RuntimeError):  # as one that was shut down raises it
+                    with executor_errors(RuntimeError):  # as one that was shut down raises it
                         running[p] = self.executor.submit(*((copy_context().run, *job) if threads else job))
             for i, p in enumerate(preloads):
                 if row and len(out) >= row and all(there.rattles for there in out[-row:]):
@@ -239,7 +239,7 @@ class Curves:
                 if self.report is not None:
                     self.report(f"{p:.4g} N", len(self.known), len(self.known) + len(preloads) - i)
                 if p in running:
-                    with on_executor():
+                    with executor_errors():
                         there = running.pop(p).result()
                     self._keep(there)
                 out.append(self.known[p])
@@ -272,11 +272,11 @@ def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
     there = {float(np.log(p)): known[p] for p in known if p >= edge}  # the edge, too: the least may lie just above it
     found = [item for item in there.values() if np.isfinite(item.value) and item.preload > edge]
     if not found:
-        return OptimumPoint(np.nan, np.nan, np.nan, "none", np.inf, because(NOT_FOUND, "no preload has a value"))
+        return OptimumPoint(np.nan, np.nan, np.nan, "none", np.inf, with_reason(NOT_FOUND, "no preload has a value"))
     height = [item.value for item in found]
     if len(found) > 1 and max(height) - min(height) <= FLAT:
         peak = found[int(np.argmin(height))].top.peak  # type: ignore[union-attr]
-        flat = because(NOT_FOUND, "the preload does not matter")
+        flat = with_reason(NOT_FOUND, "the preload does not matter")
         return OptimumPoint(np.nan, peak.amplitude, peak.frequency, "flat", np.inf, flat)
 
     def place(x: float) -> Place:
@@ -300,14 +300,15 @@ def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
     status = COMPLETE
     lower = [p for p in sorted(known) if p > edge and not known[p].known and not known[p].height >= at.top.peak.amplitude]
     if lower:
-        status = because(INCOMPLETE, f"{len(lower)} preloads without a value could be lower, first {lower[0]:.6g} N")
+        status = with_reason(INCOMPLETE, f"{len(lower)} preloads without a value could be lower, first {lower[0]:.6g} N")
     elif best.open is not None:
         low, high = np.exp(best.open)
-        status = because(INCOMPLETE, f"the highest peak could be lower between {low:.6g} and {high:.6g} N")
+        status = with_reason(INCOMPLETE, f"the highest peak could be lower between {low:.6g} and {high:.6g} N")
     elif why := given_up(at.curve):
-        status = because(INCOMPLETE, f"{why}, where its peak could be higher")
+        status = with_reason(INCOMPLETE, f"{why}, where its peak could be higher")
     elif at.top.note:
-        status = because(INCOMPLETE, f"the response is {at.top.note}; another resonance may be highest, widen frequency")
+        reason = f"the response is {at.top.note}; another resonance may be highest, widen frequency"
+        status = with_reason(INCOMPLETE, reason)
     return OptimumPoint(at.preload, at.top.peak.amplitude, at.top.peak.frequency, kind, best.uncertainty, status)
 
 
@@ -344,7 +345,7 @@ def _least_so_far(curves: Curves) -> OptimumPoint:
     """The least value known at any preload when the search was interrupted."""
     edge = rattling_below(curves.known)
     found = [(at.value, p, at.top.peak) for p, at in curves.known.items() if p > edge and at.known and at.top]
-    status = because(INTERRUPTED, curves.work.reason or "by the user")
+    status = with_reason(INTERRUPTED, curves.work.reason or "by the user")
     if not found:
         return OptimumPoint(np.nan, np.nan, np.nan, "none", np.inf, status)
     _, p, peak = min(found, key=lambda item: item[0])
@@ -364,8 +365,8 @@ def rattling_below(known: dict[float, AtPreload]) -> float:
 def _status(row: AtPreload | None, preload: float, edge: float, why: str) -> str:
     """What is known at a preload."""
     if preload <= edge:
-        return because(NOT_FOUND, f"{NO_STEADY} below {edge:.6g} N: {why}")
-    return because(NOT_FOUND, "no curve was followed") if row is None else row.status
+        return with_reason(NOT_FOUND, f"{NO_STEADY} below {edge:.6g} N: {why}")
+    return with_reason(NOT_FOUND, "no curve was followed") if row is None else row.status
 
 
 def _columns(known: dict[float, AtPreload], values: NDArray, edge: float, n_unknowns: int) -> dict[str, Any]:
@@ -401,9 +402,9 @@ def preload_values(preload: Any, n: int) -> NDArray:
     SettingError
         If they are not positive and increasing.
     """
-    validation.that(np.ndim(n) == 0, "n", "a whole number, and an interval by its name as frequency=(low, high)", n)
+    validation.check_value(np.ndim(n) == 0, "n", "a whole number, and an interval by its name as frequency=(low, high)", n)
     values = validation.numbers("preload", preload, above=0.0, unit="N")
     if len(values) < 2 or np.any(np.diff(values) <= 0.0):
-        raise validation.unfit("preload", "(low, high) or a longer sequence of increasing values", preload)
-    n = validation.whole("n", n, least=2)
+        raise validation.invalid("preload", "(low, high) or a longer sequence of increasing values", preload)
+    n = validation.integer("n", n, least=2)
     return values if len(values) > 2 else np.geomspace(values[0], values[1], n)

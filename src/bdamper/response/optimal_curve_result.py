@@ -15,8 +15,8 @@ from bdamper.response.response_curve_result import NOT_IN_TIME, ResponseCurve
 from bdamper.response.verification import Convergence, TimeResponse
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Plottable, draw
-from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, word
-from bdamper.util.formatting import amount, brief, height, percent, shares_of, span
+from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, status_word
+from bdamper.util.formatting import amount, loads_text, peak_text, percent, short_repr, span
 from bdamper.util.progress import Cost
 from bdamper.util.storage import FilePath, Recorded, Storable
 from bdamper.util.tables import Hertz, Kinds, Metres, Newtons, Numbers, PerRow, Quantity, Resonance, Shares, Tabular
@@ -86,7 +86,7 @@ class OptimumPoint:
         return self.status == COMPLETE
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-optimal", row="preload"):
     """Resonance over preload.
@@ -210,7 +210,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
             If the curve has no optimum, or that is higher.
         """
         best = self.optimum
-        validation.require(np.isfinite(best.preload), "preloads_within", "a curve with an optimum", best)
+        validation.check(np.isfinite(best.preload), "preloads_within", "a curve with an optimum", best)
         limit = validation.number("amplitude", amplitude, least=best.amplitude, unit="m")
         ends = []
         for step in (-1, 1):
@@ -233,7 +233,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
     @property
     def _known(self) -> list[TimeResponse]:
         """Marches that leave nothing open."""
-        return [k for k in self.time_response if np.isfinite(k.mean) and word(k.status) == COMPLETE]
+        return [k for k in self.time_response if np.isfinite(k.mean) and status_word(k.status) == COMPLETE]
 
     @property
     def detached(self) -> tuple[str, ...]:
@@ -263,20 +263,21 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
     def _headline(self) -> str:
         o = self.optimum
         if not np.isfinite(o.preload):
-            at = height(o.amplitude, o.frequency)
-            failed = [f"; at {amount(p, 'N')} {why}" for p, why in zip(self.preload, self.status) if word(why) != COMPLETE]
+            at = peak_text(o.amplitude, o.frequency)
+            at_preloads = zip(self.preload, self.status)
+            failed = [f"; at {amount(p, 'N')} {why}" for p, why in at_preloads if status_word(why) != COMPLETE]
             first = "".join(failed[:1])
             return f"The preload does not matter: {at}." if o.kind == "flat" else f"No optimum: {o.status}{first}."
         free = self.free.amplitude
         gain = f", {free / o.amplitude:.3g} times below the free blade ({amount(free, 'm')})" if np.isfinite(free) else ""
         force, shares = (
             self.settings.get("excitation", {}).get("amplitude", 0.0),
-            shares_of(self.settings.get("load_per_preload")),
+            loads_text(self.settings.get("load_per_preload")),
         )
         per = " per newton of excitation" if force == 1.0 else f" at {amount(force, 'N')} of excitation" if force else ""
         per = f" ({shares}){per}" if shares else per
         where = f"{amount(o.preload, 'N')} of preload{per}" + (f", {ENDS[o.kind]}" if o.kind in ENDS else "")
-        out = [f"Optimum: {where}. Peak {height(o.amplitude, o.frequency)}{gain}."]
+        out = [f"Optimum: {where}. Peak {peak_text(o.amplitude, o.frequency)}{gain}."]
         out += [self._said_of(kept) for kept in self.time_response] or [NOT_IN_TIME]
         if least := self.optimum_in_time:
             last = least in (self._known[0], self._known[-1])
@@ -294,7 +295,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
         at = "" if time_response.preload == self.optimum.preload else f" at {amount(time_response.preload, 'N')}"
         if not np.isfinite(time_response.mean):
             return time_response._headline()
-        if word(time_response.status) != COMPLETE:
+        if status_word(time_response.status) != COMPLETE:
             return f"Time integration{at} gives {time_response.text}, {time_response.status}."
         more = 100.0 * (time_response.mean / time_response.balance - 1.0)
         change = f"{abs(more):.0f} % {'more' if more > 0.0 else 'less'}"

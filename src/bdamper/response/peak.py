@@ -37,8 +37,8 @@ from bdamper.response.optimal_curve_result import Limit
 from bdamper.response.response_curve_result import NOT_IN_TIME
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Fact, Plottable
-from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, because, word
-from bdamper.util.formatting import brief, height, preloaded
+from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, status_word, with_reason
+from bdamper.util.formatting import peak_text, preload_text, short_repr
 from bdamper.util.progress import Cost
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import Cycles, Metre, Quantity, Shares, Tabular
@@ -62,7 +62,7 @@ Family = Callable[[float], Equations]
 """The equations as a function of one scalar parameter."""
 
 
-@validation.spelt
+@validation.check_arguments
 @dataclass(frozen=True)
 class PeakOptions(validation.Checked):
     """Settings of the search for a peak and of its continuation.
@@ -89,7 +89,7 @@ class PeakOptions(validation.Checked):
     max_trials: AtLeastTwo = 60
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class Peak(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-peak"):
     """A maximum of the response amplitude along a response curve, or the place where the search for it ended.
@@ -146,7 +146,7 @@ class Peak(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
     @property
     def converged(self) -> bool:
         """Whether this is a maximum that solves the equations, even if an incomplete curve may have a higher one."""
-        return self.status == COMPLETE or (word(self.status) == INCOMPLETE and AT_END not in self.status)
+        return self.status == COMPLETE or (status_word(self.status) == INCOMPLETE and AT_END not in self.status)
 
     def _facts(self) -> tuple[Fact, ...]:
         """The peak and how far it is to be trusted; nothing but the reason where none was found."""
@@ -154,15 +154,15 @@ class Peak(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
 
     def _headline(self) -> str:
         if not self.converged:
-            top = f" The highest response is {height(self.amplitude, self.frequency)}."
-            return f"No peak: {self.status}.{top if word(self.status) == INCOMPLETE else ''}"
-        load = f" under {preloaded(self.parameter, self.settings)}" if np.isfinite(self.parameter) else ""
+            top = f" The highest response is {peak_text(self.amplitude, self.frequency)}."
+            return f"No peak: {self.status}.{top if status_word(self.status) == INCOMPLETE else ''}"
+        load = f" under {preload_text(self.parameter, self.settings)}" if np.isfinite(self.parameter) else ""
         open_ = (
             ""
             if self.search_status in ("", "complete")
             else f" There may be a higher one, the curve ended as: {self.search_status}."
         )
-        return f"Resonance of {height(self.amplitude, self.frequency)}{load}. {NOT_IN_TIME}{open_}"
+        return f"Resonance of {peak_text(self.amplitude, self.frequency)}{load}. {NOT_IN_TIME}{open_}"
 
 
 def vibration_width(y: NDArray, tangent: NDArray, scale: NDArray, n_mean: int) -> float:
@@ -353,7 +353,7 @@ def find_peak(
     return Peak(
         parameter, float(at.y[-1] / (2.0 * np.pi)), amplitude_at(system, at.y), at.y, at.tangent, search.scale, at.slope,
         at.curvature, np.array(at.shares), at.residual, search.iterations, search.trials, at.rank_deficiency,
-        top is not None and at.curvature < -JUMP, because(NOT_FOUND, search.reason) if top is None else COMPLETE,
+        top is not None and at.curvature < -JUMP, with_reason(NOT_FOUND, search.reason) if top is None else COMPLETE,
     )  # fmt: skip
 
 
@@ -428,7 +428,7 @@ def free_and_stuck(problem: Problem, state: PreloadState, modes: int) -> tuple[N
     elastic = np.sort(basis.omega2[(basis.omega2 > 0.0) & (basis.mass == 1.0) & modes_alone])
     if np.any(sector.springs):
         elastic = sector.linear.modes(None)[0] ** 2
-    validation.require(1 <= modes <= len(elastic), "mode", f"1 to {len(elastic)}", modes)
+    validation.check(1 <= modes <= len(elastic), "mode", f"1 to {len(elastic)}", modes)
     free = np.sqrt(elastic[:modes])
     poles = list(sector.linear.modes(stuck_springs(problem, state, touching=True))[0])
     stuck = []
@@ -487,7 +487,7 @@ def peak_interval(
     problem: Problem, frequency: tuple[float, float] | None, preload: float, mode: int = 1
 ) -> tuple[float, float]:
     """Return the given interval (Hz), or the one around the resonances of a mode at a preload (N)."""
-    mode = validation.whole("mode", mode, least=1)
+    mode = validation.integer("mode", mode, least=1)
     if frequency is None:
         return resonance_interval(problem, preload, mode)
     return validation.interval("frequency", frequency)

@@ -50,7 +50,7 @@ from bdamper.response.events import ContinuationOptions, Path
 from bdamper.response.response_curve_result import ResponseCurve, crossed, free
 from bdamper.util import validation
 from bdamper.util.errors import INCOMPLETE, NOT_FOUND, SettingError
-from bdamper.util.progress import Cost, CostMeter, passes_interrupts_on, progress_bar, single_thread
+from bdamper.util.progress import Cost, CostMeter, is_part_of_work, progress_bar, single_thread
 
 # ---- Mean positions of free bodies along a curve ----
 
@@ -261,7 +261,7 @@ def frequency_response(
             with progress_bar(progress, *search.limits) as search.on_point:
                 search.cover(find_start)
         except KeyboardInterrupt:
-            if passes_interrupts_on():
+            if is_part_of_work():
                 raise
             if not any(piece.path.status == "interrupted" for piece in search.pieces):
                 search.pieces.append(Piece(Path((), "interrupted", "by the user", 0, 0), True))
@@ -390,18 +390,18 @@ def as_curve(problem: Problem, search: Coverage, ended: tuple[str, str, tuple[Le
 def check_curve(problem: Problem, curve: ResponseCurve, name: str = "curve") -> None:
     """Refuse what is no response curve of this problem."""
     validation.instance(name, curve, ResponseCurve, "a response curve")
-    validation.require(curve.kind == "tracking", name, "a response curve (study.frequency_response)",
+    validation.check(curve.kind == "tracking", name, "a response curve (study.frequency_response)",
         f"a {curve.kind} curve")
-    validation.require(curve.model_hash == problem.model.hash, name, "one of this model", "one of another")
+    validation.check(curve.model_hash == problem.model.hash, name, "one of this model", "one of another")
     system = problem.system(curve.preload)
     n = system.n_unknowns
-    validation.require(curve.unknowns.shape[1] == n, name, f"one of this study with {n} unknowns", curve.unknowns.shape[1])
+    validation.check(curve.unknowns.shape[1] == n, name, f"one of this study with {n} unknowns", curve.unknowns.shape[1])
     if not len(curve):
         return
     i = curve.peak.index
     error = system.error(np.append(curve.unknowns[i], TWO_PI * curve.frequency[i]))
     found = f"one with other settings (residual {error:.2g} at its peak)"
-    validation.require(error <= max(1e-6, 100.0 * float(curve.residual[i])), name, "one of this study", found)
+    validation.check(error <= max(1e-6, 100.0 * float(curve.residual[i])), name, "one of this study", found)
 
 
 def self_locking(problem: Problem) -> tuple[str, ...]:

@@ -30,12 +30,12 @@ from bdamper.response.verification import ErrorEstimates
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Fact, Plottable
 from bdamper.util.errors import INTERRUPTED, BdamperError
-from bdamper.util.formatting import amount, brief, height, preloaded
+from bdamper.util.formatting import amount, peak_text, preload_text, short_repr
 from bdamper.util.progress import Cost, CostMeter, one_thread
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import (
     ROW,
-    Followed,
+    FrequencySeries,
     Hertz,
     Kinds,
     Metres,
@@ -56,7 +56,7 @@ NOT_IN_TIME = "Not checked in time."
 """Of a highest point from which no integration in time has begun."""
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class Fold:
     """A point of a curve where it turns: in frequency, or at its largest response.
@@ -78,12 +78,12 @@ class Fold:
     kind: str = "fold"
 
     def __str__(self) -> str:
-        return f"{self.kind}: {height(self.amplitude, self.frequency, 6)} (point {self.index})"
+        return f"{self.kind}: {peak_text(self.amplitude, self.frequency, 6)} (point {self.index})"
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
-class ResponseCurve(Plottable, Comparable, Followed, Tabular, Recorded, Storable, kind="bdamper-curve"):
+class ResponseCurve(Plottable, Comparable, FrequencySeries, Tabular, Recorded, Storable, kind="bdamper-curve"):
     """A response curve; every point of it is a converged solution.
 
     ``plot`` draws amplitude over frequency, branches that run backward dashed (:func:`bdamper.plot.plot_curve`).
@@ -248,7 +248,7 @@ class ResponseCurve(Plottable, Comparable, Followed, Tabular, Recorded, Storable
         ends = ((top, self.frequency[self.branch == self.branch[top.index]][0]) for top in tops)
         return "; ".join(
             f"higher on a separate branch that enters and leaves at {amount(end, 'Hz', 4)}: "
-            f"{height(top.amplitude, top.frequency, 4)}, widen the interval" for top, end in ends
+            f"{peak_text(top.amplitude, top.frequency, 4)}, widen the interval" for top, end in ends
         )  # fmt: skip
 
     @property
@@ -312,14 +312,14 @@ class ResponseCurve(Plottable, Comparable, Followed, Tabular, Recorded, Storable
             return f"No point of this curve was found: {self.reason}."
         top, low, high = self.peak, float(self.frequency.min()), float(self.frequency.max())
         what = {"tracking": "Resonance", "free": "Free resonance", "stuck": "Stuck resonance"}.get(self.kind, HIGHEST)
-        load = f" under {preloaded(self.preload, self.settings)}" if self.kind == "tracking" else ""
+        load = f" under {preload_text(self.preload, self.settings)}" if self.kind == "tracking" else ""
         if self.speed is not None:
             speed = float(self.speed[top.index])
             turning = f"{speed * 30.0 / np.pi:.5g} rpm ({speed:.5g} rad/s)"
             load = f" along engine order {self.settings['engine_order']}, at {turning}"
         if self.blades is not None:
             load += f", blade {np.argmax(np.abs(self.blades[top.index, :, 1]))}"
-        out = [f"{HIGHEST if self.peak_at_end else what} of {height(top.amplitude, top.frequency)}{load}."]
+        out = [f"{HIGHEST if self.peak_at_end else what} of {peak_text(top.amplitude, top.frequency)}{load}."]
         if self.peak_at_end:
             out.append(f"It lies at an end of the curve ({amount(low, 'Hz')} to {amount(high, 'Hz')}) and is not a peak.")
         if higher := self.higher(top.amplitude):

@@ -350,8 +350,8 @@ def _finite(value: float, peak: Peak) -> float:
 
 
 def _check(peak: Peak) -> None:
-    validation.require(peak.converged, "sensitivities", "a converged peak", f"status '{peak.status}'")
-    validation.require(not peak.corner, "sensitivities", "a smooth peak", "one at a corner of the response curve")
+    validation.check(peak.converged, "sensitivities", "a converged peak", f"status '{peak.status}'")
+    validation.check(not peak.corner, "sensitivities", "a smooth peak", "one at a corner of the response curve")
 
 
 # ---- Derivatives of peaks and curves with respect to the preload and to settings; equations as  ----

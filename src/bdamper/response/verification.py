@@ -16,10 +16,22 @@ from numpy.typing import NDArray
 from bdamper.util import validation
 from bdamper.util.display import Fact, Plottable, Summarised, draw
 from bdamper.util.errors import COMPLETE
-from bdamper.util.formatting import amount, brief, height, percent, span
+from bdamper.util.formatting import amount, peak_text, percent, short_repr, span
 from bdamper.util.progress import Cost
 from bdamper.util.storage import Recorded, Storable
-from bdamper.util.tables import ROW, Amplitude, Column, Cycles, Metre, Newton, Numbers, Quantity, Second, Tabular, from_rows
+from bdamper.util.tables import (
+    ROW,
+    Amplitude,
+    Column,
+    Cycles,
+    Metre,
+    Newton,
+    Numbers,
+    Quantity,
+    Second,
+    Tabular,
+    columns_of_rows,
+)
 
 # ---- What was marched in time at one preload, as a result carries it ----
 
@@ -29,7 +41,7 @@ ALIKE = 0.05
 others are not named."""
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class TimeResponse(
     Plottable, Tabular, Recorded, Storable, kind="bdamper-time-response", row="period"
@@ -269,7 +281,7 @@ class Meeting(NamedTuple):
         return f"harmonic {self.harmonic} is {near} ({amount(self.frequency, 'Hz')})"
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class Convergence(Plottable, Tabular):
     """One peak with more and more harmonics.
@@ -303,7 +315,7 @@ class Convergence(Plottable, Tabular):
 
     def columns(self) -> dict[str, Column]:
         """A row for each number of harmonics."""
-        return from_rows(self.peaks)
+        return columns_of_rows(self.peaks)
 
     @property
     def settled(self) -> tuple[HarmonicPeak, ...]:
@@ -398,7 +410,7 @@ class SourceError:
         return f"{self.source}: {f'{change}{miss} ({self.against})' if self.known else f'not estimated: {self.against}'}"
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class ErrorEstimates(Summarised):
     """Estimated errors of a peak, by source.
@@ -443,5 +455,5 @@ class ErrorEstimates(Summarised):
         return f"estimated error {text}" + (f", not estimated: {', '.join(self.unknown)}" if self.unknown else "")
 
     def _headline(self) -> str:
-        peak = f"{height(self.amplitude, self.frequency)}, preload {amount(self.preload, 'N')}"
+        peak = f"{peak_text(self.amplitude, self.frequency)}, preload {amount(self.preload, 'N')}"
         return f"{self.line[0].upper()}{self.line[1:]} of the peak of {peak}."

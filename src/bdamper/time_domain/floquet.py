@@ -66,7 +66,7 @@ from bdamper.time_domain.march import AGREES, BOUNDS, UNDECIDED
 from bdamper.time_domain.transients import march_from, verified
 from bdamper.time_domain.wave_exponents import WaveDisturbances, cycles, rests
 from bdamper.util import validation
-from bdamper.util.progress import CostMeter, LongWork, each, one_thread
+from bdamper.util.progress import CostMeter, LongWork, one_thread, with_progress
 
 # ---- Stability from the motion in time ----
 
@@ -88,7 +88,7 @@ def judged_in_time(ring: Ring, curve: ResponseCurve, progress: bool) -> Response
     stable[~moving] = True
     ratios = np.where(moving, np.nan, 1.0)
     with LongWork() as work:
-        for i in each(np.flatnonzero(moving).tolist(), progress, "motion in time", "point"):
+        for i in with_progress(np.flatnonzero(moving).tolist(), progress, "motion in time", "point"):
             verdict, ratio = judged_at(ring, curve.unknowns[i], TWO_PI * float(curve.frequency[i]))
             judged += 1
             if verdict != UNDECIDED:

@@ -509,7 +509,8 @@ def ring_of(problem: Problem, preload: float, blades: int | None = None) -> Ring
         return Ring(system, N, order, wide=system if wide is problem else wide.system(preload))
     if not order or N % blades or blades % least:
         sizes = [n for n in range(least, N + 1, least) if N % n == 0]
-        raise validation.unfit("blades", f"one of {sizes}, rings that repeat on {N} blades at engine order {order}", blades)
+        expected = f"one of {sizes}, rings that repeat on {N} blades at engine order {order}"
+        raise validation.invalid("blades", expected, blades)
     across = N // blades
     contact_forces = "event_driven" if isinstance(problem.settings.contact_forces, str) else AFT(8 * blades + 128)
     wide = problem.replace(engine_order=across, harmonics=tuple(range(1, blades // 2 + 1)), contact_forces=contact_forces)

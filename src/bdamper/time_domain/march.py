@@ -40,7 +40,7 @@ from numpy.typing import NDArray
 from bdamper.time_domain.integration import STEPS, MarchFailed, Motion, Ring
 from bdamper.util import validation
 from bdamper.util.errors import SettingError
-from bdamper.util.progress import LongWork, counter, end_if_asked
+from bdamper.util.progress import LongWork, progress_counter, raise_if_stopped
 
 AGREES, DIFFERS, UNDECIDED = "agrees", "does not agree", "undecided"
 
@@ -121,7 +121,7 @@ class March:
     def __init__(
         self, ring: Ring, omega: float, start: NDArray | Motion, steps: int | None = None, blade: int | None = None
     ) -> None:
-        self.steps = STEPS if steps is None else validation.whole("steps_per_period", steps, least=16)
+        self.steps = STEPS if steps is None else validation.integer("steps_per_period", steps, least=16)
         self.ring, self.omega, self._blade = ring, omega, blade
         if isinstance(start, Motion):
             own = ring.system.structure.points.own
@@ -170,7 +170,7 @@ class March:
         MarchFailed
             If the contact forces of a step are not found, or the motion has more energy than it can have.
         """
-        end_if_asked()
+        raise_if_stopped()
         begin, end = ends or (self.omega, None)
         marched = self.ring.integrate(self.motion, begin, self.steps, turns, omega_end=end)
         self.motion = marched.motion
@@ -192,7 +192,7 @@ class March:
         bool
             Whether Ctrl-C has ended it.
         """
-        with LongWork() as work, counter(progress, periods, 0, "marching", "period") as count:
+        with LongWork() as work, progress_counter(progress, periods, 0, "marching", "period") as count:
             while len(self.harmonics) < periods:
                 self.turn()
                 count()

@@ -18,9 +18,9 @@ from bdamper.response.response_curve_result import ResponseCurve, uninterrupted
 from bdamper.response.verification import TimeResponse
 from bdamper.time_domain import steady_amplitude as in_time
 from bdamper.util import validation
-from bdamper.util.errors import INTERRUPTED, NOT_FOUND, BdamperError, because
+from bdamper.util.errors import INTERRUPTED, NOT_FOUND, BdamperError, with_reason
 from bdamper.util.formatting import amount
-from bdamper.util.progress import LongWork, each, one_thread
+from bdamper.util.progress import LongWork, one_thread, with_progress
 
 
 def time_response(
@@ -51,17 +51,17 @@ def time_response(
     """
     if isinstance(result, Peak):
         if not result.converged or "frequency" not in result.settings:
-            raise validation.unfit("result", "a peak at a preload", result.status)
+            raise validation.invalid("result", "a peak at a preload", result.status)
         found, what = result, "the highest peak of this study at its preload"
         if found.model_hash != problem.model.hash:
-            raise validation.unfit("result", what, "one of another model")
+            raise validation.invalid("result", what, "one of another model")
         result = frequency_response(problem, found.parameter, tuple(found.settings["frequency"]))
         if not (len(result) and np.isclose(result.peak.amplitude, found.amplitude, rtol=1e-3, atol=0.0)):
-            raise validation.unfit("result", what, f"{amount(found.amplitude, 'm')} at {found.frequency:.6g} Hz")
+            raise validation.invalid("result", what, f"{amount(found.amplitude, 'm')} at {found.frequency:.6g} Hz")
     return in_time.time_response(problem, result, steps_per_period=steps_per_period, blades=blades, starts=starts)
 
 
-@validation.spelt
+@validation.check_arguments
 @one_thread
 def with_time_response(
     problem: Problem, curve: OptimalCurve, preload: Sequence[float] | NDArray | None = None, *, progress: bool = False
@@ -92,7 +92,7 @@ def with_time_response(
     """
     validation.instance("curve", curve, OptimalCurve)
     if curve.model_hash != problem.model.hash:
-        raise validation.unfit("curve", "an optimal curve of this study", "one of another model")
+        raise validation.invalid("curve", "an optimal curve of this study", "one of another model")
     options = ContinuationOptions(budget=BUDGET)
     if preload is None:
         places = [p for p in (curve.optimum.preload,) if np.isfinite(p)]
@@ -101,12 +101,12 @@ def with_time_response(
     none = {p: TimeResponse(*(np.nan,) * 4, p, np.nan, status=INTERRUPTED) for p in places}
     found, cost = none | {k.preload: k for k in curve.time_response}, curve.cost
     with LongWork():
-        for p in each(places, progress, "marching in time", "preload"):
+        for p in with_progress(places, progress, "marching in time", "preload"):
             try:
                 tracked = uninterrupted(frequency_response(problem, p, curve.settings["frequency"], options=options))
                 cost += tracked.cost
                 found[p] = in_time.time_response(problem, tracked)
                 cost += found[p].cost
             except BdamperError as error:
-                found[p] = replace(none[p], status=because(NOT_FOUND, error))
+                found[p] = replace(none[p], status=with_reason(NOT_FOUND, error))
     return replace(curve, time_response=tuple(found[p] for p in sorted(found)), cost=cost)

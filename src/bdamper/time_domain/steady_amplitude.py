@@ -35,7 +35,7 @@ from bdamper.response.verification import TimeResponse
 from bdamper.time_domain.integration import STEPS, MarchFailed, Motion, Ring, ring_of
 from bdamper.time_domain.march import March, second_half, to_come
 from bdamper.util import validation
-from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND, SettingError, because
+from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND, SettingError, with_reason
 from bdamper.util.formatting import amount, span
 from bdamper.util.progress import CostMeter, LongWork, one_thread
 
@@ -488,7 +488,7 @@ def time_response(
     SettingError
         If the curve has no peak, or the settings describe something else than a structure in time.
     """
-    starts = validation.whole("starts", starts, least=1)
+    starts = validation.integer("starts", starts, least=1)
     check_curve(problem, curve)
     if curve.peak_at_end:
         raise SettingError(f"march: expected a curve with a peak, found its highest amplitude at its end, {curve.peak}")
@@ -499,7 +499,7 @@ def time_response(
     none = replace(found, mean=np.nan, lowest=np.nan, highest=np.nan, frequency=np.nan)
     ways = [side for side in sides if np.isfinite(side[1])]
     if not ways:
-        return replace(none, status=because(NOT_FOUND, "the branch is alone nowhere beside its tip; follow more of it"))
+        return replace(none, status=with_reason(NOT_FOUND, "the branch is alone nowhere beside its tip; follow more of it"))
     step, start = min(ways, key=lambda side: abs(side[1] - top.frequency))
     ring = ring_of(problem, curve.preload, blades)
     walk, best = Walk(ring, levels, STEPS if steps_per_period is None else steps_per_period), None
@@ -525,7 +525,7 @@ def _found(none: TimeResponse, walk: Walk, best: Place | None, part: str, interr
     left = walk.astray or (walk.open_end(best) or part if best is not None else "")
     if best is None:
         why = left or "no motion stays in steps of half the length: use more steps_per_period"
-        status = INTERRUPTED if interrupted else because(NOT_FOUND, why)
+        status = INTERRUPTED if interrupted else with_reason(NOT_FOUND, why)
         return replace(none, direction="", fall=np.nan, answers={}, status=status)
     around = best.amplitude
     if best.march is not None:  # of a brief visit all but its first periods
@@ -543,7 +543,7 @@ def _found(none: TimeResponse, walk: Walk, best: Place | None, part: str, interr
     said = "; ".join(filter(None, (tip, short)))
     found = replace(
         none, mean=best.mean, lowest=float(around.min()), highest=float(around.max()), frequency=best.frequency,
-        status=INTERRUPTED if interrupted else because(INCOMPLETE, left) if left else because(COMPLETE, said),
+        status=INTERRUPTED if interrupted else with_reason(INCOMPLETE, left) if left else with_reason(COMPLETE, said),
     )  # fmt: skip
     return found if best.march is None else replace(found, **of_blades(best.march, len(best.amplitude)))
 

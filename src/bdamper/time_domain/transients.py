@@ -40,11 +40,11 @@ from bdamper.time_domain.march import BOUNDS, UNDECIDED, March, judged, repeats_
 from bdamper.time_domain.steady_amplitude import RULES, of_blades
 from bdamper.util import validation
 from bdamper.util.display import Fact, Plottable
-from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, BdamperError, SettingError, because
-from bdamper.util.formatting import amount, brief, height
-from bdamper.util.progress import Cost, CostMeter, LongWork, counter, one_thread
+from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, BdamperError, SettingError, with_reason
+from bdamper.util.formatting import amount, peak_text, short_repr
+from bdamper.util.progress import Cost, CostMeter, LongWork, one_thread, progress_counter
 from bdamper.util.storage import Recorded, Storable
-from bdamper.util.tables import ROW, Followed, Hertz, Metres, Quantity, Tabular
+from bdamper.util.tables import ROW, FrequencySeries, Hertz, Metres, Quantity, Tabular
 
 # ---- What a motion comes to that starts at a point of a response curve ----
 
@@ -80,14 +80,14 @@ def settled(march: March, preload: float, periods: int = 200, progress: bool = F
         If the march fails.
     """
     watch = CostMeter()
-    stopped = march.run(validation.whole("periods", periods, least=FEWEST), progress)
+    stopped = march.run(validation.integer("periods", periods, least=FEWEST), progress)
     if stopped and len(march.harmonics) < FEWEST:
         raise KeyboardInterrupt
     change = to_come(march.amplitude, march.memory)
     status, text = COMPLETE, f"estimated change of the mean still to come {100.0 * change:+.2g} %"
     if abs(change) > BOUNDS.drift:
         longer = int(np.ceil(march.memory * np.log(abs(change) / BOUNDS.drift) / 10.0)) * 10
-        status = because(INCOMPLETE, f"still moving, {text}; some {longer} more periods would settle it")
+        status = with_reason(INCOMPLETE, f"still moving, {text}; some {longer} more periods would settle it")
     status = INTERRUPTED if stopped else status
     return described(march, preload, status, cost=watch.read(march.ring.cost), **more)
 
@@ -103,7 +103,7 @@ def verified(
     MarchFailed
         If the march fails.
     """
-    periods = validation.whole("periods", periods, least=1)
+    periods = validation.integer("periods", periods, least=1)
     tolerance = validation.number("tolerance", tolerance, above=0.0, most=1.0)
     watch, size = CostMeter(), float(abs(expected[1]))
 
@@ -115,7 +115,7 @@ def verified(
         raise KeyboardInterrupt
     verdict, reason = verdict_so_far()
     distance = np.linalg.norm((march.response[-1] - expected)[1:]) / max(float(np.linalg.norm(expected[1:])), 1e-300)
-    status = INTERRUPTED if stopped else because(INCOMPLETE, "undecided") if verdict == UNDECIDED else COMPLETE
+    status = INTERRUPTED if stopped else with_reason(INCOMPLETE, "undecided") if verdict == UNDECIDED else COMPLETE
     return described(
         march, preload, status, balance=size, verdict=verdict, reason=reason, distance=float(distance),
         cost=watch.read(march.ring.cost), **more,
@@ -164,10 +164,10 @@ def settle(
     if frequency is not None:
         frequency = validation.number("frequency", frequency, above=0.0, unit="Hz")
     check_curve(problem, start, "start")
-    validation.that(len(start), "start", "a curve with points", f"one without ({start.status}: {start.reason})")
+    validation.check_value(len(start), "start", "a curve with points", f"one without ({start.status}: {start.reason})")
     if frequency is None:
         if start.gap is None:
-            raise validation.unfit("frequency", "one in Hz, as the curve has a solution at each", None)
+            raise validation.invalid("frequency", "one in Hz, as the curve has a solution at each", None)
         frequency = float(np.mean(start.gap))
     u = start.unknowns[int(np.abs(start.frequency - frequency).argmin())]
     march = march_from(ring_of(problem, start.preload), u, 2.0 * np.pi * frequency, steps_per_period)
@@ -217,7 +217,7 @@ def verify(
         If the settings describe something else than a structure in time, or a number does not fit; if the march fails.
     """
     check_curve(problem, curve)
-    i = curve.peak.index if index is None else validation.whole("index of a point", index, -len(curve), len(curve) - 1)
+    i = curve.peak.index if index is None else validation.integer("index of a point", index, -len(curve), len(curve) - 1)
     system, u, omega = problem.system(curve.preload), curve.unknowns[i], 2.0 * np.pi * float(curve.frequency[i])
     steps = BOUNDS.steps if steps_per_period is None else steps_per_period
     march = march_from(ring_of(problem, curve.preload), u, omega, steps)
@@ -239,9 +239,9 @@ NEAR = 1e-4
 """Half the relative width of the interval in which the first solution is sought."""
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
-class TimeSweep(Plottable, Followed, Tabular, Recorded, Storable, kind="bdamper-time-sweep", row="turn"):
+class TimeSweep(Plottable, FrequencySeries, Tabular, Recorded, Storable, kind="bdamper-time-sweep", row="turn"):
     """The response while the frequency goes slowly from one end of an interval to the other, turn by turn.
 
     ``plot`` draws amplitude over frequency, also over response curves (:func:`bdamper.plot.plot_frequency_sweep`).
@@ -318,14 +318,14 @@ class TimeSweep(Plottable, Followed, Tabular, Recorded, Storable, kind="bdamper-
         f, a = self.highest
         way = f"from {amount(self.frequency[0], 'Hz')} to {amount(self.frequency[-1], 'Hz')}"
         jumps = f"; it jumps at {', '.join(amount(j.frequency, 'Hz') for j in self.jumps)}" if self.jumps else ""
-        return f"Sweep in time {way}, preload {amount(self.preload, 'N')}: highest {height(a, f)}{jumps}."
+        return f"Sweep in time {way}, preload {amount(self.preload, 'N')}: highest {peak_text(a, f)}{jumps}."
 
     def _facts(self) -> tuple[Fact, ...]:
         """Rate and jumps."""
         return (Fact("rate", abs(self.rate), "Hz/s"), *(Fact("jump", str(jump)) for jump in self.jumps))
 
 
-@validation.spelt
+@validation.check_arguments
 @one_thread
 def frequency_sweep(
     problem: Problem,
@@ -413,7 +413,7 @@ def _marched(march: March, ends: tuple[float, float], settling: int, turns: int,
     """Harmonics of the highest blade in each turn of the sweep, from the motion that has settled at the beginning."""
     first, last = TWO_PI * ends[0], TWO_PI * ends[1]
     found: list[NDArray] = []
-    with LongWork(), counter(progress, settling + turns, 0, "marching", "turn") as count:
+    with LongWork(), progress_counter(progress, settling + turns, 0, "marching", "turn") as count:
         march.sweep((first, first), settling, count)
         sweep = March(march.ring, first, march.motion, march.steps)
         found = sweep.harmonics

@@ -23,8 +23,8 @@ from typing import Any, NamedTuple, TypeVar, cast
 import numpy as np
 
 from bdamper.util import validation
-from bdamper.util.errors import FAILED, BdamperError, SettingError, left_undone, word
-from bdamper.util.formatting import UNITS, aligned, amount, brief, percent, plain, spaced
+from bdamper.util.errors import FAILED, BdamperError, SettingError, not_run_lines, status_word
+from bdamper.util.formatting import UNITS, aligned, amount, percent, short_repr, spaced, text_of
 from bdamper.util.progress import Cost
 from bdamper.util.tables import FEW_ROWS, Quantity, Tabular, quantities
 
@@ -36,7 +36,7 @@ Drawing = TypeVar("Drawing", bound=Callable[..., Any])
 _DRAWINGS: dict[tuple[type, str], Callable[..., Any]] = {}
 
 
-def draws(shown: type, picture: str = "plot") -> Callable[[Drawing], Drawing]:
+def register_plot(shown: type, picture: str = "plot") -> Callable[[Drawing], Drawing]:
     """Decorator: enters a function as the one that draws a kind of picture of a type.
 
     Parameters
@@ -141,7 +141,7 @@ class Summarised:
         texts = texts[:FEW_ROWS] + [f"{len(texts) - FEW_ROWS} more notes and warnings"] * (len(texts) > FEW_ROWS)
         status, cost = getattr(self, "status", ""), getattr(self, "cost", "")
         if isinstance(status, tuple):
-            texts += left_undone(status, "parts") + [s for s in dict.fromkeys(status) if word(s) == FAILED]
+            texts += not_run_lines(status, "parts") + [s for s in dict.fromkeys(status) if status_word(s) == FAILED]
         table = aligned(self._rows(), "  ")
         if isinstance(cost, tuple) and cost:  # of each part
             cost = Cost(*map(sum, zip(*map(astuple, cost))))
@@ -243,7 +243,7 @@ class Plottable(Summarised):
 MISSING = "not there"
 
 
-@brief
+@short_repr
 @dataclass(frozen=True)
 class Differences(Summarised):
     """Differences between two studies or results.
@@ -270,7 +270,7 @@ class Differences(Summarised):
         return f"{' and '.join(self.kinds)}{' differ:' if self else ': no difference'}"
 
     def _rows(self) -> list[tuple[str, ...]]:
-        rows = [(name, plain(a), plain(b), _change(a, b)) for name, a, b in self.settings]
+        rows = [(name, text_of(a), text_of(b), _change(a, b)) for name, a, b in self.settings]
         rows += [(a.name, a.to_digits(6), b.to_digits(6), _change(a.value, b.value)) for a, b in self.outcomes]
         return [("", "first", "second", "change"), *rows] if rows else []
 

@@ -29,7 +29,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Any
 
-from bdamper.util.formatting import cut
+from bdamper.util.formatting import truncate
 
 # ---- Errors that a user can cause and can mend ----
 
@@ -52,15 +52,15 @@ class StaticError(BdamperError):
 
 def mismatch(item: str, expected: str, found: object) -> ModelError:
     """An error of one line: the item, what was expected of it and what was found instead."""
-    return ModelError(f"{item}: expected {' '.join(expected.split())}, found {shortened(found)}")  # arrays may wrap
+    return ModelError(f"{item}: expected {' '.join(expected.split())}, found {one_line(found)}")  # arrays may wrap
 
 
-def shortened(found: object) -> str:
+def one_line(found: object) -> str:
     """Text of a value in one line of at most 300 characters."""
-    return cut(" ".join(str(found).split()), 300)
+    return truncate(" ".join(str(found).split()), 300)
 
 
-def needed(module: str, asked: str, extra: str) -> Any:
+def import_extra(module: str, asked: str, extra: str) -> Any:
     """A module of an extra, or the error that names it."""
     try:
         return importlib.import_module(module)
@@ -84,9 +84,9 @@ class PlausibilityWarning(BdamperWarning):
     """A value is possible, so it is used, but it lies outside of what machines have: a mistaken unit or digit?"""
 
 
-def implausible(item: str, plausible: str, found: str) -> None:
+def warn_implausible(item: str, plausible: str, found: str) -> None:
     """Warn in one line: the item, the plausible range, and what was found."""
-    say(f"{item}: plausible {plausible}, found {shortened(found)}", PlausibilityWarning)
+    warn(f"{item}: plausible {plausible}, found {one_line(found)}", PlausibilityWarning)
 
 
 _quiet: ContextVar[bool] = ContextVar("_quiet", default=False)
@@ -102,7 +102,7 @@ def quiet() -> Iterator[None]:
         _quiet.reset(before)
 
 
-def asked_by_user() -> bool:
+def called_by_user() -> bool:
     """Whether the function that asks this was called from outside of the package, decorators aside."""
     own = inspect.currentframe()
     frame = own and own.f_back and own.f_back.f_back
@@ -113,7 +113,7 @@ def asked_by_user() -> bool:
     )
 
 
-def say(text: str, category: type[BdamperWarning] = BdamperWarning) -> None:
+def warn(text: str, category: type[BdamperWarning] = BdamperWarning) -> None:
     """Warn at the line of the user, unless :func:`quiet` suppresses it."""
     if _quiet.get():
         return
@@ -129,15 +129,15 @@ def say(text: str, category: type[BdamperWarning] = BdamperWarning) -> None:
 COMPLETE, INCOMPLETE, HELD, NOT_FOUND = "complete", "incomplete", "held", "not found"
 INTERRUPTED, FAILED, NOT_RUN = "interrupted", "failed", "not run"
 
-WORDS = (COMPLETE, INCOMPLETE, HELD, NOT_FOUND, INTERRUPTED, FAILED, NOT_RUN)
+STATUSES = (COMPLETE, INCOMPLETE, HELD, NOT_FOUND, INTERRUPTED, FAILED, NOT_RUN)
 
 
-def word(status: str) -> str:
+def status_word(status: str) -> str:
     """The word of a status, without its reason."""
     return status.partition(":")[0]
 
 
-def because(what: str, reason: object = "") -> str:
+def with_reason(what: str, reason: object = "") -> str:
     """A status with its reason."""
     return f"{what}: {reason}" if str(reason) else what
 
@@ -147,7 +147,7 @@ def all_complete(statuses: Sequence[str]) -> bool:
     return all(status == COMPLETE for status in statuses)
 
 
-def left_undone(statuses: Sequence[str], what: str) -> list[str]:
+def not_run_lines(statuses: Sequence[str], what: str) -> list[str]:
     """One line of how many there are that were not run, with the reason of the first; none where all were."""
-    left = [status for status in statuses if word(status) == NOT_RUN]
+    left = [status for status in statuses if status_word(status) == NOT_RUN]
     return [f"  interrupted: {len(left)} of {len(statuses)} {what} were {left[0]}"] if left else []

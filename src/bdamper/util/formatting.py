@@ -48,7 +48,7 @@ def amount(value: float, unit: str = "", digits: int = 3) -> str:
     """
     base, per, rest = unit.partition(" per ")
     size, base = (1e3 * abs(value), "g") if base == "kg" else (abs(value), base)
-    prefix = fitting(size * (1.0 + 0.5 * 10.0**-digits), base)
+    prefix = unit_prefix(size * (1.0 + 0.5 * 10.0**-digits), base)
     number = np.copysign(size / PREFIXES[prefix], value)
     whole = int(np.log10(np.clip(abs(number), 1.0, 1e9))) + 1 if np.isfinite(number) else 1
     return f"{number:.{max(digits, whole if whole < 7 else 0)}g} {prefix.strip()}{base}{per}{rest}".rstrip()
@@ -62,13 +62,13 @@ def span(low: float, high: float, unit: str, near: float | None = None) -> str:
     return f"{scale * low:.3g} to {scale * high:.3g} {name}"
 
 
-def fitting(size: float, unit: str) -> str:
+def unit_prefix(size: float, unit: str) -> str:
     """The prefix that makes a number of this size, in this unit, at least one; " " for none."""
     reached = [prefix for prefix in FITTING.get(unit, " ") if size >= PREFIXES[prefix]]
     return reached[-1] if reached and np.isfinite(size) else " "
 
 
-def height(amplitude: float, frequency: float, digits: int = 3) -> str:
+def peak_text(amplitude: float, frequency: float, digits: int = 3) -> str:
     """How high a response is (m), and where (Hz); in six digits, places that lie close together are told apart."""
     return f"{amount(amplitude, 'm', digits)} at {amount(frequency, 'Hz', digits)}"
 
@@ -87,19 +87,19 @@ def aligned(rows: Sequence[Sequence[str]], indent: str = "") -> list[str]:
     return [f"{indent}{line}".rstrip() for line in lines]
 
 
-def cut(text: str, most: int) -> str:
+def truncate(text: str, most: int) -> str:
     """The text in at most so many characters."""
     return text if len(text) <= most else text[: most - 3] + "..."
 
 
-def shares_of(load_per_preload: Mapping[str, float] | None) -> str:
+def loads_text(load_per_preload: Mapping[str, float] | None) -> str:
     """Loads per newton of preload: "front 1, rear 0.6"; empty where every loaded body has the preload."""
     return ", ".join(f"{name} {load:.6g}" for name, load in (load_per_preload or {}).items())
 
 
-def preloaded(preload: float, settings: Mapping[str, Any]) -> str:
+def preload_text(preload: float, settings: Mapping[str, Any]) -> str:
     """A preload (N) in words, with what it loads where the settings of a result say so."""
-    shares = shares_of(settings.get("load_per_preload"))
+    shares = loads_text(settings.get("load_per_preload"))
     return f"a preload of {amount(preload, 'N')}{f' ({shares})' if shares else ''}"
 
 
@@ -109,7 +109,7 @@ def preloaded(preload: float, settings: Mapping[str, Any]) -> str:
 T = TypeVar("T", bound=type)
 
 
-def brief(cls: T) -> T:
+def short_repr(cls: T) -> T:
     """Class decorator: the representation of a dataclass is its ``str``, or its items with arrays by their shapes alone."""
     prints_itself = any("__str__" in base.__dict__ for base in cls.__mro__[:-1])
     cls.__repr__ = cls.__str__ if prints_itself else _as_items  # type: ignore[assignment]
@@ -118,26 +118,26 @@ def brief(cls: T) -> T:
 
 def _as_items(self: Any) -> str:
     shown = [f for f in fields(self) if f.repr]
-    return f"{type(self).__name__}({', '.join(f'{f.name}={short(getattr(self, f.name))}' for f in shown)})"
+    return f"{type(self).__name__}({', '.join(f'{f.name}={short_text(getattr(self, f.name))}' for f in shown)})"
 
 
-def plain(value: object) -> str:
-    """A text as it is, anything else by :func:`short`."""
-    return value if isinstance(value, str) else short(value)
+def text_of(value: object) -> str:
+    """A text as it is, anything else by :func:`short_text`."""
+    return value if isinstance(value, str) else short_text(value)
 
 
-def short(value: Any) -> str:
+def short_text(value: Any) -> str:
     """One item: an array by its shape, a mapping by its names, a longer sequence by its length."""
     if isinstance(value, np.ndarray):
         return repr(value.item()) if value.ndim == 0 else f"<{' x '.join(map(str, value.shape))} {value.dtype}>"
     longest = 60  # characters of one item
     if isinstance(value, Mapping):
-        text = "{" + ", ".join(f"{key!r}: {short(item)}" for key, item in value.items()) + "}"
-        return text if len(text) <= longest else f"<{len(value)} by name: {cut(', '.join(map(str, value)), longest)}>"
+        text = "{" + ", ".join(f"{key!r}: {short_text(item)}" for key, item in value.items()) + "}"
+        return text if len(text) <= longest else f"<{len(value)} by name: {truncate(', '.join(map(str, value)), longest)}>"
     if isinstance(value, (list, tuple)):
-        text = ("[{}]" if isinstance(value, list) else "({})").format(", ".join(short(item) for item in value))
+        text = ("[{}]" if isinstance(value, list) else "({})").format(", ".join(short_text(item) for item in value))
         return text if len(text) <= longest else f"<{len(value)} items>"
     if is_dataclass(value) and not isinstance(value, type):
         text = repr(value)
         return text if len(text) <= longest and "\n" not in text else f"{type(value).__name__}(...)"
-    return cut(repr(value), longest) if not isinstance(value, (int, float, complex, np.generic)) else repr(value)
+    return truncate(repr(value), longest) if not isinstance(value, (int, float, complex, np.generic)) else repr(value)

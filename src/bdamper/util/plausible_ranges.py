@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.util.errors import implausible
+from bdamper.util.errors import warn_implausible
 
 Bound = float | Callable[[Any, Any], float]
 """A number, or a function of the sizes of a model and of the key under which a mapping has the value."""
@@ -83,7 +83,7 @@ class Range:
         text = f"{text} {self.unit}".rstrip() + (f", {self.by}" if self.by else "")
         several = self.compared is some and values.min() < values.max()
         shown_as = f"{values.min():g} to {values.max():g}" if several else f"{found:.4g}"
-        implausible(item, text, f"{shown_as} {self.unit}".rstrip() + f": {mistake}")
+        warn_implausible(item, text, f"{shown_as} {self.unit}".rstrip() + f": {mistake}")
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from typing import Any, Protocol, TypeVar
 from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
-from bdamper.util.errors import shortened
+from bdamper.util.errors import one_line
 
 # ---- Progress of long work on the terminal or in a notebook, and what an interruption (Ctrl-C)  ----
 
@@ -42,18 +42,18 @@ class ExecutorEnded(KeyboardInterrupt):
 
 
 @contextmanager
-def on_executor(refusal: type[Exception] = BrokenExecutor) -> Iterator[None]:
+def executor_errors(refusal: type[Exception] = BrokenExecutor) -> Iterator[None]:
     """Turn errors of an executor that has ended, and its refusal of tasks, into :class:`ExecutorEnded`."""
     try:
         yield
     except (BrokenExecutor, CancelledError, refusal) as error:
-        raise ExecutorEnded(shortened(error) or "its tasks were cancelled") from error
+        raise ExecutorEnded(one_line(error) or "its tasks were cancelled") from error
 
 
 class LongWork:
     """A context that an interruption ends quietly, so that what there is by then can be returned.
 
-    Parts of the work do not return what they have so far as their answer (:func:`passes_interrupts_on`), and work that is
+    Parts of the work do not return what they have so far as their answer (:func:`is_part_of_work`), and work that is
     itself such a part passes the interruption on.
 
     Attributes
@@ -75,16 +75,16 @@ class LongWork:
         _passed_on.reset(self.outer)
         self.interrupted = kind is not None and issubclass(kind, KeyboardInterrupt)
         self.reason = str(error) if isinstance(error, ExecutorEnded) else ""
-        return self.interrupted and not passes_interrupts_on()
+        return self.interrupted and not is_part_of_work()
 
 
-def passes_interrupts_on() -> bool:
+def is_part_of_work() -> bool:
     """Whether the caller is a part of longer work, which an interruption ends (:class:`LongWork`)."""
     return _passed_on.get()
 
 
 @contextmanager
-def ended_by(stop: Event) -> Iterator[None]:
+def stopped_by(stop: Event) -> Iterator[None]:
     """A context of a thread whose work another one ends by setting ``stop``, an interruption at the next correction."""
     before = _stop.set((*_stop.get(), stop))
     try:
@@ -93,14 +93,14 @@ def ended_by(stop: Event) -> Iterator[None]:
         _stop.reset(before)
 
 
-def end_if_asked() -> None:
-    """Raises KeyboardInterrupt where another thread has asked for it (:func:`ended_by`)."""
+def raise_if_stopped() -> None:
+    """Raises KeyboardInterrupt where another thread has asked for it (:func:`stopped_by`)."""
     if any(stop.is_set() for stop in _stop.get()):
         raise KeyboardInterrupt
 
 
 @contextmanager
-def counter(show: bool, total: int, done: int, what: str, unit: str) -> Iterator[Callable[[], Any]]:
+def progress_counter(show: bool, total: int, done: int, what: str, unit: str) -> Iterator[Callable[[], Any]]:
     """A function that counts one more, in a bar with the time left if it is to be shown."""
     if not show:
         yield lambda: None
@@ -110,7 +110,7 @@ def counter(show: bool, total: int, done: int, what: str, unit: str) -> Iterator
 
 
 @contextmanager
-def stages(what: str, unit: str) -> Iterator[Callable[[str, int, int], None]]:
+def progress_stages(what: str, unit: str) -> Iterator[Callable[[str, int, int], None]]:
     """A bar, as a function of the stage that the work has reached, the units done and those that there are so far."""
     with _bar(desc=what, unit=unit) as bar:
 
@@ -122,7 +122,7 @@ def stages(what: str, unit: str) -> Iterator[Callable[[str, int, int], None]]:
         yield report
 
 
-def each(items: Sequence[T], show: bool, what: str, unit: str) -> Iterable[T]:
+def with_progress(items: Sequence[T], show: bool, what: str, unit: str) -> Iterable[T]:
     """The items, with a bar that counts them if it is to be shown."""
     if not show:
         return items
@@ -136,7 +136,7 @@ def progress_bar(show: bool, low: float, high: float) -> Iterator[Callable[[Any]
     if not show:
         yield None
         return
-    with stages("tracking", "%") as report:
+    with progress_stages("tracking", "%") as report:
         yield lambda point: report("", int(min(100.0, 100.0 * (point.y[-1] - low) / (high - low))), 100)
 
 

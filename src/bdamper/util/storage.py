@@ -31,8 +31,8 @@ from typing import Any, ClassVar, Union, get_args, get_origin, get_type_hints
 import h5py
 import numpy as np
 
-from bdamper.util.errors import BdamperError, SettingError, say, shortened
-from bdamper.util.formatting import cut
+from bdamper.util.errors import BdamperError, SettingError, one_line, warn
+from bdamper.util.formatting import truncate
 
 # ---- Which versions of the package and of its numerical libraries a result was made with ----
 
@@ -64,7 +64,7 @@ class Versions:
         return f"bdamper {self.bdamper}, NumPy {self.numpy}, SciPy {self.scipy}"
 
 
-HERE = Versions(*(metadata.version(name) for name in ("bdamper", "numpy", "scipy")))
+INSTALLED = Versions(*(metadata.version(name) for name in ("bdamper", "numpy", "scipy")))
 """Of the running process."""
 
 
@@ -85,7 +85,7 @@ _READERS: dict[str, Callable[[FilePath], Any]] = {}
 """What reads the file of each format, by the attribute ``format``."""
 
 
-def enter_reader(kind: str, read: Callable[[FilePath], Any]) -> None:
+def register_reader(kind: str, read: Callable[[FilePath], Any]) -> None:
     """Let :func:`load` read files of a format with a function of their path."""
     _READERS[kind] = read
 
@@ -108,7 +108,7 @@ def load(path: FilePath) -> Any:
     BdamperError
         If the file is damaged, not one of bdamper, or of a version that cannot be read.
     """
-    with opened(path, "a file written by bdamper") as file:
+    with read_hdf5(path, "a file written by bdamper") as file:
         kind, made_with = _text(file.attrs.get("format", "none")), Versions.stored(file.attrs)
     if kind not in _READERS:
         since = f", written by {made_with}, which this version cannot read" if kind.startswith("bdamper-") else ""
@@ -129,14 +129,14 @@ class Storable:
     """
 
     _format: ClassVar[tuple[str, int]]
-    made_with: Versions = field(default=HERE, kw_only=True, repr=False, compare=False)
+    made_with: Versions = field(default=INSTALLED, kw_only=True, repr=False, compare=False)
     """Versions of bdamper, NumPy and SciPy that made the result, be it now or before it was saved."""
 
     def __init_subclass__(cls, *, kind: str = "", version: int = 2, **options: Any) -> None:
         super().__init_subclass__(**options)
         if kind:  # what derives from a result is saved as that
             cls._format = kind, version
-            enter_reader(kind, partial(_read, cls, version))
+            register_reader(kind, partial(_read, cls, version))
 
     def save(self, path: FilePath) -> None:
         """Write the result to an HDF5 file, which :func:`bdamper.load` reads.
@@ -146,7 +146,7 @@ class Storable:
         BdamperError
             If no file can be written there.
         """
-        with written(path) as file:
+        with write_hdf5(path) as file:
             file.attrs["format"], file.attrs["version"] = self._format
             _put(file, self)
 
@@ -186,16 +186,16 @@ def check_regular(path: FilePath) -> None:
 
 
 @contextmanager
-def writing(path: object) -> Iterator[None]:
+def file_errors(path: object) -> Iterator[None]:
     """Turn an error of the system while a file is written into a BdamperError that names the file."""
     try:
         yield
     except OSError as error:
-        raise BdamperError(f"{path}: expected a file that can be written, found {shortened(error)}") from error
+        raise BdamperError(f"{path}: expected a file that can be written, found {one_line(error)}") from error
 
 
 @contextmanager
-def written(path: FilePath, **options: Any) -> Iterator[h5py.File]:
+def write_hdf5(path: FilePath, **options: Any) -> Iterator[h5py.File]:
     """A new HDF5 file, which replaces an existing one in a single step once all of it is written.
 
     The file is made in memory.  HDF5 cannot close a file on a full disk, and may end the process then.
@@ -213,7 +213,7 @@ def written(path: FilePath, **options: Any) -> Iterator[h5py.File]:
         content = file.id.get_file_image()
     temporary = target.with_name(f".{target.name}.{secrets.token_hex(6)}.tmp")
     try:
-        with writing(path):
+        with file_errors(path):
             temporary.write_bytes(content)
             os.replace(temporary, target)
     finally:
@@ -221,7 +221,7 @@ def written(path: FilePath, **options: Any) -> Iterator[h5py.File]:
 
 
 @contextmanager
-def opened(path: FilePath, expected: str, kind: type[BdamperError] = BdamperError) -> Iterator[h5py.File]:
+def read_hdf5(path: FilePath, expected: str, kind: type[BdamperError] = BdamperError) -> Iterator[h5py.File]:
     """A file to be read, with one error, of a kind, where it is none or damaged."""
     if Path(path).is_dir():
         raise kind(f"{path}: expected {expected}, found a folder")
@@ -234,7 +234,7 @@ def opened(path: FilePath, expected: str, kind: type[BdamperError] = BdamperErro
     except BdamperError:
         raise
     except Exception as error:  # a damaged file can make HDF5 and h5py raise almost anything
-        found = shortened(error) or type(error).__name__
+        found = one_line(error) or type(error).__name__
         raise kind(f"{path}: expected {expected}, found something else ({found})") from error
 
 
@@ -255,7 +255,7 @@ def _check_bytes(file: h5py.File, size: int) -> None:
 
 
 def _read(cls: type[Storable], version: int, path: FilePath) -> Storable:
-    with opened(path, f"a file written by {cls.__name__}.save") as file:
+    with read_hdf5(path, f"a file written by {cls.__name__}.save") as file:
         made_with = Versions.stored(file.attrs)
         if (own := file.attrs["version"]) != version:
             expected = f"version {version} of the format '{_text(file.attrs['format'])}'"
@@ -303,7 +303,7 @@ def _put(group: h5py.Group, result: Any) -> None:
         else:
             if is_dataclass(leaf):
                 value = [asdict(item) for item in value] if isinstance(value, tuple) else asdict(value)
-            group[name] = json.dumps(value, default=plain)
+            group[name] = json.dumps(value, default=to_json)
 
 
 def _take(cls: Any, group: h5py.Group, made_with: Versions) -> Any:
@@ -326,7 +326,7 @@ def _take(cls: Any, group: h5py.Group, made_with: Versions) -> Any:
     return made
 
 
-def typed(hint: object, value: object) -> Any:
+def from_json(hint: object, value: object) -> Any:
     """Convert a value read from JSON to the annotated type of its field."""
     return _typed(hint, value)
 
@@ -356,7 +356,7 @@ def _typed(hint: Any, value: Any) -> Any:
     return hint(value)
 
 
-def plain(value: Any) -> Any:
+def to_json(value: Any) -> Any:
     """JSON form of numbers and arrays of NumPy and of small frozen objects."""
     if isinstance(value, np.ndarray):
         return {"real": value.real.tolist(), "imag": value.imag.tolist()} if np.iscomplexobj(value) else value.tolist()
@@ -401,7 +401,7 @@ class ResultsFile:
         self.records: dict[int | str, dict[str, Any]] = {}
         self.waiting = b""
         check_regular(self.path)
-        with writing(self.path):
+        with file_errors(self.path):
             self.file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o666)
             try:
                 self._lock()
@@ -431,7 +431,7 @@ class ResultsFile:
         whole = content.rfind(b"\n") + 1
         lines = content[:whole].splitlines()
         if not lines:
-            if content and not as_line(self.header).startswith(content[: len(as_line(self.header))]):
+            if content and not json_line(self.header).startswith(content[: len(json_line(self.header))]):
                 raise self._refused(self.expected, "something else")
             os.ftruncate(self.file, 0)
             self._write(self.header)
@@ -457,13 +457,13 @@ class ResultsFile:
         if own != other:
             those = f"those of bdamper {other}, which this version cannot continue"
             raise self._refused(f"results of bdamper {own}", those)
-        for name, expected in json.loads(as_line(self.header)).items():
-            if name not in HERE.attributes() and found.get(name) != expected:
-                values = f"{cut(json.dumps(found.get(name)), 100)}, here {cut(json.dumps(expected), 100)}"
+        for name, expected in json.loads(json_line(self.header)).items():
+            if name not in INSTALLED.attributes() and found.get(name) != expected:
+                values = f"{truncate(json.dumps(found.get(name)), 100)}, here {truncate(json.dumps(expected), 100)}"
                 raise self._refused(f"results of this {self.work}", f"those of another one: {name} is {values}")
 
     def _write(self, *records: Mapping[str, Any]) -> None:
-        self.waiting += b"".join(map(as_line, records))
+        self.waiting += b"".join(map(json_line, records))
         while self.waiting:
             self.waiting = self.waiting[os.write(self.file, self.waiting) :]
         os.fsync(self.file)
@@ -474,7 +474,7 @@ class ResultsFile:
         try:
             self._write(record)
         except OSError as error:
-            say(f"{self.path}: expected room for results, found {shortened(error)}; finished results wait in memory")
+            warn(f"{self.path}: expected room for results, found {one_line(error)}; finished results wait in memory")
 
     def close(self) -> None:
         """Write parts that wait for room on the disk, if there is some, and close the file."""
@@ -483,6 +483,6 @@ class ResultsFile:
         os.close(self.file)
 
 
-def as_line(record: Mapping[str, Any]) -> bytes:
+def json_line(record: Mapping[str, Any]) -> bytes:
     """One record as a line of JSON."""
-    return json.dumps(record, default=plain).encode() + b"\n"
+    return json.dumps(record, default=to_json).encode() + b"\n"

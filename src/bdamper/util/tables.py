@@ -27,9 +27,9 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.util.errors import COMPLETE, INTERRUPTED, needed
-from bdamper.util.formatting import PREFIXES, fitting, spaced
-from bdamper.util.storage import HERE, FilePath, check_folder, plain, writing
+from bdamper.util.errors import COMPLETE, INTERRUPTED, import_extra
+from bdamper.util.formatting import PREFIXES, spaced, unit_prefix
+from bdamper.util.storage import INSTALLED, FilePath, check_folder, file_errors, to_json
 from bdamper.util.validation import declarations
 
 
@@ -200,7 +200,7 @@ class Tabular:
         if not values or not values[0]:
             return []
         largest = [max((abs(v) for v in column if isinstance(v, float) and v == v), default=0.0) for column in values]
-        scale = [fitting(most, column.unit) if most < np.inf else " " for most, column in zip(largest, table.values())]
+        scale = [unit_prefix(most, column.unit) if most < np.inf else " " for most, column in zip(largest, table.values())]
         cells = [[f"{v / PREFIXES[s]:.5g}" if isinstance(v, float) else str(v) for v in c] for c, s in zip(values, scale)]
         head = [f"{spaced(n)} ({s.strip()}{c.unit})" if c.unit else spaced(n) for (n, c), s in zip(table.items(), scale)]
         if len(values[0]) <= FEW_ROWS:
@@ -214,8 +214,9 @@ class Tabular:
         """What the table is of: kind of result, settings, model, version."""
         found = {name: getattr(self, name, None) for name in ("preload", "status", "model_hash", "settings")}
         texts = {name: value for name, value in found.items() if isinstance(value, str | float | int) and value != ""}
-        settings = {"settings": json.dumps(found["settings"], default=plain)} if found["settings"] else {}
-        return {"result": type(self).__name__, **texts, **settings, "bdamper": getattr(self, "made_with", HERE).bdamper}
+        settings = {"settings": json.dumps(found["settings"], default=to_json)} if found["settings"] else {}
+        version = getattr(self, "made_with", INSTALLED).bdamper
+        return {"result": type(self).__name__, **texts, **settings, "bdamper": version}
 
     def to_csv(self, path: FilePath) -> None:
         """Write one row for each point; the header has names and units, lines that begin with ``#`` what it is of.
@@ -230,7 +231,7 @@ class Tabular:
         check_folder(path)
         table = self._flat()
         head = [f"{name} ({column.unit})" if column.unit else name for name, column in table.items()]
-        with writing(path), Path(path).open("w", newline="", encoding="utf-8") as file:
+        with file_errors(path), Path(path).open("w", newline="", encoding="utf-8") as file:
             file.writelines(f"# {name}: {value}\n" for name, value in self._attributes().items())
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(head)
@@ -244,7 +245,7 @@ class Tabular:
         BdamperError
             If pandas is not installed.
         """
-        pandas = needed("pandas", "to_pandas", "table")
+        pandas = import_extra("pandas", "to_pandas", "table")
         table = self._flat()
         frame = pandas.DataFrame({name: np.asarray(column.values) for name, column in table.items()})
         frame.attrs = {**self._attributes(), "units": {name: column.unit for name, column in table.items()}}
@@ -261,7 +262,7 @@ class Tabular:
         BdamperError
             If xarray is not installed, or a sweep has the same value of a setting twice, which is no coordinate.
         """
-        xarray = needed("xarray", "to_xarray", "table")
+        xarray = import_extra("xarray", "to_xarray", "table")
         own, grid = self._dimension(), self._grid()
         shape, variables = tuple(len(values) for values in grid.values()), {}
         for name, column in self.columns().items():
@@ -275,7 +276,7 @@ class Tabular:
         return data.set_coords([name for name in data.variables if data[name].dims == (name,)])
 
 
-class Followed:
+class FrequencySeries:
     """Solutions over frequency with the harmonics of their response, as far as they were followed; a mixin."""
 
     frequency: Hertz
@@ -301,7 +302,7 @@ class Followed:
         return np.abs(self.harmonics[:, 1])
 
 
-def joined(tables: Sequence[Tabular]) -> dict[str, Column]:
+def concatenate(tables: Sequence[Tabular]) -> dict[str, Column]:
     """The rows of several tables one below the other, by the columns that all of them have."""
     flat = [table._flat() for table in tables]
     return {
@@ -311,7 +312,7 @@ def joined(tables: Sequence[Tabular]) -> dict[str, Column]:
     }
 
 
-def from_rows(rows: Sequence[Any]) -> dict[str, Column]:
+def columns_of_rows(rows: Sequence[Any]) -> dict[str, Column]:
     """Columns from small dataclasses of one type, one for each row, by the fields that are numbers or texts."""
     out = {}
     kind: Any = type(rows[0]) if rows else None
@@ -322,7 +323,7 @@ def from_rows(rows: Sequence[Any]) -> dict[str, Column]:
     return out
 
 
-def label(of: Any, name: str, unit: str = "") -> str:
+def axis_label(of: Any, name: str, unit: str = "") -> str:
     """Axis label of a field or property of a type of result: its label or name, and its unit."""
     mark = quantities(of).get(name, Quantity())
     text, unit = mark.label or spaced(mark.name or name).capitalize(), unit or mark.unit

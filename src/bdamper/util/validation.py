@@ -34,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.util import plausible_ranges
-from bdamper.util.errors import SettingError, asked_by_user, shortened
+from bdamper.util.errors import SettingError, called_by_user, one_line
 
 # ---- Annotated types of fields ----
 
@@ -83,21 +83,21 @@ def declarations(of: object) -> dict[str, Declared]:
 # ---- Checks of what a user gives ----
 
 
-def unfit(name: str, expected: str, found: Any) -> SettingError:
+def invalid(name: str, expected: str, found: Any) -> SettingError:
     """The error for a value that does not fit; numbers, texts and lists of them are shown, other things named."""
-    return SettingError(f"{name}: expected {expected}, found {shortened(_shown(found))}")
+    return SettingError(f"{name}: expected {expected}, found {one_line(_shown(found))}")
 
 
-def that(good: object, name: str, expected: str, value: object) -> None:
-    """Refuse a value that does not fit, which the error shows as :func:`unfit` does."""
+def check_value(good: object, name: str, expected: str, value: object) -> None:
+    """Refuse a value that does not fit, which the error shows as :func:`invalid` does."""
     if not good:
-        raise unfit(name, expected, value)
+        raise invalid(name, expected, value)
 
 
-def require(good: object, name: str, expected: str, found: object) -> None:
+def check(good: object, name: str, expected: str, found: object) -> None:
     """Refuse what does not fit; the error says in words what was found."""
     if not good:
-        raise SettingError(f"{name}: expected {expected}, found {shortened(found)}")
+        raise SettingError(f"{name}: expected {expected}, found {one_line(found)}")
 
 
 def _shown(value: Any) -> str:
@@ -157,25 +157,25 @@ def number(name: str, value: Any, **limits: Any) -> float:
     out, within = _plain_number(value), Limits(**limits)
     if out is None or not within.hold(out):
         kind = "a number" if within.above is not None and within.below is not None else "a finite number"
-        raise unfit(name, f"{kind} {within}".strip(), value)
+        raise invalid(name, f"{kind} {within}".strip(), value)
     return out
 
 
-def whole(name: str, value: Any, least: int = 0, most: int | None = None) -> int:
+def integer(name: str, value: Any, least: int = 0, most: int | None = None) -> int:
     """One whole number from ``least`` to ``most``."""
     out = _plain_number(value)
     if out is None or out != int(out) or out < least or (most is not None and out > most):
-        raise unfit(name, f"a whole number {f'>= {least}' if most is None else f'from {least} to {most}'}", value)
+        raise invalid(name, f"a whole number {f'>= {least}' if most is None else f'from {least} to {most}'}", value)
     return int(out)
 
 
 def flag(name: str, value: Any) -> bool:
     """True or False, and nothing that only counts as such."""
-    that(isinstance(value, bool | np.bool_), name, "True or False", value)
+    check_value(isinstance(value, bool | np.bool_), name, "True or False", value)
     return bool(value)
 
 
-def meant(found: object, choices: Iterable[str]) -> str:
+def suggest_name(found: object, choices: Iterable[str]) -> str:
     """The end of an error: up to three choices of which a name is a part, or the one that it misspells; empty if none."""
     if not isinstance(found, str):
         return ""
@@ -188,13 +188,13 @@ def choice(name: str, value: Any, choices: Iterable[str]) -> str:
     """One of several names."""
     choices = tuple(choices)
     if not isinstance(value, str) or value not in choices:
-        near = meant(value, choices)
+        near = suggest_name(value, choices)
         expected = f"one of {len(choices)} names" if near and len(choices) > 8 else f"one of {choices}"
-        raise SettingError(f"{unfit(name, expected, value)}{near}")
+        raise SettingError(f"{invalid(name, expected, value)}{near}")
     return value
 
 
-def spelt(called: T, also: Iterable[str] = (), name: str = "") -> T:
+def check_arguments(called: T, also: Iterable[str] = (), name: str = "") -> T:
     """Check the keywords of a function or a class, and warn of implausible values that the user gives.
 
     An unknown keyword is an error that names a similar one.  See :mod:`bdamper.util.plausible_ranges` for the ranges.
@@ -208,7 +208,7 @@ def spelt(called: T, also: Iterable[str] = (), name: str = "") -> T:
         In errors, instead of that of the function or class.
     """
     if isinstance(called, type):
-        called.__init__ = spelt(called.__init__, also, name)  # type: ignore[misc]
+        called.__init__ = check_arguments(called.__init__, also, name)  # type: ignore[misc]
         return called
     function: Callable[..., Any] = called  # type: ignore[assignment]
     signature = inspect.signature(function)
@@ -221,13 +221,13 @@ def spelt(called: T, also: Iterable[str] = (), name: str = "") -> T:
     @wraps(function)
     def checked(*given: Any, **keywords: Any) -> Any:
         for word in () if takes_any else keywords.keys() - set(known):
-            near = meant(word, known) or f"; there are {', '.join(k for k in known if k != 'self' and k[0] != '_')}"
+            near = suggest_name(word, known) or f"; there are {', '.join(k for k in known if k != 'self' and k[0] != '_')}"
             raise SettingError(f"{name}: expected keywords that it has, found {word}{near}")
         try:
             bound = signature.bind(*given, **keywords)
         except TypeError as error:
             raise SettingError(f"{name}: expected {', '.join(needed)}, found: {error}") from None
-        if asked_by_user():
+        if called_by_user():
             _doubt(name, bound)
         return function(*given, **keywords)
 
@@ -252,7 +252,7 @@ def names(name: str, value: Any, choices: Iterable[str], least: int = 0) -> tupl
     several = isinstance(value, Iterable) and not isinstance(value, str | bytes)
     given = tuple(choice(name, item, choices) for item in value) if several else ()
     good = several and least <= len(given) == len(set(given))
-    that(good, name, f"{f'at least {least}' if least else 'a sequence'} of {choices}, each at most once", value)
+    check_value(good, name, f"{f'at least {least}' if least else 'a sequence'} of {choices}, each at most once", value)
     return given
 
 
@@ -261,17 +261,17 @@ def instance(name: str, value: T, kind: type | tuple[type, ...], words: str = ""
     if not isinstance(value, kind):
         kinds = kind if isinstance(kind, tuple) else (kind,)
         named = [f"{'an' if k.__name__[0] in 'AEIOU' else 'a'} {k.__name__}" for k in kinds]
-        raise unfit(name, words or " or ".join(named), value)
+        raise invalid(name, words or " or ".join(named), value)
     return value
 
 
 def mapping(name: str, value: Any, keys: Iterable[str], words: str) -> Mapping[str, Any]:
     """A mapping of some of the keys to values."""
     keys = tuple(keys)
-    that(isinstance(value, Mapping), name, f"a mapping of {words} out of {list(keys)} to values", value)
+    check_value(isinstance(value, Mapping), name, f"a mapping of {words} out of {list(keys)} to values", value)
     unknown = [key for key in value if key not in keys]
     if unknown:
-        raise SettingError(f"{unfit(name, f'{words} out of {list(keys)}', unknown)}{meant(unknown[0], keys)}")
+        raise SettingError(f"{invalid(name, f'{words} out of {list(keys)}', unknown)}{suggest_name(unknown[0], keys)}")
     return value
 
 
@@ -296,15 +296,16 @@ def numbers(name: str, value: Any, n: int | None = None, **limits: Any) -> NDArr
             out = np.array(good)
     if out is None:
         count = "a sequence of one or more" if n is None else str(n)
-        raise unfit(name, f"{count} finite numbers {within}".strip(), value)
+        raise invalid(name, f"{count} finite numbers {within}".strip(), value)
     return out
 
 
-def wholes(name: str, value: Any, least: int = 0, most: int | None = None) -> tuple[int, ...]:
+def integers(name: str, value: Any, least: int = 0, most: int | None = None) -> tuple[int, ...]:
     """A sequence of whole numbers, each at most once."""
-    that(isinstance(value, Iterable) and not isinstance(value, str | bytes), name, "a sequence of whole numbers", value)
-    given = tuple(whole(name, item, least, most) for item in value)
-    that(len(set(given)) == len(given), name, "whole numbers, each at most once", value)
+    sequence = isinstance(value, Iterable) and not isinstance(value, str | bytes)
+    check_value(sequence, name, "a sequence of whole numbers", value)
+    given = tuple(integer(name, item, least, most) for item in value)
+    check_value(len(set(given)) == len(given), name, "whole numbers, each at most once", value)
     return given
 
 
@@ -314,21 +315,21 @@ def interval(name: str, value: Any, unit: str = "Hz") -> tuple[float, float]:
     ends = [_plain_number(end) for end in given] if isinstance(given, Sequence) and len(given) == 2 else [None, None]
     low, high = ends
     if low is None or high is None or not 0.0 < low < high:
-        raise unfit(name, f"(low, high) in {unit} with 0 < low < high", value)
+        raise invalid(name, f"(low, high) in {unit} with 0 < low < high", value)
     return low, high
 
 
-def fields(record: Any, check: Callable[..., Any], *attributes: str, prefix: str = "", **limits: Any) -> None:
+def check_attributes(record: Any, check: Callable[..., Any], *attributes: str, prefix: str = "", **limits: Any) -> None:
     """Check attributes of a frozen dataclass, and keep them in the form in which they are used."""
     for name in attributes:
         object.__setattr__(record, name, check(f"{prefix}{name}", getattr(record, name), **limits))
 
 
-def checked(record: object, prefix: str = "") -> None:
+def check_fields(record: object, prefix: str = "") -> None:
     """Check the fields of a frozen dataclass as :class:`Checked` does; errors have the prefix before their names."""
     cls: Callable[..., Any] = type(record)
     for name, check in _checks(cls).items():
-        fields(record, check, name, prefix=prefix)
+        check_attributes(record, check, name, prefix=prefix)
 
 
 class Checked:
@@ -340,7 +341,7 @@ class Checked:
     """
 
     def __post_init__(self) -> None:
-        checked(self)
+        check_fields(self)
 
 
 @cache
@@ -367,6 +368,6 @@ Share = Annotated[float, Limits(least=0.0, below=1.0)]
 Force = Annotated[float, Limits(least=0.0, unit="N")]
 Length = Annotated[float, Limits(least=0.0, unit="m")]
 Speed = Annotated[float, Limits(above=0.0, unit="rad/s")]
-Natural = Annotated[int, whole]
-Count = Annotated[int, partial(whole, least=1)]
+Natural = Annotated[int, integer]
+Count = Annotated[int, partial(integer, least=1)]
 Interval = Annotated[tuple[float, float], interval]
