@@ -262,7 +262,7 @@ class TestDifferences:
         assert [name for name, *_ in study.replace(bias=False).compare(curve).settings] == ["bias"]
 
     def test_with_something_else_is_refused(self, curve):
-        with pytest.raises(bd.SettingError, match="other: expected a study or a result to compare with, found a float"):
+        with pytest.raises(bd.SettingError, match="other: expected a study or a result, found a float"):
             curve.compare(1.0)
 
 
