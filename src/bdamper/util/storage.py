@@ -324,8 +324,12 @@ def _take(cls: Any, group: h5py.Group, made_with: Versions) -> Any:
     return made
 
 
-def from_json(hint: Any, value: Any) -> Any:
+def from_json(hint: object, value: object) -> Any:
     """Convert a value read from JSON to the annotated type of its field."""
+    return _from_json(hint, value)
+
+
+def _from_json(hint: Any, value: Any) -> Any:
     origin, inner = get_origin(hint), get_args(hint)
     if value is None or hint is Any or origin in (dict, Mapping):
         return value
@@ -333,14 +337,14 @@ def from_json(hint: Any, value: Any) -> Any:
         return value["real"] + 1j * np.array(value["imag"]) if isinstance(value, Mapping) else np.array(value)
     if origin is tuple:
         kinds = inner[:1] * len(value) if inner[-1] is ... else inner
-        return tuple(from_json(kind, item) for kind, item in zip(kinds, value))
+        return tuple(_from_json(kind, item) for kind, item in zip(kinds, value))
     if isinstance(hint, InitVar):
-        return from_json(hint.type, value)
+        return _from_json(hint.type, value)
     if NoneType in inner and _leaf(hint) is not hint:
-        return from_json(_leaf(hint), value)
+        return _from_json(_leaf(hint), value)
     if is_dataclass(hint):
         hints = get_type_hints(hint)
-        known = {name: from_json(hints[name], item) for name, item in value.items() if name in hints}
+        known = {name: _from_json(hints[name], item) for name, item in value.items() if name in hints}
         return hint(**known)  # type: ignore[operator]
     if origin in (Union, UnionType):  # such as int | tuple[int, ...]
         return tuple(value) if isinstance(value, list) else value
