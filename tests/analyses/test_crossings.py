@@ -259,7 +259,7 @@ def test_executors_and_files_give_the_same_table(study, found, tmp_path):
     np.testing.assert_array_equal(again.array("amplitude"), other.array("amplitude"))
     again.save(tmp_path / "table.h5")
     assert str(bd.load(tmp_path / "table.h5")) == str(again)
-    with pytest.raises(bd.BdamperError, match="found those of another one"):
+    with pytest.raises(bd.BdamperError, match="found results of other settings"):
         study.resonance_crossings((400.0, 500.0), [5], resume=tmp_path / "time_response")
 
 
@@ -268,7 +268,7 @@ def test_answers_of_another_function_are_not_taken_up(study, tmp_path):
     for mu in (0.3, 0.4):
         where = tmp_path / "time_response"
         if mu == 0.4:
-            with pytest.raises(bd.BdamperError, match="found those of another one"):
+            with pytest.raises(bd.BdamperError, match="found results of other settings"):
                 study.resonance_crossings((100.0, 200.0), [5], resume=where, friction=lambda omega, mu=mu: mu)
         else:
             study.resonance_crossings((100.0, 200.0), [5], resume=where, friction=lambda omega, mu=mu: mu)

@@ -109,7 +109,7 @@ def test_friction_by_temperature_and_excitation_by_order(study):
         ({"temperature": {0.0: 20.0}}, "temperature: expected friction with it"),
         ({"excitation": {4: 10.0}}, "excitation: expected a value for engine order 5"),
         ({"excitation": {5: -1.0}}, "excitation of engine order 5: expected a finite number > 0 N"),
-        ({"friktion": {}}, r"at_speed: expected keywords that it has, found friktion; did you mean friction\?"),
+        ({"friktion": {}}, r"at_speed: there is no argument 'friktion'; did you mean friction\?"),
     ],
 )
 def test_conditions_that_do_not_fit(study, conditions, words):

@@ -55,7 +55,7 @@ def test_wrong_settings_are_refused_by_name(problem):
     with pytest.raises(bd.SettingError, match="harmonics"):
         problem.replace(harmonics=0)
     for value in (1, None):
-        with pytest.raises(bd.SettingError, match=r"^Study: .* found harmonic_number; did you mean harmonics"):
+        with pytest.raises(bd.SettingError, match=r"^Study: .* 'harmonic_number'; did you mean harmonics"):
             problem.replace(harmonic_number=value)
 
 

@@ -179,7 +179,7 @@ def test_killed_at_random_moments_and_resumed(study, quick, tmp_path, monkeypatc
     assert same(sample(study, resume=path), quiet) and path.read_bytes() == before
     assert same(sample(study, wheels=10, resume=path), sample(study, wheels=10))
     assert len(path.read_bytes()) < 1.5 * len(before), "wheels were computed again"
-    with pytest.raises(bd.BdamperError, match="of this sample of wheels, found those of another one: seed"):
+    with pytest.raises(bd.BdamperError, match="of this sample of wheels, found results of other settings: seed"):
         sample(study, resume=path, seed=1)
 
 

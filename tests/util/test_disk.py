@@ -112,7 +112,7 @@ def test_every_writer_on_a_full_disk(full):
 def test_a_search_on_a_full_disk_is_finished(full):
     asked = {"preload": (0.5, 5.0), "n": 8, "frequency": BAND}
     whole = optimal_curve(pressed().problem, **asked)
-    with pytest.warns(BdamperWarning, match=r"o\.jsonl: expected room for results, found \[Errno 28\]"):
+    with pytest.warns(BdamperWarning, match=r"o\.jsonl: expected free disk space, found \[Errno 28\]"):
         found = optimal_curve(pressed().problem, **asked, resume=full / "o.jsonl")
     np.testing.assert_array_equal(found.amplitude, whole.amplitude)
     assert found.optimum == whole.optimum
@@ -136,7 +136,7 @@ def test_a_sweep_without_room_keeps_all_results_and_writes_them_once_there_is(tm
         return question(study, preload)
 
     again = False
-    with pytest.warns(BdamperWarning, match=r"sweep\.jsonl: expected room for results, found \[Errno 28\]") as said:
+    with pytest.warns(BdamperWarning, match=r"sweep\.jsonl: expected free disk space, found \[Errno 28\]") as said:
         result = bd.sweep(pressed(), over, freed, resume=path)
     assert len({str(w.message) for w in said}) == 1
     assert result.complete and result.array("value").tolist() == [2.0 * p for p in over["preload"]]

@@ -256,7 +256,7 @@ class TestResumeFiles:
         assert result.array("half").tolist() == [1000.0, 2000.0]
         assert len(path.read_text().splitlines()) == 3
         path.write_text(json.dumps({**header, "bdamper_version": "0.6.0"}) + "\n")
-        with pytest.raises(bd.BdamperError, match=r"expected results of .*, found those of bdamper 0\.6\.0,"):
+        with pytest.raises(bd.BdamperError, match=r"expected results of .*, found results of bdamper 0\.6\.0,"):
             bd.sweep(study, **asked, resume=path)
 
 

@@ -42,7 +42,7 @@ def empty_margins():
 REFUSED = {
     # what a study is made of
     "the path of a model for the model": (lambda s: bd.Study("disk.h5", TIP, 5), "model: .*found str"),
-    "nothing that excites": (lambda s: bd.Study(s.model), "Study: expected model, excitation, found.*'excitation'"),
+    "nothing that excites": (lambda s: bd.Study(s.model), "Study: .*'excitation'"),
     "a place for an excitation": (lambda s: bd.Study(s.model, "tip", 5), "excitation: .*found 'tip'"),
     "no engine order": (lambda s: bd.Study(s.model, TIP), "engine_order: .*65 sectors, found none"),
     "an engine order without modes": (lambda s: bd.Study(s.model, TIP, 21), "needs nodal diameter 23, the model has"),
@@ -69,12 +69,12 @@ REFUSED = {
     "a speed without a model of it": (lambda s: s.replace(speed=400.0), "speed: .*study.at_speed"),
     # names
     "misspelt setting": (lambda s: bd.Study(s.model, TIP, 5, friction_coeficient=0.3), "mean friction_coefficient"),
-    "misspelt setting to be changed": (lambda s: s.replace(harmonic=3), "found harmonic; did you mean harmonics"),
-    "part of a name": (lambda s: s.replace(friction=0.3), "found friction; did you mean friction_coefficient"),
+    "misspelt setting to be changed": (lambda s: s.replace(harmonic=3), "no argument 'harmonic'; did you mean harmonics"),
+    "part of a name": (lambda s: s.replace(friction=0.3), "no argument 'friction'; did you mean friction_coefficient"),
     "misspelt setting of a sweep": (lambda s: bd.sweep(s, {"frictoin_coefficient": [0.3]}), "mean friction_coeff"),
     "misspelt part of a setting": (lambda s: bd.sweep(s, {"excitation.amplitud": [1.0]}), "mean excitation.amplitude"),
     "misspelt argument of a sweep": (lambda s: bd.sweep(s, {"preload": [1.0]}, excutor=None), "mean executor"),
-    "misspelt matrix": (lambda s: lumped(contact=[]), "lumped: .*found contact; did you mean contacts"),
+    "misspelt matrix": (lambda s: lumped(contact=[]), "lumped: .*no argument 'contact'; did you mean contacts"),
     "misspelt setting of masses": (lambda s: lumped(harmonic=3), "lumped: .*did you mean harmonics"),
     "misspelt argument of an import": (lambda s: build_model(None, n_blade=36), "build_model: .*did you mean n_blades"),
     "an import without contacts": (lambda s: build_model(None, n_blades=36), "build_model: .*'contacts'"),
@@ -82,7 +82,7 @@ REFUSED = {
         lambda s: s.frequency_response(9.0, F, progres=True),
         "frequency_response: .*did you mean progress",
     ),
-    "a word of no relation": (lambda s: s.peak(9.0, F, wheel=1), "peak: .*found wheel; there are preload, frequency"),
+    "a word of no relation": (lambda s: s.peak(9.0, F, wheel=1), "peak: .*no argument 'wheel'; the arguments are preload"),
     "misspelt effect": (lambda s: bd.Effects(seperation=False), "Effects: .*did you mean separation"),
     "misspelt material": (lambda s: Material(3e8, 1e9, 9e8, findly_k=0.3), "Material: .*did you mean findley_k"),
     "misspelt model": (lambda s: bd.reference_model("blade_disk"), "found 'blade_disk'; did you mean bladed_disk"),
@@ -158,7 +158,7 @@ def test_a_mistake_is_refused_in_one_clear_line(study, mistake):
             ask(study)
     text = str(caught.value)
     assert "\n" not in text and len(text) < 700
-    assert ("expected" in text and "found" in text) or text.startswith(
+    assert ("expected" in text and "found" in text) or " argument" in text or text.startswith(
         ("no margin found", "there is no model file", "body ")
     )
 

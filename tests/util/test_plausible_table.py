@@ -35,7 +35,8 @@ def test_every_number_that_a_user_gives_has_an_entry(name, parameter):
     known = TABLE[found]
     if not isinstance(known, str) and name not in BY_STUDY and name != "Mistuning":
         door = DOORS[name]
-        assert hasattr(door.__init__ if isinstance(door, type) else door, "doubts"), f"decorate {name} with validate.spelt"
+        function = door.__init__ if isinstance(door, type) else door
+        assert hasattr(function, "doubts"), f"decorate {name} with validation.check_arguments"
 
 
 def test_every_entry_is_in_use():

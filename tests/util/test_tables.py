@@ -186,7 +186,8 @@ class TestQuantities:
 
     def test_labels(self):
         assert axis_label(Made, "half") == "Half of it (mm)" and axis_label(Made, "weight") == "Mass of the disk (kg)"
-        assert axis_label(ResponseCurve, "peak_to_peak") == "Peak to peak (m)" and axis_label(ResponseCurve, "stable") == "Stable"
+        assert axis_label(ResponseCurve, "peak_to_peak") == "Peak to peak (m)"
+        assert axis_label(ResponseCurve, "stable") == "Stable"
         assert axis_label(Made, "place", "mm") == "Place (mm)"
 
     def test_rows_of_small_records(self):
@@ -261,7 +262,7 @@ class TestDifferences:
         assert [name for name, *_ in study.replace(bias=False).compare(curve).settings] == ["bias"]
 
     def test_with_something_else_is_refused(self, curve):
-        with pytest.raises(bd.SettingError, match="other: expected a study or a result to compare with, found a float"):
+        with pytest.raises(bd.SettingError, match="other: expected a study or a result, found a float"):
             curve.compare(1.0)
 
 

@@ -1,7 +1,11 @@
-"""Input checks, errors, files, tables, text, progress and root finding.
+"""Input checks, errors, result files, tables, text output, progress and root finding.
 
-Nothing here depends on structures or vibration.  `validation` and `annotations` check arguments, `errors` and `warn`
-report, `storage`, `checkpoint_file` and `versions` write and read HDF5 files, `tables`, `formatting` and `short_repr`
-print, `display` finds the plot function of a result, `cost` counts operations and time, `rootfinding` finds a root on an
-interval.
+Nothing here depends on structures or vibration.
+
+* ``validation`` checks arguments, ``plausible_ranges`` lists plausible values.
+* ``errors`` defines errors, warnings and the words for statuses.
+* ``storage`` reads and writes result files, ``tables`` exports them.
+* ``formatting`` and ``display`` print and draw results.
+* ``progress`` shows progress, handles interrupts and measures cost.
+* ``rootfinding`` finds a root in an interval.
 """

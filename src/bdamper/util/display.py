@@ -1,11 +1,7 @@
-"""What an object shows of itself: a picture, and in a notebook a small table beside it.
+"""Printed summaries, notebook output, figures and comparisons of results.
 
-How an object finds the function that draws it: a registry by type, filled by :mod:`bdamper.plot`.
-
-Results know nothing of pictures.  The drawing functions enter themselves here when :mod:`bdamper.plot` is loaded, which
-happens at the first picture, so that matplotlib is loaded no earlier.  This is the only import that goes upward.
-
-What differs between two studies or results: settings, model, and what they come to.
+Results do not depend on matplotlib.  Each drawing function of :mod:`bdamper.plot` registers itself here by the type that it
+draws.  The first figure imports :mod:`bdamper.plot`; this is the only import of a higher part of the package.
 """
 
 from __future__ import annotations
@@ -28,7 +24,7 @@ from bdamper.util.formatting import UNITS, aligned, amount, percent, short_repr,
 from bdamper.util.progress import Cost
 from bdamper.util.tables import FEW_ROWS, Quantity, Tabular, quantities
 
-# ---- What an object shows of itself ----
+# ---- Summaries and figures ----
 
 
 Drawing = TypeVar("Drawing", bound=Callable[..., Any])
@@ -37,20 +33,20 @@ _DRAWINGS: dict[tuple[type, str], Callable[..., Any]] = {}
 
 
 def register_plot(shown: type, picture: str = "plot") -> Callable[[Drawing], Drawing]:
-    """Decorator: enters a function as the one that draws a kind of picture of a type.
+    """Decorate a function that draws objects of a type.
 
     Parameters
     ----------
     shown : type
-        The first argument of the function is an object of this type.
+        Type of the first argument.
     picture : str
-        Name of the method that calls the function.
+        Method of the object that calls the function.
     """
 
     def enter(function: Drawing) -> Drawing:
         @wraps(function)
-        def drawing(given: Any, *arguments: Any, **options: Any) -> Any:
-            return function(validation.instance(function.__name__, given, shown), *arguments, **options)
+        def drawing(subject: Any, *arguments: Any, **options: Any) -> Any:
+            return function(validation.instance(function.__name__, subject, shown), *arguments, **options)
 
         _DRAWINGS[shown, picture] = drawing
         return cast(Drawing, drawing)
@@ -59,12 +55,12 @@ def register_plot(shown: type, picture: str = "plot") -> Callable[[Drawing], Dra
 
 
 def draw(shown: Any, picture: str, *arguments: Any, **options: Any) -> Any:
-    """Draw an object with the function that is entered for its type, or for one that it is derived from.
+    """Draw an object with the function registered for its type or for a base class.
 
     Raises
     ------
     TypeError
-        If there is no such picture of this type.
+        If no function is registered for this type and picture.
     """
     importlib.import_module("bdamper.plot")
     for kind in type(shown).__mro__:
@@ -74,7 +70,7 @@ def draw(shown: Any, picture: str, *arguments: Any, **options: Any) -> Any:
 
 
 class Fact(NamedTuple):
-    """One line of a table: a name, a number or a text, and its unit."""
+    """Row of a summary: a name, a number or text, and its unit."""
 
     name: str
     value: float | int | str
@@ -82,39 +78,42 @@ class Fact(NamedTuple):
 
     @property
     def known(self) -> bool:
-        """Whether there is something to show: a number that is not NaN, or a text."""
+        """Whether the value is neither NaN nor an empty text."""
         return str(self.value) not in ("", "nan")
 
     @property
     def text(self) -> str:
-        """Value with its unit, in three digits."""
+        """Value with three digits and its unit."""
         return self.to_digits(3)
 
     def to_digits(self, digits: int) -> str:
-        """Value with its unit, in so many digits where it is a number."""
+        """Return the value with the given number of digits and its unit."""
         value = self.value
         return amount(value, self.unit, digits) if isinstance(value, float) else f"{value} {self.unit}".rstrip()
 
 
 class Summarised:
-    """A result that tells what matters first; a mixin.
+    """Mixin of results that print a summary.
 
-    What is printed begins with :meth:`_headline` and goes on with a few lines, of :meth:`_facts` or of :meth:`summary`,
-    which has everything; a notebook shows the same with a picture, and the details folded away.
+    The text begins with :meth:`_headline`, followed by a few lines from :meth:`_facts` or :meth:`summary`.  A notebook
+    shows the same lines, a figure, and the whole summary in a collapsed section.
     """
 
     _summary_fields: tuple[str, ...] = ()
 
     def _headline(self) -> str:
-        """Summary in one or two sentences."""
+        """Return the main result in one or two sentences."""
         return ""
 
     def _facts(self) -> tuple[Fact, ...]:
-        """The few things to know besides, in order: what is named in ``_summary_fields``."""
+        """Return the most important values: the fields of ``_summary_fields``, in order."""
         return tuple(fact for name in self._summary_fields for fact in self._facts_of_field(name, several=True))
 
     def _facts_of_field(self, name: str, several: bool = False) -> Iterator[Fact]:
-        """What there is to say of a field or property, or with dots of a part of it; nothing of arrays and None."""
+        """Yield the rows for a field or property; a name with dots selects an attribute of it.
+
+        Arrays and None give no row, unless ``several``.
+        """
         mark = quantities(cast(Any, type(self))).get(name, Quantity())
         value = reduce(lambda whole, part: getattr(whole, part, None), name.split("."), cast(Any, self))
         if mark.parts and np.ndim(value) == 1:
@@ -123,19 +122,22 @@ class Summarised:
         return _facts_of(spaced(mark.name or name), value, unit, several=several)
 
     def summary(self) -> str:
-        """Everything that there is to say, in lines: facts, single values, a short table, notes, warnings and cost."""
+        """Return all values of the result as text.
+
+        It contains the headline, single values, a short table, notes, warnings and the cost.
+        """
         if not self._headline():
             return str(self)
         facts = [fact for fact in self._facts() if fact.known]
         names = {"model hash", *(fact.name for fact in facts)}
-        plain = int | float | str  # of these a field that has its default says nothing
-        own = (
+        plain = int | float | str  # fields of these types are omitted if they have their default
+        field_names = (
             f.name
             for f in fields(cast(Any, self))
             if f.name not in ("cost", "made_with")
             and not (isinstance(f.default, plain) and getattr(self, f.name) == f.default and f.name != "status")
         )
-        single = [fact for name in own for fact in self._facts_of_field(name)]
+        single = [fact for name in field_names for fact in self._facts_of_field(name)]
         facts += [fact for fact in single if fact.known and fact.name not in names]
         texts = list(dict.fromkeys(text for name in ("notes", "warnings") for text in getattr(self, name, ()) if text))
         texts = texts[:FEW_ROWS] + [f"{len(texts) - FEW_ROWS} more notes and warnings"] * (len(texts) > FEW_ROWS)
@@ -143,7 +145,7 @@ class Summarised:
         if isinstance(status, tuple):
             texts += not_run_lines(status, "parts") + [s for s in dict.fromkeys(status) if status_word(s) == FAILED]
         table = aligned(self._rows(), "  ")
-        if isinstance(cost, tuple) and cost:  # of each part
+        if isinstance(cost, tuple) and cost:  # one cost for each part
             cost = Cost(*map(sum, zip(*map(astuple, cost))))
         texts += [str(cost or "").strip()]
         lines = [self._headline(), *aligned([(fact.name, fact.to_digits(6)) for fact in facts], "  "), *table, *texts]
@@ -152,22 +154,22 @@ class Summarised:
     def __str__(self) -> str:
         rows = [row for row in self._table() if row]
         lines = aligned(rows) if rows else [t for t in self.summary().split("\n")[1:] if " of the processor: " not in t]
-        sentences = re.sub(r"(\d) (?=\S{1,2}\b)", "\\1\0", self._headline())  # a number stays with its unit
+        sentences = re.sub(r"(\d) (?=\S{1,2}\b)", "\\1\0", self._headline())  # no line break between a number and its unit
         first = textwrap.fill(sentences, width=100).replace("\0", " ").split("\n")
         shown = lines[:9] + ["summary() has the rest"]
         return "\n".join([*first, *(f"  {line.removeprefix('  ')}" for line in shown)])
 
     def _rows(self) -> list[tuple[str, ...]]:
-        """Head and rows of the table of a result that is one."""
+        """Return the header and rows of the table of a tabular result; otherwise an empty list."""
         return self.as_rows() if isinstance(self, Tabular) else []
 
     def _table(self) -> list[tuple[str, ...]]:
-        """Head, which may be empty, and rows of what is shown first: the facts, or the table where there are none."""
+        """Return the header, which may be empty, and the rows of the short output."""
         facts = [(fact.name, fact.text) for fact in self._facts() if fact.known]
         return [(), *facts] if facts else self._rows() or [()]
 
     def _shown(self) -> Any:
-        """What the picture is of; None for no picture."""
+        """Return the object to draw; None for no figure."""
         return None
 
     def _repr_html_(self) -> str:
@@ -176,7 +178,7 @@ class Summarised:
         shown = self._shown()
         try:
             image = b"" if shown is None else draw(shown, "image")
-        except BdamperError:  # there is nothing to draw, as the text says
+        except BdamperError:  # the text explains why there is nothing to draw
             image = b""
         source = base64.b64encode(image).decode()
         picture = f'<img src="data:image/png;base64,{source}">' if image else ""
@@ -186,7 +188,10 @@ class Summarised:
 
 
 def _facts_of(label: str, value: Any, unit: str, several: bool) -> Iterator[Fact]:
-    """A value as facts: a single one, those of a small record, or one for each of several where these are asked for."""
+    """Yield rows for a value: one for a single value, one for each field of a small record.
+
+    With ``several``, mappings and sequences also give a row for each item.
+    """
     plain = value.item() if isinstance(value, np.generic) else value
     if isinstance(plain, int | float | str):
         yield Fact(label, plain, unit)
@@ -216,7 +221,7 @@ def _html_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 class Plottable(Summarised):
-    """An object with a picture of itself."""
+    """Mixin of objects with a figure."""
 
     def plot(self, *arguments: Any, **options: Any) -> Any:
         """Draw the object with the function of :mod:`bdamper.plot` that the docstring of its class names.
@@ -224,12 +229,12 @@ class Plottable(Summarised):
         Parameters
         ----------
         arguments, options
-            Those of that function after the object itself, for example ``ax=`` for axes to draw into.
+            Further arguments of that function, for example ``ax=`` for existing axes.
 
         Returns
         -------
         matplotlib axes or figure
-            What that function returns.
+            Return value of that function.
         """
         return draw(self, "plot", *arguments, **options)
 
@@ -237,7 +242,7 @@ class Plottable(Summarised):
         return self
 
 
-# ---- What differs between two studies or results ----
+# ---- Comparison of studies and results ----
 
 
 MISSING = "not there"
@@ -251,12 +256,11 @@ class Differences(Summarised):
     Parameters
     ----------
     settings : tuple of (name, first, second)
-        Settings that differ, those within others by their whole name ("excitation.amplitude").
+        Settings that differ; nested settings have names with dots ("excitation.amplitude").
     outcomes : tuple of (first, second)
-        What both results say of the same quantity, as ``bdamper.util.display.Fact``, where it differs in the six
-        digits that are printed.
+        Values (``bdamper.util.display.Fact``) that differ within the six printed digits.
     kinds : tuple of two str
-        What was compared.
+        Types of the compared objects.
     """
 
     settings: tuple[tuple[str, Any, Any], ...]
@@ -281,33 +285,34 @@ def _change(a: Any, b: Any) -> str:
 
 
 class Comparable(Summarised):
-    """A study or a result that can be compared with another one; a mixin."""
+    """Mixin of studies and results that can be compared."""
 
     def compare(self, other: Any) -> Differences:
-        """Differences between this and another study or result: settings, model and values.
+        """Compare settings, model and values with those of ``other``.
 
         Parameters
         ----------
         other : Study, ResponseCurve, OptimalCurve, ...
-            What two of different kinds come to is not compared, but their settings are.
+            Values are compared only if both have the same type; settings always.
 
         Returns
         -------
         Differences
-            Prints a line for each; the change is from this to the other.  False if there is none.
+            It prints a line for each difference, with the change from this object to the other.  It is False if there is
+            none.
 
         Raises
         ------
         SettingError
-            If the other is neither.
+            If the other object is neither a study nor a result.
         """
         if not isinstance(other, Comparable):
-            raise SettingError(f"other: expected a study or a result to compare with, found a {type(other).__name__}")
+            raise SettingError(f"other: expected a study or a result, found a {type(other).__name__}")
         same = type(self) is type(other)
-        own, others = (one._asked() for one in (self, other))
-        # results of different kinds have settings of their own beside those of the study
-        names = own.keys() | others.keys() if same else own.keys() & others.keys()
-        first, second = (_flat({k: v for k, v in one.items() if k in names}) for one in (own, others))
+        mine, theirs = (one._asked() for one in (self, other))
+        # results of different types also contain the arguments of their analyses
+        names = mine.keys() | theirs.keys() if same else mine.keys() & theirs.keys()
+        first, second = (_flat({k: v for k, v in one.items() if k in names}) for one in (mine, theirs))
         settings = tuple(
             (name, first.get(name, MISSING), second.get(name, MISSING))
             for name in dict.fromkeys([*first, *second])
@@ -324,13 +329,13 @@ class Comparable(Summarised):
         return self._facts()
 
     def _asked(self) -> dict[str, Any]:
-        """Model, except where no problem was asked, and settings."""
+        """Return the settings and, if the result has one, the model hash."""
         digest = getattr(self, "model_hash", "")
         return ({"model": digest} if digest else {}) | getattr(self, "settings", {})
 
 
 def _flat(settings: Mapping[str, Any], before: str = "") -> dict[str, Any]:
-    """Settings within settings by names with dots."""
+    """Return nested settings as one mapping, with dots in the names."""
     out: dict[str, Any] = {}
     for name, value in settings.items():
         out |= _flat(value, f"{before}{name}.") if isinstance(value, Mapping) else {f"{before}{name}": value}

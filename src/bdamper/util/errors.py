@@ -1,22 +1,23 @@
-"""Errors that a user can cause and can mend: messages name the item, what was expected, what was found.
+"""Errors, warnings and statuses.
 
-Warnings of what a user should know before trusting an answer, shown at the line of the user that caused them.
+A status is one of the words below, followed by a colon and the reason if the result has no field for it.
 
-Statuses: one set of words for what became of an answer.
+"complete"
+    The result answers the whole question.
+"incomplete"
+    The result is a part or a lower bound; there may be more or a higher one.
+"held"
+    The equations were relaxed; the result contains an estimate of the error.
+"not found"
+    There is no solution, for the given reason; numbers are NaN.
+"interrupted"
+    Ctrl-C ended the work; the result contains everything computed until then.
+"failed"
+    An error ended the work; the reason is its message.
+"not run"
+    The work ended before this part began.
 
-A status is one of these words, with its reason after a colon where there is no field for it.  How a path ended that was
-followed (:class:`bdamper.response.events.Path`) and whether a test agrees have words of their own; what they
-mean for an answer is one of these.
-
-=================  =====================================================================================
-"complete"         The answer to what was asked.
-"incomplete"       A lower bound, or a part: there may be a higher one, or more of it, where the result says.
-"held"             The answer of equations that were eased, with an estimate of the error.
-"not found"        None, with the reason; numbers are NaN.
-"interrupted"      Ctrl-C has ended the work: what was known by then.
-"failed"           The work has ended with an error, which is the reason.
-"not run"          The work was cut before its turn came.
-=================  =====================================================================================
+The end of a followed path has a status of its type (:class:`bdamper.response.events.Path`).
 """
 
 from __future__ import annotations
@@ -31,49 +32,64 @@ from typing import Any
 
 from bdamper.util.formatting import truncate
 
-# ---- Errors that a user can cause and can mend ----
+# ---- Errors ----
 
 
 class BdamperError(Exception):
-    """Base class of all errors raised on purpose by this package."""
+    """Base class of all errors that this package raises on purpose."""
 
 
 class ModelError(BdamperError, ValueError):
-    """A model, or a model file, contradicts itself or the conventions."""
+    """Model or model file that is inconsistent or violates the conventions."""
 
 
 class SettingError(BdamperError, ValueError):
-    """A setting of a study is out of range or does not fit the model."""
+    """Setting that is out of range or does not fit the model."""
 
 
 class StaticError(BdamperError):
-    """No static state was found under a load, so there is nothing to vibrate about."""
+    """No static equilibrium was found under a load."""
 
 
 def mismatch(item: str, expected: str, found: object) -> ModelError:
-    """An error of one line: the item, what was expected of it and what was found instead."""
-    return ModelError(f"{item}: expected {' '.join(expected.split())}, found {one_line(found)}")  # arrays may wrap
+    """Return a ModelError "item: expected ..., found ..." in one line."""
+    # the text of an array can contain line breaks
+    return ModelError(f"{item}: expected {' '.join(expected.split())}, found {one_line(found)}")
 
 
 def one_line(found: object) -> str:
-    """Text of a value in one line of at most 300 characters."""
+    """Return the text of a value in one line of at most 300 characters."""
     return truncate(" ".join(str(found).split()), 300)
 
 
 def import_extra(module: str, asked: str, extra: str) -> Any:
-    """A module of an extra, or the error that names it."""
+    """Import a module of an optional dependency.
+
+    Parameters
+    ----------
+    module : str
+    asked : str
+        Function that needs the module, for the error.
+    extra : str
+        Name of the extra of bdamper that installs it.
+
+    Raises
+    ------
+    BdamperError
+        If the module is not installed; the error names the extra.
+    """
     try:
         return importlib.import_module(module)
     except ImportError as error:
         raise BdamperError(f"{asked} needs {module.partition('.')[0]}: install the extra bdamper[{extra}]") from error
 
 
-# ---- Warnings of what a user should know before trusting an answer, shown at the line of the us ----
+# ---- Warnings ----
 
 
 _OURS = ("bdamper", "dataclasses", "functools", "contextlib")
 _BETWEEN = ("dataclasses", "functools", "contextlib", "bdamper.harmonic_balance.result_checks", "bdamper.util.validation")
-"""Modules of decorators and of copies of dataclasses."""
+"""Modules of decorators and of dataclasses.replace, which the search for the caller skips."""
 
 
 class BdamperWarning(UserWarning):
@@ -81,11 +97,11 @@ class BdamperWarning(UserWarning):
 
 
 class PlausibilityWarning(BdamperWarning):
-    """A value is possible, so it is used, but it lies outside of what machines have: a mistaken unit or digit?"""
+    """Warning about an allowed value outside the range of real machines, such as a mistaken unit."""
 
 
 def warn_implausible(item: str, plausible: str, found: str) -> None:
-    """Warn in one line: the item, the plausible range, and what was found."""
+    """Warn in one line of an implausible value: the item, the plausible range, the value."""
     warn(f"{item}: plausible {plausible}, found {one_line(found)}", PlausibilityWarning)
 
 
@@ -94,7 +110,10 @@ _quiet: ContextVar[bool] = ContextVar("_quiet", default=False)
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Suppress warnings of this package on this thread; ``warnings.catch_warnings`` acts on all threads."""
+    """Suppress warnings of this package on the current thread.
+
+    ``warnings.catch_warnings`` acts on all threads.
+    """
     before = _quiet.set(True)
     try:
         yield
@@ -103,7 +122,7 @@ def quiet() -> Iterator[None]:
 
 
 def called_by_user() -> bool:
-    """Whether the function that asks this was called from outside of the package, decorators aside."""
+    """Return whether the calling function was called from outside the package, apart from decorators."""
     own = inspect.currentframe()
     frame = own and own.f_back and own.f_back.f_back
     while frame is not None and (module := str(frame.f_globals.get("__name__"))).startswith(_BETWEEN):
@@ -114,7 +133,7 @@ def called_by_user() -> bool:
 
 
 def warn(text: str, category: type[BdamperWarning] = BdamperWarning) -> None:
-    """Warn at the line of the user, unless :func:`quiet` suppresses it."""
+    """Warn with the line of the user's code as location, unless :func:`quiet` suppresses it."""
     if _quiet.get():
         return
     level, frame = 1, inspect.currentframe()
@@ -133,21 +152,21 @@ STATUSES = (COMPLETE, INCOMPLETE, HELD, NOT_FOUND, INTERRUPTED, FAILED, NOT_RUN)
 
 
 def status_word(status: str) -> str:
-    """The word of a status, without its reason."""
+    """Return the word of a status without its reason."""
     return status.partition(":")[0]
 
 
 def with_reason(what: str, reason: object = "") -> str:
-    """A status with its reason."""
+    """Return a status with a reason; without a reason, the status itself."""
     return f"{what}: {reason}" if str(reason) else what
 
 
 def all_complete(statuses: Sequence[str]) -> bool:
-    """Whether every one is "complete"."""
+    """Return whether every status is "complete"."""
     return all(status == COMPLETE for status in statuses)
 
 
 def not_run_lines(statuses: Sequence[str], what: str) -> list[str]:
-    """One line of how many there are that were not run, with the reason of the first; none where all were."""
+    """Return a line with the number of parts that were not run and the first reason; an empty list if all ran."""
     left = [status for status in statuses if status_word(status) == NOT_RUN]
     return [f"  interrupted: {len(left)} of {len(statuses)} {what} were {left[0]}"] if left else []

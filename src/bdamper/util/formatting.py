@@ -1,7 +1,4 @@
-"""Numbers and names in the texts of results, of pictures and of tables.
-
-Short texts of objects that hold arrays: what a console or a notebook shows of them.
-"""
+"""Format numbers, names and objects for printed results, figures and tables."""
 
 from __future__ import annotations
 
@@ -11,11 +8,11 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-# ---- Numbers and names in the texts of results, of pictures and of tables ----
+# ---- Numbers and names ----
 
 
 def percent(value: float, sign: bool = False) -> str:
-    """A relative number with two digits; from 100 % on in whole per cent."""
+    """Return a ratio in per cent with two digits, or as a whole number from 100 % on."""
     if not np.isfinite(value):
         return "unknown"
     return f"{100.0 * value:{'+' if sign else ''}{'.0f' if 0.995 <= abs(value) < 1e4 else '.2g'}} %"
@@ -30,21 +27,22 @@ UNITS = {
     "speed_by_mass": "rad/s", "mass": "kg", "damper_drag": "N s/m", "residual_slip_std": "m",
     "force": "N", "displacement": "m", "by_interface": "J",
 }  # fmt: skip
-"""Units of settings and answers; what is not listed is a plain number or a name."""
+"""Units of settings and results; a name that is not listed is a plain number or a text."""
 FITTING = {"m": "nµm ", "N": "m kM", "N/m": " kM", "J": "nµm k", "Pa": " kMG", "s": "µm ", "g": "m k"}
-"""Prefixes that the number of a unit may take; a kilogram counts as a thousand grams."""
+"""Allowed prefixes of each unit; kg is formatted in multiples of g."""
 PREFIXES = {"n": 1e-9, "µ": 1e-6, "m": 1e-3, " ": 1.0, "k": 1e3, "M": 1e6, "G": 1e9}
 
 
 def amount(value: float, unit: str = "", digits: int = 3) -> str:
-    """A number with its unit: so many digits, but no fewer than stand before the point, and the prefix that fits.
+    """Return a number with its unit and the largest prefix that keeps it at least one.
 
     Parameters
     ----------
     value : float
     unit : str
-        Without a prefix, besides kg; "" for a mere number, "%" for per cent, with "per ..." behind it where needed.
+        Unit without a prefix, except kg.  "" for a plain number, "%" for per cent; "per ..." may follow.
     digits : int
+        Significant digits; all digits before the decimal point are shown.
     """
     base, per, rest = unit.partition(" per ")
     size, base = (1e3 * abs(value), "g") if base == "kg" else (abs(value), base)
@@ -55,7 +53,7 @@ def amount(value: float, unit: str = "", digits: int = 3) -> str:
 
 
 def span(low: float, high: float, unit: str, near: float | None = None) -> str:
-    """Two numbers in one unit that fits the second, or another number: "149 to 276 µm"."""
+    """Return a range in the unit prefix of ``high`` or of ``near``, for example "149 to 276 µm"."""
     size = high if near is None else near
     digits, name = amount(size, unit).split(" ", 1)
     scale = 10.0 ** round(np.log10(float(digits) / size)) if size else 1.0
@@ -63,23 +61,26 @@ def span(low: float, high: float, unit: str, near: float | None = None) -> str:
 
 
 def unit_prefix(size: float, unit: str) -> str:
-    """The prefix that makes a number of this size, in this unit, at least one; " " for none."""
+    """Return the largest prefix that keeps a number of the given size at least one; " " for none."""
     reached = [prefix for prefix in FITTING.get(unit, " ") if size >= PREFIXES[prefix]]
     return reached[-1] if reached and np.isfinite(size) else " "
 
 
 def peak_text(amplitude: float, frequency: float, digits: int = 3) -> str:
-    """How high a response is (m), and where (Hz); in six digits, places that lie close together are told apart."""
+    """Return an amplitude (m) and its frequency (Hz) as text.
+
+    Six digits distinguish points that lie close together.
+    """
     return f"{amount(amplitude, 'm', digits)} at {amount(frequency, 'Hz', digits)}"
 
 
 def spaced(name: str) -> str:
-    """The name of a setting or field in words."""
+    """Return the name of a setting or field with spaces."""
     return name.replace("_", " ").replace(".", " ")
 
 
 def aligned(rows: Sequence[Sequence[str]], indent: str = "") -> list[str]:
-    """Lines of a table, each column but the last as wide as its longest text and two spaces."""
+    """Return the lines of a table, with each column but the last padded to its longest text."""
     if not rows:
         return []
     width = [max(len(row[i]) for row in rows) + 2 for i in range(len(rows[0]) - 1)]
@@ -88,29 +89,32 @@ def aligned(rows: Sequence[Sequence[str]], indent: str = "") -> list[str]:
 
 
 def truncate(text: str, most: int) -> str:
-    """The text in at most so many characters."""
+    """Return a text with at most ``most`` characters."""
     return text if len(text) <= most else text[: most - 3] + "..."
 
 
 def loads_text(load_per_preload: Mapping[str, float] | None) -> str:
-    """Loads per newton of preload: "front 1, rear 0.6"; empty where every loaded body has the preload."""
+    """Return the loads per newton of preload, for example "front 1, rear 0.6"; empty if all bodies carry the preload."""
     return ", ".join(f"{name} {load:.6g}" for name, load in (load_per_preload or {}).items())
 
 
 def preload_text(preload: float, settings: Mapping[str, Any]) -> str:
-    """A preload (N) in words, with what it loads where the settings of a result say so."""
+    """Return a preload (N) as text, with the loads per newton if the settings contain them."""
     shares = loads_text(settings.get("load_per_preload"))
     return f"a preload of {amount(preload, 'N')}{f' ({shares})' if shares else ''}"
 
 
-# ---- Short texts of objects that hold arrays ----
+# ---- Short texts of objects ----
 
 
 T = TypeVar("T", bound=type)
 
 
 def short_repr(cls: T) -> T:
-    """Class decorator: the representation of a dataclass is its ``str``, or its items with arrays by their shapes alone."""
+    """Decorate a dataclass with a short ``repr``.
+
+    It is ``str`` if the class defines one; otherwise it lists the fields, with arrays shown by their shapes.
+    """
     prints_itself = any("__str__" in base.__dict__ for base in cls.__mro__[:-1])
     cls.__repr__ = cls.__str__ if prints_itself else _as_items  # type: ignore[assignment]
     return cls
@@ -122,12 +126,12 @@ def _as_items(self: Any) -> str:
 
 
 def text_of(value: object) -> str:
-    """A text as it is, anything else by :func:`short`."""
+    """Return a text unchanged and any other value by :func:`short_text`."""
     return value if isinstance(value, str) else short_text(value)
 
 
 def short_text(value: Any) -> str:
-    """One item: an array by its shape, a mapping by its names, a longer sequence by its length."""
+    """Return a short text of a value: arrays by shape, mappings by keys, long sequences by length."""
     if isinstance(value, np.ndarray):
         return repr(value.item()) if value.ndim == 0 else f"<{' x '.join(map(str, value.shape))} {value.dtype}>"
     longest = 60  # characters of one item

@@ -1,8 +1,8 @@
-"""Plausible ranges of all numbers that a user gives, in SI units: one table.
+"""Plausible ranges of all numerical arguments, in SI units.
 
-A value outside of its range is possible, so it is used, with a warning that names the value, the range and the likely
-mistake.  A key of the table is the name of a parameter, after the name of its function or class if the range applies there
-alone.  A bound can be a function of the sizes of the model (:class:`bdamper.harmonic_balance.model_sizes.Sizes`).
+A value outside its range is used, with a warning that names the value, the range and the likely mistake.  A key of the
+table is the name of a parameter.  The name of a function or class before it limits the range to that function or class.
+A bound can depend on the sizes of the model (:class:`bdamper.harmonic_balance.model_sizes.Sizes`).
 """
 
 from __future__ import annotations
@@ -17,45 +17,46 @@ from numpy.typing import NDArray
 from bdamper.util.errors import warn_implausible
 
 Bound = float | Callable[[Any, Any], float]
-"""A number, or a function of the sizes of a model and of the key under which a mapping has the value."""
+"""Number, or function of the sizes of a model and of the key of the value in a mapping."""
 
 
 def each(values: NDArray) -> tuple[float, float]:
-    """Return the least and the largest value except 0, which switches a setting off."""
+    """Return the smallest and the largest value except 0, which switches a setting off."""
     values = values[values != 0.0]
     return (float(values.min()), float(values.max())) if len(values) else (np.inf, -np.inf)
 
 
 def some(values: NDArray) -> tuple[float, float]:
-    """Return the largest and the least value: a sweep is plausible if one of its values is."""
+    """Return the largest and the smallest value: a sweep is plausible if one of its values is."""
     return float(values.max()) or np.inf, float(values.min())
 
 
 def largest(values: NDArray) -> tuple[float, float]:
-    """Return the largest size twice, for measured values that pass through 0."""
+    """Return the largest magnitude twice, for measured values that pass through 0."""
     size = float(np.abs(values).max())
     return size or np.inf, size
 
 
 def all_of(values: NDArray) -> tuple[float, float]:
-    """Return the least and the largest value."""
+    """Return the smallest and the largest value."""
     return float(values.min()), float(values.max())
 
 
 @dataclass(frozen=True)
 class Range:
-    """A plausible range.
+    """Plausible range of a parameter.
 
     Parameters
     ----------
-    low, high : number or function of sizes and key
+    low, high : float or callable
+        Bounds, or functions of the sizes of the model and the key.
     unit : str
     above, below : str
-        Likely mistake if a value lies above or below.
+        Likely mistake if a value lies above or below the range.
     by : str
         Explanation of the bounds.
     compared : callable
-        Value compared with ``low`` and value compared with ``high``, of an array.
+        Function of an array that returns the values to compare with ``low`` and ``high``.
     """
 
     low: Bound
@@ -67,12 +68,15 @@ class Range:
     compared: Callable[[NDArray], tuple[float, float]] = each
 
     def check(self, item: str, values: NDArray, sizes: object = None, key: object = None) -> None:
-        """Warn of values outside the range; bounds that need sizes are left out without these."""
+        """Warn of values outside the range.
+
+        Nothing is checked if the bounds need sizes and ``sizes`` is None.
+        """
         if sizes is None and (callable(self.low) or callable(self.high)):
             return
         low, high = (bound(sizes, key) if callable(bound) else bound for bound in (self.low, self.high))
         if low >= 0.0 and self.compared is not largest:
-            values = values[values >= 0.0]  # the function itself refuses negative ones
+            values = values[values >= 0.0]  # the function itself rejects negative values
         least, most = self.compared(values) if len(values) else (np.inf, -np.inf)
         if least >= low and most <= high:
             return
@@ -88,12 +92,12 @@ class Range:
 
 @dataclass(frozen=True)
 class Names:
-    """Entry of a mapping whose keys are parameters of another function or class.
+    """Entry for a mapping whose keys are parameters of another function or class.
 
     Parameters
     ----------
     of : str
-        Function or class with the ranges.
+        Function or class that has the ranges.
     """
 
     of: str
@@ -103,13 +107,13 @@ GRAMS = "grams suspected"
 PER_CENT, MILLIMETRES = "per cent suspected", "millimetres or micrometres suspected"
 RPM = "revolutions per minute suspected"
 
-# no range: why
+# reasons for the lack of a range
 COUNT = "a count, which costs time or is limited by the model"
-LIMITED = "the limits beyond which it is refused are plausible ones"
-FACT = "not a magnitude: a number, direction or place of the user's choice"
-EFFECT = "judged by its effect, which has an entry of its own"
-UNEXCITED = "any load: the excitation, with which preloads are compared, takes no part or is looked at before"
-MEASURED = "measured data, compared with the model or with themselves"
+LIMITED = "the limits of the check are plausible bounds"
+FACT = "not a magnitude: a free choice of a number, direction or place"
+EFFECT = "checked by its effect, which has an entry of its own"
+UNEXCITED = "any load: the excitation, with which preloads are compared, has no effect or is checked earlier"
+MEASURED = "measured data, compared with the model"
 
 DAMPING = Range(0.0, 0.1, "of critical damping", PER_CENT)
 STIFFNESS = Range(0.0, 1e13, "N/m", "N/mm or GN/m suspected")
@@ -156,7 +160,7 @@ NO_RANGE = {
         Study.wedge_friction.preload BladedDisk.state.preload BladedDisk.system.preload BladedDisk.tuned_peak.preload
     """,
 }
-"""Parameters without a range, by the reason."""
+"""Parameters without a range, by reason."""
 TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     # settings of a study
     "Study.engine_order": Range(
@@ -202,7 +206,7 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
         lambda s, name: 50.0 * s.volume(name), lambda s, name: 1e5 * s.volume(name), "kg", GRAMS, "tonnes suspected",
         "by the size of its faces",
     ),
-    # settings that are varied by name
+    # settings that a study varies by name
     "Study.damping_factor": Range(0.02, 50.0, above=FACTOR, below=FACTOR),
     "Study.damper_mass_factor": Range(0.02, 15.0, above=GRAMS, below="kilograms suspected"),
     "Study.damper_mass": Range(0.02, 15.0, above=GRAMS, below="kilograms suspected"),
@@ -216,7 +220,7 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "robust_optimum.samples": Names("Study"),
     "fit.vary": Names("Study"),
     "compare.studies": Names("Study"),
-    # questions
+    # arguments of analyses
     "preload": PRELOAD,
     "preloads": PRELOAD,
     "resonance_crossings.damper_mass": Range(
@@ -229,7 +233,7 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "speed": Range(0.1, 1.2e4, "rad/s", RPM),
     "elastic": (Range(1e8, 2e12, "Pa", below="MPa or GPa suspected"), Range(0.0, 0.5)),
     "robust_optimum.percentile": Range(50.0, 100.0, "%", below="a share suspected: 95 for 95 %"),
-    # conditions over speed
+    # conditions as functions of rotor speed
     "friction": Range(0.05, 1.5, above=PER_CENT),
     "excitation": Range(1e-6, 1e6, "N", "mN suspected", "MN suspected"),
     # material
@@ -237,7 +241,7 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "Material.ultimate_strength": Range(1e6, 1e10, "Pa", "where 1 MPa is 1e6 Pa", "where 1 MPa is 1e6 Pa"),
     "Material.yield_strength": Range(1e6, 1e10, "Pa", "where 1 MPa is 1e6 Pa", "where 1 MPa is 1e6 Pa"),
     "Material.findley_k": Range(0.05, 1.0, above=PER_CENT),
-    # masses
+    # lumped masses
     "lumped.mass": Range(1e-9, 1e7, "kg", GRAMS, "tonnes suspected"),
     "lumped.damping": Range(1e-12, 1e10, "N s/m"),
     "lumped.stiffness": Range(1e-6, 1e13, "N/m", "N/mm or GN/m suspected"),
@@ -270,7 +274,7 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "PeakOptions.tolerance": Range(1e-15, 1e-3, above="the accuracy of the result suspected, where a residual is expected"),
     "PeakOptions.position_tolerance": Range(1e-15, 1e-2),
     "PeakOptions.max_step": Range(1e-4, 2.0, above="Hz suspected, where a share of the vibration is expected"),
-    # wheels
+    # mistuned bladed disks
     "BladedDisk.mistuning": DEVIATION,
     "Mistuning.deviation": DEVIATION,
     "standard_deviation": Range(1e-6, 0.2, "of the frequency", PER_CENT),
@@ -300,20 +304,20 @@ TABLE |= {name: reason for reason, names in NO_RANGE.items() for name in names.s
 
 
 def entry(owner: str, name: str) -> Range | Names | tuple[Range, ...] | str | None:
-    """Return the entry of a parameter of a function, a method or a class; None if there is none."""
+    """Return the entry of a parameter of a function, method or class; None if there is none."""
     keys = f"{owner}.{name}", f"{owner.partition('.')[0]}.{name}", name
     return next((TABLE[key] for key in keys if key in TABLE), None)
 
 
 def check(owner: str, name: str, value: object, sizes: object = None, item: str = "") -> None:
-    """Warn of a value that is implausible.
+    """Warn of an implausible value.
 
     Parameters
     ----------
     owner, name : str
-        Function or class, and its parameter.  A dot in the name starts the part of the model that it belongs to.
+        Function or class, and its parameter.  A dot in the name separates the part of the model.
     value : Any
-        Numbers, alone, in sequences or in mappings; other values are not looked at.
+        Number, or numbers in sequences or mappings; other values are ignored.
     sizes : Sizes, optional
         Sizes of the model.
     item : str
@@ -326,21 +330,21 @@ def check(owner: str, name: str, value: object, sizes: object = None, item: str 
     item = item or name
     if isinstance(known, Names) and isinstance(value, Mapping):
         for key, inner in value.items():
-            if isinstance(inner, Mapping):  # settings of each of several studies
+            if isinstance(inner, Mapping):  # the settings of one of several studies
                 check(owner, name, inner, sizes)
             else:
                 check(known.of, str(key), inner, sizes)
     ranges = (known,) if isinstance(known, Range) else known if isinstance(known, tuple) else ()
     for key, values in _numbers(value) if ranges else ():
-        for own, numbers in zip(ranges, values[:, None] if len(ranges) > 1 else [values]):
-            own.check(item if key is None else f"{item} of {key!r}", numbers, sizes, part or key)
+        for limits, numbers in zip(ranges, values[:, None] if len(ranges) > 1 else [values]):
+            limits.check(item if key is None else f"{item} of {key!r}", numbers, sizes, part or key)
 
 
 def _numbers(value: object, key: object = None) -> Iterator[tuple[object, NDArray]]:
-    """Yield arrays of the numbers in a value, with their keys in mappings; complex ones by their size."""
+    """Yield arrays of the numbers in a value, with their keys in mappings; complex numbers by magnitude."""
     if isinstance(value, Mapping):
-        for own, inner in value.items():
-            yield from _numbers(inner, own)
+        for name, inner in value.items():
+            yield from _numbers(inner, name)
         return
     try:
         array = np.asarray(value)
@@ -348,7 +352,7 @@ def _numbers(value: object, key: object = None) -> Iterator[tuple[object, NDArra
         return
     if array.dtype.kind not in "fiuc" or not array.size or not np.isfinite(array).all():
         return
-    if array.ndim == 2 and array.shape[0] == array.shape[1] > 1:  # a matrix: its diagonal has the sizes
+    if array.ndim == 2 and array.shape[0] == array.shape[1] > 1:  # of a matrix, the diagonal has the magnitudes
         array = np.diagonal(array)
     array = np.abs(array) if array.dtype.kind == "c" else array
     yield key, array.astype(float).ravel()

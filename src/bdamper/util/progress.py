@@ -1,13 +1,9 @@
-"""Progress of long work on the terminal or in a notebook, and what an interruption (Ctrl-C) ends.
+"""Progress bars, interrupts, cost of results, and limits on the threads of linear algebra.
 
-What a result has cost: seconds, counts, and work that does not depend on the machine.
-
-Linear algebra on one thread while a curve is solved.
-
-Matrices of some ten to some hundred rows are factorised thousands of times: threads of a BLAS then wait for each other
-longer than they compute, on a busy machine many times longer.  What runs in parallel are curves
-(:mod:`bdamper.analyses.sweep`). The limit holds in all threads of the process while the one that has set it first is at
-work, and is taken back then.
+The systems have about ten to a few hundred rows and are factorised thousands of times.  The threads of a BLAS spend more
+time waiting for each other than computing on such matrices, in particular on a busy machine.  Curves run in parallel
+instead (:mod:`bdamper.analyses.sweep`).  The limit applies to all threads of the process.  It ends when the thread that
+set it first has finished.
 """
 
 from __future__ import annotations
@@ -28,7 +24,7 @@ from threadpoolctl import ThreadpoolController
 
 from bdamper.util.errors import one_line
 
-# ---- Progress of long work on the terminal or in a notebook, and what an interruption (Ctrl-C)  ----
+# ---- Progress bars and interrupts ----
 
 
 T = TypeVar("T")
@@ -38,12 +34,12 @@ _passed_on: ContextVar[bool] = ContextVar("_passed_on", default=False)
 
 
 class ExecutorEnded(KeyboardInterrupt):
-    """An executor takes no more tasks: this ends the work in the same way as Ctrl-C."""
+    """The executor accepts no more tasks; the work ends as after Ctrl-C."""
 
 
 @contextmanager
 def executor_errors(refusal: type[Exception] = BrokenExecutor) -> Iterator[None]:
-    """Turn errors of an executor that has ended, and its refusal of tasks, into :class:`ExecutorEnded`."""
+    """Convert errors of an executor that has ended, and its refusal of tasks, into :class:`ExecutorEnded`."""
     try:
         yield
     except (BrokenExecutor, CancelledError, refusal) as error:
@@ -51,17 +47,16 @@ def executor_errors(refusal: type[Exception] = BrokenExecutor) -> Iterator[None]
 
 
 class LongWork:
-    """A context that an interruption ends quietly, so that what there is by then can be returned.
+    """Context that suppresses an interrupt so that the caller can return its partial result.
 
-    Parts of the work do not return what they have so far as their answer (:func:`passes_interrupts_on`), and work that is
-    itself such a part passes the interruption on.
+    If the work is itself a part of longer work (:func:`is_part_of_work`), the interrupt propagates to the outer context.
 
     Attributes
     ----------
     interrupted : bool
-        Whether the work was ended.
+        Whether the work was interrupted.
     reason : str
-        Why the executor has ended, if it has; empty after Ctrl-C.
+        Reason why the executor ended; empty after Ctrl-C.
     """
 
     def __init__(self) -> None:
@@ -79,13 +74,13 @@ class LongWork:
 
 
 def is_part_of_work() -> bool:
-    """Whether the caller is a part of longer work, which an interruption ends (:class:`LongWork`)."""
+    """Return whether the caller runs inside :class:`LongWork`, where an interrupt must propagate."""
     return _passed_on.get()
 
 
 @contextmanager
 def stopped_by(stop: Event) -> Iterator[None]:
-    """A context of a thread whose work another one ends by setting ``stop``, an interruption at the next correction."""
+    """Let the event ``stop``, set by another thread, interrupt the work of this thread at its next correction."""
     before = _stop.set((*_stop.get(), stop))
     try:
         yield
@@ -94,14 +89,14 @@ def stopped_by(stop: Event) -> Iterator[None]:
 
 
 def raise_if_stopped() -> None:
-    """Raises KeyboardInterrupt where another thread has asked for it (:func:`ended_by`)."""
+    """Raise KeyboardInterrupt if another thread has set an event of :func:`stopped_by`."""
     if any(stop.is_set() for stop in _stop.get()):
         raise KeyboardInterrupt
 
 
 @contextmanager
 def progress_counter(show: bool, total: int, done: int, what: str, unit: str) -> Iterator[Callable[[], Any]]:
-    """A function that counts one more, in a bar with the time left if it is to be shown."""
+    """Yield a function that counts one more part, shown in a progress bar if ``show``."""
     if not show:
         yield lambda: None
         return
@@ -111,7 +106,7 @@ def progress_counter(show: bool, total: int, done: int, what: str, unit: str) ->
 
 @contextmanager
 def progress_stages(what: str, unit: str) -> Iterator[Callable[[str, int, int], None]]:
-    """A bar, as a function of the stage that the work has reached, the units done and those that there are so far."""
+    """Yield a function of the stage, the finished parts and the total, which updates a progress bar."""
     with _bar(desc=what, unit=unit) as bar:
 
         def report(stage: str, done: int, total: int) -> None:
@@ -123,7 +118,7 @@ def progress_stages(what: str, unit: str) -> Iterator[Callable[[str, int, int], 
 
 
 def with_progress(items: Sequence[T], show: bool, what: str, unit: str) -> Iterable[T]:
-    """The items, with a bar that counts them if it is to be shown."""
+    """Return the items, wrapped in a progress bar if ``show``."""
     if not show:
         return items
     bar: Iterable[T] = _bar(items, desc=what, unit=unit)
@@ -132,7 +127,10 @@ def with_progress(items: Sequence[T], show: bool, what: str, unit: str) -> Itera
 
 @contextmanager
 def progress_bar(show: bool, low: float, high: float) -> Iterator[Callable[[Any], None] | None]:
-    """Progress over the frequency interval, or nothing; a path that turns back does not take the bar back."""
+    """Yield a function that shows the progress over a frequency interval, or None if not ``show``.
+
+    The bar does not decrease if the path turns back in frequency.
+    """
     if not show:
         yield None
         return
@@ -141,61 +139,64 @@ def progress_bar(show: bool, low: float, high: float) -> Iterator[Callable[[Any]
 
 
 def _bar(*items: Any, **given: Any) -> Any:
-    """A bar; where standard error is no terminal, one line at each tenth of what there is to do."""
+    """Return a progress bar; print a line at each tenth if standard error is not a terminal."""
     from tqdm.auto import tqdm
 
     if sys.stderr.isatty() or "ipykernel.kernelapp" in sys.modules:
         return tqdm(*items, **given)
 
     class Lines(tqdm):  # type: ignore[misc]
-        told = 0
+        tenths = 0
 
         def display(self, msg: str | None = None, pos: int | None = None) -> None:
             tenth = int(10.0 * self.n / self.total + 1e-9) if self.total else 0
-            if tenth > self.told:
-                self.told = tenth
+            if tenth > self.tenths:
+                self.tenths = tenth
                 self.fp.write(f"{self.desc}{': ' * (not self.desc.endswith(': '))}{10 * tenth} %\n")
 
     return Lines(*items, **given, mininterval=0.0, miniters=1, leave=False)
 
 
-# ---- What a result has cost ----
+# ---- Cost of a result ----
 
 
 class Counted(Protocol):
-    """A system of equations whose core counts what it does."""
+    """System of equations with counters in the C core."""
 
     @property
     def core(self) -> Any:
-        """With a count of what it does, ``cost``."""
+        """Object of the C core with the counters ``cost``."""
 
     @property
     def work(self) -> NDArray:
-        """(4,) million operations of an evaluation, Jacobian, factorisation, solution by least norm."""
+        """(4,) million operations of an evaluation, a Jacobian, a factorisation and a least-norm solution."""
 
 
 @dataclass(frozen=True)
 class Cost:
-    """Processor and wall-clock time by kind of work.
+    """Time and counts of the work for a result.
 
     Parameters
     ----------
     seconds : float
-        Wall-clock time in all.
+        Wall-clock time.
     processor : float
-        Processor seconds of the threads that did the work.  0 in files of versions that did not count them.
+        Processor time of the threads that did the work (s); 0 in files of versions that did not measure it.
     contact, assembly, algebra, time_integration : float
-        Parts of these in the C core: contact forces, modal sums and products, linear algebra, integration in time.
-        Wall-clock seconds, with the integration in ``contact``, in files of versions up to 0.7.
+        Processor time of parts of the C core (s): contact forces, modal sums and products, linear algebra, and time
+        integration.  Files of versions up to 0.7 contain wall-clock time, and ``contact`` includes time integration.
     evaluations, jacobians, factorisations : int
     iterations, failed_steps : int
     least_norm : int
-        Solutions by least norm, where the equations leave a direction undetermined.
+        Least-norm solutions of equations that leave a direction undetermined.
     work : float
-        Million operations: what the evaluations and Jacobians cost by their sizes, the same on every machine.  With n
-        unknowns, p contact points and H harmonics an evaluation counts 28,000 p (2 H + 1), or p (120,000 + 1,200 samples),
-        a Jacobian 6 p n^2, a factorisation n^3 + 700 n^2 + 1,000,000, a solution by least norm 15 n^3.  The weights are
-        fitted to processor times of response curves, with what Python and the rest of the core spend in between.
+        Work in million operations, independent of the machine.
+
+    Notes
+    -----
+    With n unknowns, p contact points and H harmonics, an evaluation counts 28,000 p (2 H + 1).  With sampled forces it
+    counts p (120,000 + 1,200 samples).  A Jacobian counts 6 p n^2, a factorisation n^3 + 700 n^2 + 1,000,000, a least-norm
+    solution 15 n^3.  The weights were fitted to processor times of response curves, including the time spent in Python.
     """
 
     seconds: float = 0.0
@@ -214,16 +215,16 @@ class Cost:
 
     @property
     def core(self) -> float:
-        """Processor seconds inside the C core."""
+        """Processor time in the C core (s)."""
         return self.contact + self.assembly + self.algebra + self.time_integration
 
     @property
     def python(self) -> float:
-        """Processor seconds outside the C core."""
+        """Processor time outside the C core (s)."""
         return max(0.0, self.processor - self.core)
 
     def __add__(self, other: Cost) -> Cost:
-        """What both have taken, one after the other."""
+        """Return the sum of two costs."""
         return Cost(**{f.name: getattr(self, f.name) + getattr(other, f.name) for f in fields(self)})
 
     def __str__(self) -> str:
@@ -237,12 +238,15 @@ class Cost:
 
 
 WEIGHED = ("evaluations", "jacobians", "factorisations", "least_norm")
-"""Counts of the core in the order in which :attr:`Counted.work` weighs them."""
+"""Counters in the order of the weights :attr:`Counted.work`."""
 
 
 @dataclass
 class CostMeter:
-    """Sums what serves one result, in the thread that made the meter: time, several systems, and parts metered before."""
+    """Meter for the cost of a result on the thread that created the meter.
+
+    It sums time, the counters of several systems, and the cost of parts measured separately.
+    """
 
     start: float = field(default_factory=time.perf_counter)
     systems: list[tuple[Counted, Any]] = field(default_factory=list)
@@ -252,29 +256,29 @@ class CostMeter:
     processor_start: float = field(default_factory=time.thread_time)
 
     def add(self, cost: Cost) -> None:
-        """Count in what a part of the work, done while this meter ran, has metered by itself."""
+        """Add the cost of a part that was measured separately while this meter ran."""
         self.parts.append(cost)
 
     def count(self, iterations: int, failed_steps: int = 0) -> None:
-        """Adds iterations and failed steps."""
+        """Add iterations and failed steps."""
         self.iterations += iterations
         self.failed_steps += failed_steps
 
     def watch(self, system: Counted) -> None:
-        """Count what a system does from now on, once."""
+        """Include the work of a system from now on; repeated calls have no effect."""
         if all(system.core is not other.core for other, _ in self.systems):
             self.systems.append((system, system.core.cost))
 
     @property
     def work(self) -> float:
-        """Million operations so far."""
+        """Work so far in million operations."""
         total = sum(part.work for part in self.parts)
         for system, before in self.systems:
             total += float(system.work @ [getattr(system.core.cost, name) - getattr(before, name) for name in WEIGHED])
         return float(total)
 
     def read(self, *parts: Cost) -> Cost:
-        """The cost so far, with that of parts that have not been added."""
+        """Return the cost so far, including the given parts."""
         own: dict[str, Any] = {
             name: sum(getattr(system.core.cost, name) - getattr(before, name) for system, before in self.systems)
             for name in ("contact", "assembly", "algebra", *WEIGHED)
@@ -285,7 +289,7 @@ class CostMeter:
         return replace(sum((*self.parts, *parts), mine), seconds=seconds, processor=processor, work=work)
 
 
-# ---- Linear algebra on one thread while a curve is solved ----
+# ---- Threads of linear algebra ----
 
 
 _held = Lock()
@@ -293,13 +297,13 @@ _held = Lock()
 
 @cache
 def _controller() -> ThreadpoolController:
-    """Of the libraries that are loaded; the search for them takes a millisecond."""
+    """Return the controller of the loaded BLAS libraries; the search for them takes a millisecond."""
     return ThreadpoolController()
 
 
 @contextmanager
 def single_thread() -> Iterator[None]:
-    """A context with one thread for linear algebra, unless another one holds it already."""
+    """Limit linear algebra to one thread, unless another context already does."""
     if not _held.acquire(blocking=False):
         yield
         return
@@ -311,4 +315,4 @@ def single_thread() -> Iterator[None]:
 
 
 one_thread = single_thread()
-"""Decorator of a function that has one thread for linear algebra."""
+"""Decorator: run the function with one thread for linear algebra."""

@@ -1,14 +1,16 @@
-"""A root of a function of one variable between two places where its sign differs.
+"""Root of a scalar function in an interval with a sign change.
 
-The next trial is where the polynomial in the value through up to four places known last is zero (inverse interpolation).
-Where these are not in order, or it leads out of the bracket, it is the secant through the ends of the bracket, the value at
-an end that stays twice reduced so that the bracket closes from both sides (Anderson and Bjoerck, BIT 13 (1973), 253-264).
-A function that jumps through zero has its root at the jump; where a trial is not half the value that it replaces, the
-middle of the bracket comes next.
+The next trial is the zero of the inverse interpolation polynomial through the last four points at most.  If their values
+are not monotonic, or the zero lies outside the bracket, the trial is the secant through the ends of the bracket.  The value
+at an end that remains twice is then reduced, so that the bracket shrinks from both sides [1]_.  If a trial is not below
+half the value that it replaces, the next trial is the midpoint.  If the function jumps through zero, the root is the jump.
 
-The search stops on the step of the secant through the last trial and the one before on the same side: once it is
-within the tolerance, the last trial is the root, however wide the bracket still is.  A secant across the root would take a
-jump for a root beside it.
+The search stops if the secant step through the last two trials on one side is within the tolerance, regardless of the
+width of the bracket.  A secant across the root would mistake a jump for a root nearby.
+
+References
+----------
+.. [1] N. Anderson, A. Bjoerck, BIT 13 (1973), 253-264.
 """
 
 from __future__ import annotations
@@ -20,16 +22,16 @@ import numpy as np
 
 
 class Root(NamedTuple):
-    """Result of a search for a root.
+    """Result of a root search.
 
     Parameters
     ----------
     at, value : float
-        Place of the last evaluation and the function there.
+        Last trial and the function there.
     step : float
-        Of the secant through the last two trials on one side, or the bracket if that is less: about the error.
+        Estimated error of ``at``: secant step through the last two trials on one side, at most the width of the bracket.
     trials : int
-        Evaluations of the function.
+        Number of function evaluations.
     """
 
     at: float
@@ -42,16 +44,16 @@ def find_root(
     function: Callable[[float], float], low: tuple[float, float], high: tuple[float, float], tolerance: float,
     most_trials: int = 80,
 ) -> Root:  # fmt: skip
-    """Root of a function within a bracket, by secants.
+    """Find the root of a function within a bracket.
 
     Parameters
     ----------
     function : callable
-        May jump; it is evaluated at least once.
-    low, high : (place, value)
+        Scalar function, which may jump; it is evaluated at least once.
+    low, high : (x, value)
         Ends of the bracket in ascending order, with values of different signs.
     tolerance : float
-        On the place.
+        Absolute tolerance of the root.
     most_trials : int
 
     Returns
@@ -76,13 +78,16 @@ def find_root(
 def root_trials(
     low: tuple[float, float], high: tuple[float, float], tolerance: float, most_trials: int = 80
 ) -> Generator[float, float, Root]:
-    """The same as a generator: yields places and is sent the values of the function there, so that it calls nothing."""
+    """Yield the trials of :func:`find_root` and receive the function values by ``send``.
+
+    The caller evaluates the function, so that the search calls nothing.
+    """
     (a, f_a), (b, f_b) = low, high
     if f_a * f_b > 0.0:
         raise ValueError(f"a bracket needs values of different signs at its ends, found {f_a:g} and {f_b:g}")
     sign = 1.0 if f_b > f_a else -1.0
-    true_a, true_b = f_a, f_b  # f_a and f_b are what the secant takes them for
-    kept = ""  # the end that stayed in the trial before
+    true_a, true_b = f_a, f_b  # f_a and f_b may be reduced for the secant
+    fixed = ""  # end of the bracket that did not move in the previous trial
     known = [low, high]
     x = _secant(a, f_a, b, f_b)
     for trials in range(1, most_trials + 1):
@@ -90,12 +95,12 @@ def root_trials(
         known.append((at, f))
         if sign * f < 0.0:
             moved, before = at - a, true_a
-            f_b *= _weight(f, true_a) if kept == "b" else 1.0
-            a, f_a, true_a, kept = at, f, f, "b"
+            f_b *= _weight(f, true_a) if fixed == "b" else 1.0
+            a, f_a, true_a, fixed = at, f, f, "b"
         else:
             moved, before = b - at, true_b
-            f_a *= _weight(f, true_b) if kept == "a" else 1.0
-            b, f_b, true_b, kept = at, f, f, "a"
+            f_a *= _weight(f, true_b) if fixed == "a" else 1.0
+            b, f_b, true_b, fixed = at, f, f, "a"
         step = min(abs(f * moved / (before - f)) if f != before else np.inf, b - a)
         if step <= tolerance or f == 0.0:
             break
@@ -107,18 +112,18 @@ def root_trials(
 
 
 def _weight(new: float, old: float) -> float:
-    """Factor on the value at the end that stays, from the values at the other end that moves."""
+    """Return the factor for the value at the end that remains, from the values at the end that moves."""
     return 1.0 - new / old if abs(new) < abs(old) else 0.5
 
 
 def _secant(a: float, f_a: float, b: float, f_b: float) -> float:
-    """Root of the line through two points whose values differ in sign; the middle if rounding puts it outside."""
+    """Return the root of the line through two points; the midpoint if rounding places it outside."""
     x = (a * f_b - b * f_a) / (f_b - f_a) if f_b != f_a else a
     return x if a < x < b else 0.5 * (a + b)
 
 
 def _zero_of_inverse(known: list[tuple[float, float]]) -> float:
-    """Value at zero of the polynomial that gives the place by the function (Neville); NaN if the function turns."""
+    """Return the zero of the inverse interpolation polynomial (Neville); NaN if the values are not monotonic."""
     x, f = [at for at, _ in known], np.array([value for _, value in known])
     rises = np.diff(f)
     if not ((rises > 0.0).all() or (rises < 0.0).all()):

@@ -1,17 +1,14 @@
-"""Files of results: every kind is saved by its fields and read by one function, :func:`load`.
+"""Result files.
 
-A result is a frozen dataclass that derives from :class:`Storable` with the name of its format.  An array becomes a
-dataset, a mapping of names to arrays a group, results within a result groups of their own, and everything else a text in
-JSON; a field that is None is left out.  Reading goes by the annotated types of the fields.  A file says which versions of
-bdamper, NumPy and SciPy made the result.
+A result is a frozen dataclass that derives from :class:`Storable` with the name of its format.  Its fields are written to
+an HDF5 file: arrays as datasets, mappings of arrays and nested results as groups, all other values as JSON.  A field that
+is None is omitted.  :func:`load` reads every format and converts the values to the annotated types of the fields.  A file
+contains the versions of bdamper, NumPy and SciPy that computed the result.
 
-Which versions of the package and of its numerical libraries a result was made with.
-
-The file in which long work keeps what is finished, so that it can go on when it was interrupted.
-
-Each finished part (a point of a sweep, a scan of an optimal curve) is appended at once, as one line of JSON, and forced to
-disk; work that is killed leaves at most an incomplete last line, which the next run removes.  The first line identifies the
-problem, the settings and the question: a file of other work, or of another version of the package, is refused.
+:class:`ResultsFile` stores the finished parts of long work, so that interrupted work can continue.  Each part (a point of a
+sweep, a peak of an optimal curve) is appended as a line of JSON and forced to disk.  A killed process leaves at most an
+incomplete last line, which the next run removes.  The first line identifies the problem and its settings.  A file of other
+work, or of another version of bdamper, is rejected.
 """
 
 from __future__ import annotations
@@ -34,7 +31,7 @@ import numpy as np
 from bdamper.util.errors import BdamperError, SettingError, one_line, warn
 from bdamper.util.formatting import truncate
 
-# ---- Which versions of the package and of its numerical libraries a result was made with ----
+# ---- Versions ----
 
 
 @dataclass(frozen=True)
@@ -52,12 +49,12 @@ class Versions:
 
     @classmethod
     def stored(cls, attributes: Mapping[str, Any]) -> Versions:
-        """Versions stored in the attributes of a file."""
+        """Return the versions in the attributes of a file."""
         names = {name: attributes.get(f"{name}_version") for name in asdict(cls())}
         return cls(**{name: str(value) for name, value in names.items() if value is not None})
 
     def attributes(self) -> dict[str, str]:
-        """Versions as attributes of a file."""
+        """Return the versions as attributes of a file."""
         return {f"{name}_version": version for name, version in asdict(self).items()}
 
     def __str__(self) -> str:
@@ -65,33 +62,33 @@ class Versions:
 
 
 INSTALLED = Versions(*(metadata.version(name) for name in ("bdamper", "numpy", "scipy")))
-"""Of the running process."""
+"""Versions in the running process."""
 
 
-# ---- Files of results ----
+# ---- HDF5 files ----
 
 
 FilePath = str | os.PathLike[str]
 
 MOST_EXPANDED = 1100
-"""Deflate cannot compress by more than a factor of 1032: what claims to be larger is damage."""
+"""Largest possible ratio of compression: deflate reaches 1032, a larger ratio indicates damage."""
 
 MOST_BYTES = 1_600_000_000
-"""Size of arrays in a file beyond which its head is taken for damaged, unless the file itself is as large."""
+"""Largest size of all arrays in a file (bytes); a larger size indicates damage, unless the file is as large."""
 MOST_TEXT = 2**28
-"""The same, bytes, of everything in a file of HDF5 except for its arrays: texts, attributes, names."""
+"""Largest size of texts, attributes and names in a file (bytes)."""
 
 _READERS: dict[str, Callable[[FilePath], Any]] = {}
-"""What reads the file of each format, by the attribute ``format``."""
+"""Function that reads a file, by the attribute ``format``."""
 
 
 def register_reader(kind: str, read: Callable[[FilePath], Any]) -> None:
-    """Let :func:`load` read files of a format with a function of their path."""
+    """Let :func:`load` read files of a format with a function of the path."""
     _READERS[kind] = read
 
 
 def load(path: FilePath) -> Any:
-    """Read a result or a model from its file, whatever kind it is.
+    """Read a result or a model from a file.
 
     Parameters
     ----------
@@ -100,13 +97,14 @@ def load(path: FilePath) -> Any:
     Returns
     -------
     ResponseCurve, OptimalCurve, SweepResult, Model, ...
-        What was saved; ``made_with`` of a result tells which versions made it.
+        Saved object; ``made_with`` of a result contains the versions that computed it.
 
     Raises
     ------
     FileNotFoundError
+        If the file does not exist.
     BdamperError
-        If the file is damaged, not one of bdamper, or of a version that cannot be read.
+        If the file is damaged, not a file of bdamper, or of a version that cannot be read.
     """
     with read_hdf5(path, "a file written by bdamper") as file:
         kind, made_with = _text(file.attrs.get("format", "none")), Versions.stored(file.attrs)
@@ -118,23 +116,23 @@ def load(path: FilePath) -> Any:
 
 @dataclass(frozen=True)
 class Storable:
-    """A result that can be saved, and read by :func:`load`; a mixin of frozen dataclasses.
+    """Mixin of frozen dataclasses that can be saved and read by :func:`load`.
 
     Parameters of the class
     -----------------------
     kind : str
         Name of the format.
     version : int
-        Of the format.
+        Version of the format.
     """
 
     _format: ClassVar[tuple[str, int]]
     made_with: Versions = field(default=INSTALLED, kw_only=True, repr=False, compare=False)
-    """Versions of bdamper, NumPy and SciPy that made the result, be it now or before it was saved."""
+    """Versions of bdamper, NumPy and SciPy that computed the result."""
 
     def __init_subclass__(cls, *, kind: str = "", version: int = 2, **options: Any) -> None:
         super().__init_subclass__(**options)
-        if kind:  # what derives from a result is saved as that
+        if kind:  # a derived class keeps the format of its base class
             cls._format = kind, version
             register_reader(kind, partial(_read, cls, version))
 
@@ -144,24 +142,24 @@ class Storable:
         Raises
         ------
         BdamperError
-            If no file can be written there.
+            If the file cannot be written.
         """
         with write_hdf5(path) as file:
             file.attrs["format"], file.attrs["version"] = self._format
             _put(file, self)
 
     def check_rows(self) -> None:
-        """Raise ValueError where fields that belong together differ in length, as in a damaged file."""
+        """Raise ValueError if fields of the same dimension differ in length, as in a damaged file."""
 
 
 @dataclass(frozen=True)
 class Recorded:
-    """A result that says what it was computed from.
+    """Result that contains the settings and the model hash of its problem.
 
     Parameters
     ----------
     settings : mapping
-        Of the problem, and what was asked.
+        Settings of the problem and arguments of the analysis.
     model_hash : str
     """
 
@@ -170,7 +168,7 @@ class Recorded:
 
 
 def check_folder(path: FilePath) -> None:
-    """Refuse a path whose folder does not exist, and one that is a folder itself."""
+    """Raise BdamperError if the folder of a path does not exist or the path is a folder."""
     folder = Path(path).resolve().parent
     if not folder.is_dir():
         raise BdamperError(f"{path}: expected a folder that exists, found no '{folder}'")
@@ -179,7 +177,7 @@ def check_folder(path: FilePath) -> None:
 
 
 def check_regular(path: FilePath) -> None:
-    """Refuse a path that :func:`check_folder` refuses, and a device or a pipe."""
+    """Raise BdamperError as :func:`check_folder`, and for a device or a pipe."""
     check_folder(path)
     if Path(path).exists() and not Path(path).is_file():
         raise BdamperError(f"{path}: expected a regular file, found a device or a pipe")
@@ -187,7 +185,7 @@ def check_regular(path: FilePath) -> None:
 
 @contextmanager
 def file_errors(path: object) -> Iterator[None]:
-    """Turn an error of the system while a file is written into a BdamperError that names the file."""
+    """Convert an OSError while a file is written into a BdamperError that names the file."""
     try:
         yield
     except OSError as error:
@@ -196,14 +194,14 @@ def file_errors(path: object) -> Iterator[None]:
 
 @contextmanager
 def write_hdf5(path: FilePath, **options: Any) -> Iterator[h5py.File]:
-    """A new HDF5 file, which replaces an existing one in a single step once all of it is written.
+    """Open a new HDF5 file, which replaces an existing file in a single step when the context ends.
 
-    The file is made in memory.  HDF5 cannot close a file on a full disk, and may end the process then.
+    The content is built in memory, because HDF5 cannot close a file on a full disk and may abort the process.
 
     Raises
     ------
     BdamperError
-        If no file can be written there.
+        If the file cannot be written.
     """
     check_regular(path)
     target = Path(path)
@@ -222,7 +220,7 @@ def write_hdf5(path: FilePath, **options: Any) -> Iterator[h5py.File]:
 
 @contextmanager
 def read_hdf5(path: FilePath, expected: str, kind: type[BdamperError] = BdamperError) -> Iterator[h5py.File]:
-    """A file to be read, with one error, of a kind, where it is none or damaged."""
+    """Open an HDF5 file for reading; raise one error of type ``kind`` if it is damaged or not HDF5."""
     if Path(path).is_dir():
         raise kind(f"{path}: expected {expected}, found a folder")
     if not Path(path).is_file():
@@ -239,7 +237,7 @@ def read_hdf5(path: FilePath, expected: str, kind: type[BdamperError] = BdamperE
 
 
 def _check_bytes(file: h5py.File, size: int) -> None:
-    """Refuse a file that would take too much memory before it is read: compressed zeros, a text of gigabytes."""
+    """Reject a file that would expand to too much memory, such as compressed zeros or a text of gigabytes."""
     found: list[tuple[int, int]] = []
 
     def add(name: str, item: Any) -> None:
@@ -262,7 +260,7 @@ def _read(cls: type[Storable], version: int, path: FilePath) -> Storable:
             raise BdamperError(f"{path}: expected {expected}, found version {own}, written by {made_with}")
         try:
             return _take(cls, file, made_with)
-        except SettingError as error:  # fields that are missing or that the class does not accept
+        except SettingError as error:  # missing or invalid fields
             raise ValueError(str(error)) from error
 
 
@@ -270,11 +268,11 @@ def _text(value: Any) -> str:
     return value.decode(errors="replace") if isinstance(value, bytes) else str(value)
 
 
-# ---- fields ----
+# ---- Fields ----
 
 
 def _leaf(hint: Any) -> Any:
-    """The type that a field holds one or several of: ``Cost`` of ``tuple[Cost, ...]``, ``Fold`` of ``Fold | None``."""
+    """Return the type of the items of a field: ``Cost`` of ``tuple[Cost, ...]``, ``Fold`` of ``Fold | None``."""
     inner = [kind for kind in get_args(hint) if kind not in (NoneType, Ellipsis)]
     return inner[0] if len(inner) == 1 and get_origin(hint) is not dict else hint
 
@@ -284,7 +282,7 @@ def _is_stored(kind: Any) -> bool:
 
 
 def _put(group: h5py.Group, result: Any) -> None:
-    """Write the fields of a result, and which versions made it."""
+    """Write the fields and the versions of a result."""
     group.attrs.update(result.made_with.attributes())
     hints = get_type_hints(type(result))
     for name in (f.name for f in fields(result) if f.name != "made_with"):
@@ -307,7 +305,7 @@ def _put(group: h5py.Group, result: Any) -> None:
 
 
 def _take(cls: Any, group: h5py.Group, made_with: Versions) -> Any:
-    """A result from the fields in a file, made with the versions that it names, or else with those given."""
+    """Read a result from the fields in a group; ``made_with`` is used if the group has no versions."""
     hints = get_type_hints(cls)
     made_with = Versions.stored(group.attrs) if "bdamper_version" in group.attrs else made_with
     found: dict[str, Any] = {"made_with": made_with}
@@ -320,7 +318,7 @@ def _take(cls: Any, group: h5py.Group, made_with: Versions) -> Any:
                 found[name] = {key: part[()] for key, part in item.items()}
         elif item is not None:
             text = h5py.check_string_dtype(item.dtype) is not None
-            found[name] = _typed(hints[name], json.loads(item[()])) if text else item[()]
+            found[name] = from_json(hints[name], json.loads(item[()])) if text else item[()]
     made = cls(**found)
     made.check_rows()
     return made
@@ -328,11 +326,10 @@ def _take(cls: Any, group: h5py.Group, made_with: Versions) -> Any:
 
 def from_json(hint: object, value: object) -> Any:
     """Convert a value read from JSON to the annotated type of its field."""
-    return _typed(hint, value)
+    return _from_json(hint, value)
 
 
-def _typed(hint: Any, value: Any) -> Any:
-    """What was read from JSON, in the annotated type."""
+def _from_json(hint: Any, value: Any) -> Any:
     origin, inner = get_origin(hint), get_args(hint)
     if value is None or hint is Any or origin in (dict, Mapping):
         return value
@@ -340,24 +337,24 @@ def _typed(hint: Any, value: Any) -> Any:
         return value["real"] + 1j * np.array(value["imag"]) if isinstance(value, Mapping) else np.array(value)
     if origin is tuple:
         kinds = inner[:1] * len(value) if inner[-1] is ... else inner
-        return tuple(_typed(kind, item) for kind, item in zip(kinds, value))
+        return tuple(_from_json(kind, item) for kind, item in zip(kinds, value))
     if isinstance(hint, InitVar):
-        return _typed(hint.type, value)
+        return _from_json(hint.type, value)
     if NoneType in inner and _leaf(hint) is not hint:
-        return _typed(_leaf(hint), value)
+        return _from_json(_leaf(hint), value)
     if is_dataclass(hint):
         hints = get_type_hints(hint)
-        known = {name: _typed(hints[name], item) for name, item in value.items() if name in hints}
+        known = {name: _from_json(hints[name], item) for name, item in value.items() if name in hints}
         return hint(**known)  # type: ignore[operator]
     if origin in (Union, UnionType):  # such as int | tuple[int, ...]
         return tuple(value) if isinstance(value, list) else value
-    if isinstance(hint, type) and issubclass(hint, tuple):  # a named one
+    if isinstance(hint, type) and issubclass(hint, tuple):  # named tuple
         return hint(*value)
     return hint(value)
 
 
 def to_json(value: Any) -> Any:
-    """JSON form of numbers and arrays of NumPy and of small frozen objects."""
+    """Convert arrays and numbers of NumPy, mappings and small dataclasses for JSON."""
     if isinstance(value, np.ndarray):
         return {"real": value.real.tolist(), "imag": value.imag.tolist()} if np.iscomplexobj(value) else value.tolist()
     if isinstance(value, np.generic):
@@ -369,29 +366,29 @@ def to_json(value: Any) -> Any:
     raise TypeError(f"expected a number, a text, a list or a mapping, found {type(value).__name__}")
 
 
-# ---- The file in which long work keeps what is finished, so that it can go on when it was inter ----
+# ---- Finished parts of long work ----
 
 
 class ResultsFile:
-    """Lines of JSON, the first of which identifies the work.  It is locked until it is closed.
+    """File with a line of JSON for each finished part, locked until it is closed.
 
     Parameters
     ----------
     path : path
     header : mapping
-        Compared with the first line of an existing file.
+        Identification of the work, compared with the first line of an existing file.
     work : str
-        What the file belongs to: "sweep", "search for an optimal curve".
+        Kind of work for errors: "sweep", "search for an optimal curve".
 
     Attributes
     ----------
     records : dict of (int or str) to mapping
-        Finished parts by their "index", a number or a name.
+        Finished parts by "index", a number or a name.
 
     Raises
     ------
     BdamperError
-        If another run uses the file, it is not one of this work, or no file can stand there.
+        If another run uses the file, the file belongs to other work, or it cannot be written.
     """
 
     def __init__(self, path: str | Path, header: Mapping[str, Any], work: str = "sweep") -> None:
@@ -413,14 +410,14 @@ class ResultsFile:
     def _lock(self) -> None:
         try:
             import fcntl
-        except ImportError:  # no locks of this kind on this system
+        except ImportError:  # the system has no file locks
             return
         try:
             fcntl.flock(self.file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            raise self._refused("a results file of its own", "one that another run uses") from error
+            raise self._mismatch("a results file that no other run uses", "a locked file") from error
 
-    def _refused(self, expected: str, found: str) -> BdamperError:
+    def _mismatch(self, expected: str, found: str) -> BdamperError:
         return BdamperError(f"{self.path}: expected {expected}, found {found}")
 
     def _read(self) -> None:
@@ -432,35 +429,35 @@ class ResultsFile:
         lines = content[:whole].splitlines()
         if not lines:
             if content and not json_line(self.header).startswith(content[: len(json_line(self.header))]):
-                raise self._refused(self.expected, "something else")
+                raise self._mismatch(self.expected, "something else")
             os.ftruncate(self.file, 0)
             self._write(self.header)
             return
         try:
             found = json.loads(lines[0])
         except ValueError as error:
-            raise self._refused(self.expected, "something else") from error
+            raise self._mismatch(self.expected, "something else") from error
         self._compare(found)
         for number, line in enumerate(lines[1:], 2):
             try:
                 record = json.loads(line)
                 self.records[record["index"]] = record
             except (ValueError, KeyError, TypeError) as error:
-                raise self._refused(f"one finished part in line {number}", repr(line[:60])) from error
-        if whole < len(content):  # incomplete, since the run that wrote it was killed
+                raise self._mismatch(f"one finished part in line {number}", repr(line[:60])) from error
+        if whole < len(content):  # incomplete line of a killed run
             os.ftruncate(self.file, whole)
 
     def _compare(self, found: Any) -> None:
         if not isinstance(found, dict) or found.get("format") != self.header["format"]:
-            raise self._refused(self.expected, "something else")
-        own, other = (Versions.stored(header).bdamper for header in (self.header, found))
-        if own != other:
-            those = f"those of bdamper {other}, which this version cannot continue"
-            raise self._refused(f"results of bdamper {own}", those)
+            raise self._mismatch(self.expected, "something else")
+        version, stored = (Versions.stored(header).bdamper for header in (self.header, found))
+        if version != stored:
+            unusable = f"results of bdamper {stored}, which this version cannot continue"
+            raise self._mismatch(f"results of bdamper {version}", unusable)
         for name, expected in json.loads(json_line(self.header)).items():
             if name not in INSTALLED.attributes() and found.get(name) != expected:
                 values = f"{truncate(json.dumps(found.get(name)), 100)}, here {truncate(json.dumps(expected), 100)}"
-                raise self._refused(f"results of this {self.work}", f"those of another one: {name} is {values}")
+                raise self._mismatch(f"results of this {self.work}", f"results of other settings: {name} is {values}")
 
     def _write(self, *records: Mapping[str, Any]) -> None:
         self.waiting += b"".join(map(json_line, records))
@@ -469,20 +466,23 @@ class ResultsFile:
         os.fsync(self.file)
 
     def append(self, record: dict[str, Any]) -> None:
-        """Add a finished part and force it to disk; if the disk is full, warn, and write it with the next part."""
+        """Add a finished part and force it to disk.
+
+        If the disk is full, warn and retry with the next part.
+        """
         self.records[record["index"]] = record
         try:
             self._write(record)
         except OSError as error:
-            warn(f"{self.path}: expected room for results, found {one_line(error)}; finished results wait in memory")
+            warn(f"{self.path}: expected free disk space, found {one_line(error)}; finished parts remain in memory")
 
     def close(self) -> None:
-        """Write parts that wait for room on the disk, if there is some, and close the file."""
+        """Write parts that were delayed by a full disk, if possible, and close the file."""
         with suppress(OSError):
             self._write()
         os.close(self.file)
 
 
 def json_line(record: Mapping[str, Any]) -> bytes:
-    """One record as a line of JSON."""
+    """Return a record as a line of JSON."""
     return json.dumps(record, default=to_json).encode() + b"\n"

@@ -1,7 +1,7 @@
 """Results as tables: CSV, pandas and xarray (extra ``bdamper[table]``).
 
-Which fields and properties of a result that derives from :class:`Tabular` are columns stands in their annotated types,
-with unit, label and dimensions (:class:`Quantity`)::
+The annotated types of fields and properties select the columns of a result that derives from :class:`Tabular`, with unit,
+label and dimensions (:class:`Quantity`)::
 
     class ResponseCurve(Tabular, row="point"):
         frequency: Hertz
@@ -10,8 +10,8 @@ with unit, label and dimensions (:class:`Quantity`)::
         @property
         def amplitude(self) -> Metres: ...
 
-There is a row for each point of the result, and arrays of more dimensions only xarray takes.  Units stand in the header of
-a CSV file, in ``frame.attrs["units"]`` and in the attributes of each variable.
+A table has a row for each point of the result; only xarray contains arrays with more dimensions.  Units are in the header
+of a CSV file, in ``frame.attrs["units"]`` of pandas and in the attributes of each variable of xarray.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ class Column(NamedTuple):
 
     Parameters
     ----------
-    values : (n,) array, or (...) array with names of its dimensions
+    values : (n,) array, or (...) array if ``dims`` names its dimensions
     unit : str
     dims : tuple of str
-        Names of the dimensions of an array; empty for a column with one value for each row.
+        Names of the dimensions; empty for a column with one value in each row.
     """
 
     values: Any
@@ -50,24 +50,24 @@ class Column(NamedTuple):
 
 
 FEW_ROWS = 30
-"""Rows of a table that ``summary()`` prints."""
+"""Largest number of rows that ``summary()`` prints."""
 ROW = ""
-"""Name of the dimension of rows, where a type does not know it."""
+"""Placeholder for the name of the dimension of the rows."""
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """Marks a field or property of a result as a column of its table, in its annotated type.
+    """Mark in an annotated type that makes a field or property a column of the table.
 
     Parameters
     ----------
     unit : str
     label : str
-        What an axis says; by default the name.
+        Label of an axis; the name by default.
     name : str
-        Of the column; by default that of the field or property.
+        Name of the column; by default the name of the field or property.
     dims : tuple of str
-        Names of the dimensions of an array that is no column with one value for each row, :data:`ROW` for that of rows.
+        Names of the dimensions of an array, with :data:`ROW` for the rows; empty for one value in each row.
     parts : tuple of str
         Names of the columns of an array of shape (n, number of parts).
     """
@@ -81,7 +81,7 @@ class Quantity:
 
 @dataclass(frozen=True)
 class EachRow:
-    """Marks an array with an entry for each row of the table that is no column."""
+    """Mark of an array that has an entry for each row but is not a column."""
 
 
 PerRow = Annotated[NDArray, EachRow()]
@@ -107,7 +107,7 @@ Kinds = Annotated[tuple[str, ...], Quantity(name="kind")]
 
 @cache
 def quantities(cls: Any) -> dict[str, Quantity]:
-    """Fields and properties of a type that are columns: its first one, what is derived, then the other fields."""
+    """Return the columns of a type by name: its first field, the properties, then the other fields."""
     own = declarations(cls)
     of_fields = {f.name: mark for f in fields(cls) if (mark := own[f.name].mark(Quantity)) is not None}
     derived: dict[str, Quantity] = {}
@@ -129,12 +129,12 @@ def _columns_of(name: str, mark: Quantity, value: Any, row: str) -> Iterator[tup
 
 
 class Tabular:
-    """A result that is a table as well; a mixin.
+    """Mixin of results that are tables.
 
     Parameters of the class
     -----------------------
     row : str
-        What the rows of the table are.
+        Name of the items that the rows represent.
     """
 
     _row: ClassVar[str] = "point"
@@ -144,9 +144,9 @@ class Tabular:
         cls._row = row or cls._row
 
     def columns(self) -> dict[str, Column]:
-        """Columns by name, one value for each row, and arrays of more dimensions; what is None is left out.
+        """Return the columns by name, including arrays with more dimensions and without fields that are None.
 
-        Where the rows lie on a grid, its coordinates come first, and arrays over the grid are columns.
+        If the rows form a grid, its coordinates come first, and arrays over the grid are columns.
         """
         cls: Any = type(self)
         found = ((name, mark, getattr(self, name)) for name, mark in quantities(cls).items())
@@ -160,7 +160,7 @@ class Tabular:
         return across | flat | across
 
     def check_rows(self) -> None:
-        """Raise ValueError where two fields differ in the size of a dimension that both have."""
+        """Raise ValueError if two fields differ in the size of a common dimension."""
         cls: Any = type(self)
         names, found = {f.name for f in fields(cls)}, dict[str, tuple[int, str]]()
         per_row = {name for name, own in declarations(cls).items() if own.mark(EachRow)}
@@ -177,24 +177,27 @@ class Tabular:
             dims = marked[name].dims or (ROW, *marked[name].parts[:1])[: len(shape)]
             if len(dims) < len(shape):
                 raise ValueError(f"'{name}' has the shape {shape}")
-            for dim, size in zip(dims[::-1], shape[::-1]):  # of a single solution, the first dimension is missing
+            for dim, size in zip(dims[::-1], shape[::-1]):  # a single solution lacks the first dimension
                 other, first = found.setdefault(dim or self._dimension(), (size, name))
                 if size != other:
                     raise ValueError(f"'{name}' has {size} values, '{first}' has {other}")
 
     def _dimension(self) -> str:
-        """What the rows of the table are."""
+        """Return the name of the dimension of the rows."""
         return self._row
 
     def _grid(self) -> dict[str, Any]:
-        """Coordinates of the grid that the rows lie on, the last one fastest; empty if they are a mere sequence."""
+        """Return the coordinates of the grid of the rows, the fastest last; empty if there is no grid."""
         return {}
 
     def _flat(self) -> dict[str, Column]:
         return {name: column for name, column in self.columns().items() if not column.dims}
 
     def as_rows(self) -> list[tuple[str, ...]]:
-        """Head and rows as texts; of more than :data:`FEW_ROWS` the least and the largest value of each column."""
+        """Return the header and the rows as texts.
+
+        Tables with more than :data:`FEW_ROWS` rows are reduced to the smallest and the largest value of each column.
+        """
         table = self._flat()
         values = [np.asarray(column.values).tolist() for column in table.values()]
         if not values or not values[0]:
@@ -211,21 +214,23 @@ class Tabular:
         return [first, *((h, c[i], c[j]) for h, i, j, c in ends)]
 
     def _attributes(self) -> dict[str, Any]:
-        """What the table is of: kind of result, settings, model, version."""
+        """Return the metadata of the table: type of result, settings, model hash, version."""
         found = {name: getattr(self, name, None) for name in ("preload", "status", "model_hash", "settings")}
         texts = {name: value for name, value in found.items() if isinstance(value, str | float | int) and value != ""}
         settings = {"settings": json.dumps(found["settings"], default=to_json)} if found["settings"] else {}
-        return {"result": type(self).__name__, **texts, **settings, "bdamper": getattr(self, "made_with", INSTALLED).bdamper}
+        version = getattr(self, "made_with", INSTALLED).bdamper
+        return {"result": type(self).__name__, **texts, **settings, "bdamper": version}
 
     def to_csv(self, path: FilePath) -> None:
-        """Write one row for each point; the header has names and units, lines that begin with ``#`` what it is of.
+        """Write a CSV file with one row for each point.
 
-        ``pandas.read_csv(path, comment="#")`` reads it.
+        The header contains names and units.  Lines that begin with ``#`` contain the metadata;
+        ``pandas.read_csv(path, comment="#")`` skips them.
 
         Raises
         ------
         BdamperError
-            If no file can be written there.
+            If the file cannot be written.
         """
         check_folder(path)
         table = self._flat()
@@ -237,7 +242,7 @@ class Tabular:
             writer.writerows(zip(*(np.asarray(column.values).tolist() for column in table.values())))
 
     def to_pandas(self) -> Any:
-        """A pandas.DataFrame, one row for each point; ``attrs["units"]`` has the units.
+        """Return a pandas.DataFrame with one row for each point; ``attrs["units"]`` contains the units.
 
         Raises
         ------
@@ -251,15 +256,18 @@ class Tabular:
         return frame
 
     def to_xarray(self) -> Any:
-        """An xarray.Dataset with units in the attributes of its variables, arrays of more dimensions included.
-
-        Harmonics are complex, which netCDF has no type for: ``data.to_netcdf(path, engine="h5netcdf",
-        invalid_netcdf=True)`` writes them as HDF5 does, and xarray and h5py read them.
+        """Return an xarray.Dataset, including arrays with more dimensions; each variable has the attribute ``units``.
 
         Raises
         ------
         BdamperError
-            If xarray is not installed, or a sweep has the same value of a setting twice, which is no coordinate.
+            If xarray is not installed, or a sweep contains the same value of a setting twice, which is not a valid
+            coordinate.
+
+        Notes
+        -----
+        The harmonics are complex, and netCDF has no complex type.  ``data.to_netcdf(path, engine="h5netcdf",
+        invalid_netcdf=True)`` writes them in the way of HDF5, which xarray and h5py read.
         """
         xarray = import_extra("xarray", "to_xarray", "table")
         own, grid = self._dimension(), self._grid()
@@ -276,7 +284,7 @@ class Tabular:
 
 
 class FrequencySeries:
-    """Solutions over frequency with the harmonics of their response, as far as they were followed; a mixin."""
+    """Mixin of solutions over frequency with the harmonics of their response."""
 
     frequency: Hertz
     harmonics: NDArray
@@ -287,12 +295,15 @@ class FrequencySeries:
 
     @property
     def complete(self) -> bool:
-        """Whether solutions cover all that was asked for, on a curve except for gaps of a thousandth; see ``left_out``."""
+        """Whether the solutions cover the requested interval.
+
+        Gaps of a thousandth of a curve are ignored; see ``left_out``.
+        """
         return self.status == COMPLETE
 
     @property
     def interrupted(self) -> bool:
-        """Whether Ctrl-C has ended it."""
+        """Whether Ctrl-C ended the computation."""
         return self.status == INTERRUPTED
 
     @property
@@ -302,7 +313,7 @@ class FrequencySeries:
 
 
 def concatenate(tables: Sequence[Tabular]) -> dict[str, Column]:
-    """The rows of several tables one below the other, by the columns that all of them have."""
+    """Return the columns common to all tables, with their rows concatenated."""
     flat = [table._flat() for table in tables]
     return {
         name: column._replace(values=np.concatenate([one[name].values for one in flat]))
@@ -312,7 +323,7 @@ def concatenate(tables: Sequence[Tabular]) -> dict[str, Column]:
 
 
 def columns_of_rows(rows: Sequence[Any]) -> dict[str, Column]:
-    """Columns from small dataclasses of one type, one for each row, by the fields that are numbers or texts."""
+    """Return columns from dataclasses of one type, one for each row, by their fields of numbers or texts."""
     out = {}
     kind: Any = type(rows[0]) if rows else None
     for name in (f.name for f in fields(kind)) if rows else ():
@@ -323,7 +334,7 @@ def columns_of_rows(rows: Sequence[Any]) -> dict[str, Column]:
 
 
 def axis_label(of: Any, name: str, unit: str = "") -> str:
-    """Axis label of a field or property of a type of result: its label or name, and its unit."""
+    """Return the axis label of a field or property of a type: its label or name, and its unit."""
     mark = quantities(of).get(name, Quantity())
     text, unit = mark.label or spaced(mark.name or name).capitalize(), unit or mark.unit
     return f"{text} ({unit})" if unit else text

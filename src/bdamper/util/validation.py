@@ -1,21 +1,20 @@
-"""Checks of what a user gives: the value in the form in which it is used, or one error that names it.
+"""Checks of arguments.
 
-Every check takes the name first and raises a :class:`~bdamper.util.errors.SettingError` of the form
-``name: expected ..., found ...``.  Texts and booleans do not pass for numbers, nor numbers for booleans.
+Each check takes the name of the argument first.  It returns the value in the form used by the package, or raises a
+:class:`~bdamper.util.errors.SettingError` "name: expected ..., found ...".  Texts and booleans are not accepted as numbers,
+nor numbers as booleans.
 
 Dataclasses declare the checks of their fields in the annotated types (:class:`Checked`)::
 
     class Options(Checked):
         step: Positive
         tolerance: Annotated[float, Limits(above=0.0, below=1e-2)]
-        patience: Annotated[int, partial(whole, least=2)]
+        patience: Annotated[int, partial(integer, least=2)]
         scale: Literal["linear", "logarithmic"]
         budget: Count | None
         locate: bool
 
-Annotated types of fields: the type itself, whether it may be None, and what it is marked with.
-
-``Annotated[float, mark]`` and ``Annotated[float, mark] | None`` carry the same mark.
+``Annotated[float, mark]`` and ``Annotated[float, mark] | None`` have the same mark.
 """
 
 from __future__ import annotations
@@ -43,7 +42,7 @@ T = TypeVar("T")
 
 
 class Declared(NamedTuple):
-    """A type without its marks and without None.
+    """Type of a field without its marks and without None.
 
     Parameters
     ----------
@@ -51,7 +50,7 @@ class Declared(NamedTuple):
     optional : bool
         Whether None is allowed.
     marks : tuple
-        Outermost last.
+        Marks of the annotated type, the outermost last.
     """
 
     kind: Any
@@ -59,12 +58,12 @@ class Declared(NamedTuple):
     marks: tuple[Any, ...] = ()
 
     def mark(self, kind: type[T]) -> T | None:
-        """The outermost mark of a class; None if there is none."""
+        """Return the outermost mark of a class, or None."""
         return next((mark for mark in reversed(self.marks) if isinstance(mark, kind)), None)
 
 
 def declared(hint: object) -> Declared:
-    """Declaration in a type hint."""
+    """Return the declaration in a type hint."""
     if get_origin(hint) is Annotated:
         inner, *marks = get_args(hint)
         return declared(inner)._replace(marks=(*declared(inner).marks, *marks))
@@ -76,26 +75,29 @@ def declared(hint: object) -> Declared:
 
 @cache
 def declarations(of: object) -> dict[str, Declared]:
-    """Declarations in the type hints of a class or function, by field or parameter."""
+    """Return the declarations in the type hints of a class or function, by field or parameter."""
     return {name: declared(hint) for name, hint in get_type_hints(cast(Any, of), include_extras=True).items()}
 
 
-# ---- Checks of what a user gives ----
+# ---- Checks of arguments ----
 
 
 def invalid(name: str, expected: str, found: Any) -> SettingError:
-    """The error for a value that does not fit; numbers, texts and lists of them are shown, other things named."""
+    """Return the error for an invalid value.
+
+    The error shows numbers, texts and lists of them; it shows other objects by their type.
+    """
     return SettingError(f"{name}: expected {expected}, found {one_line(_shown(found))}")
 
 
 def check_value(good: object, name: str, expected: str, value: object) -> None:
-    """Refuse a value that does not fit, which the error shows as :func:`unfit` does."""
+    """Raise the error of :func:`invalid` unless a condition holds."""
     if not good:
         raise invalid(name, expected, value)
 
 
 def check(good: object, name: str, expected: str, found: object) -> None:
-    """Refuse what does not fit; the error says in words what was found."""
+    """Raise a SettingError unless a condition holds; ``found`` describes the value in words."""
     if not good:
         raise SettingError(f"{name}: expected {expected}, found {one_line(found)}")
 
@@ -103,7 +105,8 @@ def check(good: object, name: str, expected: str, found: object) -> None:
 def _shown(value: Any) -> str:
     if isinstance(value, np.generic):
         value = value.item()
-    if isinstance(value, list | tuple) and value and all(is_dataclass(item) for item in value):  # results print pages
+    # the text of a result is long
+    if isinstance(value, list | tuple) and value and all(is_dataclass(item) for item in value):
         return f"a {type(value).__name__} of {len(value)} {type(value[0]).__name__}"
     if value is None or isinstance(value, str | bytes | Real | complex | list | tuple | dict):
         return repr(value)
@@ -113,7 +116,7 @@ def _shown(value: Any) -> str:
 
 
 def _plain_number(value: Any) -> float | None:
-    """A finite real number; None for anything else."""
+    """Return a finite real number; None for any other value."""
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value.item()
     if not isinstance(value, Real) or isinstance(value, bool | np.bool_):
@@ -127,7 +130,10 @@ def _plain_number(value: Any) -> float | None:
 
 @dataclass(frozen=True)
 class Limits:
-    """Bounds of numbers, ``above`` and ``below`` excluded, in a unit; they print as in an error."""
+    """Bounds of a number: above < x < below, least <= x <= most.
+
+    ``str`` gives the text for errors, with the unit.
+    """
 
     above: float | None = None
     least: float | None = None
@@ -136,12 +142,12 @@ class Limits:
     unit: str = ""
 
     def hold(self, values: float | NDArray) -> Any:
-        """Whether a number, or each number of an array, lies within."""
+        """Return whether a number, or each number of an array, is within the bounds."""
         limits = ((gt, self.above), (ge, self.least), (lt, self.below), (le, self.most))
         return reduce(and_, (holds(values, limit) for holds, limit in limits if limit is not None), True)
 
     def __call__(self, name: str, value: object) -> float:
-        """One finite number within them."""
+        """Return a finite number within the bounds."""
         return number(name, value, **asdict(self))
 
     def __str__(self) -> str:
@@ -153,7 +159,7 @@ class Limits:
 
 
 def number(name: str, value: Any, **limits: Any) -> float:
-    """One finite number within :class:`Limits`."""
+    """Return a finite number within :class:`Limits`."""
     out, within = _plain_number(value), Limits(**limits)
     if out is None or not within.hold(out):
         kind = "a number" if within.above is not None and within.below is not None else "a finite number"
@@ -162,7 +168,7 @@ def number(name: str, value: Any, **limits: Any) -> float:
 
 
 def integer(name: str, value: Any, least: int = 0, most: int | None = None) -> int:
-    """One whole number from ``least`` to ``most``."""
+    """Return an integer from ``least`` to ``most``."""
     out = _plain_number(value)
     if out is None or out != int(out) or out < least or (most is not None and out > most):
         raise invalid(name, f"a whole number {f'>= {least}' if most is None else f'from {least} to {most}'}", value)
@@ -170,13 +176,16 @@ def integer(name: str, value: Any, least: int = 0, most: int | None = None) -> i
 
 
 def flag(name: str, value: Any) -> bool:
-    """True or False, and nothing that only counts as such."""
+    """Return True or False; other values are rejected."""
     check_value(isinstance(value, bool | np.bool_), name, "True or False", value)
     return bool(value)
 
 
 def suggest_name(found: object, choices: Iterable[str]) -> str:
-    """The end of an error: up to three choices of which a name is a part, or the one that it misspells; empty if none."""
+    """Return "; did you mean ...?" for a misspelt or shortened name.
+
+    It proposes up to three choices that contain the name, or the most similar one; the text is empty if there is none.
+    """
     if not isinstance(found, str):
         return ""
     known = [c for c in choices if not c.startswith("_")]
@@ -185,7 +194,7 @@ def suggest_name(found: object, choices: Iterable[str]) -> str:
 
 
 def choice(name: str, value: Any, choices: Iterable[str]) -> str:
-    """One of several names."""
+    """Return one of several names."""
     choices = tuple(choices)
     if not isinstance(value, str) or value not in choices:
         near = suggest_name(value, choices)
@@ -195,17 +204,18 @@ def choice(name: str, value: Any, choices: Iterable[str]) -> str:
 
 
 def check_arguments(called: T, also: Iterable[str] = (), name: str = "") -> T:
-    """Check the keywords of a function or a class, and warn of implausible values that the user gives.
+    """Decorate a function or class so that it checks its keywords and warns of implausible values.
 
-    An unknown keyword is an error that names a similar one.  See :mod:`bdamper.util.plausible_ranges` for the ranges.
+    An unknown keyword raises an error that proposes a similar one.  The warnings apply to calls by the user alone; see
+    :mod:`bdamper.util.plausible_ranges` for the ranges.
 
     Parameters
     ----------
     called : function or class
     also : iterable of str
-        Keywords that a function takes beyond those it names.
+        Further keywords that the function accepts.
     name : str
-        In errors, instead of that of the function or class.
+        Name in errors; by default the name of the function or class.
     """
     if isinstance(called, type):
         called.__init__ = check_arguments(called.__init__, also, name)  # type: ignore[misc]
@@ -221,12 +231,13 @@ def check_arguments(called: T, also: Iterable[str] = (), name: str = "") -> T:
     @wraps(function)
     def checked(*given: Any, **keywords: Any) -> Any:
         for word in () if takes_any else keywords.keys() - set(known):
-            near = suggest_name(word, known) or f"; there are {', '.join(k for k in known if k != 'self' and k[0] != '_')}"
-            raise SettingError(f"{name}: expected keywords that it has, found {word}{near}")
+            shown = ", ".join(k for k in known if k != "self" and k[0] != "_")
+            near = suggest_name(word, known) or f"; the arguments are {shown}"
+            raise SettingError(f"{name}: there is no argument '{word}'{near}")
         try:
             bound = signature.bind(*given, **keywords)
         except TypeError as error:
-            raise SettingError(f"{name}: expected {', '.join(needed)}, found: {error}") from None
+            raise SettingError(f"{name}: {error}; the required arguments are {', '.join(needed)}") from None
         if called_by_user():
             _doubt(name, bound)
         return function(*given, **keywords)
@@ -236,18 +247,18 @@ def check_arguments(called: T, also: Iterable[str] = (), name: str = "") -> T:
 
 
 def _doubt(name: str, bound: inspect.BoundArguments) -> None:
-    """Warn of implausible arguments of a function, by the sizes of the study that is its first one."""
+    """Warn of implausible arguments; a first argument that is a study or problem provides the sizes."""
     bound.apply_defaults()
     first = next(iter(bound.args), None)
     sizes = getattr(getattr(first, "problem", first), "sizes", None)
     for parameter, value in bound.arguments.items():
         further = bound.signature.parameters[parameter].kind is inspect.Parameter.VAR_KEYWORD
-        for one, own in value.items() if further else [(parameter, value)]:
-            plausible_ranges.check(name, one, own, sizes)
+        for keyword, argument in value.items() if further else [(parameter, value)]:
+            plausible_ranges.check(name, keyword, argument, sizes)
 
 
 def names(name: str, value: Any, choices: Iterable[str], least: int = 0) -> tuple[str, ...]:
-    """A sequence of names, each at most once."""
+    """Return a sequence of different names."""
     choices = tuple(choices)
     several = isinstance(value, Iterable) and not isinstance(value, str | bytes)
     given = tuple(choice(name, item, choices) for item in value) if several else ()
@@ -257,7 +268,7 @@ def names(name: str, value: Any, choices: Iterable[str], least: int = 0) -> tupl
 
 
 def instance(name: str, value: T, kind: type | tuple[type, ...], words: str = "") -> T:
-    """An object of one of some classes, which ``words`` describe."""
+    """Return an object of one of the given classes; ``words`` describe them in the error."""
     if not isinstance(value, kind):
         kinds = kind if isinstance(kind, tuple) else (kind,)
         named = [f"{'an' if k.__name__[0] in 'AEIOU' else 'a'} {k.__name__}" for k in kinds]
@@ -266,7 +277,7 @@ def instance(name: str, value: T, kind: type | tuple[type, ...], words: str = ""
 
 
 def mapping(name: str, value: Any, keys: Iterable[str], words: str) -> Mapping[str, Any]:
-    """A mapping of some of the keys to values."""
+    """Return a mapping whose keys are among the given ones."""
     keys = tuple(keys)
     check_value(isinstance(value, Mapping), name, f"a mapping of {words} out of {list(keys)} to values", value)
     unknown = [key for key in value if key not in keys]
@@ -276,7 +287,7 @@ def mapping(name: str, value: Any, keys: Iterable[str], words: str) -> Mapping[s
 
 
 def each(check: Callable[[str, Any], Any]) -> Callable[[str, Any], Any]:
-    """The check of one value, or of each value of a mapping of names to values."""
+    """Return a check that applies to one value, or to each value of a mapping."""
 
     def checked(name: str, value: Any) -> Any:
         if not isinstance(value, Mapping):
@@ -287,7 +298,7 @@ def each(check: Callable[[str, Any], Any]) -> Callable[[str, Any], Any]:
 
 
 def numbers(name: str, value: Any, n: int | None = None, **limits: Any) -> NDArray:
-    """(n,) finite numbers within :class:`Limits`; at least one if their number is free."""
+    """Return (n,) finite numbers within :class:`Limits`; at least one number if ``n`` is None."""
     out, within = None, Limits(**limits)
     if isinstance(value, Sequence | np.ndarray) and not isinstance(value, str | bytes):
         given = [_plain_number(v) for v in value] if np.ndim(value) != 0 else [None]
@@ -301,15 +312,16 @@ def numbers(name: str, value: Any, n: int | None = None, **limits: Any) -> NDArr
 
 
 def integers(name: str, value: Any, least: int = 0, most: int | None = None) -> tuple[int, ...]:
-    """A sequence of whole numbers, each at most once."""
-    check_value(isinstance(value, Iterable) and not isinstance(value, str | bytes), name, "a sequence of whole numbers", value)
+    """Return a sequence of different integers."""
+    sequence = isinstance(value, Iterable) and not isinstance(value, str | bytes)
+    check_value(sequence, name, "a sequence of whole numbers", value)
     given = tuple(integer(name, item, least, most) for item in value)
     check_value(len(set(given)) == len(given), name, "whole numbers, each at most once", value)
     return given
 
 
 def interval(name: str, value: Any, unit: str = "Hz") -> tuple[float, float]:
-    """Two ends, 0 < low < high."""
+    """Return the ends of an interval, 0 < low < high."""
     given = value.tolist() if isinstance(value, np.ndarray) else value
     ends = [_plain_number(end) for end in given] if isinstance(given, Sequence) and len(given) == 2 else [None, None]
     low, high = ends
@@ -319,24 +331,24 @@ def interval(name: str, value: Any, unit: str = "Hz") -> tuple[float, float]:
 
 
 def check_attributes(record: Any, check: Callable[..., Any], *attributes: str, prefix: str = "", **limits: Any) -> None:
-    """Check attributes of a frozen dataclass, and keep them in the form in which they are used."""
+    """Check attributes of a frozen dataclass and store the converted values."""
     for name in attributes:
         object.__setattr__(record, name, check(f"{prefix}{name}", getattr(record, name), **limits))
 
 
 def check_fields(record: object, prefix: str = "") -> None:
-    """Check the fields of a frozen dataclass as :class:`Checked` does; errors have the prefix before their names."""
+    """Check the fields of a frozen dataclass as :class:`Checked`; errors have the prefix before the name."""
     cls: Callable[..., Any] = type(record)
     for name, check in _checks(cls).items():
         check_attributes(record, check, name, prefix=prefix)
 
 
 class Checked:
-    """A frozen dataclass whose fields are checked when it is made, by their annotated types; a mixin.
+    """Mixin of frozen dataclasses that checks the fields by their annotated types when an object is made.
 
-    A mark that is a function of name and value checks a field and returns the value in the form in which it is used;
-    without one, ``bool`` takes True and False and ``Literal`` one of its values.  Other fields are not checked, nor is None
-    where the type allows it.
+    A mark that is a function of name and value checks a field and returns the converted value.  Without such a mark,
+    ``bool`` accepts True and False, and ``Literal`` one of its values.  Other fields, and None in an optional field, are
+    not checked.
     """
 
     def __post_init__(self) -> None:
@@ -345,16 +357,16 @@ class Checked:
 
 @cache
 def _checks(cls: Callable[..., Any]) -> dict[str, Callable[[str, Any], Any]]:
-    """Checks by the names of fields."""
-    found = {name: (_check_of(own), own.optional) for name, own in declarations(cls).items()}
+    """Return the checks by field."""
+    found = {name: (_check_of(field), field.optional) for name, field in declarations(cls).items()}
     return {name: partial(_given, check, optional) for name, (check, optional) in found.items() if check is not None}
 
 
-def _check_of(own: Declared) -> Callable[[str, Any], Any] | None:
-    plain: Callable[[str, Any], Any] | None = flag if own.kind is bool else None
-    if get_origin(own.kind) is Literal:
-        plain = partial(choice, choices=get_args(own.kind))
-    return next((mark for mark in reversed(own.marks) if callable(mark)), plain)
+def _check_of(field: Declared) -> Callable[[str, Any], Any] | None:
+    plain: Callable[[str, Any], Any] | None = flag if field.kind is bool else None
+    if get_origin(field.kind) is Literal:
+        plain = partial(choice, choices=get_args(field.kind))
+    return next((mark for mark in reversed(field.marks) if callable(mark)), plain)
 
 
 def _given(check: Callable[[str, Any], Any], optional: bool, name: str, value: Any) -> Any:
