@@ -200,7 +200,8 @@ class TestAnswers:
             ({"over": {"friction_coefficient": [0.1]}}, "preload: expected a number"),
             ({"over": {"preload": [1.0]}, "combine": "all"}, "combine"),
             ({"over": {"preload": [1.0], "friction_coefficient": [0.1, 0.2]}, "combine": "zip"}, "as many values"),
-            ({"over": {"preload": [1.0]}, "evaluate": residual_norm, "frequency": INTERVAL}, "omit them if evaluate is given"),
+            ({"over": {"preload": [1.0]}, "evaluate": residual_norm, "frequency": INTERVAL},
+             "omit them if evaluate is given"),
         ],
     )
     def test_bad_input(self, study, arguments, message):

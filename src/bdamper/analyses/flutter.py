@@ -189,7 +189,8 @@ def _cycles(problem: Problem, mode: NonlinearMode, zeta: float) -> list[tuple[fl
         guess = a + g[i] / (g[i] - g[i + 1]) * (b - a)
         scale = system.units(guess, 1.0)
         c = system.solve(guess, Plane(np.eye(len(guess))[-2]), scale, 1e-10, 20, True)
-        y, status = (c.y, COMPLETE) if c.status == OK else (guess, with_reason(INCOMPLETE, "between two points of the mode"))
+        solved = c.status == OK
+        y, status = (c.y, COMPLETE) if solved else (guess, with_reason(INCOMPLETE, "between two points of the mode"))
         stable = bool((g[i + 1] - g[i]) * (b[-1] - a[-1]) > 0.0)
         out.append((float(system.structure.reference * np.exp(y[-1])), float(y[-3]) / TWO_PI, stable, status))
     return out

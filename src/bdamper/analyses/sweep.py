@@ -462,7 +462,8 @@ def _outcome(result: ResponseCurve | OptimalCurve) -> tuple[float, float, float,
         return np.nan, np.nan, result.preload, f"{result.status}: {result.reason}"
     top = result.peak
     if result.peak_at_end:
-        return np.nan, np.nan, result.preload, f"{result.status}, no peak: highest {peak_text(top.amplitude, top.frequency)}"
+        status = f"{result.status}, no peak: highest {peak_text(top.amplitude, top.frequency)}"
+        return np.nan, np.nan, result.preload, status
     return top.amplitude, top.frequency, result.preload, result.status
 
 

@@ -2,8 +2,10 @@ r"""Contact laws, and the parameters of the contact points.
 
 Relative motion :math:`x = (u_1, u_2, v)`, with the closing :math:`v`, gives the contact forces :math:`F = (T_1, T_2, N)`.
 
-The laws ``LAW_*`` are part of the C core: Coulomb friction with variable normal load and separation (``csrc/contact/element.c``,
-exact integration over a cycle in ``contact/event_driven.c``, samples in time in ``contact/aft.c``) and its form with coupled tangential
+The laws ``LAW_*`` are part of the C core: Coulomb friction with variable normal load and separation
+(``csrc/contact/element.c``,
+exact integration over a cycle in ``contact/event_driven.c``, samples in time in ``contact/aft.c``) and its form with
+coupled tangential
 directions (``contact/coupled_friction.c``).  :class:`PointArrays` holds their parameters.
 
 A compiled law (:class:`ContactLaw`) maps one instant to the next.  Its state :math:`s` depends on the motion, the motion
@@ -11,7 +13,8 @@ one instant earlier and the state there:
 
 .. math:: s_k = g(x_k, x_{k-1}, s_{k-1}), \qquad F_k = f(x_k, s_k).
 
-Its signature is ``bd_user_law`` of ``csrc/contact/user_law.h``.  The C core calls it in harmonic balance (``csrc/contact/user_law_aft.c``), in the
+Its signature is ``bd_user_law`` of ``csrc/contact/user_law.h``.  The C core calls it in harmonic balance
+(``csrc/contact/user_law_aft.c``), in the
 static analysis and in time integration.  :func:`check` tests it before an analysis uses it.
 
 **A new contact law** is such a function, written by the user or added to ``csrc/contact/shipped_laws.c`` with an entry in
@@ -76,7 +79,9 @@ def check_evaluation(contact_forces: str | AFT, harmonics: int) -> None:
     """Raise SettingError unless ``contact_forces`` is "event_driven" or AFT with enough samples for all harmonics."""
     if isinstance(contact_forces, AFT):
         expected = f"AFT with at least {4 * harmonics + 4} samples for {harmonics} harmonics"
-        validation.check_value(contact_forces.n_time >= 4 * harmonics + 4, "contact_forces", expected, contact_forces.n_time)
+        validation.check_value(
+            contact_forces.n_time >= 4 * harmonics + 4, "contact_forces", expected, contact_forces.n_time
+        )
     elif not isinstance(contact_forces, str) or contact_forces != "event_driven":
         raise validation.invalid("contact_forces", '"event_driven" or AFT(n_time)', contact_forces)
 
@@ -146,7 +151,8 @@ SHIPPED = {"jenkins": _core.jenkins, "iwan": _core.jenkins, "bouc_wen": _core.bo
 class ContactLaw:
     """Contact law as a compiled function, for ``friction_law`` of a study.
 
-    The function has the signature ``bd_user_law`` of ``csrc/contact/user_law.h``: eleven pointers, no return value.  It must not call
+    The function has the signature ``bd_user_law`` of ``csrc/contact/user_law.h``: eleven pointers, no return value.  It
+    must not call
     Python.  Several threads call it at the same time, so its results must depend on its arguments alone.
 
     Parameters
@@ -188,7 +194,9 @@ class ContactLaw:
         validation.number("resolution", self.resolution, least=0.0, unit="m")
         for array in ("parameters", "stick"):
             numbers = _numbers(getattr(self, array))
-            validation.check_value(numbers is not None, array, "finite numbers, (n,) or (n_points, n)", getattr(self, array))
+            validation.check_value(
+                numbers is not None, array, "finite numbers, (n,) or (n_points, n)", getattr(self, array)
+            )
             object.__setattr__(self, array, numbers)
         good = self.stick.shape[-1] == 3 and (self.stick >= 0.0).all() and self.stick.any()
         validation.check_value(good, "stick", "stiffness kt1, kt2, kn in N/m, none negative, one positive", self.stick)

@@ -35,7 +35,9 @@ def check_settings(problem: Problem) -> None:
     flow, n = settings.aerodynamic_damping, max(problem.model.n_blades, 1)
     used = sorted({problem.engine_order * harmonic % n for harmonic in settings.harmonic_numbers})
     if isinstance(flow, Mapping) and not set(flow) & set(used):
-        warn_implausible("aerodynamic_damping", f"at one of the nodal diameters {used} of the study", f"at {sorted(flow)} alone")
+        warn_implausible(
+            "aerodynamic_damping", f"at one of the nodal diameters {used} of the study", f"at {sorted(flow)} alone"
+        )
 
 
 def _given(problem: Problem) -> Iterator[tuple[str, str, Any, str]]:

@@ -204,7 +204,9 @@ class Settings:
         for d, value in by_diameter.items():
             item = f"aerodynamic_damping at nodal diameter {d}"
             wave = validation.integer(item.replace("damping at", "damping,"), d, -self.model.n_blades) % self.model.n_blades
-            validation.check_value(isinstance(value, (int, float, complex)) and np.isfinite(value), item, "a finite number", value)
+            validation.check_value(
+                isinstance(value, (int, float, complex)) and np.isfinite(value), item, "a finite number", value
+            )
             validation.check(wave not in out, item, "each wave once", f"that of {d} twice")
             out[wave] = value if isinstance(value, complex) else 1j * value
         return out
@@ -216,7 +218,9 @@ class Settings:
             others = modes if each.location.startswith("mode ") and each.location not in self.model.locations else ()
             validation.choice("excitation location", each.location, (*sorted(self.model.locations), *others))
             plain = each.location in places or each.direction == "tangential"
-            validation.check_value(plain, "excitation direction", f"none, which '{each.location}' does not have", each.direction)
+            validation.check_value(
+                plain, "excitation direction", f"none, which '{each.location}' does not have", each.direction
+            )
         if self.response is None:
             expected = "a Response(location, direction), since the excitation is no force at a location"
             validation.check(self.acts_at_location, "response", expected, "none")

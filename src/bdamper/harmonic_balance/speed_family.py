@@ -3,7 +3,8 @@
     R(u, omega) = r(u, omega; K(Omega), G(Omega), k(Omega), P(Omega), ...) = 0
 
 Each array of the equations, and the row of the response, is a polynomial in the squared speed that interpolates the arrays
-at a few speeds.  The derivative along the line is the exact derivative of the polynomials (``csrc/balance/speed_family.c``).
+at a few speeds.  The derivative along the line is the exact derivative of the polynomials
+(``csrc/balance/speed_family.c``).
 """
 
 from __future__ import annotations

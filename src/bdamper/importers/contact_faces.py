@@ -89,7 +89,9 @@ def _points(name: str, points: int | tuple[int, int]) -> int | tuple[int, ...]:
     good = len(counts) == (2 if pair else 1)
     validation.check_value(good, name, "a number of contact points or two, along t1 and t2", points)
     counts = tuple(validation.integer(name, n, 1, BOUNDS.points) for n in counts)
-    validation.check_value(np.prod(counts) <= BOUNDS.points, name, f"at most {BOUNDS.points} contact points on a face", points)
+    validation.check_value(
+        np.prod(counts) <= BOUNDS.points, name, f"at most {BOUNDS.points} contact points on a face", points
+    )
     return counts if pair else counts[0]
 
 

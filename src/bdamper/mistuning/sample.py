@@ -491,7 +491,9 @@ def mistuned_sample(
     wheel = BladedDisk(study)
     deviations = validation.numbers("standard_deviation", np.atleast_1d(standard_deviation), least=0.0)
     preloads = validation.numbers("preload", np.atleast_1d(preload), least=0.0, unit="N")
-    numbers = validation.integers("wheels", wheels if np.ndim(wheels) else range(validation.integer("wheels", wheels, least=1)))
+    numbers = validation.integers(
+        "wheels", wheels if np.ndim(wheels) else range(validation.integer("wheels", wheels, least=1))
+    )
     seed = validation.integer("seed", seed)
     name = distribution.deviation.tolist() if isinstance(distribution, Mistuning) else distribution
     varied = dict(validation.instance("dampers", dampers or {}, Mapping, "variations of dampers by name"))

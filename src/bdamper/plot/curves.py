@@ -113,7 +113,9 @@ def plot_curves(curves: Sequence[ResponseCurve], ax: Axes = NEW, *, labels: Sequ
     labels : sequence of str, optional
         One for each response curve; the preload by default.
     """
-    validation.check_value(isinstance(curves, Iterable), "curves", "a sequence of ResponseCurve (plot_curve draws one)", curves)
+    validation.check_value(
+        isinstance(curves, Iterable), "curves", "a sequence of ResponseCurve (plot_curve draws one)", curves
+    )
     curves = tuple(curves)
     tracking = [c for c in curves if validation.instance("curves", c, ResponseCurve).kind not in LIMITS]
     if labels is not None and (isinstance(labels, str) or len(labels) != len(tracking)):

@@ -83,7 +83,9 @@ class Highest:
     @property
     def status(self) -> str:
         """Status of the peak; "incomplete" with the reason at an end of the interval."""
-        return with_reason(INCOMPLETE, "; ".join(filter(None, (AT_END, self.note)))) if self.kind == "end" else self.peak.status
+        if self.kind != "end":
+            return self.peak.status
+        return with_reason(INCOMPLETE, "; ".join(filter(None, (AT_END, self.note))))
 
 
 def highest_of_curve(system: Equations, curve: ResponseCurve, *, options: PeakOptions | None = None) -> Highest:

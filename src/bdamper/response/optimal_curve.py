@@ -315,7 +315,9 @@ def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
     elif why := given_up(at.curve):
         status = with_reason(INCOMPLETE, f"{why}, where its peak could be higher")
     elif at.top.note:
-        status = with_reason(INCOMPLETE, f"the response is {at.top.note}; another resonance may be highest, widen frequency")
+        status = with_reason(
+            INCOMPLETE, f"the response is {at.top.note}; another resonance may be highest, widen frequency"
+        )
     return OptimumPoint(at.preload, at.top.peak.amplitude, at.top.peak.frequency, kind, best.uncertainty, status)
 
 

@@ -267,7 +267,10 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
         o = self.optimum
         if not np.isfinite(o.preload):
             at = peak_text(o.amplitude, o.frequency)
-            failed = [f"; at {amount(p, 'N')} {why}" for p, why in zip(self.preload, self.status) if status_word(why) != COMPLETE]
+            failed = [
+                f"; at {amount(p, 'N')} {why}"
+                for p, why in zip(self.preload, self.status) if status_word(why) != COMPLETE
+            ]
             first = "".join(failed[:1])
             return f"The preload does not matter: {at}." if o.kind == "flat" else f"No optimum: {o.status}{first}."
         free = self.free.amplitude

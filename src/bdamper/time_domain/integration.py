@@ -13,7 +13,8 @@ disk of radius ``mu N``.  Laws of constant load replace ``N`` by a given load, w
 points have a fixed slider.
 
 The time step is implicit (generalised alpha), with the contact forces of all sectors at its end from one Newton iteration
-(``csrc/time/generalised_alpha.c``).  Its length is set by the motion, not by the stiffest contact: :data:`STEPS` per period.  The
+(``csrc/time/generalised_alpha.c``).  Its length is set by the motion, not by the stiffest contact: :data:`STEPS` per
+period.  The
 error is of second order.  The integration starts at a harmonic-balance solution.  The nodal diameters are those of the
 study's harmonics, or all that the model contains (:func:`every_diameter`).
 """
@@ -523,7 +524,9 @@ def ring_of(problem: Problem, preload: float, blades: int | None = None) -> Ring
         return Ring(system, N, order, wide=system if wide is problem else wide.system(preload))
     if not order or N % blades or blades % least:
         sizes = [n for n in range(least, N + 1, least) if N % n == 0]
-        raise validation.invalid("blades", f"one of {sizes}, rings that repeat on {N} blades at engine order {order}", blades)
+        raise validation.invalid(
+            "blades", f"one of {sizes}, rings that repeat on {N} blades at engine order {order}", blades
+        )
     across = N // blades
     contact_forces = "event_driven" if isinstance(problem.settings.contact_forces, str) else AFT(8 * blades + 128)
     wide = problem.replace(engine_order=across, harmonics=tuple(range(1, blades // 2 + 1)), contact_forces=contact_forces)
