@@ -3,6 +3,7 @@
 The public names are listed in ``__init__.pyi``.  Each module is imported when one of its names is first used.
 """
 
+from importlib import import_module
 from typing import Any
 
 import lazy_loader
@@ -12,7 +13,7 @@ _import_name, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 def __getattr__(name: str) -> Any:
     if name == "__version__":
-        return _import_name("util").storage.INSTALLED.bdamper
+        return import_module("bdamper.util.storage").INSTALLED.bdamper
     if name == "load":  # a file can contain a result of any module, and each module registers its own kinds
         for other in set(__all__) - {"load"}:
             _import_name(other)

@@ -141,7 +141,7 @@ def test_a_range_that_ends_higher_than_its_maximum_is_told(study):
 def test_pictures_of_crossings(study, found):
     ax = plot_crossings(found)
     assert [text.get_text() for text in ax.texts] == ["EO 5"] and ax.get_ylabel() == "Resonance amplitude (mm)"
-    with pytest.raises(bd.SettingError, match="quantity: expected crossings with a margin, found none"):
+    with pytest.raises(bd.SettingError, match="quantity: these crossings have no margin"):
         plot_crossings(found, quantity="margin")
     campbell = study.campbell(SPEEDS, [5], modes=1, damped=found)
     labels = campbell.plot().get_legend_handles_labels()[1]

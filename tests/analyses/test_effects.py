@@ -384,7 +384,7 @@ def test_linear_resonances_are_those_of_the_linear_curves(full):
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"engine_order": None}, "engine_order: expected that of the excitation"),
+        ({"engine_order": None}, "engine_order: expected the engine order of the excitation"),
         ({"engine_order": 1.5}, "engine_order: expected a whole number"),
         ({"blade_modes": 2.5}, "blade_modes: expected a whole number"),
         ({"damper_modes": "1"}, "damper_modes: expected a whole number"),

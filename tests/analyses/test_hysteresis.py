@@ -201,7 +201,7 @@ def test_as_many_axes_are_given_as_a_picture_has(study, curve):
 
 def test_a_result_of_another_response_is_refused(study, curve):
     other = study.replace(response=bd.Response("tip", "axial"))
-    with pytest.raises(bd.BdamperError, match=r"found one with response = .*tangential.* for .*axial"):
+    with pytest.raises(bd.BdamperError, match=r"found response = .*tangential.* instead of .*axial"):
         other.hysteresis(curve)
 
 

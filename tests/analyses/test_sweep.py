@@ -447,11 +447,11 @@ class TestResultsFile:
         path = tmp_path / "r.jsonl"
         self.run(study, path)
         content = path.read_bytes()
-        with pytest.raises(bd.BdamperError, match="another one: study"):
+        with pytest.raises(bd.BdamperError, match="results of other settings: study"):
             self.run(study.replace(engine_order=60), path)
-        with pytest.raises(bd.BdamperError, match="another one: over"):
+        with pytest.raises(bd.BdamperError, match="results of other settings: over"):
             bd.sweep(study, over={"preload": [1.0]}, evaluate=quick_question, resume=path)
-        with pytest.raises(bd.BdamperError, match="another one: evaluate"):
+        with pytest.raises(bd.BdamperError, match="results of other settings: evaluate"):
             bd.sweep(study, over=self.over, evaluate=residual_norm, resume=path)
         assert path.read_bytes() == content
 
@@ -468,7 +468,7 @@ class TestResultsFile:
 
         header = {"format": "bdamper-sweep-results"}
         first = ResultsFile(tmp_path / "r.jsonl", header)
-        with pytest.raises(bd.BdamperError, match="another run"):
+        with pytest.raises(bd.BdamperError, match="no other run uses"):
             ResultsFile(tmp_path / "r.jsonl", header)
         first.close()
         ResultsFile(tmp_path / "r.jsonl", header).close()

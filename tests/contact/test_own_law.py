@@ -289,7 +289,7 @@ class TestRefused:
         model = bd.reference_model("bladed_disk")
         law = bd.ContactLaw.jenkins([1e7], [1.0], kn=1e7)
         study = bd.Study(model, bd.Excitation("tip", "axial"), engine_order=3, friction_law=law)
-        with pytest.raises(bd.SettingError, match="a wheel expected laws"):
+        with pytest.raises(bd.SettingError, match="a bladed disk expected laws"):
             bd.BladedDisk(study)
 
 

@@ -64,7 +64,7 @@ def test_it_is_kept_with_the_study(study, tmp_path):
 @pytest.mark.parametrize(
     ("flow", "message"),
     [
-        (-0.01, "aerodynamic_damping at nodal diameter 5: expected modes with damping"),
+        (-0.01, "aerodynamic_damping at nodal diameter 5: expected modes with positive damping"),
         ({5: np.nan}, "aerodynamic_damping at nodal diameter 5: expected a finite number"),
         ({5: 0.1, -60: 0.1}, "aerodynamic_damping at nodal diameter -60: expected each wave once"),
         ({1.5: 0.1}, "aerodynamic_damping, nodal diameter 1.5: expected a whole number"),

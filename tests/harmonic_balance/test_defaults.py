@@ -87,5 +87,5 @@ def test_stiffness_that_the_model_carries_stands_in():
     with pytest.warns(BdamperWarning, match='"model" instead'):
         assert study(bare, engine_order=2, harmonics=1).problem.record()["contact_stiffness"] == "model"
     nothing = study(replace(bare, contact={}), engine_order=2, harmonics=1)
-    with pytest.raises(bd.ModelError, match="give contact_stiffness as numbers"):
+    with pytest.raises(bd.ModelError, match="set contact_stiffness to numbers"):
         _ = nothing.problem.contact

@@ -94,7 +94,7 @@ def test_a_basis_that_does_not_fit_is_refused(changes, words):
 
 
 def test_a_model_without_a_local_basis_says_so():
-    with pytest.raises(ModelError, match="no body of the model carries one"):
+    with pytest.raises(ModelError, match="no body of the model has one"):
         local_model(wedge_model(0, n_blades=N, engine_order=3, n_points=4))
 
 

@@ -533,5 +533,5 @@ def test_blades_that_part_are_said_and_drawn(walked, tmp_path):
     heights = [bar.get_height() for bar in read.plot().patches]
     np.testing.assert_allclose(heights, blades.mean(axis=0))
     plt.close("all")
-    with pytest.raises(bd.BdamperError, match="expected one in which blades were marched"):
+    with pytest.raises(bd.BdamperError, match="this result has no motion of blades in time"):
         replace(parted, blades=np.zeros((0, 0))).plot()

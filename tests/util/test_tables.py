@@ -152,7 +152,7 @@ class Made(Base, Tabular, row="step"):
 @dataclass(frozen=True)
 class Gridded(Tabular, row="place"):
     load: Newtons
-    peak_text: Metres
+    height: Metres
 
     def _grid(self):
         return {"load": self.load, "mode": np.array([1, 2])}

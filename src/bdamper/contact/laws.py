@@ -3,19 +3,20 @@ r"""Contact laws, and the parameters of the contact points.
 Relative motion :math:`x = (u_1, u_2, v)`, with the closing :math:`v`, gives the contact forces :math:`F = (T_1, T_2, N)`.
 
 The laws ``LAW_*`` are part of the C core: Coulomb friction with variable normal load and separation
-(``csrc/contact/element.c``,
-exact integration over a cycle in ``contact/event_driven.c``, samples in time in ``contact/aft.c``) and its form with
-coupled tangential
-directions (``contact/coupled_friction.c``).  :class:`PointArrays` holds their parameters.
+(``csrc/contact/element.c``, exact integration over a cycle in ``contact/event_driven.c``, samples in time in
+``contact/aft.c``) and its form with coupled tangential directions (``contact/coupled_friction.c``).  :class:`PointArrays`
+holds their parameters.
 
-A compiled law (:class:`ContactLaw`) maps one instant to the next.  Its state :math:`s` depends on the motion, the motion
-one instant earlier and the state there:
+A compiled law (:class:`ContactLaw`) maps one instant to the next.  Its state :math:`s` depends on the motion, and on
+motion and
+state one instant earlier:
 
 .. math:: s_k = g(x_k, x_{k-1}, s_{k-1}), \qquad F_k = f(x_k, s_k).
 
 Its signature is ``bd_user_law`` of ``csrc/contact/user_law.h``.  The C core calls it in harmonic balance
-(``csrc/contact/user_law_aft.c``), in the
-static analysis and in time integration.  :func:`check` tests it before an analysis uses it.
+(``csrc/contact/user_law_aft.c``), in the static analysis and in time integration.  ``law_checks.check_law`` tests it
+before an
+analysis uses it.
 
 **A new contact law** is such a function, written by the user or added to ``csrc/contact/shipped_laws.c`` with an entry in
 :data:`SHIPPED` and a class method of ``ContactLaw``.  A law with exact integration needs a new number ``LAW_*`` and a
@@ -23,8 +24,7 @@ branch in the C core.
 
 The Iwan model of Segalman (J. Appl. Mech. 72, 2005, 752-760) has a strength :math:`F_S`, a stiffness :math:`K_T`, an
 exponent :math:`\chi` and a ratio :math:`\beta`.  It is a distribution of Jenkins elements over the slip displacement
-:math:`\phi` with the density :math:`R \phi^\chi` below :math:`\phi_m` and the additional stiffness :math:`S` at
-:math:`\phi_m`:
+:math:`\phi` with the density :math:`R \phi^\chi` below :math:`\phi_m` and the additional stiffness :math:`S` there:
 
 .. math::
     \phi_m = \frac{F_S (1 + \beta)}{K_T \left(\beta + \frac{\chi + 1}{\chi + 2}\right)}, \qquad
@@ -35,7 +35,6 @@ Below macroslip the dissipation per cycle of amplitude :math:`u` is :math:`4 R u
 
 from __future__ import annotations
 
-import ctypes
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -47,6 +46,7 @@ from numpy.typing import NDArray
 from scipy import LowLevelCallable
 
 from bdamper import _core
+from bdamper.contact.law_checks import check_law
 from bdamper.model.structure import ContactStiffness
 from bdamper.util import validation
 from bdamper.util.errors import SettingError, one_line, warn
@@ -152,8 +152,7 @@ class ContactLaw:
     """Contact law as a compiled function, for ``friction_law`` of a study.
 
     The function has the signature ``bd_user_law`` of ``csrc/contact/user_law.h``: eleven pointers, no return value.  It
-    must not call
-    Python.  Several threads call it at the same time, so its results must depend on its arguments alone.
+    must not call Python.  Several threads call it at the same time, so its results must depend on its arguments alone.
 
     Parameters
     ----------
@@ -420,7 +419,7 @@ class OwnLaws:
         for rows, name, law in laws:
             points[rows] = law.of_points(rows.stop - rows.start, name)
             for p in () if law.shipped else np.unique(np.atleast_2d(law.parameters), axis=0):
-                check(f"friction_law: {_named(law, name)}", law.pointer, p, law.n_state, length)
+                check_law(f"friction_law: {_named(law, name)}", law.pointer, p, law.n_state, length)
         return cls(points, np.where(kn > 0.0, -gap, 0.0)) if any(points) else None
 
     @property
@@ -495,111 +494,3 @@ def refuse(own: OwnLaws | None, what: str) -> None:
         names = sorted({point[0].name for point in own.points if point is not None})
         found = ", ".join(names)
         raise SettingError(f"friction_law: {what} expected laws of the C core, since it needs their events, found {found}")
-
-
-# ---- Check of a compiled law ----
-LENGTHS = (1.0, 30.0, 1000.0)
-"""Lengths of the test paths relative to the motion under the excitation without resonance."""
-STEPS = 4
-REST = 1e-7
-"""Largest change of the state in a step without motion, relative to the state."""
-SHORT = 1e-6
-"""Step of the finite differences relative to the length of the path."""
-SLOPE = 1e-3
-"""Largest error of a derivative relative to the largest derivative."""
-
-
-def check(where: str, function: LowLevelCallable, parameters: NDArray, n_state: int, length: float) -> None:
-    r"""Check on short random paths that a compiled law has the properties on which the solvers rely.
-
-    Parameters
-    ----------
-    where : str
-        Beginning of the error message.
-    function : LowLevelCallable
-    parameters : (n,) float
-    n_state : int
-    length : float, m
-        Length of the shortest path; on longer paths a law need not be finite.
-
-    Raises
-    ------
-    SettingError
-        If a force, state or derivative is not finite, if a step without motion changes the state, or if a derivative
-        disagrees with finite differences.
-
-    Notes
-    -----
-    The total derivative of the last force by the motions of a path contains all four matrices of the law,
-
-    .. math:: \frac{dF_m}{dx_j} = f_x \delta_{jm} + f_s \frac{ds_m}{dx_j}, \qquad
-        \frac{ds_k}{dx_j} = g_s \frac{ds_{k-1}}{dx_j} + g_x \delta_{jk} + g_{x'} \delta_{j,k-1}.
-
-    Of the finite differences to both sides, the closer one is used, since the law may have a corner on the other side.
-    """
-    law, rng = _Law(function, parameters, n_state), np.random.default_rng(0)
-    for size in length * np.array(LENGTHS):
-        path = size * rng.uniform([-1.0, -1.0, -0.3], 1.0, (STEPS, 3))
-        F, D, states = law.time_response(path)
-        if not all(np.isfinite(a).all() for a in (F, D, states)):
-            if size > length:
-                return
-            raise _broken(where, "finite forces, states and derivatives", f"others at motions of {size:.3g} m")
-        for x, s in zip(path, states):
-            change = np.abs(law.step(x, x, s)[0] - s)
-            if not (change <= REST * np.abs(s)).all():
-                i = int(np.argmax(change))
-                found = f"that state {i} changes by {change[i]:.3g} from {s[i]:.6g} in such a step"
-                raise _broken(where, "a state that a step without motion leaves as it is", found)
-        _check_slopes(where, law, path, F, D, SHORT * size)
-
-
-def _check_slopes(where: str, law: _Law, path: NDArray, F: NDArray, D: NDArray, h: float) -> None:
-    rounding = 1e3 * np.finfo(float).eps * np.abs(F).max() / h
-    for j, shift in enumerate(h * np.eye(path.size).reshape(-1, *path.shape)):
-        slopes = [(law.time_response(path + sign * shift)[0] - F) / (sign * h) for sign in (1.0, -1.0)]
-        slope = min(slopes, key=lambda slope: np.abs(slope - D[:, j]).max())
-        error = np.abs(slope - D[:, j])
-        if not error.max() <= SLOPE * max(np.abs(D).max(), np.abs(slope).max()) + rounding:
-            i = int(np.argmax(error))
-            by = f"of force {i + 1} by motion {j % 3 + 1}, {STEPS - 1 - j // 3} steps before"
-            expected = f"derivatives that agree with finite differences, {slope[i]:.6g} {by}"
-            raise _broken(where, expected, f"{D[i, j]:.6g}")
-
-
-def _broken(where: str, expected: str, found: str) -> SettingError:
-    return SettingError(f"{where}: expected {expected}, found {found}")
-
-
-class _Law:
-    """Compiled law, callable from Python."""
-
-    def __init__(self, function: LowLevelCallable, parameters: NDArray, n_state: int) -> None:
-        capsule, api = tuple.__getitem__(function, 0), ctypes.pythonapi
-        name = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object)(("PyCapsule_GetName", api))(capsule)
-        of_capsule = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p)
-        address = of_capsule(("PyCapsule_GetPointer", api))(capsule, name)
-        self._data = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object)(("PyCapsule_GetContext", api))(capsule)
-        self._call = ctypes.CFUNCTYPE(None, *11 * [ctypes.c_void_p])(address)
-        self._parameters, self._n = np.ascontiguousarray(parameters, float), n_state
-
-    def step(self, x: NDArray, before: NDArray, s: NDArray) -> list[NDArray]:
-        """Return state and forces after a step and the matrices Fx, Fs, sx, ss."""
-        n = self._n
-        out = [np.zeros(shape) for shape in (n, 3, (3, 3), (3, n), (n, 6), (n, n))]
-        self._call(*(a.ctypes.data for a in (x, before, self._parameters, s, *out)), self._data)
-        return out
-
-    def time_response(self, path: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-        """Return force (3,) at the end of a path (m, 3) from rest, its derivative (3, 3 m) by the path, and all states."""
-        n, m = self._n, len(path)
-        before, s, by, states = np.zeros(3), np.zeros(n), np.zeros((n, 3 * m + 3)), []
-        for k, x in enumerate(path):
-            s, F, Fx, Fs, sx, ss = self.step(x, before, s)
-            by = ss @ by
-            by[:, 3 * k : 3 * k + 6] += sx[:, [3, 4, 5, 0, 1, 2]]  # the first three columns belong to the start
-            before = x
-            states.append(s)
-        D = Fs @ by[:, 3:]
-        D[:, -3:] += Fx
-        return F, D, np.array(states)

@@ -68,7 +68,7 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         if not isinstance(mistuning, Mistuning):
             mistuning = cls(np.zeros(n_blades) if mistuning is None else np.asarray(mistuning))
         if mistuning.n_blades != n_blades:
-            raise SettingError(f"mistuning must have {n_blades} blades, as the model; found {mistuning.n_blades}")
+            raise SettingError(f"mistuning: expected {n_blades} blades, as in the model, found {mistuning.n_blades}")
         return mistuning
 
     @classmethod

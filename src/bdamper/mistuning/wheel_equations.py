@@ -16,8 +16,8 @@ applied by a Fourier transform over the sectors.
     (K - (l\omega)^2 M + i l \omega C) X_l + P^T F_l - E_l .
 
 The core (``csrc/bladed_disk/wheel_equations.c``) computes it, its products and the solution of its linear equations.
-Unknowns have the same
-layout as for one sector, the mean of all sectors first, so the solvers and the continuation also accept a bladed disk.
+Unknowns have the same layout as for one sector, the mean of all sectors first, so the solvers and the continuation also
+accept a bladed disk.
 
 **Holding springs** hold the mean of dampers at its static position.  A damper in full slip is free along its axis, and the
 springs make the equations easier to solve.  The solutions lead to those without springs (:mod:`bdamper.mistuning.peak`).

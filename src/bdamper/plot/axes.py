@@ -110,7 +110,7 @@ def picture(
     """Return a decorator that registers a plot function for a type of result and provides its axes.
 
     The decorated function accepts ``ax`` (new axes if omitted) and ``title``, and returns the axes.  Arguments as in
-    :func:`bdamper.util.display.draws` and :func:`drawing`.
+    :func:`bdamper.util.display.register_plot` and :func:`drawing`.
     """
 
     def enter(function: Callable[..., None]) -> Callable[..., Any]:

@@ -7,8 +7,7 @@ Let ``B`` be ``[J r_omega; t^T]`` with the tangent ``t`` of the response curve. 
 one adjoint solution serves all parameters.  The peak moves by ``z_p + s t`` with ``s = -(d phi along (z_p, 1))/(grad(phi) .
 t)``, where ``phi`` is the slope of ln(amplitude) along the curve.  The gradient of ``phi`` takes one more adjoint solution,
 nu, and differences of Jacobians along the curve (``csrc/solver/newton.c``).  Along (z_p, 1) ``phi`` changes with the
-response
-and by ``-nu . d[J r_omega] t``.
+response and by ``-nu . d[J r_omega] t``.
 
 A point of a curve moves by ``z_p``, normal to the curve in scaled unknowns.  The bordered matrix is regular at folds, where
 the derivative at a fixed frequency is infinite.

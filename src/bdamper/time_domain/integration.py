@@ -14,9 +14,8 @@ points have a fixed slider.
 
 The time step is implicit (generalised alpha), with the contact forces of all sectors at its end from one Newton iteration
 (``csrc/time/generalised_alpha.c``).  Its length is set by the motion, not by the stiffest contact: :data:`STEPS` per
-period.  The
-error is of second order.  The integration starts at a harmonic-balance solution.  The nodal diameters are those of the
-study's harmonics, or all that the model contains (:func:`every_diameter`).
+period.  The error is of second order.  The integration starts at a harmonic-balance solution.  The nodal diameters are
+those of the study's harmonics, or all that the model contains (:func:`every_diameter`).
 """
 
 from __future__ import annotations

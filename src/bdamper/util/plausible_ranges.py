@@ -149,7 +149,8 @@ NO_RANGE = {
     """,
     EFFECT: """
         Study.speed Excitation.engine_order sample.distributions PeakTask.preload OptimalTask.preload frequency speeds omega
-        rpm Study.frequency_sweep.rate microslip.forces Contact.mu PerArea.stiffness Mistuning.of.given build_model.origin
+        rpm Study.frequency_sweep.rate microslip.forces Contact.mu PerArea.stiffness Mistuning.of.mistuning
+        build_model.origin
         ContactFaces.gap ContactFaces.stiffness Patches.centre Patches.size
     """,
     MEASURED: """
