@@ -262,7 +262,7 @@ def test_tests_mirror_the_rooms():
 
 # ---- what is counted, and what stands in one place ----
 
-CODE, CONSTANTS = 22_440, 276
+CODE, CONSTANTS = 22_280, 276
 """Lines with code and numeric constants of modules that the package may have."""
 
 
@@ -500,7 +500,7 @@ NAMED = re.compile(
     r"|(?<![\w.])\d[\d.,]* (?:ms|s|seconds?|minutes?)\b"
 )
 """Shipped models and seconds: a measurement on one, which docs/measured.md holds."""
-MEASURED = {"fem": 4, "harmonic_balance": 1, "mistuning": 5, "response": 2}
+MEASURED = {"fem": 4, "harmonic_balance": 1, "mistuning": 3, "response": 2}
 """Docstrings with measurements, by room, which shall become fewer."""
 
 

@@ -137,7 +137,7 @@ REFUSED = {
     "matrices of two sizes": (lambda s: lumped(stiffness=[1.0, 1.0]), r"stiffness: .*\(1, 1\).*found shape \(2,\)"),
     "a force on a freedom that is not there": (lambda s: lumped(forces={3: 1.0}), "forces: .*from 0 to 0.*found 3"),
     "a contact without stiffness": (lambda s: bd.Contact(0, mu=0.3, preload=1.0), "contact: .*kt > 0.*found"),
-    "blades of another wheel": (lambda s: bd.BladedDisk(s, np.zeros(60)), "mistuning expected 65 blades.*found 60"),
+    "blades of another wheel": (lambda s: bd.BladedDisk(s, np.zeros(60)), "mistuning: expected 65 blades.*found 60"),
     "a mistuning as a text": (lambda s: Mistuning("1 %"), "mistuning: .*deviations above -1, found '1 %'"),
     "yield above rupture": (lambda s: Material(3e8, 5e8, 9e8), "yield_strength: .*found 9e"),
     "a curve of margins without a value": (lambda s: empty_margins().least, "no margin found at any of 0 values"),

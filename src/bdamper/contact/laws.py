@@ -8,15 +8,13 @@ The laws ``LAW_*`` are part of the C core: Coulomb friction with variable normal
 holds their parameters.
 
 A compiled law (:class:`ContactLaw`) maps one instant to the next.  Its state :math:`s` depends on the motion, and on
-motion and
-state one instant earlier:
+motion and state one instant earlier:
 
 .. math:: s_k = g(x_k, x_{k-1}, s_{k-1}), \qquad F_k = f(x_k, s_k).
 
 Its signature is ``bd_user_law`` of ``csrc/contact/user_law.h``.  The C core calls it in harmonic balance
 (``csrc/contact/user_law_aft.c``), in the static analysis and in time integration.  ``law_checks.check_law`` tests it
-before an
-analysis uses it.
+before an analysis uses it.
 
 **A new contact law** is such a function, written by the user or added to ``csrc/contact/shipped_laws.c`` with an entry in
 :data:`SHIPPED` and a class method of ``ContactLaw``.  A law with exact integration needs a new number ``LAW_*`` and a
