@@ -31,7 +31,7 @@ from bdamper.plot import save_figure
 from bdamper.plot.axes import STYLE
 from bdamper.time_domain.integration import STEPS, ring_of
 from bdamper.time_domain.march import March
-from bdamper.time_domain.steady_amplitude import RULES, Levels, of_blades
+from bdamper.time_domain.steady_amplitude import CRITERIA, CurveAmplitudes, of_blades
 from bdamper.util.errors import BdamperError
 
 IMAGE = Path(__file__).parents[1] / "docs" / "images" / "in-time-ring.png"
@@ -53,8 +53,8 @@ def down() -> None:
     study = bd.Study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), 5, friction_coefficient=0.23)
     curve = study.frequency_response(78.6, (285.0, 380.0))
     ring, begin = ring_of(study.problem, 78.6), time.process_time()
-    start = ring.start(Levels(curve).start(DOWN[0]), tau * DOWN[0], STEPS)
-    march = March(ring, tau * DOWN[0], ring.seeded(start, RULES.seed, 0))
+    start = ring.start(CurveAmplitudes(curve).start(DOWN[0]), tau * DOWN[0], STEPS)
+    march = March(ring, tau * DOWN[0], ring.seeded(start, CRITERIA.seed, 0))
     march.run(120)
     print(
         "| Hz | amplitudes of all blades, \u00b5m (last 40 periods) | waves, \u00b5m | missing energy |\n|---|---|---|---|"
@@ -62,11 +62,11 @@ def down() -> None:
     for before, f in zip((DOWN[0], *DOWN), DOWN):
         motion, march = march.motion, March(ring, tau * f, march.motion)
         if f < before:
-            march.sweep((tau * before, tau * f), RULES.brief, lambda: None)
+            march.sweep((tau * before, tau * f), CRITERIA.brief, lambda: None)
             motion = march.motion
         march = March(ring, tau * f, motion)
         march.run(80)
-        said = of_blades(march, RULES.window)
+        said = of_blades(march, CRITERIA.window)
         blades = ", ".join(f"{1e6 * a:.1f}" for a in said["blades"].mean(axis=0))
         waves = ", ".join(f"{d:.0f}: {1e6 * a:.1f}" for d, a in said["waves"][:3])
         work, *losses = said["energy"]

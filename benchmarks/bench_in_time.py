@@ -18,8 +18,8 @@ import numpy as np
 
 import bdamper as bd
 from bdamper.time_domain.integration import STEPS, ring_of
-from bdamper.time_domain.march import BOUNDS, March
-from bdamper.time_domain.steady_amplitude import RULES
+from bdamper.time_domain.march import LIMITS, March
+from bdamper.time_domain.steady_amplitude import CRITERIA
 
 SEED, POINTS = 20261121, 50
 BANDS = {200.0: (290.0, 345.0), 500.0: (310.0, 355.0), 2000.0: (340.0, 365.0)}
@@ -65,7 +65,7 @@ def long_march(made: bd.Study, curve: bd.ResponseCurve, i: int) -> tuple[bool, f
     """Whether the motion stays, its mean amplitude over that of the point, and the periods marched."""
     omega, u = 2.0 * np.pi * float(curve.frequency[i]), curve.unknowns[i]
     ring = ring_of(made.problem, curve.preload)
-    march = March(ring, omega, ring.seeded(ring.start(u, omega, 2 * STEPS), RULES.seed, SEED + i), 2 * STEPS)
+    march = March(ring, omega, ring.seeded(ring.start(u, omega, 2 * STEPS), CRITERIA.seed, SEED + i), 2 * STEPS)
     ratios: list[float] = []
     while len(ratios) < MOST:
         march.run(len(march.harmonics) + WINDOW)
@@ -74,7 +74,7 @@ def long_march(made: bd.Study, curve: bd.ResponseCurve, i: int) -> tuple[bool, f
             break
     else:
         ratios.append(float(np.mean(ratios[MOST // 2 :])))
-    return abs(ratios[-1] - 1.0) <= BOUNDS.tolerance, ratios[-1], WINDOW * min(len(ratios), MOST)
+    return abs(ratios[-1] - 1.0) <= LIMITS.tolerance, ratios[-1], WINDOW * min(len(ratios), MOST)
 
 
 def main() -> None:

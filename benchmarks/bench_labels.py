@@ -24,7 +24,7 @@ import numpy as np
 import bdamper as bd
 from bdamper.time_domain.floquet import stability_of_points
 from bdamper.time_domain.integration import MarchFailed, Ring, ring_of
-from bdamper.time_domain.steady_amplitude import RULES, growth
+from bdamper.time_domain.steady_amplitude import CRITERIA, growth
 from bdamper.time_domain.transients import march_from
 from benchmarks import PLAIN
 from tests.models import acyclic_model
@@ -52,7 +52,7 @@ def truth(ring: Ring, u: np.ndarray, omega: float, expected: float) -> tuple[flo
         for periods in (120, 200):
             march.run(periods)
             before, last = (np.abs(x).mean(axis=0) / expected for x in (march.blades[-80:-40], march.blades[-40:]))
-            if np.abs(last - before).max() < 0.01 and growth(march, RULES.window)[0] < 1.1:
+            if np.abs(last - before).max() < 0.01 and growth(march, CRITERIA.window)[0] < 1.1:
                 break
     except MarchFailed:
         return np.nan, np.nan, 0

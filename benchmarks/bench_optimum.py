@@ -23,7 +23,7 @@ import numpy as np
 
 import bdamper as bd
 from bdamper.response.highest_peak import AtPreload
-from bdamper.response.optimal_curve import BUDGET, IN_A_ROW, at_preload, optimal_curve, rattling_below
+from bdamper.response.optimal_curve import BUDGET, MAX_RATTLING, at_preload, optimal_curve, rattling_below
 from bdamper.response.peak import peak_interval
 
 STUDIES = 60
@@ -60,7 +60,7 @@ def search_status(
         at = there[float(p)] = at_preload(study.problem, float(p), frequency, None, BUDGET)
         higher = at.value > min(a.value for a in there.values()) + np.log(rises)
         row = row + 1 if at.rattles or higher else 0
-        if row == IN_A_ROW:
+        if row == MAX_RATTLING:
             break
     return there
 

@@ -72,7 +72,7 @@ def measure(ask: Callable[[bd.Study], Any], most_rooms: int, most_frames: int) -
 
 def main() -> None:
     """Both questions."""
-    measure(lambda study: study.track(200.0, (250.0, 400.0)), 7, 9)
+    measure(lambda study: study.frequency_response(200.0, (250.0, 400.0)), 7, 9)
     print()
     measure(lambda study: study.optimal_curve((100.0, 5e3), 4, check=False), 8, 11)
 

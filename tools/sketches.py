@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.patches import Arc, Polygon, Rectangle
 
-from bdamper.plot.axes import PAPER, save_figure
+from bdamper.plot.axes import STYLE, save_figure
 
 IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"
 BOTH = {"arrowstyle": "<|-|>", "color": "tab:blue", "linewidth": 1.4}
@@ -83,7 +83,7 @@ def point():
 
 def states():
     """Displacement, normal force and friction of one point over a cycle, with its states."""
-    with plt.rc_context(PAPER):
+    with plt.rc_context(STYLE):
         axes = plt.subplots(2, 1, sharex=True, figsize=(5.6, 3.4))[1]
     theta = np.linspace(0.0, 2.0 * np.pi, 2001)
     move, normal = np.cos(theta), np.maximum(0.55 + 0.75 * np.cos(theta - 0.6), 0.0)
@@ -115,7 +115,7 @@ def states():
 
 def folds():
     """A response curve with two folds."""
-    with plt.rc_context(PAPER):
+    with plt.rc_context(STYLE):
         ax = plt.subplots(figsize=(5.6, 3.0))[1]
     a = np.linspace(0.05, 1.0, 4000)
     w = 1.0 - 0.28 * a**2
@@ -139,5 +139,5 @@ def folds():
 
 if __name__ == "__main__":
     for draw in (damper, point, states, folds):
-        with plt.rc_context(PAPER):
+        with plt.rc_context(STYLE):
             save_figure(draw(), IMAGES / f"sketch_{draw.__name__}.png", dpi=150)
