@@ -174,11 +174,11 @@ def campbell(
     modes : int
         Number of modes of each nodal diameter.
     damped : SweepResult or sequence of SweepResult, optional
-        Damped crossings from :meth:`bdamper.Study.crossings`, to be drawn.
+        Damped crossings from :meth:`bdamper.Study.resonance_crossings`, to be drawn.
     progress : bool
         Whether to show a progress bar.
     **conditions
-        See :meth:`bdamper.Study.crossings`.
+        See :meth:`bdamper.Study.resonance_crossings`.
 
     Returns
     -------
@@ -195,7 +195,7 @@ def campbell(
     shown = (damped,) if isinstance(damped, SweepResult) else tuple(damped or ())
     for result in shown:
         crossings = isinstance(result, SweepResult) and {"speed", "mass"} <= {*result.quantities}
-        validation.check_value(crossings, "damped", "crossings, as Study.crossings returns them", result)
+        validation.check_value(crossings, "damped", "crossings, as Study.resonance_crossings returns them", result)
         same_model = result.model_hash == problem.model.hash
         validation.check(same_model, "damped", "crossings of this model", "crossings of another model")
     operating = Conditions(**conditions)
@@ -263,7 +263,7 @@ def run_up(
     options : ContinuationOptions
         Coarse by default; the highest point is refined.
     **conditions
-        See :meth:`bdamper.Study.crossings`.
+        See :meth:`bdamper.Study.resonance_crossings`.
 
     Returns
     -------

@@ -116,7 +116,7 @@ def flutter(
         given ones. For a complex number the imaginary part is the damping ratio and the real part the relative frequency
         shift. The force is proportional to mass; the part of the shift does not act on rigid motions.
     mode, amplitude, options
-        See :func:`bdamper.analyses.nonlinear_mode.nonlinear_mode`; limit cycles are searched in this range of amplitudes.
+        See ``bdamper.analyses.nonlinear_mode.nonlinear_mode``; limit cycles are searched in this range of amplitudes.
     n : int
         Number of preloads between two limits.
 

@@ -14,7 +14,7 @@ is exact if the forces are linear along the straight line between both motions (
 at the first change of state.  The result thus depends on the loading history, but not on the number of steps.
 
 Bonded points always stick, with springs in tension and compression.  Points with compiled laws
-(:mod:`bdamper.contact.laws`) count as separated without stiffness, as sticking at the stiffness of their springs, and as
+(``bdamper.contact.laws``) count as separated without stiffness, as sticking at the stiffness of their springs, and as
 slipping between.
 
 Friction acts independently along both tangential directions, as in the paper, also if the vibration analysis uses a coupled

@@ -81,7 +81,7 @@ class Rule(validation.Checked):
 
 @runtime_checkable
 class SteadyAmplitude(Protocol):
-    """Steady-state amplitude from time integration (:class:`bdamper.response.verification.TimeResponse`)."""
+    """Steady-state amplitude from time integration (``bdamper.response.verification.TimeResponse``)."""
 
     @property
     def factor(self) -> float: ...
@@ -340,7 +340,7 @@ def _scaled_to_time(cycle: StressCycle, time_response: SteadyAmplitude | None) -
 @validation.check_arguments
 @dataclass(frozen=True)
 class LeastMargin(Rule):
-    """Failure criterion with material, stress sets and speed; a quantity for :meth:`bdamper.Study.crossings`.
+    """Failure criterion with material, stress sets and speed; a quantity for :meth:`bdamper.Study.resonance_crossings`.
 
     A call with problem, unknowns of a solution, angular frequency (rad/s) and preload (N) returns the margin.
 

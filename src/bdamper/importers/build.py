@@ -247,7 +247,7 @@ def build_model(
     n_modes, n_damper_modes, damping_ratio : int, int or mapping of name to int, float
         Modes of the sector at each nodal diameter and of free bodies (with six rigid modes); damping of elastic modes.
     units, axis, radial, origin : str or Units, (3,) float
-        Units and axes of the files, see :class:`bdamper.importers.prepared_body.Placement`.
+        Units and axes of the files, see ``bdamper.importers.prepared_body.Placement``.
     expected_frequencies, strict : mapping of nodal diameter to frequencies (Hz), bool
         Results of another program, compared to 1 %, and whether a failed comparison (also with modes) is an error.
     wheel, wheel_shapes : set, LocalSizes

@@ -299,7 +299,7 @@ class BladedDisk(WheelProblem):
     Contact laws, their evaluation and the preload are those of the study.  Blades and disk are described by the local
     basis of the model (``bdamper.model.modal_basis.LocalBasis``).  If the contact stiffness of the study is computed by a
     method, attachment modes contain the flexibility of the contacts, and the points have the stiffness of the remaining
-    flexibility (:func:`~bdamper.mistuning.wheel_equations.tuned_problem`).
+    flexibility (``tuned_problem``).
 
     Parameters
     ----------

@@ -440,7 +440,7 @@ class Coupling:
     def closing_by_rotation(self) -> NDArray:
         """Return the displacement of (u1, u2, v) due to rotation per squared speed, (n_points, 3).
 
-        See :class:`bdamper.model.rotation.SpinStatic`.
+        See ``bdamper.model.rotation.SpinStatic``.
         """
         displacement = np.zeros((self.n_points, 3))
         for body in self.model.bodies.values():

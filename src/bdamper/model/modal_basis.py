@@ -1,6 +1,6 @@
 r"""Modes of one body at one nodal diameter, and the local basis of blade and disk for mistuned bladed disks.
 
-:mod:`bdamper.model.structure` describes the conventions.
+``bdamper.model.structure`` describes the conventions.
 
 In the local basis each sector has coordinates along the axes of its blade: amplitudes of the modes of the blade clamped at
 its root (cantilever modes), of static shapes of forces at its contact points (attachment modes), and of shapes of the root,

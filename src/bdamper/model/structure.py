@@ -283,7 +283,7 @@ class SurfaceMesh:
 @short_repr
 @dataclass(frozen=True)
 class Model(Plottable):
-    """Structure with all data of an analysis; :mod:`bdamper.model.structure` describes the conventions.
+    """Structure with all data of an analysis; ``bdamper.model.structure`` describes the conventions.
 
     ``plot`` draws bodies and contact points in 3-D (:func:`bdamper.plot.plot_model`).
 

@@ -112,7 +112,7 @@ def plot_crossings(found: SweepResult, ax: Axes = NEW, *, quantity: str = "ampli
     Parameters
     ----------
     found : SweepResult
-        Result of :meth:`bdamper.Study.crossings`.
+        Result of :meth:`bdamper.Study.resonance_crossings`.
     quantity : {"amplitude", "margin"}
     """
     validation.choice("quantity", quantity, ("amplitude", "margin"))

@@ -3,8 +3,7 @@
 The optimum is chosen in these steps:
 
 1. the whole response over frequency is followed at each preload, concurrently; its highest point is the value at this
-preload
-   (:mod:`bdamper.response.highest_peak`), and an adjoint solution gives its slope d ln(amplitude)/d ln(preload);
+   preload (``bdamper.response.highest_peak``), and an adjoint solution gives its slope d ln(amplitude)/d ln(preload);
 2. :func:`bdamper.response.minimum_search.find_minimum` chooses further preloads at which the value may be smaller;
 3. on a smooth branch of peaks :func:`smooth_minimum` first solves for the preload of zero slope.
 

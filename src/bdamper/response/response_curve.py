@@ -1,6 +1,6 @@
 """Response curve: all branches that are found over a frequency interval at one preload, and its interpretation.
 
-:func:`frequency_response` covers the interval (:mod:`bdamper.response.branches`): from its lower end; from the upper end if
+:func:`frequency_response` covers the interval (``bdamper.response.branches``): from its lower end; from the upper end if
 the first path does not reach it; beyond both ends up to the free and stuck resonances, where a branch may turn and return;
 and in the remaining gaps, within a budget of evaluations.
 

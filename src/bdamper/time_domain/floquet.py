@@ -32,8 +32,8 @@ by the sign, not as stable or unstable.
 
 **Time integration.**  All this applies to the motion with the harmonics of the solution.  With
 ``with_stability(in_time=True)`` the motion starts at the solution with a disturbance of every nodal diameter, and
-:func:`bdamper.time_domain.march.judged` decides whether it keeps its amplitude
-(:func:`bdamper.time_domain.transients.verified`). An undamped damper chatters at many points next to separated peaks,
+``bdamper.time_domain.march.judged`` decides whether it keeps its amplitude
+(``bdamper.time_domain.transients.verified``). An undamped damper chatters at many points next to separated peaks,
 without any period; the criterion is the resulting amplitude, averaged over many periods.
 """
 

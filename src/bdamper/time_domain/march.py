@@ -6,22 +6,21 @@ periods of the excitation.  Period ``k`` has the response amplitudes
     X_l(k) = 2/T int_kT^(k+1)T x(t) exp(-i l omega t) dt        (half of this for l = 0).
 
 All statements on a motion in time use these amplitudes and the limits :data:`LIMITS`:
-* :func:`judged`: whether the motion keeps an amplitude (*agrees*), leaves it (*does not agree*: it falls to another level,
+
+* ``judged``: whether the motion keeps an amplitude (*agrees*), leaves it (*does not agree*: it falls to another level,
   grows or beats), or needs more periods (*undecided*);
 * :func:`to_come`: the remaining change of the mean by the slowest transient;
 * :func:`repeats_after`: whether the motion is periodic, subharmonic or irregular.
 
-Every 16 periods :func:`judged` checks for one of these conditions:
+Every 16 periods ``judged`` checks for one of these conditions:
+
 * **Left.**  The distance exceeds twice the tolerance in each of the last 32 periods, and did not decrease from 16 periods
-to the
-  next 16: the motion does not agree.
+  to the next 16: the motion does not agree.
 * **Settled.**  The mean of 16 periods has changed by less than 1 % within 80 periods, and not faster in their second half.
-The
-  motion agrees if the mean of these 80 periods is within the tolerance, and nine of ten periods within twice the tolerance.
-  The remaining transient must not change the verdict.
+  The motion agrees if the mean of these 80 periods is within the tolerance, and nine of ten periods within twice the
+  tolerance. The remaining transient must not change the verdict.
 * **Wanders.**  Nine of ten periods are not within twice the tolerance in the last 80, and the largest distance and the
-range
-  exceed the decayed ones of the 80 periods before: the motion does not agree.
+  range exceed the decayed ones of the 80 periods before: the motion does not agree.
 
 Class ``bdamper.time_domain.integration.Ring`` makes the time steps.  Friction and closed contacts return no more energy
 than their springs store, so the energy of a motion is bounded by its initial energy and the work of the excitation.  Time

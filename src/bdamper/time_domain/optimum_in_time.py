@@ -80,7 +80,7 @@ def with_time_response(
     Returns
     -------
     OptimalCurve
-        ``time_response`` has a further :class:`bdamper.response.verification.TimeResponse` for each preload, in ascending
+        ``time_response`` has a further ``bdamper.response.verification.TimeResponse`` for each preload, in ascending
         order; it gives the reason if no time integration is possible, and is empty without an optimum.  After Ctrl-C
         unfinished preloads have the status "interrupted".
 
