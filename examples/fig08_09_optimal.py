@@ -34,7 +34,7 @@ from paper_disk import DAMPING_RATIO, MODES, keep, plot_optimal_beside, stored, 
 import bdamper as bd
 from bdamper.response.optimal_curve_result import OptimalCurve
 
-STYLE = {1: (4.4, 17.2), 2: (5.5, 3.4)}
+PUBLISHED = {1: (4.4, 17.2), 2: (5.5, 3.4)}
 """Ratio and shift (%) of the paper."""
 paper, converged = {}, {}
 
@@ -49,7 +49,7 @@ def optimal(mode: int) -> None:
     driven = MODES[mode]
     paper[mode] = study(mode, **bd.CIGEROGLU_2009).optimal_curve(driven.interval, 24, frequency=driven.band, check=False)
     converged[mode] = stored(f"optimal_{mode}")
-    print(f"the paper: ratio {STYLE[mode][0]}, shift {STYLE[mode][1]} %")
+    print(f"the paper: ratio {PUBLISHED[mode][0]}, shift {PUBLISHED[mode][1]} %")
     for name, curve in (("settings of the paper", paper[mode]), ("converged", converged[mode])):
         o = curve.optimum
         print(

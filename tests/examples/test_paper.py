@@ -137,7 +137,7 @@ def test_optimal_curves(tmp_path):
     paper, converged = out["paper"], out["converged"]
     for mode, curve in paper.items():
         assert curve.optimum.kind == "smooth" and curve.optimum.verified
-        ratio, shift = out["PAPER"][mode]
+        ratio, shift = out["PUBLISHED"][mode]
         assert curve.ratio == pytest.approx(ratio, rel=0.05)
         assert curve.stuck_shift_percent == pytest.approx(shift, rel=0.05)
         # high preload: completely stuck

@@ -213,7 +213,7 @@ def test_peak_and_curve_agree_and_results_come_back_from_their_files(tmp_path):
 
 
 def test_bad_input_is_refused_at_once():
-    with pytest.raises(bd.SettingError, match="mistuning must have 6 blades, as the model; found 5"):
+    with pytest.raises(bd.SettingError, match="mistuning: expected 6 blades, as in the model, found 5"):
         BladedDisk(study(), mistuning=np.zeros(5))
     with pytest.raises(bd.SettingError, match="separation"):
         BladedDisk(study().replace(separation=False))
