@@ -269,7 +269,7 @@ class Problem:
         basis = self.bases[1]
         G = basis.G.reshape(-1, basis.G.shape[-1])
         K = np.diag(basis.omega2) + G.conj().T @ (self.point_stiffness.reshape(-1, 1) * G)
-        x = np.abs(G @ np.linalg.lstsq(K, self.modal_force(1))[0]).reshape(-1, 3)  # static response in stick
+        x = np.abs(G @ np.linalg.lstsq(K, self.modal_force(1), rcond=None)[0]).reshape(-1, 3)  # static response in stick
         length = max(float(x[rows].max()) for rows, *_ in user_laws)
         return OwnLaws.of(user_laws, self.point_stiffness[:, 2], self.point_gaps, length or 1.0)
 
