@@ -147,7 +147,7 @@ def test_pictures_of_crossings(study, found):
     labels = campbell.plot().get_legend_handles_labels()[1]
     assert labels[:2] == ["free, nodal diameter 5", "stuck"] and labels[-1].startswith("damped, ")
     assert campbell.plot_safe(500.0).get_title() == "4775 rpm"
-    with pytest.raises(bd.SettingError, match=r"damped: expected crossings, as Study\.crossings"):
+    with pytest.raises(bd.SettingError, match=r"damped: expected crossings, as Study\.resonance_crossings"):
         study.campbell(SPEEDS, [5], damped=bd.sweep(study, {"preload": [2e3]}, frequency=(340.0, 350.0)))
 
 
