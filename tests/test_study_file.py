@@ -42,7 +42,7 @@ def test_every_setting_comes_back(model, settings, tmp_path):
     study = bd.Study(model, TIP, 2, **settings)
     study.save(tmp_path / "study.h5")
     back = bd.load_study(tmp_path / "study.h5")
-    assert back.problem.record() == study.problem.record() and not study.compare(back)
+    assert back.problem.record() == study.problem.record() and not study.diff(back)
     assert (back.settings.contact_stiffness is None) == (study.settings.contact_stiffness is None)
     np.testing.assert_array_equal(back.static(5.0).force, study.static(5.0).force)
     assert type(bd.load(tmp_path / "study.h5")) is bd.Study

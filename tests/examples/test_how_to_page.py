@@ -33,7 +33,7 @@ def test_recipes(tmp_path, monkeypatch):
     assert np.array_equal(dask["again"].array("amplitude"), swept["result"].array("amplitude"))
     assert np.array_equal(resumed["result"].seconds, swept["result"].seconds), "points were computed again"
     assert resumed["optimal"].optimum.preload == pytest.approx(chosen["best"].preload, rel=1e-9)
-    assert not bd.load("curve.h5").compare(space["curve"]) and space["model"].hash == space["study"].model.hash
+    assert not bd.load("curve.h5").diff(space["curve"]) and space["model"].hash == space["study"].model.hash
     assert space["designs"].curves[1].peak.amplitude < 0.9 * space["designs"].curves[0].peak.amplitude
     assert not space["short"].complete and space["short"].missing_ranges and space["further"].complete
     assert len(space["settled"].harmonics) == 16

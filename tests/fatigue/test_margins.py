@@ -118,7 +118,7 @@ def test_results_are_kept_in_files_and_tables(study, peak, curve, tmp_path):
     for k, result in enumerate([study.stress(peak), *margins, study.margin(curve, AISI_1050, 3)]):
         result.save(tmp_path / f"{k}.h5")
         again = bd.load(tmp_path / f"{k}.h5")
-        assert type(again) is type(result) and str(again) == str(result) and not again.compare(result)
+        assert type(again) is type(result) and str(again) == str(result) and not again.diff(result)
     study.margin(curve, AISI_1050).to_csv(tmp_path / "curve.csv")
     assert "margin" in (tmp_path / "curve.csv").read_text()
 

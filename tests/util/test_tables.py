@@ -236,34 +236,34 @@ class TestDifferences:
     def test_of_studies(self, study):
         twice = bd.Excitation("tip", amplitude=2.0)
         other = study.replace(friction_coefficient={"left": 0.4, "right": 0.2}, excitation=twice)
-        found = study.compare(other)
+        found = study.diff(other)
         assert found.settings == (("friction_coefficient.right", 0.4, 0.2), ("excitation.amplitude", 1.0, 2.0))
         assert "friction_coefficient.right  0.4    0.2     -50 %" in str(found) and "+100 %" in found._repr_html_()
         again = study._with_problem(study.problem.replace())
-        assert not study.compare(again) and "no difference" in str(study.compare(again))
+        assert not study.diff(again) and "no difference" in str(study.diff(again))
 
     def test_of_curves(self, study, curve):
         other = study.frequency_response(8000.0, (350.0, 358.0))
-        found = curve.compare(other)
+        found = curve.diff(other)
         assert found.settings == ()
         names = {a.name: (a.value, b.value) for a, b in found.outcomes}
         assert names["peak amplitude"] == (curve.peak.amplitude, other.peak.amplitude) and "preload" in names
-        assert not curve.compare(curve)
+        assert not curve.diff(curve)
 
     def test_of_peaks(self, study):
         one, other = (study.peak(preload, (350.0, 358.0)) for preload in (4000.0, 8000.0))
-        named = {a.name: (a.value, b.value) for a, b in one.compare(other).outcomes}
+        named = {a.name: (a.value, b.value) for a, b in one.diff(other).outcomes}
         assert named["amplitude"] == (one.amplitude, other.amplitude) and named["preload"] == (4000.0, 8000.0)
         assert f'<td style="text-align:left">{one.frequency:.3g} Hz</td>' in one._repr_html_()
-        assert one._repr_html_().count("<img") == 1 and not study.compare(one)
+        assert one._repr_html_().count("<img") == 1 and not study.diff(one)
 
     def test_settings_of_a_study_and_a_result(self, study, curve):
-        assert not study.compare(curve)
-        assert [name for name, *_ in study.replace(bias=False).compare(curve).settings] == ["bias"]
+        assert not study.diff(curve)
+        assert [name for name, *_ in study.replace(bias=False).diff(curve).settings] == ["bias"]
 
     def test_with_something_else_is_refused(self, curve):
         with pytest.raises(bd.SettingError, match="other: expected a study or a result, found a float"):
-            curve.compare(1.0)
+            curve.diff(1.0)
 
 
 class TestMistakenArguments:

@@ -423,7 +423,7 @@ class Comparison(Plottable, Tabular, Storable, kind="bdamper-comparison"):
     def differences(self) -> dict[str, Differences]:
         """Differences between the first result and each of the others."""
         first, *others = self.results.values()
-        return {name: first.compare(other) for name, other in zip(self.names[1:], others)}
+        return {name: first.diff(other) for name, other in zip(self.names[1:], others)}
 
     def columns(self) -> dict[str, Column]:
         """Return the points of all curves with the name of their study."""

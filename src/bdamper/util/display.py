@@ -287,7 +287,7 @@ def _change(a: Any, b: Any) -> str:
 class Comparable(Summarised):
     """Mixin of studies and results that can be compared."""
 
-    def compare(self, other: Any) -> Differences:
+    def diff(self, other: Any) -> Differences:
         """Compare settings, model and values with those of ``other``.
 
         Parameters

@@ -142,7 +142,7 @@ NO_RANGE = {
         ContinuationOptions.locate_tolerance WheelPeakOptions.spacing mistuned_sample.audit ContactFaces.sector_b
     """,
     FACT: """
-        Study.residual_slip_seed Study.excitation seed direction Study.gauge_stress.gauge Study.compare.other temperature
+        Study.residual_slip_seed Study.excitation seed direction Study.gauge_stress.gauge Study.diff.other temperature
         lumped.locations lumped.response Contact.tangential Contact.tangential2 Contact.normal ContactLaw.bouc_wen.beta
         ContactLaw.of_record.record missing Mistuning.seed build_model.axis build_model.radial build_model.sector_faces
         build_model.fixed build_model.wheel build_model.stress ContactFaces.faces_a ContactFaces.faces_b Patches.frame
