@@ -1,0 +1,240 @@
+"""Whether the amplitude in time that a study states contains the one of the whole structure.
+
+``python -m benchmarks.bench_amplitude references`` computes the references that ``results/amplitude.jsonl`` does not have,
+``... answers`` the default answers, and ``... show`` compares both.  Numbers of scenes may follow.
+
+Each scene is drawn from its number before anything is computed: the turbine blade (even numbers) or the difficult disk (odd
+ones), engine order 5 or 10, a friction coefficient of 0.2 to 0.6, and 0.8 to 4 times the preload of the least peak of the
+harmonic balance.  The reference has all modes of blade and damper and 24 residual patterns.  Its motion starts
+
+* on either flank of the resonance, from where the frequency changes slowly towards the tip and beyond until the motion falls,
+* and at the tip, with the solution of the harmonic balance.
+
+Each start ends in motions at fixed frequencies, from the highest place of the sweep backward, with waves of every nodal
+diameter added.  The first of them that keeps its amplitude over 160 periods counts.  The highest of all starts is the
+reference, and its error bar covers the single means of 40 periods and the motion with 512 time steps in a period.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import bdamper as bd
+from bdamper.contact.residual_flexibility import RESIDUAL
+from bdamper.time_domain.integration import MarchFailed, Motion, Ring, ring_of
+from bdamper.time_domain.march import March
+from bdamper.util.errors import BdamperError, BdamperWarning
+
+RESULTS = Path(__file__).parent / "results" / "amplitude.jsonl"
+SEED, SCENES = 20261125, 24
+BANDS = {"turbine_blade": (600.0, 720.0), "bladed_disk": (285.0, 380.0)}
+WHOLE: dict[str, dict[str, Any]] = {
+    "turbine_blade": {"blade_modes": 20, "damper_modes": 4, "contact_stiffness": bd.ResidualModes(24)},
+    "bladed_disk": {"blade_modes": 40, "damper_modes": 10, "contact_stiffness": bd.ResidualModes(24)},
+}
+PACE = 60.0  # periods in which a sweep covers the half width of the resonance
+WINDOW, HOLD, AWAY = 40, 160, 0.05
+Known = dict[str, dict[str, Any]]
+
+
+def random(number: int) -> tuple[str, int, float, float]:
+    """Model, engine order, friction coefficient and preload over that of the least peak."""
+    rng = np.random.default_rng([SEED, number])
+    order, friction = int(rng.choice([5, 10])), round(float(rng.uniform(0.2, 0.6)), 2)
+    return ("bladed_disk" if number % 2 else "turbine_blade"), order, friction, float(0.8 * 5.0 ** rng.uniform())
+
+
+def study(name: str, order: int, friction: float, **settings: Any) -> bd.Study:
+    excitation = bd.Excitation("tip", "tangential", 1.0)
+    return bd.Study(bd.reference_model(name, 9), excitation, order, friction_coefficient=friction, **settings)
+
+
+def flanks(curve: bd.ResponseCurve) -> tuple[float, list[float]]:
+    """Half width of the resonance (Hz), and a frequency on each side at half of the peak or beyond (Hz)."""
+    tip, height = curve.peak.frequency, curve.peak.amplitude
+    out = []
+    for side in (1.0, -1.0):
+        beyond = (curve.frequency - tip) * side > 0.0
+        low = beyond & (curve.amplitude <= 0.6 * height)
+        nearest = np.abs(curve.frequency[low] - tip).min() if low.any() else np.inf
+        out.append(float(min(nearest, np.abs(curve.frequency[beyond] - tip).max())))
+    return min(out), [tip + out[0], tip - out[1]]
+
+
+def mean(march: March, periods: int) -> float:
+    return float(march.amplitude[-periods:].mean())
+
+
+def hold(ring: Ring, frequency: float, motion: Motion) -> tuple[float, float, float, Motion, bool]:
+    """Mean, lowest and highest mean of a window, final motion, and whether the motion keeps its amplitude."""
+    march = March(ring, 2.0 * np.pi * frequency, ring.seeded(motion, 0.01, 0))
+    before = np.inf
+    for _ in range(4):
+        march.run(len(march.harmonics) + HOLD)
+        windows = np.abs(march.blades[-HOLD:]).reshape(-1, WINDOW, march.ring.n).mean(axis=1)
+        best = windows[:, windows[-1].argmax()]
+        if np.ptp(best) <= AWAY * best[-1] or best[-1] < 0.7 * before:
+            break
+        before = best[0]
+    return float(best.mean()), float(best.min()), float(best.max()), march.motion, bool(np.ptp(best) <= AWAY * best[-1])
+
+
+def swept(
+    ring: Ring, begin: float, end: float, pace: float, motion: Motion
+) -> tuple[list[tuple[float, float, Motion]], int]:
+    """Frequency, mean amplitude and motion every 8 periods of a slow sweep until the motion falls, and its periods."""
+    march = March(ring, 2.0 * np.pi * begin, ring.seeded(motion, 0.01, 0))
+    march.run(60)
+    places, periods, frequency = [(begin, mean(march, 8), march.motion)], 60, begin
+    step = np.sign(end - begin) * 8.0 * pace
+    while (end - frequency) * step > 0.0:
+        moving = March(ring, 2.0 * np.pi * frequency, march.motion)
+        moving.turn(8, (2.0 * np.pi * frequency, 2.0 * np.pi * (frequency + step)))
+        march, frequency, periods = moving, frequency + step, periods + 8
+        places.append((frequency, float(np.abs(moving.blades).mean(axis=0).max()), moving.motion))
+        if places[-1][1] < 0.5 * max(p[1] for p in places):
+            break
+    return places, periods
+
+
+def settled(ring: Ring, places: list[tuple[float, float, Motion]]) -> dict[str, Any]:
+    """Highest steady motion at places of a sweep."""
+    k, found, fell = int(np.argmax([p[1] for p in places])), None, []
+    stays, falls, back = -1, k + 1, 1
+    while 0 <= k < falls and k > stays:  # backward in growing steps, then by bisection
+        frequency, expected, motion = places[k]
+        at, low, high, final, steady = hold(ring, frequency, motion)
+        if steady and at >= 0.8 * expected:
+            stays = k
+            if found is None or 1e6 * at > found["um"]:
+                found = {
+                    "um": 1e6 * at,
+                    "lowest": 1e6 * low,
+                    "highest": 1e6 * high,
+                    "hz": float(frequency),
+                    "motion": final,
+                }
+        else:
+            falls = k
+            fell.append((round(float(frequency), 3), round(1e6 * at, 2), steady))
+        k, back = (k - back, 2 * back) if stays < 0 else ((stays + falls) // 2, back)
+    return {**(found or {"um": np.nan, "hz": np.nan}), "fell": fell}
+
+
+def reference(number: int, preload: float) -> dict[str, Any]:
+    name, order, friction, _ = random(number)
+    begin = time.process_time()
+    base, whole = study(name, order, friction), study(name, order, friction, **WHOLE[name])
+    curve = base.frequency_response(preload, BANDS[name])
+    width, sides = flanks(curve)
+    ring, small = ring_of(whole.problem, preload), ring_of(base.problem, preload)
+    tip = curve.peak.frequency
+    starts: dict[str, dict[str, Any]] = {}
+    sweeps: list[list[tuple[float, float, Motion]]] = []
+
+    def balance(frequency: float) -> Motion:
+        near = np.abs(curve.frequency - frequency) <= 0.02 * width
+        k = (
+            np.flatnonzero(near)[curve.amplitude[near].argmax()]
+            if near.any()
+            else np.abs(curve.frequency - frequency).argmin()
+        )
+        at = small.start(curve.unknowns[k], 2.0 * np.pi * frequency, 256)
+        return carried(small, at, ring)
+
+    for where, first in (("down", sides[0]), ("up", sides[1]), ("tip", tip)):
+        try:
+            if where == "tip":
+                march = March(ring, 2.0 * np.pi * tip, ring.seeded(balance(tip), 0.01, 0))
+                march.run(60)
+                places = [(tip, mean(march, 20), march.motion)]
+                others = [p for way in sweeps for p in way]
+                nearest = min(others, key=lambda p: abs(p[0] - tip))[1] if others else 0.0
+                if places[0][1] > 1.05 * nearest:  # another branch than those from the flanks
+                    for end in (tip - 1.5 * width, tip + 1.5 * width):
+                        more, _ = swept(ring, tip, end, width / PACE, march.motion)
+                        if max(p[1] for p in more) > 1.02 * max(p[1] for p in places):
+                            places = more
+            else:
+                last = tip + (tip - first)
+                last = float(np.clip(last, *BANDS[name])) if abs(tip - first) > 2.0 * width else 2.0 * tip - first
+                places, _ = swept(ring, first, last, width / PACE, balance(first))
+                sweeps.append(places)
+            found = settled(ring, places)
+            found["last"] = float(places[-1][0])
+        except (MarchFailed, BdamperError) as error:
+            found = {"um": np.nan, "failed": str(error)}
+        starts[where] = found
+    good = {w: s for w, s in starts.items() if np.isfinite(s["um"])}
+    out: dict[str, Any] = {"preload": preload, "tip": tip, "balance": 1e6 * curve.peak.amplitude, "width": width}
+    if good:
+        where = max(good, key=lambda w: good[w]["um"])
+        best = good[where]
+        fine = March(ring, 2.0 * np.pi * best["hz"], best["motion"]._replace(a=None), 512)
+        fine.run(80)
+        with_512 = 1e6 * mean(fine, WINDOW)
+        out |= {"um": best["um"], "hz": best["hz"], "from": where, "fine": with_512,
+                "low": min(best["lowest"], with_512), "high": max(best["highest"], with_512)}  # fmt: skip
+    for s in starts.values():
+        s.pop("motion", None)
+    return out | {"starts": starts, "seconds": round(time.process_time() - begin, 1)}
+
+
+def carried(source: Ring, motion: Motion, target: Ring) -> Motion:
+    """The same motion in the coordinates of another structure with the same contact points; other coordinates are zero."""
+    n, m = source.n_coordinates, target.n_coordinates
+    where = {d: s for d, (_, s, *_) in zip(source.families, source.blocks)}
+    out = []
+    for x in (motion.q, motion.v):
+        z, y = x[:n] + 1j * x[n:], np.zeros(m, complex)
+        for d, (l, s, *_) in zip(target.families, target.blocks):
+            if d not in where:
+                continue
+            old = {(c.body, c.index): i for i, c in enumerate(source.wide.structure.bases[source.families[d]].coordinates)}
+            for i, c in enumerate(target.wide.structure.bases[l].coordinates):
+                if (k := old.get((c.body, c.index))) is not None and c.body != RESIDUAL:
+                    y[s.start + i] = z[where[d].start + k]
+        out.append(np.concatenate([y.real, y.imag]))
+    return Motion(out[0], out[1], motion.w)
+
+
+def read() -> Known:
+    lines = RESULTS.read_text().splitlines() if RESULTS.exists() else []
+    return {key: value for line in lines for key, value in json.loads(line).items()}
+
+
+def keep(key: str, value: dict[str, Any]) -> None:
+    with RESULTS.open("a") as file:
+        file.write(json.dumps({key: value}) + "\n")
+    print(key, value, flush=True)
+
+
+def preload_of(number: int, known: Known) -> float:
+    name, order, friction, factor = random(number)
+    key = f"{number} optimum"
+    if key not in known:
+        known[key] = {"N": study(name, order, friction).optimal_curve(frequency=BANDS[name], check=False).optimum.preload}
+        keep(key, known[key])
+    return round(factor * known[key]["N"], 1)
+
+
+def main() -> None:
+    what, *numbers = sys.argv[1:]
+    warnings.simplefilter("ignore", BdamperWarning)
+    known = read()
+    for number in map(int, numbers or range(SCENES)):
+        preload = preload_of(number, known)
+        if what == "references" and f"{number} reference" not in known:
+            keep(f"{number} reference", reference(number, preload))
+
+
+if __name__ == "__main__":
+    main()
