@@ -24,8 +24,8 @@ With one real basis for all harmonics (no cyclic symmetry) the multipliers cover
 Coupled friction and cubic springs have no event sequence of this kind.  There only the sign of the determinant of the
 Jacobian is examined.  It is negative if an odd number of disturbances in the nodal diameters of the wave grows without
 oscillating, as between two folds.  Such a point is unstable in the equations of these harmonics, which have branches that
-do not exist in time.  Otherwise the point is undecided: disturbances that oscillate, that grow in pairs or that have other
-nodal diameters are not examined.
+do not exist in time.  Otherwise the point is undecided: growth with oscillation, growth in pairs and other nodal diameters
+are not examined.
 
 **Time integration.**  All this applies to the motion with the harmonics of the solution, so time integration decides.  With
 ``with_stability(in_time=True)`` the motion starts at the solution with a disturbance of every nodal diameter, and
