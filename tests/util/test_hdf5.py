@@ -112,8 +112,8 @@ class TestDamaged:
     """Fields of another length, and what would fill the memory, are refused before anything is made of them."""
 
     COLUMNS: ClassVar = {
-        "frequency_response": ("frequency", "harmonics", "residual", "shares", "backward", "branch", "point_kind", "unstable",
-                               "unknowns"),
+        "frequency_response": ("frequency", "harmonics", "residual", "shares", "backward", "branch", "point_kind",
+                               "unstable", "unknowns"),
         "optimal_curve": ("preload", "amplitude", "frequency", "status", "kind", "goes_on"),
         "hysteresis": ("interface", "energy", "points", "area", "displacement", "force", "gap"),
         "dissipation": ("frequency", "energy", "damping", "interface"),
