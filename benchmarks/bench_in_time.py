@@ -105,7 +105,7 @@ def main() -> None:
             table.append(row)
             print(row, flush=True)
         STORED.write_text(json.dumps({"seed": SEED, "seconds of labels": seconds, "points": table}, indent=1) + "\n")
-    decided = [row for row in table if "tell" not in row["label"]]
+    decided = [row for row in table if row["label"] in ("stable", "unstable")]
     agree = sum((row["label"] == "stable") == (row["march"] == "stays") for row in decided)
     left = len(table) - len(decided)
     same = sum(row["verdict"] == ("agrees" if row["march"] == "stays" else "does not agree") for row in table)

@@ -23,7 +23,7 @@ from bdamper.time_domain import steady_amplitude
 from bdamper.time_domain.integration import MarchFailed, Motion, ring_of
 from bdamper.time_domain.march import March
 from bdamper.util.errors import BdamperError
-from benchmarks.bench_labels import BANDS, drawn
+from benchmarks.bench_labels import BANDS, random
 from tests.time_domain.test_explicit_reference import STEPS, explicit
 
 FIRST = 100
@@ -35,7 +35,7 @@ def random_starts(scenes: int = 20) -> None:
     ended = {"finite": 0, "MarchFailed, 128 steps": 0, "MarchFailed, 256 steps": 0, "overflow": 0}
     most, begin = 0.0, time.process_time()
     for number in range(FIRST, FIRST + scenes):
-        made, name, preload, rng = drawn(number)
+        made, name, preload, rng = random(number)
         peak = made.frequency_response(preload, BANDS[name]).peak.amplitude
         ring = ring_of(made.problem, preload)
         like = ring.start(np.zeros(made.problem.system(preload).n_unknowns), tau * BANDS[name][0], 256)
@@ -64,7 +64,7 @@ def scenes(first: int, last: int) -> None:
     said = steady_amplitude.of_blades
     print("| scene | balance | highest blade in time (range), lowest | explicit | difference | status | s, explicit s |")
     for number in range(first, last):
-        made, name, preload, _ = drawn(number)
+        made, name, preload, _ = random(number)
         begin, marches = time.process_time(), []
         steady_amplitude.of_blades = lambda march, periods, marches=marches: marches.append(march) or said(march, periods)
         curve = made.frequency_response(preload, BANDS[name])

@@ -130,13 +130,13 @@ def test_a_cubic_spring_in_time():
     study = bd.lumped(1.0, 0.1, 1.0, cubic={0: 1.0}, forces={0: 0.3}, harmonics=7)
     curve = study.frequency_response(0.0, (0.15, 0.35))
     back = np.flatnonzero(np.diff(curve.frequency) < 0.0)  # the curve runs back from fold to fold
-    for i, stable in ((back[0] - 1, True), (back[len(back) // 2], False), (back[-1] + 2, True)):
+    for i, unstable in ((back[0] - 1, False), (back[len(back) // 2], True), (back[-1] + 2, False)):
         omega, ring = 2.0 * np.pi * curve.frequency[i], Ring(study.problem.system(0.0), 1, 0, radius=1.0)
         start = ring.start(curve.unknowns[i], omega, 192)
         end = ring.integrate(start, omega, 192).motion
         assert abs(end.q[0] - start.q[0]) < 2e-3 * curve.amplitude[i]
         assert abs(end.v[0] - start.v[0]) < 2e-3 * curve.amplitude[i] * omega
-        assert study.with_stability(curve).stable[i] == stable
+        assert study.with_stability(curve).unstable[i] == unstable
 
 
 def test_energy_and_history_of_a_cubic_spring():

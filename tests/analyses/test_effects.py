@@ -276,10 +276,10 @@ def test_what_is_off_or_fewer_already_remains():
 
 
 def test_stability_is_judged_only_where_it_is_on(full):
-    assert full.frequency_response(1000.0, (838.0, 842.0)).stable is None
+    assert full.frequency_response(1000.0, (838.0, 842.0)).unstable is None
     judged = full.with_effects(effects(full, stability=True))
     curve = judged.frequency_response(1000.0, (838.0, 842.0))
-    assert curve.stable is not None and curve.stable.shape == (len(curve),)
+    assert curve.unstable is not None and curve.unstable.shape == (len(curve),)
 
 
 @pytest.mark.parametrize(
@@ -361,7 +361,7 @@ def test_studies_can_be_keys_and_be_sent_elsewhere(full):
 def test_a_curve_of_other_settings_is_refused(full):
     curve = full.frequency_response(PRELOAD, (1090.0, 1110.0))
     assert len(curve)
-    assert full.with_stability(curve).stable is not None
+    assert full.with_stability(curve).unstable is not None
     with pytest.raises(bd.SettingError, match="found a result with other settings"):
         full.replace(friction_coefficient=0.1).with_stability(curve)
 

@@ -80,7 +80,7 @@ def test_a_sweep_keeps_its_branch_up_to_the_fold(separating, up):
     assert (jump.frequency > ends.frequency) is up
     assert jump.after / jump.before > 1.8 if up else jump.before / jump.after > 3.0
     # Before it the amplitudes are those of the stable branch
-    stable = np.asarray(curve.stable) & ((curve.amplitude < 1.01 * lower.amplitude) == up)
+    stable = ~curve.unstable & ((curve.amplitude < 1.01 * lower.amplitude) == up)
     order = np.argsort(curve.frequency[stable])
     f = found.frequency
     calm = f < jump.frequency - 0.05 if up else f > jump.frequency + 0.05

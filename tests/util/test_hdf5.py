@@ -112,8 +112,8 @@ class TestDamaged:
     """Fields of another length, and what would fill the memory, are refused before anything is made of them."""
 
     COLUMNS: ClassVar = {
-        "frequency_response": ("frequency", "harmonics", "residual", "shares", "backward", "branch", "point_kind", "stable",
-                               "unknowns"),
+        "frequency_response": ("frequency", "harmonics", "residual", "shares", "backward", "branch", "point_kind",
+                               "unstable", "unknowns"),
         "optimal_curve": ("preload", "amplitude", "frequency", "status", "kind", "goes_on"),
         "hysteresis": ("interface", "energy", "points", "area", "displacement", "force", "gap"),
         "dissipation": ("frequency", "energy", "damping", "interface"),
@@ -168,9 +168,9 @@ class TestWriting:
         assert same(bd.load(tmp_path / "laws.h5"), comparison)
 
     def test_optional_parts(self, tmp_path, curve):
-        assert curve.stable is not None
-        replace(curve, stable=None).save(tmp_path / "curve.h5")
-        assert bd.load(tmp_path / "curve.h5").stable is None
+        assert curve.unstable is not None
+        replace(curve, unstable=None).save(tmp_path / "curve.h5")
+        assert bd.load(tmp_path / "curve.h5").unstable is None
 
     def test_long_texts(self, tmp_path, curve):
         """An attribute of HDF5 has room for 64 KiB only."""

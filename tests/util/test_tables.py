@@ -187,7 +187,7 @@ class TestQuantities:
     def test_labels(self):
         assert axis_label(Made, "half") == "Half of it (mm)" and axis_label(Made, "weight") == "Mass of the disk (kg)"
         assert axis_label(ResponseCurve, "peak_to_peak") == "Peak to peak (m)"
-        assert axis_label(ResponseCurve, "stable") == "Stable"
+        assert axis_label(ResponseCurve, "unstable") == "Unstable"
         assert axis_label(Made, "place", "mm") == "Place (mm)"
 
     def test_rows_of_small_records(self):

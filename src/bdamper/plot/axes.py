@@ -2,7 +2,7 @@
 
 The style is in ``style.mplstyle``.  Conventions of all plots:
 
-* Response lines are solid if stable, dashed if unstable, and dotted at jumps.
+* Response lines are dashed if they are known to be unstable, otherwise solid, and dotted at jumps.
 * Thin grey lines with names are the limits without contact (free) and with all contacts stuck.
 * A red star is the optimum.  A green diamond with a bar is the mean and range of an amplitude in time.
 * Colours go from dark to light with increasing preload, distinct in grey print and for colour-blind readers.

@@ -39,7 +39,7 @@ from bdamper.plot.speed_and_fatigue import SPEED
 from bdamper.plot.studies import draw_table
 from bdamper.response.optimal_curve_result import NEAR_BEST, OptimalCurve
 from bdamper.response.response_curve import NO_STEADY
-from bdamper.response.response_curve_result import ResponseCurve
+from bdamper.response.response_curve_result import ResponseCurve, unstable_points
 from bdamper.response.sensitivity import CurveSensitivity, band
 from bdamper.response.verification import TimeResponse
 from bdamper.time_domain.transients import TimeSweep
@@ -67,12 +67,6 @@ def amplitude_label(*results: ResponseCurve | OptimalCurve) -> str:
     locations = {r.settings["response"]["location"] if "response" in r.settings else None for r in results}
     location = locations.pop() if len(locations) == 1 else None
     return AMPLITUDE if location is None else f"{location.replace('_', ' ').capitalize()} amplitude (m)"
-
-
-def unstable_points(curve: ResponseCurve) -> NDArray:
-    """Return (n,) bool: True for unstable points by the stability analysis, or else where the frequency decreases along
-    the curve."""
-    return curve.backward if curve.stable is None else ~np.asarray(curve.stable, bool)
 
 
 def _draw_tracking(ax: Axes, curve: ResponseCurve, colour: Any, label: str | None) -> None:

@@ -43,7 +43,7 @@ from bdamper.model.structure import Model
 from bdamper.response.branches import Coverage, LeftOut, Piece, ending, evaluation_budget, first_point, in_order
 from bdamper.response.continuation import OUT_OF_BUDGET, TWO_PI
 from bdamper.response.events import ContinuationOptions, Path
-from bdamper.response.response_curve_result import ResponseCurve, crossed, free
+from bdamper.response.response_curve_result import ResponseCurve, crossed, free, unstable_points
 from bdamper.util import validation
 from bdamper.util.errors import INCOMPLETE, NOT_FOUND, SettingError
 from bdamper.util.progress import Cost, CostMeter, is_part_of_work, progress_bar, single_thread
@@ -475,9 +475,8 @@ class _Sweep:
 
     def __init__(self, sense: float, curve: ResponseCurve) -> None:
         self.x, self.amplitude, self.branch = sense * curve.frequency, curve.amplitude, curve.branch
-        stable = ~curve.backward if curve.stable is None else np.asarray(curve.stable, bool)
         self.fold = np.array([kind == "fold" for kind in curve.point_kind], bool)
-        self.held = stable | self.fold  # the label of a fold depends on rounding
+        self.held = ~unstable_points(curve) | self.fold  # the label of a fold depends on rounding
         joined = (self.branch[:-1] == self.branch[1:]) & self.held[:-1] & self.held[1:]
         self.joined = joined & ~(self.fold[:-1] & self.fold[1:])
 
@@ -504,7 +503,8 @@ class _Sweep:
 def sweep_of(curve: ResponseCurve, direction: str) -> SlowSweep:
     """Compute the response of a slow sweep of frequency from a response curve.
 
-    Stability is ``curve.stable`` if known; otherwise branches between folds that run backward are unstable.
+    Unstable points are ``curve.unstable`` if examined, otherwise branches between folds that run backward.  All other
+    points count as stable.
 
     Parameters
     ----------

@@ -4,7 +4,7 @@ The response at the chosen location and direction is ``x(t) = x_0 + Re sum_l X_l
 ``|X_1|``, the harmonic of the excitation; ``peak_to_peak`` includes all harmonics.
 
 A part of the curve between two folds on which the frequency decreases is unstable by the sign of det J (``backward``);
-``stable`` contains the computed stability, if available.
+``unstable`` contains the points that a stability analysis found unstable, if available.
 
 Linear curves are sampled at equal steps of phase around each resonance, and their maxima are refined.
 """
@@ -120,10 +120,11 @@ class ResponseCurve(Plottable, Comparable, FrequencySeries, Tabular, Recorded, S
         Attempts to find first points.
     notes : tuple of str
         Further observations: drifting or undetermined mean positions.
-    stable : (n,) bool or None
-        Whether small disturbances decay; see :mod:`bdamper.time_domain.floquet`.
+    unstable : (n,) bool or None
+        Whether a small disturbance is known to grow; ``labels`` tells which other points are known to be stable
+        (:mod:`bdamper.time_domain.floquet`).
     stability_note : str
-        Disturbances considered, and the cost.
+        Criterion, disturbances considered, and the cost.
     in_time : (n,) float or None
         Mean amplitude in time of the motion that starts at a point, relative to the point; NaN if unknown
         (:mod:`bdamper.time_domain.floquet`).
@@ -152,14 +153,14 @@ class ResponseCurve(Plottable, Comparable, FrequencySeries, Tabular, Recorded, S
     missing_ranges: tuple[LeftOut, ...] = ()
     start_log: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
-    stable: Numbers | None = None
+    unstable: Numbers | None = None
     stability_note: str = ""
     in_time: Numbers | None = None
     closed: tuple[int, ...] = ()
     speed: RadiansPerSecond | None = None
     blades: Annotated[NDArray, Quantity("m", dims=(ROW, "blade", "harmonic"))] | None = None
     _summary_fields = (
-        "preload", "kind", "status", "peak.kind", "peak.amplitude", "peak.frequency", "at_peak", "unstable",
+        "preload", "kind", "status", "peak.kind", "peak.amplitude", "peak.frequency", "at_peak", "unstable_count",
         "stability_note", "folds", "missing_ranges", "detached", "separate",
     )  # fmt: skip
 
@@ -268,25 +269,24 @@ class ResponseCurve(Plottable, Comparable, FrequencySeries, Tabular, Recorded, S
 
     @property
     def labels(self) -> NDArray:
-        """(n,) str: "stable" (in time), "unstable", "stable as far as N harmonics tell", or the sign of det J; "" if
-        unknown.
+        """(n,) str: "stable" or "unstable" in time; "stable as far as N harmonics tell" or "unstable" by multipliers;
+        "unstable (det J < 0) with N harmonics" or "undecided (det J >= 0) with N harmonics"; "" if not examined.
         """
-        if self.stable is None:
+        if self.unstable is None:
             return np.full(len(self), "", object)
         n = len(self.settings.get("harmonics", range(1, self.harmonics.shape[1])))
         stays, leaves = f"stable as far as {n} harmonic{'s' if n > 1 else ''} tell{'s' if n == 1 else ''}", "unstable"
         if "sign of det J: " in self.stability_note:
-            stays, leaves = (f"det J {sign} 0 with {n} harmonic{'s' if n > 1 else ''}" for sign in "><")
+            signs = "undecided (det J >= 0)", "unstable (det J < 0)"
+            stays, leaves = (f"{sign} with {n} harmonic{'s' if n > 1 else ''}" for sign in signs)
         proven = np.isfinite(self.in_time) if self.in_time is not None else np.zeros(len(self), bool)
-        in_time = np.where(self.stable, "stable", "unstable")
-        return np.where(proven, in_time, np.where(self.stable, stays, leaves))
+        in_time = np.where(self.unstable, "unstable", "stable")
+        return np.where(proven, in_time, np.where(self.unstable, leaves, stays))
 
     @property
-    def unstable(self) -> int | None:
-        """Number of unstable points; None if not examined, or if only the sign of det J is known at some points."""
-        labels = self.labels.tolist()
-        known = self.stable is not None and not any(label.startswith("det J") for label in labels)
-        return labels.count("unstable") if known else None
+    def unstable_count(self) -> int | None:
+        """Number of unstable points; None if not examined."""
+        return None if self.unstable is None else int(np.sum(self.unstable))
 
     @property
     def at_peak(self) -> dict[str, float]:
@@ -325,6 +325,11 @@ class ResponseCurve(Plottable, Comparable, FrequencySeries, Tabular, Recorded, S
         if not self.complete:
             out.append(f"The curve is {self.status}, there may be a higher one: {self.reason}.")
         return " ".join(out)
+
+
+def unstable_points(curve: ResponseCurve) -> NDArray:
+    """Return (n,) bool: ``curve.unstable`` if examined, otherwise where the frequency decreases along the curve."""
+    return np.asarray(curve.backward if curve.unstable is None else curve.unstable, bool)
 
 
 def crossed(x: NDArray, height: NDArray, at: float, joined: NDArray) -> tuple[NDArray, NDArray]:

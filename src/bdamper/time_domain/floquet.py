@@ -18,19 +18,16 @@ The product over a period is the monodromy matrix.  If all multipliers are withi
 decays.  A slider that is not set within the period has a multiplier of exactly 1 and is left out, also if it rests at its
 friction limit: a disturbance moves it once, into a neighbouring solution with another residual traction.
 
-**Disturbances.**  With one real basis for all harmonics (no cyclic symmetry) the multipliers cover all disturbances.  For a
-travelling wave the harmonics have different bases, so there is no such state of one sector.  The exponents are then the
-roots of a determinant that includes the memory of the sliders (:mod:`bdamper.time_domain.wave_exponents`).  Growing
-disturbances are counted, oscillating or not, within the nodal diameters of the wave and up to one order above the harmonics
-of the motion. Faster ones, such as chatter of an undamped damper on its contacts, are beyond the range of these harmonics.
-If no slider moves and no contact state changes, the equations are linear with symmetric stiffness and nothing grows.
+With one real basis for all harmonics (no cyclic symmetry) the multipliers cover all disturbances.
 
-**Sign of det J.**  At fixed frequency it is negative if an odd number of disturbances of the wave grows without
-oscillation, as between two folds.  It is the only criterion for coupled friction and cubic springs, which have no event
-sequence of this kind. The equations of a few harmonics have branches that do not exist in time, so such points are labelled
-by the sign, not as stable or unstable.
+**Sign of det J.**  For a travelling wave the harmonics have different bases, so there is no such state of one sector.
+Coupled friction and cubic springs have no event sequence of this kind.  There only the sign of the determinant of the
+Jacobian is examined.  It is negative if an odd number of disturbances in the nodal diameters of the wave grows without
+oscillating, as between two folds.  Such a point is unstable in the equations of these harmonics, which have branches that
+do not exist in time.  Otherwise the point is undecided: growth with oscillation, growth in pairs and other nodal diameters
+are not examined.
 
-**Time integration.**  All this applies to the motion with the harmonics of the solution.  With
+**Time integration.**  All this applies to the motion with the harmonics of the solution, so time integration decides.  With
 ``with_stability(in_time=True)`` the motion starts at the solution with a disturbance of every nodal diameter, and
 ``bdamper.time_domain.march.judged`` decides whether it keeps its amplitude
 (``bdamper.time_domain.transients.verified``). An undamped damper chatters at many points next to separated peaks,
@@ -39,27 +36,35 @@ without any period; the criterion is the resulting amplitude, averaged over many
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from bdamper.contact.laws import LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC, refuse
+from bdamper.contact.laws import (
+    LAW_BONDED,
+    LAW_CONSTANT,
+    LAW_COUPLED,
+    LAW_COUPLED_CONSTANT,
+    LAW_CUBIC,
+    refuse,
+)
+from bdamper.contact.static_state import OPEN, SLIP_MINUS, SLIP_PLUS, STICK
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.sector import Sector
+from bdamper.harmonic_balance.sector import Sector, segments
+from bdamper.model.kinematics import HarmonicBasis
 from bdamper.response.continuation import TWO_PI
 from bdamper.response.response_curve import check_curve
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.time_domain.integration import MarchFailed, Ring, ring_of
 from bdamper.time_domain.march import AGREES, LIMITS, UNDECIDED
 from bdamper.time_domain.transients import march_from, verified
-from bdamper.time_domain.wave_exponents import WaveDisturbances, cycles, rests
 from bdamper.util import validation
 from bdamper.util.progress import CostMeter, LongWork, one_thread, with_progress
 
-# ---- stability by multipliers and exponents ----
+# ---- stability by multipliers and by the sign of det J ----
 
 
 NEUTRAL = 1e-6
@@ -68,40 +73,82 @@ SINGULAR = 1e-12
 """Singular value below which a Jacobian with rows of unit size has a neutral position, and a determinant without sign."""
 
 
-@dataclass(frozen=True)
-class Stability:
-    """Stability of one or several solutions.
+def real_basis(system: Equations[Sector]) -> HarmonicBasis | None:
+    """Return the real set of modes with mass that all harmonics share, so that they describe one motion in time."""
+    first, *others = (b for b in system.structure.bases if len(b.omega2))
+    G, massless = np.asarray(first.G), (system.structure.arrays["mass"] <= 0.0).any()
+    size = 1e-12 * np.abs(G).max(initial=0.0)
+    if massless or np.abs(G.imag).max(initial=0.0) > size:
+        return None
+    same = (np.array_equal(b.omega2, first.omega2) and np.abs(b.G - G).max(initial=0.0) <= size for b in others)
+    return first if all(same) else None
 
-    Parameters
-    ----------
-    stable : (n,) bool
-    largest : (n,) float
-        Largest modulus of a multiplier; NaN if unknown.
-    method : {"multipliers", "exponents", "determinant"}
-    note : str
-        Disturbances considered.
+
+def cycles(system: Equations[Sector], x: NDArray) -> tuple[tuple[NDArray, ...], tuple[NDArray, ...]]:
+    """Return the contact states over the cycle.
+
+    Returns
+    -------
+    pieces : point, kind, begin, end, weight (N/m)
+        Segments with stiffness of one kind: 0 ``kn v v``; 1 and 2 ``kt u_d u_d``; 3 and 4 ``mu kn u_d v``.
+    events : point, axis, begin, length, factor
+        Stick segments whose slider is set at their beginning.
     """
+    p, load = system.structure.points, system.structure.arrays["load"]
+    pieces: list[tuple[int, int, float, float, float]] = []
+    events: list[tuple[int, int, float, float, float]] = []
+    l = np.arange(1, x.shape[-1] // 2 + 1)
+    for i in range(system.n_points):
+        law, mu, kn, n0 = int(p.law[i]), float(p.mu[i]), float(p.kn[i]), float(p.n0[i])
+        parts: list[list[tuple[float, float, int]]] = [[], []]
+        if law == LAW_BONDED:
+            parts = [[(0.0, TWO_PI, STICK)]] * 2
+        elif mu > 0.0:
+            parts = segments(x[i], p.kt[i], kn, mu, n0, p.slider[i], law, "event_driven", float(load[i]))
+        axes = [d for d in range(2) if p.kt[i, d] > 0.0]
+        if law in (LAW_BONDED, LAW_CONSTANT):
+            pieces.append((i, 0, 0.0, TWO_PI, kn))
+        else:
+            seen = next((parts[d] for d in axes if parts[d]), [])
+            if not seen and kn > 0.0:  # without friction: separation from a slider with negligible friction
+                seen = segments(x[i], np.full(2, kn), kn, 1e-12, n0, np.zeros(2))[0]
+            pieces += [(i, 0, a, b, kn) for a, b, state in seen if state != OPEN]
+        reach = 0.0 if law == LAW_CONSTANT else mu * kn
+        slip = {SLIP_PLUS: reach, SLIP_MINUS: -reach}
+        for d in axes:
+            kt = float(p.kt[i, d])
+            for k, (a, b, state) in enumerate(parts[d]):
+                if state in slip:
+                    pieces.append((i, 3 + d, a, b, slip[state]))
+                elif state == STICK:
+                    pieces.append((i, 1 + d, a, b, kt))
+                    if len(parts[d]) == 1:  # permanent stick sets no slider
+                        continue
+                    if (before := parts[d][k - 1][2]) in slip:
+                        factor = -slip[before] / kt
+                    else:
+                        slope = x[i, :, 2::2] @ (l * np.cos(l * a)) - x[i, :, 1::2] @ (l * np.sin(l * a))
+                        factor = -slope[d] / slope[2] if slope[2] != 0.0 else 0.0
+                    events.append((i, d, a, b - a, factor))
+    return _columns(pieces), _columns(events)
 
-    stable: NDArray
-    largest: NDArray
-    method: str
-    note: str
+
+def _columns(rows: list[tuple[int, int, float, float, float]]) -> tuple[NDArray, ...]:
+    table = np.array(rows, float).reshape(-1, 5).T
+    return (table[0].astype(int), table[1].astype(int), *table[2:])
 
 
-def has_one_real_basis(system: Equations[Sector]) -> bool:
-    """Return whether all harmonics share one real set of modes with mass, so that they describe one motion in time."""
-    first = system.structure.bases[0]
-    real = np.abs(np.imag(first.G)).max(initial=0.0) <= 1e-12 * np.abs(first.G).max(initial=0.0)
-    one = real and _one_shape(system) and all(np.array_equal(b.omega2, first.omega2) for b in system.structure.bases)
-    return bool(one and (np.asarray(system.structure.arrays["mass"]) > 0.0).all())
-
-
-def _one_shape(system: Equations[Sector]) -> bool:
-    """Return whether all harmonics have the same mode shapes, as without cyclic symmetry."""
-    first = np.asarray(system.structure.bases[0].G)
-    size = 1e-12 * np.abs(first).max(initial=0.0)
-    bases = system.structure.bases
-    return all(np.shape(b.G) == first.shape and np.abs(b.G - first).max(initial=0.0) <= size for b in bases)
+def rests(system: Equations[Sector], u: NDArray) -> bool:
+    """Return whether no slider moves, no contact state changes, and all springs and dampers are passive."""
+    a = system.structure.arrays
+    if not system.structure.exact or np.isin(a["law"], LAW_CUBIC).any():
+        return False
+    if min(a["kt"].min(initial=0.0), a["kn"].min(initial=0.0), a["damping"].min(initial=0.0)) < 0.0:
+        return False
+    _, _, shares = system.contact(np.asarray(u))
+    slips = (a["kt"] > 0.0) & (a["mu"] > 0.0)[:, None] & (shares[:, [1, 3]] > 0.0)
+    changes = (shares[:, 4] > 0.0) & (shares[:, 4] < 1.0)
+    return not (slips.any() or changes.any())
 
 
 def monodromy(system: Equations[Sector], u: NDArray, omega: float) -> NDArray:
@@ -119,8 +166,9 @@ def monodromy(system: Equations[Sector], u: NDArray, omega: float) -> NDArray:
     (2 n + m, 2 n + m) float
         One slider for each of the m stick segments at whose beginning it is set.
     """
-    basis, n = system.structure.bases[0], len(system.structure.bases[0].omega2)
-    G = np.asarray(basis.G).real
+    basis = real_basis(system)
+    assert basis is not None
+    G, n = np.asarray(basis.G).real, len(basis.omega2)
     (point, kind, a, b, weight), (at, axis, begin, length, factor) = cycles(system, system.contact(np.asarray(u))[0])
     force, motion = (G[point, np.array(axes)[kind]] for axes in ((2, 0, 1, 0, 1), (2, 0, 1, 2, 2)))
     hold, m = system.structure.points.kt[at, axis, None] * G[at, axis], len(at)
@@ -149,8 +197,8 @@ def multipliers(system: Equations[Sector], u: NDArray, omega: float) -> NDArray:
     return np.asarray(values[np.argsort(-np.abs(values))])
 
 
-def stability_of_points(system: Equations[Sector], unknowns: NDArray, omega: NDArray) -> Stability:
-    """Compute the stability of several solutions of one system.
+def unstable_solutions(system: Equations[Sector], unknowns: NDArray, omega: NDArray) -> tuple[NDArray, str]:
+    """Determine which of several solutions of one system are unstable.
 
     Parameters
     ----------
@@ -160,47 +208,31 @@ def stability_of_points(system: Equations[Sector], unknowns: NDArray, omega: NDA
 
     Returns
     -------
-    Stability
+    unstable : (n,) bool
+    note : str
+        Criterion and disturbances considered.
     """
     refuse(system.structure.points.own, "stability")
-    n, solutions, largest = len(omega), list(zip(unknowns, omega)), np.full(len(omega), np.nan)
     without_events = np.isin(system.structure.arrays["law"], (LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC)).any()
-    massless = _one_shape(system) and (np.asarray(system.structure.arrays["mass"]) <= 0.0).any()
-    if without_events or massless:
-        method, note = "determinant", "sign of det J: disturbances of the wave itself that grow without oscillating"
-        stable = np.array([_positive_determinant(system, u, w) for u, w in solutions], bool)
-    elif has_one_real_basis(system):
-        method, note = "multipliers", "all disturbances, multipliers of motion and sliders"
-        largest = np.array([np.abs(multipliers(system, u, w)).max(initial=0.0) for u, w in solutions]).reshape(n)
-        stable = largest <= 1.0 + NEUTRAL
+    if real_basis(system) is not None and not without_events:
+        grows, note = _multiplier_outside, "all disturbances, multipliers of motion and sliders"
     else:
-        method, note = "exponents", "disturbances in the nodal diameters of the wave, oscillating or not"
-        moving = [not rests(system, u) for u in unknowns]
-        grows = np.array([_growing(system, u, w) if moves else 0 for (u, w), moves in zip(solutions, moving)], int)
-        stable = grows == 0
-        note += f", up to {system.n_harmonics + 1} times the frequency"
-        note += f"; {sum(moving)} of {n} points counted, the others rest"
-        unknown = np.flatnonzero(grows < 0)
-        for i in unknown:
-            stable[i] = _positive_determinant(system, *solutions[i])
-        if len(unknown):
-            note += f"; {len(unknown)} could not be followed and were judged by the sign of det J"
-    return Stability(stable, largest, method, note)
+        grows, note = _negative_determinant, (
+            "sign of det J: negative if a disturbance grows without oscillating; the others are not examined, "
+            "with_stability(in_time=True) decides"
+        )
+    return np.array([grows(system, u, w) for u, w in zip(unknowns, omega)], bool), note
 
 
-def _growing(system: Equations[Sector], u: NDArray, omega: float) -> int:
-    """Return the number of growing disturbances of a wave; -1 if they cannot be counted."""
-    try:
-        return WaveDisturbances(system, u, omega).growing(NEUTRAL / TWO_PI * omega, (system.n_harmonics + 1) * omega)
-    except FloatingPointError:
-        return -1
+def _multiplier_outside(system: Equations[Sector], u: NDArray, omega: float) -> bool:
+    return bool(np.abs(multipliers(system, u, omega)).max(initial=0.0) > 1.0 + NEUTRAL)
 
 
-def _positive_determinant(system: Equations[Sector], u: NDArray, omega: float) -> bool:
+def _negative_determinant(system: Equations[Sector], u: NDArray, omega: float) -> bool:
     _, J, _ = system.evaluate(u, omega)
     size = np.maximum(np.abs(J).max(axis=1, keepdims=True), 1e-300)
     sign, _ = np.linalg.slogdet(J / size)
-    return bool(sign >= 0.0 or np.linalg.matrix_rank(J / size, tol=SINGULAR) < len(J))
+    return bool(sign < 0.0 and np.linalg.matrix_rank(J / size, tol=SINGULAR) == len(J))
 
 
 # ---- stability by time integration ----
@@ -218,23 +250,23 @@ def judged_in_time(ring: Ring, curve: ResponseCurve, progress: bool) -> Response
     curve : ResponseCurve
     progress : bool
     """
-    watch, stable, judged = CostMeter(), np.array(curve.stable, bool), 0
+    watch, unstable, judged = CostMeter(), np.array(curve.unstable, bool), 0
     moving = np.array([not rests(ring.system, u) for u in curve.unknowns], bool).reshape(len(curve))
-    stable[~moving] = True
+    unstable[~moving] = False
     ratios = np.where(moving, np.nan, 1.0)
     with LongWork() as work:
         for i in with_progress(np.flatnonzero(moving).tolist(), progress, "motion in time", "point"):
             verdict, ratio = judged_at(ring, curve.unknowns[i], TWO_PI * float(curve.frequency[i]))
             judged += 1
             if verdict != UNDECIDED:
-                stable[i], ratios[i] = verdict == AGREES, ratio
+                unstable[i], ratios[i] = verdict != AGREES, ratio
     note = (
         f"motion in time, amplitude kept to {100.0 * LIMITS.tolerance:g} %: {judged} of {len(curve)} points judged, "
         f"{int((~moving).sum())} rest, {int(np.isnan(ratios).sum())} undecided; {watch.read().seconds:.3g} s"
         + (", interrupted by the user" if work.interrupted else "")
         + (f"; the undecided: {curve.stability_note}" if np.isnan(ratios).any() else "")
     )
-    return replace(curve, stable=stable, stability_note=note, in_time=ratios)
+    return replace(curve, unstable=unstable, stability_note=note, in_time=ratios)
 
 
 def judged_at(ring: Ring, u: NDArray, omega: float) -> tuple[str, float]:
@@ -265,7 +297,7 @@ def with_stability(
         Response curve of this problem.
     in_time : bool
         Whether to integrate in time from each point.  A point is stable if the motion keeps its amplitude to 5 %.
-        Undecided points, and all points after Ctrl-C, keep the label "as far as the harmonics tell" (``curve.labels``).
+        Undecided points, and all points after Ctrl-C, keep the label of the harmonics (``curve.labels``).
     progress : bool
         Show a progress bar of the points integrated in time.
 
@@ -277,7 +309,7 @@ def with_stability(
     system, progress = problem.system(curve.preload), validation.flag("progress", progress)
     ring = ring_of(problem, curve.preload) if validation.flag("in_time", in_time) else None
     watch = CostMeter()
-    result = stability_of_points(system, curve.unknowns, TWO_PI * curve.frequency)
-    note = f"{result.note}; {watch.read().seconds:.2f} s, {curve.cost.seconds:.2f} s for the curve"
-    judged = replace(curve, stable=result.stable, stability_note=note, in_time=None)
+    unstable, note = unstable_solutions(system, curve.unknowns, TWO_PI * curve.frequency)
+    note = f"{note}; {watch.read().seconds:.2f} s, {curve.cost.seconds:.2f} s for the curve"
+    judged = replace(curve, unstable=unstable, stability_note=note, in_time=None)
     return judged if ring is None else judged_in_time(ring, judged, progress)
