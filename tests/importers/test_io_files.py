@@ -492,7 +492,7 @@ def test_bulk_data_and_op4(bar, tmp_path):
     from bdamper.fem.surface import enclosed_volume
     from bdamper.importers.prepared_body import Placement, PreparedBody
 
-    prepared = PreparedBody("bar", found, Placement((0, 0, 1), (0, 1, 0), (0, 0, 0), "m-kg-s"))
+    prepared = PreparedBody("bar", found, Placement())
     assert enclosed_volume(prepared.boundary, prepared.nodes) == pytest.approx(0.25 * 0.2 * 0.2, rel=1e-7)
     assert "empty rows dropped" in str(found)
     with pytest.raises(ModelError, match=r"a matrix 'KXX', found the matrices \['KNN', 'MNN'\]"):

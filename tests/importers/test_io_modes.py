@@ -11,13 +11,14 @@ from bdamper import Excitation, Study
 from bdamper.fem.cyclic_symmetry import travelling_waves
 from bdamper.fem.generated_models import SectorFE, bladed_disk
 from bdamper.fem.sector_faces import match_faces
-from bdamper.importers import MassProperties, Modes, build_model
+from bdamper.importers import MassProperties, Modes
 from bdamper.model.structure import turn
 from bdamper.util.errors import BdamperError, BdamperWarning, ModelError
 from tests.fe_bodies import SPARSE, contacts, modes_alone, sector_and_damper
+from tests.imports import build
 
 N, ND, COUNT = 65, 5, 6
-SETTINGS = {"n_blades": N, "sector_faces": ("LOW", "HIGH"), "nodal_diameters": (ND,), "n_modes": COUNT, "n_damper_modes": 8}
+SETTINGS = {"n_blades": N, "faces": ("LOW", "HIGH"), "nodal_diameters": (ND,), "n_modes": COUNT, "n_damper_modes": 8}
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +33,7 @@ def bodies(fe):
 
 @pytest.fixture(scope="module")
 def built(bodies):
-    return build_model(*bodies, contacts=contacts(), locations={"tip": 300}, fixed="BORE", **SETTINGS)
+    return build(*bodies, contacts=contacts(), locations={"tip": 300}, fixed="BORE", **SETTINGS)
 
 
 def shapes_of(fe, d, count=COUNT):
@@ -68,7 +69,7 @@ def file_modes(fe, numbers, kind, scale=1.0):
 def test_waves_are_put_in_the_agreed_direction_and_length(fe, bodies, built, kind):
     blade, damper = bodies
     given = replace(blade, stiffness=None, mass=None, modes=file_modes(fe, blade.numbers, kind))
-    other = build_model(given, damper, contacts=contacts(), locations={"tip": 300}, **SETTINGS)
+    other = build(given, damper, contacts=contacts(), locations={"tip": 300}, **SETTINGS)
     for d in (0, ND):
         a, b = (m.model.bodies["blade"].bases[d] for m in (other, built))
         np.testing.assert_allclose(a.omega2, b.omega2[:COUNT], rtol=1e-8)
@@ -89,17 +90,17 @@ def test_waves_are_put_in_the_agreed_direction_and_length(fe, bodies, built, kin
 def test_modes_beside_matrices_are_compared(fe, bodies, built):
     blade, damper = bodies
     given = replace(blade, modes=file_modes(fe, blade.numbers, "pairs"))
-    other = build_model(given, damper, contacts=contacts(), locations={"tip": 300}, fixed="BORE", **SETTINGS)
+    other = build(given, damper, contacts=contacts(), locations={"tip": 300}, fixed="BORE", **SETTINGS)
     assert f"nodal diameter {ND}: frequencies agree with pairs.modes to" in str(other)
     radians = tuple(replace(m, frequency=2 * np.pi * m.frequency) for m in given.modes)
     with pytest.raises(ModelError, match=r"expected the frequencies of pairs.modes.*1/\(2 pi\): radians per second"):
-        build_model(replace(given, modes=radians), damper, contacts=contacts(), fixed="BORE", strict=True, **SETTINGS)
+        build(replace(given, modes=radians), damper, contacts=contacts(), fixed="BORE", strict=True, **SETTINGS)
     bent = given.modes[1].shapes.copy()
     low = np.flatnonzero(np.isin(given.modes[1].numbers, blade.node_sets["LOW"]))[3]
     bent[low] += 0.1 * np.abs(bent).max()
     wrong = replace(given, modes=(replace(given.modes[1], shapes=bent),))
     with pytest.warns(BdamperWarning, match=r"does not repeat .* in either direction \(off by .* %\)"):
-        found = build_model(wrong, damper, contacts=contacts(), locations={"tip": 300}, fixed="BORE", **SETTINGS)
+        found = build(wrong, damper, contacts=contacts(), locations={"tip": 300}, fixed="BORE", **SETTINGS)
     assert found.model.hash == built.model.hash
 
 
@@ -110,7 +111,7 @@ def test_wrong_nodal_diameter_is_noticed(fe, bodies):
     given = replace(blade, stiffness=None, mass=None, modes=wrong)
     settings = {**SETTINGS, "nodal_diameters": (ND + 1,)}
     with pytest.raises(ModelError, match=r"does not repeat from one sector face to the other .* in either direction"):
-        build_model(given, damper, contacts=contacts(), **settings)
+        build(given, damper, contacts=contacts(), **settings)
 
 
 @pytest.mark.parametrize(("factor", "found"), [(1e-4, r"0\.02\d+"), (1e6, r"2\.\d+e\+08")])
@@ -120,11 +121,11 @@ def test_frequencies_that_no_machine_has_are_said(fe, bodies, factor, found):
     given = replace(bodies[0], stiffness=None, mass=None, modes=modes), bodies[1]
     said = rf"blade .*nodal diameter [05]: expected a lowest frequency of 0\.1 to 5e\+06 Hz, found {found} Hz"
     with pytest.warns(BdamperWarning, match=said):
-        built = build_model(*given, contacts=contacts(), **SETTINGS)
+        built = build(*given, contacts=contacts(), **SETTINGS)
     assert sum("a lowest frequency" in text for text in built.failed) == 2, "at both nodal diameters"
     with pytest.raises(ModelError, match=said):
-        build_model(*given, contacts=contacts(), strict=True, **SETTINGS)
-    assert not build_model(*given, contacts=contacts(), check_units=False, **SETTINGS).failed
+        build(*given, contacts=contacts(), strict=True, **SETTINGS)
+    assert not build(*given, contacts=contacts(), check_units=False, **SETTINGS).failed
 
 
 def test_damper_from_mass_properties(fe, bodies, built):
@@ -135,7 +136,7 @@ def test_damper_from_mass_properties(fe, bodies, built):
         damper, stiffness=None, mass=None, rigid=MassProperties(theirs.mass, theirs.centre, theirs.inertia)
     )
     pairs = [replace(c, stiffness=(1e8, 2e8, 3e8)) for c in contacts()]
-    other = build_model(blade, given, contacts=pairs, locations={"tip": 300}, fixed="BORE", **SETTINGS)
+    other = build(blade, given, contacts=pairs, locations={"tip": 300}, fixed="BORE", **SETTINGS)
     body = other.model.bodies["damper"]
     assert body.bases[0].n_modes == 6
     u, v = (b.bases[0].contact_modes[..., :6].reshape(-1, 6) for b in (body, theirs))
@@ -150,7 +151,7 @@ def test_the_centre_of_a_rigid_damper_has_three_finite_coordinates(fe, bodies, c
     blade, damper = bodies
     rigid = replace(damper, stiffness=None, mass=None, rigid=MassProperties(0.05, centre, 1e-6 * np.eye(3)))
     with pytest.raises(BdamperError, match="mass properties: expected a mass > 0, a centre"):
-        build_model(blade, rigid, contacts=contacts(), fixed="BORE", **SETTINGS)
+        build(blade, rigid, contacts=contacts(), fixed="BORE", **SETTINGS)
 
 
 def test_modes_and_user_stiffness_reach_a_tracking_curve(fe, bodies):
@@ -158,9 +159,9 @@ def test_modes_and_user_stiffness_reach_a_tracking_curve(fe, bodies):
     blade, damper = bodies
     tip = {"tip": int(blade.numbers[np.argmax(fe.blade.nodes[:, 1])])}
     pairs = [replace(c, stiffness=(2e7, 2e7, 3e7)) for c in contacts()]
-    full = build_model(blade, damper, contacts=pairs, locations=tip, fixed="BORE", **SETTINGS).model
+    full = build(blade, damper, contacts=pairs, locations=tip, fixed="BORE", **SETTINGS).model
     theirs = full.bodies["damper"]
-    bare = build_model(
+    bare = build(
         replace(blade, stiffness=None, mass=None, modes=file_modes(fe, blade.numbers, "pairs")),
         replace(damper, stiffness=None, mass=None, rigid=MassProperties(theirs.mass, theirs.centre, theirs.inertia)),
         contacts=pairs,
@@ -192,7 +193,7 @@ def test_bad_modes(fe, bodies, change, message):
     modes = file_modes(fe, blade.numbers, "plain")
     given = replace(blade, stiffness=None, mass=None, modes=(modes[0], change(modes[1])))
     with pytest.raises(ModelError, match=message):
-        build_model(given, damper, contacts=contacts(), locations={"tip": 300}, **SETTINGS)
+        build(given, damper, contacts=contacts(), locations={"tip": 300}, **SETTINGS)
 
 
 def test_modes_check_themselves():

@@ -11,7 +11,7 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 
 from bdamper.fem.element_stress import Solids, element_rows, node_average
 from bdamper.fem.sector_faces import no_faces
-from bdamper.importers import read_arrays, read_calculix, read_cdb, read_elements, read_frd, read_inp, read_rst
+from bdamper.importers import Sector, read_arrays, read_calculix, read_cdb, read_elements, read_frd, read_inp, read_rst
 from bdamper.importers.bodies import stress_rows
 from bdamper.importers.fe_body import FEBody
 from bdamper.importers.prepared_body import ImportReport, Placement, PreparedBody, Ring
@@ -171,11 +171,11 @@ def stress_of(body: FEBody, moved, first):
     """Stress (n, 6) at all nodes by the rows that an import makes."""
     one = sp.identity(moved.size)
     given = FEBody(**{**body.__dict__, "stiffness": one, "mass": one, "dofs": None})
-    prepared = PreparedBody("blade", given, Placement((0, 0, 1), (0, 1, 0), (0, 0, 0), "m-kg-s"))
+    prepared = PreparedBody("blade", given, Placement())
     laid = SimpleNamespace(interfaces={}, ports={"blade": ()}, rows={"blade": sp.csr_matrix((0, moved.size))})
     elasticity = None if body.element_kinds and body.element_kinds[0].youngs_modulus else (YOUNG, POISSON)
     nodes, ring = {"all": first + np.arange(len(moved))}, Ring(no_faces(), (), ())
-    (rows,) = stress_rows(prepared, nodes, elasticity, laid, ring, ImportReport())
+    (rows,) = stress_rows(prepared, Sector(stress=nodes, elasticity=elasticity), laid, ring, ImportReport())
     return (rows._rows @ moved.ravel()).reshape(-1, 6)
 
 

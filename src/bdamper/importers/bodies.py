@@ -37,8 +37,9 @@ from bdamper.fem.reduced_bodies import PICTURED_MODES, FreeBody, Wanted, constra
 from bdamper.fem.rotation import IN_PLANE, Rotation
 from bdamper.importers.contact_faces import LaidContacts
 from bdamper.importers.fe_body import BOUNDS, ElementKind, FEBody, Modes
+from bdamper.importers.options import NodeSet, Sector
 from bdamper.importers.plausibility import check_rigid_motion, compare_frequencies
-from bdamper.importers.prepared_body import ImportReport, NodeSet, PreparedBody, Ring
+from bdamper.importers.prepared_body import ImportReport, PreparedBody, Ring
 from bdamper.model.fields import check
 from bdamper.model.modal_basis import fix_phase, rigid_motions
 from bdamper.model.structure import Body, BodyLoad, Interface, ModalBasis, turn
@@ -462,12 +463,12 @@ def blade_part(
         If there is no cyclic sector with matrices, blades touch each other, or the set lacks contact points or locations.
     """
     if ring.faces.n_sectors == 1:
-        raise SettingError("wheel: expected a sector of a cyclic structure with its matrices, found an acyclic structure")
+        raise SettingError("blade_nodes: expected a sector of a cyclic structure, found an acyclic structure")
     touching = [name for name, face in interfaces.items() if face.body_a == face.body_b == body.name]
     if touching:
-        raise SettingError(f"wheel: expected blades that touch dampers, found '{touching[0]}', where they touch each other")
-    nodes = body.node_set(blade, "wheel")
-    with body.refusing("wheel", "the nodes of a blade from root to tip, with all its contact faces and locations"):
+        raise SettingError(f"blade_nodes: expected blades that touch dampers, found '{touching[0]}', where blades touch")
+    nodes = body.node_set(blade, "blade_nodes")
+    with body.refusing("blade_nodes", "the nodes of a blade from root to tip, with all its contact faces and locations"):
         part = BladePart(body.structure, nodes, fixed, step=report.step)
         part.check_wanted(wanted, ring.faces)
     return part
@@ -484,7 +485,7 @@ def with_local_basis(
     ModelError
         If the matrices of the blade clamped at its root are not positive definite.
     """
-    with body.refusing("wheel", "a blade that its root holds"):
+    with body.refusing("blade_nodes", "a blade that its root holds"):
         local = local_basis(part, sector, wanted, damper_motion(wanted.ports, interfaces), sizes, "set of nodes")
     clamped = ", ".join(f"{f:.5g}" for f in np.sqrt(local.omega2[:3]) / (2.0 * np.pi))
     worst = max(np.sqrt(local.nodal_diameter(d).omega2[0] / basis.omega2[0]) - 1.0 for d, basis in made.bases.items())
@@ -500,18 +501,15 @@ def with_local_basis(
 
 
 def stress_rows(
-    body: PreparedBody, sets: NodeSet | Mapping[str, NodeSet] | None, elasticity: Sequence[float] | None,
-    laid: LaidContacts, ring: Ring, report: ImportReport,
-) -> list[StressRows]:  # fmt: skip
+    body: PreparedBody, sector: Sector, laid: LaidContacts, ring: Ring, report: ImportReport
+) -> list[StressRows]:
     """Return the rows that recover the stress at sets of nodes of a blade.
 
     Parameters
     ----------
     body : PreparedBody
-    sets : str, (n,) int, or mapping of name to either, optional
-        Node sets.  A single name is the name of the stress set as well.
-    elasticity : (Young's modulus, Poisson's ratio), optional
-        Elastic constants in the units of the file, which replace any constants of the file.
+    sector : Sector
+        With the node sets; a single name is the name of the stress set as well.
     laid : LaidContacts
     ring : Ring
     report : ImportReport
@@ -527,7 +525,7 @@ def stress_rows(
     BdamperError
         If scikit-fem is not installed.
     """
-    if sets is None:
+    if (sets := sector.stress) is None:
         return []
     import_extra("skfem", "stress of an import", "fe")
     from bdamper.fem.element_stress import StressRows, near_patches
@@ -545,7 +543,7 @@ def stress_rows(
     for name, members in named.items():
         item = f"stress '{name}'"
         nodes = _away_from_cuts(body, body.node_set(members, item), ring, item, report)
-        solids = _solids(body, nodes, elasticity, item)
+        solids = _solids(body, nodes, sector.elasticity, item)
         near = near_patches(body.nodes[nodes], *faces) | np.isin(nodes, laid.rows[body.name].indices // 3)
         with body.refusing(item, "elements with volume and all nodes between corners"):
             out.append(StressRows(name, solids, body.nodes, nodes, near))
@@ -565,11 +563,10 @@ def _away_from_cuts(body: PreparedBody, nodes: NDArray, ring: Ring, item: str, r
     return inner
 
 
-def _solids(body: PreparedBody, nodes: NDArray, elasticity: Sequence[float] | None, item: str) -> tuple[Solids, ...]:
+def _solids(body: PreparedBody, nodes: NDArray, constants: Sequence[float] | None, item: str) -> tuple[Solids, ...]:
     """Return the elements at nodes, with elastic constants in SI units."""
     from bdamper.fem.element_stress import Solids
 
-    constants = None if elasticity is None else validation.numbers("elasticity", elasticity, 2)
     kinds = body.raw.element_kinds or tuple(ElementKind(f"C3D{e.shape[1]}") for e in body.elements)
     n = len(body.elements)
     body.require(len(kinds) == n, "element_kinds", f"one for each of {n} arrays", len(kinds))

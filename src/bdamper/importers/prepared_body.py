@@ -13,8 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
-from functools import cached_property, partial
-from typing import Annotated, Any
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -24,61 +23,13 @@ from scipy.spatial import cKDTree
 from bdamper.fem.sector_faces import SectorFaces
 from bdamper.fem.surface import Facets, Structure, boundary_facets, facets_on_nodes
 from bdamper.importers.arrays import square_matrix
-from bdamper.importers.fe_body import BOUNDS, UNITS, FEBody, Units, parsing
+from bdamper.importers.fe_body import BOUNDS, FEBody, parsing
+from bdamper.importers.options import NodeSet, Placement
 from bdamper.model.fields import check
 from bdamper.util import validation
 from bdamper.util.errors import ModelError, mismatch, warn
 
 FaceSet = str | NDArray | tuple[NDArray, ...]
-NodeSet = str | NDArray | list[int]
-
-
-def _units(name: str, units: object) -> Units:
-    return units if isinstance(units, Units) else UNITS[validation.choice(f"{name} (or Units(...))", units, sorted(UNITS))]
-
-
-Direction = Annotated[Any, partial(validation.numbers, n=3)]
-
-
-@dataclass(frozen=True)
-class Placement:
-    """Axes and units of a finite element model.
-
-    Parameters
-    ----------
-    axis : (3,) float
-        Axis of rotation, in the axes of the file.
-    radial : (3,) float
-        Direction from the axis of rotation to the blade, in the axes of the file.
-    origin : (3,) float
-        Point on the axis of rotation, in the axes and the unit of length of the file.
-    units : str or Units
-        Name of a system in ``UNITS``, or factors.
-
-    Raises
-    ------
-    SettingError
-        If axis and radial are not perpendicular, one of them is zero, or the units are unknown.
-    """
-
-    axis: Direction
-    radial: Direction
-    origin: Direction
-    units: Annotated[Any, _units]
-
-    def __post_init__(self) -> None:
-        validation.check_fields(self)
-        lengths = np.linalg.norm(self.axis) * np.linalg.norm(self.radial)
-        perpendicular = lengths > 0.0 and abs(self.axis @ self.radial) <= BOUNDS.axes * lengths
-        found = f"{self.axis.tolist()} and {self.radial.tolist()}"
-        validation.check(perpendicular, "axis and radial", "two directions at right angles", found)
-
-    @cached_property
-    def rotation(self) -> NDArray:
-        """Axes X, Y, Z of the model as rows (3, 3), in the axes of the file."""
-        z, y = (direction / np.linalg.norm(direction) for direction in (self.axis, self.radial))
-        return np.array([np.cross(y, z), y, z])
-
 
 @dataclass(frozen=True)
 class Ring:
