@@ -20,7 +20,7 @@ from bdamper.fem.surface import boundary_facets, facets_on_nodes
 from bdamper.importers import ContactFaces, FEBody, read_arrays
 from bdamper.importers.contact_faces import lay_contacts
 from bdamper.importers.plausibility import check_table, wave_speed
-from bdamper.importers.prepared_body import ImportReport, Placement, PreparedBody
+from bdamper.importers.prepared_body import Placement, PreparedBody
 from bdamper.model.model_file import load_model
 from bdamper.util.errors import BdamperError, BdamperWarning, ModelError, PlausibilityWarning, SettingError
 from examples.calculix.decks import damper_sets
@@ -423,25 +423,24 @@ def test_rows_stand_in_the_order_of_the_table(bodies, which, elements):
     """Node by node and component by component alike, if the table says so; another order is refused."""
     body = bodies[which == "damper"] if elements else replace(bodies[which == "damper"], elements=())
     body = without_clamped(body) if which == "held blade" else body
-    place = Placement()
-    report = ImportReport()
-    check_table(PreparedBody("blade", body, place), report)
-    assert "rigid motions cost" in report.checks[0]
+    prepared = PreparedBody("blade", body, Placement())
+    check_table(prepared)
+    assert "rigid motions cost" in prepared.report.checks[0]
     if which == "held blade":
         mistaken = replace(body, dofs=body.dofs[np.argsort(body.dofs[:, 1], kind="stable")])
     else:
-        check_table(PreparedBody("blade", by_component(body), place), report)
+        check_table(PreparedBody("blade", by_component(body), Placement()))
         mistaken = replace(by_component(body), dofs=None)
     expected = r"expected rows in the order of the table .*, found forces on .*rows in another order than the table"
     with pytest.raises(ModelError, match=expected) as caught:
-        check_table(PreparedBody("blade", mistaken, place), report)
+        check_table(PreparedBody("blade", mistaken, Placement()))
     assert "\n" not in str(caught.value)
 
 
 def test_positions_of_other_nodes_are_noticed(bodies):
     moved = replace(bodies[0], nodes=np.roll(bodies[0].nodes, 3, axis=0))
     with pytest.raises(ModelError, match=r"forces on [91].* % of the nodes .*positions of other nodes"):
-        check_table(PreparedBody("blade", moved, Placement()), ImportReport())
+        check_table(PreparedBody("blade", moved, Placement()))
 
 
 def grounded(body):

@@ -14,7 +14,7 @@ from bdamper.fem.sector_faces import no_faces
 from bdamper.importers import Sector, read_arrays, read_calculix, read_cdb, read_elements, read_frd, read_inp, read_rst
 from bdamper.importers.bodies import stress_rows
 from bdamper.importers.fe_body import FEBody
-from bdamper.importers.prepared_body import ImportReport, Placement, PreparedBody, Ring
+from bdamper.importers.prepared_body import Placement, PreparedBody, Ring
 from tests.ansys_files import write_rst
 from tests.each import each
 from tests.own_sector import deck, of_kind
@@ -175,7 +175,7 @@ def stress_of(body: FEBody, moved, first):
     laid = SimpleNamespace(interfaces={}, ports={"blade": ()}, rows={"blade": sp.csr_matrix((0, moved.size))})
     elasticity = None if body.element_kinds and body.element_kinds[0].youngs_modulus else (YOUNG, POISSON)
     nodes, ring = {"all": first + np.arange(len(moved))}, Ring(no_faces(), (), ())
-    (rows,) = stress_rows(prepared, Sector(stress=nodes, elasticity=elasticity), laid, ring, ImportReport())
+    (rows,) = stress_rows(prepared, Sector(stress=nodes, elasticity=elasticity), laid, ring)
     return (rows._rows @ moved.ravel()).reshape(-1, 6)
 
 

@@ -245,24 +245,24 @@ def build_model(
     ):  # fmt: skip
         validation.instance(name, option, kind)
     report = ImportReport(checks.strict)
-    bodies = _prepared(blade, damper, placement)
+    bodies = _prepared(blade, damper, placement, report)
     contacts = _checked_contacts(contacts)
-    faces = _sector_faces(bodies["blade"], sector, report)
+    faces = _sector_faces(bodies["blade"], sector)
     diameters, excited, reason = _diameters(faces.n_sectors, reduction, blade)
     report.checks.append(f"{len(diameters)} nodal diameters, {reason}")
     expected = checks.expected_frequencies or {}
     for d in expected:
         check(d in diameters, "expected_frequencies", f"nodal diameters out of {list(diameters)}", d)
     ring = Ring(faces, diameters, excited or diameters, expected)
-    _check_bodies(bodies, faces.n_sectors, checks.check_units, report)
-    contacts, bodies = from_first_sector(contacts, bodies, faces.n_sectors, report)
-    laid, places = lay_contacts(contacts, bodies, faces.n_sectors), _locations(locations, bodies, forces, report)
-    rows = stress_rows(bodies["blade"], sector, laid, ring, report)
+    _check_bodies(bodies, faces.n_sectors, checks.check_units)
+    contacts, bodies = from_first_sector(contacts, bodies, faces.n_sectors)
+    laid, places = lay_contacts(contacts, bodies, faces.n_sectors), _locations(locations, bodies, forces)
+    rows = stress_rows(bodies["blade"], sector, laid, ring)
     with _shown(progress, len(bodies), ring, sector.blade_nodes is not None, report):
-        made, shapes = _reduced(bodies, laid, places, ring, sector, reduction, rows, report)
+        made, shapes = _reduced(bodies, laid, places, ring, sector, reduction, rows)
     if checks.check_units:
         for name, body in bodies.items():
-            check_lowest(body, made[name], report)
+            check_lowest(body, made[name])
     return _assembled(bodies, laid, places, made, shapes, rows, faces.n_sectors, report)
 
 
@@ -271,7 +271,7 @@ def build_model(
 
 
 def _prepared(
-    blade: FEBody, damper: FEBody | Mapping[str, FEBody] | None, placement: Placement
+    blade: FEBody, damper: FEBody | Mapping[str, FEBody] | None, placement: Placement, report: ImportReport
 ) -> dict[str, PreparedBody]:
     """Return the bodies in SI units and in the axes of the model; the first one is the blade."""
     free = damper if isinstance(damper, Mapping) else {} if damper is None else {"damper": damper}
@@ -280,7 +280,7 @@ def _prepared(
     out = {}
     for name, raw in {"blade": blade, **free}.items():
         body = validation.instance(name, raw, FEBody, "an FEBody, as read_arrays returns it")
-        out[name] = PreparedBody(name, body, placement)
+        out[name] = PreparedBody(name, body, placement, report)
     return out
 
 
@@ -293,18 +293,18 @@ def _counts(free: Sequence[str], reduction: Reduction) -> dict[str, int]:
 
 
 def _check_bodies(
-    bodies: Mapping[str, PreparedBody], n_blades: int, check_units: bool, report: ImportReport
+    bodies: Mapping[str, PreparedBody], n_blades: int, check_units: bool
 ) -> None:
-    check_radial(bodies["blade"], n_blades, report)
+    check_radial(bodies["blade"], n_blades)
     for body in bodies.values():
         body.check_repeated()
         if body.has_matrices:
             check_not_swapped(body)
             if body.name == "blade":  # check_rigid_motion checks a free body
-                check_table(body, report)
+                check_table(body)
         check_corners(body)
         if check_units:
-            check_sizes(body, report)
+            check_sizes(body)
 
 
 def _checked_contacts(contacts: Sequence[ContactFaces]) -> tuple[ContactFaces, ...]:
@@ -342,7 +342,7 @@ def _diameters(
     return tuple(sorted({0, *wanted})), excited, reason
 
 
-def _sector_faces(body: PreparedBody, sector: Sector, report: ImportReport) -> SectorFaces:
+def _sector_faces(body: PreparedBody, sector: Sector) -> SectorFaces:
     """Return the sector faces, given or found in the mesh; faces with different meshes are tied by interpolation."""
     n_blades = sector.n_blades
     if n_blades == 1:
@@ -353,16 +353,16 @@ def _sector_faces(body: PreparedBody, sector: Sector, report: ImportReport) -> S
         if faces is None:
             expected = "the two faces of the sector" + ("" if n_blades else ", and n_blades (1 if nothing repeats)")
             raise SettingError(f"sector faces: expected {expected}, as no rotation carries faces of elements onto others")
-        report.checks.append(f"sector faces: found from the geometry, {faces.n_sectors} sectors")
+        body.passed(f"sector faces: found from the geometry, {faces.n_sectors} sectors")
         return faces
     first, second = (body.node_set(s, "sector faces") for s in sector.faces)
     if n_blades is None:
-        n_blades = _sectors_between(body, first, second, report)
+        n_blades = _sectors_between(body, first, second)
     problems = []
     for left, right, words in ((first, second, "the first set lies toward -X"), (second, first, "the sets were exchanged")):
         try:
             matched = match_faces(body.nodes, left, right, n_blades, tolerance)
-            report.checks.append(f"sector faces: {len(left)} pairs of nodes match within {tolerance:.2g} m; {words}")
+            body.passed(f"sector faces: {len(left)} pairs of nodes match within {tolerance:.2g} m; {words}")
             return matched
         except ValueError as error:
             problems.append(str(error))
@@ -374,22 +374,21 @@ def _sector_faces(body: PreparedBody, sector: Sector, report: ImportReport) -> S
     found = f"{'; the other way: '.join(problems)}; meshes that differ are at best {best.distance:.3g} m apart"
     body.require(best.distance <= BOUNDS.tied_faces * body.size, "sector faces", expected, found)
     tied_nodes = f"{len(best.dependent)} nodes tied by interpolation to {len(best.independent)}"
-    report.checks.append(f"sector faces: meshes that differ, {tied_nodes}, at most {best.distance:.2g} m apart")
+    body.passed(f"sector faces: meshes that differ, {tied_nodes}, at most {best.distance:.2g} m apart")
     return best
 
 
-def _sectors_between(body: PreparedBody, first: NDArray, second: NDArray, report: ImportReport) -> int:
+def _sectors_between(body: PreparedBody, first: NDArray, second: NDArray) -> int:
     """Return the number of sectors from the mean angle between two faces."""
     angles = [np.arctan2(*body.nodes[nodes, :2].mean(axis=0)) for nodes in (first, second)]
     between = abs((angles[1] - angles[0] + np.pi) % (2.0 * np.pi) - np.pi)
     n_blades = max(2, round(2.0 * np.pi / max(between, 1e-3)))
-    report.checks.append(f"{n_blades} sectors, from the {np.rad2deg(between):.4g} degrees between the sector faces")
+    body.passed(f"{n_blades} sectors, from the {np.rad2deg(between):.4g} degrees between the sector faces")
     return n_blades
 
 
 def _locations(
     locations: Mapping[str, object] | None, bodies: Mapping[str, PreparedBody], forces: Mapping[str, object] | None,
-    report: ImportReport,
 ) -> dict[str, tuple[str, Place]]:  # fmt: skip
     """Return body and node (or field of forces) of each named location."""
     out: dict[str, tuple[str, Place]] = {name: ("blade", f) for name, f in force_fields(forces, bodies["blade"]).items()}
@@ -400,7 +399,7 @@ def _locations(
             body, value = value
         validation.check(body in bodies, f"location '{name}'", f"a body out of {sorted(bodies)}", f"'{body}'")
         validation.check(name not in out, f"location '{name}'", "a name that forces do not have", f"'{name}' twice")
-        out[name] = (body, bodies[body].node(value, f"location '{name}'", report))
+        out[name] = (body, bodies[body].node(value, f"location '{name}'"))
     return out
 
 
@@ -431,7 +430,7 @@ def _shown(progress: bool | None, n_bodies: int, ring: Ring, local: bool, report
 
 def _reduced(
     bodies: Mapping[str, PreparedBody], laid: LaidContacts, places: Mapping[str, tuple[str, Place]], ring: Ring,
-    sector: Sector, reduction: Reduction, rows: Sequence[StressRows], report: ImportReport,
+    sector: Sector, reduction: Reduction, rows: Sequence[StressRows],
 ) -> tuple[dict[str, Body], dict[int, NDArray]]:  # fmt: skip
     """Reduce all bodies, from matrices or from modes; return them with the mode shapes for pictures."""
     made, pictures = {}, dict[int, NDArray]()
@@ -442,23 +441,23 @@ def _reduced(
             laid.ports[name], laid.rows[name], located, counts[name], reduction.damping_ratio, static_shapes=True
         )
         if name == "blade" and body.has_matrices:
-            mask = held_components(body, wanted, sector.fixed, ring, report)
+            mask = held_components(body, wanted, sector.fixed, ring)
             blade, part = sector.blade_nodes, None
             if blade is not None:
-                part = blade_part(body, wanted, ring, mask, blade, laid.interfaces, report)
+                part = blade_part(body, wanted, ring, mask, blade, laid.interfaces)
             cached = [0] if body.raw.faster else []  # for the displacement by rotation
             cached += [] if part is None else sampled_waves(ring.faces.n_sectors)
-            cyclic = cyclic_sectors(body, ring, mask, cached, report)
-            made[name], pictures = constrained_from_matrices(body, wanted, ring, cyclic, mask, rows, report)
+            cyclic = cyclic_sectors(body, ring, mask, cached)
+            made[name], pictures = constrained_from_matrices(body, wanted, ring, cyclic, mask, rows)
             if part is not None:
                 sizes = reduction.local_sizes
-                made[name] = with_local_basis(made[name], body, wanted, cyclic, laid.interfaces, part, sizes, report)
+                made[name] = with_local_basis(made[name], body, wanted, cyclic, laid.interfaces, part, sizes)
         elif name == "blade":
             alone = sector.blade_nodes is None
             validation.check(alone, "blade_nodes", "a sector of a cyclic structure with its matrices", "modes alone")
-            made[name], pictures = constrained_from_modes(body, wanted, ring, report)
+            made[name], pictures = constrained_from_modes(body, wanted, ring)
         else:
-            made[name] = (free_from_matrices if body.has_matrices else free_from_modes)(body, wanted, report)
+            made[name] = (free_from_matrices if body.has_matrices else free_from_modes)(body, wanted)
     if laid.ports["ground"]:
         made["ground"] = Body("ground", "ground", laid.ports["ground"])
     return made, pictures

@@ -103,6 +103,8 @@ class PreparedBody:
         Body in the units, axes and node numbers of its file.
     placement : Placement
         Axes and units of the file.
+    report : ImportReport
+        Receives the results of the checks.
 
     Raises
     ------
@@ -113,6 +115,7 @@ class PreparedBody:
     name: str
     raw: FEBody
     placement: Placement
+    report: ImportReport = field(default_factory=ImportReport)
 
     def __post_init__(self) -> None:
         numbers, nodes = np.asarray(self.raw.numbers), np.asarray(self.raw.nodes, float)
@@ -133,6 +136,10 @@ class PreparedBody:
     def nodes(self) -> NDArray:
         """Positions (n_nodes, 3) of the nodes, m."""
         return self.placement.units.length * (self.raw.nodes - self.placement.origin) @ self.placement.rotation.T
+
+    def passed(self, text: str) -> None:
+        """Add a passed check to the report."""
+        self.report.checks.append(text)
 
     def error(self, item: str, expected: str, found: object) -> ModelError:
         """Return the error for an unexpected value of a quantity of this body."""
@@ -241,7 +248,7 @@ class PreparedBody:
             self.require(good, item, "faces (n, 3 | 4 | 6 | 8)", f"shape {group.shape}")
         return Facets(tuple(self.index(group, item) for group in groups))
 
-    def node(self, location: object, item: str, report: ImportReport) -> int:
+    def node(self, location: object, item: str) -> int:
         """Return the index of a node from its number, or of the node nearest to a position.
 
         Parameters
@@ -250,8 +257,6 @@ class PreparedBody:
             Node number, or position in the axes and units of the file.
         item : str
             Name of the location in messages.
-        report : ImportReport
-            Receives the distance from the position to the node.
 
         Raises
         ------
@@ -266,7 +271,7 @@ class PreparedBody:
         nearest = int(distance.argmin())
         off = distance[nearest]
         self.require(off <= 0.1 * self.size, item, "a position on the body", f"{off:.4g} m from the nearest node")
-        report.checks.append(f"{item}: node {self.raw.numbers[nearest]}, {off:.2g} m from the given position")
+        self.passed(f"{item}: node {self.raw.numbers[nearest]}, {off:.2g} m from the given position")
         return nearest
 
     def damper_axes(self, centre: NDArray) -> NDArray:
@@ -301,7 +306,7 @@ class PreparedBody:
 
     @property
     def faster(self) -> PreparedBody | None:
-        """Same body at the higher of two rotor speeds, or None for a single speed."""
+        """Same body at the higher of two rotor speeds, with a report of its own, or None for a single speed."""
         return None if self.raw.faster is None else PreparedBody(self.name, self.raw.faster, self.placement)
 
     @cached_property
