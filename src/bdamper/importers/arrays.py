@@ -18,7 +18,7 @@ import os
 import re
 import struct
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -159,25 +159,27 @@ def read_matrix(path: Path, name: str | None = None) -> sp.csr_matrix:
         If the file does not exist or has no such square matrix of finite real numbers.
     """
     kind = path.suffix.lower()
-    check(kind in _MATRICES, str(path), "the ending .npz, .npy, .mat or .mtx", f"'{kind}'")
-    return square_matrix(_MATRICES[kind](path, name), str(path))
+    check(kind in (".npz", ".npy", ".mat", ".mtx"), str(path), "the ending .npz, .npy, .mat or .mtx", f"'{kind}'")
+    if kind == ".mtx":
+        matrix = read_abaqus_matrix(path)[0]
+    elif kind == ".mat":
+        matrix = _chosen(read_mat(path), name, path)
+    elif kind == ".npy":
+        _check_bytes(path.stat().st_size, path)
+        matrix = np.load(path, allow_pickle=False)
+    else:
+        matrix = _from_npz(path, name)
+    return square_matrix(matrix, str(path))
 
 
 def _from_npz(source: Path, name: str | None) -> sp.spmatrix | NDArray:
     with np.load(source, allow_pickle=False) as archive:
         _check_bytes(sum(member.file_size for member in archive.zip.infolist()), source)
-        names = list(archive)
-        if name is None and {"format", "shape", "data"} <= set(names):
-            shape = archive["shape"]
-            for count in np.atleast_1d(shape).tolist():
+        if name is None and {"format", "shape", "data"} <= set(archive):
+            for count in np.atleast_1d(archive["shape"]).tolist():
                 check_count(count, f"{source}: shape", "a count")
             return sp.load_npz(source)
-        return archive[_chosen(names, name, source)]
-
-
-def _from_npy(source: Path, name: str | None) -> NDArray:
-    _check_bytes(source.stat().st_size, source)
-    return np.asarray(np.load(source, allow_pickle=False))
+        return _chosen(archive, name, source)
 
 
 def _check_bytes(count: int, source: Path) -> None:
@@ -185,30 +187,12 @@ def _check_bytes(count: int, source: Path) -> None:
     check_count(count, f"{source}: arrays", "a size, bytes,", 1, MOST_BYTES)
 
 
-def _from_mat(source: Path, name: str | None) -> sp.spmatrix | NDArray:
-    content = read_mat(source)
-    return content[_chosen(list(content), name, source)]
-
-
-def _from_text(source: Path, name: str | None) -> sp.spmatrix:
-    return read_abaqus_matrix(source)[0]
-
-
-def _chosen(names: list[str], name: str | None, source: Path) -> str:
+def _chosen(arrays: Mapping[str, Any], name: str | None, source: Path) -> Any:
+    wanted, names = "the name of an array" if name is None else f"an array '{name}' of real numbers", list(arrays)
     if name is None and len(names) == 1:
-        return names[0]
-    wanted = "the name of an array" if name is None else f"an array '{name}' of real numbers"
+        (name,) = names
     check(name in names, str(source), wanted, f"the arrays {names}")
-    return str(name)
-
-
-_MATRICES: dict[str, Callable[[Path, str | None], sp.spmatrix | NDArray]] = {
-    ".npz": _from_npz,
-    ".npy": _from_npy,
-    ".mat": _from_mat,
-    ".mtx": _from_text,
-}
-"""Functions that read a matrix, by the ending of the file name."""
+    return arrays[str(name)]
 
 
 def square_matrix(matrix: sp.spmatrix | NDArray, item: str) -> sp.csr_matrix:

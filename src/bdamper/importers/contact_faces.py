@@ -280,7 +280,7 @@ def _means(
     if nodes_b is None or face_b is None:
         return a
     b = patches_on_rectangles(contact.patches, nodes_b, face_b, what[1])
-    return PatchMeans(a.area, a.frame, a.points_a, b.points_a, a.matrix_a, b.matrix_a)
+    return replace(a, points_b=b.points_a, matrix_b=b.matrix_a)
 
 
 def _area(face: Facets, nodes: NDArray) -> float:
