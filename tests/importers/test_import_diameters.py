@@ -14,24 +14,16 @@ from bdamper.importers.build import _diameters
 from bdamper.util import storage
 from bdamper.util.errors import ModelError, SettingError
 from tests.annulus import small_sector
-from tests.fe_bodies import blade_and_damper, contacts
+from tests.fe_bodies import SIX_BLADES, contacts
 from tests.imports import build
 
 N = 6
-SETTINGS = {
-    "n_blades": N, "faces": ("LOW", "HIGH"), "fixed": "BORE", "n_modes": 4, "n_damper_modes": 6,
-    "contacts": contacts(4), "check_units": False,
-}  # fmt: skip
+SETTINGS = SIX_BLADES | {"n_modes": 4, "contacts": contacts(4)}
 
 
 @pytest.fixture(scope="module")
 def fe():
     return small_sector(N)
-
-
-@pytest.fixture(scope="module")
-def bodies(fe):
-    return blade_and_damper(fe)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ import pytest
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
 import bdamper as bd
-from bdamper.fem import SectorFE
 from bdamper.fem.element_stress import von_mises_size
 from bdamper.fem.generated_models import blade_points, bladed_disk, wedge_patches
 from bdamper.importers import read_arrays
@@ -18,7 +17,7 @@ from bdamper.importers.contact_faces import lay_contacts
 from bdamper.importers.prepared_body import Placement, PreparedBody
 from bdamper.util.errors import BdamperError
 from examples.calculix.decks import run_job
-from tests.fe_bodies import FIRST_NUMBER, SPARSE, contacts, sector_and_damper
+from tests.fe_bodies import FIRST_NUMBER, contacts
 from tests.imports import build
 from tests.own_sector import OUTPUT, OwnSector
 
@@ -28,16 +27,6 @@ SETTINGS = {
     "n_damper_modes": 8, "contacts": contacts(4),
 }  # fmt: skip
 needs_ccx = pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) is not installed")
-
-
-@pytest.fixture(scope="module")
-def fe():
-    return SectorFE(density=SPARSE)
-
-
-@pytest.fixture(scope="module")
-def bodies(fe):
-    return sector_and_damper(fe)
 
 
 def same(found, expected, tolerance):

@@ -13,24 +13,16 @@ from bdamper.importers import ContactFaces
 from bdamper.model.validation import check_model
 from bdamper.util.errors import BdamperError
 from tests.annulus import small_sector
-from tests.fe_bodies import FIRST_NUMBER, blade_and_damper, contacts
+from tests.fe_bodies import FIRST_NUMBER, SIX_BLADES, contacts
 from tests.imports import build
 
 N = 6
-SETTINGS = {
-    "n_blades": N, "faces": ("LOW", "HIGH"), "fixed": "BORE", "nodal_diameters": (0, 1, 2, 3), "n_modes": 6,
-    "n_damper_modes": 6, "contacts": contacts(4), "check_units": False,
-}  # fmt: skip
+SETTINGS = SIX_BLADES | {"nodal_diameters": (0, 1, 2, 3), "n_modes": 6, "contacts": contacts(4)}
 
 
 @pytest.fixture(scope="module")
 def fe():
     return small_sector(N)
-
-
-@pytest.fixture(scope="module")
-def bodies(fe):
-    return blade_and_damper(fe)
 
 
 def test_a_set_of_nodes_makes_the_local_basis(fe, bodies):

@@ -12,7 +12,7 @@ from bdamper.fem.meshes import Geometry, MeshDensity
 from bdamper.fem.rotation import Rotation, spin_softening
 from bdamper.importers import Modes, over_speed
 from bdamper.util.errors import ModelError, SettingError
-from tests.fe_bodies import contacts, sector_and_damper
+from tests.fe_bodies import contacts
 from tests.imports import build
 
 ND, TOP, BETWEEN, COUNT = 5, 600.0, 450.0, 12
@@ -30,11 +30,6 @@ def fe():
 @pytest.fixture(scope="module")
 def rotation(fe):
     return fe.rotation()
-
-
-@pytest.fixture(scope="module")
-def bodies(fe):
-    return sector_and_damper(fe)
 
 
 def at(blade, rotation, omega):

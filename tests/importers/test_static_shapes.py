@@ -17,17 +17,14 @@ from bdamper.importers import over_speed
 from bdamper.model.model_file import load_model, save_model
 from bdamper.response.peak import resonance_interval
 from tests.annulus import Annulus, small_sector, wheel_matrices
-from tests.fe_bodies import FIRST_NUMBER, blade_and_damper, contacts
+from tests.fe_bodies import FIRST_NUMBER, SIX_BLADES, blade_and_damper, contacts
 from tests.imports import build
 
 N, MODES, TOP = 6, 10, 900.0
 RATIOS = (0.2, 0.5, 0.8, 1.15, 1.3)
 """Frequencies over the lowest one."""
 PAIRS = [("tip", "tip"), ("side", "side"), ("tip", "side")]
-SETTINGS = {
-    "n_blades": N, "faces": ("LOW", "HIGH"), "fixed": "BORE", "nodal_diameters": (0, 1, 2, 3), "n_modes": 16,
-    "n_damper_modes": 6, "contacts": contacts(4), "check_units": False,
-}  # fmt: skip
+SETTINGS = SIX_BLADES | {"nodal_diameters": (0, 1, 2, 3), "n_modes": 16, "contacts": contacts(4)}
 X, Z = "tangential", "axial"
 
 
