@@ -316,27 +316,22 @@ def _means(
     """Integrate the shape functions of both bodies over the pieces of each cell."""
     n = len(cells)
     area = np.zeros(n)
-    data: list[list[tuple[int, int, float]]] = [[], []]
+    data: list[list[tuple[NDArray, NDArray, NDArray]]] = [[], []]
     for i, pieces in enumerate(cells):
-        weight: list[dict[int, float]] = [{}, {}]
         for piece in pieces:
             x, w = _quadrature(piece.polygon)
             area[i] += w.sum()
             for side, (flat, index) in enumerate(zip(flats, (piece.a, piece.b))):
-                if flat is None:
-                    continue
-                row = flat.nodes[index]
-                values = w @ shape_functions(inverse_map(flat.corner[index], x), len(row))
-                for node, value in zip(row.tolist(), values.tolist()):
-                    weight[side][node] = weight[side].get(node, 0.0) + value
-        for side in (0, 1):
-            total = sum(weight[side].values())
-            data[side] += [(i, node, value / total) for node, value in weight[side].items()]
+                if flat is not None:
+                    row = flat.nodes[index]
+                    values = w @ shape_functions(inverse_map(flat.corner[index], x), len(row))
+                    data[side].append((np.full(len(row), i), row, values))
     turn_rows = sp.block_diag(list(frames), format="csr")
 
-    def on_body(entries: list[tuple[int, int, float]], nodes: NDArray) -> tuple[NDArray, sp.csr_matrix]:
-        rows, columns, values = (np.array(part) for part in zip(*entries))
-        mean = sp.csr_matrix((values, (rows, columns)), shape=(n, len(nodes)))
+    def on_body(entries: list[tuple[NDArray, NDArray, NDArray]], nodes: NDArray) -> tuple[NDArray, sp.csr_matrix]:
+        rows, columns, values = (np.concatenate(part) for part in zip(*entries))
+        weight = sp.csr_matrix((values, (rows, columns)), shape=(n, len(nodes)))
+        mean = sp.diags(1.0 / (weight @ np.ones(len(nodes)))) @ weight
         return mean @ nodes, (turn_rows @ sp.kron(mean, sp.identity(3), format="csr")).tocsr()
 
     points_a, matrix_a = on_body(data[0], bodies[0])

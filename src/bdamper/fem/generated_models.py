@@ -54,6 +54,7 @@ from bdamper.fem.meshes import (
     Geometry,
     Material,
     MeshDensity,
+    airfoil_points,
     blade_nodes,
     clamped_segment,
     damper_mesh,
@@ -267,19 +268,14 @@ def blade_points(body: Discretisation, g: Geometry) -> NDArray:
     and the middle of either side.
     """
     root = g.ridge_radius + g.platform_edge_thickness
-    # height of the points relative to the height of the airfoil; the root itself is a sharp edge
-    above_root = 1.0 / 6.0
-    y = root + above_root * g.airfoil_height
-    chord = g.root_chord + above_root * (g.tip_chord - g.root_chord)
-    thickness = g.root_thickness + above_root * (g.tip_thickness - g.root_thickness)
-    c, s = np.cos(above_root * g.twist), np.sin(above_root * g.twist)
-    section = [(-2.0 * g.camber / 3.0, sense * 0.5 * chord) for sense in (-1.0, 1.0)]
-    section += [(g.camber / 3.0 + sense * 0.5 * thickness, 0.0) for sense in (-1.0, 1.0)]
-    places = [[c * x + s * z, y, c * z - s * x] for x, z in section]
+    # the root itself is a sharp edge
+    places = [*airfoil_points(g, [0.0, 0.0, -1.0, 1.0], [-1.0, 1.0, 0.0, 0.0], 1.0 / 6.0, root)]
     underside = float(g.underside_points(np.array([g.underside_range[1]]))[0, 1])  # at the shank
     middle = 0.5 * (np.sqrt(g.rim_radius**2 - 0.25 * g.shank_width**2) + underside)
-    places += [[sx * 0.5 * g.shank_width, middle, sz * 0.5 * g.axial_length] for sx in (-1, 1) for sz in (-1, 0, 1)]
-    return np.array([body.nearest_node(np.array(place)) for place in places])
+    places += [
+        np.array([sx * 0.5 * g.shank_width, middle, sz * 0.5 * g.axial_length]) for sx in (-1, 1) for sz in (-1, 0, 1)
+    ]
+    return np.array([body.nearest_node(place) for place in places])
 
 
 # ---- Bladed disk (paper, section 4.1) ----
