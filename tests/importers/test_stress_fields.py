@@ -12,9 +12,9 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 from bdamper.fem.element_stress import Solids, element_rows, node_average
 from bdamper.fem.sector_faces import no_faces
 from bdamper.importers import Sector, read_arrays, read_calculix, read_cdb, read_elements, read_frd, read_inp, read_rst
-from bdamper.importers.bodies import stress_rows
 from bdamper.importers.fe_body import FEBody
 from bdamper.importers.prepared_body import Placement, PreparedBody, Ring
+from bdamper.importers.stress_sets import stress_rows
 from tests.ansys_files import write_rst
 from tests.each import each
 from tests.own_sector import deck, of_kind

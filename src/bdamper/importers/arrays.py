@@ -120,7 +120,7 @@ def _array(content: bytes, order: str, item: str, out: dict[str, NDArray | sp.sp
     good = len(rest) == 3 and len(rest[1]) > 0
     check(good, item, "rows, pointers and numbers of a sparse matrix", [len(part) for part in rest])
     row, pointer, value = rest[0].astype(np.int64), rest[1].astype(np.int64), rest[2].astype(float)
-    count = max(int(pointer[-1]), 0)  # MATLAB may store more room than numbers
+    count = max(int(pointer[-1]), 0)  # the arrays may be longer
     out[name] = sp.csc_matrix((value[:count], row[:count], pointer), shape=(rows, columns))  # checked by square_matrix
 
 

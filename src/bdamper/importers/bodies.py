@@ -1,4 +1,4 @@
-r"""Bodies of an imported model, from matrices or from modes, with data over rotor speed, local basis and stress.
+r"""Bodies of an imported model, from matrices or from modes, with data over rotor speed and local basis.
 
 **Modes.**  Modes of a file become travelling waves toward +X with unit modal mass.  Their modal masses come from the file
 or the user.  Static receptances do not follow from a few modes.  Without matrices the user therefore gives the contact
@@ -20,7 +20,7 @@ Society* 6 (1955): the polar factor is the nearest unitary matrix.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -30,24 +30,22 @@ import scipy.sparse.linalg
 from numpy.typing import NDArray
 from scipy.linalg import polar, svdvals
 
-from bdamper.fem.contact_patches import Patches
 from bdamper.fem.cyclic_symmetry import CyclicSector, Waves, travelling_waves
-from bdamper.fem.local_basis import BladePart, LocalSizes, damper_motion, local_basis
+from bdamper.fem.local_basis import BladePart, LocalSizes, damper_motion, local_basis, sampled_waves
 from bdamper.fem.reduced_bodies import PICTURED_MODES, FreeBody, Wanted, constrained_body, free_body, nodes_of
 from bdamper.fem.rotation import IN_PLANE, Rotation
-from bdamper.importers.contact_faces import LaidContacts
-from bdamper.importers.fe_body import BOUNDS, ElementKind, FEBody, Modes
+from bdamper.importers.fe_body import BOUNDS, FEBody, Modes
 from bdamper.importers.options import NodeSet, Sector
 from bdamper.importers.plausibility import check_rigid_motion, compare_frequencies
 from bdamper.importers.prepared_body import PreparedBody, Ring
 from bdamper.model.fields import check
 from bdamper.model.modal_basis import fix_phase, rigid_motions
-from bdamper.model.structure import Body, BodyLoad, Interface, ModalBasis, turn
+from bdamper.model.structure import Body, BodyLoad, Interface, ModalBasis
 from bdamper.util import validation
-from bdamper.util.errors import SettingError, import_extra
+from bdamper.util.errors import SettingError
 
 if TYPE_CHECKING:
-    from bdamper.fem.element_stress import Solids, StressRows
+    from bdamper.fem.element_stress import StressRows
 
 
 # ---- Two rotor speeds ----
@@ -305,9 +303,7 @@ def free_from_modes(body: PreparedBody, wanted: Wanted) -> Body:
 # ---- Bodies from matrices ----
 
 
-def held_components(
-    body: PreparedBody, wanted: Wanted, fixed: NodeSet | None, ring: Ring
-) -> NDArray:
+def held_components(body: PreparedBody, wanted: Wanted, fixed: NodeSet | None, ring: Ring) -> NDArray:
     """Return the mask (n_nodes, 3) of fixed components.
 
     Images of fixed nodes on the other sector face are included.  Other programs fix one face only, since their cyclic
@@ -355,10 +351,10 @@ def cyclic_sectors(
 
 
 def constrained_from_matrices(
-    body: PreparedBody, wanted: Wanted, ring: Ring, sector: Callable[[int], CyclicSector], mask: NDArray,
-    stress: Iterable[StressRows],
+    body: PreparedBody, wanted: Wanted, ring: Ring, sector: Sector, sizes: LocalSizes,
+    interfaces: Mapping[str, Interface], stress: Iterable[StressRows],
 ) -> tuple[Body, dict[int, NDArray]]:  # fmt: skip
-    """Make a sector from its matrices at each nodal diameter, with the mask (n_nodes, 3) of fixed components.
+    """Make a sector from its matrices at each nodal diameter, with a local basis if the sector names its blade.
 
     The objects ``stress`` collect the stress of each vector of the basis.
 
@@ -373,6 +369,12 @@ def constrained_from_matrices(
     ModelError
         If the sector is not fixed, or a matrix is not positive definite.
     """
+    mask, part = held_components(body, wanted, sector.fixed, ring), None
+    if sector.blade_nodes is not None:
+        part = blade_part(body, wanted, ring, mask, sector.blade_nodes, interfaces)
+    cached = [0] if body.raw.faster else []  # for the displacement by rotation
+    cached += [] if part is None else sampled_waves(ring.faces.n_sectors)
+    at_diameter = cyclic_sectors(body, ring, mask, cached)
     free, pictures = int((~mask).sum()), dict[int, NDArray]()
     n_modes = min(wanted.n_modes, max(1, (free - 3 * len(ring.faces.dependent)) // 2))
 
@@ -387,7 +389,7 @@ def constrained_from_matrices(
     expected = "a positive definite stiffness (fixed nodes?) and a positive definite mass matrix"
     with body.refusing("matrices", expected):
         fewer = replace(wanted, n_modes=n_modes)
-        built = constrained_body(body.name, fewer, sector, ring.diameters, rotation_of(body), seen)
+        built = constrained_body(body.name, fewer, at_diameter, ring.diameters, rotation_of(body), seen)
     for d, basis in built.bases.items():  # six squared frequencies of a body that is not held are rounding errors
         low, high = basis.omega2[[0, -1]]
         expected, found = "a sector that is held (fixed nodes)", f"squared frequencies {low:.3g} to {high:.3g} rad2/s2"
@@ -395,6 +397,8 @@ def constrained_from_matrices(
     body.passed("stiffness symmetric and positive definite at every nodal diameter, mass symmetric")
     if n_modes < wanted.n_modes:
         body.passed(f"{n_modes} modes instead of {wanted.n_modes}: the matrices have too few rows for more")
+    if part is not None:
+        built = with_local_basis(built, body, wanted, at_diameter, interfaces, part, sizes)
     return built, pictures
 
 
@@ -493,90 +497,3 @@ def with_local_basis(
         f"wheel: the lowest frequency of each nodal diameter at most {100.0 * worst:.2g} % too high",
     ]
     return replace(made, local=local)
-
-
-# ---- Stress sets ----
-
-
-def stress_rows(
-    body: PreparedBody, sector: Sector, laid: LaidContacts, ring: Ring
-) -> list[StressRows]:
-    """Return the rows that recover the stress at sets of nodes of a blade.
-
-    Parameters
-    ----------
-    body : PreparedBody
-    sector : Sector
-        With the node sets; a single name is the name of the stress set as well.
-    laid : LaidContacts
-    ring : Ring
-
-    Returns
-    -------
-    list of StressRows
-
-    Raises
-    ------
-    ModelError, SettingError
-        If a set does not exist, the body has no matrices, or an element has no elastic constants.
-    BdamperError
-        If scikit-fem is not installed.
-    """
-    if (sets := sector.stress) is None:
-        return []
-    import_extra("skfem", "stress of an import", "fe")
-    from bdamper.fem.element_stress import StressRows, near_patches
-
-    validation.check(
-        body.has_matrices, "stress", "a blade with its matrices", "modes alone; give StressSet arrays instead"
-    )
-    named = sets if isinstance(sets, Mapping) else {sets if isinstance(sets, str) else "stress": sets}
-    faces = [
-        Patches(face.points @ back.T, face.frame @ back.T, np.sqrt(face.area)[:, None] * [1.0, 1.0])
-        for face, side in ((laid.interfaces[name], side) for name, side in laid.ports[body.name])
-        for back in [turn(-2.0 * np.pi / ring.faces.n_sectors * (face.sector_a if side == "a" else face.sector_b))]
-    ]
-    out = []
-    for name, members in named.items():
-        item = f"stress '{name}'"
-        nodes = _away_from_cuts(body, body.node_set(members, item), ring, item)
-        solids = _solids(body, nodes, sector.elasticity, item)
-        near = near_patches(body.nodes[nodes], *faces) | np.isin(nodes, laid.rows[body.name].indices // 3)
-        with body.refusing(item, "elements with volume and all nodes between corners"):
-            out.append(StressRows(name, solids, body.nodes, nodes, near))
-        body.passed(f"{item}: {len(nodes)} nodes, {int(near.sum())} of them next to a contact face")
-    return out
-
-
-def _away_from_cuts(body: PreparedBody, nodes: NDArray, ring: Ring, item: str) -> NDArray:
-    """Return the nodes off the sector faces, since all elements of these are within the sector."""
-    inner = nodes[~np.isin(nodes, ring.faces.nodes)]
-    body.require(len(inner) > 0, item, "nodes away from the faces at which the sector repeats", "none")
-    if len(inner) < len(nodes):
-        body.report.missing.append(f"{item}: {len(nodes) - len(inner)} nodes on the sector faces are left out")
-    loose = np.setdiff1d(inner, body.used if body.elements else np.empty(0, int))
-    if len(loose):
-        raise body.error(item, "nodes of solid elements", f"node {body.raw.numbers[loose[0]]} without any")
-    return inner
-
-
-def _solids(body: PreparedBody, nodes: NDArray, constants: Sequence[float] | None, item: str) -> tuple[Solids, ...]:
-    """Return the elements at nodes, with elastic constants in SI units."""
-    from bdamper.fem.element_stress import Solids
-
-    kinds = body.raw.element_kinds or tuple(ElementKind(f"C3D{e.shape[1]}") for e in body.elements)
-    n = len(body.elements)
-    body.require(len(kinds) == n, "element_kinds", f"one for each of {n} arrays", len(kinds))
-    modulus, out = body.placement.units.mass / body.placement.units.length, []
-    for kind, elements in zip(kinds, body.elements):
-        if not np.isin(elements, nodes).any():
-            continue
-        young, poisson = constants if constants is not None else (kind.youngs_modulus, kind.poisson_ratio)
-        if young is None or poisson is None:
-            expected = "elastic constants in the file, or elasticity=(Young's modulus, Poisson's ratio) in its units"
-            raise body.error(f"{item}, elements {kind.name}", expected, "neither")
-        if not (young > 0.0 and -1.0 < poisson < 0.5):
-            expected = "a modulus > 0 and a Poisson's ratio above -1 and below 0.5"
-            raise body.error(f"{item}, elasticity", expected, f"{young:g}, {poisson:g}")
-        out.append(Solids(kind.name, elements, modulus * float(young), float(poisson)))
-    return tuple(out)

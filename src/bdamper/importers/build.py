@@ -30,28 +30,17 @@ from bdamper.fem.reduced_bodies import Place, Wanted, needed_nodal_diameters, pi
 from bdamper.fem.sector_faces import SectorFaces, find_faces, match_faces, no_faces, tie_faces
 from bdamper.importers.arrays import as_integers, number_table
 from bdamper.importers.bodies import (
-    blade_part,
     constrained_from_matrices,
     constrained_from_modes,
-    cyclic_sectors,
     free_from_matrices,
     free_from_modes,
-    held_components,
-    stress_rows,
-    with_local_basis,
 )
 from bdamper.importers.contact_faces import ContactFaces, LaidContacts, from_first_sector, lay_contacts
 from bdamper.importers.fe_body import BOUNDS, FEBody
 from bdamper.importers.options import DAMPER_MODES, HARMONICS, Checks, Placement, Reduction, Sector
-from bdamper.importers.plausibility import (
-    check_corners,
-    check_lowest,
-    check_not_swapped,
-    check_radial,
-    check_sizes,
-    check_table,
-)
+from bdamper.importers.plausibility import check_bodies, check_lowest
 from bdamper.importers.prepared_body import ImportReport, PreparedBody, Ring
+from bdamper.importers.stress_sets import stress_rows
 from bdamper.model.fields import check
 from bdamper.model.model_file import save_model
 from bdamper.model.structure import Body, Location, ModalBasis, Model
@@ -254,7 +243,7 @@ def build_model(
     for d in expected:
         check(d in diameters, "expected_frequencies", f"nodal diameters out of {list(diameters)}", d)
     ring = Ring(faces, diameters, excited or diameters, expected)
-    _check_bodies(bodies, faces.n_sectors, checks.check_units)
+    check_bodies(bodies, faces.n_sectors, checks.check_units)
     contacts, bodies = from_first_sector(contacts, bodies, faces.n_sectors)
     laid, places = lay_contacts(contacts, bodies, faces.n_sectors), _locations(locations, bodies, forces)
     rows = stress_rows(bodies["blade"], sector, laid, ring)
@@ -290,21 +279,6 @@ def _counts(free: Sequence[str], reduction: Reduction) -> dict[str, int]:
     named = given if isinstance(given, Mapping) else dict.fromkeys(free, given)
     validation.mapping("n_damper_modes", named, free, "free bodies")
     return {"blade": reduction.n_modes, **dict.fromkeys(free, DAMPER_MODES), **named}
-
-
-def _check_bodies(
-    bodies: Mapping[str, PreparedBody], n_blades: int, check_units: bool
-) -> None:
-    check_radial(bodies["blade"], n_blades)
-    for body in bodies.values():
-        body.check_repeated()
-        if body.has_matrices:
-            check_not_swapped(body)
-            if body.name == "blade":  # check_rigid_motion checks a free body
-                check_table(body)
-        check_corners(body)
-        if check_units:
-            check_sizes(body)
 
 
 def _checked_contacts(contacts: Sequence[ContactFaces]) -> tuple[ContactFaces, ...]:
@@ -441,17 +415,8 @@ def _reduced(
             laid.ports[name], laid.rows[name], located, counts[name], reduction.damping_ratio, static_shapes=True
         )
         if name == "blade" and body.has_matrices:
-            mask = held_components(body, wanted, sector.fixed, ring)
-            blade, part = sector.blade_nodes, None
-            if blade is not None:
-                part = blade_part(body, wanted, ring, mask, blade, laid.interfaces)
-            cached = [0] if body.raw.faster else []  # for the displacement by rotation
-            cached += [] if part is None else sampled_waves(ring.faces.n_sectors)
-            cyclic = cyclic_sectors(body, ring, mask, cached)
-            made[name], pictures = constrained_from_matrices(body, wanted, ring, cyclic, mask, rows)
-            if part is not None:
-                sizes = reduction.local_sizes
-                made[name] = with_local_basis(made[name], body, wanted, cyclic, laid.interfaces, part, sizes)
+            options = sector, reduction.local_sizes, laid.interfaces, rows
+            made[name], pictures = constrained_from_matrices(body, wanted, ring, *options)
         elif name == "blade":
             alone = sector.blade_nodes is None
             validation.check(alone, "blade_nodes", "a sector of a cyclic structure with its matrices", "modes alone")

@@ -5,6 +5,8 @@ Values outside :data:`bdamper.importers.fe_body.BOUNDS` indicate mistaken units.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -227,3 +229,17 @@ def check_lowest(body: PreparedBody, reduced: Body) -> None:
         if np.isfinite(lowest):
             with body.report.comparison():
                 _check_within(body, f"nodal diameter {d}", "a lowest frequency of", BOUNDS.frequency, lowest, "Hz", hint)
+
+
+def check_bodies(bodies: Mapping[str, PreparedBody], n_blades: int, check_units: bool) -> None:
+    """Check the bodies of an import before the work, with sizes and material if ``check_units``."""
+    check_radial(bodies["blade"], n_blades)
+    for body in bodies.values():
+        body.check_repeated()
+        if body.has_matrices:
+            check_not_swapped(body)
+            if body.name == "blade":  # check_rigid_motion checks a free body
+                check_table(body)
+        check_corners(body)
+        if check_units:
+            check_sizes(body)

@@ -306,7 +306,7 @@ class PreparedBody:
 
     @property
     def faster(self) -> PreparedBody | None:
-        """Same body at the higher of two rotor speeds, with a report of its own, or None for a single speed."""
+        """Same body at the higher of two rotor speeds, with a separate report, or None for a single speed."""
         return None if self.raw.faster is None else PreparedBody(self.name, self.raw.faster, self.placement)
 
     @cached_property
