@@ -7,16 +7,11 @@ from scipy.sparse.linalg import eigsh
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
-from bdamper.fem.generated_models import SectorFE, averaging_matrix, bladed_disk, end_patches, wedge_patches
+from bdamper.fem.generated_models import averaging_matrix, bladed_disk, end_patches, wedge_patches
 from bdamper.fem.meshes import turn
 from bdamper.fem.reduced_bodies import needed_nodal_diameters
 from bdamper.model.validation import check_model
 from tools.bonded import reference_frequencies
-
-
-@pytest.fixture(scope="module")
-def fe():
-    return SectorFE()
 
 
 @pytest.fixture(scope="module")

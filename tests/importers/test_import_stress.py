@@ -24,7 +24,7 @@ from tests.own_sector import OUTPUT, OwnSector
 STEEL = (2.1e11, 0.3)
 SETTINGS = {
     "n_blades": 65, "faces": ("LOW", "HIGH"), "fixed": "BORE", "nodal_diameters": (5,), "n_modes": 8,
-    "n_damper_modes": 8, "contacts": contacts(4),
+    "n_damper_modes": 8, "contacts": contacts(4), "elasticity": STEEL,
 }  # fmt: skip
 needs_ccx = pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) is not installed")
 
@@ -41,7 +41,7 @@ def test_it_is_that_of_the_finite_element_model(fe, bodies, as_arrays):
     """Rows of modes, contact forces and rotation to 1e-6, from bare matrices."""
     blade, damper = bodies
     at = blade_points(fe.blade, fe.geometry)
-    settings = SETTINGS | {"stress": {"blade": FIRST_NUMBER + at}, "elasticity": STEEL}
+    settings = SETTINGS | {"stress": {"blade": FIRST_NUMBER + at}}
     patches = (wedge_patches(fe.geometry, side, 4) for side in ("left", "right"))
     settings["contacts"] = [*(replace(c, patches=p) for c, p in zip(contacts(4), patches)), *contacts(4)[2:]]
     if as_arrays:
@@ -69,7 +69,7 @@ def test_it_is_that_of_the_finite_element_model(fe, bodies, as_arrays):
 def test_it_reaches_a_margin_and_a_file(bodies, fe, tmp_path):
     blade, damper = bodies
     at = FIRST_NUMBER + blade_points(fe.blade, fe.geometry)
-    built = build(blade, damper, **SETTINGS, stress=at, elasticity=STEEL, locations={"tip": int(at[0])})
+    built = build(blade, damper, **SETTINGS, stress=at, locations={"tip": int(at[0])})
     assert "stress 'stress': 10 nodes" in str(built)
     built.save(tmp_path / "model.h5")
     model = bd.load_model(tmp_path / "model.h5")
@@ -88,7 +88,7 @@ def test_points_at_a_contact_face_and_on_the_cut_faces(fe, bodies):
     under, low = blade.node_sets["RIGHT_UNDERSIDE"], blade.node_sets["LOW"]
     tip = FIRST_NUMBER + fe.blade.nodes[:, 1].argmax()
     given = np.concatenate([under, low, [tip]])
-    built = build(blade, damper, **SETTINGS, stress={"root": given}, elasticity=STEEL)
+    built = build(blade, damper, **SETTINGS, stress={"root": given})
     found = built.model.stress["root"]
     inner = np.setdiff1d(given, np.concatenate([low, blade.node_sets["HIGH"]]))
     np.testing.assert_allclose(found.points, fe.blade.nodes[inner - FIRST_NUMBER], atol=1e-12)
@@ -109,7 +109,7 @@ def test_points_at_a_contact_face_and_on_the_cut_faces(fe, bodies):
 )
 def test_what_is_refused(bodies, settings, words):
     with pytest.raises(BdamperError) as error:
-        build(*bodies, **{**SETTINGS, "elasticity": STEEL, **settings})
+        build(*bodies, **SETTINGS | settings)
     assert words in str(error.value) and "\n" not in str(error.value)
 
 

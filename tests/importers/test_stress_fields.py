@@ -11,7 +11,17 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 
 from bdamper.fem.element_stress import Solids, element_rows, node_average
 from bdamper.fem.sector_faces import no_faces
-from bdamper.importers import Sector, read_arrays, read_calculix, read_cdb, read_elements, read_frd, read_inp, read_rst
+from bdamper.importers import (
+    Sector,
+    read_arrays,
+    read_bdf,
+    read_calculix,
+    read_cdb,
+    read_elements,
+    read_frd,
+    read_inp,
+    read_rst,
+)
 from bdamper.importers.fe_body import FEBody
 from bdamper.importers.prepared_body import Placement, PreparedBody, Ring
 from bdamper.importers.stress_sets import stress_rows
@@ -89,8 +99,6 @@ def from_rst(kind, nodes, elements, folder):
 
 
 def from_bdf(kind, nodes, elements, folder):
-    from bdamper.importers import read_bdf
-
     n = elements.shape[1]
     name = {4: "CTETRA", 6: "CPENTA", 8: "CHEXA"}[ALONG[n]]
     lines = ["BEGIN BULK", *(f"GRID,{FIRST + k},,{x},{y},{z}" for k, (x, y, z) in enumerate(nodes.round(9).tolist()))]

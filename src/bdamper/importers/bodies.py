@@ -20,7 +20,7 @@ Society* 6 (1955): the polar factor is the nearest unitary matrix.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -30,7 +30,7 @@ import scipy.sparse.linalg
 from numpy.typing import NDArray
 from scipy.linalg import polar, svdvals
 
-from bdamper.fem.cyclic_symmetry import CyclicSector, Waves, travelling_waves
+from bdamper.fem.cyclic_symmetry import CyclicSector, Sectors, Waves, travelling_waves
 from bdamper.fem.local_basis import BladePart, LocalSizes, damper_motion, local_basis, sampled_waves
 from bdamper.fem.reduced_bodies import PICTURED_MODES, FreeBody, Wanted, constrained_body, free_body, nodes_of
 from bdamper.fem.rotation import IN_PLANE, Rotation
@@ -326,7 +326,7 @@ def held_components(body: PreparedBody, wanted: Wanted, fixed: NodeSet | None, r
 
 def cyclic_sectors(
     body: PreparedBody, ring: Ring, mask: NDArray, kept: Collection[int]
-) -> Callable[[int], CyclicSector]:
+) -> Sectors:
     """Return the sector from matrices as a function of the nodal diameter.
 
     Sectors of the nodal diameters ``kept`` are cached, with their modes.
@@ -477,7 +477,7 @@ def blade_part(
 
 
 def with_local_basis(
-    made: Body, body: PreparedBody, wanted: Wanted, sector: Callable[[int], CyclicSector],
+    made: Body, body: PreparedBody, wanted: Wanted, sector: Sectors,
     interfaces: Mapping[str, Interface], part: BladePart, sizes: LocalSizes,
 ) -> Body:  # fmt: skip
     """Return the sector ``made`` with a local basis, for mistuned bladed disks.
