@@ -252,8 +252,8 @@ def number_table(source: Path, *columns: int, **options: Any) -> NDArray:
 
 def as_integers(values: NDArray, item: str) -> NDArray:
     """Convert an array of floats to integers; raise ModelError if a number is not whole."""
-    if len(values) and (np.any(values != np.round(values)) or np.abs(values).max() > 2**53):
-        raise mismatch(item, "whole numbers", values[np.argmax(values != np.round(values))])
+    for wrong in values[(values != np.round(values)) | (np.abs(values) > 2**53)][:1]:
+        raise mismatch(item, "whole numbers", wrong)
     return values.astype(np.int64)
 
 
@@ -281,7 +281,7 @@ def read_abaqus_matrix(path: Path) -> tuple[sp.csr_matrix, NDArray | None]:
     if table.shape[1] == 3:
         row, column = (as_integers(table[:, k], f"{path}: column {k + 1}") - 1 for k in (0, 1))
     else:
-        pairs = as_integers(table[:, :4].ravel(), str(path)).reshape(-1, 2)
+        pairs = as_integers(table[:, :4], str(path)).reshape(-1, 2)
         dofs, inverse = np.unique(pairs, axis=0, return_inverse=True)
         row, column = np.asarray(inverse).reshape(-1, 2).T
     n = int(max(row.max(), column.max())) + 1
@@ -327,8 +327,7 @@ def read_dofs(path: Path) -> NDArray:
     ------
     FileNotFoundError, ModelError
     """
-    table = number_table(path, 2, separators=",;.")
-    return as_integers(table.ravel(), str(path)).reshape(-1, 2)
+    return as_integers(number_table(path, 2, separators=",;."), str(path))
 
 
 @reader("CSV of node numbers")
@@ -344,8 +343,7 @@ def read_set(path: Path) -> NDArray:
     ------
     FileNotFoundError, ModelError
     """
-    table = number_table(path, 1, 3, 4, 6, 8)
-    whole: Any = as_integers(table.ravel(), str(path)).reshape(table.shape)
+    whole: Any = as_integers(number_table(path, 1, 3, 4, 6, 8), str(path))
     return whole[:, 0] if whole.shape[1] == 1 else whole
 
 
