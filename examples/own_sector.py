@@ -9,7 +9,7 @@ from pathlib import Path
 import bdamper as bd
 from bdamper.fatigue.criteria import Material
 from bdamper.harmonic_balance.rotor_speed import RPM
-from bdamper.importers import ContactFaces, build_model
+from bdamper.importers import ContactFaces, Placement, Reduction, Sector, build_model
 from bdamper.importers.abaqus import read_calculix
 from bdamper.mistuning import Mistuning
 
@@ -19,11 +19,12 @@ STEEL = Material(300e6, 900e6, 800e6, name="a steel", source="round figures; tak
 def main(folder: Path) -> tuple[bd.Study, bd.BladedDisk, float]:
     """The study, the wheel, and the preload (N) of the least amplitude."""
     built = build_model(
-        read_calculix(folder / "sector"), read_calculix(folder / "damper"), n_blades=36, units="mm-t-s",
-        axis=(1, 0, 0), radial=(0, 1, 0), sector_faces=("LOW", "HIGH"), engine_order=4, n_modes=20,
+        read_calculix(folder / "sector"), read_calculix(folder / "damper"),
+        sector=Sector(36, ("LOW", "HIGH"), blade_nodes="BLADE", stress="FILLET"),
+        placement=Placement("mm-t-s", axis=(1, 0, 0)), reduction=Reduction(engine_order=4, n_modes=20),
         contacts=[ContactFaces("left", "LEFT", "RIGHT_UNDERSIDE", points=(2, 3)),
                   ContactFaces("right", "RIGHT", "LEFT_UNDERSIDE", points=(2, 3))],
-        locations={"tip": (0.0, 346.6, 0.0)}, stress="FILLET", wheel="BLADE",
+        locations={"tip": (0.0, 346.6, 0.0)},
     )  # fmt: skip
     print(built)
     study = bd.Study(built.model, bd.Excitation("tip"), engine_order=4, friction_coefficient=0.3, harmonics=1)

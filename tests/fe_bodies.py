@@ -15,6 +15,8 @@ from tools.shrouded import modes_alone as modes_alone
 
 FIRST_NUMBER = 101
 """Node numbers start here, so that an index taken for a number shows."""
+SIX_BLADES = {"n_blades": 6, "faces": ("LOW", "HIGH"), "fixed": "BORE", "n_damper_modes": 6, "check_units": False}
+"""Settings of an import of a sector of six blades."""
 SPARSE = MeshDensity(2, 1, 1, 2, 1, 1, 1, 3, 2, 1, 1, 4)
 """547 nodes in place of 1461: enough wherever two ways to the same model are compared."""
 

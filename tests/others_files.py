@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 
 import bdamper as bd
-from bdamper.importers import ContactFaces, FEBody, build_model, read_calculix
+from bdamper.importers import ContactFaces, FEBody, read_calculix
 from examples.calculix.decks import run_job
+from tests.imports import build
 
 DECKS = Path("/usr/share/doc/calculix-ccx-test/examples/test")
 UNPACKED = Path(os.environ.get("BDAMPER_OTHERS") or Path(__file__).parents[1] / ".venv-others")
@@ -78,7 +79,7 @@ def shrouded(body: FEBody, points: tuple[int, int] = (4, 4)) -> bd.Model:
     touching = ContactFaces("shroud", *shroud, "blade", "blade", points=points)
     tip = {"tip": int(body.numbers[radius.argmax()])}
     settings = {"engine_order": 3, "harmonics": 1, "n_modes": 20, "locations": tip, **AXES}
-    return build_model(body, n_blades=12, sector_faces=tuple(disk), contacts=[touching], **settings).model
+    return build(body, n_blades=12, faces=tuple(disk), contacts=[touching], **settings).model
 
 
 def stuck_frequency(model: bd.Model) -> float:

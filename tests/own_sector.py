@@ -197,7 +197,7 @@ class OwnSector:
         tip = np.array([0.0, self.geometry.ridge_radius + self.geometry.platform_edge_thickness, 0.0])
         tip[1] += self.geometry.airfoil_height
         return {
-            "n_blades": self.geometry.n_blades, "sector_faces": ("LOW", "HIGH"), "units": self.units, "axis": self.axis,
+            "n_blades": self.geometry.n_blades, "faces": ("LOW", "HIGH"), "units": self.units, "axis": self.axis,
             "radial": self.radial, "locations": {"tip": tuple(self.axes @ tip / UNITS[self.units].length)},
             "contacts": [
                 ContactFaces("left", "LEFT", "RIGHT_UNDERSIDE", points=(2, 3)),

@@ -610,15 +610,16 @@ def calculix() -> Problem:
 
 def models_by_others() -> Problem:
     """Frequencies of models that other programs and packages carry, read as they are."""
-    from bdamper.importers import ContactFaces, build_model, read_ansys
+    from bdamper.importers import ContactFaces, read_ansys
     from tests import others_files as others
+    from tests.imports import build
 
     rows, seen = [], []
 
     def frequencies(body, name, theirs, tolerance, **settings):
         moving = others.front(body) if "n_blades" not in settings else body.numbers[body.nodes[:, 2] > 5.0 - 1e-9]
         rub = ContactFaces("rub", moving, body_a="blade", body_b="ground", points=4)
-        made = build_model(body, contacts=[rub], n_modes=8, nodal_diameters=list(theirs), **settings)
+        made = build(body, contacts=[rub], n_modes=8, nodal_diameters=list(theirs), **settings)
         found = made.frequencies
         pairs = [(f, g, d) for d, known in theirs.items() for f, g in zip(known, found[d])]
         error = np.array([abs(g / f - 1.0) for f, g, _ in pairs])
@@ -634,7 +635,7 @@ def models_by_others() -> Problem:
         with tempfile.TemporaryDirectory() as folder:
             body = others.sector(text, Path(folder))
             theirs = others.cyclic_frequencies(text, Path(folder), highest)
-        frequencies(body, name, theirs, tolerance, sector_faces=faces, **others.AXES)
+        frequencies(body, name, theirs, tolerance, faces=faces, **others.AXES)
         if name == "segdyn":
             stuck = others.stuck_frequency(others.shrouded(body))
             rows.append(Row("segdyn as a shrouded wheel that sticks, nodal diameter 3 (Hz)", theirs[3][0], stuck, 3e-4))

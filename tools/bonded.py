@@ -24,7 +24,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from bdamper.fem.cyclic_symmetry import CyclicSector, lowest_modes
-from bdamper.fem.generated_models import SectorFE, wedge_patches
+from bdamper.fem.generated_models import SectorFE, averaging_matrix, wedge_patches
 from bdamper.fem.reduced_bodies import FreeBody
 from bdamper.fem.sector_faces import sector_phase
 
@@ -89,4 +89,5 @@ def reference_frequencies(
     phase = sector_phase(fe.geometry.n_blades, nodal_diameter)
     phases = np.concatenate([np.ones(3 * len(left.size)), np.full(3 * len(right.size), phase)])
     blade_rows = sp.diags(phases) @ fe.blade_contact(left, right)
-    return bonded_frequencies(fe.cyclic(nodal_diameter), fe.damper, blade_rows, fe.damper_contact(left, right), n_modes)
+    damper_rows = averaging_matrix(fe.damper.body, left, right)
+    return bonded_frequencies(fe.cyclic(nodal_diameter), fe.damper, blade_rows, damper_rows, n_modes)

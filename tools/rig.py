@@ -23,13 +23,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 from skfem import MeshHex
 
-from bdamper.fem.contact_patches import Patches
 from bdamper.fem.cyclic_symmetry import CyclicSector
-from bdamper.fem.generated_models import averaging_matrix, end_patches, wedge_patches
+from bdamper.fem.generated_models import averaging_matrix, damper_body, damper_patches
 from bdamper.fem.meshes import (
     Discretisation,
     Geometry,
@@ -46,7 +44,7 @@ from bdamper.fem.meshes import (
     sector_blocks,
     surface_mesh,
 )
-from bdamper.fem.reduced_bodies import FreeBody, Wanted, constrained_body, free_body
+from bdamper.fem.reduced_bodies import FreeBody, Wanted, constrained_body
 from bdamper.model.structure import Body, Model, turn
 
 FACES = {
@@ -99,8 +97,7 @@ def rig(
     # The damper at the right stands between sector 0 and 1; the one at the left is the same, a pitch back.
     damper = FreeBody(discretise(damper_mesh(g, density), steel), turn(0.5 * g.pitch).T)
     places = {"left": turn(-g.pitch), "right": np.eye(3)}
-    patches = [wedge_patches(g, "left", points), wedge_patches(g, "right", points)]
-    patches += [end_patches(g, "front"), end_patches(g, "back")]
+    patches = damper_patches(g, points)
 
     interfaces, touching = {}, []
     for side, rotation in places.items():
@@ -116,13 +113,11 @@ def rig(
     }
 
     nodes = blade_nodes(blades, g)
-    contact = sp.vstack([averaging_matrix(blades, p) for p in touching], format="csr")
-    wanted = Wanted(ports["friction"], contact, nodes, n_modes, damping_ratio)
+    wanted = Wanted(ports["friction"], averaging_matrix(blades, *touching), nodes, n_modes, damping_ratio)
     held = constrained_body("blades", wanted, lambda _: structure, (0,))
     bodies = {"blades": held}
     meshes = {"blades": surface_mesh(blades, {0: structure.modes(n_modes)[1]})}
-    radial = turn(0.5 * g.pitch) @ [0.0, 1.0, 0.0]
-    one = _damper(damper, patches, n_damper_modes, damping_ratio, radial)
+    one = damper_body(damper, patches, {}, n_damper_modes, damping_ratio, g)
     surface = surface_mesh(damper.body)
     for side, rotation in places.items():
         body = _placed(one, side, rotation)
@@ -137,12 +132,6 @@ def rig(
         meshes=meshes,
         provenance=provenance("tools.rig", blades, damper.body),
     )
-
-
-def _damper(damper: FreeBody, patches: list[Patches], n_modes: int, damping_ratio: float, radial: NDArray) -> Body:
-    """One damper in its own contact axes, in which it is the same at both places."""
-    contact = sp.vstack([averaging_matrix(damper.body, p) for p in patches], format="csr")
-    return free_body("damper", Wanted((), contact, {}, n_modes, damping_ratio), damper, radial)
 
 
 def _placed(damper: Body, side: str, rotation: NDArray) -> Body:

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 
 from bdamper.fem.meshes import Material, discretise, join_blocks, local_order
-from bdamper.importers import ContactFaces, build_model, read_arrays
+from bdamper.importers import ContactFaces, Reduction, Sector, build_model, read_arrays
 
 N = 36
 HALF = np.pi / N
@@ -77,9 +77,9 @@ def shrouded(names=("front", "rear")):
         contacts.append(ContactFaces(f"{name}_left", "left", "under_right", name, "blade", points=(2, 2)))
         contacts.append(ContactFaces(f"{name}_right", "right", "under_left", name, "blade", points=(2, 2)))
     return build_model(
-        bodies["blade"], {name: bodies[name] for name in names}, n_blades=N, contacts=contacts,
-        sector_faces=("low", "high"), fixed="bore", locations={"tip": (0.0, 0.345, 0.0)}, engine_order=4,
-        n_modes=12, n_damper_modes={"front": 8},
+        bodies["blade"], {name: bodies[name] for name in names}, sector=Sector(N, ("low", "high"), fixed="bore"),
+        reduction=Reduction(engine_order=4, n_modes=12, n_damper_modes={"front": 8}), contacts=contacts,
+        locations={"tip": (0.0, 0.345, 0.0)},
     )  # fmt: skip
 
 

@@ -19,7 +19,7 @@ import decks
 from bdamper import Excitation, Study
 from bdamper.fem import MeshDensity, SectorFE
 from bdamper.fem.generated_models import end_patches
-from bdamper.importers import BuiltModel, ContactFaces, build_model
+from bdamper.importers import BuiltModel, ContactFaces, Reduction, Sector, build_model
 from bdamper.importers.abaqus import read_calculix
 from bdamper.response.response_curve_result import ResponseCurve
 
@@ -42,11 +42,8 @@ def import_model(folder: Path, fe: SectorFE, points: int = 9, n_modes: int = 20)
     return build_model(
         read_calculix(folder / "sector", modes=folder / "sector_cyclic.frd"),
         read_calculix(folder / "damper"),
-        n_blades=g.n_blades,
-        sector_faces=("LOW", "HIGH"),
-        engine_order=ENGINE_ORDER,
-        harmonics=3,
-        n_modes=n_modes,
+        sector=Sector(g.n_blades, ("LOW", "HIGH")),
+        reduction=Reduction(engine_order=ENGINE_ORDER, harmonics=3, n_modes=n_modes),
         contacts=[
             ContactFaces("left", "LEFT", "RIGHT_UNDERSIDE", points=points),
             ContactFaces("right", "RIGHT", "LEFT_UNDERSIDE", points=points),

@@ -11,10 +11,11 @@ if shutil.which("ccx") is None:
     pytest.skip("CalculiX (ccx) is not installed", allow_module_level=True)
 
 from bdamper.fem.generated_models import SectorFE, bladed_disk
-from bdamper.importers import build_model, over_speed, read_frd
+from bdamper.importers import over_speed, read_frd
 from examples.calculix.decks import run_job, sector_input
 from tests.calculix_runs import run
 from tests.fe_bodies import contacts, sector_and_damper
+from tests.imports import build
 
 D, LEFT_OUT, TOP = 5, 450.0, 600.0
 
@@ -49,7 +50,7 @@ def test_modes_of_two_perturbation_steps(fe, tmp_path):
             modes += read_frd(tmp_path / f"job{omega:.0f}_{d}.frd").modes
         modes = tuple(replace(m, numbers=m.numbers + blade.numbers[0] - 1) for m in modes)
         bodies[omega] = replace(blade, stiffness=None, mass=None, modes=modes)
-    settings = {"sector_faces": ("LOW", "HIGH"), "contacts": contacts(4), "n_modes": 8, "n_damper_modes": 6}
-    built = build_model(over_speed(bodies), damper, n_blades=65, nodal_diameters=(D,), **settings)
+    settings = {"faces": ("LOW", "HIGH"), "contacts": contacts(4), "n_modes": 8, "n_damper_modes": 6}
+    built = build(over_speed(bodies), damper, n_blades=65, nodal_diameters=(D,), **settings)
     found = np.sqrt(np.sort(built.model.at_speed(LEFT_OUT).bodies["blade"].bases[D].omega2)[:6]) / (2.0 * np.pi)
     assert found == pytest.approx(run(deck(fe, LEFT_OUT), tmp_path).reshape(-1, 2)[:, 0], rel=1e-4)

@@ -45,13 +45,17 @@ def ring():
     return body, np.flatnonzero(np.repeat(~fixed, 3))
 
 
-@pytest.fixture(scope="module")
-def sector():
+def sector_and_faces():
+    """One sector, and the nodes of its faces toward -X and +X."""
     body = discretise(join_blocks(ring_block(0)), Material())
     angle = np.arctan2(body.nodes[:, 0], body.nodes[:, 1])
     on = np.hypot(body.nodes[:, 0], body.nodes[:, 1]) < 1.0 + 1e-9
-    left = np.flatnonzero(on & (np.abs(angle + np.pi / N) < 1e-9))
-    right = np.flatnonzero(on & (np.abs(angle - np.pi / N) < 1e-9))
+    return body, *(np.flatnonzero(on & (np.abs(angle - side * np.pi / N) < 1e-9)) for side in (-1, 1))
+
+
+@pytest.fixture(scope="module")
+def sector():
+    body, left, right = sector_and_faces()
     return body, match_faces(body.nodes, left, right, N), clamped_nodes(body)
 
 

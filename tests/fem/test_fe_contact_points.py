@@ -6,16 +6,11 @@ import pytest
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
 from bdamper.fem.contact_patches import patch_grid
-from bdamper.fem.generated_models import SectorFE, averaging_matrix, end_patches, face_frame, wedge_patches
+from bdamper.fem.generated_models import averaging_matrix, end_patches, face_frame, wedge_patches
 from bdamper.fem.meshes import turn
 from bdamper.model.modal_basis import rigid_motions
 
 GRIDS = [9, 24, 48, 96, (2, 7)]
-
-
-@pytest.fixture(scope="module")
-def fe():
-    return SectorFE()
 
 
 def bodies(fe, points):

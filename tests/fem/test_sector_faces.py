@@ -7,20 +7,17 @@ import scipy.sparse as sp
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
 from bdamper.fem.cyclic_symmetry import CyclicSector, cyclic_transformation
-from bdamper.fem.meshes import Material, discretise, join_blocks, local_order, turn
+from bdamper.fem.meshes import local_order, turn
 from bdamper.fem.sector_faces import SectorFaces, find_faces, interpolation, match_faces, tie_faces
 from bdamper.fem.surface import Facets, boundary_facets
 from bdamper.model.modal_basis import rigid_motions
-from tests.fem.test_cyclic import N, clamped_nodes, ring_block
+from tests.fem.test_cyclic import N, clamped_nodes, sector_and_faces
 
 
 @pytest.fixture(scope="module")
 def sector():
     """Nodes of the two faces besides the body and its surface."""
-    body = discretise(join_blocks(ring_block(0)), Material())
-    angle = np.arctan2(body.nodes[:, 0], body.nodes[:, 1])
-    on = np.hypot(body.nodes[:, 0], body.nodes[:, 1]) < 1.0 + 1e-9
-    left, right = (np.flatnonzero(on & (np.abs(angle - side * np.pi / N) < 1e-9)) for side in (-1, 1))
+    body, left, right = sector_and_faces()
     return body, boundary_facets((body.elements[:, local_order()],), body.nodes), left, right
 
 

@@ -29,6 +29,8 @@ from bdamper.importers import (
     ContactFaces,
     FEBody,
     Measurement,
+    Reduction,
+    Sector,
     build_model,
     read_ansys,
     read_arrays,
@@ -194,7 +196,8 @@ def build(body: FEBody) -> None:
     if body.stiffness is None:
         return
     contact = [ContactFaces("top", "TOP", body_a="blade", body_b="ground", points=4)]
-    check_model(build_model(body, n_blades=1, contacts=contact, fixed="HELD", n_modes=4, locations={"x": 5}).model)
+    held, four = Sector(n_blades=1, fixed="HELD"), Reduction(n_modes=4)
+    check_model(build_model(body, contacts=contact, sector=held, reduction=four, locations={"x": 5}).model)
 
 
 def arrays(p: Path) -> None:

@@ -13,9 +13,10 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 
 import bdamper as bd
 from bdamper.fem.meshes import Material, discretise, join_blocks
-from bdamper.importers import ContactFaces, build_model, read_calculix
+from bdamper.importers import ContactFaces, read_calculix
 from examples.calculix.decks import matrix_input, run_job, sector_input
 from tests.calculix_runs import free_input, read_frequencies
+from tests.imports import build
 from tools.shrouded import meshes, modes_alone, shrouded
 
 pytestmark = [
@@ -41,8 +42,8 @@ def strips(tmp_path_factory):
     for name, (made, sets) in meshes().items():
         run_job(matrix_input(made, sets, "bore" if name == "blade" else None), folder, name)
     blade, front, rear = (read_calculix(folder / name) for name in ("blade", "front", "rear"))
-    return build_model(
-        blade, {"front": front, "rear": rear}, n_blades=N, sector_faces=("LOW", "HIGH"), fixed="BORE",
+    return build(
+        blade, {"front": front, "rear": rear}, n_blades=N, faces=("LOW", "HIGH"), fixed="BORE",
         contacts=[
             ContactFaces("shroud", "SHROUD_HIGH", "SHROUD_LOW", "blade", "blade", points=(1, 4), sector_b=1),
             ContactFaces("front_left", "LEFT", "UNDER_RIGHT", "front", "blade", points=(2, 2)),
@@ -147,9 +148,9 @@ def rooted(tmp_path_factory):
         faces = SimpleNamespace(independent=sets["LOW"], dependent=sets["HIGH"])
         sector = SimpleNamespace(blade=made, clamped=sets["BORE"], faces=faces, geometry=SimpleNamespace(n_blades=N))
         run_job(sector_input(sector, D, 4), folder, name)
-    built = build_model(
+    built = build(
         read_calculix(folder / "disk"), {"airfoil": read_calculix(folder / "blade")}, n_blades=N,
-        sector_faces=("LOW", "HIGH"), fixed="BORE",
+        faces=("LOW", "HIGH"), fixed="BORE",
         contacts=[ContactFaces(side, side, side, "airfoil", "blade", points=(3, 4)) for side in ("LEFT", "RIGHT")],
         locations={"tip": ("airfoil", (0.0, TIP, 0.0))}, engine_order=D, harmonics=1, n_modes=12, n_damper_modes=30,
     )  # fmt: skip

@@ -10,8 +10,9 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 
 from bdamper.fem.meshes import Geometry, Material, MeshDensity, damper_mesh, discretise, local_order
 from bdamper.fem.surface import twisted
-from bdamper.importers import ContactFaces, build_model, read_arrays
+from bdamper.importers import ContactFaces, read_arrays
 from bdamper.util.errors import ModelError
+from tests.imports import build
 
 ROWS = [0, 1, 3, 2, 4, 5, 7, 6]  # corners row by row in place of in turn
 SETTINGS = {"fixed": "end", "contacts": [ContactFaces("pad", "face", None, "blade", "ground", points=(2, 2))], "n_modes": 4}
@@ -31,7 +32,7 @@ def test_plain_arrays_are_numbered_from_0(block):
     given = {"n_blades": 1, "locations": {"tip": nodes[np.argmin(nodes[:, 2])]}, **SETTINGS}
     plain = read_arrays(K.toarray(), M.toarray(), nodes, elements=elements, sets=sets)
     numbered = read_arrays(K, M, (np.arange(len(nodes)), nodes), sets=sets, elements=(elements,))
-    assert build_model(plain, **given).model.hash == build_model(numbered, **given).model.hash
+    assert build(plain, **given).model.hash == build(numbered, **given).model.hash
 
 
 @pytest.mark.parametrize("n", [8, 20])
@@ -40,7 +41,7 @@ def test_another_order_of_the_corners_is_named(block, n):
     wrong = np.hstack([elements[:, ROWS], elements[:, 8:]])[:, :n]
     message = "blade (the given arrays): elements, such as the one with nodes [" + ", ".join(map(str, wrong[0, :8]))
     with pytest.raises(ModelError, match="^" + re.escape(message)) as caught:
-        build_model(read_arrays(K, M, nodes, elements=wrong, sets=sets), n_blades=1, **SETTINGS)
+        build(read_arrays(K, M, nodes, elements=wrong, sets=sets), n_blades=1, **SETTINGS)
     assert "4 corners in turn around one face, then the 4 opposite ones in the same turn" in str(caught.value)
     assert f"another order in {len(wrong)} of {len(wrong)}" in str(caught.value)
 

@@ -9,28 +9,21 @@ import pytest
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
 import bdamper as bd
-from bdamper.importers import Modes, build_model
+from bdamper.importers import Modes, Reduction
 from bdamper.importers.build import _diameters
 from bdamper.util import storage
 from bdamper.util.errors import ModelError, SettingError
 from tests.annulus import small_sector
-from tests.fe_bodies import blade_and_damper, contacts
+from tests.fe_bodies import SIX_BLADES, contacts
+from tests.imports import build
 
 N = 6
-SETTINGS = {
-    "n_blades": N, "sector_faces": ("LOW", "HIGH"), "fixed": "BORE", "n_modes": 4, "n_damper_modes": 6,
-    "contacts": contacts(4), "check_units": False,
-}  # fmt: skip
+SETTINGS = SIX_BLADES | {"n_modes": 4, "contacts": contacts(4)}
 
 
 @pytest.fixture(scope="module")
 def fe():
     return small_sector(N)
-
-
-@pytest.fixture(scope="module")
-def bodies(fe):
-    return blade_and_damper(fe)
 
 
 @pytest.mark.parametrize(
@@ -46,7 +39,7 @@ def bodies(fe):
     ],
 )
 def test_those_of_nine_harmonics_and_a_march(bodies, n_blades, order, harmonics, expected):
-    found, excited, reason = _diameters(n_blades, order, harmonics, None, bodies[0])
+    found, excited, reason = _diameters(n_blades, Reduction(order, harmonics), bodies[0])
     assert set(found) == expected
     orders = (order,) if isinstance(order, int) else order
     assert set(excited) == {min(o % n_blades, -o % n_blades) for o in orders}
@@ -56,14 +49,14 @@ def test_those_of_nine_harmonics_and_a_march(bodies, n_blades, order, harmonics,
 def test_a_file_of_modes_limits_them(bodies):
     shape = Modes(4, np.ones(1), np.arange(2), np.ones((2, 3, 1)))
     alone = replace(bodies[0], stiffness=None, mass=None, modes=(shape, replace(shape, nodal_diameter=0)))
-    assert _diameters(36, 4, None, None, alone)[0] == (0, 4)
-    assert _diameters(36, None, None, None, alone)[0] == (0, 4)
+    assert _diameters(36, Reduction(4), alone)[0] == (0, 4)
+    assert _diameters(36, Reduction(), alone)[0] == (0, 4)
 
 
 def test_the_report_names_them_and_nine_harmonics_run(bodies):
     """A study with nine harmonics finds all that it needs."""
     tip = int(bodies[0].numbers[bodies[0].nodes[:, 1].argmax()])
-    built = build_model(*bodies, **SETTINGS, engine_order=[1, 2], locations={"tip": tip})
+    built = build(*bodies, **SETTINGS, engine_order=[1, 2], locations={"tip": tip})
     blade = built.model.bodies["blade"]
     assert sorted(blade.bases) == [0, 1, 2, 3]
     assert list(built.model.meshes["blade"].modes) == [1, 2]
@@ -75,7 +68,7 @@ def test_the_report_names_them_and_nine_harmonics_run(bodies):
 
 def test_a_wave_that_travels_backward_has_the_diameter_of_the_one_forward(bodies):
     """Of 6 blades the engine orders 5 and 8 repeat from blade to blade as 1 and 2 do, one backward, one forward."""
-    forward, folded = (build_model(*bodies, **SETTINGS, engine_order=orders, harmonics=1) for orders in ([1, 2], [5, 8]))
+    forward, folded = (build(*bodies, **SETTINGS, engine_order=orders, harmonics=1) for orders in ([1, 2], [5, 8]))
     assert list(folded.model.meshes["blade"].modes) == [1, 2]
     assert folded.model.hash == forward.model.hash
 
@@ -92,10 +85,10 @@ def rounded(body, share, direction):
 def test_sector_faces_match_as_exactly_as_files_round_positions(bodies, direction):
     """Six digits of a position are rounded by 5e-6 of the sector; what is 3e-5 off is another mesh, 3e-4 another face."""
     for share, words in ((5e-6, "pairs of nodes match"), (3e-5, "meshes that differ")):
-        built = build_model(rounded(bodies[0], share, direction), bodies[1], **SETTINGS, nodal_diameters=(1,))
+        built = build(rounded(bodies[0], share, direction), bodies[1], **SETTINGS, nodal_diameters=(1,))
         assert sum(words in line for line in built.checks) == 1
-    with pytest.raises(ModelError, match=r"sector_faces: expected two sets of nodes .* largest distance .* apart"):
-        build_model(rounded(bodies[0], 3e-4, (1.0, 0.0, 0.0)), bodies[1], **SETTINGS, nodal_diameters=(1,))
+    with pytest.raises(ModelError, match=r"sector faces: expected two sets of nodes .* largest distance .* apart"):
+        build(rounded(bodies[0], 3e-4, (1.0, 0.0, 0.0)), bodies[1], **SETTINGS, nodal_diameters=(1,))
 
 
 @pytest.mark.parametrize(
@@ -108,25 +101,25 @@ def test_sector_faces_match_as_exactly_as_files_round_positions(bodies, directio
 )
 def test_engine_orders_that_are_none(bodies, order, words):
     with pytest.raises(SettingError) as error:
-        build_model(*bodies, **SETTINGS, engine_order=order)
+        build(*bodies, **SETTINGS, engine_order=order)
     assert words in str(error.value)
 
 
 def test_steps_are_named_and_counted(bodies, capsys):
     settings = {**SETTINGS, "nodal_diameters": (0, 2)}
-    build_model(*bodies, **settings, wheel="BLADE", progress=True)
+    build(*bodies, **settings, blade_nodes="BLADE", progress=True)
     shown = capsys.readouterr().err
     for step in ("nodal diameter 2", "disk of the wheel, nodal diameter 3", "damper"):
         assert f"import: {step}" in shown
     told = [int(share) for share in re.findall(r"^import: .*: (\d+) %$", shown, re.M)]
     assert told == sorted(told) and told[-1] == 100  # waves 0, 1, 2, 3, the disk at each, the damper
-    build_model(*bodies, **settings)
+    build(*bodies, **settings)
     assert "import" not in capsys.readouterr().err, "no terminal, no bar"
 
 
 def test_an_interruption_leaves_nothing_half_written(bodies, tmp_path, monkeypatch):
     """Neither of the build nor of the file, and an existing file as it was."""
-    built = build_model(*bodies, **SETTINGS, nodal_diameters=(1,))
+    built = build(*bodies, **SETTINGS, nodal_diameters=(1,))
     built.save(tmp_path / "model.h5")
     before = (tmp_path / "model.h5").read_bytes()
 

@@ -10,11 +10,11 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 
 import bdamper as bd
 from bdamper.fem import SectorFE
-from bdamper.importers import build_model
 from bdamper.importers.arrays import number_rows
 from bdamper.model.model_file import load_model
 from bdamper.util.errors import BdamperError
 from tests.fe_bodies import FIRST_NUMBER, SPARSE, contacts, sector_and_damper
+from tests.imports import build
 
 RANDOM = np.random.default_rng(3)
 FORCES = RANDOM.normal(size=(3, 3)) + 1j * RANDOM.normal(size=(3, 3))
@@ -31,10 +31,10 @@ def given():
 def built(given, forces, **other):
     blade, damper, numbers = given
     settings = {
-        "n_blades": 65, "sector_faces": ("LOW", "HIGH"), "fixed": "BORE", "nodal_diameters": (5,), "n_modes": 8,
+        "n_blades": 65, "faces": ("LOW", "HIGH"), "fixed": "BORE", "nodal_diameters": (5,), "n_modes": 8,
         "contacts": contacts(4), "locations": {f"at_{k}": int(n) for k, n in enumerate(numbers)},
     }  # fmt: skip
-    return build_model(blade, damper, forces=forces, **(settings | other)).model
+    return build(blade, damper, forces=forces, **(settings | other)).model
 
 
 @pytest.fixture(scope="module")

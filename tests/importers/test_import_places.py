@@ -10,17 +10,15 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 
 import bdamper as bd
 from bdamper.fem.generated_models import wedge_patches
-from bdamper.importers import ContactFaces, build_model
+from bdamper.importers import ContactFaces
 from bdamper.importers.prepared_body import Placement
 from bdamper.model.structure import turn
 from tests.annulus import small_sector
-from tests.fe_bodies import blade_and_damper, contacts
+from tests.fe_bodies import SIX_BLADES, contacts
+from tests.imports import build
 
 N = 6
-SETTINGS = {
-    "n_blades": N, "sector_faces": ("LOW", "HIGH"), "fixed": "BORE", "nodal_diameters": (0, 1, 2, 3), "n_modes": 6,
-    "n_damper_modes": 6, "contacts": contacts(4), "check_units": False,
-}  # fmt: skip
+SETTINGS = SIX_BLADES | {"nodal_diameters": (0, 1, 2, 3), "n_modes": 6, "contacts": contacts(4)}
 
 
 @pytest.fixture(scope="module")
@@ -29,14 +27,9 @@ def fe():
 
 
 @pytest.fixture(scope="module")
-def bodies(fe):
-    return blade_and_damper(fe)
-
-
-@pytest.fixture(scope="module")
 def plain(bodies):
     """Both bodies as they were drawn."""
-    return build_model(*bodies, **SETTINGS, locations={"mid": ("damper", bodies[1].nodes[7])})
+    return build(*bodies, **SETTINGS, locations={"mid": ("damper", bodies[1].nodes[7])})
 
 
 def turned(body, rotation):
@@ -64,7 +57,7 @@ def test_a_damper_drawn_anywhere_is_moved_between_the_first_two_blades(bodies, p
     """At the other flank, beside the next blade, or further on."""
     blade, damper = bodies
     moved = turned(damper, turn(2.0 * np.pi / N * sectors))
-    built = build_model(blade, moved, **SETTINGS, locations={"mid": ("damper", moved.nodes[7])})
+    built = build(blade, moved, **SETTINGS, locations={"mid": ("damper", moved.nodes[7])})
     assert [i.sector_b for i in built.model.interfaces.values()] == [0, 1, 0, 0]
     same(built.model, plain.model)
     np.testing.assert_allclose(built.model.locations["mid"].position, plain.model.locations["mid"].position, atol=1e-12)
@@ -79,21 +72,21 @@ def test_what_the_user_says_in_numbers_moves_along(fe, bodies):
     given = [replace(c, patches=p, sector_b=s) for c, p, s in zip(contacts(4), patches, (0, 1))] + contacts(4)[2:]
     rotation = turn(-2.0 * np.pi / N)
     there = [replace(c, patches=c.patches.turned(rotation), sector_b=c.sector_b - 1) for c in given[:2]] + given[2:]
-    built = build_model(blade, turned(damper, rotation), **{**SETTINGS, "contacts": there})
-    same(built.model, build_model(blade, damper, **{**SETTINGS, "contacts": given}).model)
+    built = build(blade, turned(damper, rotation), **{**SETTINGS, "contacts": there})
+    same(built.model, build(blade, damper, **{**SETTINGS, "contacts": given}).model)
 
 
 def test_contacts_may_be_given_from_the_blade(bodies, plain):
     """Which of two faces is named first does not matter where the model has the damper first."""
     swapped = [ContactFaces(c.name, c.faces_b, c.faces_a, "blade", "damper", points=4) for c in contacts(4)[:2]]
-    built = build_model(*bodies, **{**SETTINGS, "contacts": [*swapped, *contacts(4)[2:]]})
+    built = build(*bodies, **{**SETTINGS, "contacts": [*swapped, *contacts(4)[2:]]})
     assert {(i.body_a, i.body_b) for i in built.model.interfaces.values()} == {("damper", "blade"), ("damper", "ground")}
     same(built.model, plain.model)
 
 
 def in_axes(body, axis, radial):
     """The body as a program has it whose rotor stands along ``axis``."""
-    return turned(body, Placement(axis, radial, (0.0, 0.0, 0.0), "m-kg-s").rotation.T)
+    return turned(body, Placement(axis=axis, radial=radial).rotation.T)
 
 
 @pytest.mark.parametrize(
@@ -115,7 +108,7 @@ def test_every_import_for_a_wheel_is_one(bodies, axis, radial, sense, flank):
 def wheel_of(bodies, axis, radial, sense, flank):
     blade = in_axes(bodies[0], axis, radial)
     damper = in_axes(turned(bodies[1], turn(2.0 * np.pi / N * flank)), axis, radial)
-    settings = {**SETTINGS, "axis": sense * np.array(axis, float), "radial": radial, "wheel": "BLADE"}
+    settings = {**SETTINGS, "axis": sense * np.array(axis, float), "radial": radial, "blade_nodes": "BLADE"}
     tip = int(bodies[0].numbers[bodies[0].nodes[:, 1].argmax()])
-    model = build_model(blade, damper, **settings, locations={"tip": tip}).model
+    model = build(blade, damper, **settings, locations={"tip": tip}).model
     return bd.BladedDisk(bd.Study(model, bd.Excitation("tip"), engine_order=1, friction_coefficient=0.3, harmonics=1))

@@ -9,34 +9,24 @@ import pytest
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
 import bdamper as bd
-from bdamper.fem import SectorFE
 from bdamper.fem.element_stress import von_mises_size
 from bdamper.fem.generated_models import blade_points, bladed_disk, wedge_patches
-from bdamper.importers import build_model, read_arrays
+from bdamper.importers import read_arrays
 from bdamper.importers.abaqus import read_inp
 from bdamper.importers.contact_faces import lay_contacts
 from bdamper.importers.prepared_body import Placement, PreparedBody
 from bdamper.util.errors import BdamperError
 from examples.calculix.decks import run_job
-from tests.fe_bodies import FIRST_NUMBER, SPARSE, contacts, sector_and_damper
+from tests.fe_bodies import FIRST_NUMBER, contacts
+from tests.imports import build
 from tests.own_sector import OUTPUT, OwnSector
 
 STEEL = (2.1e11, 0.3)
 SETTINGS = {
-    "n_blades": 65, "sector_faces": ("LOW", "HIGH"), "fixed": "BORE", "nodal_diameters": (5,), "n_modes": 8,
-    "n_damper_modes": 8, "contacts": contacts(4),
+    "n_blades": 65, "faces": ("LOW", "HIGH"), "fixed": "BORE", "nodal_diameters": (5,), "n_modes": 8,
+    "n_damper_modes": 8, "contacts": contacts(4), "elasticity": STEEL,
 }  # fmt: skip
 needs_ccx = pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) is not installed")
-
-
-@pytest.fixture(scope="module")
-def fe():
-    return SectorFE(density=SPARSE)
-
-
-@pytest.fixture(scope="module")
-def bodies(fe):
-    return sector_and_damper(fe)
 
 
 def same(found, expected, tolerance):
@@ -51,7 +41,7 @@ def test_it_is_that_of_the_finite_element_model(fe, bodies, as_arrays):
     """Rows of modes, contact forces and rotation to 1e-6, from bare matrices."""
     blade, damper = bodies
     at = blade_points(fe.blade, fe.geometry)
-    settings = SETTINGS | {"stress": {"blade": FIRST_NUMBER + at}, "elasticity": STEEL}
+    settings = SETTINGS | {"stress": {"blade": FIRST_NUMBER + at}}
     patches = (wedge_patches(fe.geometry, side, 4) for side in ("left", "right"))
     settings["contacts"] = [*(replace(c, patches=p) for c, p in zip(contacts(4), patches)), *contacts(4)[2:]]
     if as_arrays:
@@ -59,7 +49,7 @@ def test_it_is_that_of_the_finite_element_model(fe, bodies, as_arrays):
             read_arrays(b.stiffness, b.mass, (b.numbers, b.nodes), elements=b.elements, sets=b.node_sets)
             for b in (blade, damper)
         )
-    built = build_model(blade, damper, **settings)
+    built = build(blade, damper, **settings)
     ours, own = built.model.stress["blade"], built.model.bodies["blade"]
     model = bladed_disk(4, n_modes=8, n_damper_modes=8, nodal_diameters=(5,), fe=fe, stress=True)
     theirs, reference = model.stress["blade"], model.bodies["blade"]
@@ -79,7 +69,7 @@ def test_it_is_that_of_the_finite_element_model(fe, bodies, as_arrays):
 def test_it_reaches_a_margin_and_a_file(bodies, fe, tmp_path):
     blade, damper = bodies
     at = FIRST_NUMBER + blade_points(fe.blade, fe.geometry)
-    built = build_model(blade, damper, **SETTINGS, stress=at, elasticity=STEEL, locations={"tip": int(at[0])})
+    built = build(blade, damper, **SETTINGS, stress=at, locations={"tip": int(at[0])})
     assert "stress 'stress': 10 nodes" in str(built)
     built.save(tmp_path / "model.h5")
     model = bd.load_model(tmp_path / "model.h5")
@@ -98,7 +88,7 @@ def test_points_at_a_contact_face_and_on_the_cut_faces(fe, bodies):
     under, low = blade.node_sets["RIGHT_UNDERSIDE"], blade.node_sets["LOW"]
     tip = FIRST_NUMBER + fe.blade.nodes[:, 1].argmax()
     given = np.concatenate([under, low, [tip]])
-    built = build_model(blade, damper, **SETTINGS, stress={"root": given}, elasticity=STEEL)
+    built = build(blade, damper, **SETTINGS, stress={"root": given})
     found = built.model.stress["root"]
     inner = np.setdiff1d(given, np.concatenate([low, blade.node_sets["HIGH"]]))
     np.testing.assert_allclose(found.points, fe.blade.nodes[inner - FIRST_NUMBER], atol=1e-12)
@@ -119,7 +109,7 @@ def test_points_at_a_contact_face_and_on_the_cut_faces(fe, bodies):
 )
 def test_what_is_refused(bodies, settings, words):
     with pytest.raises(BdamperError) as error:
-        build_model(*bodies, **{**SETTINGS, "elasticity": STEEL, **settings})
+        build(*bodies, **SETTINGS | settings)
     assert words in str(error.value) and "\n" not in str(error.value)
 
 
@@ -147,7 +137,7 @@ def imported(request, tmp_path_factory):
     own, folder = OwnSector(request.param), tmp_path_factory.mktemp(request.param)
     own.write_and_run(folder)
     bodies = own.read(folder)
-    built = build_model(*bodies, **own.settings, nodal_diameters=(4,), n_modes=10, stress={"root": "FILLET"})
+    built = build(*bodies, **own.settings, nodal_diameters=(4,), n_modes=10, stress={"root": "FILLET"})
     return own, folder, bodies, built.model
 
 
@@ -172,7 +162,7 @@ def test_a_unit_contact_force_and_rotation_have_the_stress_of_calculix(imported)
     """Of nodal diameter 0: what modes and the contact vectors carry together, and the centrifugal load."""
     own, folder, bodies, model = imported
     basis, rows = model.bodies["blade"].bases[0], model.stress["root"]
-    place = Placement(own.axis, own.radial, (0.0, 0.0, 0.0), own.units)
+    place = Placement(own.units, own.axis, own.radial)
     prepared = {name: PreparedBody(name, body, place) for name, body in zip(("blade", "damper"), bodies)}
     laid = lay_contacts(own.settings["contacts"], prepared, own.geometry.n_blades)
     force = np.random.default_rng(0).standard_normal(3 * 12)

@@ -9,17 +9,15 @@ from threadpoolctl import threadpool_info, threadpool_limits
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
 from bdamper.fem import LocalSizes, cyclic_symmetry
-from bdamper.importers import ContactFaces, build_model
+from bdamper.importers import ContactFaces
 from bdamper.model.validation import check_model
 from bdamper.util.errors import BdamperError
 from tests.annulus import small_sector
-from tests.fe_bodies import FIRST_NUMBER, blade_and_damper, contacts
+from tests.fe_bodies import FIRST_NUMBER, SIX_BLADES, contacts
+from tests.imports import build
 
 N = 6
-SETTINGS = {
-    "n_blades": N, "sector_faces": ("LOW", "HIGH"), "fixed": "BORE", "nodal_diameters": (0, 1, 2, 3), "n_modes": 6,
-    "n_damper_modes": 6, "contacts": contacts(4), "check_units": False,
-}  # fmt: skip
+SETTINGS = SIX_BLADES | {"nodal_diameters": (0, 1, 2, 3), "n_modes": 6, "contacts": contacts(4)}
 
 
 @pytest.fixture(scope="module")
@@ -27,13 +25,8 @@ def fe():
     return small_sector(N)
 
 
-@pytest.fixture(scope="module")
-def bodies(fe):
-    return blade_and_damper(fe)
-
-
 def test_a_set_of_nodes_makes_the_local_basis(fe, bodies):
-    built = build_model(*bodies, **SETTINGS, wheel="BLADE", locations={"tip": fe.blade.nodes[:, 1].argmax() + FIRST_NUMBER})
+    built = build(*bodies, **SETTINGS, blade_nodes="BLADE", locations={"tip": fe.blade.nodes[:, 1].argmax() + FIRST_NUMBER})
     check_model(built.model)
     local = built.model.bodies["blade"].local
     assert (local.n_cantilever, local.n_attachment, local.n_interface) == (12, 12 + 3, 16)  # three directions at the tip
@@ -42,7 +35,7 @@ def test_a_set_of_nodes_makes_the_local_basis(fe, bodies):
         np.testing.assert_allclose(local.nodal_diameter(d).omega2[:3], basis.omega2[:3], rtol=1e-4)
     assert np.all(local.blade_stiffness[-16:] == 0.0)
     assert "of them at its root; clamped there" in str(built)
-    few = build_model(*bodies, **SETTINGS, wheel="BLADE", wheel_shapes=LocalSizes(4, 6, 6)).model.bodies["blade"].local
+    few = build(*bodies, **SETTINGS, blade_nodes="BLADE", local_sizes=LocalSizes(4, 6, 6)).model.bodies["blade"].local
     assert few.n == 16
 
 
@@ -57,7 +50,7 @@ def test_each_sector_is_factorised_once_on_one_thread(bodies, monkeypatch):
 
     monkeypatch.setattr(cyclic_symmetry, "factorise", noted)
     with threadpool_limits(2, user_api="blas"):
-        model = build_model(*bodies, **{**SETTINGS, "n_modes": 10}, wheel="BLADE").model
+        model = build(*bodies, **{**SETTINGS, "n_modes": 10}, blade_nodes="BLADE").model
     assert sorted(model.bodies["blade"].bases) == [0, 1, 2, 3]
     assert threads.count(None) == 4
     assert set(threads) == {1, None}
@@ -65,10 +58,10 @@ def test_each_sector_is_factorised_once_on_one_thread(bodies, monkeypatch):
 
 def test_shapes_for_pictures_are_those_of_the_excited_wave(bodies):
     settings = {**SETTINGS, "nodal_diameters": None, "engine_order": 4, "harmonics": 1}
-    model = build_model(*bodies, **settings).model
+    model = build(*bodies, **settings).model
     assert sorted(model.bodies["blade"].bases) == [0, 2]
     assert list(model.meshes["blade"].modes) == [2]
-    every = build_model(*bodies, **SETTINGS).model.meshes["blade"].modes
+    every = build(*bodies, **SETTINGS).model.meshes["blade"].modes
     np.testing.assert_array_equal(model.meshes["blade"].modes[2], every[2])
     assert list(every) == [0, 1, 2, 3]
 
@@ -76,8 +69,8 @@ def test_shapes_for_pictures_are_those_of_the_excited_wave(bodies):
 @pytest.mark.parametrize(
     ("wheel", "words"),
     [
-        ("ALL", "wheel: expected a set out of"),
-        ("BORE", "wheel: expected the nodes of a blade from root to tip, with all its contact faces and locations, found"),
+        ("ALL", "blade_nodes: expected a set out of"),
+        ("BORE", "blade_nodes: expected the nodes of a blade from root to tip, with all its contact faces"),
         ("EVERY", "found a blade that no node of its root joins to the disk"),
         ("HALF", "found contact points that are not on the blade"),
     ],
@@ -91,7 +84,7 @@ def test_a_set_that_is_no_blade_is_refused(fe, bodies, wheel, words):
     }
     blade = replace(blade, node_sets={**blade.node_sets, **own})
     with pytest.raises(BdamperError) as error:
-        build_model(blade, damper, **SETTINGS, wheel=wheel)
+        build(blade, damper, **SETTINGS, blade_nodes=wheel)
     assert words in str(error.value)
 
 
@@ -99,5 +92,5 @@ def test_blades_that_touch_each_other_are_refused_before_the_work(bodies, monkey
     """A wheel does not serve them, and a build for it says so at once."""
     monkeypatch.setattr(cyclic_symmetry, "factorise", lambda matrix: pytest.fail("work was done"))
     shroud = ContactFaces("shroud", "HIGH", "LOW", "blade", "blade", points=2)
-    with pytest.raises(BdamperError, match="wheel: expected blades that touch dampers, found 'shroud', where they touch"):
-        build_model(*bodies, **{**SETTINGS, "contacts": [*SETTINGS["contacts"], shroud]}, wheel="BLADE")
+    with pytest.raises(BdamperError, match="blade_nodes: expected blades that touch dampers, found 'shroud'"):
+        build(*bodies, **{**SETTINGS, "contacts": [*SETTINGS["contacts"], shroud]}, blade_nodes="BLADE")

@@ -53,7 +53,7 @@ def test_real_archives():
     assert set(beam.node_sets) == {"NCOMP2", "NODE_SELECTION"}
     sector = read_cdb(fixture("sector.cdb"))
     assert sector.nodes.shape == (655, 3)
-    body = PreparedBody("beam", beam, Placement((0, 0, 1), (0, 1, 0), (0, 0, 0), "m-kg-s"))
+    body = PreparedBody("beam", beam, Placement())
     # the elements fill the box that the nodes span: orientation, corners and nodes between them are understood
     assert enclosed_volume(body.boundary, body.nodes) == pytest.approx(np.ptp(beam.nodes, axis=0).prod(), rel=1e-9)
     # what its matrices say must hold on these nodes: no rigid motion costs a force
@@ -66,7 +66,7 @@ def test_real_matrices_belong_to_the_real_archive():
     assert body.dofs.shape == (900, 2)
     assert set(body.dofs[:, 0]) <= set(body.numbers)
     assert "63 rows of fixed components dropped" in str(body)
-    prepared = PreparedBody("beam", body, Placement((0, 0, 1), (0, 1, 0), (0, 0, 0), "m-kg-s"))
+    prepared = PreparedBody("beam", body, Placement())
     assert (~prepared.fixed(None)).sum() == 900
 
 
@@ -91,7 +91,7 @@ def test_real_cyclic_modes():
     for d, known in ((0, 670386.33), (1, 679667.39), (2, 708505.07)):
         assert body.modes[d].frequency[0] == pytest.approx(known, abs=6e-3)
     np.testing.assert_allclose(body.modes[1].frequency[0], body.modes[1].frequency[1], rtol=1e-9)
-    prepared = PreparedBody("blade", body, Placement((0, 1, 0), (0, 0, 1), (0, 0, 0), "m-kg-s"))
+    prepared = PreparedBody("blade", body, Placement(axis=(0, 1, 0), radial=(0, 0, 1)))
     faces = find_faces(prepared.nodes, prepared.boundary, None, 1e-9)
     assert faces.n_sectors == 8 and len(faces.dependent) == 13
     for modes in body.modes:

@@ -1,6 +1,7 @@
 """Plain files, CalculiX, Nastran and universal files: what is written here comes back, what is broken is named."""
 
 import shutil
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +13,12 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 
 from bdamper.fem.contact_patches import Facets
 from bdamper.fem.meshes import Geometry, Material, MeshDensity, damper_mesh, discretise, join_blocks, local_order
-from bdamper.fem.surface import area_vectors
+from bdamper.fem.surface import area_vectors, enclosed_volume
 from bdamper.importers import (
     Measurement,
     read_abaqus_matrix,
     read_arrays,
+    read_bdf,
     read_body,
     read_calculix,
     read_dofs,
@@ -24,11 +26,15 @@ from bdamper.importers import (
     read_inp,
     read_matrix,
     read_measurements,
+    read_nastran,
     read_nodes,
+    read_op2,
+    read_op4,
     read_set,
 )
 from bdamper.importers.abaqus import read_frd_stress
 from bdamper.importers.fe_body import parsing
+from bdamper.importers.prepared_body import Placement, PreparedBody
 from bdamper.util.errors import BdamperError, ModelError, mismatch
 from bdamper.util.storage import load
 from examples.calculix.decks import matrix_input, run_job
@@ -130,20 +136,24 @@ def test_bad_matrices(tmp_path, name, text, message):
     assert name in str(caught.value)
 
 
-def test_bad_tables(tmp_path, bar):
-    def file(text):
-        (tmp_path / "t.csv").write_text(text)
-        return tmp_path / "t.csv"
+@each(
+    ("read", "text", "message"),
+    [
+        (read_nodes, "1,0,0,0\n2,0,0\n", "line 2: expected 4 numbers, found 3"),
+        (read_nodes, "1.5,0,0,0\n", "column 1: expected whole numbers"),
+        (read_dofs, "1,2,3\n", "expected 2 numbers"),
+        (read_set, "1,2,3,4,5\n", "1 or 3 or 4 or 6 or 8 numbers"),
+    ],
+)
+def test_bad_tables(tmp_path, read, text, message):
+    (tmp_path / "t.csv").write_text(text)
+    with pytest.raises(ModelError, match=message):
+        read(tmp_path / "t.csv")
 
-    with pytest.raises(ModelError, match="line 2: expected 4 numbers, found 3"):
-        read_nodes(file("1,0,0,0\n2,0,0\n"))
-    with pytest.raises(ModelError, match="column 1: expected whole numbers"):
-        read_nodes(file("1.5,0,0,0\n"))
-    with pytest.raises(ModelError, match="expected 2 numbers"):
-        read_dofs(file("1,2,3\n"))
-    assert read_dofs(file("12.3\n13.1\n")).tolist() == [[12, 3], [13, 1]]
-    with pytest.raises(ModelError, match="1 or 3 or 4 or 6 or 8 numbers"):
-        read_set(file("1,2,3,4,5\n"))
+
+def test_tables_that_do_not_fit(tmp_path):
+    (tmp_path / "t.csv").write_text("12.3\n13.1\n")
+    assert read_dofs(tmp_path / "t.csv").tolist() == [[12, 3], [13, 1]]
     with pytest.raises(FileNotFoundError, match=r"there is no file .*none.csv"):
         read_set(tmp_path / "none.csv")
     np.savez(tmp_path / "two.npz", a=np.eye(3), b=np.eye(3))
@@ -427,9 +437,6 @@ def test_bad_universal_files(universal, text):
 
 def nastran():
     pytest.importorskip("pyNastran.op4.op4", reason="pyNastran is not installed (extra bdamper[nastran])")
-    from bdamper.importers import nastran
-
-    return nastran
 
 
 def bulk():
@@ -442,10 +449,10 @@ def bulk():
 
 def test_real_op4():
     path = NASTRAN / "testplate_kgg.op4"
-    reader = nastran()
+    nastran()
     if not path.exists():
         pytest.skip(f"{path.name} is not here: {NASTRAN} is not part of the project")
-    k = reader.read_op4(path)["KGG"]
+    k = read_op4(path)["KGG"]
     assert k.shape == (726, 726)
     assert abs(k - k.T).max() == 0.0
     values = np.linalg.eigvalsh(k.toarray())
@@ -476,8 +483,6 @@ def test_bulk_data_and_op4(bar, tmp_path):
     bulk()
     from pyNastran.op4.op4 import OP4
 
-    from bdamper.importers import read_nastran
-
     numbers = 10 + np.arange(len(bar.nodes))
     elements = nastran_order(numbers[bar.elements[:, local_order()]])
     (tmp_path / "a.bdf").write_text(bulk_text(numbers, bar.nodes, elements))
@@ -489,10 +494,7 @@ def test_bulk_data_and_op4(bar, tmp_path):
     assert found.dofs.shape == (3 * len(numbers), 2)
     np.testing.assert_allclose(found.stiffness.toarray(), bar.stiffness.toarray(), atol=1e-9 * abs(bar.stiffness).max())
     np.testing.assert_allclose(found.nodes, bar.nodes, atol=1e-9)
-    from bdamper.fem.surface import enclosed_volume
-    from bdamper.importers.prepared_body import Placement, PreparedBody
-
-    prepared = PreparedBody("bar", found, Placement((0, 0, 1), (0, 1, 0), (0, 0, 0), "m-kg-s"))
+    prepared = PreparedBody("bar", found, Placement())
     assert enclosed_volume(prepared.boundary, prepared.nodes) == pytest.approx(0.25 * 0.2 * 0.2, rel=1e-7)
     assert "empty rows dropped" in str(found)
     with pytest.raises(ModelError, match=r"a matrix 'KXX', found the matrices \['KNN', 'MNN'\]"):
@@ -501,8 +503,6 @@ def test_bulk_data_and_op4(bar, tmp_path):
 
 def test_dmig(tmp_path):
     bulk()
-    from bdamper.importers import read_nastran
-
     text = bulk_text([10, 11], np.zeros((2, 3)) + [[0, 0, 0], [1, 0, 0]], [])
     cards = []
     for name, scale in (("KAAX", 100.0), ("MAAX", 1.0)):
@@ -518,8 +518,6 @@ def test_dmig(tmp_path):
 
 def test_axes_of_displacement(tmp_path):
     bulk()
-    from bdamper.importers import read_bdf
-
     (tmp_path / "c.bdf").write_text(
         "BEGIN BULK\nCORD2C,7,,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\nGRID,1,,0.,2.,0.,7\nGRID,2,7,3.,90.,1.\nENDDATA\n"
     )
@@ -534,8 +532,6 @@ def test_axes_of_displacement(tmp_path):
 )
 def test_bad_bulk_data(tmp_path, text):
     bulk()
-    from bdamper.importers import read_bdf
-
     (tmp_path / "x.bdf").write_text(text)
     with pytest.raises(ModelError, match=r"x\.bdf"):
         read_bdf(tmp_path / "x.bdf")
@@ -545,8 +541,6 @@ def test_modes_of_an_op2_file(tmp_path):
     bulk()
     from pyNastran.op2.op2 import OP2
     from pyNastran.op2.tables.oug.oug_eigenvectors import RealEigenvectorArray
-
-    from bdamper.importers import read_op2
 
     data = np.zeros((2, 4, 6), "float32")
     data[..., :3] = np.random.default_rng(0).standard_normal((2, 4, 3))
@@ -575,10 +569,6 @@ def test_modes_of_an_op2_file(tmp_path):
 
 
 def test_missing_library_is_named(monkeypatch, tmp_path):
-    import sys
-
-    from bdamper.importers import nastran as module
-
     monkeypatch.setitem(sys.modules, "pyuff", None)
     (tmp_path / "a.unv").write_text(block(15, []))
     with pytest.raises(BdamperError, match=r"install the extra bdamper\[unv\]"):
@@ -586,4 +576,4 @@ def test_missing_library_is_named(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "pyNastran.op4.op4", None)
     (tmp_path / "a.op4").write_text("x")
     with pytest.raises(BdamperError, match=r"install the extra bdamper\[nastran\]"):
-        module.read_op4(tmp_path / "a.op4")
+        read_op4(tmp_path / "a.op4")

@@ -9,30 +9,30 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 
 from bdamper import Excitation, Study
 from bdamper.fem.cyclic_symmetry import travelling_waves
-from bdamper.fem.generated_models import SectorFE, bladed_disk
+from bdamper.fem.generated_models import bladed_disk
 from bdamper.fem.sector_faces import match_faces
-from bdamper.importers import MassProperties, Modes, build_model
+from bdamper.importers import MassProperties, Modes
 from bdamper.model.structure import turn
 from bdamper.util.errors import BdamperError, BdamperWarning, ModelError
-from tests.fe_bodies import SPARSE, contacts, modes_alone, sector_and_damper
+from tests.fe_bodies import contacts, modes_alone
+from tests.imports import build
 
 N, ND, COUNT = 65, 5, 6
-SETTINGS = {"n_blades": N, "sector_faces": ("LOW", "HIGH"), "nodal_diameters": (ND,), "n_modes": COUNT, "n_damper_modes": 8}
+SETTINGS = {
+    "n_blades": N, "faces": ("LOW", "HIGH"), "nodal_diameters": (ND,), "n_modes": COUNT, "n_damper_modes": 8,
+    "contacts": contacts(), "locations": {"tip": 300},
+}  # fmt: skip
+HELD = SETTINGS | {"fixed": "BORE"}
 
 
-@pytest.fixture(scope="module")
-def fe():
-    return SectorFE(density=SPARSE)
-
-
-@pytest.fixture(scope="module")
-def bodies(fe):
-    return sector_and_damper(fe)
+def bare(body, **others):
+    """The body without its matrices."""
+    return replace(body, stiffness=None, mass=None, **others)
 
 
 @pytest.fixture(scope="module")
 def built(bodies):
-    return build_model(*bodies, contacts=contacts(), locations={"tip": 300}, fixed="BORE", **SETTINGS)
+    return build(*bodies, **HELD)
 
 
 def shapes_of(fe, d, count=COUNT):
@@ -67,8 +67,8 @@ def file_modes(fe, numbers, kind, scale=1.0):
 @pytest.mark.parametrize("kind", ["plain", "turned", "mixed", "pairs"])
 def test_waves_are_put_in_the_agreed_direction_and_length(fe, bodies, built, kind):
     blade, damper = bodies
-    given = replace(blade, stiffness=None, mass=None, modes=file_modes(fe, blade.numbers, kind))
-    other = build_model(given, damper, contacts=contacts(), locations={"tip": 300}, **SETTINGS)
+    given = bare(blade, modes=file_modes(fe, blade.numbers, kind))
+    other = build(given, damper, **SETTINGS)
     for d in (0, ND):
         a, b = (m.model.bodies["blade"].bases[d] for m in (other, built))
         np.testing.assert_allclose(a.omega2, b.omega2[:COUNT], rtol=1e-8)
@@ -89,17 +89,17 @@ def test_waves_are_put_in_the_agreed_direction_and_length(fe, bodies, built, kin
 def test_modes_beside_matrices_are_compared(fe, bodies, built):
     blade, damper = bodies
     given = replace(blade, modes=file_modes(fe, blade.numbers, "pairs"))
-    other = build_model(given, damper, contacts=contacts(), locations={"tip": 300}, fixed="BORE", **SETTINGS)
+    other = build(given, damper, **HELD)
     assert f"nodal diameter {ND}: frequencies agree with pairs.modes to" in str(other)
     radians = tuple(replace(m, frequency=2 * np.pi * m.frequency) for m in given.modes)
     with pytest.raises(ModelError, match=r"expected the frequencies of pairs.modes.*1/\(2 pi\): radians per second"):
-        build_model(replace(given, modes=radians), damper, contacts=contacts(), fixed="BORE", strict=True, **SETTINGS)
+        build(replace(given, modes=radians), damper, strict=True, **HELD)
     bent = given.modes[1].shapes.copy()
     low = np.flatnonzero(np.isin(given.modes[1].numbers, blade.node_sets["LOW"]))[3]
     bent[low] += 0.1 * np.abs(bent).max()
     wrong = replace(given, modes=(replace(given.modes[1], shapes=bent),))
     with pytest.warns(BdamperWarning, match=r"does not repeat .* in either direction \(off by .* %\)"):
-        found = build_model(wrong, damper, contacts=contacts(), locations={"tip": 300}, fixed="BORE", **SETTINGS)
+        found = build(wrong, damper, **HELD)
     assert found.model.hash == built.model.hash
 
 
@@ -107,35 +107,32 @@ def test_wrong_nodal_diameter_is_noticed(fe, bodies):
     blade, damper = bodies
     modes = file_modes(fe, blade.numbers, "plain")
     wrong = (modes[0], replace(modes[1], nodal_diameter=ND + 1))
-    given = replace(blade, stiffness=None, mass=None, modes=wrong)
-    settings = {**SETTINGS, "nodal_diameters": (ND + 1,)}
+    given = bare(blade, modes=wrong)
     with pytest.raises(ModelError, match=r"does not repeat from one sector face to the other .* in either direction"):
-        build_model(given, damper, contacts=contacts(), **settings)
+        build(given, damper, **SETTINGS | {"nodal_diameters": (ND + 1,)})
 
 
 @pytest.mark.parametrize(("factor", "found"), [(1e-4, r"0\.02\d+"), (1e6, r"2\.\d+e\+08")])
 def test_frequencies_that_no_machine_has_are_said(fe, bodies, factor, found):
     """Of modes without matrices nothing else shows their unit: the lowest of the sector is some 280 Hz."""
     modes = tuple(replace(m, frequency=factor * m.frequency) for m in file_modes(fe, bodies[0].numbers, "plain"))
-    given = replace(bodies[0], stiffness=None, mass=None, modes=modes), bodies[1]
+    given = bare(bodies[0], modes=modes), bodies[1]
     said = rf"blade .*nodal diameter [05]: expected a lowest frequency of 0\.1 to 5e\+06 Hz, found {found} Hz"
     with pytest.warns(BdamperWarning, match=said):
-        built = build_model(*given, contacts=contacts(), **SETTINGS)
+        built = build(*given, **SETTINGS)
     assert sum("a lowest frequency" in text for text in built.failed) == 2, "at both nodal diameters"
     with pytest.raises(ModelError, match=said):
-        build_model(*given, contacts=contacts(), strict=True, **SETTINGS)
-    assert not build_model(*given, contacts=contacts(), check_units=False, **SETTINGS).failed
+        build(*given, strict=True, **SETTINGS)
+    assert not build(*given, check_units=False, **SETTINGS).failed
 
 
 def test_damper_from_mass_properties(fe, bodies, built):
     """Without matrices: rigid from mass, centre and inertia; contact stiffness of the user goes into the model."""
     blade, damper = bodies
     theirs = built.model.bodies["damper"]
-    given = replace(
-        damper, stiffness=None, mass=None, rigid=MassProperties(theirs.mass, theirs.centre, theirs.inertia)
-    )
+    given = bare(damper, rigid=MassProperties(theirs.mass, theirs.centre, theirs.inertia))
     pairs = [replace(c, stiffness=(1e8, 2e8, 3e8)) for c in contacts()]
-    other = build_model(blade, given, contacts=pairs, locations={"tip": 300}, fixed="BORE", **SETTINGS)
+    other = build(blade, given, **HELD | {"contacts": pairs})
     body = other.model.bodies["damper"]
     assert body.bases[0].n_modes == 6
     u, v = (b.bases[0].contact_modes[..., :6].reshape(-1, 6) for b in (body, theirs))
@@ -148,9 +145,9 @@ def test_damper_from_mass_properties(fe, bodies, built):
 @pytest.mark.parametrize("centre", [np.zeros(1), np.zeros(2), np.array([0.0, np.nan, 0.0])], ids=["one", "two", "nan"])
 def test_the_centre_of_a_rigid_damper_has_three_finite_coordinates(fe, bodies, centre):
     blade, damper = bodies
-    rigid = replace(damper, stiffness=None, mass=None, rigid=MassProperties(0.05, centre, 1e-6 * np.eye(3)))
+    rigid = bare(damper, rigid=MassProperties(0.05, centre, 1e-6 * np.eye(3)))
     with pytest.raises(BdamperError, match="mass properties: expected a mass > 0, a centre"):
-        build_model(blade, rigid, contacts=contacts(), fixed="BORE", **SETTINGS)
+        build(blade, rigid, **HELD)
 
 
 def test_modes_and_user_stiffness_reach_a_tracking_curve(fe, bodies):
@@ -158,17 +155,16 @@ def test_modes_and_user_stiffness_reach_a_tracking_curve(fe, bodies):
     blade, damper = bodies
     tip = {"tip": int(blade.numbers[np.argmax(fe.blade.nodes[:, 1])])}
     pairs = [replace(c, stiffness=(2e7, 2e7, 3e7)) for c in contacts()]
-    full = build_model(blade, damper, contacts=pairs, locations=tip, fixed="BORE", **SETTINGS).model
+    given = {"contacts": pairs, "locations": tip}
+    full = build(blade, damper, **HELD | given).model
     theirs = full.bodies["damper"]
-    bare = build_model(
-        replace(blade, stiffness=None, mass=None, modes=file_modes(fe, blade.numbers, "pairs")),
-        replace(damper, stiffness=None, mass=None, rigid=MassProperties(theirs.mass, theirs.centre, theirs.inertia)),
-        contacts=pairs,
-        locations=tip,
-        **SETTINGS,
+    alone = build(
+        bare(blade, modes=file_modes(fe, blade.numbers, "pairs")),
+        bare(damper, rigid=MassProperties(theirs.mass, theirs.centre, theirs.inertia)),
+        **SETTINGS | given,
     ).model
     peaks = []
-    for model in (modes_alone(full), bare):
+    for model in (modes_alone(full), alone):
         study = Study(model, Excitation("tip"), engine_order=ND, contact_stiffness="model", blade_modes=COUNT, harmonics=1)
         curve = study.frequency_response(preload=1000.0, frequency=(250.0, 400.0))
         assert curve.complete
@@ -190,9 +186,9 @@ BAD = [
 def test_bad_modes(fe, bodies, change, message):
     blade, damper = bodies
     modes = file_modes(fe, blade.numbers, "plain")
-    given = replace(blade, stiffness=None, mass=None, modes=(modes[0], change(modes[1])))
+    given = bare(blade, modes=(modes[0], change(modes[1])))
     with pytest.raises(ModelError, match=message):
-        build_model(given, damper, contacts=contacts(), locations={"tip": 300}, **SETTINGS)
+        build(given, damper, **SETTINGS)
 
 
 def test_modes_check_themselves():

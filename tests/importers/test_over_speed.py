@@ -10,14 +10,15 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 from bdamper.fem.generated_models import SectorFE
 from bdamper.fem.meshes import Geometry, MeshDensity
 from bdamper.fem.rotation import Rotation, spin_softening
-from bdamper.importers import Modes, build_model, over_speed
+from bdamper.importers import Modes, over_speed
 from bdamper.util.errors import ModelError, SettingError
-from tests.fe_bodies import contacts, sector_and_damper
+from tests.fe_bodies import contacts
+from tests.imports import build
 
 ND, TOP, BETWEEN, COUNT = 5, 600.0, 450.0, 12
 SETTINGS = {
     "n_blades": 65, "nodal_diameters": (0, ND), "n_modes": COUNT, "n_damper_modes": 6,
-    "sector_faces": ("LOW", "HIGH"), "contacts": contacts(2),
+    "faces": ("LOW", "HIGH"), "contacts": contacts(2),
 }  # fmt: skip
 
 
@@ -31,11 +32,6 @@ def rotation(fe):
     return fe.rotation()
 
 
-@pytest.fixture(scope="module")
-def bodies(fe):
-    return sector_and_damper(fe)
-
-
 def at(blade, rotation, omega):
     return replace(blade, stiffness=blade.stiffness + omega**2 * rotation.per_squared_speed)
 
@@ -47,7 +43,7 @@ def frequencies(fe, rotation, omega, d, n):
 def test_matrices_at_two_speeds(fe, bodies, rotation):
     blade, damper = bodies
     given = over_speed({TOP: at(blade, rotation, TOP), 0.0: blade})
-    built = build_model(given, damper, fixed="BORE", **SETTINGS)
+    built = build(given, damper, fixed="BORE", **SETTINGS)
     body = built.model.at_speed(BETWEEN).bodies["blade"]
     for d in (0, ND):
         found = np.sqrt(np.sort(body.bases[d].omega2)[:6])
@@ -61,9 +57,9 @@ def test_matrices_at_two_speeds(fe, bodies, rotation):
 @pytest.mark.slow
 def test_matrices_of_a_speed_above_standstill_give_the_same_model(bodies, rotation):
     blade, damper = bodies
-    low = build_model(over_speed({0.0: blade, TOP: at(blade, rotation, TOP)}), damper, fixed="BORE", **SETTINGS)
+    low = build(over_speed({0.0: blade, TOP: at(blade, rotation, TOP)}), damper, fixed="BORE", **SETTINGS)
     running = over_speed({300.0: at(blade, rotation, 300.0), TOP: at(blade, rotation, TOP)})
-    high = build_model(running, damper, fixed="BORE", **SETTINGS)
+    high = build(running, damper, fixed="BORE", **SETTINGS)
     a, b = (np.sort(m.model.at_speed(TOP).bodies["blade"].bases[ND].omega2)[:6] for m in (low, high))
     np.testing.assert_allclose(a, b, rtol=2e-4)
     assert high.model.bodies["blade"].spin.theory == "stiffened"
@@ -72,7 +68,7 @@ def test_matrices_of_a_speed_above_standstill_give_the_same_model(bodies, rotati
 def test_a_stiffness_without_spin_softening_is_noticed(fe, bodies, rotation):
     blade, damper = bodies
     stiff = Rotation(rotation.per_squared_speed + spin_softening(fe.blade))
-    built = build_model(over_speed({0.0: blade, TOP: at(blade, stiff, TOP)}), damper, fixed="BORE", **SETTINGS)
+    built = build(over_speed({0.0: blade, TOP: at(blade, stiff, TOP)}), damper, fixed="BORE", **SETTINGS)
     assert "spin softening of the blade: the matrices at 600 rad/s take" in str(built)
 
 
@@ -95,7 +91,7 @@ def test_modes_alone_at_two_speeds(fe, bodies, rotation):
         0.0: modal_body(fe, rotation, blade, 0.0),
         TOP: modal_body(fe, rotation, blade, TOP, turned=1.1),
     })  # fmt: skip
-    built = build_model(given, damper, **SETTINGS)
+    built = build(given, damper, **SETTINGS)
     basis = built.model.bodies["blade"].bases[ND]
     found = np.sqrt(np.sort(built.model.at_speed(BETWEEN).bodies["blade"].bases[ND].omega2)[:6])
     exact = frequencies(fe, rotation, BETWEEN, ND, 6)
@@ -110,7 +106,7 @@ def test_modes_that_are_no_combinations_of_the_first_are_refused(fe, bodies, rot
     first, other = modal_body(fe, rotation, blade, 0.0), modal_body(fe, rotation, blade, TOP, count=COUNT + 1)
     cut = [Modes(m.nodal_diameter, m.frequency[1:], m.numbers, m.shapes[..., 1:], m.modal_mass[1:]) for m in other.modes]
     with pytest.raises(ModelError, match="nodal diameter 0 at 600 rad/s: expected combinations of the modes"):
-        build_model(over_speed({0.0: first, TOP: replace(other, modes=tuple(cut))}), damper, **SETTINGS)
+        build(over_speed({0.0: first, TOP: replace(other, modes=tuple(cut))}), damper, **SETTINGS)
 
 
 def test_speeds_that_do_not_fit_together_are_refused(fe, bodies, rotation):

@@ -15,9 +15,9 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 import bdamper as bd
 from bdamper.fatigue.criteria import Material
 from bdamper.fem.element_stress import von_mises_size
-from bdamper.importers import build_model
 from examples.calculix.decks import run_job
 from examples.own_sector import main
+from tests.imports import build
 from tests.own_sector import OwnSector
 
 pytestmark = [
@@ -48,8 +48,8 @@ def folder(own, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def built(own, folder):
-    asked = {"engine_order": D, "n_modes": 20, "stress": "FILLET", "wheel": "BLADE"}
-    return build_model(*own.read(folder), **own.settings, **asked)
+    asked = {"engine_order": D, "n_modes": 20, "stress": "FILLET", "blade_nodes": "BLADE"}
+    return build(*own.read(folder), **own.settings, **asked)
 
 
 @pytest.fixture(scope="module")

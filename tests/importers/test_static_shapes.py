@@ -13,20 +13,18 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 
 import bdamper as bd
 from bdamper.fem import LocalSizes
-from bdamper.importers import build_model, over_speed
+from bdamper.importers import over_speed
 from bdamper.model.model_file import load_model, save_model
 from bdamper.response.peak import resonance_interval
 from tests.annulus import Annulus, small_sector, wheel_matrices
-from tests.fe_bodies import FIRST_NUMBER, blade_and_damper, contacts
+from tests.fe_bodies import FIRST_NUMBER, SIX_BLADES, blade_and_damper, contacts
+from tests.imports import build
 
 N, MODES, TOP = 6, 10, 900.0
 RATIOS = (0.2, 0.5, 0.8, 1.15, 1.3)
 """Frequencies over the lowest one."""
 PAIRS = [("tip", "tip"), ("side", "side"), ("tip", "side")]
-SETTINGS = {
-    "n_blades": N, "sector_faces": ("LOW", "HIGH"), "fixed": "BORE", "nodal_diameters": (0, 1, 2, 3), "n_modes": 16,
-    "n_damper_modes": 6, "contacts": contacts(4), "check_units": False,
-}  # fmt: skip
+SETTINGS = SIX_BLADES | {"nodal_diameters": (0, 1, 2, 3), "n_modes": 16, "contacts": contacts(4)}
 X, Z = "tangential", "axial"
 
 
@@ -47,8 +45,8 @@ def nodes(fe):
 @pytest.fixture(scope="module")
 def built(fe, nodes):
     places = {name: node + FIRST_NUMBER for name, node in nodes.items()}
-    settings = {**SETTINGS, "wheel": "BLADE", "wheel_shapes": LocalSizes(12, 4, 16)}
-    return build_model(*blade_and_damper(fe), **settings, locations=places)
+    settings = {**SETTINGS, "blade_nodes": "BLADE", "local_sizes": LocalSizes(12, 4, 16)}
+    return build(*blade_and_damper(fe), **settings, locations=places)
 
 
 def study(model, pair, engine_order, **settings):
@@ -112,7 +110,7 @@ def test_at_speed(fe, nodes):
     fast = replace(blade, stiffness=blade.stiffness + TOP**2 * rotation.per_squared_speed)
     settings = {**SETTINGS, "nodal_diameters": (0, d)}
     places = {name: node + FIRST_NUMBER for name, node in nodes.items()}
-    model = build_model(over_speed({0.0: blade, TOP: fast}), damper, **settings, locations=places).model
+    model = build(over_speed({0.0: blade, TOP: fast}), damper, **settings, locations=places).model
     sector = rotation.at_speed(fe.cyclic(d), omega_rotor)
     omega = np.sqrt(sector.modes(1)[0][0]) * np.array(RATIOS)
     assert omega[0] / np.sqrt(fe.cyclic(d).modes(1)[0][0]) / RATIOS[0] > 1.02  # the speed matters

@@ -11,10 +11,20 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 
 from bdamper.fem.element_stress import Solids, element_rows, node_average
 from bdamper.fem.sector_faces import no_faces
-from bdamper.importers import read_arrays, read_calculix, read_cdb, read_elements, read_frd, read_inp, read_rst
-from bdamper.importers.bodies import stress_rows
+from bdamper.importers import (
+    Sector,
+    read_arrays,
+    read_bdf,
+    read_calculix,
+    read_cdb,
+    read_elements,
+    read_frd,
+    read_inp,
+    read_rst,
+)
 from bdamper.importers.fe_body import FEBody
-from bdamper.importers.prepared_body import ImportReport, Placement, PreparedBody, Ring
+from bdamper.importers.prepared_body import Placement, PreparedBody, Ring
+from bdamper.importers.stress_sets import stress_rows
 from tests.ansys_files import write_rst
 from tests.each import each
 from tests.own_sector import deck, of_kind
@@ -89,8 +99,6 @@ def from_rst(kind, nodes, elements, folder):
 
 
 def from_bdf(kind, nodes, elements, folder):
-    from bdamper.importers import read_bdf
-
     n = elements.shape[1]
     name = {4: "CTETRA", 6: "CPENTA", 8: "CHEXA"}[ALONG[n]]
     lines = ["BEGIN BULK", *(f"GRID,{FIRST + k},,{x},{y},{z}" for k, (x, y, z) in enumerate(nodes.round(9).tolist()))]
@@ -171,11 +179,11 @@ def stress_of(body: FEBody, moved, first):
     """Stress (n, 6) at all nodes by the rows that an import makes."""
     one = sp.identity(moved.size)
     given = FEBody(**{**body.__dict__, "stiffness": one, "mass": one, "dofs": None})
-    prepared = PreparedBody("blade", given, Placement((0, 0, 1), (0, 1, 0), (0, 0, 0), "m-kg-s"))
+    prepared = PreparedBody("blade", given, Placement())
     laid = SimpleNamespace(interfaces={}, ports={"blade": ()}, rows={"blade": sp.csr_matrix((0, moved.size))})
     elasticity = None if body.element_kinds and body.element_kinds[0].youngs_modulus else (YOUNG, POISSON)
     nodes, ring = {"all": first + np.arange(len(moved))}, Ring(no_faces(), (), ())
-    (rows,) = stress_rows(prepared, nodes, elasticity, laid, ring, ImportReport())
+    (rows,) = stress_rows(prepared, Sector(stress=nodes, elasticity=elasticity), laid, ring)
     return (rows._rows @ moved.ravel()).reshape(-1, 6)
 
 

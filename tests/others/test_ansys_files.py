@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.importers import ContactFaces, build_model, read_ansys, read_cdb, read_rst
+from bdamper.importers import ContactFaces, read_ansys, read_cdb, read_rst
+from tests.imports import build
 from tests.others_files import ANSYS
 
 if not ANSYS.is_dir():
@@ -26,7 +27,7 @@ def test_matrices_of_a_full_file():
     assert str(FREQUENCIES[2]) in (ANSYS / "examples.py").read_text()
     body = read_ansys(ANSYS / "file.full", ANSYS / "HexBeam.cdb")
     contact, tip = rub(body)
-    made = build_model(body, contacts=[contact], locations=tip, expected_frequencies={0: FREQUENCIES}, strict=True, **BEAM)
+    made = build(body, contacts=[contact], locations=tip, expected_frequencies={0: FREQUENCIES}, strict=True, **BEAM)
     np.testing.assert_allclose(made.frequencies[0][:3], FREQUENCIES, rtol=1e-9)
 
 
@@ -42,7 +43,7 @@ def test_modes_alone_with_a_stiffness_of_the_user():
     assert body.stiffness is None
     for stiffness, given in (((1e7, 1e7, 1e7), None), (None, 1e7)):
         contact, tip = rub(body, stiffness=stiffness, gap=-1e-6)
-        made = build_model(body, contacts=[contact], locations=tip, **BEAM)
+        made = build(body, contacts=[contact], locations=tip, **BEAM)
         assert any("static receptances of the blade (no matrices)" in line for line in made.missing)
         excitation = bd.Excitation("tip", direction="tangential", amplitude=1000.0)
         study = bd.Study(made.model, excitation, friction_coefficient=0.3, harmonics=1, contact_stiffness=given)

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.importers import ContactFaces, build_model
+from bdamper.importers import ContactFaces
+from tests.imports import build
 from tests.others_files import (
     AXES,
     cyclic_frequencies,
@@ -43,7 +44,7 @@ def runs(tmp_path_factory):
 
 def built(body, diameters=None, **settings):
     rub = ContactFaces("rub", front(body), body_a="blade", body_b="ground", points=4, gap=-1e-5)
-    return build_model(body, contacts=[rub], n_modes=8, nodal_diameters=diameters, **AXES, **settings)
+    return build(body, contacts=[rub], n_modes=8, nodal_diameters=diameters, **AXES, **settings)
 
 
 @pytest.mark.parametrize(
@@ -55,7 +56,7 @@ def built(body, diameters=None, **settings):
 )  # fmt: skip
 def test_frequencies_are_those_of_its_own_cyclic_run(runs, name, faces, tolerance):
     body, theirs = runs(name)
-    made = built(body, range(max(theirs) + 1), sector_faces=faces)
+    made = built(body, range(max(theirs) + 1), faces=faces)
     assert made.model.n_blades == 12
     for d, frequency in made.frequencies.items():
         n = min(len(frequency), len(theirs[d]))
@@ -73,7 +74,7 @@ def test_faces_that_do_not_match_to_a_tracking_curve(runs):
     """The way of docs/import.md: a cyclic deck, a friction pair, curves whose peak depends on the excitation."""
     body, _ = runs("segmenttet")
     tip = {"tip": int(front(body)[0])}
-    made = built(body, sector_faces=("NLEFT", "NRIGHT"), engine_order=2, harmonics=1, locations=tip)
+    made = built(body, faces=("NLEFT", "NRIGHT"), engine_order=2, harmonics=1, locations=tip)
     assert any("meshes that differ" in line for line in made.checks)
     second = made.frequencies[2][1]
     peaks = {}

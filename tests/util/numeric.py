@@ -16,13 +16,13 @@ from bdamper.fatigue.margin import LeastMargin
 from bdamper.fem.local_basis import LocalSizes
 from bdamper.harmonic_balance.rotor_speed import Conditions
 from bdamper.harmonic_balance.settings import Settings
-from bdamper.importers import ContactFaces, Units, build_model, over_speed
+from bdamper.importers import Checks, ContactFaces, Placement, Reduction, Sector, Units, build_model, over_speed
 from bdamper.importers.contact_faces import Patches
 from bdamper.mistuning import BladedDisk, DamperVariation, Mistuning, WheelPeakOptions
 
 FURTHER = (
-    LeastMargin, Material, ContactFaces, Units, build_model, over_speed, Patches, Conditions, LocalSizes, DamperVariation,
-    Mistuning, WheelPeakOptions,
+    LeastMargin, Material, ContactFaces, Units, Sector, Placement, Reduction, Checks, build_model, over_speed, Patches,
+    Conditions, LocalSizes, DamperVariation, Mistuning, WheelPeakOptions,
 )  # fmt: skip
 PARTS = (bd.Study, BladedDisk, ContactLaw, Mistuning, DamperVariation)
 """Classes with methods that take numbers."""

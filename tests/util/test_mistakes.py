@@ -76,8 +76,8 @@ REFUSED = {
     "misspelt argument of a sweep": (lambda s: bd.sweep(s, {"preload": [1.0]}, excutor=None), "mean executor"),
     "misspelt matrix": (lambda s: lumped(contact=[]), "lumped: .*no argument 'contact'; did you mean contacts"),
     "misspelt setting of masses": (lambda s: lumped(harmonic=3), "lumped: .*did you mean harmonics"),
-    "misspelt argument of an import": (lambda s: build_model(None, n_blade=36), "build_model: .*did you mean n_blades"),
-    "an import without contacts": (lambda s: build_model(None, n_blades=36), "build_model: .*'contacts'"),
+    "misspelt argument of an import": (lambda s: build_model(None, placment=None), "build_model: .*did you mean placement"),
+    "an import without contacts": (lambda s: build_model(None), "build_model: .*'contacts'"),
     "misspelt argument of a question": (
         lambda s: s.frequency_response(9.0, F, progres=True),
         "frequency_response: .*did you mean progress",
@@ -143,7 +143,7 @@ REFUSED = {
     "a curve of margins without a value": (lambda s: empty_margins().least, "no margin found at any of 0 values"),
     "a file that is not there": (lambda s: bd.load_model("nowhere.h5"), "there is no model file 'nowhere.h5'"),
     "a contact named twice": (
-        lambda s: build_model(None, n_blades=36, contacts=[ContactFaces("a", "x", "y"), None]),
+        lambda s: build_model(None, contacts=[ContactFaces("a", "x", "y"), None]),
         "blade: expected an FEBody.*found None",
     ),
 }

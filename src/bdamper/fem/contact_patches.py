@@ -301,33 +301,37 @@ def _pieces(flat_a: _Flat, flat_b: _Flat | None) -> list[_Piece]:
     return [_Piece(part, k, m) for k, m, part in overlaps(flat_a.corner, flat_b.corner)]
 
 
+def _cells(pieces: Sequence[_Piece], windows: Sequence[NDArray], above: float = -np.inf) -> list[list[_Piece]]:
+    """Return the parts of the pieces in each rectangle with an area larger than ``above`` (m2)."""
+    cells: list[list[_Piece]] = [[] for _ in windows]
+    for k, m, part in overlaps([piece.polygon for piece in pieces], windows, SIDES):
+        if polygon_area(part) > above:
+            cells[m].append(pieces[k]._replace(polygon=part))
+    return cells
+
+
 def _means(
     cells: list[list[_Piece]], frames: NDArray, flats: tuple[_Flat, _Flat | None], bodies: tuple[NDArray, NDArray | None]
 ) -> PatchMeans:
     """Integrate the shape functions of both bodies over the pieces of each cell."""
     n = len(cells)
     area = np.zeros(n)
-    data: list[list[tuple[int, int, float]]] = [[], []]
+    data: list[list[tuple[NDArray, NDArray, NDArray]]] = [[], []]
     for i, pieces in enumerate(cells):
-        weight: list[dict[int, float]] = [{}, {}]
         for piece in pieces:
             x, w = _quadrature(piece.polygon)
             area[i] += w.sum()
             for side, (flat, index) in enumerate(zip(flats, (piece.a, piece.b))):
-                if flat is None:
-                    continue
-                row = flat.nodes[index]
-                values = w @ shape_functions(inverse_map(flat.corner[index], x), len(row))
-                for node, value in zip(row.tolist(), values.tolist()):
-                    weight[side][node] = weight[side].get(node, 0.0) + value
-        for side in (0, 1):
-            total = sum(weight[side].values())
-            data[side] += [(i, node, value / total) for node, value in weight[side].items()]
+                if flat is not None:
+                    row = flat.nodes[index]
+                    values = w @ shape_functions(inverse_map(flat.corner[index], x), len(row))
+                    data[side].append((np.full(len(row), i), row, values))
     turn_rows = sp.block_diag(list(frames), format="csr")
 
-    def on_body(entries: list[tuple[int, int, float]], nodes: NDArray) -> tuple[NDArray, sp.csr_matrix]:
-        rows, columns, values = (np.array(part) for part in zip(*entries))
-        mean = sp.csr_matrix((values, (rows, columns)), shape=(n, len(nodes)))
+    def on_body(entries: list[tuple[NDArray, NDArray, NDArray]], nodes: NDArray) -> tuple[NDArray, sp.csr_matrix]:
+        rows, columns, values = (np.concatenate(part) for part in zip(*entries))
+        weight = sp.csr_matrix((values, (rows, columns)), shape=(n, len(nodes)))
+        mean = sp.diags(1.0 / (weight @ np.ones(len(nodes)))) @ weight
         return mean @ nodes, (turn_rows @ sp.kron(mean, sp.identity(3), format="csr")).tocsr()
 
     points_a, matrix_a = on_body(data[0], bodies[0])
@@ -366,9 +370,7 @@ def patches_on_rectangles(
     flat = _flatten(Facets(tuple(g for g in groups if len(g))), nodes, origin, frame, what)
     middles = ((centre - origin) @ frame[:2].T for centre in patches.centre)
     windows = [rectangle(middle - 0.5 * size, middle + 0.5 * size) for middle, size in zip(middles, patches.size)]
-    cells: list[list[_Piece]] = [[] for _ in windows]
-    for k, i, part in overlaps(flat.corner, windows, SIDES):
-        cells[i].append(_Piece(part, k, -1))
+    cells = _cells(_pieces(flat, None), windows)
     for i, (cell, area) in enumerate(zip(cells, patches.area)):
         total = sum(polygon_area(p.polygon) for p in cell)
         wrong = f"patch {i} at {patches.centre[i]} m has an area of {area:.6g} m2, but {what} covers {total:.6g} m2 of it"
@@ -420,11 +422,7 @@ def patches_on_faces(
     edges = [np.linspace(low[k], high[k], n + 1) for k, n in enumerate((n_1, n_2))]
     corners = np.stack(np.meshgrid(*edges, indexing="ij"), axis=-1)
     windows = [rectangle(corners[i, j], corners[i + 1, j + 1]) for i, j in np.ndindex(n_1, n_2)]
-    cells: list[list[_Piece]] = [[] for _ in windows]
-    for k, m, part in overlaps([piece.polygon for piece in pieces], windows, SIDES):
-        if polygon_area(part) > 1e-13 * whole:
-            cells[m].append(_Piece(part, pieces[k].a, pieces[k].b))
-    cells = _without_small(cells, float((high - low).prod()) / len(cells), n_2)
+    cells = _without_small(_cells(pieces, windows, 1e-13 * whole), float((high - low).prod()) / len(windows), n_2)
     frames = np.broadcast_to(frame, (len(cells), 3, 3)).copy()
     return _means(cells, frames, (flat_a, flat_b), (nodes_a, nodes_b if flat_b is not None else None))
 

@@ -195,6 +195,10 @@ class CyclicSector:
         return hermitian(reduced @ self.contact_response(contact))
 
 
+Sectors = Callable[[int], CyclicSector]
+"""Sector as a function of the nodal diameter."""
+
+
 # ---- Travelling waves from modes of other programs ----
 
 

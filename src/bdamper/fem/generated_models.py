@@ -37,7 +37,7 @@ body and no load: normal loads and gaps are settings of a study (``constant_load
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -54,6 +54,7 @@ from bdamper.fem.meshes import (
     Geometry,
     Material,
     MeshDensity,
+    airfoil_points,
     blade_nodes,
     clamped_segment,
     damper_mesh,
@@ -118,15 +119,31 @@ def end_patches(g: Geometry, side: str) -> Patches:
     return Patches(centre, frame, np.full((4, 2), edge)).turned(turn(0.5 * g.pitch))
 
 
-def averaging_matrix(body: Discretisation, patches: Patches) -> sp.csr_matrix:
-    """Return the matrix (3 n_patches, 3 n_nodes) from nodal displacements to patch means along t1, t2, n.
+def damper_patches(g: Geometry, points: int | tuple[int, int]) -> list[Patches]:
+    """Return the patches of the left, right, front and back face of the damper of sector 0."""
+    slopes = [wedge_patches(g, side, points) for side in ("left", "right")]
+    return slopes + [end_patches(g, side) for side in ("front", "back")]
+
+
+def averaging_matrix(body: Discretisation, *faces: Patches) -> sp.csr_matrix:
+    """Return the matrix (3 n_patches, 3 n_nodes) from nodal displacements to patch means along t1, t2, n of all faces.
 
     Raises
     ------
     ValueError
         If the surface of ``body`` does not cover a patch.
     """
-    return patches_on_rectangles(patches, body.nodes, body.surface).matrix_a
+    means = [patches_on_rectangles(patches, body.nodes, body.surface) for patches in faces]
+    return sp.vstack([mean.matrix_a for mean in means], format="csr")
+
+
+def damper_body(
+    damper: FreeBody[Discretisation], faces: Sequence[Patches], nodes: Mapping[str, int], n_modes: int,
+    damping_ratio: float, g: Geometry,
+) -> Body:  # fmt: skip
+    """Return the damper of sector 0 with the patches of its faces and with locations at ``nodes``."""
+    wanted = Wanted(DAMPER_PORTS, averaging_matrix(damper.body, *faces), nodes, n_modes, damping_ratio)
+    return free_body("damper", wanted, damper, turn(0.5 * g.pitch)[:, 1])
 
 
 # ---- Finite element bodies ----
@@ -211,12 +228,7 @@ class SectorFE:
         At "right" the blade is in sector +1.  The corresponding face of blade 0 is its left underside: the patches rotated
         back by one pitch.
         """
-        back = right.turned(turn(-self.geometry.pitch))
-        return sp.vstack([averaging_matrix(self.blade, left), averaging_matrix(self.blade, back)], format="csr")
-
-    def damper_contact(self, *patches: Patches) -> sp.csr_matrix:
-        """Return the averaging matrix of the damper over the patches of its faces, stacked."""
-        return sp.vstack([averaging_matrix(self.damper.body, p) for p in patches], format="csr")
+        return averaging_matrix(self.blade, left, right.turned(turn(-self.geometry.pitch)))
 
 
 # ---- Stress of the blade ----
@@ -256,19 +268,14 @@ def blade_points(body: Discretisation, g: Geometry) -> NDArray:
     and the middle of either side.
     """
     root = g.ridge_radius + g.platform_edge_thickness
-    # height of the points relative to the height of the airfoil; the root itself is a sharp edge
-    above_root = 1.0 / 6.0
-    y = root + above_root * g.airfoil_height
-    chord = g.root_chord + above_root * (g.tip_chord - g.root_chord)
-    thickness = g.root_thickness + above_root * (g.tip_thickness - g.root_thickness)
-    c, s = np.cos(above_root * g.twist), np.sin(above_root * g.twist)
-    section = [(-2.0 * g.camber / 3.0, sense * 0.5 * chord) for sense in (-1.0, 1.0)]
-    section += [(g.camber / 3.0 + sense * 0.5 * thickness, 0.0) for sense in (-1.0, 1.0)]
-    places = [[c * x + s * z, y, c * z - s * x] for x, z in section]
+    # the root itself is a sharp edge
+    places = [*airfoil_points(g, [0.0, 0.0, -1.0, 1.0], [-1.0, 1.0, 0.0, 0.0], 1.0 / 6.0, root)]
     underside = float(g.underside_points(np.array([g.underside_range[1]]))[0, 1])  # at the shank
     middle = 0.5 * (np.sqrt(g.rim_radius**2 - 0.25 * g.shank_width**2) + underside)
-    places += [[sx * 0.5 * g.shank_width, middle, sz * 0.5 * g.axial_length] for sx in (-1, 1) for sz in (-1, 0, 1)]
-    return np.array([body.nearest_node(np.array(place)) for place in places])
+    places += [
+        np.array([sx * 0.5 * g.shank_width, middle, sz * 0.5 * g.axial_length]) for sx in (-1, 1) for sz in (-1, 0, 1)
+    ]
+    return np.array([body.nearest_node(place) for place in places])
 
 
 # ---- Bladed disk (paper, section 4.1) ----
@@ -277,16 +284,6 @@ def blade_points(body: Discretisation, g: Geometry) -> NDArray:
 BLADE_PORTS = (("left", "b"), ("right", "b"))
 DAMPER_PORTS = (("left", "a"), ("right", "a"), ("front", "a"), ("back", "a"))
 GROUND = Body("ground", "ground", (("front", "b"), ("back", "b")))
-
-
-def _interfaces(left: Patches, right: Patches, front: Patches, back: Patches, end_gap: float) -> dict[str, Interface]:
-    faces = (
-        interface("left", left, "damper", "blade"),
-        interface("right", right, "damper", "blade", sector_b=1),
-        interface("front", front, "damper", "ground", clearance=end_gap),
-        interface("back", back, "damper", "ground", clearance=end_gap),
-    )
-    return {face.name: face for face in faces}
 
 
 def bladed_disk(
@@ -343,24 +340,27 @@ def bladed_disk(
     g = fe.geometry
     of_order = needed_nodal_diameters(g.n_blades, engine_order, harmonics)
     diameters = tuple(sorted({0, *(of_order if nodal_diameters is None else nodal_diameters)}))
-    left, right = (wedge_patches(g, side, points) for side in ("left", "right"))
-    front, back = (end_patches(g, side) for side in ("front", "back"))
-    faces = _interfaces(left, right, front, back, g.end_gap)
-    contact = fe.blade_contact(left, right)
-    nodes, damper_nodes = blade_nodes(fe.blade, g), {"damper": fe.damper.body.nearest_node(fe.damper.centre)}
+    left, right, front, back = patches = damper_patches(g, points)
+    faces = (
+        interface("left", left, "damper", "blade"),
+        interface("right", right, "damper", "blade", sector_b=1),
+        interface("front", front, "damper", "ground", clearance=g.end_gap),
+        interface("back", back, "damper", "ground", clearance=g.end_gap),
+    )
+    interfaces = {face.name: face for face in faces}
+    contact, nodes = fe.blade_contact(left, right), blade_nodes(fe.blade, g)
     rotation = fe.rotation(rotation) if isinstance(rotation, int | float) else rotation
     turns = with_progress(diameters, progress, "finite element model", "nodal diameter")
     wanted = Wanted(BLADE_PORTS, contact, nodes, n_modes, damping_ratio)
     blade = constrained_body("blade", wanted, fe.cyclic, turns, rotation)
-    local = None if wheel is None else fe.local_basis(wanted, faces, wheel)
-    on_damper = fe.damper_contact(left, right, front, back)
-    damper_wanted = Wanted(DAMPER_PORTS, on_damper, damper_nodes, n_damper_modes, damping_ratio)
-    damper = free_body("damper", damper_wanted, fe.damper, turn(0.5 * g.pitch)[:, 1])
+    local = None if wheel is None else fe.local_basis(wanted, interfaces, wheel)
+    centre = {"damper": fe.damper.body.nearest_node(fe.damper.centre)}
+    damper = damper_body(fe.damper, patches, centre, n_damper_modes, damping_ratio, g)
     return Model(
         n_blades=g.n_blades,
         bodies={"blade": replace(blade, local=local), "damper": damper, "ground": GROUND},
-        interfaces=faces,
-        locations=locations("blade", fe.blade, nodes) | locations("damper", fe.damper.body, damper_nodes),
+        interfaces=interfaces,
+        locations=locations("blade", fe.blade, nodes) | locations("damper", fe.damper.body, centre),
         meshes={
             "blade": surface_mesh(fe.blade, {d: fe.cyclic(d).modes(n_modes)[1] for d in pictures}),
             "damper": surface_mesh(fe.damper.body),

@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.sparse.linalg import SuperLU
 
-from bdamper.fem.cyclic_symmetry import CyclicSector, cyclic_transformation, factorise, lowest_modes
+from bdamper.fem.cyclic_symmetry import CyclicSector, Sectors, cyclic_transformation, factorise, lowest_modes
 from bdamper.fem.reduced_bodies import Wanted, location_loads, location_rows, nodes_of, residual_shapes
 from bdamper.fem.sector_faces import SectorFaces
 from bdamper.fem.surface import Structure, check, hermitian
@@ -206,7 +206,7 @@ def sampled_waves(n_sectors: int) -> list[int]:
     return sorted({0, half, *(2**k for k in range(half.bit_length() - 1))})
 
 
-def root_shapes(blade: BladePart, sector: Callable[[int], CyclicSector], n_sectors: int, sizes: LocalSizes) -> NDArray:
+def root_shapes(blade: BladePart, sector: Sectors, n_sectors: int, sizes: LocalSizes) -> NDArray:
     """Return the principal shapes (n_root_dofs, n) of the root in the lowest modes."""
     motion = []
     for d in sampled_waves(n_sectors):
@@ -274,7 +274,7 @@ def stuck_loads(
 
 
 def local_shapes(
-    blade: BladePart, sector: Callable[[int], CyclicSector], wanted: Wanted, dampers: tuple[NDArray, NDArray],
+    blade: BladePart, sector: Sectors, wanted: Wanted, dampers: tuple[NDArray, NDArray],
     sizes: LocalSizes,
 ) -> tuple[NDArray, NDArray, NDArray, NDArray]:  # fmt: skip
     """Compute the shapes of the local basis; for the parameters see :func:`local_basis`.
@@ -313,7 +313,7 @@ def local_shapes(
 
 
 def local_basis(
-    blade: BladePart, sector: Callable[[int], CyclicSector], wanted: Wanted, dampers: tuple[NDArray, NDArray],
+    blade: BladePart, sector: Sectors, wanted: Wanted, dampers: tuple[NDArray, NDArray],
     sizes: LocalSizes, region: str,
 ) -> LocalBasis:  # fmt: skip
     """Reduce a sector to its local basis.

@@ -56,7 +56,7 @@ import numpy as np
 import scipy
 import scipy.sparse as sp
 import skfem
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from skfem import Basis, ElementHexS2, MeshHex
 
 from bdamper.fem.contact_patches import SQUARE, Patches
@@ -255,9 +255,9 @@ def _layers(bottom: NDArray, top: NDArray, n: int) -> NDArray:
     return block
 
 
-def _airfoil_section(g: Geometry, zeta: NDArray, xi: NDArray, eta: float, root: float) -> NDArray:
-    """Return a sheet (n_zeta, n_xi, 3) of the airfoil at the height fraction ``eta``, m."""
-    zeta, xi = np.meshgrid(zeta, xi, indexing="ij")
+def airfoil_points(g: Geometry, zeta: ArrayLike, xi: ArrayLike, eta: float, root: float) -> NDArray:
+    """Return points (..., 3) of the airfoil at the height fraction ``eta`` above its ``root`` (m), by broadcasting, m."""
+    zeta, xi = np.broadcast_arrays(zeta, xi)
     chord = g.root_chord + eta * (g.tip_chord - g.root_chord)
     thickness = g.root_thickness + eta * (g.tip_thickness - g.root_thickness)
     x = g.camber * (1.0 / 3.0 - xi**2) + 0.5 * zeta * thickness * (1.0 - 0.75 * xi**2)
@@ -290,7 +290,7 @@ def sector_blocks(g: Geometry, n: MeshDensity) -> list[NDArray]:
     corner = turn(half)[:2, :2] @ [-0.5 * g.platform_clearance, g.ridge_radius + g.platform_edge_thickness]
     top = np.empty_like(bottom)
     top[..., 1] = corner[1]
-    root = _airfoil_section(g, zeta, xi, 0.0, corner[1])
+    root = airfoil_points(g, zeta[:, None], xi, 0.0, corner[1])
     root = np.concatenate([root[:, :1], root, root[:, -1:]], axis=1)
     fraction = ((shank - s) / (shank - edge))[:, None]
     top[middle, :, 0] = root[..., 0]
@@ -308,7 +308,7 @@ def sector_blocks(g: Geometry, n: MeshDensity) -> list[NDArray]:
     for sheet, radius in ((rim, g.rim_radius), (bore, g.bore_radius)):
         sheet[..., :2], sheet[..., 2] = radius * direction[:, None], z[None]
 
-    sections = [_airfoil_section(g, zeta, xi, eta, corner[1]) for eta in np.linspace(0.0, 1.0, n.airfoil + 1)]
+    sections = [airfoil_points(g, zeta[:, None], xi, eta, corner[1]) for eta in np.linspace(0.0, 1.0, n.airfoil + 1)]
     return [
         _layers(bore, rim, n.disk),
         _layers(rim[middle], bottom[middle], n.shank),
@@ -369,6 +369,13 @@ class Discretisation(Structure):
         return boundary_facets((self.elements[:, local_order()],), self.nodes)
 
 
+def _assembled(blocks: NDArray, rows: NDArray, n: int) -> sp.coo_matrix:
+    """Return the matrix (n, n) of element matrices ``blocks`` (n_elements, ...) on the ``rows`` (n_elements, m)."""
+    m = rows.shape[1]
+    places = np.repeat(rows, m, axis=1).ravel(), np.tile(rows, (1, m)).ravel()
+    return sp.coo_matrix((blocks.ravel(), places), shape=(n, n))
+
+
 def discretise(mesh: MeshHex, material: Material) -> Discretisation:
     """Assemble stiffness and mass of ``mesh``."""
     basis = Basis(mesh, ElementHexS2(), intorder=5)
@@ -390,13 +397,8 @@ def discretise(mesh: MeshHex, material: Material) -> Discretisation:
     elements = basis.element_dofs.T
     n_nodes = basis.N
     dof = (3 * elements[:, :, None] + np.arange(3)).reshape(len(elements), 60)
-    stiffness = sp.coo_matrix(
-        (k.ravel(), (np.repeat(dof, 60, axis=1).ravel(), np.tile(dof, (1, 60)).ravel())), shape=(3 * n_nodes,) * 2
-    ).tocsr()
-    scalar = sp.coo_matrix(
-        (m.ravel(), (np.repeat(elements, 20, axis=1).ravel(), np.tile(elements, (1, 20)).ravel())), shape=(n_nodes,) * 2
-    )
-    mass = sp.kron(scalar, sp.identity(3), format="csr")
+    stiffness = _assembled(k, dof, 3 * n_nodes).tocsr()
+    mass = sp.kron(_assembled(m, elements, n_nodes), sp.identity(3), format="csr")
     # the Hermitian solvers need exact symmetry, which rounding disturbs
     stiffness = (0.5 * (stiffness + stiffness.T)).tocsr()
     return Discretisation(basis.doflocs.T.copy(), stiffness, mass, mesh=mesh, elements=elements, material=material)
@@ -442,13 +444,9 @@ def blade_nodes(body: Discretisation, g: Geometry) -> dict[str, int]:
     "tip" and "platform" are in the middle of the chord, "tip_trailing_edge" and "tip_leading_edge" at its ends (toward +Z
     and -Z), all on the mean line of the airfoil.
     """
-    top = g.ridge_radius + g.platform_edge_thickness
-    c, s, x, z = np.cos(g.twist), np.sin(g.twist), -2.0 * g.camber / 3.0, 0.5 * g.tip_chord
-    heights = {"tip": top + g.airfoil_height, "platform": top}
-    places = {name: [g.camber / 3.0, y, 0.0] for name, y in heights.items()}
-    for name, end in (("tip_trailing_edge", z), ("tip_leading_edge", -z)):
-        places[name] = [c * x + s * end, heights["tip"], c * end - s * x]
-    return {name: body.nearest_node(np.array(place)) for name, place in places.items()}
+    root = g.ridge_radius + g.platform_edge_thickness
+    places = {"tip": (0.0, 1.0), "platform": (0.0, 0.0), "tip_trailing_edge": (1.0, 1.0), "tip_leading_edge": (-1.0, 1.0)}
+    return {name: body.nearest_node(airfoil_points(g, 0.0, xi, eta, root)) for name, (xi, eta) in places.items()}
 
 
 def locations(name: str, body: Discretisation, nodes: Mapping[str, int]) -> dict[str, Location]:
@@ -482,8 +480,7 @@ def geometric_stiffness(body: Discretisation, displacement: NDArray) -> sp.csr_m
     stress = 2.0 * shear * strain + lame * np.einsum("iiep->ep", strain) * np.eye(3)[:, :, None, None]
     pulled = np.einsum("ijep,bjep->biep", stress * basis.dx, gradient, optimize=True)
     scalar = np.einsum("aiep,biep->eab", gradient, pulled, optimize=True)
-    rows, columns = np.repeat(body.elements, 20, axis=1).ravel(), np.tile(body.elements, (1, 20)).ravel()
-    matrix = sp.coo_matrix((scalar.ravel(), (rows, columns)), shape=(len(body.nodes),) * 2)
+    matrix = _assembled(scalar, body.elements, len(body.nodes))
     matrix = 0.5 * (matrix + matrix.T)
     return sp.kron(matrix, sp.identity(3), format="csr")
 

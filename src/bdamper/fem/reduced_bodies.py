@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from scipy.linalg import qr
 from scipy.sparse.linalg import SuperLU
 
-from bdamper.fem.cyclic_symmetry import CyclicSector, factorise, lowest_modes
+from bdamper.fem.cyclic_symmetry import CyclicSector, Sectors, factorise, lowest_modes
 from bdamper.fem.rotation import Rotation, spin_displacement
 from bdamper.fem.surface import Facets, Structure, check, corner_count, hermitian
 from bdamper.model.modal_basis import fix_phase, rigid_motions
@@ -277,7 +277,7 @@ def residual_shapes(body: Structure, kept: NDArray, loads: sp.csc_matrix, static
 
 
 def constrained_body(
-    name: str, wanted: Wanted, sector: Callable[[int], CyclicSector], nodal_diameters: Iterable[int],
+    name: str, wanted: Wanted, sector: Sectors, nodal_diameters: Iterable[int],
     rotation: Rotation | None = None, seen: Callable[[CyclicSector, NDArray, NDArray], None] = lambda *_: None,
 ) -> Body:  # fmt: skip
     """Return the body for a supported sector at several nodal diameters.

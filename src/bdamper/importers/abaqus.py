@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 
@@ -34,8 +35,8 @@ from bdamper.importers.fe_body import (
     FEBody,
     Included,
     Lines,
-    by_kind,
     data_lines,
+    mesh_body,
     modes_by_diameter,
     parsing,
     read_body,
@@ -58,13 +59,16 @@ def _plain(text: str) -> str:
     return "".join(text.upper().split())
 
 
+Rows = list[tuple[int, list[str]]]
+"""Numbers of data lines, and their words between commas."""
+
+
 class _Deck:
     """Parser of an input file: blocks of a keyword with parameters, followed by data lines."""
 
     def __init__(self, source: Path) -> None:
         self.source = source
-        self.numbers: list[int] = []
-        self.positions: list[list[float]] = []
+        self.nodes: dict[int, list[float]] = {}
         self.element_of: dict[int, list[int]] = {}
         self.type_of: dict[int, str] = {}
         self.sections: dict[str, str] = {}
@@ -72,75 +76,74 @@ class _Deck:
         self.material = ""
         self.node_sets: dict[str, list[int]] = {}
         self.element_sets: dict[str, list[int]] = {}
-        self.surfaces: dict[str, list[tuple[str, str]]] = {}
+        self.surfaces: dict[str, list[list[str]]] = {}
         self.node_surfaces: dict[str, list[str]] = {}
         self.notes: list[str] = []
         self.included = Included()
 
     def read(self, source: Path, depth: int = 0) -> None:
         """Read a file and the files that it includes."""
-        for at, keyword, parameters, lines in self._blocks(source.read_text(encoding="utf-8", errors="replace")):
+        for at, keyword, parameters, rows in self._blocks(source.read_text(encoding="utf-8", errors="replace")):
             item = f"{source}: {keyword} in line {at}"
             if adds_to_matrices(keyword, parameters, item):
                 self.notes.append(f"{keyword} of the deck is not read: its stiffness or mass must be in the matrices")
             elif keyword == "*INCLUDE":
                 self.read(self.included.path(parameters.get("INPUT", ""), source, depth, item), depth + 1)
             else:
-                self._block(keyword, parameters, lines, item)
+                self._block(keyword, parameters, rows, item)
 
     @staticmethod
-    def _blocks(deck: str) -> Iterator[tuple[int, str, dict[str, str], list[tuple[int, str]]]]:
+    def _blocks(deck: str) -> Iterator[tuple[int, str, dict[str, str], Rows]]:
         """Iterate over line number, keyword, parameters and data lines of each block."""
         block = None
         for number, text in data_lines(deck, "**"):
+            words = [word.strip() for word in text.split(",")]
             if text.startswith("*"):
                 if block:
                     yield block
-                keyword, *words = text.split(",")
-                pairs = (word.partition("=")[::2] for word in words if word.strip())
+                pairs = (word.partition("=")[::2] for word in words[1:] if word)
                 parameters = {_plain(key): value.strip().strip('"') for key, value in pairs}
-                block = number, _plain(keyword), parameters, list[tuple[int, str]]()
+                block = number, _plain(words[0]), parameters, Rows()
             elif block:
-                block[-1].append((number, text))
+                block[-1].append((number, words))
         if block:
             yield block
 
-    def _block(self, keyword: str, parameters: dict[str, str], lines: list[tuple[int, str]], item: str) -> None:
+    def _block(self, keyword: str, parameters: dict[str, str], rows: Rows, item: str) -> None:
         if keyword == "*NODE":
-            self._nodes(parameters, lines)
+            self._nodes(parameters, rows)
         elif keyword == "*ELEMENT":
-            self._elements(parameters, lines, item)
+            self._elements(parameters, rows, item)
         elif keyword in ("*NSET", "*ELSET"):
             sets = self.node_sets if keyword == "*NSET" else self.element_sets
-            self._set(sets, parameters.get(keyword[1:], ""), "GENERATE" in parameters, lines, item)
+            self._set(sets, parameters.get(keyword[1:], ""), "GENERATE" in parameters, rows, item)
         elif keyword == "*SURFACE":
             name, kind = parameters.get("NAME", "").upper(), parameters.get("TYPE", "ELEMENT").upper()
             check(kind in ("NODE", "ELEMENT"), item, "TYPE=NODE or TYPE=ELEMENT", f"TYPE={kind}")
             if kind == "NODE":
-                self.node_surfaces[name] = [text.split(",")[0].strip() for _, text in lines]
+                self.node_surfaces[name] = [words[0] for _, words in rows]
             else:
-                pairs = [tuple(w.strip() for w in text.split(",")[:2]) for _, text in lines]
-                good = all(len(pair) == 2 for pair in pairs)
+                good = all(len(words) > 1 for _, words in rows)
                 check(good, item, "an element or set and the label of a face in every line", "another line")
-                self.surfaces[name] = pairs  # type: ignore[assignment]
+                self.surfaces[name] = [words[:2] for _, words in rows]
         elif keyword == "*MATERIAL":
             self.material = parameters.get("NAME", "").upper()
-        elif keyword == "*ELASTIC" and lines and parameters.get("TYPE", "ISO").upper().startswith("ISO"):
-            with parsing(self._line(lines[0][0]), "Young's modulus, Poisson's ratio", lines[0][1]):
-                young, poisson = (float(word) for word in lines[0][1].split(",")[:2])  # of the lowest temperature
+        elif keyword == "*ELASTIC" and rows and parameters.get("TYPE", "ISO").upper().startswith("ISO"):
+            with self._parsing(rows[0], "Young's modulus, Poisson's ratio"):
+                young, poisson = map(float, rows[0][1][:2])  # of the lowest temperature
                 self.elastic[self.material] = young, poisson
         elif keyword == "*SOLIDSECTION":
             self.sections[parameters.get("ELSET", "").upper()] = parameters.get("MATERIAL", "").upper()
 
-    def _integers(self, lines: list[tuple[int, str]]) -> list[int]:
-        numbers: list[int] = []
-        for number, text in lines:
-            with parsing(self._line(number), "whole numbers", text):
-                numbers += [int(word) for word in text.split(",") if word.strip()]
-        return numbers
+    def _parsing(self, row: tuple[int, list[str]], expected: str) -> AbstractContextManager[None]:
+        return parsing(f"{self.source}: line {row[0]}", expected, ", ".join(row[1]))
 
-    def _line(self, number: int) -> str:
-        return f"{self.source}: line {number}"
+    def _integers(self, rows: Rows) -> list[int]:
+        numbers: list[int] = []
+        for row in rows:
+            with self._parsing(row, "whole numbers"):
+                numbers += [int(word) for word in row[1] if word]
+        return numbers
 
     def _kinds(self) -> list[ElementKind]:
         elastic = {
@@ -150,28 +153,27 @@ class _Deck:
         }
         return [ElementKind(self.type_of[element], *elastic.get(element, ())) for element in self.element_of]
 
-    def _nodes(self, parameters: dict[str, str], lines: list[tuple[int, str]]) -> None:
+    def _nodes(self, parameters: dict[str, str], rows: Rows) -> None:
         added = []
-        for number, text in lines:
-            words = text.split(",")
-            with parsing(self._line(number), "a node number and its position", text):
-                if len(words) < 2 or len([w for w in words if w.strip()]) > 4:
+        for row in rows:
+            with self._parsing(row, "a node number and its position"):
+                number, *position = row[1]
+                if not position or len([word for word in row[1] if word]) > 4:
                     raise ValueError
-                position = [float(w) if w.strip() else 0.0 for w in words[1:4]]
-                added.append(int(words[0]))
-            self.numbers.append(added[-1])
-            self.positions.append(position + [0.0] * (3 - len(position)))
+                added.append(int(number))
+                # As in CalculiX, the last definition of a node is used.
+                self.nodes[added[-1]] = [float(word or 0.0) for word in [*position, "", ""][:3]]
         if parameters.get("NSET"):
             self.node_sets.setdefault(parameters["NSET"].upper(), []).extend(added)
 
-    def _elements(self, parameters: dict[str, str], lines: list[tuple[int, str]], item: str) -> None:
+    def _elements(self, parameters: dict[str, str], rows: Rows, item: str) -> None:
         kind = parameters.get("TYPE", "").upper()
         plain = kind.rstrip("RIHM")
         n = _SOLIDS.get(plain)
         if n is None:
             self.notes.append(f"elements of type {kind or '(none)'} are not read: solid elements only")
             return
-        words = self._integers(lines)
+        words = self._integers(rows)
         expected = f"1 + {n} numbers for each element of type {kind}"
         check(len(words) % (n + 1) == 0, item, expected, f"{len(words)} numbers")
         for k in range(0, len(words), n + 1):
@@ -180,42 +182,38 @@ class _Deck:
         if parameters.get("ELSET"):
             self.element_sets.setdefault(parameters["ELSET"].upper(), []).extend(words[:: n + 1])
 
-    def _set(self, sets: dict[str, list[int]], name: str, generate: bool, lines: list[tuple[int, str]], item: str) -> None:
+    def _set(self, sets: dict[str, list[int]], name: str, generate: bool, rows: Rows, item: str) -> None:
         check(bool(name), item, "a name of the set", "none")
         members = sets.setdefault(name.upper(), [])
-        if generate:
-            for line in lines:
-                words = self._integers([line])
-                step = words[2] if len(words) > 2 else 1
-                good = len(words) > 1 and step > 0 and 0 <= (words[1] - words[0]) // step <= LARGEST_COUNT // 100
-                check(good, self._line(line[0]), "first, last and step", f"'{line[1][:50]}'")
-                members.extend(range(words[0], words[1] + 1, step))
-            return
-        for number, text in lines:
-            for word in (word.strip() for word in text.split(",") if word.strip()):
+        for row in rows:
+            if generate:
+                first, *more = self._integers([row]) or [0]
+                last, step = [*more, 1][:2] if more else (0, 0)
+                with self._parsing(row, "first, last and step"):
+                    if not (step > 0 and 0 <= (last - first) // step <= LARGEST_COUNT // 100):
+                        raise ValueError
+                members.extend(range(first, last + 1, step))
+                continue
+            for word in filter(None, row[1]):
                 if word.lstrip("+-").isdigit():
-                    members += self._integers([(number, word)])
+                    members += self._integers([(row[0], [word])])
                 else:
                     expected = f"a number or a set out of {sorted(sets)}"
-                    check(word.upper() in sets, self._line(number), expected, f"'{word[:30]}'")
+                    check(word.upper() in sets, f"{self.source}: line {row[0]}", expected, f"'{word[:30]}'")
                     members.extend(sets[word.upper()])
 
     def body(self) -> FEBody:
         """Return the body of the deck, without matrices."""
-        check(bool(self.numbers), str(self.source), "*NODE with at least one node", "none")
-        # As in CalculiX, the last definition of a node is used.
-        unique = dict(zip(self.numbers, self.positions))
-        numbers = np.array(list(unique), dtype=np.int64)
-        nodes = np.array(list(unique.values()), float)
-        check_all(np.isfinite(nodes), nodes, "finite positions", f"{self.source}: *NODE")
         sets = {name: np.unique(np.array(m, dtype=np.int64)) for name, m in self.node_sets.items() if m}
         for name, members in self.node_surfaces.items():
             known = [sets[m.upper()] for m in members if m.upper() in sets]
             if known:
                 sets.setdefault(name, np.unique(np.concatenate(known)))
-        solids, faces = by_kind(self.element_of.values(), self._kinds()), self._face_sets(numbers, nodes)
-        notes = tuple(dict.fromkeys(self.notes))
-        return FEBody(numbers, nodes, **solids, node_sets=sets, face_sets=faces, source=str(self.source), notes=notes)
+        body = mesh_body(
+            str(self.source), "*NODE with at least one node", list(self.nodes), list(self.nodes.values()),
+            self.element_of.values(), self._kinds(), node_sets=sets, notes=tuple(dict.fromkeys(self.notes)),
+        )  # fmt: skip
+        return replace(body, face_sets=self._face_sets(body.numbers, body.nodes))
 
     def _face_sets(self, numbers: NDArray, nodes: NDArray) -> dict[str, tuple[NDArray, ...]]:
         index = {number: k for k, number in enumerate(numbers.tolist())}
@@ -460,10 +458,9 @@ class _Frd:
                 mode = int(line[10:].split()[0])
             elif key.startswith("100C"):
                 self._result(line, diameter, mode)
-        check(len(self.numbers) > 0, self.source, "a block of nodes (2C)", "none")
         shapes = self.results["DISP"]
         modes = modes_by_diameter(((d, hertz, 1.0, nodes, shape) for (d, _, hertz), nodes, shape in shapes), self.source)
-        return FEBody(self.numbers, self.nodes, **by_kind(self.elements), modes=modes, source=self.source)
+        return mesh_body(self.source, "a block of nodes (2C)", self.numbers, self.nodes, self.elements, modes=modes)
 
     def _result(self, head: str, diameter: int, mode: int) -> None:
         with parsing(self.lines.item, "a frequency in columns 13 to 24", head):

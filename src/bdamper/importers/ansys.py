@@ -39,7 +39,17 @@ from scipy.spatial.transform import Rotation
 from bdamper.fem.surface import N_CORNER
 from bdamper.importers.arrays import triangle_to_full
 from bdamper.importers.deck_keywords import CDB_HARMLESS, CDB_READ, refuse
-from bdamper.importers.fe_body import ElementKind, FEBody, Lines, by_kind, check_count, modes_by_diameter, parsing, reader
+from bdamper.importers.fe_body import (
+    ElementKind,
+    FEBody,
+    Lines,
+    check_count,
+    mesh_body,
+    modes_by_diameter,
+    parsing,
+    reader,
+    rotate_to_file,
+)
 from bdamper.model.fields import check, check_all
 from bdamper.util.errors import mismatch
 from bdamper.util.storage import FilePath
@@ -382,12 +392,13 @@ class _Archive:
                 self.elastic.setdefault(words[3].upper(), {}).setdefault(int(words[4]), float(words[6]))
             else:
                 self._skip(key, line)
-        check(bool(self.numbers), self.source, "a block of nodes (NBLOCK)", "none")
-        numbers, nodes = np.array(self.numbers, np.int64), np.array(self.positions, float)
         axes = {n: _node_axes(np.array(a)) for n, a in zip(self.numbers, self.angles) if any(a)}
-        solids = by_kind(self.elements, map(self._kind, self.owners, self.elements))
+        kinds = map(self._kind, self.owners, self.elements)
         notes = [f"{count} elements of type {name} are not solids and are not read" for name, count in self.skipped.items()]
-        return FEBody(numbers, nodes, **solids, node_sets=self.sets, node_axes=axes, source=self.source, notes=tuple(notes))
+        return mesh_body(
+            self.source, "a block of nodes (NBLOCK)", self.numbers, self.positions, self.elements, kinds,
+            node_sets=self.sets, node_axes=axes, notes=tuple(notes),
+        )  # fmt: skip
 
     def _skip(self, key: str, line: str) -> None:
         """Raise ModelError for a command that could change the mesh; other commands need no action."""
@@ -544,7 +555,7 @@ def _rst_mesh(file: _Binary, word: int) -> tuple[FEBody, dict[int, NDArray]]:
             element = file.record(start + int(words[k]), f"element {k + 1}")[10:].astype(np.int64)
             if len(element) in (8, 10, 20) and np.isin(element, numbers).all():
                 elements.append(np.array(_without_repeats(element.tolist())))
-    body = FEBody(numbers, table[:, 1:4], **by_kind(elements), source=str(file.source))
+    body = mesh_body(str(file.source), "nodes", numbers, table[:, 1:4], elements)
     return body, {int(row[0]): _node_axes(row[4:7]) for row in table if row[4:7].any()}
 
 
@@ -561,7 +572,5 @@ def _rst_shape(file: _Binary, word: int, numbers: NDArray, axes: dict[int, NDArr
     out = values[: n * per_node].reshape(n, per_node)[:, :3].copy()
     out[out == 2.0**100] = 0.0  # number of Ansys for "no value"
     check_all(np.isfinite(out), out, "finite displacements", item)
-    for j, number in enumerate(numbers.tolist()):
-        if number in axes:
-            out[j] = axes[number].T @ out[j]
+    rotate_to_file(out, numbers, axes)
     return out

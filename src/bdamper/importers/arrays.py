@@ -18,7 +18,7 @@ import os
 import re
 import struct
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -117,17 +117,11 @@ def _array(content: bytes, order: str, item: str, out: dict[str, NDArray | sp.sp
         check(len(rest) == 1 and len(rest[0]) == rows * columns, item, f"{rows} x {columns} numbers", sum(map(len, rest)))
         out[name] = rest[0].reshape(columns, rows).T.astype(float)
         return
-    if len(rest) != 3 or len(rest[1]) != columns + 1:
-        raise mismatch(item, f"rows, {columns + 1} pointers and numbers of a sparse matrix", f"{[len(r) for r in rest]}")
+    good = len(rest) == 3 and len(rest[1]) > 0
+    check(good, item, "rows, pointers and numbers of a sparse matrix", [len(part) for part in rest])
     row, pointer, value = rest[0].astype(np.int64), rest[1].astype(np.int64), rest[2].astype(float)
-    count = int(pointer[-1])
-    steps = np.diff(pointer)
-    good = pointer[0] == 0 and np.all(steps >= 0) and 0 <= count <= min(len(row), len(value), LARGEST_COUNT)
-    check(good, item, "ascending column pointers within the numbers", f"up to {count} of {len(value)}")
-    row, value = row[:count], value[:count]
-    low, high = row.min(initial=0), row.max(initial=0)
-    check(low >= 0 and high < max(rows, 1), item, f"rows 0 to {rows - 1}", f"{low} to {high}")
-    out[name] = sp.coo_matrix((value, (row, np.repeat(np.arange(columns), steps))), shape=(rows, columns))
+    count = max(int(pointer[-1]), 0)  # the arrays may be longer
+    out[name] = sp.csc_matrix((value[:count], row[:count], pointer), shape=(rows, columns))  # checked by square_matrix
 
 
 # ---- Matrices and tables from plain files ----
@@ -159,25 +153,27 @@ def read_matrix(path: Path, name: str | None = None) -> sp.csr_matrix:
         If the file does not exist or has no such square matrix of finite real numbers.
     """
     kind = path.suffix.lower()
-    check(kind in _MATRICES, str(path), "the ending .npz, .npy, .mat or .mtx", f"'{kind}'")
-    return square_matrix(_MATRICES[kind](path, name), str(path))
+    check(kind in (".npz", ".npy", ".mat", ".mtx"), str(path), "the ending .npz, .npy, .mat or .mtx", f"'{kind}'")
+    if kind == ".mtx":
+        matrix = read_abaqus_matrix(path)[0]
+    elif kind == ".mat":
+        matrix = _chosen(read_mat(path), name, path)
+    elif kind == ".npy":
+        _check_bytes(path.stat().st_size, path)
+        matrix = np.load(path, allow_pickle=False)
+    else:
+        matrix = _from_npz(path, name)
+    return square_matrix(matrix, str(path))
 
 
 def _from_npz(source: Path, name: str | None) -> sp.spmatrix | NDArray:
     with np.load(source, allow_pickle=False) as archive:
         _check_bytes(sum(member.file_size for member in archive.zip.infolist()), source)
-        names = list(archive)
-        if name is None and {"format", "shape", "data"} <= set(names):
-            shape = archive["shape"]
-            for count in np.atleast_1d(shape).tolist():
+        if name is None and {"format", "shape", "data"} <= set(archive):
+            for count in np.atleast_1d(archive["shape"]).tolist():
                 check_count(count, f"{source}: shape", "a count")
             return sp.load_npz(source)
-        return archive[_chosen(names, name, source)]
-
-
-def _from_npy(source: Path, name: str | None) -> NDArray:
-    _check_bytes(source.stat().st_size, source)
-    return np.asarray(np.load(source, allow_pickle=False))
+        return _chosen(archive, name, source)
 
 
 def _check_bytes(count: int, source: Path) -> None:
@@ -185,30 +181,12 @@ def _check_bytes(count: int, source: Path) -> None:
     check_count(count, f"{source}: arrays", "a size, bytes,", 1, MOST_BYTES)
 
 
-def _from_mat(source: Path, name: str | None) -> sp.spmatrix | NDArray:
-    content = read_mat(source)
-    return content[_chosen(list(content), name, source)]
-
-
-def _from_text(source: Path, name: str | None) -> sp.spmatrix:
-    return read_abaqus_matrix(source)[0]
-
-
-def _chosen(names: list[str], name: str | None, source: Path) -> str:
+def _chosen(arrays: Mapping[str, Any], name: str | None, source: Path) -> Any:
+    wanted, names = "the name of an array" if name is None else f"an array '{name}' of real numbers", list(arrays)
     if name is None and len(names) == 1:
-        return names[0]
-    wanted = "the name of an array" if name is None else f"an array '{name}' of real numbers"
+        (name,) = names
     check(name in names, str(source), wanted, f"the arrays {names}")
-    return str(name)
-
-
-_MATRICES: dict[str, Callable[[Path, str | None], sp.spmatrix | NDArray]] = {
-    ".npz": _from_npz,
-    ".npy": _from_npy,
-    ".mat": _from_mat,
-    ".mtx": _from_text,
-}
-"""Functions that read a matrix, by the ending of the file name."""
+    return arrays[str(name)]
 
 
 def square_matrix(matrix: sp.spmatrix | NDArray, item: str) -> sp.csr_matrix:
@@ -274,8 +252,8 @@ def number_table(source: Path, *columns: int, **options: Any) -> NDArray:
 
 def as_integers(values: NDArray, item: str) -> NDArray:
     """Convert an array of floats to integers; raise ModelError if a number is not whole."""
-    if len(values) and (np.any(values != np.round(values)) or np.abs(values).max() > 2**53):
-        raise mismatch(item, "whole numbers", values[np.argmax(values != np.round(values))])
+    for wrong in values[(values != np.round(values)) | (np.abs(values) > 2**53)][:1]:
+        raise mismatch(item, "whole numbers", wrong)
     return values.astype(np.int64)
 
 
@@ -303,7 +281,7 @@ def read_abaqus_matrix(path: Path) -> tuple[sp.csr_matrix, NDArray | None]:
     if table.shape[1] == 3:
         row, column = (as_integers(table[:, k], f"{path}: column {k + 1}") - 1 for k in (0, 1))
     else:
-        pairs = as_integers(table[:, :4].ravel(), str(path)).reshape(-1, 2)
+        pairs = as_integers(table[:, :4], str(path)).reshape(-1, 2)
         dofs, inverse = np.unique(pairs, axis=0, return_inverse=True)
         row, column = np.asarray(inverse).reshape(-1, 2).T
     n = int(max(row.max(), column.max())) + 1
@@ -349,8 +327,7 @@ def read_dofs(path: Path) -> NDArray:
     ------
     FileNotFoundError, ModelError
     """
-    table = number_table(path, 2, separators=",;.")
-    return as_integers(table.ravel(), str(path)).reshape(-1, 2)
+    return as_integers(number_table(path, 2, separators=",;."), str(path))
 
 
 @reader("CSV of node numbers")
@@ -366,8 +343,7 @@ def read_set(path: Path) -> NDArray:
     ------
     FileNotFoundError, ModelError
     """
-    table = number_table(path, 1, 3, 4, 6, 8)
-    whole: Any = as_integers(table.ravel(), str(path)).reshape(table.shape)
+    whole: Any = as_integers(number_table(path, 1, 3, 4, 6, 8), str(path))
     return whole[:, 0] if whole.shape[1] == 1 else whole
 
 

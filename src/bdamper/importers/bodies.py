@@ -1,4 +1,4 @@
-r"""Bodies of an imported model, from matrices or from modes, with data over rotor speed, local basis and stress.
+r"""Bodies of an imported model, from matrices or from modes, with data over rotor speed and local basis.
 
 **Modes.**  Modes of a file become travelling waves toward +X with unit modal mass.  Their modal masses come from the file
 or the user.  Static receptances do not follow from a few modes.  Without matrices the user therefore gives the contact
@@ -20,7 +20,7 @@ Society* 6 (1955): the polar factor is the nearest unitary matrix.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -30,23 +30,22 @@ import scipy.sparse.linalg
 from numpy.typing import NDArray
 from scipy.linalg import polar, svdvals
 
-from bdamper.fem.contact_patches import Patches
-from bdamper.fem.cyclic_symmetry import CyclicSector, Waves, travelling_waves
-from bdamper.fem.local_basis import BladePart, LocalSizes, damper_motion, local_basis
+from bdamper.fem.cyclic_symmetry import CyclicSector, Sectors, Waves, travelling_waves
+from bdamper.fem.local_basis import BladePart, LocalSizes, damper_motion, local_basis, sampled_waves
 from bdamper.fem.reduced_bodies import PICTURED_MODES, FreeBody, Wanted, constrained_body, free_body, nodes_of
 from bdamper.fem.rotation import IN_PLANE, Rotation
-from bdamper.importers.contact_faces import LaidContacts
-from bdamper.importers.fe_body import BOUNDS, ElementKind, FEBody, Modes
+from bdamper.importers.fe_body import BOUNDS, FEBody, Modes
+from bdamper.importers.options import NodeSet, Sector
 from bdamper.importers.plausibility import check_rigid_motion, compare_frequencies
-from bdamper.importers.prepared_body import ImportReport, NodeSet, PreparedBody, Ring
+from bdamper.importers.prepared_body import PreparedBody, Ring
 from bdamper.model.fields import check
 from bdamper.model.modal_basis import fix_phase, rigid_motions
-from bdamper.model.structure import Body, BodyLoad, Interface, ModalBasis, turn
+from bdamper.model.structure import Body, BodyLoad, Interface, ModalBasis
 from bdamper.util import validation
-from bdamper.util.errors import SettingError, import_extra
+from bdamper.util.errors import SettingError
 
 if TYPE_CHECKING:
-    from bdamper.fem.element_stress import Solids, StressRows
+    from bdamper.fem.element_stress import StressRows
 
 
 # ---- Two rotor speeds ----
@@ -86,7 +85,7 @@ def over_speed(bodies: Mapping[float, FEBody]) -> FEBody:
     return replace(slower, faster=faster)
 
 
-def rotation_of(body: PreparedBody, report: ImportReport) -> Rotation | None:
+def rotation_of(body: PreparedBody) -> Rotation | None:
     """Return the change of stiffness with rotor speed of a body with matrices, or None for a single speed.
 
     Raises
@@ -103,11 +102,11 @@ def rotation_of(body: PreparedBody, report: ImportReport) -> Rotation | None:
     per_squared_speed = ((other.structure.stiffness - body.structure.stiffness) / (last**2 - first**2)).tocsr()
     softening = _spin_softening(body, per_squared_speed)
     if softening < 0.5:
-        report.missing.append(
+        body.report.missing.append(
             f"spin softening of the {body.name}: the matrices at {last:g} rad/s take {100 * softening:.3g} % of its mass "
             "in the plane of rotation from the stiffness; frequencies of bending in this plane come out too high"
         )
-    report.checks.append(f"{body.name}: stiffness at {first:g} and {last:g} rad/s, spin softening {100 * softening:.4g} %")
+    body.passed(f"{body.name}: stiffness at {first:g} and {last:g} rad/s, spin softening {100 * softening:.4g} %")
     return Rotation(per_squared_speed, first, last, body.raw.source)
 
 
@@ -127,7 +126,6 @@ def _spin_softening(body: PreparedBody, per_squared_speed: NDArray) -> float:
 
 def basis_from_modes(
     body: PreparedBody, d: int, basis: ModalBasis, shapes: NDArray, omega2: NDArray, moved: NDArray,
-    report: ImportReport,
 ) -> ModalBasis:  # fmt: skip
     """Add data over rotor speed to a basis of a nodal diameter d.
 
@@ -155,7 +153,7 @@ def basis_from_modes(
     body.require(np.abs(sizes - 1.0).max() <= BOUNDS.agreement, item, expected, overlaps)
     turning = polar(overlap)[0]
     stiffness2 = ((turning * omega2) @ turning.conj().T - np.diag(basis.omega2)) / (omega**2 - first**2)
-    report.checks.append(f"{body.name}, nodal diameter {d}: overlap of modes over speed at least {sizes[-1]:.5g}")
+    body.passed(f"{body.name}, nodal diameter {d}: overlap of modes over speed at least {sizes[-1]:.5g}")
     return basis.with_speed(0.5 * (stiffness2 + stiffness2.conj().T), omega_ref=first, source=body.raw.source)
 
 
@@ -174,7 +172,7 @@ def _pictures(body: PreparedBody, d: int, shapes: NDArray) -> dict[int, NDArray]
     return {d: pictured} if body.elements and np.isfinite(pictured[body.used]).all() else {}
 
 
-def _waves(body: PreparedBody, modes: Modes, ring: Ring, report: ImportReport) -> Waves:
+def _waves(body: PreparedBody, modes: Modes, ring: Ring) -> Waves:
     """Return travelling waves of one nodal diameter on all nodes, NaN at nodes without values."""
     d = modes.nodal_diameter
     item = f"modes of nodal diameter {d} ({modes.source or 'given'})"
@@ -193,11 +191,11 @@ def _waves(body: PreparedBody, modes: Modes, ring: Ring, report: ImportReport) -
         text += f"; {waves.turned} of them travelled the other way and were reversed"
     if waves.combined:
         text += f"; {waves.combined} were combined from pairs of real shapes"
-    report.checks.append(text)
+    body.passed(text)
     return waves
 
 
-def compare_known(body: PreparedBody, d: int, omega2: NDArray, ring: Ring, report: ImportReport) -> None:
+def compare_known(body: PreparedBody, d: int, omega2: NDArray, ring: Ring) -> None:
     """Compare modes at a nodal diameter d with expected frequencies and with the modes of a file.
 
     The squared natural frequencies ``omega2`` (n_modes,) are in rad2/s2.
@@ -206,13 +204,13 @@ def compare_known(body: PreparedBody, d: int, omega2: NDArray, ring: Ring, repor
     known = [(np.asarray(ring.expected[d], float), "expected_frequencies")] if d in ring.expected else []
     for modes in body.raw.modes if body.has_matrices else ():
         if modes.nodal_diameter == d:
-            with report.comparison():
-                index = _waves(body, modes, ring, report).index
+            with body.report.comparison():
+                index = _waves(body, modes, ring).index
                 known.append((np.asarray(modes.frequency, float)[index], modes.source or "the modes"))
     for expected, source in known:
-        with report.comparison():
+        with body.report.comparison():
             error = compare_frequencies(computed, expected, item, source)
-            report.checks.append(f"{item}: frequencies agree with {source} to {100 * error:.2g} %")
+            body.passed(f"{item}: frequencies agree with {source} to {100 * error:.2g} %")
 
 
 def check_reached(body: PreparedBody, wanted: Wanted, absent: NDArray, content: str) -> None:
@@ -224,12 +222,12 @@ def check_reached(body: PreparedBody, wanted: Wanted, absent: NDArray, content: 
         body.require(not len(wrong), item, f"nodes with {content}", f"none at {', '.join(map(str, wrong[:5]))}")
 
 
-def _normalised(body: PreparedBody, d: int, ring: Ring, n_modes: int, report: ImportReport) -> tuple[NDArray, NDArray]:
+def _normalised(body: PreparedBody, d: int, ring: Ring, n_modes: int) -> tuple[NDArray, NDArray]:
     """Return squared frequencies (n,) and mass-normalised shapes (3 n_nodes, n) of the lowest modes."""
     item, listed = f"modes of nodal diameter {d}", [modes for modes in body.raw.modes if modes.nodal_diameter == d]
     known = [modes.nodal_diameter for modes in body.raw.modes]
     body.require(len(listed) == 1, "modes", f"modes of nodal diameter {d} once", f"modes of {known}")
-    modes, waves = listed[0], _waves(body, listed[0], ring, report)
+    modes, waves = listed[0], _waves(body, listed[0], ring)
     expected = "modal masses (or matrices) to rescale the modes to unit modal mass over one sector"
     body.require(modes.modal_mass is not None, item, expected, "neither")
     mass = body.placement.units.mass * np.asarray(modes.modal_mass, float)[waves.index]
@@ -241,7 +239,7 @@ def _normalised(body: PreparedBody, d: int, ring: Ring, n_modes: int, report: Im
 
 
 def constrained_from_modes(
-    body: PreparedBody, wanted: Wanted, ring: Ring, report: ImportReport
+    body: PreparedBody, wanted: Wanted, ring: Ring
 ) -> tuple[Body, dict[int, NDArray]]:
     """Make a sector from its modes at each nodal diameter.
 
@@ -258,23 +256,22 @@ def constrained_from_modes(
     """
     bases, pictures, faster = {}, dict[int, NDArray](), body.faster
     for d in ring.diameters:
-        omega2, shapes = _normalised(body, d, ring, wanted.n_modes, report)
-        compare_known(body, d, omega2, ring, report)
+        omega2, shapes = _normalised(body, d, ring, wanted.n_modes)
+        compare_known(body, d, omega2, ring)
         unknown = np.isnan(shapes).reshape(len(body.nodes), -1).any(axis=1)
         check_reached(body, wanted, np.flatnonzero(unknown), "values of the modes")
         if d in ring.pictured:
             pictures |= _pictures(body, d, shapes)
         bases[d] = wanted.basis(omega2, shapes)
         if faster is not None:
-            # A separate report, since the checks of the second speed would repeat the checks of the first.
-            moved = _normalised(faster, d, ring, len(omega2), ImportReport())
-            bases[d] = basis_from_modes(body, d, bases[d], shapes, *moved, report)
-    report.checks.append(f"{body.name}: modes rescaled, modal mass from the file or the user (not checked)")
-    report.missing.append(NO_RECEPTANCE.format(body.name))
+            moved = _normalised(faster, d, ring, len(omega2))
+            bases[d] = basis_from_modes(body, d, bases[d], shapes, *moved)
+    body.passed(f"{body.name}: modes rescaled, modal mass from the file or the user (not checked)")
+    body.report.missing.append(NO_RECEPTANCE.format(body.name))
     return Body(body.name, "constrained", wanted.ports, bases), pictures
 
 
-def free_from_modes(body: PreparedBody, wanted: Wanted, report: ImportReport) -> Body:
+def free_from_modes(body: PreparedBody, wanted: Wanted) -> Body:
     """Make a rigid free body from mass, centre of mass and inertia.
 
     Raises
@@ -298,7 +295,7 @@ def free_from_modes(body: PreparedBody, wanted: Wanted, report: ImportReport) ->
     axes = body.damper_axes(centre)
     shapes = rigid_motions(body.nodes, centre, axes, principal.T) / np.sqrt([*3 * [mass], *moments])
     basis = wanted.basis(np.zeros(6), shapes)
-    report.missing += [NO_RECEPTANCE.format(body.name), f"elastic deformation of the {body.name} (no matrices)"]
+    body.report.missing += [NO_RECEPTANCE.format(body.name), f"elastic deformation of the {body.name} (no matrices)"]
     load = BodyLoad(axes[1], np.eye(6)[1] / np.sqrt(mass), np.zeros((wanted.contact.shape[0] // 3, 3)))
     return Body(body.name, "free", wanted.ports, {0: basis}, mass=mass, centre=centre, inertia=inertia, load=load)
 
@@ -306,9 +303,7 @@ def free_from_modes(body: PreparedBody, wanted: Wanted, report: ImportReport) ->
 # ---- Bodies from matrices ----
 
 
-def held_components(
-    body: PreparedBody, wanted: Wanted, fixed: NodeSet | None, ring: Ring, report: ImportReport
-) -> NDArray:
+def held_components(body: PreparedBody, wanted: Wanted, fixed: NodeSet | None, ring: Ring) -> NDArray:
     """Return the mask (n_nodes, 3) of fixed components.
 
     Images of fixed nodes on the other sector face are included.  Other programs fix one face only, since their cyclic
@@ -325,13 +320,13 @@ def held_components(
     mask = body.fixed(held)
     out = np.stack([ring.faces.images(component) for component in mask.T], axis=1)
     if added := int((out & ~mask).any(axis=1).sum()):
-        report.checks.append(f"{body.name}: {added} nodes of a sector face held as images of held nodes of the other face")
+        body.passed(f"{body.name}: {added} nodes of a sector face held as images of held nodes of the other face")
     return out
 
 
 def cyclic_sectors(
-    body: PreparedBody, ring: Ring, mask: NDArray, kept: Collection[int], report: ImportReport
-) -> Callable[[int], CyclicSector]:
+    body: PreparedBody, ring: Ring, mask: NDArray, kept: Collection[int]
+) -> Sectors:
     """Return the sector from matrices as a function of the nodal diameter.
 
     Sectors of the nodal diameters ``kept`` are cached, with their modes.
@@ -341,7 +336,7 @@ def cyclic_sectors(
     def sector(d: int) -> CyclicSector:
         if d in made:
             return made[d]
-        report.step(f"nodal diameter {d}")
+        body.report.step(f"nodal diameter {d}")
         for other in made.values():
             other.forget_factors()
         with body.refusing(f"nodal diameter {d}", "a sector whose fixed components both sector faces can have"):
@@ -356,10 +351,10 @@ def cyclic_sectors(
 
 
 def constrained_from_matrices(
-    body: PreparedBody, wanted: Wanted, ring: Ring, sector: Callable[[int], CyclicSector], mask: NDArray,
-    stress: Iterable[StressRows], report: ImportReport,
+    body: PreparedBody, wanted: Wanted, ring: Ring, sector: Sector, sizes: LocalSizes,
+    interfaces: Mapping[str, Interface], stress: Iterable[StressRows],
 ) -> tuple[Body, dict[int, NDArray]]:  # fmt: skip
-    """Make a sector from its matrices at each nodal diameter, with the mask (n_nodes, 3) of fixed components.
+    """Make a sector from its matrices at each nodal diameter, with a local basis if the sector names its blade.
 
     The objects ``stress`` collect the stress of each vector of the basis.
 
@@ -374,12 +369,18 @@ def constrained_from_matrices(
     ModelError
         If the sector is not fixed, or a matrix is not positive definite.
     """
+    mask, part = held_components(body, wanted, sector.fixed, ring), None
+    if sector.blade_nodes is not None:
+        part = blade_part(body, wanted, ring, mask, sector.blade_nodes, interfaces)
+    cached = [0] if body.raw.faster else []  # for the displacement by rotation
+    cached += [] if part is None else sampled_waves(ring.faces.n_sectors)
+    at_diameter = cyclic_sectors(body, ring, mask, cached)
     free, pictures = int((~mask).sum()), dict[int, NDArray]()
     n_modes = min(wanted.n_modes, max(1, (free - 3 * len(ring.faces.dependent)) // 2))
 
     def seen(made: CyclicSector, omega2: NDArray, shapes: NDArray) -> None:
         d = made.nodal_diameter
-        compare_known(body, d, made.modes(n_modes)[0], ring, report)
+        compare_known(body, d, made.modes(n_modes)[0], ring)
         if d in ring.pictured:
             pictures.update(_pictures(body, d, made.modes(n_modes)[1]))
         for rows in stress:
@@ -388,14 +389,16 @@ def constrained_from_matrices(
     expected = "a positive definite stiffness (fixed nodes?) and a positive definite mass matrix"
     with body.refusing("matrices", expected):
         fewer = replace(wanted, n_modes=n_modes)
-        built = constrained_body(body.name, fewer, sector, ring.diameters, rotation_of(body, report), seen)
+        built = constrained_body(body.name, fewer, at_diameter, ring.diameters, rotation_of(body), seen)
     for d, basis in built.bases.items():  # six squared frequencies of a body that is not held are rounding errors
         low, high = basis.omega2[[0, -1]]
         expected, found = "a sector that is held (fixed nodes)", f"squared frequencies {low:.3g} to {high:.3g} rad2/s2"
         body.require(low > max(1e-10 * high, 0.0), f"nodal diameter {d}", expected, found)
-    report.checks.append("stiffness symmetric and positive definite at every nodal diameter, mass symmetric")
+    body.passed("stiffness symmetric and positive definite at every nodal diameter, mass symmetric")
     if n_modes < wanted.n_modes:
-        report.checks.append(f"{n_modes} modes instead of {wanted.n_modes}: the matrices have too few rows for more")
+        body.passed(f"{n_modes} modes instead of {wanted.n_modes}: the matrices have too few rows for more")
+    if part is not None:
+        built = with_local_basis(built, body, wanted, at_diameter, interfaces, part, sizes)
     return built, pictures
 
 
@@ -412,7 +415,7 @@ def _check_held(body: PreparedBody, sector: CyclicSector, held: bool) -> None:
     body.require(not negative, item, "a positive definite matrix", f"{negative} negative eigenvalues")
 
 
-def free_from_matrices(body: PreparedBody, wanted: Wanted, report: ImportReport) -> Body:
+def free_from_matrices(body: PreparedBody, wanted: Wanted) -> Body:
     """Make a damper from its matrices, with the centrifugal load of its mass.
 
     Raises
@@ -423,9 +426,9 @@ def free_from_matrices(body: PreparedBody, wanted: Wanted, report: ImportReport)
     wrong = body.raw.numbers[body.fixed(None).any(axis=1)]
     found = f"rows missing at {len(wrong)} nodes, such as node {', '.join(map(str, wrong[:1]))}"
     body.require(not len(wrong), "matrices", "rows for all three components of every node of a free body", found)
-    report.step(body.name)
+    body.report.step(body.name)
     structure = body.structure
-    check_rigid_motion(body, report)
+    check_rigid_motion(body)
     with body.refusing("mass matrix", "a positive definite matrix"):
         free = FreeBody(structure, np.eye(3))
     axes = body.damper_axes(free.centre)
@@ -436,7 +439,7 @@ def free_from_matrices(body: PreparedBody, wanted: Wanted, report: ImportReport)
     omega2 = built.bases[0].omega2
     found = f"omega2 = {omega2[6:].min(initial=np.inf):.3g}"
     body.require((omega2[6:] > 0.0).all(), "stiffness matrix", "six rigid-body motions and no others", found)
-    report.checks.append(f"{body.name}: six rigid-body motions without force")
+    body.passed(f"{body.name}: six rigid-body motions without force")
     return built
 
 
@@ -445,7 +448,7 @@ def free_from_matrices(body: PreparedBody, wanted: Wanted, report: ImportReport)
 
 def blade_part(
     body: PreparedBody, wanted: Wanted, ring: Ring, fixed: NDArray, blade: NodeSet,
-    interfaces: Mapping[str, Interface], report: ImportReport,
+    interfaces: Mapping[str, Interface],
 ) -> BladePart:  # fmt: skip
     """Return the blade within a sector, for mistuned bladed disks.
 
@@ -462,20 +465,20 @@ def blade_part(
         If there is no cyclic sector with matrices, blades touch each other, or the set lacks contact points or locations.
     """
     if ring.faces.n_sectors == 1:
-        raise SettingError("wheel: expected a sector of a cyclic structure with its matrices, found an acyclic structure")
+        raise SettingError("blade_nodes: expected a sector of a cyclic structure, found an acyclic structure")
     touching = [name for name, face in interfaces.items() if face.body_a == face.body_b == body.name]
     if touching:
-        raise SettingError(f"wheel: expected blades that touch dampers, found '{touching[0]}', where they touch each other")
-    nodes = body.node_set(blade, "wheel")
-    with body.refusing("wheel", "the nodes of a blade from root to tip, with all its contact faces and locations"):
-        part = BladePart(body.structure, nodes, fixed, step=report.step)
+        raise SettingError(f"blade_nodes: expected blades that touch dampers, found '{touching[0]}', where blades touch")
+    nodes = body.node_set(blade, "blade_nodes")
+    with body.refusing("blade_nodes", "the nodes of a blade from root to tip, with all its contact faces and locations"):
+        part = BladePart(body.structure, nodes, fixed, step=body.report.step)
         part.check_wanted(wanted, ring.faces)
     return part
 
 
 def with_local_basis(
-    made: Body, body: PreparedBody, wanted: Wanted, sector: Callable[[int], CyclicSector],
-    interfaces: Mapping[str, Interface], part: BladePart, sizes: LocalSizes, report: ImportReport,
+    made: Body, body: PreparedBody, wanted: Wanted, sector: Sectors,
+    interfaces: Mapping[str, Interface], part: BladePart, sizes: LocalSizes,
 ) -> Body:  # fmt: skip
     """Return the sector ``made`` with a local basis, for mistuned bladed disks.
 
@@ -484,105 +487,13 @@ def with_local_basis(
     ModelError
         If the matrices of the blade clamped at its root are not positive definite.
     """
-    with body.refusing("wheel", "a blade that its root holds"):
+    with body.refusing("blade_nodes", "a blade that its root holds"):
         local = local_basis(part, sector, wanted, damper_motion(wanted.ports, interfaces), sizes, "set of nodes")
     clamped = ", ".join(f"{f:.5g}" for f in np.sqrt(local.omega2[:3]) / (2.0 * np.pi))
     worst = max(np.sqrt(local.nodal_diameter(d).omega2[0] / basis.omega2[0]) - 1.0 for d, basis in made.bases.items())
-    report.checks += [
+    body.report.checks += [
         f"wheel: blade of {len(part.nodes)} nodes, {len(part.root)} of them at its root; clamped there {clamped} ... Hz; "
         f"{local.n_cantilever} such modes, {local.n_attachment} attachments, {local.n_interface} shapes of the root",
         f"wheel: the lowest frequency of each nodal diameter at most {100.0 * worst:.2g} % too high",
     ]
     return replace(made, local=local)
-
-
-# ---- Stress sets ----
-
-
-def stress_rows(
-    body: PreparedBody, sets: NodeSet | Mapping[str, NodeSet] | None, elasticity: Sequence[float] | None,
-    laid: LaidContacts, ring: Ring, report: ImportReport,
-) -> list[StressRows]:  # fmt: skip
-    """Return the rows that recover the stress at sets of nodes of a blade.
-
-    Parameters
-    ----------
-    body : PreparedBody
-    sets : str, (n,) int, or mapping of name to either, optional
-        Node sets.  A single name is the name of the stress set as well.
-    elasticity : (Young's modulus, Poisson's ratio), optional
-        Elastic constants in the units of the file, which replace any constants of the file.
-    laid : LaidContacts
-    ring : Ring
-    report : ImportReport
-
-    Returns
-    -------
-    list of StressRows
-
-    Raises
-    ------
-    ModelError, SettingError
-        If a set does not exist, the body has no matrices, or an element has no elastic constants.
-    BdamperError
-        If scikit-fem is not installed.
-    """
-    if sets is None:
-        return []
-    import_extra("skfem", "stress of an import", "fe")
-    from bdamper.fem.element_stress import StressRows, near_patches
-
-    validation.check(
-        body.has_matrices, "stress", "a blade with its matrices", "modes alone; give StressSet arrays instead"
-    )
-    named = sets if isinstance(sets, Mapping) else {sets if isinstance(sets, str) else "stress": sets}
-    faces = [
-        Patches(face.points @ back.T, face.frame @ back.T, np.sqrt(face.area)[:, None] * [1.0, 1.0])
-        for face, side in ((laid.interfaces[name], side) for name, side in laid.ports[body.name])
-        for back in [turn(-2.0 * np.pi / ring.faces.n_sectors * (face.sector_a if side == "a" else face.sector_b))]
-    ]
-    out = []
-    for name, members in named.items():
-        item = f"stress '{name}'"
-        nodes = _away_from_cuts(body, body.node_set(members, item), ring, item, report)
-        solids = _solids(body, nodes, elasticity, item)
-        near = near_patches(body.nodes[nodes], *faces) | np.isin(nodes, laid.rows[body.name].indices // 3)
-        with body.refusing(item, "elements with volume and all nodes between corners"):
-            out.append(StressRows(name, solids, body.nodes, nodes, near))
-        report.checks.append(f"{item}: {len(nodes)} nodes, {int(near.sum())} of them next to a contact face")
-    return out
-
-
-def _away_from_cuts(body: PreparedBody, nodes: NDArray, ring: Ring, item: str, report: ImportReport) -> NDArray:
-    """Return the nodes off the sector faces, since all elements of these are within the sector."""
-    inner = nodes[~np.isin(nodes, ring.faces.nodes)]
-    body.require(len(inner) > 0, item, "nodes away from the faces at which the sector repeats", "none")
-    if len(inner) < len(nodes):
-        report.missing.append(f"{item}: {len(nodes) - len(inner)} nodes on the sector faces are left out")
-    loose = np.setdiff1d(inner, body.used if body.elements else np.empty(0, int))
-    if len(loose):
-        raise body.error(item, "nodes of solid elements", f"node {body.raw.numbers[loose[0]]} without any")
-    return inner
-
-
-def _solids(body: PreparedBody, nodes: NDArray, elasticity: Sequence[float] | None, item: str) -> tuple[Solids, ...]:
-    """Return the elements at nodes, with elastic constants in SI units."""
-    from bdamper.fem.element_stress import Solids
-
-    constants = None if elasticity is None else validation.numbers("elasticity", elasticity, 2)
-    kinds = body.raw.element_kinds or tuple(ElementKind(f"C3D{e.shape[1]}") for e in body.elements)
-    n = len(body.elements)
-    body.require(len(kinds) == n, "element_kinds", f"one for each of {n} arrays", len(kinds))
-    modulus, out = body.placement.units.mass / body.placement.units.length, []
-    for kind, elements in zip(kinds, body.elements):
-        if not np.isin(elements, nodes).any():
-            continue
-        young, poisson = constants if constants is not None else (kind.youngs_modulus, kind.poisson_ratio)
-        if young is None or poisson is None:
-            expected = "elastic constants in the file, or elasticity=(Young's modulus, Poisson's ratio) in its units"
-            raise body.error(f"{item}, elements {kind.name}", expected, "neither")
-        if not (young > 0.0 and -1.0 < poisson < 0.5):
-            expected = "a modulus > 0 and a Poisson's ratio above -1 and below 0.5"
-            raise body.error(f"{item}, elasticity", expected, f"{young:g}, {poisson:g}")
-        out.append(Solids(kind.name, elements, modulus * float(young), float(poisson)))
-    return tuple(out)

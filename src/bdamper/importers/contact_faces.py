@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from bdamper.fem.contact_patches import Patches, PatchMeans, patches_on_faces, patches_on_rectangles
 from bdamper.fem.surface import Facets, area_vectors
 from bdamper.importers.fe_body import BOUNDS
-from bdamper.importers.prepared_body import FaceSet, ImportReport, PreparedBody
+from bdamper.importers.prepared_body import FaceSet, PreparedBody
 from bdamper.model.fields import check
 from bdamper.model.structure import ContactStiffness, Interface, Port, turn
 from bdamper.util import validation
@@ -127,7 +127,7 @@ class LaidContacts:
 
 
 def from_first_sector(
-    contacts: Sequence[ContactFaces], bodies: Mapping[str, PreparedBody], n_blades: int, report: ImportReport
+    contacts: Sequence[ContactFaces], bodies: Mapping[str, PreparedBody], n_blades: int
 ) -> tuple[tuple[ContactFaces, ...], dict[str, PreparedBody]]:
     """Move free bodies to the position between the blades of sectors 0 and 1.
 
@@ -138,7 +138,6 @@ def from_first_sector(
     contacts : sequence of ContactFaces
     bodies : mapping of name to PreparedBody
     n_blades : int
-    report : ImportReport
 
     Returns
     -------
@@ -152,7 +151,7 @@ def from_first_sector(
         if sector:
             back, damper = turn(-2.0 * np.pi / n_blades * sector), bodies[name]
             moved[name] = replace(damper, placement=replace(damper.placement, radial=(back @ damper.placement.rotation)[1]))
-            report.checks.append(f"{name}: {sector:+d} sectors off in the mesh, moved between blades 0 and 1")
+            damper.passed(f"{name}: {sector:+d} sectors off in the mesh, moved between blades 0 and 1")
             contacts = tuple(_turned(c, back, sector) if c.body_a == name else c for c in contacts)
     return contacts, moved
 
@@ -281,7 +280,7 @@ def _means(
     if nodes_b is None or face_b is None:
         return a
     b = patches_on_rectangles(contact.patches, nodes_b, face_b, what[1])
-    return PatchMeans(a.area, a.frame, a.points_a, b.points_a, a.matrix_a, b.matrix_a)
+    return replace(a, points_b=b.points_a, matrix_b=b.matrix_a)
 
 
 def _area(face: Facets, nodes: NDArray) -> float:

@@ -23,7 +23,7 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from bdamper.model.fields import check, check_all
 from bdamper.util import validation
@@ -278,6 +278,37 @@ class FEBody:
 
 
 # ---- Shared parts of the readers ----
+
+
+def mesh_body(
+    source: str, what: str, numbers: ArrayLike, nodes: ArrayLike, elements: Iterable[Sequence[int] | NDArray],
+    kinds: Iterable[ElementKind | None] = repeat(None), **others: Any,
+) -> FEBody:  # fmt: skip
+    """Return the body of a mesh from the lists of a reader.
+
+    Parameters
+    ----------
+    source : str
+        File.
+    what : str
+        Part of the file with the nodes, for the message if there are none.
+    numbers, nodes : (n_nodes,) int, (n_nodes, 3) float
+    elements, kinds
+        See :func:`by_kind`.
+    **others
+        Further arguments of :class:`FEBody`.
+    """
+    numbers, nodes = np.array(numbers, np.int64), np.array(nodes, float)
+    check(len(numbers) > 0, source, what, "none")
+    check_all(np.isfinite(nodes), nodes, "finite positions", f"{source}: nodes")
+    return FEBody(numbers, nodes, **by_kind(elements, kinds), source=source, **others)
+
+
+def rotate_to_file(shapes: NDArray, numbers: NDArray, axes: Mapping[int, NDArray]) -> None:
+    """Rotate shapes (n, 3, ...) of nodes ``numbers`` (n,) from the ``axes`` of single nodes to the axes of the file."""
+    for k, number in enumerate(numbers.tolist()):
+        if number in axes:
+            shapes[k] = np.asarray(axes[number]).T @ shapes[k]
 
 
 P = ParamSpec("P")

@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 
 from bdamper.importers.arrays import square_matrix, triangle_to_full
 from bdamper.importers.deck_keywords import BDF_HARMLESS, BDF_IN_MATRICES, BDF_READ, refuse
-from bdamper.importers.fe_body import ElementKind, FEBody, Included, Modes, by_kind, check_count, reader
-from bdamper.model.fields import check, check_all
+from bdamper.importers.fe_body import ElementKind, FEBody, Included, Modes, check_count, mesh_body, reader, rotate_to_file
+from bdamper.model.fields import check
 from bdamper.util.errors import import_extra, mismatch
 from bdamper.util.storage import FilePath
 
@@ -101,10 +101,7 @@ def read_bdf(path: Path) -> FEBody:
     cards = text if whole else re.split(begin, text, maxsplit=1, flags=re.MULTILINE | re.IGNORECASE)[-1]
     model.read_bdf(StringIO(cards), punch=not whole, xref=False)
     _check_cards(model.card_count, text, path)
-    check(bool(model.nodes), str(path), "grid points (GRID)", "none")
-    labels, positions = model.get_xyz_in_coord_no_xref(cid=0)
-    numbers, nodes = np.array(labels, np.int64), np.array(positions, float)
-    check_all(np.isfinite(nodes), nodes, "finite positions", f"{path}: GRID")
+    numbers, nodes = model.get_xyz_in_coord_no_xref(cid=0) if model.nodes else ((), ())
     elements, kinds = [], []
     for element in model.elements.values():
         corners = _SOLIDS.get(element.type)
@@ -115,13 +112,14 @@ def read_bdf(path: Path) -> FEBody:
             nodes_of_element = nodes_of_element[:corners]
         elements.append(nodes_of_element)
         kinds.append(_kind(model, element.pid, len(nodes_of_element)))
-    axes = _displacement_axes(model, numbers, nodes)
     sets = {f"SET{key}": np.array(sorted(s.ids), np.int64) for key, s in model.sets.items() if hasattr(s, "ids") and s.ids}
     others = {name: count for name, count in model.card_count.items() if name in BDF_IN_MATRICES}
     notes = tuple(f"cards {name} ({count}) are not read: they must be in the matrices" for name, count in others.items())
-    solids = by_kind(elements, kinds)
-    body = FEBody(numbers, nodes, **solids, node_sets=sets, node_axes=axes, source=str(path), notes=notes)
-    return _with_dmig(body, model, str(path))
+    body = mesh_body(
+        str(path), "grid points (GRID)", numbers, nodes, elements, kinds, node_sets=sets, notes=notes
+    )
+    axes = _displacement_axes(model, body.numbers, body.nodes)
+    return _with_dmig(replace(body, node_axes=axes), model, str(path))
 
 
 def _with_included(source: Path, included: Included, depth: int = 0) -> str:
@@ -291,9 +289,7 @@ def read_op2(
     grid = found.node_gridtype[:, 1] == 1
     shapes = np.moveaxis(np.asarray(found.data)[:, grid, :3], 0, 2).astype(float)
     numbers = found.node_gridtype[grid, 0].astype(np.int64)
-    for k, number in enumerate(numbers.tolist()):
-        if axes and number in axes:
-            shapes[k] = np.asarray(axes[number]).T @ shapes[k]
+    rotate_to_file(shapes, numbers, axes or {})
     frequency = np.asarray(found.mode_cycles, float)
     mass = None
     for table in model.eigenvalues.values():

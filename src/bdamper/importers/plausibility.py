@@ -5,12 +5,14 @@ Values outside :data:`bdamper.importers.fe_body.BOUNDS` indicate mistaken units.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.fem.surface import N_CORNER, enclosed_volume, twisted
 from bdamper.importers.fe_body import BOUNDS, UNITS
-from bdamper.importers.prepared_body import ImportReport, PreparedBody
+from bdamper.importers.prepared_body import PreparedBody
 from bdamper.model.fields import check
 from bdamper.model.modal_basis import rigid_motions
 from bdamper.model.structure import Body
@@ -65,7 +67,7 @@ def _rigid_motions(body: PreparedBody) -> tuple[NDArray, NDArray]:
     return body.nodes - centre, motion
 
 
-def check_rigid_motion(body: PreparedBody, report: ImportReport) -> None:
+def check_rigid_motion(body: PreparedBody) -> None:
     """Check that a rigid motion of a free body causes no force.
 
     The measure is a strain: the root of the energy of a rigid motion, divided by the energy of a stretch about the same
@@ -88,10 +90,10 @@ def check_rigid_motion(body: PreparedBody, report: ImportReport) -> None:
         found = f"a strain of {part.max():.2g} of its size under a {kind} {'XYZ'[part.argmax()]}: {hint}"
         good = part.max() <= BOUNDS.rigid_strain
         body.require(good, "stiffness matrix", "a free body, which no rigid motion strains", found)
-    report.checks.append(f"{body.name}: rigid motions strain it by {strain.max():.1g} of a stretch of equal size")
+    body.passed(f"{body.name}: rigid motions strain it by {strain.max():.1g} of a stretch of equal size")
 
 
-def check_table(body: PreparedBody, report: ImportReport) -> None:
+def check_table(body: PreparedBody) -> None:
     """Check that the rows of the stiffness matrix are in the order of the table of nodes and components.
 
     A rigid motion of all nodes causes no force at a node that is neither fixed nor a neighbour of a fixed node.  If the
@@ -107,7 +109,7 @@ def check_table(body: PreparedBody, report: ImportReport) -> None:
     for elements in body.elements:
         away[elements[held[elements].any(axis=1)]] = False
     if not away.any():
-        report.checks.append(f"{body.name}: order of the rows not checked, every node is a neighbour of a held one")
+        body.passed(f"{body.name}: order of the rows not checked, every node is a neighbour of a held one")
         return
     stiffness, (_, motion) = body.structure.stiffness, _rigid_motions(body)
     pairs = (stiffness, motion), (abs(stiffness), np.abs(motion))
@@ -117,7 +119,7 @@ def check_table(body: PreparedBody, report: ImportReport) -> None:
     found += "order than the table (or than x, y, z of node after node), or positions of other nodes"
     expected = "rows in the order of the table of nodes and components"
     body.require(share <= 100.0 * BOUNDS.odd_ones, "stiffness matrix", expected, found)
-    report.checks.append(f"{body.name}: rigid motions cost forces on {share:.2g} % of the nodes away from held ones")
+    body.passed(f"{body.name}: rigid motions cost forces on {share:.2g} % of the nodes away from held ones")
 
 
 def check_corners(body: PreparedBody) -> None:
@@ -133,7 +135,7 @@ def check_corners(body: PreparedBody) -> None:
             raise body.error(item, expected, f"another order in {len(wrong)} of {len(elements)}")
 
 
-def check_radial(body: PreparedBody, n_blades: int, report: ImportReport) -> None:
+def check_radial(body: PreparedBody, n_blades: int) -> None:
     """Check that a sector narrower than a half circle lies in the direction ``radial``."""
     pitch = 360.0 / n_blades
     limit = max(pitch, BOUNDS.radial_angle)
@@ -147,7 +149,7 @@ def check_radial(body: PreparedBody, n_blades: int, report: ImportReport) -> Non
     expected = f"the direction from the axis to the blade, within {limit:.3g} degrees of the middle of the sector, "
     expected += f"{middle_text} in the axes of the file"
     body.require(abs(angle) <= limit, "radial", expected, f"{given_text}, {abs(angle):.3g} degrees off")
-    report.checks.append(f"{body.name}: the middle of the sector is {abs(angle):.2g} degrees from radial")
+    body.passed(f"{body.name}: the middle of the sector is {abs(angle):.2g} degrees from radial")
 
 
 def check_not_swapped(body: PreparedBody) -> None:
@@ -189,15 +191,15 @@ def _check_within(
 ) -> None:
     """Raise ModelError for a quantity outside its limits, with the unit that explains it."""
     given = next((name for name, u in UNITS.items() if u == body.placement.units), "the given units")
-    found = f"{value:.4g} {unit} with units='{given}': {hint}; pass check_units=False if they are right"
+    found = f"{value:.4g} {unit} with units='{given}': {hint}; pass checks=Checks(check_units=False) if they are right"
     body.require(limits[0] <= value <= limits[1], item, f"{what} {limits[0]:g} to {limits[1]:g} {unit}", found)
 
 
-def check_sizes(body: PreparedBody, report: ImportReport) -> None:
+def check_sizes(body: PreparedBody) -> None:
     """Check size, density and wave speed of a body."""
     hint = f"{'millimetres' if body.size > BOUNDS.size[1] else 'another unit of length'} suspected"
     _check_within(body, "positions", "an extent of", BOUNDS.size, body.size, "m", hint)
-    report.checks.append(f"{body.name}: extent {body.size:.4g} m")
+    body.passed(f"{body.name}: extent {body.size:.4g} m")
     if not body.has_matrices:
         return
     if body.elements:
@@ -208,7 +210,7 @@ def check_sizes(body: PreparedBody, report: ImportReport) -> None:
         fitting = [name for name, u in UNITS.items() if low <= in_file * u.mass / u.length**3 <= high]
         hint = f"units='{fitting[0]}' would fit" if fitting else "the mass matrix is in other units"
         _check_within(body, "mass matrix", "a density of", BOUNDS.density, density, "kg/m3", hint)
-        report.checks.append(f"{body.name}: mass {mass:.6g} kg on free nodes, {density:.4g} kg/m3")
+        body.passed(f"{body.name}: mass {mass:.6g} kg on free nodes, {density:.4g} kg/m3")
     speed, (low, high) = wave_speed(body), BOUNDS.wave_speed
     if body.fixed(None).any():
         high = np.inf  # the material at fixed nodes is strained as well
@@ -216,14 +218,28 @@ def check_sizes(body: PreparedBody, report: ImportReport) -> None:
     hint += "units of the stiffness or the mass matrix suspected"
     what = "a material in which longitudinal waves travel at"
     _check_within(body, "stiffness and mass matrix", what, (low, high), speed, "m/s", hint)
-    report.checks.append(f"{body.name}: longitudinal waves travel at {speed:.4g} m/s in its material")
+    body.passed(f"{body.name}: longitudinal waves travel at {speed:.4g} m/s in its material")
 
 
-def check_lowest(body: PreparedBody, reduced: Body, report: ImportReport) -> None:
+def check_lowest(body: PreparedBody, reduced: Body) -> None:
     """Check the lowest natural frequency at each nodal diameter; a failure is a failed comparison."""
     for d, basis in reduced.bases.items():
         lowest = float(np.sqrt(basis.omega2[basis.omega2 > 0.0].min(initial=np.inf)) / (2.0 * np.pi))
         hint = "units of mass or stiffness off by powers of 10 suspected"
         if np.isfinite(lowest):
-            with report.comparison():
+            with body.report.comparison():
                 _check_within(body, f"nodal diameter {d}", "a lowest frequency of", BOUNDS.frequency, lowest, "Hz", hint)
+
+
+def check_bodies(bodies: Mapping[str, PreparedBody], n_blades: int, check_units: bool) -> None:
+    """Check the bodies of an import before the work, with sizes and material if ``check_units``."""
+    check_radial(bodies["blade"], n_blades)
+    for body in bodies.values():
+        body.check_repeated()
+        if body.has_matrices:
+            check_not_swapped(body)
+            if body.name == "blade":  # check_rigid_motion checks a free body
+                check_table(body)
+        check_corners(body)
+        if check_units:
+            check_sizes(body)

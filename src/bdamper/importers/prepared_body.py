@@ -13,8 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
-from functools import cached_property, partial
-from typing import Annotated, Any
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -24,61 +23,13 @@ from scipy.spatial import cKDTree
 from bdamper.fem.sector_faces import SectorFaces
 from bdamper.fem.surface import Facets, Structure, boundary_facets, facets_on_nodes
 from bdamper.importers.arrays import square_matrix
-from bdamper.importers.fe_body import BOUNDS, UNITS, FEBody, Units, parsing
+from bdamper.importers.fe_body import BOUNDS, FEBody, parsing
+from bdamper.importers.options import NodeSet, Placement
 from bdamper.model.fields import check
 from bdamper.util import validation
 from bdamper.util.errors import ModelError, mismatch, warn
 
 FaceSet = str | NDArray | tuple[NDArray, ...]
-NodeSet = str | NDArray | list[int]
-
-
-def _units(name: str, units: object) -> Units:
-    return units if isinstance(units, Units) else UNITS[validation.choice(f"{name} (or Units(...))", units, sorted(UNITS))]
-
-
-Direction = Annotated[Any, partial(validation.numbers, n=3)]
-
-
-@dataclass(frozen=True)
-class Placement:
-    """Axes and units of a finite element model.
-
-    Parameters
-    ----------
-    axis : (3,) float
-        Axis of rotation, in the axes of the file.
-    radial : (3,) float
-        Direction from the axis of rotation to the blade, in the axes of the file.
-    origin : (3,) float
-        Point on the axis of rotation, in the axes and the unit of length of the file.
-    units : str or Units
-        Name of a system in ``UNITS``, or factors.
-
-    Raises
-    ------
-    SettingError
-        If axis and radial are not perpendicular, one of them is zero, or the units are unknown.
-    """
-
-    axis: Direction
-    radial: Direction
-    origin: Direction
-    units: Annotated[Any, _units]
-
-    def __post_init__(self) -> None:
-        validation.check_fields(self)
-        lengths = np.linalg.norm(self.axis) * np.linalg.norm(self.radial)
-        perpendicular = lengths > 0.0 and abs(self.axis @ self.radial) <= BOUNDS.axes * lengths
-        found = f"{self.axis.tolist()} and {self.radial.tolist()}"
-        validation.check(perpendicular, "axis and radial", "two directions at right angles", found)
-
-    @cached_property
-    def rotation(self) -> NDArray:
-        """Axes X, Y, Z of the model as rows (3, 3), in the axes of the file."""
-        z, y = (direction / np.linalg.norm(direction) for direction in (self.axis, self.radial))
-        return np.array([np.cross(y, z), y, z])
-
 
 @dataclass(frozen=True)
 class Ring:
@@ -152,6 +103,8 @@ class PreparedBody:
         Body in the units, axes and node numbers of its file.
     placement : Placement
         Axes and units of the file.
+    report : ImportReport
+        Receives the results of the checks.
 
     Raises
     ------
@@ -162,6 +115,7 @@ class PreparedBody:
     name: str
     raw: FEBody
     placement: Placement
+    report: ImportReport = field(default_factory=ImportReport)
 
     def __post_init__(self) -> None:
         numbers, nodes = np.asarray(self.raw.numbers), np.asarray(self.raw.nodes, float)
@@ -182,6 +136,10 @@ class PreparedBody:
     def nodes(self) -> NDArray:
         """Positions (n_nodes, 3) of the nodes, m."""
         return self.placement.units.length * (self.raw.nodes - self.placement.origin) @ self.placement.rotation.T
+
+    def passed(self, text: str) -> None:
+        """Add a passed check to the report."""
+        self.report.checks.append(text)
 
     def error(self, item: str, expected: str, found: object) -> ModelError:
         """Return the error for an unexpected value of a quantity of this body."""
@@ -290,7 +248,7 @@ class PreparedBody:
             self.require(good, item, "faces (n, 3 | 4 | 6 | 8)", f"shape {group.shape}")
         return Facets(tuple(self.index(group, item) for group in groups))
 
-    def node(self, location: object, item: str, report: ImportReport) -> int:
+    def node(self, location: object, item: str) -> int:
         """Return the index of a node from its number, or of the node nearest to a position.
 
         Parameters
@@ -299,8 +257,6 @@ class PreparedBody:
             Node number, or position in the axes and units of the file.
         item : str
             Name of the location in messages.
-        report : ImportReport
-            Receives the distance from the position to the node.
 
         Raises
         ------
@@ -315,7 +271,7 @@ class PreparedBody:
         nearest = int(distance.argmin())
         off = distance[nearest]
         self.require(off <= 0.1 * self.size, item, "a position on the body", f"{off:.4g} m from the nearest node")
-        report.checks.append(f"{item}: node {self.raw.numbers[nearest]}, {off:.2g} m from the given position")
+        self.passed(f"{item}: node {self.raw.numbers[nearest]}, {off:.2g} m from the given position")
         return nearest
 
     def damper_axes(self, centre: NDArray) -> NDArray:
@@ -350,7 +306,7 @@ class PreparedBody:
 
     @property
     def faster(self) -> PreparedBody | None:
-        """Same body at the higher of two rotor speeds, or None for a single speed."""
+        """Same body at the higher of two rotor speeds, with a separate report, or None for a single speed."""
         return None if self.raw.faster is None else PreparedBody(self.name, self.raw.faster, self.placement)
 
     @cached_property

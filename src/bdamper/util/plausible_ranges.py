@@ -132,8 +132,8 @@ NO_RANGE = {
         Study.hysteresis.n_theta ResidualModes.n_vectors AFT.n_time ContinuationOptions.max_points
         ContinuationOptions.patience ContinuationOptions.budget ContinuationOptions.max_iterations
         PeakOptions.max_iterations PeakOptions.max_trials WheelPeakOptions.climbs WheelPeakOptions.least
-        WheelPeakOptions.most n_blades n_modes wheels fit_loop.sliders build_model.engine_order build_model.nodal_diameters
-        build_model.n_damper_modes ContactFaces.points LocalSizes.cantilever LocalSizes.attachment LocalSizes.interface
+        WheelPeakOptions.most n_blades n_modes wheels fit_loop.sliders Reduction.engine_order Reduction.nodal_diameters
+        Reduction.n_damper_modes ContactFaces.points LocalSizes.cantilever LocalSizes.attachment LocalSizes.interface
     """,
     LIMITED: """
         Excitation.phase tolerance engine_orders Study.static.history ContactLaw.iwan.chi ContactLaw.iwan.decades
@@ -144,17 +144,17 @@ NO_RANGE = {
     FACT: """
         Study.residual_slip_seed Study.excitation seed direction Study.gauge_stress.gauge Study.diff.other temperature
         lumped.locations lumped.response Contact.tangential Contact.tangential2 Contact.normal ContactLaw.bouc_wen.beta
-        ContactLaw.of_record.record missing Mistuning.seed build_model.axis build_model.radial build_model.sector_faces
-        build_model.fixed build_model.wheel build_model.stress ContactFaces.faces_a ContactFaces.faces_b Patches.frame
+        ContactLaw.of_record.record missing Mistuning.seed Placement.units Placement.axis Placement.radial Sector.faces
+        Sector.fixed Sector.blade_nodes Sector.stress ContactFaces.faces_a ContactFaces.faces_b Patches.frame
     """,
     EFFECT: """
         Study.speed Excitation.engine_order sample.distributions PeakTask.preload OptimalTask.preload frequency speeds omega
         rpm Study.frequency_sweep.rate microslip.forces Contact.mu PerArea.stiffness Mistuning.of.mistuning
-        build_model.origin
+        Placement.origin
         ContactFaces.gap ContactFaces.stiffness Patches.centre Patches.size
     """,
     MEASURED: """
-        reference build_model.expected_frequencies
+        reference Checks.expected_frequencies
     """,
     UNEXCITED: """
         nonlinear_mode.preload flutter.preload microslip.preload Study.static.preload Study.stuck.preload
@@ -298,8 +298,8 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     # import
     "Units.length": Range(1e-6, 1.0, "m", "millimetres in a metre suspected: the factor is 1e-3 for millimetres"),
     "Units.mass": Range(1e-9, 1e4, "kg", "grams in a kilogram suspected"),
-    "build_model.damping_ratio": DAMPING,
-    "build_model.elasticity": (Range(1e3, 2e12, "Pa or N/mm2", below="GPa suspected"), Range(0.0, 0.5)),
+    "Reduction.damping_ratio": DAMPING,
+    "Sector.elasticity": (Range(1e3, 2e12, "Pa or N/mm2", below="GPa suspected"), Range(0.0, 0.5)),
 }  # fmt: skip
 TABLE |= {name: reason for reason, names in NO_RANGE.items() for name in names.split()}
 

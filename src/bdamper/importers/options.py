@@ -1,0 +1,186 @@
+"""Options of an import: the sector, units and axes of the files, the reduction, and checks of the result."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.fem.local_basis import LocalSizes
+from bdamper.importers.fe_body import BOUNDS, UNITS, Units
+from bdamper.util import validation
+
+NodeSet = str | NDArray | list[int]
+"""Name of a set of nodes, or node numbers."""
+
+HARMONICS = 9
+"""Default number of harmonics that determine the nodal diameters of a model."""
+DAMPER_MODES = 16
+"""Default number of modes of a free body, including its six rigid ones."""
+
+
+def _units(name: str, units: object) -> Units:
+    return units if isinstance(units, Units) else UNITS[validation.choice(f"{name} (or Units(...))", units, sorted(UNITS))]
+
+
+def _two_sets(name: str, faces: Any) -> Any:
+    good = isinstance(faces, Sequence) and not isinstance(faces, str) and len(faces) == 2
+    validation.check_value(good, name, "two sets of nodes, the faces at which the sector repeats", faces)
+    return faces
+
+
+def _orders(name: str, orders: Any) -> tuple[int, ...]:
+    return validation.integers(name, np.atleast_1d(orders))
+
+
+def _frequencies(name: str, known: Any) -> Mapping[int, Sequence[float]]:
+    for d, values in validation.instance(name, known, Mapping, "a mapping").items():
+        validation.numbers(f"{name} at nodal diameter {d}", values, above=0.0, unit="Hz")
+    return known
+
+
+Direction = Annotated[Any, partial(validation.numbers, n=3)]
+Modes = Annotated[int, partial(validation.integer, least=1, most=BOUNDS.modes)]
+
+
+@validation.check_arguments
+@dataclass(frozen=True)
+class Sector(validation.Checked):
+    """Sector of a cyclic structure, or a whole structure: properties that its file lacks, and its sets of nodes.
+
+    Parameters
+    ----------
+    n_blades : int, optional
+        Number of sectors; 1 for a structure that does not repeat.  By default it follows from the faces.
+    faces : (set, set), optional
+        Faces at which the sector repeats, in either order.  By default they are found in the mesh.
+    fixed : set, optional
+        Clamped nodes.
+    blade_nodes : set, optional
+        All nodes of the blade up to the disk, which a model of mistuned bladed disks needs.
+    stress : set or mapping of name to set, optional
+        Nodes with stress (extra ``bdamper[fe]``).
+    elasticity : (Young's modulus, Poisson's ratio), optional
+        Elastic constants in the units of the file, which replace the constants of the file.
+
+    Raises
+    ------
+    SettingError
+        If a value has another type or is out of range.
+    """
+
+    n_blades: validation.Count | None = None
+    faces: Annotated[tuple[NodeSet, NodeSet], _two_sets] | None = None
+    fixed: NodeSet | None = None
+    blade_nodes: NodeSet | None = None
+    stress: NodeSet | Mapping[str, NodeSet] | None = None
+    elasticity: Annotated[Sequence[float], partial(validation.numbers, n=2)] | None = None
+
+
+@validation.check_arguments
+@dataclass(frozen=True)
+class Placement(validation.Checked):
+    """Units and axes of the files.
+
+    Parameters
+    ----------
+    units : str or Units
+        Name of a system in ``UNITS``, or factors.
+    axis : (3,) float
+        Axis of rotation, in the axes of the file.
+    radial : (3,) float
+        Direction from the axis of rotation to the blade, in the axes of the file.
+    origin : (3,) float
+        Point on the axis of rotation, in the axes and the unit of length of the file.
+
+    Raises
+    ------
+    SettingError
+        If axis and radial are not perpendicular, one of them is zero, or the units are unknown.
+    """
+
+    units: Annotated[Any, _units] = "m-kg-s"
+    axis: Direction = (0.0, 0.0, 1.0)
+    radial: Direction = (0.0, 1.0, 0.0)
+    origin: Direction = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        lengths = np.linalg.norm(self.axis) * np.linalg.norm(self.radial)
+        perpendicular = lengths > 0.0 and abs(self.axis @ self.radial) <= BOUNDS.axes * lengths
+        found = f"{self.axis.tolist()} and {self.radial.tolist()}"
+        validation.check(perpendicular, "axis and radial", "two directions at right angles", found)
+
+    @cached_property
+    def rotation(self) -> NDArray:
+        """Axes X, Y, Z of the model as rows (3, 3), in the axes of the file."""
+        z, y = (direction / np.linalg.norm(direction) for direction in (self.axis, self.radial))
+        return np.array([np.cross(y, z), y, z])
+
+
+@validation.check_arguments
+@dataclass(frozen=True)
+class Reduction(validation.Checked):
+    """Nodal diameters and modes of a model.
+
+    Parameters
+    ----------
+    engine_order : int or sequence of int, optional
+        Engine orders, which determine the nodal diameters with ``harmonics``.
+    harmonics : int, optional
+        Number of harmonics; by default 9, and the nodal diameters of a time integration.
+    nodal_diameters : sequence of int, optional
+        Nodal diameters (0 to N/2, 0 is added), which replace the nodal diameters of the engine orders.
+    n_modes : int
+        Modes of the sector at each nodal diameter.
+    n_damper_modes : int or mapping of name to int
+        Modes of free bodies, including six rigid ones.
+    damping_ratio : float
+        Damping ratio of elastic modes.
+    local_sizes : LocalSizes
+        Sizes of the basis for mistuned bladed disks.
+
+    Raises
+    ------
+    SettingError
+        If a value has another type or is out of range.
+    """
+
+    engine_order: Annotated[int | Sequence[int], _orders] | None = None
+    harmonics: Annotated[int, partial(validation.integer, least=1, most=64)] | None = None
+    nodal_diameters: Annotated[Sequence[int], validation.integers] | None = None
+    n_modes: Modes = 40
+    n_damper_modes: Annotated[
+        int | Mapping[str, int], validation.each(partial(validation.integer, least=6, most=BOUNDS.modes))
+    ] = DAMPER_MODES
+    damping_ratio: validation.Share = 0.002
+    local_sizes: LocalSizes = LocalSizes()
+
+
+@validation.check_arguments
+@dataclass(frozen=True)
+class Checks(validation.Checked):
+    """Checks of an import.
+
+    Parameters
+    ----------
+    expected_frequencies : mapping of nodal diameter to frequencies (Hz), optional
+        Results of another program, compared to 1 %.
+    strict : bool
+        Whether a failed comparison (also with modes of a file) is an error.
+    check_units : bool
+        Whether implausible sizes, densities and frequencies are errors.
+
+    Raises
+    ------
+    SettingError
+        If a value has another type or is out of range.
+    """
+
+    expected_frequencies: Annotated[Mapping[int, Sequence[float]], _frequencies] | None = None
+    strict: bool = False
+    check_units: bool = True

@@ -1,0 +1,105 @@
+"""Stress of an imported blade at sets of nodes: which elements, constants and nodes take part."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.fem.contact_patches import Patches
+from bdamper.importers.contact_faces import LaidContacts
+from bdamper.importers.fe_body import ElementKind
+from bdamper.importers.options import Sector
+from bdamper.importers.prepared_body import PreparedBody, Ring
+from bdamper.model.structure import turn
+from bdamper.util import validation
+from bdamper.util.errors import import_extra
+
+if TYPE_CHECKING:
+    from bdamper.fem.element_stress import Solids, StressRows
+
+
+def stress_rows(
+    body: PreparedBody, sector: Sector, laid: LaidContacts, ring: Ring
+) -> list[StressRows]:
+    """Return the rows that recover the stress at sets of nodes of a blade.
+
+    Parameters
+    ----------
+    body : PreparedBody
+    sector : Sector
+        With the node sets; a single name is the name of the stress set as well.
+    laid : LaidContacts
+    ring : Ring
+
+    Returns
+    -------
+    list of StressRows
+
+    Raises
+    ------
+    ModelError, SettingError
+        If a set does not exist, the body has no matrices, or an element has no elastic constants.
+    BdamperError
+        If scikit-fem is not installed.
+    """
+    if (sets := sector.stress) is None:
+        return []
+    import_extra("skfem", "stress of an import", "fe")
+    from bdamper.fem.element_stress import StressRows, near_patches
+
+    validation.check(
+        body.has_matrices, "stress", "a blade with its matrices", "modes alone; give StressSet arrays instead"
+    )
+    named = sets if isinstance(sets, Mapping) else {sets if isinstance(sets, str) else "stress": sets}
+    faces = [
+        Patches(face.points @ back.T, face.frame @ back.T, np.sqrt(face.area)[:, None] * [1.0, 1.0])
+        for face, side in ((laid.interfaces[name], side) for name, side in laid.ports[body.name])
+        for back in [turn(-2.0 * np.pi / ring.faces.n_sectors * (face.sector_a if side == "a" else face.sector_b))]
+    ]
+    out = []
+    for name, members in named.items():
+        item = f"stress '{name}'"
+        nodes = _away_from_cuts(body, body.node_set(members, item), ring, item)
+        solids = _solids(body, nodes, sector.elasticity, item)
+        near = near_patches(body.nodes[nodes], *faces) | np.isin(nodes, laid.rows[body.name].indices // 3)
+        with body.refusing(item, "elements with volume and all nodes between corners"):
+            out.append(StressRows(name, solids, body.nodes, nodes, near))
+        body.passed(f"{item}: {len(nodes)} nodes, {int(near.sum())} of them next to a contact face")
+    return out
+
+
+def _away_from_cuts(body: PreparedBody, nodes: NDArray, ring: Ring, item: str) -> NDArray:
+    """Return the nodes off the sector faces, since all elements of these are within the sector."""
+    inner = nodes[~np.isin(nodes, ring.faces.nodes)]
+    body.require(len(inner) > 0, item, "nodes away from the faces at which the sector repeats", "none")
+    if len(inner) < len(nodes):
+        body.report.missing.append(f"{item}: {len(nodes) - len(inner)} nodes on the sector faces are left out")
+    loose = np.setdiff1d(inner, body.used if body.elements else np.empty(0, int))
+    if len(loose):
+        raise body.error(item, "nodes of solid elements", f"node {body.raw.numbers[loose[0]]} without any")
+    return inner
+
+
+def _solids(body: PreparedBody, nodes: NDArray, constants: Sequence[float] | None, item: str) -> tuple[Solids, ...]:
+    """Return the elements at nodes, with elastic constants in SI units."""
+    from bdamper.fem.element_stress import Solids
+
+    kinds = body.raw.element_kinds or tuple(ElementKind(f"C3D{e.shape[1]}") for e in body.elements)
+    n = len(body.elements)
+    body.require(len(kinds) == n, "element_kinds", f"one for each of {n} arrays", len(kinds))
+    modulus, out = body.placement.units.mass / body.placement.units.length, []
+    for kind, elements in zip(kinds, body.elements):
+        if not np.isin(elements, nodes).any():
+            continue
+        young, poisson = constants if constants is not None else (kind.youngs_modulus, kind.poisson_ratio)
+        if young is None or poisson is None:
+            expected = "elastic constants in the file, or elasticity=(Young's modulus, Poisson's ratio) in its units"
+            raise body.error(f"{item}, elements {kind.name}", expected, "neither")
+        if not (young > 0.0 and -1.0 < poisson < 0.5):
+            expected = "a modulus > 0 and a Poisson's ratio above -1 and below 0.5"
+            raise body.error(f"{item}, elasticity", expected, f"{young:g}, {poisson:g}")
+        out.append(Solids(kind.name, elements, modulus * float(young), float(poisson)))
+    return tuple(out)
