@@ -36,7 +36,7 @@ from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.result_checks import asked
 from bdamper.harmonic_balance.settings import Settings, settings_of
 from bdamper.model.loads import Excitation
-from bdamper.model.model_file import new_group, read_model, write_model
+from bdamper.model.model_file import read_model, write_model
 from bdamper.model.structure import Model
 from bdamper.model.validation import check_model, check_model_once
 from bdamper.response import highest_peak, response_curve_result, sensitivity
@@ -389,11 +389,11 @@ class Study(Comparable):
         """
         check_model_once(self.model)
         settings = self.problem.record() | ({"contact_stiffness": None} if self.settings.contact_stiffness is None else {})
-        with write_hdf5(path, track_order=True) as file:
+        with write_hdf5(path) as file:
             file.attrs.update({"format": FORMAT, "version": 1, "model_hash": self.model.hash, **INSTALLED.attributes()})
             file["settings"] = json.dumps(settings)
             if include_model:
-                write_model(new_group(file, "model"), self.model)
+                write_model(file.create_group("model", track_order=True), self.model)
 
 
 FORMAT = "bdamper-study"

@@ -1,141 +1,30 @@
 """Type, shape and size of the data of a model, checked with one error that names the item.
 
-The annotated types of the classes of a model define its data (:class:`Data`).  :func:`check_record` checks a record by
-them, and :mod:`bdamper.model.model_file` reads and writes files by them.
+The annotated types of the classes of a model define its data (:class:`bdamper.util.records.Data`).  :func:`check_record`
+checks a record by them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import MISSING, dataclass, fields, is_dataclass
-from functools import cache
-from typing import Any, Literal, NamedTuple, cast, get_args, get_origin
+from collections.abc import Mapping
+from typing import Literal, cast, get_args, get_origin
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.util.errors import check as check
 from bdamper.util.errors import mismatch
-from bdamper.util.validation import Limits, declarations
+from bdamper.util.records import TYPES, Data, Item, Kind, Shape, layout
+from bdamper.util.validation import Limits
 
 SINGLE, ROUNDING = 1e-6, 1e-8
 """Relative tolerances: for data that are often in single precision (normals, modes), and for the rounding of a large
 factorisation.
 """
 
-ANY = Limits()
 DAMPING = Limits(least=0.0, below=1.0)
-TYPES = {
-    "real": ("f", "real numbers"),
-    "field": ("fc", "real or complex numbers"),
-    "picture": ("fc", "real or complex numbers"),
-    "integer": ("iu", "integers"),
-    "bool": ("b", "booleans"),
-}
-"""Type letters of NumPy and description of each ``kind`` of :class:`Data`."""
-Kind = Callable[..., Any]
-"""Class of a part of a model."""
-Shape = tuple[int | str | None, ...]
 Sizes = dict[str, int | None]
 """Sizes by name; None if unknown."""
-
-
-@dataclass(frozen=True)
-class Data:
-    """Mark of a field in its annotated type: storage in a file, and checks.
-
-    Parameters
-    ----------
-    units : str
-        Units of a dataset in a file.  A number without units is an attribute.
-    shape : tuple of int, str or None
-        A named size has one value within a record; None is any size.
-    kind : {"real", "field", "picture", "integer", "bool"}
-        Type of the numbers.  A field is real or complex.  So is a picture, in single precision in files.
-    file : str
-        Path in a file, by default the name of the field.  A star is replaced by the key of a mapping ("nd000" for nodal
-        diameter 0), or by each port of a body.
-    limits : Limits
-        Limits of all numbers.
-    matrix : {"", "symmetric", "Hermitian", "skew-Hermitian"}
-    derived : bool
-        Whether a file may omit it, since it follows from other data.
-    """
-
-    units: str = ""
-    shape: Shape = ()
-    kind: Literal["real", "field", "picture", "integer", "bool"] = "real"
-    file: str = ""
-    limits: Limits = ANY
-    matrix: Literal["", "symmetric", "Hermitian", "skew-Hermitian"] = ""
-    derived: bool = False
-
-
-class Item(NamedTuple):
-    """Field of a class of the model.
-
-    Parameters
-    ----------
-    name : str
-    kind : type
-        Type of the field, or of the values of its mapping.
-    keys : type or None
-        Type of the keys, if the field is a mapping.
-    optional, required : bool
-        Whether it may be None, and whether every file must contain it.
-    data : Data
-    """
-
-    name: str
-    kind: Any
-    keys: type | None
-    optional: bool
-    required: bool
-    data: Data
-
-    @property
-    def file(self) -> str:
-        """Path in a file."""
-        return self.data.file or (f"{self.name}/*" if self.keys else self.name)
-
-    @property
-    def is_record(self) -> bool:
-        return is_dataclass(self.kind)
-
-    @property
-    def is_attribute(self) -> bool:
-        """Whether it is an attribute in a file."""
-        return not (self.is_record or self.kind is np.ndarray or self.data.units)
-
-    def place(self, key: object = "") -> str:
-        """Return the path of the value of a key in a file, without the names of ports."""
-        return self.file.replace("*", member(key)).rstrip("/")
-
-
-def member(key: object) -> str:
-    """Return the name of a key of a mapping in a file: "nd005" for nodal diameter 5."""
-    return f"nd{key:03d}" if isinstance(key, int | np.integer) else str(key)
-
-
-@cache
-def layout(cls: Kind) -> tuple[Item, ...]:
-    """Return the fields of a class of the model, without its name."""
-    return tuple(_item(cls, f) for f in fields(cast(Any, cls)) if f.name != "name")
-
-
-def _item(cls: Kind, field: Any) -> Item:
-    kind, optional, _ = declared = declarations(cls)[field.name]
-    data = declared.mark(Data) or Data()
-    keys, kind = get_args(kind) if get_origin(kind) is Mapping else (None, kind)
-    if np.ndarray is get_origin(kind) or NDArray in (kind, get_origin(kind)):  # the alias has an origin up to Python 3.11
-        kind = np.ndarray
-    item = Item(field.name, kind, keys, optional, False, data)
-    default = field.default is not MISSING or field.default_factory is not MISSING
-    return item._replace(required=not (optional or data.derived or (default and not item.is_attribute)))
-
-
-def by_rank(cls: Kind) -> list[Item]:
-    """Return the fields sorted: vectors (they show sizes), other arrays, arrays with one part per port, records."""
-    return sorted(layout(cls), key=lambda i: (i.is_record, len(i.data.shape) > 1, i.keys is not None or "*" not in i.file))
 
 
 # ---- Records ----
@@ -156,7 +45,8 @@ def check_record(record: object, kind: Kind, item: str, sizes: Sizes | None = No
     """
     check_type(record, cast(type, kind), item)
     known = dict(sizes or {})
-    for field in by_rank(kind):
+    # vectors show the named sizes
+    for field in sorted(layout(kind), key=lambda field: (len(field.data.shape) > 1, field.keys is not None)):
         value = getattr(record, field.name)
         if field.is_record or (value is None and field.optional):
             continue
@@ -212,11 +102,6 @@ def learn(shape: Shape, found: tuple[int, ...], sizes: Sizes) -> None:
 
 
 # ---- Values ----
-
-
-def check(good: object, item: str, expected: str, found: object) -> None:
-    if not good:
-        raise mismatch(item, expected, found)
 
 
 def check_integer(value: object, item: str) -> None:
