@@ -52,7 +52,8 @@ from bdamper.util.display import Comparable, Fact
 from bdamper.util.errors import INTERRUPTED, BdamperError, SettingError
 from bdamper.util.formatting import UNITS, aligned, short_repr, spaced, text_of
 from bdamper.util.progress import one_thread
-from bdamper.util.storage import INSTALLED, FilePath, load, read_hdf5, register_reader, write_hdf5
+from bdamper.util.records import read_attribute
+from bdamper.util.storage import INSTALLED, FilePath, read_hdf5, register_reader, write_hdf5
 
 S = ParamSpec("S")
 P = ParamSpec("P")
@@ -421,12 +422,9 @@ def load_study(path: FilePath, model: Model | None = None) -> Study:
         If the file contains no study, or the model is missing or different.
     """
     with read_hdf5(path, "a study or a result") as file:
-        digest = str(file.attrs.get("model_hash", ""))
+        digest = read_attribute(file, "model_hash") if "model_hash" in file.attrs else ""
         settings = json.loads(file["settings"][()]) if digest else {}
         own = read_model(file["model"]) if digest and "model" in file else None
-    if not digest:
-        result = load(path)
-        settings, digest = getattr(result, "settings", {}), getattr(result, "model_hash", "")
     if "excitation" not in settings:
         raise BdamperError(f"{path}: expected a study or its result, found a file without settings")
     if own is not None:

@@ -16,7 +16,8 @@ from typing import Any
 import h5py
 import numpy as np
 
-from bdamper.model.fields import check, check_array
+from bdamper.model.fields import Sizes, check, check_record
+from bdamper.model.rotation import SpeedBasis
 from bdamper.model.structure import ModalBasis, Model
 from bdamper.model.validation import as_checked, check_model
 from bdamper.util.errors import ModelError
@@ -132,16 +133,16 @@ def _without_derived(basis: ModalBasis) -> ModalBasis:
 
 def _with_derived(basis: ModalBasis, at: str) -> ModalBasis:
     """Derive the matrices at standstill that are missing."""
-    speed, size = basis.speed, (basis.omega2.size,) * 2
+    speed, sizes = basis.speed, Sizes(n_forces=3 * sum(np.shape(basis.contact_modes)[:1]))
     if speed is None:
         return basis
-    residual0, residual2, flexibility = speed.residual0, speed.residual2, basis.flexibility
+    check_record(basis, ModalBasis, at, sizes)
+    residual0, residual2 = speed.residual0, speed.residual2
     check(residual2 is not None or residual0 is None, f"{at}/speed/residual2", "this dataset if there is residual0", "nothing")
-    check_array(speed.stiffness2, size, f"{at}/speed/stiffness2", "field")
-    if residual2 is not None and residual0 is None:
-        expected = "this dataset where the basis has no flexibility"
-        check(flexibility is not None, f"{at}/speed/residual0", expected, "nothing")
-        check_array(residual2, np.shape(flexibility), f"{at}/speed/residual2", "field")
+    derivable = residual2 is None or residual0 is not None or basis.flexibility is not None
+    check(derivable, f"{at}/speed/residual0", "this dataset where the basis has no flexibility", "nothing")
+    known = replace(speed, stiffness0=speed.stiffness2, residual0=residual2)
+    check_record(known, SpeedBasis, f"{at}/speed", {**sizes, "n_modes": basis.n_modes})
     derived: Any = basis.with_speed(speed.stiffness2, residual2, speed.omega_ref).speed
     missing = {key: getattr(derived, key) for key in ("stiffness0", "residual0") if getattr(speed, key) is None}
     return replace(basis, speed=replace(speed, **missing))
