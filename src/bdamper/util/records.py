@@ -153,6 +153,7 @@ def _item(cls: Kind, field: Any) -> Item:
     if np.ndarray is get_origin(kind) or NDArray in (kind, get_origin(kind)):  # the alias has an origin up to Python 3.11
         kind = np.ndarray
     data = declared.mark(Data) or Data()
+    optional = optional or kind is Any
     default = field.default is not MISSING or field.default_factory is not MISSING
     return Item(field.name, kind, keys, optional, not (optional or data.derived or (default and keys)), data)
 
