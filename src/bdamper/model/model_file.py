@@ -138,7 +138,8 @@ def _with_derived(basis: ModalBasis, at: str) -> ModalBasis:
         return basis
     check_record(basis, ModalBasis, at, sizes)
     residual0, residual2 = speed.residual0, speed.residual2
-    check(residual2 is not None or residual0 is None, f"{at}/speed/residual2", "this dataset if there is residual0", "nothing")
+    paired = residual2 is not None or residual0 is None
+    check(paired, f"{at}/speed/residual2", "this dataset if there is residual0", "nothing")
     derivable = residual2 is None or residual0 is not None or basis.flexibility is not None
     check(derivable, f"{at}/speed/residual0", "this dataset where the basis has no flexibility", "nothing")
     known = replace(speed, stiffness0=speed.stiffness2, residual0=residual2)

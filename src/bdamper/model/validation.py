@@ -36,13 +36,13 @@ from bdamper.model.fields import (
     check_record,
     check_type,
     is_positive_definite,
-    layout,
 )
 from bdamper.model.kinematics import RIGID_NAMES
 from bdamper.model.modal_basis import LocalBasis, rigid_motions
 from bdamper.model.rotation import SpeedBasis, SpinStatic
 from bdamper.model.structure import Body, BodyLoad, Interface, ModalBasis, Model, StressSet, turn
 from bdamper.util.errors import mismatch
+from bdamper.util.records import layout
 
 N_RIGID = len(RIGID_NAMES)
 RIGID_TOLERANCE = 1e-5

@@ -1,10 +1,10 @@
 """Records in HDF5: dataclasses described by the annotated types of their fields.
 
-A :class:`Record` is a group.  Numbers and texts are attributes, arrays are datasets, mappings and nested records are groups,
-and all other values are texts in JSON.  A field that is None is omitted.  :class:`Data` sets units, type and path of a field.
+A :class:`Record` is a group.  Numbers and texts are attributes, arrays are datasets, mappings and nested records are
+groups, and all other values are texts in JSON.  A field that is None is omitted.  :class:`Data` sets units, type and path.
 
-:func:`read_record` rejects unknown names, since a misspelt optional dataset would have no effect, and links to other places,
-external storage and virtual datasets, since a file must contain all its data.  Additional attributes are ignored.
+:func:`read_record` rejects unknown names, since a misspelt optional dataset would have no effect.  It also rejects links to
+other places, external storage and virtual datasets, since a file must contain all its data.  It ignores other attributes.
 """
 
 from __future__ import annotations
@@ -39,6 +39,7 @@ TYPES = {
 Kind = Callable[..., Any]
 """Class of a record."""
 Shape = tuple[int | str | None, ...]
+ANY = Limits()
 _SINGLE = {"f": np.float32, "c": np.complex64}
 _NATIVE = {"f": np.float64, "c": np.complex128, "i": np.int64, "u": np.int64, "b": np.bool_}
 _DIAMETER = re.compile(r"nd(\d{3,9})", re.ASCII)
@@ -79,7 +80,7 @@ class Data:
     shape: Shape = ()
     kind: Literal["real", "field", "picture", "integer", "bool"] = "real"
     file: str = ""
-    limits: Limits = Limits()
+    limits: Limits = ANY
     matrix: Literal["", "symmetric", "Hermitian", "skew-Hermitian"] = ""
     derived: bool = False
 
@@ -127,7 +128,7 @@ class Item(NamedTuple):
     @property
     def is_attribute(self) -> bool:
         """Whether it is an attribute in a file: a number, a text, or names with dots."""
-        plain = self.kind in (int, float, str) or get_origin(self.kind) is Literal or self.kind == tuple[tuple[str, str], ...]
+        plain = self.kind in (int, float, str, tuple[tuple[str, str], ...]) or get_origin(self.kind) is Literal
         return plain and not self.data.units
 
     def place(self, key: object = "") -> str:
@@ -187,9 +188,10 @@ def _write(group: h5py.Group, path: str, value: Any, item: Item) -> None:
     elif item.is_attribute:
         write_text(owner, name, value if isinstance(value, str) else [".".join(names) for names in value])
     else:
-        several = isinstance(value, tuple) and any(map(is_dataclass, value))
-        plain = [asdict(part) for part in value] if several else asdict(value) if is_dataclass(value) else value
-        owner[name] = json.dumps(plain, default=to_json)
+        plain: Any = asdict  # also of a dataclass in a tuple; in mappings it becomes its text
+        if isinstance(value, tuple):
+            value = [plain(part) if is_dataclass(part) else part for part in value]
+        owner[name] = json.dumps(plain(value) if is_dataclass(value) else value, default=to_json)
 
 
 def new_group(group: h5py.Group, path: str) -> h5py.Group:
@@ -235,7 +237,7 @@ def read_record(group: h5py.Group, kind: Kind) -> Any:
         value = _read_members(group, item) if item.keys else _read(group, item.file, item)
         if value is None and item.required:
             _fail_missing(group, item)
-        if value is not None or item.kind is np.ndarray and item.data.derived:
+        if value is not None or (item.kind is np.ndarray and item.data.derived):
             values[item.name] = value
     record = kind(**values)
     record.check_rows()
@@ -258,9 +260,9 @@ def _read_members(group: h5py.Group, item: Item) -> Any:
         names = {int(found[1]): name for name in names if (found := _DIAMETER.fullmatch(name))}
     elif item.keys is tuple:
         names = dict(sorted((int(name), name) for name in names))
-    found = {key: _read(parent, name + tail, item) for key, name in names.items()}
-    found = {key: value for key, value in found.items() if value is not None}
-    return tuple(found.values()) if item.keys is tuple else found
+    parts = {key: _read(parent, name + tail, item) for key, name in names.items()}
+    parts = {key: value for key, value in parts.items() if value is not None}
+    return tuple(parts.values()) if item.keys is tuple else parts
 
 
 def _read(group: h5py.Group, path: str, item: Item) -> Any:

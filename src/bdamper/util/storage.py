@@ -1,8 +1,8 @@
 """Result files.
 
 A result is a frozen dataclass that derives from :class:`Storable` with the name of its format.  An HDF5 file contains its
-fields (:mod:`bdamper.util.records`) and the versions of bdamper, NumPy and SciPy that computed it.  :func:`load` reads every
-format.
+fields (:mod:`bdamper.util.records`) and the versions of bdamper, NumPy and SciPy that computed it.  :func:`load` reads
+every format.
 
 :class:`ResultsFile` stores the finished parts of long work, so that interrupted work can continue.  Each part (a point of a
 sweep, a peak of an optimal curve) is appended as a line of JSON and forced to disk.  A killed process leaves at most an
