@@ -7,14 +7,14 @@ checks a record by them.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal, cast, get_args, get_origin
+from typing import Any, Literal, cast, get_args, get_origin
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.util.errors import check as check
 from bdamper.util.errors import mismatch
-from bdamper.util.records import TYPES, Data, Item, Kind, Shape, layout
+from bdamper.util.records import TYPES, Data, Item, Kind, layout
 from bdamper.util.validation import Limits
 
 SINGLE, ROUNDING = 1e-6, 1e-8
@@ -50,55 +50,46 @@ def check_record(record: object, kind: Kind, item: str, sizes: Sizes | None = No
         value = getattr(record, field.name)
         if field.is_record or (value is None and field.optional):
             continue
-        if field.is_attribute:
-            _check_attribute(value, field, f"{item}/@{field.file}")
-            continue
         if field.keys is not None:
             check_type(value, Mapping, f"{item}/{field.place()}")
+        sign = "@" if field.is_attribute else ""
         for key, part in value.items() if field.keys is not None else (("", value),):
-            _check_data(part, field, f"{item}/{field.place(key)}", known)
+            _check_value(part, field, f"{item}/{sign}{field.place(key)}", known)
 
 
-def _check_attribute(value: object, field: Item, item: str) -> None:
-    if field.kind is int:
+def _check_value(value: Any, field: Item, item: str, sizes: Sizes) -> None:
+    kind, limits = field.kind, field.data.limits
+    if kind is np.ndarray:
+        _check_array(value, field.data, item, sizes)
+    elif kind is int:
         check_integer(value, item)
-    elif field.kind is float:
-        _check_number(value, field.data, item)
-    elif field.kind is str:
+    elif kind is float:
+        good = isinstance(value, int | float | np.floating) and np.isfinite(value) and limits.hold(float(value))
+        check(good, item, f"a finite number {limits}", repr(value))
+    elif kind is str:
         check(isinstance(value, str), item, "a text", repr(value))
-    elif get_origin(field.kind) is Literal:
-        check(value in get_args(field.kind), item, f"one of {list(get_args(field.kind))}", repr(value))
+    elif get_origin(kind) is Literal:
+        check(value in get_args(kind), item, f"one of {list(get_args(kind))}", repr(value))
 
 
-def _check_number(value: object, data: Data, item: str) -> None:
-    good = isinstance(value, int | float | np.floating) and np.isfinite(value) and data.limits.hold(float(value))
-    check(good, item, f"a finite number {data.limits}", repr(value))
-
-
-def _check_data(array: object, field: Item, item: str, sizes: Sizes) -> None:
-    data = field.data
-    if field.kind is float:
-        _check_number(array, data, item)
-        return
-    check_array(array, known_shape(data.shape, sizes), item, data.kind)
-    assert isinstance(array, np.ndarray)
-    learn(data.shape, array.shape, sizes)
+def _check_array(array: Any, data: Data, item: str, sizes: Sizes) -> None:
+    """Check type, shape, finiteness, limits and symmetry; add the named sizes of the array to ``sizes``."""
+    check(isinstance(array, np.ndarray), item, "a NumPy array", f"a {type(array).__name__}")
+    letters, words = TYPES[data.kind]
+    double = array.dtype in (np.float64, np.complex128) or "f" not in letters
+    expected = f"{words} in double precision" if "f" in letters else words
+    check(double and array.dtype.kind in letters, item, expected, f"dtype {array.dtype}")
+    shape = [sizes.get(n) if isinstance(n, str) else n for n in data.shape]  # None is any size
+    fits = len(shape) == array.ndim and all(n in (None, found) for n, found in zip(shape, array.shape))
+    text = ", ".join("any" if n is None else str(n) for n in shape)
+    check(fits, item, f"shape ({text},)" if len(shape) == 1 else f"shape ({text})", array.shape)
+    for name, size in zip(data.shape, array.shape):
+        sizes.setdefault(str(name), size)
+    check_all(np.isfinite(array), array, "finite numbers", item)
     if str(data.limits):
         check_all(data.limits.hold(array), array, f"numbers {data.limits}", item)
     if data.matrix:
         check_hermitian(1j * array if data.matrix == "skew-Hermitian" else array, item, data.matrix)
-
-
-def known_shape(shape: Shape, sizes: Sizes) -> tuple[int | None, ...]:
-    """Replace the names in a shape by known sizes, and by None if unknown."""
-    return tuple(sizes.get(n) if isinstance(n, str) else n for n in shape)
-
-
-def learn(shape: Shape, found: tuple[int, ...], sizes: Sizes) -> None:
-    """Add the named sizes of an array of shape ``found``."""
-    for name, size in zip(shape, found):
-        if isinstance(name, str):
-            sizes.setdefault(name, size)
 
 
 # ---- Values ----
@@ -110,29 +101,6 @@ def check_integer(value: object, item: str) -> None:
 
 def check_type(value: object, expected: type, item: str) -> None:
     check(isinstance(value, expected), item, f"a {expected.__name__}", f"a {type(value).__name__}")
-
-
-def check_array(array: object, shape: tuple[int | None, ...], item: str, kind: str = "real") -> None:
-    """Check type, shape (None is any size) and finiteness."""
-    if not isinstance(array, np.ndarray):
-        raise mismatch(item, "a NumPy array", f"a {type(array).__name__}")
-    letters, words = TYPES[kind]
-    double = array.dtype in (np.float64, np.complex128) or "f" not in letters
-    expected = f"{words} in double precision" if "f" in letters else words
-    check(double and array.dtype.kind in letters, item, expected, f"dtype {array.dtype}")
-    check(fits(array.shape, shape), item, f"shape {shape_text(shape)}", array.shape)
-    check_all(np.isfinite(array), array, "finite numbers", item)
-
-
-def fits(found: tuple[int, ...], expected: tuple[int | None, ...]) -> bool:
-    """Return whether a shape has the expected sizes; None is any size."""
-    return len(found) == len(expected) and all(e in (None, f) for e, f in zip(expected, found))
-
-
-def shape_text(shape: tuple[int | None, ...]) -> str:
-    """Return a shape as text, with "any" for None."""
-    sizes = ", ".join("any" if n is None else str(n) for n in shape)
-    return f"({sizes},)" if len(shape) == 1 else f"({sizes})"
 
 
 def check_all(good: NDArray, array: NDArray, expected: str, item: str) -> None:

@@ -100,7 +100,7 @@ def read_model(file: h5py.Group) -> Model:
     found = f"'{stored}': bd.load reads results" if stored.startswith("bdamper-") else f"'{stored}'"
     check(stored == FORMAT, place(file, "@format"), f"'{FORMAT}'", found)
     version = read_attribute(file, "version", int)
-    check(version == VERSION, place(file, "@version"), f"{VERSION}", f"{version}")
+    check(version == VERSION, place(file, "@version"), f"{VERSION}", f"{version}; make the model again")
     check_text(file, "time_convention", TIME_CONVENTION)
     check_text(file, "phase_convention", PHASE_CONVENTION)
     axis = np.asarray(file.attrs.get("axis", "nothing"))

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.util.errors import check
-from bdamper.util.validation import Limits, declarations
+from bdamper.util.validation import Limits, declarations, suggest_name
 
 MOST_EXPANDED = 1100
 """Largest possible ratio of compression: deflate reaches 1032, a larger ratio indicates damage."""
@@ -283,7 +283,7 @@ def _check_names(group: h5py.Group, paths: Iterable[str]) -> None:
         check_link(group, name)
         below = [rest for head, rest in known if head in (name, "*") or (head == "nd000" and _DIAMETER.fullmatch(name))]
         names = list(dict.fromkeys(head for head, _ in known))
-        check(below, place(group, name), f"no other names than {names}", "this one")
+        check(below, place(group, name), f"no other names than {names}", f"this one{suggest_name(name, names)}")
         if any(below):
             _check_names(subgroup(group, name), below)
 
@@ -311,7 +311,7 @@ def _read_dataset(group: h5py.Group, name: str, item: Item) -> Any:
         return from_json(item.kind, json.loads(dataset[()])) if text else dataset[()]
     letters, words = TYPES[data.kind]
     check(dataset.dtype.kind in letters, at, words, f"data of type {dataset.dtype}")
-    check_text(dataset, "units", data.units)
+    check_text(dataset, "units", data.units, "; convert the numbers")
     array = np.asarray(dataset[()])
     array = array.astype(_NATIVE[array.dtype.kind], copy=False)
     check(item.kind is not float or array.shape == (), at, "shape ()", f"{array.shape}")
@@ -329,9 +329,9 @@ def _check_storage(dataset: h5py.Dataset, item: str) -> None:
     check(within, item, f"{wanted} bytes for shape {dataset.shape}", f"{stored} bytes in the file")
 
 
-def check_text(owner: h5py.Group | h5py.Dataset, name: str, expected: str) -> None:
+def check_text(owner: h5py.Group | h5py.Dataset, name: str, expected: str, cure: str = "") -> None:
     found = read_attribute(owner, name)
-    check(found == expected, place(owner, f"@{name}"), f"'{expected}'", f"'{found}'")
+    check(found == expected, place(owner, f"@{name}"), f"'{expected}'", f"'{found}'{cure}")
 
 
 def read_attribute(owner: h5py.Group | h5py.Dataset, name: str, kind: Any = str) -> Any:

@@ -249,7 +249,7 @@ def _read(cls: type[Storable], path: FilePath) -> Any:
         found = read_attribute(file, "version", int)
         if found != VERSION:
             expected = f"version {VERSION} of the format '{cls._format}'"
-            raise BdamperError(f"{path}: expected {expected}, found version {found}, {_written_by(file)}")
+            raise BdamperError(f"{path}: expected {expected}, found version {found}, {_written_by(file)}; compute it again")
         try:
             return read_record(file, cls)
         except SettingError as error:  # invalid fields
