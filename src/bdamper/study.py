@@ -52,7 +52,7 @@ from bdamper.util.display import Comparable, Fact
 from bdamper.util.errors import INTERRUPTED, BdamperError, SettingError
 from bdamper.util.formatting import UNITS, aligned, short_repr, spaced, text_of
 from bdamper.util.progress import one_thread
-from bdamper.util.records import read_attribute
+from bdamper.util.records import new_group, read_attribute
 from bdamper.util.storage import INSTALLED, FilePath, read_hdf5, register_reader, write_hdf5
 
 S = ParamSpec("S")
@@ -394,7 +394,7 @@ class Study(Comparable):
             file.attrs.update({"format": FORMAT, "version": 1, "model_hash": self.model.hash, **INSTALLED.attributes()})
             file["settings"] = json.dumps(settings)
             if include_model:
-                write_model(file.create_group("model", track_order=True), self.model)
+                write_model(new_group(file, "model"), self.model)
 
 
 FORMAT = "bdamper-study"

@@ -334,7 +334,7 @@ def check_text(owner: h5py.Group | h5py.Dataset, name: str, expected: str, cure:
     check(found == expected, place(owner, f"@{name}"), f"'{expected}'", f"'{found}'{cure}")
 
 
-def read_attribute(owner: h5py.Group | h5py.Dataset, name: str, kind: Any = str) -> Any:
+def read_attribute(owner: h5py.Group | h5py.Dataset, name: str, kind: object = str) -> Any:
     """Read one text (by default), one number, or names with dots as tuples of texts."""
     at = place(owner, f"@{name}")
     check(name in owner.attrs, at, "this attribute", "nothing")
@@ -343,7 +343,7 @@ def read_attribute(owner: h5py.Group | h5py.Dataset, name: str, kind: Any = str)
         letters, expected = ("iu", "one integer") if kind is int else ("fiu", "one number")
         number = np.asarray(value)
         check(number.dtype.kind in letters and number.size == 1, at, expected, repr(value))
-        return kind(number.item())
+        return number.item() if kind is int else float(number.item())
     if get_origin(kind) is tuple:
         return tuple(tuple(_text(part, at).rsplit(".", 1)) for part in np.atleast_1d(value).ravel())
     return _text(value, at)
@@ -362,8 +362,12 @@ def _text(value: Any, item: str) -> str:
 # ---- JSON ----
 
 
-def from_json(hint: Any, value: Any) -> Any:
+def from_json(hint: object, value: object) -> Any:
     """Convert a value read from JSON to the annotated type of its field."""
+    return _from_json(hint, value)
+
+
+def _from_json(hint: Any, value: Any) -> Any:
     origin, inner = get_origin(hint), get_args(hint)
     if value is None or hint is Any or origin in (dict, Mapping):
         return value
@@ -371,17 +375,17 @@ def from_json(hint: Any, value: Any) -> Any:
         return value["real"] + 1j * np.array(value["imag"]) if isinstance(value, Mapping) else np.array(value)
     if origin is tuple:
         kinds = inner[:1] * len(value) if inner[-1] is ... else inner
-        return tuple(from_json(kind, item) for kind, item in zip(kinds, value))
+        return tuple(_from_json(kind, item) for kind, item in zip(kinds, value))
     if isinstance(hint, InitVar):
-        return from_json(hint.type, value)
+        return _from_json(hint.type, value)
     if origin in (Union, UnionType):
         given = [kind for kind in inner if kind is not NoneType]
         if len(given) == 1:
-            return from_json(given[0], value)
+            return _from_json(given[0], value)
         return tuple(value) if isinstance(value, list) else value  # such as int | tuple[int, ...]
     if is_dataclass(hint):
         hints = get_type_hints(hint)
-        known = {name: from_json(hints[name], item) for name, item in value.items() if name in hints}
+        known = {name: _from_json(hints[name], item) for name, item in value.items() if name in hints}
         return hint(**known)  # type: ignore[operator]
     if isinstance(hint, type) and issubclass(hint, tuple):  # named tuple
         return hint(*value)
