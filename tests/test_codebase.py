@@ -384,7 +384,7 @@ ONE_OF_EACH = {
         "analyses.crossings", "mistuning.peak_search", "mistuning.wheel_problem", "mistuning.wheel",
     },
     # HDF5
-    r"create_dataset$|create_group$": {"model.model_file", "util.storage"},
+    r"create_dataset$|create_group$": {"util.records"},
 }  # fmt: skip
 """Calls, and the modules that may make them; the lists shall become shorter."""
 

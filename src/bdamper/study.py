@@ -36,7 +36,7 @@ from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.result_checks import asked
 from bdamper.harmonic_balance.settings import Settings, settings_of
 from bdamper.model.loads import Excitation
-from bdamper.model.model_file import new_group, read_model, write_model
+from bdamper.model.model_file import read_model, write_model
 from bdamper.model.structure import Model
 from bdamper.model.validation import check_model, check_model_once
 from bdamper.response import highest_peak, response_curve_result, sensitivity
@@ -52,7 +52,8 @@ from bdamper.util.display import Comparable, Fact
 from bdamper.util.errors import INTERRUPTED, BdamperError, SettingError
 from bdamper.util.formatting import UNITS, aligned, short_repr, spaced, text_of
 from bdamper.util.progress import one_thread
-from bdamper.util.storage import INSTALLED, FilePath, load, read_hdf5, register_reader, write_hdf5
+from bdamper.util.records import new_group, read_attribute
+from bdamper.util.storage import INSTALLED, FilePath, read_hdf5, register_reader, write_hdf5
 
 S = ParamSpec("S")
 P = ParamSpec("P")
@@ -389,7 +390,7 @@ class Study(Comparable):
         """
         check_model_once(self.model)
         settings = self.problem.record() | ({"contact_stiffness": None} if self.settings.contact_stiffness is None else {})
-        with write_hdf5(path, track_order=True) as file:
+        with write_hdf5(path) as file:
             file.attrs.update({"format": FORMAT, "version": 1, "model_hash": self.model.hash, **INSTALLED.attributes()})
             file["settings"] = json.dumps(settings)
             if include_model:
@@ -421,12 +422,9 @@ def load_study(path: FilePath, model: Model | None = None) -> Study:
         If the file contains no study, or the model is missing or different.
     """
     with read_hdf5(path, "a study or a result") as file:
-        digest = str(file.attrs.get("model_hash", ""))
+        digest = read_attribute(file, "model_hash") if "model_hash" in file.attrs else ""
         settings = json.loads(file["settings"][()]) if digest else {}
         own = read_model(file["model"]) if digest and "model" in file else None
-    if not digest:
-        result = load(path)
-        settings, digest = getattr(result, "settings", {}), getattr(result, "model_hash", "")
     if "excitation" not in settings:
         raise BdamperError(f"{path}: expected a study or its result, found a file without settings")
     if own is not None:

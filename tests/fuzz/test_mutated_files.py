@@ -149,9 +149,8 @@ def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("valid")
     body, numbers, elements, sets = bar()
     save_model(wedge_model(), path / "model.h5")
-    with pytest.MonkeyPatch.context() as fixed:  # cases are bytes of the files, which name versions
-        fixed.setattr("bdamper.util.storage.INSTALLED", Versions("0.4.0", "2.4.6", "1.17.1"))
-        Measurement("tip", np.linspace(1.0, 2.0, 9), np.ones(9) + 0j).save(path / "measured.h5")
+    made_with = Versions("0.4.0", "2.4.6", "1.17.1")  # cases are bytes of the files, which name versions
+    Measurement("tip", np.linspace(1.0, 2.0, 9), np.ones(9) + 0j, made_with=made_with).save(path / "measured.h5")
     k, m = body.stiffness, body.mass
     sp.save_npz(path / "k.npz", k)
     np.save(path / "k.npy", k.toarray())

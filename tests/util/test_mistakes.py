@@ -177,7 +177,7 @@ DOUBTED = {
     "a mass in tonnes": (lambda s: vary(s, {"damper_mass_factor": 1e-3}), "mass of 'damper': .*kg: tonnes suspected"),
     "strength in MPa": (lambda s: Material(300.0, 1200.0, 900.0), "ultimate_strength: .*found 1200 Pa: where 1 MPa is"),
     "Pa for MPa": (lambda s: Material(3e14, 1.2e15, 9e14), r"ultimate_strength: .*found 1.2e\+15 Pa: where 1 MPa is"),
-    "rad/s for Hz": (lambda s: s.free((1700.0, 2200.0)), r"frequency: .*found \(1700, 2200\) .*radians"),
+    "rad/s for Hz": (lambda s: s.free((1700.0, 2200.0)), r"frequency: .*found \(1700, 2200\) .*radians per second susp"),
 }
 
 

@@ -327,7 +327,7 @@ class Run:
 
 @short_repr
 @dataclass(frozen=True)
-class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy", version=3):
+class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy"):
     """Errors and times of settings relative to the most detailed run.
 
     ``plot`` draws error over time (:func:`bdamper.plot.plot_accuracy`).

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import LowLevelCallable
 
-from bdamper.util.errors import SettingError
+from bdamper.util.validation import check
 
 LENGTHS = (1.0, 30.0, 1000.0)
 """Lengths of the test paths relative to the motion under the excitation without resonance."""
@@ -54,16 +54,16 @@ def check_law(where: str, function: LowLevelCallable, parameters: NDArray, n_sta
     for size in length * np.array(LENGTHS):
         path = size * rng.uniform([-1.0, -1.0, -0.3], 1.0, (STEPS, 3))
         F, D, states = law.follow(path)
-        if not all(np.isfinite(a).all() for a in (F, D, states)):
-            if size > length:
-                return
-            raise _broken(where, "finite forces, states and derivatives", f"others at motions of {size:.3g} m")
+        finite = all(np.isfinite(a).all() for a in (F, D, states))
+        if not finite and size > length:
+            return
+        check(finite, where, "finite forces, states and derivatives", f"others at motions of {size:.3g} m")
         for x, s in zip(path, states):
             change = np.abs(law.step(x, x, s)[0] - s)
             if not (change <= REST * np.abs(s)).all():
                 i = int(np.argmax(change))
                 found = f"that state {i} changes by {change[i]:.3g} from {s[i]:.6g} in such a step"
-                raise _broken(where, "a state that a step without motion leaves as it is", found)
+                check(False, where, "a state that a step without motion leaves as it is", found)
         _check_slopes(where, law, path, F, D, SHORT * size)
 
 
@@ -77,11 +77,7 @@ def _check_slopes(where: str, law: _Law, path: NDArray, F: NDArray, D: NDArray, 
             i = int(np.argmax(error))
             by = f"of force {i + 1} by motion {j % 3 + 1}, {STEPS - 1 - j // 3} steps before"
             expected = f"derivatives that agree with finite differences, {slope[i]:.6g} {by}"
-            raise _broken(where, expected, f"{D[i, j]:.6g}")
-
-
-def _broken(where: str, expected: str, found: str) -> SettingError:
-    return SettingError(f"{where}: expected {expected}, found {found}")
+            check(False, where, expected, f"{D[i, j]:.6g}")
 
 
 class _Law:

@@ -114,8 +114,6 @@ class _Solver:
         lever = np.abs(problem.rigid).max(axis=0, initial=0.0)
         force = np.divide(np.abs(problem.load), lever, out=np.zeros(m), where=lever > 0.0)
         self.unit_force = max(float(force.max(initial=0.0)), 1e-300)
-        D = problem.rigid.T @ (self.k.ravel()[:, None] * problem.rigid)
-        self.damping = D + 1e-9 * np.trace(D) / max(m, 1) * np.eye(m)
         # terms of the overdamped motion: damping of the rigid-body coordinates, additional motion of the surfaces
         self.drag, self.eta_before, self.extra = np.zeros((m, m)), np.zeros(m), np.zeros((self.n, 3))
 
@@ -137,7 +135,10 @@ class _Solver:
         unit = self.largest
         # F - law(x + F/k): dF - B (dF/k + Psi deta - R dF)
         A = np.zeros((3 * n + m, 3 * n + m))
-        A[: 3 * n, : 3 * n] = self._force_block(B)
+        block = np.matmul(B, self.flexibility.reshape(n, 3, 3 * n)).reshape(3 * n, 3 * n)
+        block.flat[:: 3 * n + 1] += 1.0
+        block.reshape(n, 3, n, 3)[range(n), :, range(n)] -= B / self.k[:, None]
+        A[: 3 * n, : 3 * n] = block
         A[: 3 * n, 3 * n :] = -np.matmul(B, p.rigid.reshape(n, 3, m)).reshape(3 * n, m) / self.rigid_unit
         A[3 * n :, : 3 * n] = p.rigid.T / unit
         A[3 * n :, 3 * n :] = self.drag / (unit * self.rigid_unit)
@@ -150,13 +151,6 @@ class _Solver:
             step = np.linalg.lstsq(A, b, rcond=1e-12)[0]
         return step[: 3 * n].reshape(n, 3), step[3 * n :] / self.rigid_unit
 
-    def _force_block(self, B: NDArray) -> NDArray:
-        n = self.n
-        block = np.matmul(B, self.flexibility.reshape(n, 3, 3 * n)).reshape(3 * n, 3 * n)
-        block.flat[:: 3 * n + 1] += 1.0
-        block.reshape(n, 3, n, 3)[range(n), :, range(n)] -= B / self.k[:, None]
-        return block
-
     def creep(self) -> tuple[NDArray, NDArray, NDArray, bool, NDArray]:
         r"""Follow an overdamped motion from rest to equilibrium, with sliders that follow slip.
 
@@ -166,35 +160,27 @@ class _Solver:
         solution for any friction coefficient: ``S/dt`` decouples the points and ``D/dt`` supports the body.  The time step
         grows while the Newton iteration converges.  At the end of the motion the static conditions hold.
         """
-        flexibility, stiffness = self.problem.flexibility, self.k
-        S = 1.0 / stiffness
-        F, eta, rest = np.zeros((self.n, 3)), np.zeros(self.problem.rigid.shape[1]), np.zeros((self.n, 2))
-        status = np.full((self.n, 2), STICK)
-        dt, fast = 0.1, 0
+        p, S, step = self.problem, 1.0 / self.k, _Solver(self.problem)
+        m = p.rigid.shape[1]
+        D = p.rigid.T @ (self.k.ravel()[:, None] * p.rigid)
+        D = D + 1e-9 * np.trace(D) / max(m, 1) * np.eye(m)
+        F, eta, rest = np.zeros((self.n, 3)), np.zeros(m), np.zeros((self.n, 2))
+        status, dt = np.full((self.n, 2), STICK), 0.1
         for _ in range(200):
-            try:
-                self.flexibility = flexibility + np.diag(S.ravel() / dt)
-                self.k = 1.0 / (S + S / dt)
-                self.extra = S * F / dt
-                self.drag, self.eta_before = self.damping / dt, eta
-                before = self.iterations
-                F_new, eta_new, status, ok = self.newton(F, eta, rest, 0.01 * TOLERANCE)
-                if not ok:
-                    F_new, eta_new, status, ok = self.newton(F_new, eta_new, rest, most=2)
-                if ok:
-                    rest = np.where(status == STICK, rest, self.motion(F_new, eta_new)[:, :2])
-            finally:
-                self.flexibility, self.k = flexibility, stiffness
-                self.extra, self.drag = np.zeros_like(self.extra), np.zeros_like(self.drag)
+            step.flexibility, step.k = p.flexibility + np.diag(S.ravel() / dt), 1.0 / (S + S / dt)
+            step.extra, step.drag, step.eta_before, step.iterations = S * F / dt, D / dt, eta, 0
+            F_new, eta_new, status, ok = step.newton(F, eta, rest, 0.01 * TOLERANCE)
+            if not ok:
+                F_new, eta_new, status, ok = step.newton(F_new, eta_new, rest, most=2)
             if not ok:
                 dt *= 0.2
                 if dt < 1e-7:
                     break
                 continue
+            rest = np.where(status == STICK, rest, step.motion(F_new, eta_new)[:, :2])
             moved = float(np.abs(F_new - F).max()) / max(float(np.abs(F_new).max()), 1e-300)
             F, eta = F_new, eta_new
-            fast = fast + 1 if self.iterations - before <= 6 else 0
-            dt *= 4.0 if fast else 1.0
+            dt *= 4.0 if step.iterations <= 6 else 1.0
             if moved < 0.3 * min(1.0, dt) or dt > 1e3:
                 out = self.newton(F, eta, rest, most=8)
                 if out[3]:
@@ -213,37 +199,27 @@ class _Solver:
         status : (n, 2) int
         converged : bool
         """
-        unit = self.largest
-        r, balance, status = self.residual(F, eta, rest)
 
-        def norm(r: NDArray, balance: NDArray) -> float:
-            return float(np.sqrt(r @ r + balance @ balance / unit**2))
+        def at(F: NDArray, eta: NDArray) -> tuple[float, NDArray, NDArray, NDArray, NDArray, NDArray]:
+            r, balance, status = self.residual(F, eta, rest)
+            return float(np.sqrt(r @ r + balance @ balance / self.largest**2)), F, eta, r, balance, status
 
-        now = norm(r, balance)
-        for _ in range(most):
-            if now <= tolerance * max(float(np.abs(F).max(initial=0.0)), self.unit_force):
-                return F, eta, status, True
+        now, F, eta, r, balance, status = at(F, eta)
+        for left in range(most, -1, -1):
+            converged = now <= tolerance * max(float(np.abs(F).max(initial=0.0)), self.unit_force)
+            if converged or not left:
+                break
             self.iterations += 1
             dF, deta = self.newton_step(r, balance, status)
-            fraction, best = 1.0, (np.inf, F, eta, r, balance, status)
-            for _ in range(6):
-                trial = F + fraction * dF, eta + fraction * deta
-                r_t, balance_t, status_t = self.residual(*trial, rest)
-                value = norm(r_t, balance_t)
-                if value < best[0]:
-                    best = (value, *trial, r_t, balance_t, status_t)
-                if value < (1.0 - 0.1 * fraction) * now:
+            trials = []
+            for fraction in 0.5 ** np.arange(6):
+                trials.append(at(F + fraction * dF, eta + fraction * deta))
+                if trials[-1][0] < (1.0 - 0.1 * fraction) * now:
                     break
-                fraction *= 0.5
-            if best[0] >= now:
-                # no descent in this direction: take the full step, which leads to other contact states
-                F, eta = F + dF, eta + deta
-                r, balance, status = self.residual(F, eta, rest)
-                now = norm(r, balance)
-            else:
-                now, F, eta, r, balance, status = best
-        return F, eta, status, now <= tolerance * max(float(np.abs(F).max(initial=0.0)), self.unit_force)
-
+            best = min(trials, key=lambda trial: trial[0])
+            # without descent in this direction: take the full step, which leads to other contact states
+            now, F, eta, r, balance, status = best if best[0] < now else trials[0]
+        return F, eta, status, converged
 
 def solve_static_contact(problem: StaticContactProblem) -> StaticContactSolution:
     """Compute the static contact state under a load of 1 N, applied to the unloaded structure.

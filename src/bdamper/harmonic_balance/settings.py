@@ -26,7 +26,7 @@ from bdamper.model.validation import check_model_once
 from bdamper.util import validation
 from bdamper.util.errors import SettingError
 from bdamper.util.formatting import short_repr
-from bdamper.util.storage import from_json
+from bdamper.util.records import from_json
 
 LAWS = dict(zip(LAW_NAMES, (LAW_SEPARABLE, LAW_COUPLED, LAW_BONDED)))
 CIGEROGLU_2009: Mapping[str, Any] = {

@@ -161,7 +161,7 @@ class BestPreload:
 
 @short_repr
 @dataclass(frozen=True)
-class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel-sample", version=1, row="wheel"):
+class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel-sample", row="wheel"):
     """Highest blades of many bladed disks.
 
     Arrays of shape (n_wheels, n_deviations, n_preloads) are NaN where there is no result.  ``plot`` draws percentiles over

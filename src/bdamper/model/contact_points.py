@@ -15,9 +15,9 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from bdamper.model.fields import Kind, Shape, layout
 from bdamper.model.structure import Body, ContactStiffness, Interface, Model, StaticContact
 from bdamper.util import validation
+from bdamper.util.records import Kind, Shape, layout
 
 # ---- Union of patches ----
 

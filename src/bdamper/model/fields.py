@@ -1,141 +1,30 @@
 """Type, shape and size of the data of a model, checked with one error that names the item.
 
-The annotated types of the classes of a model define its data (:class:`Data`).  :func:`check_record` checks a record by
-them, and :mod:`bdamper.model.model_file` reads and writes files by them.
+The annotated types of the classes of a model define its data (:class:`bdamper.util.records.Data`).  :func:`check_record`
+checks a record by them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import MISSING, dataclass, fields, is_dataclass
-from functools import cache
-from typing import Any, Literal, NamedTuple, cast, get_args, get_origin
+from collections.abc import Mapping
+from typing import Any, Literal, cast, get_args, get_origin
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.util.errors import check as check
 from bdamper.util.errors import mismatch
-from bdamper.util.validation import Limits, declarations
+from bdamper.util.records import TYPES, Data, Item, Kind, layout
+from bdamper.util.validation import Limits
 
 SINGLE, ROUNDING = 1e-6, 1e-8
 """Relative tolerances: for data that are often in single precision (normals, modes), and for the rounding of a large
 factorisation.
 """
 
-ANY = Limits()
 DAMPING = Limits(least=0.0, below=1.0)
-TYPES = {
-    "real": ("f", "real numbers"),
-    "field": ("fc", "real or complex numbers"),
-    "picture": ("fc", "real or complex numbers"),
-    "integer": ("iu", "integers"),
-    "bool": ("b", "booleans"),
-}
-"""Type letters of NumPy and description of each ``kind`` of :class:`Data`."""
-Kind = Callable[..., Any]
-"""Class of a part of a model."""
-Shape = tuple[int | str | None, ...]
 Sizes = dict[str, int | None]
 """Sizes by name; None if unknown."""
-
-
-@dataclass(frozen=True)
-class Data:
-    """Mark of a field in its annotated type: storage in a file, and checks.
-
-    Parameters
-    ----------
-    units : str
-        Units of a dataset in a file.  A number without units is an attribute.
-    shape : tuple of int, str or None
-        A named size has one value within a record; None is any size.
-    kind : {"real", "field", "picture", "integer", "bool"}
-        Type of the numbers.  A field is real or complex.  So is a picture, in single precision in files.
-    file : str
-        Path in a file, by default the name of the field.  A star is replaced by the key of a mapping ("nd000" for nodal
-        diameter 0), or by each port of a body.
-    limits : Limits
-        Limits of all numbers.
-    matrix : {"", "symmetric", "Hermitian", "skew-Hermitian"}
-    derived : bool
-        Whether a file may omit it, since it follows from other data.
-    """
-
-    units: str = ""
-    shape: Shape = ()
-    kind: Literal["real", "field", "picture", "integer", "bool"] = "real"
-    file: str = ""
-    limits: Limits = ANY
-    matrix: Literal["", "symmetric", "Hermitian", "skew-Hermitian"] = ""
-    derived: bool = False
-
-
-class Item(NamedTuple):
-    """Field of a class of the model.
-
-    Parameters
-    ----------
-    name : str
-    kind : type
-        Type of the field, or of the values of its mapping.
-    keys : type or None
-        Type of the keys, if the field is a mapping.
-    optional, required : bool
-        Whether it may be None, and whether every file must contain it.
-    data : Data
-    """
-
-    name: str
-    kind: Any
-    keys: type | None
-    optional: bool
-    required: bool
-    data: Data
-
-    @property
-    def file(self) -> str:
-        """Path in a file."""
-        return self.data.file or (f"{self.name}/*" if self.keys else self.name)
-
-    @property
-    def is_record(self) -> bool:
-        return is_dataclass(self.kind)
-
-    @property
-    def is_attribute(self) -> bool:
-        """Whether it is an attribute in a file."""
-        return not (self.is_record or self.kind is np.ndarray or self.data.units)
-
-    def place(self, key: object = "") -> str:
-        """Return the path of the value of a key in a file, without the names of ports."""
-        return self.file.replace("*", member(key)).rstrip("/")
-
-
-def member(key: object) -> str:
-    """Return the name of a key of a mapping in a file: "nd005" for nodal diameter 5."""
-    return f"nd{key:03d}" if isinstance(key, int | np.integer) else str(key)
-
-
-@cache
-def layout(cls: Kind) -> tuple[Item, ...]:
-    """Return the fields of a class of the model, without its name."""
-    return tuple(_item(cls, f) for f in fields(cast(Any, cls)) if f.name != "name")
-
-
-def _item(cls: Kind, field: Any) -> Item:
-    kind, optional, _ = declared = declarations(cls)[field.name]
-    data = declared.mark(Data) or Data()
-    keys, kind = get_args(kind) if get_origin(kind) is Mapping else (None, kind)
-    if np.ndarray is get_origin(kind) or NDArray in (kind, get_origin(kind)):  # the alias has an origin up to Python 3.11
-        kind = np.ndarray
-    item = Item(field.name, kind, keys, optional, False, data)
-    default = field.default is not MISSING or field.default_factory is not MISSING
-    return item._replace(required=not (optional or data.derived or (default and not item.is_attribute)))
-
-
-def by_rank(cls: Kind) -> list[Item]:
-    """Return the fields sorted: vectors (they show sizes), other arrays, arrays with one part per port, records."""
-    return sorted(layout(cls), key=lambda i: (i.is_record, len(i.data.shape) > 1, i.keys is not None or "*" not in i.file))
 
 
 # ---- Records ----
@@ -156,67 +45,54 @@ def check_record(record: object, kind: Kind, item: str, sizes: Sizes | None = No
     """
     check_type(record, cast(type, kind), item)
     known = dict(sizes or {})
-    for field in by_rank(kind):
+    # vectors show the named sizes
+    for field in sorted(layout(kind), key=lambda field: (len(field.data.shape) > 1, field.keys is not None)):
         value = getattr(record, field.name)
         if field.is_record or (value is None and field.optional):
             continue
-        if field.is_attribute:
-            _check_attribute(value, field, f"{item}/@{field.file}")
-            continue
         if field.keys is not None:
             check_type(value, Mapping, f"{item}/{field.place()}")
+        sign = "@" if field.is_attribute else ""
         for key, part in value.items() if field.keys is not None else (("", value),):
-            _check_data(part, field, f"{item}/{field.place(key)}", known)
+            _check_value(part, field, f"{item}/{sign}{field.place(key)}", known)
 
 
-def _check_attribute(value: object, field: Item, item: str) -> None:
-    if field.kind is int:
+def _check_value(value: Any, field: Item, item: str, sizes: Sizes) -> None:
+    kind, limits = field.kind, field.data.limits
+    if kind is np.ndarray:
+        _check_array(value, field.data, item, sizes)
+    elif kind is int:
         check_integer(value, item)
-    elif field.kind is float:
-        _check_number(value, field.data, item)
-    elif field.kind is str:
+    elif kind is float:
+        good = isinstance(value, int | float | np.floating) and np.isfinite(value) and limits.hold(float(value))
+        check(good, item, f"a finite number {limits}", repr(value))
+    elif kind is str:
         check(isinstance(value, str), item, "a text", repr(value))
-    elif get_origin(field.kind) is Literal:
-        check(value in get_args(field.kind), item, f"one of {list(get_args(field.kind))}", repr(value))
+    elif get_origin(kind) is Literal:
+        check(value in get_args(kind), item, f"one of {list(get_args(kind))}", repr(value))
 
 
-def _check_number(value: object, data: Data, item: str) -> None:
-    good = isinstance(value, int | float | np.floating) and np.isfinite(value) and data.limits.hold(float(value))
-    check(good, item, f"a finite number {data.limits}", repr(value))
-
-
-def _check_data(array: object, field: Item, item: str, sizes: Sizes) -> None:
-    data = field.data
-    if field.kind is float:
-        _check_number(array, data, item)
-        return
-    check_array(array, known_shape(data.shape, sizes), item, data.kind)
-    assert isinstance(array, np.ndarray)
-    learn(data.shape, array.shape, sizes)
+def _check_array(array: Any, data: Data, item: str, sizes: Sizes) -> None:
+    """Check type, shape, finiteness, limits and symmetry; add the named sizes of the array to ``sizes``."""
+    check(isinstance(array, np.ndarray), item, "a NumPy array", f"a {type(array).__name__}")
+    letters, words = TYPES[data.kind]
+    double = array.dtype in (np.float64, np.complex128) or "f" not in letters
+    expected = f"{words} in double precision" if "f" in letters else words
+    check(double and array.dtype.kind in letters, item, expected, f"dtype {array.dtype}")
+    shape = [sizes.get(n) if isinstance(n, str) else n for n in data.shape]  # None is any size
+    fits = len(shape) == array.ndim and all(n in (None, found) for n, found in zip(shape, array.shape))
+    text = ", ".join("any" if n is None else str(n) for n in shape)
+    check(fits, item, f"shape ({text},)" if len(shape) == 1 else f"shape ({text})", array.shape)
+    for name, size in zip(data.shape, array.shape):
+        sizes.setdefault(str(name), size)
+    check_all(np.isfinite(array), array, "finite numbers", item)
     if str(data.limits):
         check_all(data.limits.hold(array), array, f"numbers {data.limits}", item)
     if data.matrix:
         check_hermitian(1j * array if data.matrix == "skew-Hermitian" else array, item, data.matrix)
 
 
-def known_shape(shape: Shape, sizes: Sizes) -> tuple[int | None, ...]:
-    """Replace the names in a shape by known sizes, and by None if unknown."""
-    return tuple(sizes.get(n) if isinstance(n, str) else n for n in shape)
-
-
-def learn(shape: Shape, found: tuple[int, ...], sizes: Sizes) -> None:
-    """Add the named sizes of an array of shape ``found``."""
-    for name, size in zip(shape, found):
-        if isinstance(name, str):
-            sizes.setdefault(name, size)
-
-
 # ---- Values ----
-
-
-def check(good: object, item: str, expected: str, found: object) -> None:
-    if not good:
-        raise mismatch(item, expected, found)
 
 
 def check_integer(value: object, item: str) -> None:
@@ -225,29 +101,6 @@ def check_integer(value: object, item: str) -> None:
 
 def check_type(value: object, expected: type, item: str) -> None:
     check(isinstance(value, expected), item, f"a {expected.__name__}", f"a {type(value).__name__}")
-
-
-def check_array(array: object, shape: tuple[int | None, ...], item: str, kind: str = "real") -> None:
-    """Check type, shape (None is any size) and finiteness."""
-    if not isinstance(array, np.ndarray):
-        raise mismatch(item, "a NumPy array", f"a {type(array).__name__}")
-    letters, words = TYPES[kind]
-    double = array.dtype in (np.float64, np.complex128) or "f" not in letters
-    expected = f"{words} in double precision" if "f" in letters else words
-    check(double and array.dtype.kind in letters, item, expected, f"dtype {array.dtype}")
-    check(fits(array.shape, shape), item, f"shape {shape_text(shape)}", array.shape)
-    check_all(np.isfinite(array), array, "finite numbers", item)
-
-
-def fits(found: tuple[int, ...], expected: tuple[int | None, ...]) -> bool:
-    """Return whether a shape has the expected sizes; None is any size."""
-    return len(found) == len(expected) and all(e in (None, f) for e, f in zip(expected, found))
-
-
-def shape_text(shape: tuple[int | None, ...]) -> str:
-    """Return a shape as text, with "any" for None."""
-    sizes = ", ".join("any" if n is None else str(n) for n in shape)
-    return f"({sizes},)" if len(shape) == 1 else f"({sizes})"
 
 
 def check_all(good: NDArray, array: NDArray, expected: str, item: str) -> None:

@@ -319,18 +319,12 @@ class Coupling:
             G.append(placed)
             omega2.append(basis.omega2[keep])
             damping.append(basis.damping_ratio[keep])
-            drag.append(np.zeros(len(keep)) if basis.drag is None else basis.drag[keep])
+            drag.append(_picked(basis.drag, keep))
             coordinates += [Coordinate(body.name, int(i), _mode_name(body, int(i))) for i in keep]
         stiffness = np.concatenate(omega2)
-        return HarmonicBasis(
-            tuple(coordinates),
-            stiffness,
-            np.concatenate(damping),
-            np.concatenate(G, axis=2),
-            diameter,
-            np.ones_like(stiffness),
-            np.concatenate(drag),
-        )
+        relative, mass = np.concatenate(G, axis=2), np.ones_like(stiffness)
+        ratio, rate = np.concatenate(damping), np.concatenate(drag)
+        return HarmonicBasis(tuple(coordinates), stiffness, ratio, relative, diameter, mass, rate)
 
     def no_basis(self) -> HarmonicBasis:
         """Return a basis without modes, for a harmonic without motion."""
@@ -348,7 +342,7 @@ class Coupling:
             return np.outer([1.0, 0.0, 0.0], [mode == ("constrained", location) for mode in modes])
         moving = self.model.locations[location].body
         columns = [
-            basis.locations[location][:, retained] if body.name == moving else np.zeros((3, len(retained)))
+            _picked(basis.locations[location] if body.name == moving else None, retained, (3,))
             for body, basis, retained in self._moving(harmonic)
         ]
         return np.concatenate(columns, axis=1)
@@ -400,11 +394,7 @@ class Coupling:
 
     def constant_force(self) -> NDArray:
         """Return the modal static force (n_modes,) independent of the load."""
-        forces = [
-            np.zeros(len(keep)) if body.constant_force is None else body.constant_force[keep]
-            for body, _, keep in self._moving(0)
-        ]
-        return np.concatenate(forces)
+        return np.concatenate([_picked(body.constant_force, keep) for body, _, keep in self._moving(0)])
 
     def load(self, shares: Mapping[str, float] | None = None) -> tuple[NDArray, NDArray]:
         """Return the static load of the free bodies.
@@ -426,7 +416,7 @@ class Coupling:
         for body, _, keep in self._moving(0):
             share = 1.0 if shares is None else shares.get(body.name, 0.0)
             if body.load is None or share == 0.0:
-                force.append(np.zeros(len(keep)))
+                force.append(_picked(None, keep))
                 continue
             force.append(share * body.load.generalised[keep])
             basis = body.bases[0]
@@ -447,6 +437,11 @@ class Coupling:
             if body.spin is not None:
                 displacement += self.placed(body, body.spin.contact[..., None], 0)[..., 0].real
         return displacement
+
+
+def _picked(array: NDArray | None, keep: NDArray, before: tuple[int, ...] = ()) -> NDArray:
+    """Return the columns ``keep`` of an array; zeros of shape (*before, len(keep)) for None."""
+    return np.zeros((*before, len(keep))) if array is None else array[..., keep]
 
 
 # ---- Centrifugal load, damping and flow ----

@@ -30,9 +30,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from bdamper.model.fields import DAMPING, Data
+from bdamper.model.fields import DAMPING
 from bdamper.model.rotation import SpeedBasis
 from bdamper.util.formatting import short_repr
+from bdamper.util.records import Data, Record
 from bdamper.util.validation import Limits
 
 # ---- Modal basis ----
@@ -40,7 +41,7 @@ from bdamper.util.validation import Limits
 
 @short_repr
 @dataclass(frozen=True)
-class ModalBasis:
+class ModalBasis(Record):
     """Modes of one body at one nodal diameter.
 
     Parameters
@@ -68,7 +69,7 @@ class ModalBasis:
 
     omega2: Annotated[NDArray, Data("rad2/s2", ("n_modes",))]
     damping_ratio: Annotated[NDArray, Data("1", ("n_modes",), limits=DAMPING)]
-    contact_modes: Annotated[NDArray, Data("kg^-1/2", ("n_points", 3, "n_modes"), "field", "modes/*")]
+    contact_modes: Annotated[NDArray, Data("kg^-1/2", ("n_points", 3, "n_modes"), "field", "modes")]
     locations: Annotated[Mapping[str, NDArray], Data("kg^-1/2", (3, "n_modes"), "field")] = field(default_factory=dict)
     flexibility: Annotated[NDArray, Data("m/N", ("n_forces", "n_forces"), "field", matrix="Hermitian")] | None = None
     drag: Annotated[NDArray, Data("1/s", ("n_modes",), limits=Limits(least=0.0))] | None = None
@@ -176,7 +177,7 @@ def fix_phase(vectors: NDArray, mass: NDArray | sp.spmatrix) -> NDArray:
 
 @short_repr
 @dataclass(frozen=True)
-class LocalBasis:
+class LocalBasis(Record):
     """Blade and disk in local coordinates: cantilever modes, attachment modes, root shapes.
 
     Shapes have the unit kg^-1/2, so coordinates have the unit of mass-normalised modes.  The number of coordinates is
@@ -207,7 +208,7 @@ class LocalBasis:
     blade_mass: Annotated[NDArray, Data("1", ("n", "n"), matrix="symmetric")]
     disk_stiffness: Annotated[NDArray, Data("rad2/s2", ("n_diameters", "n_interface", "n_interface"), "field")]
     disk_mass: Annotated[NDArray, Data("1", ("n_diameters", "n_interface", "n_interface"), "field")]
-    contact_modes: Annotated[NDArray, Data("kg^-1/2", ("n_points", 3, "n"), file="modes/*")]
+    contact_modes: Annotated[NDArray, Data("kg^-1/2", ("n_points", 3, "n"), file="modes")]
     locations: Annotated[Mapping[str, NDArray], Data("kg^-1/2", (3, "n"))] = field(default_factory=dict)
     flexibility: Annotated[NDArray, Data("m/N", ("n_forces", "n_forces"), matrix="symmetric")] | None = None
 

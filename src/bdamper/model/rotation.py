@@ -29,10 +29,10 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.optimize import linear_sum_assignment
 
-from bdamper.model.fields import Data
 from bdamper.util import validation
 from bdamper.util.errors import SettingError
 from bdamper.util.formatting import short_repr
+from bdamper.util.records import Data, Record
 
 MODAL: Any = ("n_modes", "n_modes"), "field"
 FLEXIBLE: Any = ("n_forces", "n_forces"), "field"
@@ -41,7 +41,7 @@ NotNegative = Annotated[float, Data(limits=validation.Limits(least=0.0))]
 
 @short_repr
 @dataclass(frozen=True)
-class SpeedBasis:
+class SpeedBasis(Record):
     """Change of stiffness and residual flexibility of one modal basis with rotor speed.
 
     Parameters
@@ -149,7 +149,7 @@ class SpeedBasis:
 
 @short_repr
 @dataclass(frozen=True)
-class SpinStatic:
+class SpinStatic(Record):
     """Static displacement of a body due to its rotation without contact, per squared speed, at nodal diameter 0.
 
     Parameters
@@ -163,7 +163,7 @@ class SpinStatic:
     omega : float
     """
 
-    contact: Annotated[NDArray, Data("m s2", ("n_points", 3), file="contact/*")]
+    contact: Annotated[NDArray, Data("m s2", ("n_points", 3))]
     locations: Annotated[Mapping[str, NDArray], Data("m s2", (3,))] = field(default_factory=dict)
     theory: Literal["linear", "stiffened"] = "linear"
     omega: NotNegative = 0.0

@@ -37,13 +37,13 @@ from typing import Annotated, Any, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.model.fields import Data
 from bdamper.model.modal_basis import LocalBasis
 from bdamper.model.modal_basis import ModalBasis as ModalBasis
 from bdamper.model.rotation import SpeedBasis, SpinStatic
 from bdamper.util import validation
 from bdamper.util.display import Plottable, draw
 from bdamper.util.formatting import short_repr
+from bdamper.util.records import Data, GroupName, Record
 
 # ---- Stress ----
 
@@ -53,7 +53,7 @@ COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "xz")
 
 @short_repr
 @dataclass(frozen=True)
-class StressSet:
+class StressSet(Record):
     """Stress at some points of a constrained body.
 
     Parameters
@@ -76,7 +76,7 @@ class StressSet:
     source : str
     """
 
-    name: str
+    name: GroupName
     body: str
     points: Annotated[NDArray, Data("m", ("n", 3))]
     modes: Annotated[Mapping[int, NDArray], Data("Pa m^-1 kg^-1/2", ("n", 6, None), "field", "*/mode_stress")]
@@ -111,7 +111,7 @@ def turn(angle: float) -> NDArray:
 
 @short_repr
 @dataclass(frozen=True)
-class BodyLoad:
+class BodyLoad(Record):
     """Static load proportional to one number, the radial (centrifugal) load in newtons.
 
     Parameters
@@ -131,7 +131,7 @@ class BodyLoad:
 
 @short_repr
 @dataclass(frozen=True)
-class Body:
+class Body(Record):
     """Structure with modes, or the ground.
 
     Parameters
@@ -153,7 +153,7 @@ class Body:
         Static displacement due to the rotation of the body.
     """
 
-    name: str
+    name: GroupName
     kind: Literal["constrained", "free", "lumped", "ground"]
     ports: Annotated[tuple[Port, ...], Data(derived=True)] = ()
     bases: Annotated[Mapping[int, ModalBasis], Data(file="*")] = field(default_factory=dict)
@@ -168,7 +168,7 @@ class Body:
 
 @short_repr
 @dataclass(frozen=True)
-class Interface:
+class Interface(Record):
     """Contact points between two bodies.
 
     Parameters
@@ -189,7 +189,7 @@ class Interface:
         Initial normal distance of the surfaces, 0 at contact without pressure.
     """
 
-    name: str
+    name: GroupName
     kind: Literal["friction", "constraint", "cubic", "spring"]
     body_a: str
     sector_a: int
@@ -206,7 +206,7 @@ class Interface:
 
 
 @dataclass(frozen=True)
-class Location:
+class Location(Record):
     """Named position on a body for forces and responses.
 
     Parameters
@@ -218,7 +218,7 @@ class Location:
         along Z.  The position is the mean of the nodes, weighted by the size of their forces.
     """
 
-    name: str
+    name: GroupName
     body: str
     position: Annotated[NDArray, Data("m", (3,))]
     kind: Literal["forces"] | None = None
@@ -226,7 +226,7 @@ class Location:
 
 @short_repr
 @dataclass(frozen=True)
-class ContactStiffness:
+class ContactStiffness(Record):
     """Stiffness at the contact points of one interface.
 
     Parameters
@@ -246,7 +246,7 @@ class ContactStiffness:
 
 @short_repr
 @dataclass(frozen=True)
-class StaticContact:
+class StaticContact(Record):
     """Static contact solution of the full finite element model at one interface, for Eqs (4) and (10) of the paper.
 
     Parameters
@@ -264,7 +264,7 @@ class StaticContact:
 
 @short_repr
 @dataclass(frozen=True)
-class SurfaceMesh:
+class SurfaceMesh(Record):
     """Surface of a body for plots.
 
     Parameters
@@ -282,7 +282,7 @@ class SurfaceMesh:
 
 @short_repr
 @dataclass(frozen=True)
-class Model(Plottable):
+class Model(Plottable, Record):
     """Structure with all data of an analysis; ``bdamper.model.structure`` describes the conventions.
 
     ``plot`` draws bodies and contact points in 3-D (:func:`bdamper.plot.plot_model`).

@@ -36,13 +36,13 @@ from bdamper.model.fields import (
     check_record,
     check_type,
     is_positive_definite,
-    layout,
 )
 from bdamper.model.kinematics import RIGID_NAMES
 from bdamper.model.modal_basis import LocalBasis, rigid_motions
 from bdamper.model.rotation import SpeedBasis, SpinStatic
 from bdamper.model.structure import Body, BodyLoad, Interface, ModalBasis, Model, StressSet, turn
 from bdamper.util.errors import mismatch
+from bdamper.util.records import layout
 
 N_RIGID = len(RIGID_NAMES)
 RIGID_TOLERANCE = 1e-5
@@ -150,25 +150,26 @@ def _check_ports(body: Body, model: Model, item: str) -> None:
 
 def _check_sides(interface: Interface, model: Model, item: str) -> None:
     """Check that both sides of an interface are bodies with possible relative motion."""
-    bodies = []
-    for side, name in (("a", interface.body_a), ("b", interface.body_b)):
-        body = model.bodies.get(name) if isinstance(name, str) else None
-        if body is None:
-            raise mismatch(f"{item}/@body_{side}", f"a body of {list(model.bodies)}", repr(name))
-        bodies.append(body)
+    sides = (("a", interface.body_a), ("b", interface.body_b))
+    bodies = [_known_body(name, model, f"{item}/@body_{side}") for side, name in sides]
     check(not bodies[0].kind == bodies[1].kind == "ground", item, "a body that can move", "ground on both sides")
-    if bodies[0] is bodies[1] and interface.sector_a == interface.sector_b:
-        found = f"body '{interface.body_a}' of sector {interface.sector_a} on both sides"
-        raise mismatch(item, "two bodies, or one body in two sectors", found)
+    different = bodies[0] is not bodies[1] or interface.sector_a != interface.sector_b
+    found = f"body '{interface.body_a}' of sector {interface.sector_a} on both sides"
+    check(different, item, "two bodies, or one body in two sectors", found)
+
+
+def _known_body(name: object, model: Model, item: str) -> Body:
+    body = model.bodies.get(name) if isinstance(name, str) else None
+    if body is None:
+        raise mismatch(item, f"a body of {list(model.bodies)}", repr(name))
+    return body
 
 
 def _check_locations(model: Model, where: str) -> None:
     for name, location in model.locations.items():
         item = f"{where}: /locations/{name}"
         check_record(location, type(location), item)
-        body = model.bodies.get(location.body)
-        if body is None:
-            raise mismatch(f"{item}/@body", f"a body of {list(model.bodies)}", repr(location.body))
+        body = _known_body(location.body, model, f"{item}/@body")
         check(body.kind != "ground", f"{item}/@body", "a body that can move", f"'{body.name}', which is ground")
 
 
@@ -312,8 +313,8 @@ def _check_rigid(body: Body, model: Model, item: str) -> None:
     if len(given) == 0:
         return
     size = np.abs(exact).max()
-    if not (np.isfinite(exact).all() and np.isfinite(given @ given.T).all() and size > 0):
-        raise mismatch(f"{item}/modes", "rigid-body modes of finite size", "numbers out of range")
+    finite = np.isfinite(exact).all() and np.isfinite(given @ given.T).all() and size > 0
+    check(finite, f"{item}/modes", "rigid-body modes of finite size", "numbers out of range")
     mix = np.linalg.lstsq(exact, given, rcond=1e-9)[0]
     error = np.abs(exact @ mix - given).max(axis=0) / size
     worst = int(np.argmax(error))
@@ -376,17 +377,17 @@ def _check_local(body: Body, local: LocalBasis, model: Model, item: str, sizes: 
     for d, basis in body.bases.items():
         omega2 = eigh(local.stiffness(d), local.mass(d), eigvals_only=True)[: basis.n_natural]
         ratio = np.sqrt(omega2 / np.sort(basis.omega2[: basis.n_natural])[: len(omega2)])
-        if not (ratio.min() >= 1.0 - SINGLE and ratio[0] <= 1.0 + NEAREST_FREQUENCY):
-            expected = f"frequencies of nd{d:03d} or above, the lowest within {100 * NEAREST_FREQUENCY:g} %"
-            raise mismatch(item, expected, f"{ratio[0]:.6g} times the lowest, {ratio.min():.9g} times at least")
+        close = ratio.min() >= 1.0 - SINGLE and ratio[0] <= 1.0 + NEAREST_FREQUENCY
+        expected = f"frequencies of nd{d:03d} or above, the lowest within {100 * NEAREST_FREQUENCY:g} %"
+        check(close, item, expected, f"{ratio[0]:.6g} times the lowest, {ratio.min():.9g} times at least")
 
 
 def _check_disk(disk: NDArray, n_blades: int, item: str) -> None:
     for d, matrix in enumerate(disk):
         check_hermitian(matrix, f"{item} at nodal diameter {d}")
-        if 2 * d % n_blades == 0 and np.any(matrix.imag):
-            found = f"imaginary parts up to {np.abs(matrix.imag).max():.3g}"
-            raise mismatch(f"{item} at nodal diameter {d}", "real numbers", found)
+        real = 2 * d % n_blades or not np.any(matrix.imag)
+        found = f"imaginary parts up to {np.abs(matrix.imag).max():.3g}"
+        check(real, f"{item} at nodal diameter {d}", "real numbers", found)
 
 
 def _check_cantilever(local: LocalBasis, item: str) -> None:
@@ -428,11 +429,10 @@ def _check_stress(stress: StressSet, model: Model, item: str) -> None:
     body = bodies[stress.body]
     check_record(stress, StressSet, item, {"n_forces": 3 * _n_points(body, model)})
     check(len(stress) > 0, f"{item}/points", "at least one point", "none")
-    if 0 not in stress.modes or not set(stress.modes) <= set(body.bases):
-        expected = f"nodal diameter 0 and others of {sorted(body.bases)}"
-        raise mismatch(f"{item} (nodal diameters)", expected, sorted(stress.modes))
-    if stress.contact and set(stress.contact) != set(stress.modes):
-        raise mismatch(f"{item} (nodal diameters of contact)", f"{sorted(stress.modes)}", sorted(stress.contact))
+    known, own = 0 in stress.modes and set(stress.modes) <= set(body.bases), sorted(stress.modes)
+    check(known, f"{item} (nodal diameters)", f"nodal diameter 0 and others of {sorted(body.bases)}", own)
+    paired = not stress.contact or set(stress.contact) == set(stress.modes)
+    check(paired, f"{item} (nodal diameters of contact)", f"{own}", sorted(stress.contact))
     for d, rows in stress.modes.items():
         shape = (len(stress), 6, body.bases[d].n_modes)
         check(rows.shape == shape, f"{item}/nd{d:03d}/mode_stress", f"shape {shape}", rows.shape)
@@ -444,7 +444,7 @@ def _check_provenance(model: Model, where: str) -> None:
     for key, value in model.provenance.items():
         check(isinstance(key, str) and isinstance(value, str), item, "texts", f"{key!r}: {value!r}")
         text = key + value
-        if key == "" or "\0" in text or text.encode(errors="ignore").decode() != text:
-            raise mismatch(item, "named texts that UTF-8 can hold, without NUL", f"{key!r}: {value!r}")
+        good = key and "\0" not in text and text.encode(errors="ignore").decode() == text
+        check(good, item, "named texts that UTF-8 can hold, without NUL", f"{key!r}: {value!r}")
         size, most = len(value.encode()), 60000  # bytes; an HDF5 attribute with its name has at most 64 KiB
         check(size + len(key.encode()) <= most, item, f"texts of at most {most} bytes", f"{size} bytes in '{key[:40]}'")

@@ -42,7 +42,7 @@ from bdamper.util import validation
 from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, BdamperError, status_word, with_reason
 from bdamper.util.formatting import peak_text
 from bdamper.util.progress import Cost, CostMeter, one_thread
-from bdamper.util.storage import from_json
+from bdamper.util.records import from_json
 
 NEAR = 3e-3
 """Largest relative difference between a maximum and the nearest point of a coarse curve."""

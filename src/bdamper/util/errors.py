@@ -57,6 +57,12 @@ def mismatch(item: str, expected: str, found: object) -> ModelError:
     return ModelError(f"{item}: expected {' '.join(expected.split())}, found {one_line(found)}")
 
 
+def check(good: object, item: str, expected: str, found: object) -> None:
+    """Raise the error of :func:`mismatch` unless a condition holds."""
+    if not good:
+        raise mismatch(item, expected, found)
+
+
 def one_line(found: object) -> str:
     """Return the text of a value in one line of at most 300 characters."""
     return truncate(" ".join(str(found).split()), 300)

@@ -1,9 +1,8 @@
 """Result files.
 
-A result is a frozen dataclass that derives from :class:`Storable` with the name of its format.  Its fields are written to
-an HDF5 file: arrays as datasets, mappings of arrays and nested results as groups, all other values as JSON.  A field that
-is None is omitted.  :func:`load` reads every format and converts the values to the annotated types of the fields.  A file
-contains the versions of bdamper, NumPy and SciPy that computed the result.
+A result is a frozen dataclass that derives from :class:`Storable` with the name of its format.  An HDF5 file contains its
+fields (:mod:`bdamper.util.records`) and the versions of bdamper, NumPy and SciPy that computed it.  :func:`load` reads
+every format.
 
 :class:`ResultsFile` stores the finished parts of long work, so that interrupted work can continue.  Each part (a point of a
 sweep, a peak of an optimal curve) is appended as a line of JSON and forced to disk.  A killed process leaves at most an
@@ -18,24 +17,23 @@ import os
 import secrets
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import InitVar, asdict, dataclass, field, fields, is_dataclass
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from importlib import metadata
 from pathlib import Path
-from types import NoneType, UnionType
-from typing import Any, ClassVar, Union, get_args, get_origin, get_type_hints
+from typing import Any, ClassVar
 
 import h5py
-import numpy as np
 
 from bdamper.util.errors import BdamperError, SettingError, one_line, warn
 from bdamper.util.formatting import truncate
+from bdamper.util.records import Record, read_attribute, read_record, subgroup, to_json, write_record, write_text
 
 # ---- Versions ----
 
 
 @dataclass(frozen=True)
-class Versions:
+class Versions(Record):
     """Versions of bdamper, NumPy and SciPy.
 
     Parameters
@@ -47,14 +45,8 @@ class Versions:
     numpy: str = "unknown"
     scipy: str = "unknown"
 
-    @classmethod
-    def stored(cls, attributes: Mapping[str, Any]) -> Versions:
-        """Return the versions in the attributes of a file."""
-        names = {name: attributes.get(f"{name}_version") for name in asdict(cls())}
-        return cls(**{name: str(value) for name, value in names.items() if value is not None})
-
     def attributes(self) -> dict[str, str]:
-        """Return the versions as attributes of a file."""
+        """Return the versions by the names in the headers of files."""
         return {f"{name}_version": version for name, version in asdict(self).items()}
 
     def __str__(self) -> str:
@@ -70,9 +62,8 @@ INSTALLED = Versions(*(metadata.version(name) for name in ("bdamper", "numpy", "
 
 FilePath = str | os.PathLike[str]
 
-MOST_EXPANDED = 1100
-"""Largest possible ratio of compression: deflate reaches 1032, a larger ratio indicates damage."""
-
+VERSION = 3
+"""Version of the format of all results."""
 MOST_BYTES = 1_600_000_000
 """Largest size of all arrays in a file (bytes); a larger size indicates damage, unless the file is as large."""
 MOST_TEXT = 2**28
@@ -107,34 +98,37 @@ def load(path: FilePath) -> Any:
         If the file is damaged, not a file of bdamper, or of a version that cannot be read.
     """
     with read_hdf5(path, "a file written by bdamper") as file:
-        kind, made_with = _text(file.attrs.get("format", "none")), Versions.stored(file.attrs)
+        kind = read_attribute(file, "format") if "format" in file.attrs else "none"
+        since = f", {_written_by(file)}, which this version cannot read" if kind.startswith("bdamper-") else ""
     if kind not in _READERS:
-        since = f", written by {made_with}, which this version cannot read" if kind.startswith("bdamper-") else ""
         raise BdamperError(f"{path}: expected a file written by bdamper, found the format '{kind}'{since}")
     return _READERS[kind](path)
 
 
+def _written_by(file: h5py.File) -> str:
+    made_with = read_record(subgroup(file, "made_with"), Versions) if "made_with" in file else Versions()
+    return f"written by {made_with}"
+
+
 @dataclass(frozen=True)
-class Storable:
+class Storable(Record):
     """Mixin of frozen dataclasses that can be saved and read by :func:`load`.
 
     Parameters of the class
     -----------------------
     kind : str
         Name of the format.
-    version : int
-        Version of the format.
     """
 
-    _format: ClassVar[tuple[str, int]]
+    _format: ClassVar[str]
     made_with: Versions = field(default=INSTALLED, kw_only=True, repr=False, compare=False)
     """Versions of bdamper, NumPy and SciPy that computed the result."""
 
-    def __init_subclass__(cls, *, kind: str = "", version: int = 2, **options: Any) -> None:
+    def __init_subclass__(cls, *, kind: str = "", **options: Any) -> None:
         super().__init_subclass__(**options)
         if kind:  # a derived class keeps the format of its base class
-            cls._format = kind, version
-            register_reader(kind, partial(_read, cls, version))
+            cls._format = kind
+            register_reader(kind, partial(_read, cls))
 
     def save(self, path: FilePath) -> None:
         """Write the result to an HDF5 file, which :func:`bdamper.load` reads.
@@ -145,11 +139,9 @@ class Storable:
             If the file cannot be written.
         """
         with write_hdf5(path) as file:
-            file.attrs["format"], file.attrs["version"] = self._format
-            _put(file, self)
-
-    def check_rows(self) -> None:
-        """Raise ValueError if fields of the same dimension differ in length, as in a damaged file."""
+            write_text(file, "format", self._format)
+            file.attrs["version"] = VERSION
+            write_record(file, self)
 
 
 @dataclass(frozen=True)
@@ -193,7 +185,7 @@ def file_errors(path: object) -> Iterator[None]:
 
 
 @contextmanager
-def write_hdf5(path: FilePath, **options: Any) -> Iterator[h5py.File]:
+def write_hdf5(path: FilePath) -> Iterator[h5py.File]:
     """Open a new HDF5 file, which replaces an existing file in a single step when the context ends.
 
     The content is built in memory, because HDF5 cannot close a file on a full disk and may abort the process.
@@ -205,7 +197,7 @@ def write_hdf5(path: FilePath, **options: Any) -> Iterator[h5py.File]:
     """
     check_regular(path)
     target = Path(path)
-    with h5py.File(target.name, "w", driver="core", backing_store=False, block_size=1 << 20, **options) as file:
+    with h5py.File(target.name, "w", driver="core", backing_store=False, block_size=1 << 20, track_order=True) as file:
         yield file
         file.flush()
         content = file.id.get_file_image()
@@ -229,8 +221,8 @@ def read_hdf5(path: FilePath, expected: str, kind: type[BdamperError] = BdamperE
         with h5py.File(path, "r") as file:
             _check_bytes(file, Path(path).stat().st_size)
             yield file
-    except BdamperError:
-        raise
+    except BdamperError as error:
+        raise kind(str(error)) from error
     except Exception as error:  # a damaged file can make HDF5 and h5py raise almost anything
         found = one_line(error) or type(error).__name__
         raise kind(f"{path}: expected {expected}, found something else ({found})") from error
@@ -252,118 +244,16 @@ def _check_bytes(file: h5py.File, size: int) -> None:
         raise ValueError(f"{size - stored} bytes of texts and attributes, more than {MOST_TEXT}")
 
 
-def _read(cls: type[Storable], version: int, path: FilePath) -> Storable:
+def _read(cls: type[Storable], path: FilePath) -> Any:
     with read_hdf5(path, f"a file written by {cls.__name__}.save") as file:
-        made_with = Versions.stored(file.attrs)
-        if (own := file.attrs["version"]) != version:
-            expected = f"version {version} of the format '{_text(file.attrs['format'])}'"
-            raise BdamperError(f"{path}: expected {expected}, found version {own}, written by {made_with}")
+        found = read_attribute(file, "version", int)
+        if found != VERSION:
+            expected = f"version {VERSION} of the format '{cls._format}'"
+            raise BdamperError(f"{path}: expected {expected}, found version {found}, {_written_by(file)}; compute it again")
         try:
-            return _take(cls, file, made_with)
-        except SettingError as error:  # missing or invalid fields
+            return read_record(file, cls)
+        except SettingError as error:  # invalid fields
             raise ValueError(str(error)) from error
-
-
-def _text(value: Any) -> str:
-    return value.decode(errors="replace") if isinstance(value, bytes) else str(value)
-
-
-# ---- Fields ----
-
-
-def _leaf(hint: Any) -> Any:
-    """Return the type of the items of a field: ``Cost`` of ``tuple[Cost, ...]``, ``Fold`` of ``Fold | None``."""
-    inner = [kind for kind in get_args(hint) if kind not in (NoneType, Ellipsis)]
-    return inner[0] if len(inner) == 1 and get_origin(hint) is not dict else hint
-
-
-def _is_stored(kind: Any) -> bool:
-    return isinstance(kind, type) and issubclass(kind, Storable)
-
-
-def _put(group: h5py.Group, result: Any) -> None:
-    """Write the fields and the versions of a result."""
-    group.attrs.update(result.made_with.attributes())
-    hints = get_type_hints(type(result))
-    for name in (f.name for f in fields(result) if f.name != "made_with"):
-        value, leaf = getattr(result, name), _leaf(hints[name])
-        if value is None:
-            continue
-        if isinstance(value, np.ndarray):
-            group[name] = value
-        elif _is_stored(leaf):
-            for i, item in enumerate(value):
-                _put(group.create_group(f"{name}/{i}"), item)
-        elif isinstance(value, dict) and any(isinstance(item, np.ndarray) for item in value.values()):
-            part = group.create_group(name, track_order=True)
-            for key, item in value.items():
-                part[key] = item
-        else:
-            if is_dataclass(leaf):
-                value = [asdict(item) for item in value] if isinstance(value, tuple) else asdict(value)
-            group[name] = json.dumps(value, default=to_json)
-
-
-def _take(cls: Any, group: h5py.Group, made_with: Versions) -> Any:
-    """Read a result from the fields in a group; ``made_with`` is used if the group has no versions."""
-    hints = get_type_hints(cls)
-    made_with = Versions.stored(group.attrs) if "bdamper_version" in group.attrs else made_with
-    found: dict[str, Any] = {"made_with": made_with}
-    for name in (f.name for f in fields(cls) if f.name not in found):
-        leaf, item = _leaf(hints[name]), group.get(name)
-        if isinstance(item, h5py.Group):
-            if _is_stored(leaf):
-                found[name] = tuple(_take(leaf, item[key], made_with) for key in sorted(item, key=int))
-            else:
-                found[name] = {key: part[()] for key, part in item.items()}
-        elif item is not None:
-            text = h5py.check_string_dtype(item.dtype) is not None
-            found[name] = from_json(hints[name], json.loads(item[()])) if text else item[()]
-    made = cls(**found)
-    made.check_rows()
-    return made
-
-
-def from_json(hint: object, value: object) -> Any:
-    """Convert a value read from JSON to the annotated type of its field."""
-    return _from_json(hint, value)
-
-
-def _from_json(hint: Any, value: Any) -> Any:
-    origin, inner = get_origin(hint), get_args(hint)
-    if value is None or hint is Any or origin in (dict, Mapping):
-        return value
-    if origin is np.ndarray:
-        return value["real"] + 1j * np.array(value["imag"]) if isinstance(value, Mapping) else np.array(value)
-    if origin is tuple:
-        kinds = inner[:1] * len(value) if inner[-1] is ... else inner
-        return tuple(_from_json(kind, item) for kind, item in zip(kinds, value))
-    if isinstance(hint, InitVar):
-        return _from_json(hint.type, value)
-    if NoneType in inner and _leaf(hint) is not hint:
-        return _from_json(_leaf(hint), value)
-    if is_dataclass(hint):
-        hints = get_type_hints(hint)
-        known = {name: _from_json(hints[name], item) for name, item in value.items() if name in hints}
-        return hint(**known)  # type: ignore[operator]
-    if origin in (Union, UnionType):  # such as int | tuple[int, ...]
-        return tuple(value) if isinstance(value, list) else value
-    if isinstance(hint, type) and issubclass(hint, tuple):  # named tuple
-        return hint(*value)
-    return hint(value)
-
-
-def to_json(value: Any) -> Any:
-    """Convert arrays and numbers of NumPy, mappings and small dataclasses for JSON."""
-    if isinstance(value, np.ndarray):
-        return {"real": value.real.tolist(), "imag": value.imag.tolist()} if np.iscomplexobj(value) else value.tolist()
-    if isinstance(value, np.generic):
-        return value.item()
-    if isinstance(value, Mapping):
-        return dict(value)
-    if is_dataclass(value) and not isinstance(value, type):
-        return repr(value)
-    raise TypeError(f"expected a number, a text, a list or a mapping, found {type(value).__name__}")
 
 
 # ---- Finished parts of long work ----
@@ -450,7 +340,7 @@ class ResultsFile:
     def _compare(self, found: Any) -> None:
         if not isinstance(found, dict) or found.get("format") != self.header["format"]:
             raise self._mismatch(self.expected, "something else")
-        version, stored = (Versions.stored(header).bdamper for header in (self.header, found))
+        version, stored = (header.get("bdamper_version") for header in (self.header, found))
         if version != stored:
             unusable = f"results of bdamper {stored}, which this version cannot continue"
             raise self._mismatch(f"results of bdamper {version}", unusable)

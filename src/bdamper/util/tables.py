@@ -29,7 +29,8 @@ from numpy.typing import NDArray
 
 from bdamper.util.errors import COMPLETE, INTERRUPTED, import_extra
 from bdamper.util.formatting import PREFIXES, spaced, unit_prefix
-from bdamper.util.storage import INSTALLED, FilePath, check_folder, file_errors, to_json
+from bdamper.util.records import to_json
+from bdamper.util.storage import INSTALLED, FilePath, check_folder, file_errors
 from bdamper.util.validation import declarations
 
 
