@@ -26,7 +26,6 @@ from bdamper.harmonic_balance.problem import Problem, stuck_springs
 from bdamper.plot import plot_accuracy, save_figure
 from bdamper.response.highest_peak import highest_peak
 from bdamper.response.peak import Peak
-from bdamper.response.response_curve_result import Fold
 from bdamper.time_domain.integration import STEPS, Motion, Ring
 from bdamper.util.formatting import percent
 from bdamper.util.progress import CostMeter
@@ -159,7 +158,7 @@ def ways() -> str:
 
         return solve
 
-    def place(top: Peak | Fold) -> Answer:
+    def place(top: Peak) -> Answer:
         return top.amplitude, top.frequency
 
     coarse, fine = (bd.ContinuationOptions(locate=False, **o) for o in ({"step": 0.1}, {"step": 0.02, "max_step": 0.05}))

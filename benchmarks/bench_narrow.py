@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 import bdamper as bd
-from bdamper.response.peak import resonance_interval
+from bdamper.response.linear_limits import resonance_interval
 
 BANDS = 100
 BODIES = ("bladed_disk", 9), ("bladed_disk", 24), ("paper_disk", 24), ("test_rig", 24)

@@ -23,8 +23,8 @@ import numpy as np
 
 import bdamper as bd
 from bdamper.response.highest_peak import AtPreload
+from bdamper.response.linear_limits import peak_interval
 from bdamper.response.optimal_curve import BUDGET, MAX_RATTLING, at_preload, optimal_curve, rattling_below
-from bdamper.response.peak import peak_interval
 
 STUDIES = 60
 ABOVE = 0.01

@@ -24,8 +24,8 @@ import numpy as np
 
 import bdamper as bd
 from bdamper.response.events import ContinuationOptions
+from bdamper.response.linear_limits import resonance_interval
 from bdamper.response.optimal_curve import BUDGET
-from bdamper.response.peak import resonance_interval
 from bdamper.response.response_curve import NO_STEADY
 from benchmarks import PLAIN
 

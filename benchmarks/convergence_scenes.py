@@ -21,7 +21,7 @@ from functools import lru_cache
 import numpy as np
 
 import bdamper as bd
-from bdamper.response.peak import resonance_interval
+from bdamper.response.linear_limits import resonance_interval
 from bdamper.response.verification import Convergence
 from benchmarks import PLAIN
 

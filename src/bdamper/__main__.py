@@ -16,7 +16,7 @@ import numpy as np
 
 import bdamper as bd
 from bdamper.fatigue.criteria import Material
-from bdamper.response.peak import peak_interval
+from bdamper.response.linear_limits import peak_interval
 
 
 def frequency_response(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:

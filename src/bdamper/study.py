@@ -39,12 +39,13 @@ from bdamper.model.loads import Excitation
 from bdamper.model.model_file import new_group, read_model, write_model
 from bdamper.model.structure import Model
 from bdamper.model.validation import check_model, check_model_once
-from bdamper.response import highest_peak, response_curve_result, sensitivity
+from bdamper.response import highest_peak, linear_limits, sensitivity
 from bdamper.response import optimal_curve as optimal
 from bdamper.response import response_curve as tracking
 from bdamper.response.events import ContinuationOptions
+from bdamper.response.linear_limits import peak_interval
 from bdamper.response.optimal_curve_result import OptimalCurve
-from bdamper.response.peak import Peak, PeakOptions, peak_interval
+from bdamper.response.peak import Peak, PeakOptions
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.time_domain import floquet, optimum_in_time, transients
 from bdamper.util import validation
@@ -182,8 +183,8 @@ class Study(Comparable):
         return {"model": self.model.hash, **self.problem.record()}
 
     # linear limits
-    free = analysis(response_curve_result.free)
-    stuck = analysis(response_curve_result.stuck)
+    free = analysis(linear_limits.free)
+    stuck = analysis(linear_limits.stuck)
 
     @validation.check_arguments
     def frequency_response(

@@ -203,7 +203,7 @@ def test_a_corner_is_compared_by_whole_curves_alone(full, monkeypatch):
     reference = module._Reference(full.problem, Effects.of(full), PRELOAD, INTERVAL)
     kinds = list(reference.curve.point_kind)
     assert reference.row("rotation X", Effects.of(full), 0.5).source == "estimated"
-    kinds[reference.peak.index] = "drift"
+    kinds[reference.curve.peak_index] = "drift"
     reference.curve = replace(reference.curve, point_kind=tuple(kinds))
     assert reference.row("rotation X", Effects.of(full), 0.5).source == "computed"
 

@@ -10,7 +10,7 @@ from bdamper.analyses.campbell import line_crossings
 from bdamper.contact.static_state import static_state
 from bdamper.harmonic_balance import problem
 from bdamper.model.rotation import SpeedBasis
-from bdamper.response.peak import free_and_stuck
+from bdamper.response.linear_limits import free_and_stuck
 from tests.plain import plain_study
 from tests.turning import turning_disk
 

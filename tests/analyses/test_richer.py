@@ -7,7 +7,7 @@ import bdamper as bd
 from bdamper.analyses import error_estimates
 from bdamper.analyses.error_estimates import Tops, compare, evaluate_peak, whole_curve
 from bdamper.response.highest_peak import highest_peak
-from bdamper.response.peak import resonance_interval
+from bdamper.response.linear_limits import resonance_interval
 from bdamper.response.response_curve import frequency_response
 from tests.models import wedge_model
 from tests.plain import plain_study

@@ -9,7 +9,7 @@ import pytest
 
 import bdamper as bd
 import bdamper.harmonic_balance.problem as problem_module
-from bdamper.response.peak import linear_peak
+from bdamper.response.linear_limits import linear_peak
 from bdamper.util.errors import StaticError
 from tests.plain import plain_study
 

@@ -7,7 +7,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.harmonic_balance.problem import stuck_springs
-from bdamper.response.peak import linear_peak
+from bdamper.response.linear_limits import linear_peak
 from tests.plain import plain_study
 
 

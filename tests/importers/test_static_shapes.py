@@ -15,7 +15,7 @@ import bdamper as bd
 from bdamper.fem import LocalSizes
 from bdamper.importers import build_model, over_speed
 from bdamper.model.model_file import load_model, save_model
-from bdamper.response.peak import resonance_interval
+from bdamper.response.linear_limits import resonance_interval
 from tests.annulus import Annulus, small_sector, wheel_matrices
 from tests.fe_bodies import FIRST_NUMBER, blade_and_damper, contacts
 

@@ -7,7 +7,7 @@ import pytest
 import scipy.linalg
 
 import bdamper as bd
-from bdamper.response.peak import resonance_interval
+from bdamper.response.linear_limits import resonance_interval
 from bdamper.util.errors import BdamperWarning
 from tests.plain import plain_study
 

@@ -12,16 +12,9 @@ from bdamper.harmonic_balance.parameters import vary
 from bdamper.response import optimal_curve, sensitivity
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.highest_peak import AtPreload, Highest, maxima
+from bdamper.response.linear_limits import free_and_stuck, linear_peak, resonance_interval
 from bdamper.response.minimum_search import CORNER
-from bdamper.response.peak import (
-    amplitude_at,
-    coarse_options,
-    find_peak,
-    free_and_stuck,
-    linear_peak,
-    resonance_interval,
-    slope_along,
-)
+from bdamper.response.peak import amplitude_at, coarse_options, find_peak, slope_along
 from bdamper.response.response_curve import without_points
 from bdamper.response.sensitivity import PARAMETERS, setting_family, setting_value
 from bdamper.util.errors import SettingError

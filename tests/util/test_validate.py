@@ -291,7 +291,7 @@ def test_calls_on_results_refuse_bad_arguments(study):
     for ask in (
         lambda: study.peak_sensitivities(peak, ["mu"]),
         lambda: study.peak_sensitivities(peak, "preload"),
-        lambda: study.peak_sensitivities(curve.peak),
+        lambda: study.peak_sensitivities(curve),
         lambda: study.with_stability(curve, in_time="yes"),
         lambda: study.verify(curve, index=10**6),
         lambda: study.estimate_errors(curve, sources="harmonics"),

@@ -25,7 +25,8 @@ from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.rotor_speed import RPM, Conditions, asked_speeds, preload_at, under
 from bdamper.harmonic_balance.speed_family import responses
 from bdamper.response.events import ContinuationOptions
-from bdamper.response.peak import Peak, free_and_stuck
+from bdamper.response.linear_limits import free_and_stuck
+from bdamper.response.peak import Peak
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import validation
 from bdamper.util.display import Fact, Plottable, draw

@@ -48,16 +48,8 @@ from bdamper.response.branches import Coverage, ending, evaluation_budget, first
 from bdamper.response.continuation import TWO_PI
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.highest_peak import Highest, highest_of_curve
-from bdamper.response.peak import (
-    LOOSEST,
-    Peak,
-    PeakOptions,
-    amplitude_at,
-    beyond,
-    coarse_options,
-    find_peak,
-    free_and_stuck,
-)
+from bdamper.response.linear_limits import beyond, free_and_stuck
+from bdamper.response.peak import LOOSEST, Peak, PeakOptions, amplitude_at, coarse_options, find_peak
 from bdamper.response.response_curve import as_curve
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.sensitivity import sensitivities

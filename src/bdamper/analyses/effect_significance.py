@@ -200,11 +200,11 @@ def effect_significance(
     significant = effects
     for row in rows:
         significant = significant if row.significant else significant.without(row.name)
-    peak, whole = reference.peak, reference.curve
+    whole = reference.curve
     notes = () if whole.complete else (f"the curve with all effects ended as: {whole.status} ({whole.reason})",)
     work = _work(problem.with_effects(significant).system(preload)) / reference.work
     return EffectSignificance(
-        preload, frequency, tolerance, peak.amplitude, peak.frequency, tuple(rows), effects, significant, amplitude, change,
+        preload, frequency, tolerance, whole.peak.amplitude, whole.peak.frequency, tuple(rows), effects, significant, amplitude, change,
         work, notes,
     )  # fmt: skip
 
@@ -215,7 +215,7 @@ class _Reference:
     def __init__(self, problem: Problem, effects: Effects, preload: float, frequency: tuple[float, float]) -> None:
         self.problem, self.effects, self.preload = problem, effects, preload
         self.curve = whole_curve(problem, preload, frequency)
-        self.peak, self.tops = self.curve.peak, Tops.of(problem, self.curve)
+        self.tops = Tops.of(problem, self.curve)
         self.work = _work(problem.system(preload))
 
     def row(self, name: str, present: Effects, tolerance: float) -> EffectRow:
@@ -225,9 +225,9 @@ class _Reference:
         if not leaner.static(self.preload).converged:
             return EffectRow(name, on, np.nan, np.nan, np.inf, "unknown", np.nan, reason="no static state")
         system, change, source = leaner.system(self.preload), None, "estimated"
-        if self.curve.point_kind[self.peak.index] == "maximum":  # the estimate needs a stationary amplitude
-            y = np.append(self.curve.unknowns[self.peak.index], 2.0 * np.pi * self.peak.frequency)
-            change = estimate_change(system, embed(self.problem, leaner, self.preload, y))
+        peak = self.curve.peak
+        if not peak.corner:  # the estimate needs a stationary amplitude
+            change = estimate_change(system, embed(self.problem, leaner, self.preload, peak.y))
         if change is None or change.size > tolerance:
             change, source = self.computed(leaner), "computed"
         why = "" if change.known else change.how

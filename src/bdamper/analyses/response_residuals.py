@@ -30,7 +30,8 @@ from bdamper.harmonic_balance.problem import Problem
 from bdamper.importers.measurements import Measured, Measurement
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.highest_peak import highest_peak
-from bdamper.response.peak import Family, Peak, linear_peak, peak_interval
+from bdamper.response.linear_limits import linear_peak, peak_interval
+from bdamper.response.peak import Family, Peak
 from bdamper.response.response_curve import frequency_response, sweep_of
 from bdamper.response.sensitivity import across, sensitivities
 from bdamper.util import validation

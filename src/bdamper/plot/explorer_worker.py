@@ -26,8 +26,8 @@ from bdamper.harmonic_balance.parameters import vary
 from bdamper.plot.force_scaling import rescaled_curve, rescaled_optimal
 from bdamper.plot.motion import ContactStatus, LineDrawing, contact_status, line_drawing
 from bdamper.response.events import ContinuationOptions
+from bdamper.response.linear_limits import peak_interval
 from bdamper.response.optimal_curve_result import OptimalCurve
-from bdamper.response.peak import peak_interval
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import TimeResponse
 from bdamper.study import Study
@@ -232,7 +232,7 @@ class Answers:
         )  # fmt: skip
         if not len(curve):
             return Answer(question, harmonics is None, study, curve, limits)
-        i = curve.peak.index if question.point is None or harmonics else min(question.point, len(curve) - 1)
+        i = curve.peak_index if question.point is None or harmonics else min(question.point, len(curve) - 1)
         contacts, loops = contact_status(study, curve.unknowns[i], load), study.hysteresis(curve, i)
         drawing: LineDrawing | str | None = None
         if not harmonics:

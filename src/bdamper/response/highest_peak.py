@@ -25,17 +25,8 @@ from bdamper.harmonic_balance.equations import OK, Equations, Plane
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response.continuation import MANY_FOLDS
 from bdamper.response.events import ContinuationOptions
-from bdamper.response.peak import (
-    AT_END,
-    LOOSEST,
-    Peak,
-    PeakOptions,
-    amplitude_at,
-    coarse_options,
-    find_peak,
-    peak_interval,
-    same_peak,
-)
+from bdamper.response.linear_limits import peak_interval
+from bdamper.response.peak import AT_END, LOOSEST, Peak, PeakOptions, amplitude_at, coarse_options, find_peak, same_peak
 from bdamper.response.response_curve import frequency_response
 from bdamper.response.response_curve_result import ResponseCurve, uninterrupted
 from bdamper.util import validation
@@ -85,7 +76,7 @@ class Highest:
         """Status of the peak; "incomplete" with the reason at an end of the interval."""
         if self.kind != "end":
             return self.peak.status
-        return with_reason(INCOMPLETE, "; ".join(filter(None, (AT_END, self.note))))
+        return with_reason(INCOMPLETE, "; ".join(filter(None, (f"{AT_END}, without a maximum in it", self.note))))
 
 
 def highest_of_curve(system: Equations, curve: ResponseCurve, *, options: PeakOptions | None = None) -> Highest:

@@ -31,9 +31,10 @@ from bdamper.harmonic_balance.parameters import study_fingerprint
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.highest_peak import REACH, AtPreload, check_options, found_at, given_up
+from bdamper.response.linear_limits import linear_peak, peak_interval
 from bdamper.response.minimum_search import Sample, find_minimum, on_one_branch
 from bdamper.response.optimal_curve_result import OptimalCurve, OptimumPoint
-from bdamper.response.peak import Family, Peak, PeakOptions, find_peak, linear_peak, peak_interval
+from bdamper.response.peak import Family, Peak, PeakOptions, find_peak
 from bdamper.response.response_curve import NO_STEADY, open_at_rest, rattles, without_points
 from bdamper.response.sensitivity import amplitude_sensitivity
 from bdamper.util import validation

@@ -37,13 +37,15 @@ from numpy.typing import NDArray
 from bdamper.contact.laws import LAW_BONDED
 from bdamper.harmonic_balance.equations import NOT_FINITE, STATUS_TEXT, Correction, Equations
 from bdamper.harmonic_balance.problem import Problem, stuck_springs
+from bdamper.harmonic_balance.result_checks import check_solution
 from bdamper.harmonic_balance.sector import Sector, reach
 from bdamper.model.kinematics import Coordinate
 from bdamper.model.structure import Model
 from bdamper.response.branches import Coverage, LeftOut, Piece, ending, evaluation_budget, first_point, in_order
 from bdamper.response.continuation import OUT_OF_BUDGET, TWO_PI
 from bdamper.response.events import ContinuationOptions, Path
-from bdamper.response.response_curve_result import ResponseCurve, crossed, free
+from bdamper.response.linear_limits import free
+from bdamper.response.response_curve_result import ResponseCurve, crossed
 from bdamper.util import validation
 from bdamper.util.errors import INCOMPLETE, NOT_FOUND, SettingError
 from bdamper.util.progress import Cost, CostMeter, is_part_of_work, progress_bar, single_thread
@@ -266,7 +268,7 @@ def frequency_response(
                 search.pieces.append(Piece(Path((), "interrupted", "by the user", 0, 0), True))
         curve = as_curve(problem, search, ending(search.pieces, *search.limits), kind="tracking", preload=preload)
         if problem.own_laws is not None and len(curve):
-            problem.own_laws.warn_below(search.system.contact(curve.unknowns[curve.peak.index])[0])
+            problem.own_laws.warn_below(search.system.contact(curve.peak.y[:-1])[0])
         locked = (f"{name} is self-locking: its static normal load is not unique" for name in self_locking(problem))
         reason, left_out = _reason(problem, search, curve), (*curve.missing_ranges, *search.lost)
         return replace(curve, reason=reason, missing_ranges=left_out, notes=(*curve.notes, *locked))
@@ -392,16 +394,8 @@ def check_curve(problem: Problem, curve: ResponseCurve, name: str = "curve") -> 
     expected = "a response curve (study.frequency_response)"
     validation.check(curve.kind == "tracking", name, expected, f"a {curve.kind} curve")
     validation.check(curve.model_hash == problem.model.hash, name, "a curve of this model", "a curve of another model")
-    system = problem.system(curve.preload)
-    n = system.n_unknowns
-    expected = f"a result of this study with {n} unknowns"
-    validation.check(curve.unknowns.shape[1] == n, name, expected, curve.unknowns.shape[1])
-    if not len(curve):
-        return
-    i = curve.peak.index
-    error = system.error(np.append(curve.unknowns[i], TWO_PI * curve.frequency[i]))
-    found = f"a result with other settings (residual {error:.2g} at its peak)"
-    validation.check(error <= max(1e-6, 100.0 * float(curve.residual[i])), name, "a result of this study", found)
+    if len(curve):
+        check_solution(problem, curve.preload, curve.peak.y, curve.peak.residual, name)
 
 
 def self_locking(problem: Problem) -> tuple[str, ...]:
