@@ -22,7 +22,7 @@ from bdamper.analyses.accuracy import AccuracyCost, Run
 from bdamper.analyses.error_estimates import evaluate_peak, whole_curve
 from bdamper.fem import MeshDensity, SectorFE, bladed_disk
 from bdamper.harmonic_balance.equations import OK
-from bdamper.harmonic_balance.problem import Problem, stuck_springs
+from bdamper.harmonic_balance.problem import Problem
 from bdamper.plot import plot_accuracy, save_figure
 from bdamper.response.highest_peak import highest_peak
 from bdamper.response.peak import Peak
@@ -192,9 +192,8 @@ def sweep_peak(problem: Problem, preload: float, interval: tuple[float, float], 
 
     Points at which Newton fails from the point before and from the stuck response are left out.
     """
-    system = problem.system(preload)
-    state = problem.equilibrium(preload)
-    springs = stuck_springs(problem, state)
+    case = problem.at(preload)
+    system, state, springs = case.equations, case.equilibrium, case.stuck_springs()
     omegas = 2.0 * np.pi * np.linspace(*interval, n)
     best = (np.nan, np.nan)
     for sweep in (omegas, omegas[::-1]):

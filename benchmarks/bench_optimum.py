@@ -68,7 +68,7 @@ def search_status(
 def run(number: int) -> dict[str, Any]:
     """The optimum of one study beside the scan."""
     study, mode, text = draw(number)
-    frequency = peak_interval(study.problem, None, mode)
+    frequency = peak_interval(study.problem.at(1.0), None, mode)
     rough = {p: a for p, a in search_status(study, np.geomspace(2.0, 25e3, 12), frequency, 1.001).items() if not a.rattles}
     low, high = (ratio * min(rough, key=lambda p: rough[p].value) for ratio in (0.05, 40.0))
     begin = time.process_time()

@@ -14,7 +14,6 @@ import numpy as np
 
 import bdamper as bd
 from bdamper.harmonic_balance.effects import Effects
-from bdamper.harmonic_balance.problem import stuck_springs
 from bdamper.response.response_curve_result import ResponseCurve
 from tests import models
 from tests.plain import plain_study
@@ -117,7 +116,7 @@ def scene(study: bd.Study, case: Case) -> tuple[float, tuple[float, float]] | No
     c, s = system.layout.slices(1)
     q = stuck.unknowns[at][c] - 1j * stuck.unknowns[at][s]
     motion = np.abs(study.problem.bases[1].G @ q)[:, :2]
-    springs = stuck_springs(study.problem, state)[:, :2]
+    springs = study.problem.at(state.preload).stuck_springs()[:, :2]
     tangential = float((springs * motion).sum())
     capacity = case.friction * float(state.force[study.problem.friction > 0.0, 2].sum()) / 100.0
     return case.level * tangential / capacity, (low, 1.06 * high)

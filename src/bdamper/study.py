@@ -261,8 +261,7 @@ class Study(Comparable):
             The highest point, or a peak with a status and NaN if none was found.
         """
         problem = self.problem
-        preload = problem.check_preload(preload)
-        frequency = peak_interval(problem, frequency, preload, mode)
+        frequency = peak_interval(problem.at(preload), frequency, mode)
         check_question(problem, [preload], frequency)
         return highest_peak.highest_peak(problem, preload, frequency, mode=mode, options=options)
 
@@ -317,7 +316,7 @@ class Study(Comparable):
         problem = self.problem
         check = check if check is False else validation.choice("check", check, ("time", "neighbours"))
         values = optimal.preload_values(preload, n)
-        frequency = peak_interval(problem, frequency, float(values[-1]), mode) if problem.carries_load else frequency
+        frequency = peak_interval(problem.at(float(values[-1])), frequency, mode) if problem.carries_load else frequency
         check_unloaded(problem)
         check_question(problem, values, frequency)
         ways: dict[str, Any] = {"frequency": frequency, "mode": mode, "options": options}

@@ -11,7 +11,6 @@ import bdamper as bd
 from bdamper.contact.laws import LAW_CONSTANT
 from bdamper.contact.static_state import OPEN
 from bdamper.harmonic_balance.equations import OK, Correction
-from bdamper.harmonic_balance.problem import stuck_springs
 from bdamper.model.contact_points import group_patches, unite_contact_points
 from bdamper.response.response_curve import notes, why_no_solution
 from tests import models
@@ -370,7 +369,7 @@ def test_linear_resonances_are_those_of_the_linear_curves(full):
     """With residual modes, which have no inertia or that of the modes left out, as well as without."""
     for method in ("unit_traction", "residual_modes"):
         study = full.replace(contact_stiffness=method)
-        system, springs = study.problem.system(PRELOAD), stuck_springs(study.problem, study.static(PRELOAD))
+        system, springs = study.problem.system(PRELOAD), study.problem.at(PRELOAD).stuck_springs()
         low, high = 2.0 * np.pi * 100.0, 2.0 * np.pi * 1e4
         found = system.structure.linear.resonances((springs,), low, high)
         assert len(found) >= 4

@@ -92,8 +92,8 @@ def test_a_heavier_body_at_a_speed_has_its_load():
         unit = preload * (1.5 if name == "front" else 1.0)
         expected = {other: (1.5 if other == name else 1.0) * load for other, load in loads.items()}
         assert {other: unit * share for other, share in found.body_loads.items()} == pytest.approx(expected)
-        np.testing.assert_allclose(heavier.structure.force, found.sector(unit).force, rtol=1e-10)
-        np.testing.assert_allclose(heavier.structure.points.n0, found.sector(unit).points.n0, rtol=1e-10)
+        np.testing.assert_allclose(heavier.structure.force, found.at(unit).sector.force, rtol=1e-10)
+        np.testing.assert_allclose(heavier.structure.points.n0, found.at(unit).sector.points.n0, rtol=1e-10)
     with pytest.raises(bd.SettingError, match=r"damper_mass_factor.rear: expected no rotor speed.* vary damper_mass.rear"):
         vary(problem, {"damper_mass_factor.rear": 2.0})
 

@@ -114,8 +114,8 @@ def test_every_answer_is_that_of_the_study_whatever_was_asked_before():
         given = vary(study, dict(question.settings))
         for harmonics in (1, None):
             kind = given.replace(harmonics=1) if harmonics else given
-            own = peak_interval(study.replace(harmonics=1).problem, None, 1.0, question.mode)
-            band = peak_interval(given.replace(harmonics=1).problem, None, 1.0, question.mode)
+            own = peak_interval(study.replace(harmonics=1).problem.at(1.0), None, question.mode)
+            band = peak_interval(given.replace(harmonics=1).problem.at(1.0), None, question.mode)
             curve, best = answers.curve(question, harmonics), answers.optimal(question)
             assert curve.full == (harmonics is None) and best.full and curve.question is best.question is question
             ends = float(curve.curve.frequency[0]), float(curve.curve.frequency[-1])

@@ -51,7 +51,7 @@ from bdamper.analyses.error_estimates import (
 from bdamper.contact.laws import AFT
 from bdamper.harmonic_balance.effects import MAX_HARMONIC
 from bdamper.harmonic_balance.plausibility import check_question
-from bdamper.harmonic_balance.problem import Problem, stuck_springs
+from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.result_checks import Asking, like, problem_of
 from bdamper.response.highest_peak import NEAR as NEAR_HIGHEST
 from bdamper.response.highest_peak import highest_peak
@@ -247,9 +247,10 @@ def _end(problem: Problem, harmonic: int) -> float:
 
 def _meetings(problem: Problem, peak: Peak) -> Iterator[Meeting]:
     """Yield the harmonics of the problem near a mode with stuck contacts, each with the nearest mode."""
-    springs, linear = stuck_springs(problem, problem.static(peak.parameter)), problem.sector(peak.parameter).linear
+    case = problem.at(peak.parameter)
+    springs = case.stuck_springs()
     for l in problem.harmonic_numbers[1:]:
-        modes = linear.modes(springs, l)[0] / (2.0 * np.pi)
+        modes = case.sector.linear.modes(springs, l)[0] / (2.0 * np.pi)
         distance = l * peak.frequency / np.maximum(modes, 1e-300) - 1.0
         k = int(np.argmin(np.abs(distance)))
         if abs(distance[k]) <= NEAR_MODE:
@@ -533,7 +534,7 @@ def accuracy_cost(
     solve = whole_curve if quantity is None else lambda p, *place: quantity(like(study, p), *place)
     tolerance = validation.number("tolerance", tolerance, above=0.0, below=1.0)
     preload = problem.check_preload(preload)
-    low, high = map(float, peak_interval(problem, frequency, preload))
+    low, high = map(float, peak_interval(problem.at(preload), frequency))
     ladders = make_ladders(problem, vary)
     check_question(problem, [preload], frequency)
     runs = _Runs(problem, ladders, lambda p: solve(p, preload, (low, high)), preload)

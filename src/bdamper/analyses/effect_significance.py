@@ -204,8 +204,8 @@ def effect_significance(
     notes = () if whole.complete else (f"the curve with all effects ended as: {whole.status} ({whole.reason})",)
     work = _work(problem.with_effects(significant).system(preload)) / reference.work
     return EffectSignificance(
-        preload, frequency, tolerance, whole.peak.amplitude, whole.peak.frequency, tuple(rows), effects, significant, amplitude, change,
-        work, notes,
+        preload, frequency, tolerance, whole.peak.amplitude, whole.peak.frequency, tuple(rows), effects, significant,
+        amplitude, change, work, notes,
     )  # fmt: skip
 
 

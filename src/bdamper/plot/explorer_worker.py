@@ -209,7 +209,7 @@ class Answers:
         """Return the frequencies (Hz) around the free and the stuck resonance of the mode, to three digits."""
         load = question.preloads[1] if question.preloads else question.preload
         key = "band", question.settings, question.mode, load
-        ends = self.once(key, lambda: peak_interval(self.varied(question, 1).problem, None, load, question.mode))
+        ends = self.once(key, lambda: peak_interval(self.varied(question, 1).problem.at(load), None, question.mode))
         return float(f"{ends[0]:.3g}"), float(f"{ends[1]:.3g}")
 
     def curve(self, question: Question, harmonics: int | None) -> Answer:

@@ -304,17 +304,16 @@ def found_at(
         On Ctrl-C.
     """
     meter = CostMeter()
-    system, before = None, None
-    if problem.static(preload).converged:
-        system = problem.system(preload)
-        meter.watch(system)  # the curves use the same equations
+    case, before = problem.at(preload), None
+    if case.static.converged:
+        meter.watch(case.equations)  # the curves use the same equations
     for continuation in (coarse_options(), ContinuationOptions()):
         continuation = continuation if budget is None else replace(continuation, budget=budget)
         curve = uninterrupted(frequency_response(problem, preload, frequency, options=continuation))
         top: Highest | None = None
         meter.count(curve.cost.iterations, curve.cost.failed_steps)
-        if len(curve) and system is not None:
-            top = highest_of_curve(system, curve, options=options)
+        if len(curve):
+            top = highest_of_curve(case.equations, curve, options=options)
             meter.count(top.peak.iterations)
         height = (1.0 + LEVEL) * top.peak.amplitude if curve.complete and top is not None else 0.0
         if before is not None and before[1].peak.amplitude > height:
@@ -358,8 +357,7 @@ def highest_peak(
     BdamperError
         If no response was found in the interval.
     """
-    preload = problem.check_preload(preload)
-    frequency = peak_interval(problem, frequency, preload, mode)
+    frequency = peak_interval(problem.at(preload), frequency, mode)
     check_options(options)
     response = found_at(problem, preload, frequency, options=options)
     if response.top is None:

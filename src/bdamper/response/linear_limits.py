@@ -13,9 +13,8 @@ import scipy
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from bdamper.contact.static_state import PreloadState
 from bdamper.harmonic_balance.plausibility import check_interval
-from bdamper.harmonic_balance.problem import Problem, stuck_springs
+from bdamper.harmonic_balance.problem import LoadCase, Problem
 from bdamper.harmonic_balance.sector import NEAREST, around
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import validation
@@ -37,7 +36,7 @@ def free(problem: Problem, frequency: tuple[float, float]) -> ResponseCurve:
     -------
     ResponseCurve
     """
-    return _linear(problem, "free", 0.0, frequency, None)
+    return _linear(problem.at(0.0), "free", frequency, None)
 
 
 @one_thread
@@ -56,20 +55,16 @@ def stuck(problem: Problem, frequency: tuple[float, float], preload: float = 1.0
     -------
     ResponseCurve
     """
-    if not problem.carries_load:
-        preload = 0.0
-    springs = stuck_springs(problem, problem.equilibrium(preload), touching=True)
-    return _linear(problem, "stuck", preload, frequency, springs)
+    case = problem.at(preload if problem.carries_load else 0.0)
+    return _linear(case, "stuck", frequency, case.stuck_springs(touching=True))
 
 
-def _linear(
-    problem: Problem, kind: str, preload: float, frequency: tuple[float, float], springs: NDArray | None
-) -> ResponseCurve:
+def _linear(case: LoadCase, kind: str, frequency: tuple[float, float], springs: NDArray | None) -> ResponseCurve:
     """Compute the linear response over an interval (Hz), with springs (n_points, 3) in N/m in place of the contact."""
     watch = CostMeter()
     low, high = (2.0 * np.pi * f for f in validation.interval("frequency", frequency))
-    check_interval(problem, frequency, preload)
-    system = problem.system(preload)
+    check_interval(case, frequency)
+    problem, system = case.problem, case.equations
     linear, omega = system.structure.linear, np.linspace(low, high, 201)
     unbounded = []
     for w, width, _ in linear.resonances((springs,), *around(low, high)):
@@ -109,7 +104,7 @@ def _linear(
         rank_deficiency=np.zeros(n, int),
         branch=np.zeros(n, int),
         point_kind=tuple("maximum" if w in tops else "regular" for w in omega.tolist()),
-        preload=preload,
+        preload=case.preload,
         status="complete",
         reason="linear" + "".join(f", unbounded at {f:.6g} Hz: no damping" for f in infinite),
         cost=watch.read(),
@@ -154,7 +149,7 @@ class Limit:
     amplitude: float
 
 
-def free_and_stuck(problem: Problem, state: PreloadState, modes: int) -> tuple[NDArray, NDArray]:
+def free_and_stuck(case: LoadCase, modes: int) -> tuple[NDArray, NDArray]:
     """Return the first resonances (modes,) of the constrained bodies without contact and in stick, Hz.
 
     The stuck resonance of a mode is the lowest one above its free resonance that belongs to no lower mode.
@@ -164,7 +159,7 @@ def free_and_stuck(problem: Problem, state: PreloadState, modes: int) -> tuple[N
     SettingError
         If there are fewer modes.
     """
-    sector = problem.sector(0.0)
+    sector = case.problem.at(0.0).sector
     basis = sector.bases[1]
     modes_alone = np.array([c.is_mode for c in basis.coordinates], bool)
     elastic = np.sort(basis.omega2[(basis.omega2 > 0.0) & (basis.mass == 1.0) & modes_alone])
@@ -172,7 +167,7 @@ def free_and_stuck(problem: Problem, state: PreloadState, modes: int) -> tuple[N
         elastic = sector.linear.modes(None)[0] ** 2
     validation.check(1 <= modes <= len(elastic), "mode", f"1 to {len(elastic)}", modes)
     free = np.sqrt(elastic[:modes])
-    poles = list(sector.linear.modes(stuck_springs(problem, state, touching=True))[0])
+    poles = list(sector.linear.modes(case.stuck_springs(touching=True))[0])
     stuck = []
     for w in free:
         poles = [p for p in poles if p >= w * (1.0 - 1e-9)]
@@ -180,14 +175,13 @@ def free_and_stuck(problem: Problem, state: PreloadState, modes: int) -> tuple[N
     return free / (2.0 * np.pi), np.array(stuck) / (2.0 * np.pi)
 
 
-def resonance_interval(problem: Problem, preload: float, mode: int = 1) -> tuple[float, float]:
+def resonance_interval(case: LoadCase, mode: int = 1) -> tuple[float, float]:
     """Return a frequency interval (Hz) that contains the free and the stuck resonance of a mode of the constrained bodies.
 
     Parameters
     ----------
-    problem : Problem
-    preload : float, N
-        Preload that closes the contact points.
+    case : LoadCase
+        Its preload closes the contact points.
     mode : int
         1 for the lowest.
 
@@ -198,7 +192,7 @@ def resonance_interval(problem: Problem, preload: float, mode: int = 1) -> tuple
     StaticError
         If there is no static state at the preload.
     """
-    free, stuck = (float(f[-1]) for f in free_and_stuck(problem, problem.equilibrium(preload), mode))
+    free, stuck = (float(f[-1]) for f in free_and_stuck(case, mode))
     margin = beyond(free, stuck)
     return max(0.1 * free, free - margin), stuck + margin
 
@@ -208,15 +202,15 @@ def beyond(free: float, stuck: float) -> float:
     return 0.1 * free + 0.3 * (stuck - free)
 
 
-def linear_peak(problem: Problem, frequency: tuple[float, float], preload: float, *, stuck: bool) -> Limit:
+def linear_peak(case: LoadCase, frequency: tuple[float, float], *, stuck: bool) -> Limit:
     """Return the highest resonance of the free or stuck structure in an interval (Hz), NaN if there is none.
 
     The stuck resonance is also NaN at a preload without a static state.
     """
-    if stuck and not problem.static(preload).converged:
+    if stuck and not case.static.converged:
         return Limit(np.nan, np.nan)
-    sector = problem.sector(preload if stuck else 0.0)
-    springs = stuck_springs(problem, problem.static(preload), touching=True) if stuck else None
+    sector = (case if stuck else case.problem.at(0.0)).sector
+    springs = case.stuck_springs(touching=True) if stuck else None
     low, high = (2.0 * np.pi * f for f in frequency)
     poles = sector.linear.resonances((springs,), *around(low, high))
     tops = [sector.linear.maximum(sector.response_rows[1], springs, w, width) for w, width, _ in poles]
@@ -225,11 +219,9 @@ def linear_peak(problem: Problem, frequency: tuple[float, float], preload: float
     return Limit(omega / (2.0 * np.pi), amplitude)
 
 
-def peak_interval(
-    problem: Problem, frequency: tuple[float, float] | None, preload: float, mode: int = 1
-) -> tuple[float, float]:
-    """Return the given interval (Hz), or the interval around the resonances of a mode at a preload (N)."""
+def peak_interval(case: LoadCase, frequency: tuple[float, float] | None, mode: int = 1) -> tuple[float, float]:
+    """Return the given interval (Hz), or the interval around the resonances of a mode."""
     mode = validation.integer("mode", mode, least=1)
     if frequency is None:
-        return resonance_interval(problem, preload, mode)
+        return resonance_interval(case, mode)
     return validation.interval("frequency", frequency)

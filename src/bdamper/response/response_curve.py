@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 
 from bdamper.contact.laws import LAW_BONDED
 from bdamper.harmonic_balance.equations import NOT_FINITE, STATUS_TEXT, Correction, Equations
-from bdamper.harmonic_balance.problem import Problem, stuck_springs
+from bdamper.harmonic_balance.problem import LoadCase, Problem
 from bdamper.harmonic_balance.result_checks import check_solution
 from bdamper.harmonic_balance.sector import Sector, reach
 from bdamper.model.kinematics import Coordinate
@@ -141,9 +141,9 @@ and on one of them the amplitude in time is steady.
 """
 
 
-def open_at_rest(problem: Problem, preload: float) -> float:
-    """Return the fraction of the friction points that are open in the static state of a preload."""
-    closed = problem.static(preload).force[problem.friction_points, 2] > 0.0
+def open_at_rest(case: LoadCase) -> float:
+    """Return the fraction of the friction points that are open in the static state."""
+    closed = case.static.force[case.problem.friction_points, 2] > 0.0
     return 1.0 - float(closed.mean()) if closed.any() else 0.0
 
 
@@ -245,19 +245,19 @@ def frequency_response(
         ``status`` is "complete" if its branches cover the interval.  Otherwise ``reason`` gives the cause, and the curve
         contains the points found so far.  A branch that does not reach the other end is complemented by one from there.
     """
-    preload, frequency = problem.check_preload(preload), validation.interval("frequency", frequency)
+    case = problem.at(preload)
+    frequency = validation.interval("frequency", frequency)
     validation.flag("progress", progress)
     options = ContinuationOptions() if options is None else validation.instance("options", options, ContinuationOptions)
     with single_thread():
-        state = problem.static(preload)
-        if not state.converged:
-            reason = f"static state: {state.note}"
-            return without_points(problem, preload, reason, options, state.cost)
-        free = free_of_contact(problem, frequency, options) if preload == 0.0 else None
+        if not case.static.converged:
+            reason = f"static state: {case.static.note}"
+            return without_points(problem, case.preload, reason, options, case.static.cost)
+        free = free_of_contact(problem, frequency, options) if case.preload == 0.0 else None
         if free is not None:
             return free
-        search = _search(problem, preload, frequency, options)
-        find_start = partial(_start, problem, preload, search)
+        search = _search(case, frequency, options)
+        find_start = partial(_start, case, search)
         try:
             with progress_bar(progress, *search.limits) as search.on_point:
                 search.cover(find_start)
@@ -266,21 +266,21 @@ def frequency_response(
                 raise
             if not any(piece.path.status == "interrupted" for piece in search.pieces):
                 search.pieces.append(Piece(Path((), "interrupted", "by the user", 0, 0), True))
-        curve = as_curve(problem, search, ending(search.pieces, *search.limits), kind="tracking", preload=preload)
+        curve = as_curve(problem, search, ending(search.pieces, *search.limits), kind="tracking", preload=case.preload)
         if problem.own_laws is not None and len(curve):
             problem.own_laws.warn_below(search.system.contact(curve.peak.y[:-1])[0])
         locked = (f"{name} is self-locking: its static normal load is not unique" for name in self_locking(problem))
-        reason, left_out = _reason(problem, search, curve), (*curve.missing_ranges, *search.lost)
+        reason, left_out = _reason(case, search, curve), (*curve.missing_ranges, *search.lost)
         return replace(curve, reason=reason, missing_ranges=left_out, notes=(*curve.notes, *locked))
 
 
-def _search(problem: Problem, preload: float, frequency: tuple[float, float], options: ContinuationOptions) -> Coverage:
+def _search(case: LoadCase, frequency: tuple[float, float], options: ContinuationOptions) -> Coverage:
     """Return the search for the branches, with its budget."""
     low, high = TWO_PI * frequency[0], TWO_PI * frequency[1]
-    system = problem.system(preload)
+    system = case.equations
     budget = options.budget or evaluation_budget(system)
-    springs = None, stuck_springs(problem, problem.static(preload))
-    free, stuck = (system.structure.linear.resonances((k,), ELASTIC * low, np.inf) for k in springs)
+    linear = case.sector.linear
+    free, stuck = (linear.resonances((k,), ELASTIC * low, np.inf) for k in (None, case.stuck_springs()))
     watched = [there for there in (*free, *stuck) if low < there[0] < high]
     system = replace(system.within(budget), watched=watched)
     search = Coverage(system, (low, high), replace(options, budget=budget), CostMeter())
@@ -289,13 +289,12 @@ def _search(problem: Problem, preload: float, frequency: tuple[float, float], op
     return search
 
 
-def _start(problem: Problem, preload: float, search: Coverage, omega: float) -> NDArray | None:
+def _start(case: LoadCase, search: Coverage, omega: float) -> NDArray | None:
     """Return a solution at one frequency (rad/s) or None, and log all attempts."""
-    state = problem.static(preload)
+    problem, why = case.problem, ""
     solution, attempts, last = first_point(
-        search.system, state, stuck_springs(problem, state), omega, search.options, search.meter
+        search.system, case.static, case.stuck_springs(), omega, search.options, search.meter
     )
-    why = ""
     if solution is None and not search.system.spent:
         why = why_no_solution(search.system, problem.coupling.model, problem.bases[0].coordinates, last)
     for line in [*attempts, why] if why else attempts:
@@ -303,14 +302,14 @@ def _start(problem: Problem, preload: float, search: Coverage, omega: float) -> 
     return solution
 
 
-def _reason(problem: Problem, search: Coverage, curve: ResponseCurve) -> str:
+def _reason(case: LoadCase, search: Coverage, curve: ResponseCurve) -> str:
     """Return the reason of a curve with the extent of the search, and advice if it is incomplete."""
-    reason = curve.reason
+    problem, reason = case.problem, curve.reason
     if curve.complete:
         bottom, top = (w / TWO_PI for w in search.outside)
         broken = ", where a path broke off (left_out)" if search.lost else ""
         reason += f"; folds looked for from {bottom:.4g} to {top:.4g} Hz{broken}, closed branches not"
-    if why := rattles(curve, open_at_rest(problem, curve.preload)):
+    if why := rattles(curve, open_at_rest(case)):
         reason += f"; {NO_STEADY} is expected at this preload: {why}"
     if curve.status not in (INCOMPLETE, NOT_FOUND):
         return reason
