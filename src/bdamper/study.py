@@ -133,7 +133,6 @@ class Study(Comparable):
         return "\n".join(filter(None, [*lines, self.problem.contact.note]))
 
     replace = asked(Problem.replace)
-    with_effects = asked(Problem.with_effects)
     static = analysis(Problem.static)
     response_at = analysis(result_checks.response_at)
     wedge_friction = analysis(Problem.wedge_friction)

@@ -56,7 +56,7 @@ from numpy.typing import NDArray
 
 from bdamper.contact.laws import AFT
 from bdamper.contact.residual_flexibility import ResidualModes
-from bdamper.harmonic_balance.effects import BLADE_MODES, MAX_HARMONIC, Effects, harmonic_numbers
+from bdamper.harmonic_balance.effects import BLADE_MODES, MAX_HARMONIC, harmonic_numbers
 from bdamper.harmonic_balance.equations import OK, Equations, norm2
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.model.kinematics import RIGID_NAMES
@@ -479,7 +479,7 @@ def with_stand_ins(problem: Problem, harmonics: int | tuple[int, ...]) -> Proble
     """Return the study with more harmonics; modes of the fundamental replace modes that the model lacks."""
     lacking = missing_harmonics(problem, harmonic_numbers(harmonics)[-1])
     if not lacking:
-        return problem.with_effects(replace(Effects.of(problem), harmonics=harmonics))
+        return problem.replace(harmonics=harmonics)
     model, bodies = problem.model, {}
     fundamental, *others = (nodal_diameter(problem, l) for l in (1, *lacking))
     for name, body in model.bodies.items():

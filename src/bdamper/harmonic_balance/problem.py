@@ -31,7 +31,6 @@ from bdamper.harmonic_balance.contact_setup import (
     normal_loads,
     without_separation,
 )
-from bdamper.harmonic_balance.effects import Effects
 from bdamper.harmonic_balance.equations import Equations, Layout
 from bdamper.harmonic_balance.model_sizes import Sizes
 from bdamper.harmonic_balance.sector import Sector
@@ -142,10 +141,6 @@ class Problem:
         """Return the same problem with the given derived quantities; others that exist are reused."""
         derived = {name: part for name, part in vars(self).items() if name not in ("settings", "_load_cases")}
         return Problem(self.settings, derived | parts)
-
-    def with_effects(self, effects: Effects) -> Problem:
-        """Return the same problem with other effects."""
-        return self.replace(**validation.instance("effects", effects, Effects).settings())
 
     # ---- derived quantities, computed once ----
 
