@@ -22,11 +22,10 @@ from bdamper.analyses.accuracy import AccuracyCost, Run
 from bdamper.analyses.error_estimates import evaluate_peak, whole_curve
 from bdamper.fem import MeshDensity, SectorFE, bladed_disk
 from bdamper.harmonic_balance.equations import OK
-from bdamper.harmonic_balance.problem import Problem, stuck_springs
+from bdamper.harmonic_balance.problem import Problem
 from bdamper.plot import plot_accuracy, save_figure
 from bdamper.response.highest_peak import highest_peak
 from bdamper.response.peak import Peak
-from bdamper.response.response_curve_result import Fold
 from bdamper.time_domain.integration import STEPS, Motion, Ring
 from bdamper.util.formatting import percent
 from bdamper.util.progress import CostMeter
@@ -159,7 +158,7 @@ def ways() -> str:
 
         return solve
 
-    def place(top: Peak | Fold) -> Answer:
+    def place(top: Peak) -> Answer:
         return top.amplitude, top.frequency
 
     coarse, fine = (bd.ContinuationOptions(locate=False, **o) for o in ({"step": 0.1}, {"step": 0.02, "max_step": 0.05}))
@@ -193,9 +192,8 @@ def sweep_peak(problem: Problem, preload: float, interval: tuple[float, float], 
 
     Points at which Newton fails from the point before and from the stuck response are left out.
     """
-    system = problem.system(preload)
-    state = problem.equilibrium(preload)
-    springs = stuck_springs(problem, state)
+    case = problem.at(preload)
+    system, state, springs = case.equations, case.equilibrium, case.stuck_springs()
     omegas = 2.0 * np.pi * np.linspace(*interval, n)
     best = (np.nan, np.nan)
     for sweep in (omegas, omegas[::-1]):

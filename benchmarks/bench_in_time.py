@@ -52,7 +52,7 @@ def random(curves: dict[tuple[float, int], bd.ResponseCurve]) -> list[tuple[floa
     while len(out) < POINTS:
         key = keys[len(out) % len(keys)]
         curve = curves[key]
-        marks = np.array([curve.peak.frequency, *(fold.frequency for fold in curve.folds)])
+        marks = np.append(curve.frequency[curve.folds], curve.peak.frequency)
         distance = np.abs(curve.frequency[:, None] / marks - 1.0).min(axis=1)
         near = (len(out) // len(keys)) % 2 == 0
         place = (*key, int(rng.choice(np.flatnonzero((distance < 0.02) == near))))

@@ -91,7 +91,7 @@ def coupled(scenes: int = 20) -> None:
         made = bd.Study(rig, bd.Excitation("tip", "tangential", force), 0, **given)
         curve = made.with_stability(made.frequency_response(preload, (150.0, 500.0)))
         high = np.flatnonzero(curve.amplitude >= 0.3 * curve.amplitude.max())
-        for i in sorted({curve.peak.index, *high[(places * len(high)).astype(int)]}):
+        for i in sorted({curve.peak_index, *high[(places * len(high)).astype(int)]}):
             key = curve.labels[i].partition(" with")[0], made.verify(curve, int(i), periods=600).verdict
             said[key] = said.get(key, 0) + 1
             print(f"{scene} {law} {preload:.3g} N, {curve.frequency[i]:.2f} Hz: {', in time '.join(key)}", flush=True)

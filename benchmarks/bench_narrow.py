@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 import bdamper as bd
-from bdamper.response.peak import resonance_interval
+from bdamper.response.linear_limits import resonance_interval
 
 BANDS = 100
 BODIES = ("bladed_disk", 9), ("bladed_disk", 24), ("paper_disk", 24), ("test_rig", 24)
@@ -51,7 +51,7 @@ def draw(number: int) -> tuple[bd.Study, float, tuple[float, float], np.random.G
         blade_modes=5 if method == "residual_modes" else 10,
     )  # fmt: skip
     text = f"{name} {points}, {method}, H = {harmonics}, mode {mode}, mu {friction:.2f}, {preload:.0f} N"
-    return study, preload, resonance_interval(study.problem, mode), rng, text
+    return study, preload, resonance_interval(study.problem.at(1.0), mode), rng, text
 
 
 def run(number: int) -> dict[str, Any]:

@@ -23,8 +23,8 @@ import numpy as np
 
 import bdamper as bd
 from bdamper.response.highest_peak import AtPreload
+from bdamper.response.linear_limits import peak_interval
 from bdamper.response.optimal_curve import BUDGET, MAX_RATTLING, at_preload, optimal_curve, rattling_below
-from bdamper.response.peak import peak_interval
 
 STUDIES = 60
 ABOVE = 0.01
@@ -68,7 +68,7 @@ def search_status(
 def run(number: int) -> dict[str, Any]:
     """The optimum of one study beside the scan."""
     study, mode, text = draw(number)
-    frequency = peak_interval(study.problem, None, mode)
+    frequency = peak_interval(study.problem.at(1.0), None, mode)
     rough = {p: a for p, a in search_status(study, np.geomspace(2.0, 25e3, 12), frequency, 1.001).items() if not a.rattles}
     low, high = (ratio * min(rough, key=lambda p: rough[p].value) for ratio in (0.05, 40.0))
     begin = time.process_time()

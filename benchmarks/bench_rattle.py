@@ -24,8 +24,8 @@ import numpy as np
 
 import bdamper as bd
 from bdamper.response.events import ContinuationOptions
+from bdamper.response.linear_limits import resonance_interval
 from bdamper.response.optimal_curve import BUDGET
-from bdamper.response.peak import resonance_interval
 from bdamper.response.response_curve import NO_STEADY
 from benchmarks import PLAIN
 
@@ -100,7 +100,7 @@ def scenes() -> Iterator[tuple[str, bd.Study, int]]:
 def signs() -> Iterator[dict[str, Any]]:
     """The sign at seven preloads of every scene, and how far the marched amplitudes spread."""
     for name, study, mode in scenes():
-        frequency = resonance_interval(study.problem, mode)
+        frequency = resonance_interval(study.problem.at(1.0), mode)
         for preload in np.geomspace(4.0, 200.0, 7):
             curve = study.frequency_response(float(preload), frequency, options=ContinuationOptions(budget=BUDGET))
             top = int(np.argmax(curve.amplitude))

@@ -78,7 +78,7 @@ def scenes(first: int, last: int) -> None:
         between = time.process_time()
         omega = tau * (found.frequency if found.frequency > 0.0 else curve.peak.frequency)
         ring = marches[-1].ring if marches else ring_of(made.problem, preload)
-        start = marches[-1].motion if marches else ring.start(curve.unknowns[curve.peak.index], omega, 256)
+        start = marches[-1].motion if marches else ring.start(curve.peak.y[:-1], omega, 256)
         periods, window = (100, 80) if found.highest > 1.05 * found.lowest else (15, 8)  # where amplitudes beat, or not
         blades = 1e6 * np.abs(explicit(ring, Motion(*start[:3]), omega, periods, STEPS)[-window:]).mean(axis=0)
         own = f"{1e6 * found.mean:.1f} ({1e6 * found.lowest:.1f} to {1e6 * found.highest:.1f}), {1e6 * found.spread[0]:.1f}"

@@ -21,7 +21,7 @@ from functools import lru_cache
 import numpy as np
 
 import bdamper as bd
-from bdamper.response.peak import resonance_interval
+from bdamper.response.linear_limits import resonance_interval
 from bdamper.response.verification import Convergence
 from benchmarks import PLAIN
 
@@ -74,7 +74,7 @@ def draw(number: int) -> Scene:
     order = 5 if name == "bladed_disk" else 1
     study = bd.Study(_model(name), bd.Excitation("tip", direction), order, friction_coefficient=friction, **PLAIN)
     text = f"{name}, mode {mode}, {direction}, mu {friction:.2f}, {preload:.4g} N, {100.0 * tolerance:g} %"
-    return Scene(number, study, preload, resonance_interval(study.problem, mode), tolerance, text)
+    return Scene(number, study, preload, resonance_interval(study.problem.at(1.0), mode), tolerance, text)
 
 
 def run(scene: Scene) -> Outcome:

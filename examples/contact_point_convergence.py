@@ -76,7 +76,7 @@ def convergence(points: tuple[int, ...], mesh: str = "coarse", preload: float = 
             normal=contact.normal_force["left"] / preload,
             area=contact.contact_area["left"] / float(face.area.sum()),
             bonded=float(reference_frequencies(fe, 5, n, 1)[0]),
-            reduced=float(study.problem.sector(0.0).linear.modes(springs)[0][0]) / (2.0 * np.pi),
+            reduced=float(study.problem.at(0.0).sector.linear.modes(springs)[0][0]) / (2.0 * np.pi),
             peak=curve.peak.amplitude,
             peak_frequency=curve.peak.frequency,
             seconds=time.perf_counter() - start,

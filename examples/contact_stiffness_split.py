@@ -81,7 +81,7 @@ def split_study(
         study = bd.Study(model, bd.Excitation("tip"), 5, contact_stiffness=choice, constraint_planes=False, **SETTINGS)
         for preload in preloads:
             curve = study.frequency_response(preload, (330.0, 375.0))
-            i = curve.peak.index
+            i = curve.peak_index
             stick, slip, apart = (float(s) for s in curve.shares[i])
             rows.append(
                 Row(

@@ -60,7 +60,7 @@ keep(figure, "fig15_contact_points")
 def plot_status(asked: bd.Study, preload: float, name: str) -> tuple[ContactStatus, ResponseCurve]:
     """Bars of sample points and maps of both faces at the resonance."""
     curve = asked.frequency_response(preload, band)
-    status = contact_status(asked, curve.unknowns[curve.peak.index], preload)
+    status = contact_status(asked, curve.peak.y[:-1], preload)
     chosen = [status.rows(side)[k] for side in ("left", "right") for k in (0, 3, 12, 21)]
     title = f"preload {preload:g} N, {curve.peak.frequency:.1f} Hz, {name}"
     file = name.split()[-1]

@@ -93,7 +93,7 @@ for ax, (name, method), marker in zip(axes, METHODS.items(), "os"):
     study = bd.Study(model, driven, friction_coefficient=FRICTION, contact_stiffness=method, blade_modes=10, harmonics=1)
     loaded = [study.replace(constant_loads={"platform": load * share}) for load in LOADS]
     curves[name] = [[s.replace(harmonics=h).frequency_response(0.0, BAND) for s in loaded] for h in HARMONICS]
-    states = [contact_status(s, c.unknowns[c.peak.index], 0.0) for s, c in zip(loaded, curves[name][0])]
+    states = [contact_status(s, c.peak.y[:-1], 0.0) for s, c in zip(loaded, curves[name][0])]
     opens[name] = [bool((state.share[share > 0.0, 0, 2] > 0.0).any()) for state in states]
     for h, found in zip(HARMONICS, curves[name]):
         print_curves(f"{name}, harmonics {h}, loads {', '.join(f'{load:g}' for load in LOADS)} N", found)

@@ -105,7 +105,7 @@ def motion_over_preload(asked: bd.Study, preloads: Sequence[float]) -> dict[str,
     columns: dict[str, list[np.ndarray]] = {"bias": [], "vibratory": [], "modal_bias": [], "modal_vibratory": []}
     for preload in preloads:
         curve = asked.frequency_response(preload, MODES[1].band)
-        motion = rigid_motion(asked, curve.unknowns[curve.peak.index])
+        motion = rigid_motion(asked, curve.peak.y[:-1])
         modal = np.abs(motion.modal_vibratory[0])
         for name, value in zip(columns, (motion.bias, motion.amplitude, motion.modal_bias, modal)):
             columns[name].append(value)
@@ -116,7 +116,7 @@ def print_curves(name: str, curves: list[ResponseCurve]) -> None:
     """A line of a table for each curve."""
     print(f"{name}\n{'preload':>10}{'peak':>13}{'at':>12}{'folds':>7}{'open at the peak':>18}")
     for c in curves:
-        peak, opened = c.peak, 100 * c.shares[c.peak.index, 2]
+        peak, opened = c.peak, 100 * c.peak.shares[2]
         status = "" if c.complete else f"  {c.status}"
         print(
             f"{c.preload:>8.0f} N{1e3 * peak.amplitude:>10.5f} mm{peak.frequency:>9.2f} Hz{len(c.folds):>7}"

@@ -91,7 +91,7 @@ def compare(number: int) -> Compared | None:
     if max(map(abs, error)) < 1e-8:
         return None
     found = estimate_errors(study.problem, curve, sources=[source])[source]
-    return Compared(case, source, (found.amplitude, found.frequency), error, bool(curve.folds), found.against)
+    return Compared(case, source, (found.amplitude, found.frequency), error, len(curve.folds) > 0, found.against)
 
 
 def highest_of_richer(study: bd.Study, richer: bd.Study, curve: ResponseCurve, own: Peak) -> tuple[float, float] | None:

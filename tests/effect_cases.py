@@ -9,12 +9,11 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
 import bdamper as bd
-from bdamper.harmonic_balance.effects import Effects
-from bdamper.harmonic_balance.problem import stuck_springs
 from bdamper.response.response_curve_result import ResponseCurve
 from tests import models
 from tests.plain import plain_study
@@ -73,12 +72,12 @@ def _model(case: Case) -> bd.Model:
     return models.acyclic_model(case.seed, n_points=case.points, alpha=0.9, beta=0.9)
 
 
-def everything_on(case: Case) -> Effects:
+def everything_on(case: Case) -> dict[str, Any]:
     """The effects of the answer that counts as right."""
-    return Effects(harmonics=HARMONICS, damper_modes=2, blade_modes=10 if case.kind == "reference" else 5)
+    return {"harmonics": HARMONICS, "damper_modes": 2, "blade_modes": 10 if case.kind == "reference" else 5}
 
 
-def study_of(case: Case, effects: Effects | None = None) -> bd.Study:
+def study_of(case: Case, effects: dict[str, Any] | None = None) -> bd.Study:
     """The study of a case, with everything on by default."""
     study = plain_study(
         _model(case),
@@ -86,7 +85,7 @@ def study_of(case: Case, effects: Effects | None = None) -> bd.Study:
         engine_order=case.engine_order,
         friction_coefficient=case.friction,
     )
-    return study.with_effects(effects or everything_on(case))
+    return study.replace(**effects or everything_on(case))
 
 
 def resonances(curve: ResponseCurve) -> list[float]:
@@ -117,7 +116,7 @@ def scene(study: bd.Study, case: Case) -> tuple[float, tuple[float, float]] | No
     c, s = system.layout.slices(1)
     q = stuck.unknowns[at][c] - 1j * stuck.unknowns[at][s]
     motion = np.abs(study.problem.bases[1].G @ q)[:, :2]
-    springs = stuck_springs(study.problem, state)[:, :2]
+    springs = study.problem.at(state.preload).stuck_springs()[:, :2]
     tangential = float((springs * motion).sum())
     capacity = case.friction * float(state.force[study.problem.friction > 0.0, 2].sum()) / 100.0
     return case.level * tangential / capacity, (low, 1.06 * high)

@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 
 from bdamper.contact.laws import LAW_CONSTANT, LAW_SEPARABLE
-from bdamper.harmonic_balance.problem import stuck_springs
 from bdamper.response.branches import first_point
 from bdamper.response.peak import find_peak
 from bdamper.response.response_curve import why_no_solution
@@ -66,12 +65,12 @@ def follow_peak(family, start, values):
 
 def find_start(problem, preload, omega, options, meter):
     """A solution (n_unknowns + 1,) at one frequency (rad/s), None where there is none, and what was tried."""
-    state = problem.static(preload)
-    if not state.converged:
-        return None, [f"static state: {state.note}"]
-    system = problem.system(preload)
+    case = problem.at(preload)
+    if not case.static.converged:
+        return None, [f"static state: {case.static.note}"]
+    system = case.equations
     meter.watch(system)
-    found, log, last = first_point(system, state, stuck_springs(problem, state), omega, options, meter)
+    found, log, last = first_point(system, case.static, case.stuck_springs(), omega, options, meter)
     why = "" if found is not None else why_no_solution(system, problem.coupling.model, problem.bases[0].coordinates, last)
     return found, [*log, why] if why else log
 

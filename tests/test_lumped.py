@@ -8,7 +8,6 @@ import scipy.linalg
 
 import bdamper as bd
 from bdamper.harmonic_balance.contact_cycle import energies, histories
-from bdamper.harmonic_balance.problem import stuck_springs
 from bdamper.time_domain.integration import Ring
 from tests.each import each
 
@@ -41,7 +40,7 @@ def test_linear_responses_are_those_of_the_matrices(damping):
     )
     rows = np.array([[0.0, 0.0, 1.0], [-1.0, 1.0, 0.0], [0.6, 0.0, -0.8]])
     system = study.problem.system(0.0)
-    springs = stuck_springs(study.problem, study.static(0.0))
+    springs = study.problem.at(0.0).stuck_springs()
     for omega in (0.3, 0.9, 2.2):
         for k, given in ((np.array([0.7, 0.9, 0.5]), springs), (np.zeros(3), None)):
             expected = plain_response(omega, C, stiffness, rows, k, [0.5, 0.0, 0.2 * np.exp(0.7j)])

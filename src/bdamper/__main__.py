@@ -16,12 +16,12 @@ import numpy as np
 
 import bdamper as bd
 from bdamper.fatigue.criteria import Material
-from bdamper.response.peak import peak_interval
+from bdamper.response.linear_limits import peak_interval
 
 
 def frequency_response(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
     """Return the response curve, and whether it spans the frequency interval."""
-    band = peak_interval(study.problem, given.band and tuple(given.band), given.preload, given.mode)
+    band = peak_interval(study.problem.at(given.preload), given.band and tuple(given.band), given.mode)
     curve = study.frequency_response(given.preload, band, progress=not given.quiet)
     return curve, curve.complete
 

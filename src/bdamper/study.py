@@ -39,12 +39,13 @@ from bdamper.model.loads import Excitation
 from bdamper.model.model_file import read_model, write_model
 from bdamper.model.structure import Model
 from bdamper.model.validation import check_model, check_model_once
-from bdamper.response import highest_peak, response_curve_result, sensitivity
+from bdamper.response import highest_peak, linear_limits, sensitivity
 from bdamper.response import optimal_curve as optimal
 from bdamper.response import response_curve as tracking
 from bdamper.response.events import ContinuationOptions
+from bdamper.response.linear_limits import peak_interval
 from bdamper.response.optimal_curve_result import OptimalCurve
-from bdamper.response.peak import Peak, PeakOptions, peak_interval
+from bdamper.response.peak import Peak, PeakOptions
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.time_domain import floquet, optimum_in_time, transients
 from bdamper.util import validation
@@ -133,7 +134,6 @@ class Study(Comparable):
         return "\n".join(filter(None, [*lines, self.problem.contact.note]))
 
     replace = asked(Problem.replace)
-    with_effects = asked(Problem.with_effects)
     static = analysis(Problem.static)
     response_at = analysis(result_checks.response_at)
     wedge_friction = analysis(Problem.wedge_friction)
@@ -183,8 +183,8 @@ class Study(Comparable):
         return {"model": self.model.hash, **self.problem.record()}
 
     # linear limits
-    free = analysis(response_curve_result.free)
-    stuck = analysis(response_curve_result.stuck)
+    free = analysis(linear_limits.free)
+    stuck = analysis(linear_limits.stuck)
 
     @validation.check_arguments
     def frequency_response(
@@ -261,8 +261,7 @@ class Study(Comparable):
             The highest point, or a peak with a status and NaN if none was found.
         """
         problem = self.problem
-        preload = problem.check_preload(preload)
-        frequency = peak_interval(problem, frequency, preload, mode)
+        frequency = peak_interval(problem.at(preload), frequency, mode)
         check_question(problem, [preload], frequency)
         return highest_peak.highest_peak(problem, preload, frequency, mode=mode, options=options)
 
@@ -317,7 +316,7 @@ class Study(Comparable):
         problem = self.problem
         check = check if check is False else validation.choice("check", check, ("time", "neighbours"))
         values = optimal.preload_values(preload, n)
-        frequency = peak_interval(problem, frequency, float(values[-1]), mode) if problem.carries_load else frequency
+        frequency = peak_interval(problem.at(float(values[-1])), frequency, mode) if problem.carries_load else frequency
         check_unloaded(problem)
         check_question(problem, values, frequency)
         ways: dict[str, Any] = {"frequency": frequency, "mode": mode, "options": options}

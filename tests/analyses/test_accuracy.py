@@ -360,6 +360,6 @@ def test_the_peak_is_a_corner_where_the_damper_drifts():
     place = accuracy_cases.scene(one, case)
     for study in (one, one.replace(harmonics=3)):  # the first has no smooth maximum at all
         curve, peak = study.frequency_response(*place), study.peak(*place)
-        assert peak.corner and curve.point_kind[curve.peak.index] == "drift"
+        assert peak.corner and curve.point_kind[curve.peak_index] == "drift"
         assert peak.amplitude == pytest.approx(curve.peak.amplitude, rel=1e-6)
         assert peak.frequency == pytest.approx(curve.peak.frequency, rel=1e-6)

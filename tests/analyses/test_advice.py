@@ -1,6 +1,6 @@
 """Which effects a scene calls for: every change against the peak of a study that lacks the effect."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -10,7 +10,8 @@ from bdamper.analyses import effect_significance as module
 from bdamper.analyses import error_estimates
 from bdamper.analyses.effect_significance import EffectRow, fullest, parts
 from bdamper.analyses.error_estimates import Change
-from bdamper.harmonic_balance.effects import Effects
+from bdamper.harmonic_balance.effects import ASSUMED, Effects
+from bdamper.harmonic_balance.settings import Settings
 from tests import models
 from tests.plain import plain_study
 
@@ -34,14 +35,14 @@ def advice(full):
 
 def changes(study, effects, advice):
     """Relative change of the peak from that of an advice to that of a study with other effects."""
-    a, b = advice, study.with_effects(effects).peak(PRELOAD, INTERVAL)
+    a, b = advice, study.replace(**effects).peak(PRELOAD, INTERVAL)
     return b.amplitude / a.amplitude - 1.0, b.frequency / a.frequency - 1.0
 
 
 def test_every_effect_that_is_on_has_a_row(full, advice):
     assert {e.name for e in advice.effects} == set(parts(full.problem, Effects.of(full)))
     assert all(e.on for e in advice.effects)
-    assert {"bias", "separation", "harmonics beyond 1", "rotation X", "translation Z", "constraint_planes"} <= {
+    assert {"bias", "separation", "harmonics beyond 1", "rotation X", "translation Z", "constraint planes"} <= {
         e.name for e in advice.effects
     }
     assert "translation Y" not in {e.name for e in advice.effects}  # the preload acts along it
@@ -63,14 +64,14 @@ def test_changes_are_those_of_the_study_without_the_effect(full, advice):
 def test_work_is_that_of_the_equations_without_the_effect(full, advice):
     whole = full.problem.system(PRELOAD).work[:3].sum()
     for e in advice.effects:
-        system = full.with_effects(Effects.of(full).without(e.name)).problem.system(PRELOAD)
+        system = full.replace(**Effects.of(full).without(e.name)).problem.system(PRELOAD)
         assert e.work == pytest.approx(system.work[:3].sum() / whole)
     assert advice["harmonics beyond 1"].work < 0.4 < advice["rotation X"].work < 1.0
 
 
 def test_what_is_left_out_changes_no_more_than_the_tolerance(full, advice):
     assert advice.left_out
-    lean = full.with_effects(advice.significant)
+    lean = full.replace(**advice.significant)
     assert isinstance(lean, bd.Study) and Effects.of(lean) == advice.significant
     assert lean.problem.system(PRELOAD).n_unknowns < full.problem.system(PRELOAD).n_unknowns
     true = changes(full, advice.significant, advice)
@@ -82,7 +83,7 @@ def test_what_is_left_out_changes_no_more_than_the_tolerance(full, advice):
 
 
 def test_effects_that_the_study_lacks_are_judged_against_what_the_model_can_do(full, advice):
-    cheap = full.with_effects(replace(Effects.of(full), harmonics=1, rotation=("X",), separation=False))
+    cheap = full.replace(harmonics=1, rigid_modes=("TX", "TY", "TZ", "RX"), separation=False)
     other = cheap.effect_significance(PRELOAD, INTERVAL, against=Effects.of(full), tolerance=TOLERANCE)
     off = {e.name for e in other.effects if not e.on}
     assert off == {"harmonics beyond 1", "rotation Y", "rotation Z", "separation"}
@@ -92,6 +93,9 @@ def test_effects_that_the_study_lacks_are_judged_against_what_the_model_can_do(f
     true = changes(full, other.significant, other)
     assert max(map(abs, true)) <= TOLERANCE
     assert "off: switch on" in other.summary()
+
+
+DEFAULT = Effects({f.name: f.default for f in fields(Settings) if f.name in ASSUMED})
 
 
 def rows(*given):
@@ -104,7 +108,7 @@ class Reference:
     def __init__(self, effects, joint):
         self.effects, self.joint, self.problem, self.asked = effects, joint, self, []
 
-    def with_effects(self, effects):
+    def replace(self, **effects):
         return effects
 
     def computed(self, effects):
@@ -113,37 +117,37 @@ class Reference:
 
 
 def test_effects_that_save_most_are_left_out_within_the_sum():
-    given = rows(("rotation X", True, 0.006, 0.9), ("bias", True, -0.006, 0.8), ("constraint_planes", True, 0.004, 0.85))
-    found, change = module._chosen(Reference(Effects(), lambda e: 0.0), given, 0.01)
-    assert {e.name for e in found if not e.significant} == {"bias", "constraint_planes"} and change == (0.0, 0.0)
+    given = rows(("rotation X", True, 0.006, 0.9), ("bias", True, -0.006, 0.8), ("constraint planes", True, 0.004, 0.85))
+    found, change = module._chosen(Reference(DEFAULT, lambda e: 0.0), given, 0.01)
+    assert {e.name for e in found if not e.significant} == {"bias", "constraint planes"} and change == (0.0, 0.0)
     assert next(e for e in found if e.name == "rotation X").reason == "the sum would exceed the tolerance"
 
 
 def test_what_saves_nothing_stays_on_and_what_is_off_may_stay_off():
     given = rows(("separation", True, 0.001, 1.2), ("bias", False, 0.001, 1.0))
-    found, _ = module._chosen(Reference(Effects(), lambda e: 0.0), given, 0.01)
+    found, _ = module._chosen(Reference(DEFAULT, lambda e: 0.0), given, 0.01)
     assert [e.verdict for e in found] == ["keep", "stays off"] and found[0].reason == "saves nothing"
 
 
 def test_effects_that_change_more_together_are_taken_back():
     """Small one by one, but not with the one that changes most, then not found at all with another."""
-    effects = Effects()
+    effects = DEFAULT
 
     def joint(e):
-        if not e.bias:
+        if not e["bias"]:
             return 0.02
-        if not e.constraint_planes:
+        if not e["constraint_planes"]:
             raise bd.BdamperError("no peak")
         return 0.004
 
-    given = rows(("bias", True, 0.003, 0.8), ("constraint_planes", True, 0.002, 0.9), ("rotation X", True, 0.001, 0.9))
+    given = rows(("bias", True, 0.003, 0.8), ("constraint planes", True, 0.002, 0.9), ("rotation X", True, 0.001, 0.9))
     reference = Reference(effects, joint)
     found, change = module._chosen(reference, given, 0.01)
     assert [e.significant for e in found] == [True, True, False] and change == (0.004, 0.0)
     assert found[0].reason == found[1].reason == "changes more together with others"
     assert reference.asked == [
-        effects.without("bias").without("constraint_planes").without("rotation X"),
-        effects.without("constraint_planes").without("rotation X"),
+        effects.without("bias").without("constraint planes").without("rotation X"),
+        effects.without("constraint planes").without("rotation X"),
         effects.without("rotation X"),
     ]
 
@@ -162,13 +166,13 @@ def test_an_effect_without_which_no_peak_or_no_whole_curve_is_found_is_called_fo
     row = reference.row("separation", Effects.of(full), TOLERANCE)
     assert (row.source, row.verdict, row.size) == ("unknown", "keep", np.inf)
     assert row.reason == "no complete response curve: no peak there"
-    partial = reference.row("constraint_planes", Effects.of(full), TOLERANCE)
+    partial = reference.row("constraint planes", Effects.of(full), TOLERANCE)
     assert partial.source == "unknown" and partial.reason == "no complete response curve: incomplete: lost"
     assert reference.row("rotation X", Effects.of(full), TOLERANCE).source == "computed"
 
 
 def test_a_comparison_computes_both_anew(full, advice):
-    both = {"all": full.with_effects(advice.reference), "called for": full.with_effects(advice.significant)}
+    both = {"all": full.replace(**advice.reference), "called for": full.replace(**advice.significant)}
     found = bd.compare(both, lambda study: study.frequency_response(advice.preload, advice.interval))
     assert found.curves[0].peak.amplitude == pytest.approx(advice.amplitude, rel=1e-3)
     assert found.change("called for") == pytest.approx(advice.amplitude_change, abs=2e-3)
@@ -193,7 +197,7 @@ def test_advice_prints_plots_and_saves(advice, tmp_path):
 def test_effects_that_cancel_by_chance_are_not_left_out_together():
     """Without variable normal load there is no separation either, which alone changes much."""
     given = rows(("separation", True, 0.2, 1.0), ("variable normal load", True, 0.001, 0.9))
-    found, _ = module._chosen(Reference(Effects(), lambda e: 0.001), given, 0.01)
+    found, _ = module._chosen(Reference(DEFAULT, lambda e: 0.001), given, 0.01)
     assert [e.significant for e in found] == [True, True]
     assert found[1].reason == "contains separation"
 
@@ -203,16 +207,17 @@ def test_a_corner_is_compared_by_whole_curves_alone(full, monkeypatch):
     reference = module._Reference(full.problem, Effects.of(full), PRELOAD, INTERVAL)
     kinds = list(reference.curve.point_kind)
     assert reference.row("rotation X", Effects.of(full), 0.5).source == "estimated"
-    kinds[reference.peak.index] = "drift"
+    kinds[reference.curve.peak_index] = "drift"
     reference.curve = replace(reference.curve, point_kind=tuple(kinds))
     assert reference.row("rotation X", Effects.of(full), 0.5).source == "computed"
 
 
 def test_the_reference_is_what_the_model_has(full):
     rich = fullest(full.problem)
-    assert rich.harmonics == 3 and rich.damper_modes == 2 and rich.blade_modes == 4 and rich.friction_law == "uncoupled"
-    bare = full.with_effects(replace(Effects.of(full), rotation=(), bias=False, harmonics=(1, 7)))
-    assert fullest(bare.problem).harmonics == (1, 2, 3, 7) and fullest(bare.problem).rotation == ("X", "Y", "Z")
+    expected = {"harmonics": 3, "damper_modes": 2, "blade_modes": 4, "friction_law": "uncoupled", "bias": True}
+    assert rich == rich | expected and not rich["fundamental_modes_only"]
+    bare = full.replace(rigid_modes=("TX", "TY", "TZ"), bias=False, harmonics=(1, 7))
+    assert fullest(bare.problem) == fullest(bare.problem) | {"harmonics": (1, 2, 3, 7), "rigid_modes": bd.RIGID_NAMES}
 
 
 def test_a_harmonic_with_a_force_of_its_own_stays(full):
@@ -220,7 +225,7 @@ def test_a_harmonic_with_a_force_of_its_own_stays(full):
     names = parts(several.problem, Effects.of(several))
     assert "harmonics beyond 1" not in names and "harmonics beyond 1" in parts(full.problem, Effects.of(full))
     for name in names:
-        assert several.with_effects(Effects.of(several).without(name)).settings.excited.keys() == {1, 2}
+        assert several.replace(**Effects.of(several).without(name)).settings.excited.keys() == {1, 2}
 
 
 def test_no_peak_no_advice(full):

@@ -10,7 +10,7 @@ from bdamper.analyses.campbell import line_crossings
 from bdamper.contact.static_state import static_state
 from bdamper.harmonic_balance import problem
 from bdamper.model.rotation import SpeedBasis
-from bdamper.response.peak import free_and_stuck
+from bdamper.response.linear_limits import free_and_stuck
 from tests.plain import plain_study
 from tests.turning import turning_disk
 
@@ -69,7 +69,7 @@ def test_the_static_state_of_a_speed_serves_all_nodal_diameters(monkeypatch):
     assert [load for load in solved if load > 0.0] == [1.0] * 3
     for d in (5, 10):
         at = study.replace(engine_order=d).at_speed(500.0)
-        own = free_and_stuck(at.problem, at.problem.equilibrium(at.preload), 2)[1]
+        own = free_and_stuck(at.problem.at(at.preload), 2)[1]
         np.testing.assert_allclose(found.stuck[found.row(d), 1], own, rtol=1e-12)
 
 

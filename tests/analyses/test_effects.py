@@ -2,7 +2,7 @@
 
 import pickle
 import re
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,8 +10,8 @@ import pytest
 import bdamper as bd
 from bdamper.contact.laws import LAW_CONSTANT
 from bdamper.contact.static_state import OPEN
+from bdamper.harmonic_balance.effects import ASSUMED
 from bdamper.harmonic_balance.equations import OK, Correction
-from bdamper.harmonic_balance.problem import stuck_springs
 from bdamper.model.contact_points import group_patches, unite_contact_points
 from bdamper.response.response_curve import notes, why_no_solution
 from tests import models
@@ -33,37 +33,33 @@ def full(model):
     )
 
 
-def effects(study, **changes):
-    return replace(bd.Effects.of(study), **changes)
-
-
 # n modes: 4 of the blade, 6 + 1 of the damper; points: 2 faces of 6 with friction, 2 planes of 3
 COUNTS = [
     ({}, 11 * 7, 18),
     ({"harmonics": 1}, 11 * 3, 18),
     ({"harmonics": (1, 3)}, 11 * 5, 18),
     ({"bias": False}, 11 * 6, 18),
-    ({"rotation": ()}, 8 * 7, 18),
-    ({"rotation": ("X", "Y")}, 10 * 7, 18),
-    ({"translation": ("X", "Y")}, 10 * 7, 18),
+    ({"rigid_modes": ("TX", "TY", "TZ")}, 8 * 7, 18),
+    ({"rigid_modes": ("TX", "TY", "TZ", "RX", "RY")}, 10 * 7, 18),
+    ({"rigid_modes": ("TX", "TY", "RX", "RY", "RZ")}, 10 * 7, 18),
     ({"damper_modes": 0}, 10 * 7, 18),
     ({"blade_modes": 2}, 9 * 7, 18),
     ({"constraint_planes": False}, 11 * 7, 12),
     ({"contact_points": 2}, 11 * 7, 10),
-    ({"harmonic_nodal_diameters": False}, 11 * 7, 18),
-    ({"harmonics": 1, "bias": False, "rotation": (), "damper_modes": 0, "constraint_planes": False}, 7 * 2, 12),
+    ({"fundamental_modes_only": True}, 11 * 7, 18),
+    ({"harmonics": 1, "bias": False, "rigid_modes": ("TX",), "damper_modes": 0, "constraint_planes": False}, 5 * 2, 12),
 ]
 
 
 @each(("changes", "unknowns", "points"), COUNTS, ids=lambda v: str(v))
 def test_unknowns_and_points_of_an_effect_that_is_off_are_gone(full, changes, unknowns, points):
-    system = full.with_effects(effects(full, **changes)).problem.system(PRELOAD)
+    system = full.replace(**changes).problem.system(PRELOAD)
     assert (system.n_unknowns, system.n_points) == (unknowns, points)
 
 
 def test_every_evaluation_of_a_curve_is_counted(full):
     """Contact laws are evaluated once for each point of the system and each evaluation of the residual."""
-    cheap = full.with_effects(effects(full, harmonics=1, damper_modes=0))
+    cheap = full.replace(harmonics=1, damper_modes=0)
     for study in (full, cheap):
         curve = study.frequency_response(5000.0, (780.0, 880.0))
         assert curve.complete
@@ -94,7 +90,7 @@ def embedded(cheap, rich, u, study):
 @pytest.mark.parametrize("changes", [{"harmonics": (1, 3)}, {"harmonics": 2}, {"bias": False}], ids=str)
 def test_equations_that_remain_are_those_of_the_full_system(full, changes):
     rng = np.random.default_rng(1)
-    study = full.with_effects(effects(full, **changes))
+    study = full.replace(**changes)
     cheap, u = state_of(study, rng)
     rich = full.problem.system(PRELOAD)
     r, J, d = cheap.evaluate(u, 2000.0)
@@ -110,7 +106,7 @@ def test_equations_that_remain_are_those_of_the_full_system(full, changes):
 def test_without_separation_the_normal_spring_is_two_sided(full):
     rng = np.random.default_rng(2)
     gap = np.linspace(0.0, 1e-7, 6)
-    study = full.with_effects(effects(full, separation=False)).replace(gap={"left": gap, "right": gap})
+    study = full.replace(separation=False).replace(gap={"left": gap, "right": gap})
     closed = ~(study.static(PRELOAD).status == OPEN).any(axis=1)
     friction = np.arange(18) < 12
     system, u = state_of(study, rng, 3e-5)
@@ -129,8 +125,8 @@ def test_without_separation_the_normal_spring_is_two_sided(full):
 
 def test_constant_normal_load_limits_friction_by_its_static_value(full):
     rng = np.random.default_rng(3)
-    study = full.with_effects(effects(full, variable_normal_load=False))
-    assert not bd.Effects.of(study).separation
+    study = full.replace(variable_normal_load=False)
+    assert not bd.Effects.of(study)["separation"]
     state = study.static(PRELOAD)
     system, u = state_of(study, rng, 3e-5)
     X, F, share = system.contact(u)
@@ -148,8 +144,8 @@ def test_constant_normal_load_limits_friction_by_its_static_value(full):
 
 
 def test_even_harmonics_vanish_with_a_constant_limit_and_no_bias(full):
-    study = full.with_effects(effects(full, variable_normal_load=False, bias=True, constraint_planes=False))
-    assert not bd.Effects.of(study).variable_normal_load
+    study = full.replace(variable_normal_load=False, bias=True, constraint_planes=False)
+    assert not bd.Effects.of(study)["variable_normal_load"]
     curve = study.frequency_response(20.0, (780.0, 880.0))
     assert curve.complete
     assert curve.shares[:, 1].max() > 0.01
@@ -160,7 +156,7 @@ def test_even_harmonics_vanish_with_a_constant_limit_and_no_bias(full):
 @pytest.mark.parametrize("changes", [{"separation": False}, {"variable_normal_load": False}], ids=str)
 def test_stuck_response_does_not_depend_on_how_points_would_slip_or_open(full, changes):
     a = full.frequency_response(1e6, (780.0, 880.0))
-    b = full.with_effects(effects(full, **changes)).frequency_response(1e6, (780.0, 880.0))
+    b = full.replace(**changes).frequency_response(1e6, (780.0, 880.0))
     assert a.shares[:, 0].min() == 1.0
     assert b.peak.amplitude == pytest.approx(a.peak.amplitude, rel=1e-8)
     assert b.peak.frequency == pytest.approx(a.peak.frequency, rel=1e-9)
@@ -201,7 +197,7 @@ def test_united_points_keep_rigid_motion_area_and_energy(model):
 
 def test_as_many_groups_as_points_change_nothing(full):
     a = full.frequency_response(2000.0, (780.0, 880.0))
-    b = full.with_effects(effects(full, contact_points=6)).frequency_response(2000.0, (780.0, 880.0))
+    b = full.replace(contact_points=6).frequency_response(2000.0, (780.0, 880.0))
     assert b.peak.amplitude == pytest.approx(a.peak.amplitude, rel=1e-9)
 
 
@@ -226,21 +222,12 @@ def test_given_gap_is_that_of_the_points_of_the_model(full):
 # ---- the interface ----
 
 
-def test_effects_and_settings_are_one(full):
-    chosen = bd.Effects(harmonics=(1, 3), rotation=("Z",), blade_modes=3, contact_points=3, bias=False)
-    study = plain_study(full.model, bd.Excitation("tip"), engine_order=2).with_effects(chosen)
-    assert bd.Effects.of(study) == chosen
-    assert study.settings.harmonics == (1, 3) and study.settings.rigid_modes == ("TX", "TY", "TZ", "RZ")
-    assert bd.Effects.of(study.replace(harmonics=2)).harmonics == 2
-    assert bd.Effects.of(study.with_effects(bd.Effects.of(full))) == bd.Effects.of(full)
-
-
-def test_every_effect_has_an_assumption():
-    text = bd.Effects().describe()
-    for f in fields(bd.Effects):
-        assert f.metadata["off"] in text
-    assert "variable normal load excites them" in bd.Effects(harmonics=(1, 3)).describe()
-    assert "excites them" not in bd.Effects(harmonics=(1, 3), variable_normal_load=False).describe()
+def test_every_effect_has_an_assumption(full):
+    effects = bd.Effects.of(full.replace(harmonics=(1, 3)))
+    assert all(text in str(effects) for text in ASSUMED.values())
+    assert "variable normal load excites them" in str(effects)
+    assert "excites them" not in str(effects.without("variable normal load"))
+    assert bd.Effects.of(full.replace(**effects)) == effects
 
 
 @each(
@@ -249,10 +236,10 @@ def test_every_effect_has_an_assumption():
         ("bias", {"bias": False}),
         ("variable normal load", {"variable_normal_load": False, "separation": False}),
         ("separation", {"separation": False}),
-        ("harmonic nodal diameters", {"harmonic_nodal_diameters": False}),
-        ("constraint_planes", {"constraint_planes": False}),
-        ("rotation X", {"rotation": ("Y", "Z")}),
-        ("translation Z", {"translation": ("X", "Y")}),
+        ("harmonic nodal diameters", {"fundamental_modes_only": True}),
+        ("constraint planes", {"constraint_planes": False}),
+        ("rotation X", {"rigid_modes": ("TX", "TY", "TZ", "RY", "RZ")}),
+        ("translation Z", {"rigid_modes": ("TX", "TY", "RX", "RY", "RZ")}),
         ("harmonics beyond 3", {"harmonics": 3}),
         ("harmonics beyond 1", {"harmonics": 1}),
         ("damper modes beyond 0", {"damper_modes": 0}),
@@ -260,19 +247,20 @@ def test_every_effect_has_an_assumption():
         ("contact points beyond 4", {"contact_points": 4}),
     ],
 )
-def test_a_set_without_one_effect(name, changed):
-    whole = bd.Effects(harmonics=5, damper_modes=2)
-    assert whole.without(name) == replace(whole, **changed)
+def test_a_set_without_one_effect(full, name, changed):
+    whole = bd.Effects.of(full.replace(harmonics=5, damper_modes=2))
+    assert whole.without(name) == whole | changed
     assert whole.without(name).without(name) == whole.without(name)
 
 
-def test_what_is_off_or_fewer_already_remains():
-    assert bd.Effects(harmonics=(1, 3)).without("harmonics beyond 3").harmonics == (1, 3)
-    assert bd.Effects(harmonics=(1, 3, 5)).without("harmonics beyond 3").harmonics == (1, 3)
-    assert bd.Effects(contact_points=3).without("contact points beyond 4").contact_points == 3
+def test_what_is_off_or_fewer_already_remains(full):
+    whole = bd.Effects.of(full)
+    for harmonics in ((1, 3), (1, 3, 5)):
+        assert bd.Effects(whole | {"harmonics": harmonics}).without("harmonics beyond 3")["harmonics"] == (1, 3)
+    assert bd.Effects(whole | {"contact_points": 3}).without("contact points beyond 4")["contact_points"] == 3
     for name in ("gravity", "rotation", "rotation W", "harmonics beyond", "harmonics beyond all", "stability"):
         with pytest.raises(bd.SettingError, match=r"effect: expected .* found"):
-            bd.Effects().without(name)
+            whole.without(name)
 
 
 def test_stability_is_judged_only_where_it_is_on(full):
@@ -285,21 +273,21 @@ def test_stability_is_judged_only_where_it_is_on(full):
 @pytest.mark.parametrize(
     "wrong",
     [{"harmonics": 0}, {"harmonics": (2, 3)}, {"harmonics": "all"}, {"harmonics": (1, 1)}, {"harmonics": 1.5},
-     {"rotation": ("W",)}, {"translation": ("X", "X")}, {"contact_points": 0}],
+     {"rigid_modes": ("RW",)}, {"rigid_modes": ("TX", "TX")}, {"contact_points": 0}],
     ids=str,
 )
-def test_bad_effects_are_named(wrong):
+def test_bad_effects_are_named(full, wrong):
     name = next(iter(wrong))
     with pytest.raises(bd.SettingError, match=rf"^{name}: expected .* found"):
-        bd.Effects(**wrong)
+        full.replace(**wrong)
 
 
 def test_coupled_friction_brings_a_sampled_evaluation(full):
     assert full.settings.contact_forces == "event_driven"
     assert isinstance(full.replace(friction_law="coupled").settings.contact_forces, bd.AFT)
-    coupled = full.with_effects(effects(full, friction_law="coupled"))
+    coupled = full.replace(friction_law="coupled")
     assert isinstance(coupled.settings.contact_forces, bd.AFT) and coupled.settings.friction_law == "coupled"
-    kept = full.replace(contact_forces=bd.AFT(256)).with_effects(effects(full, friction_law="coupled"))
+    kept = full.replace(contact_forces=bd.AFT(256), friction_law="coupled")
     assert kept.settings.contact_forces == bd.AFT(256)
 
 
@@ -370,7 +358,7 @@ def test_linear_resonances_are_those_of_the_linear_curves(full):
     """With residual modes, which have no inertia or that of the modes left out, as well as without."""
     for method in ("unit_traction", "residual_modes"):
         study = full.replace(contact_stiffness=method)
-        system, springs = study.problem.system(PRELOAD), stuck_springs(study.problem, study.static(PRELOAD))
+        system, springs = study.problem.system(PRELOAD), study.problem.at(PRELOAD).stuck_springs()
         low, high = 2.0 * np.pi * 100.0, 2.0 * np.pi * 1e4
         found = system.structure.linear.resonances((springs,), low, high)
         assert len(found) >= 4
@@ -440,6 +428,6 @@ def test_a_peak_says_how_its_curve_ended(full):
     )
 
 
-def test_no_harmonics_at_all_are_refused_by_name():
+def test_no_harmonics_at_all_are_refused_by_name(full):
     with pytest.raises(bd.SettingError, match="harmonics"):
-        bd.Effects().without("harmonics beyond 0")
+        full.replace(**bd.Effects.of(full).without("harmonics beyond 0"))

@@ -12,7 +12,6 @@ import pytest
 
 import bdamper as bd
 from bdamper.harmonic_balance.contact_cycle import energies
-from bdamper.harmonic_balance.problem import stuck_springs
 from bdamper.util.formatting import amount
 from tests.plain import plain_study
 
@@ -97,7 +96,7 @@ def test_residual_modes_are_in_series_with_the_contact_elements(study):
     for method in ("unit_traction", bd.ResidualModes(n_vectors=2)):
         other = study.replace(contact_stiffness=method, blade_modes=4, constraint_planes=False)
         system, static = other.problem.system(2e4), other.static(2e4)
-        stuck = system.structure.linear.response(2.0 * np.pi * 300.0, stuck_springs(other.problem, static))
+        stuck = system.structure.linear.response(2.0 * np.pi * 300.0, other.problem.at(2e4).stuck_springs())
         u = system.layout.pack(static.q, 0.05 * stuck)
         found.append(energies(system, u, 2.0 * np.pi * 300.0)["stiffness"])
     assert found[0].imag == pytest.approx(0.0, abs=1e-9 * found[0].real)

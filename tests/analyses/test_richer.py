@@ -7,7 +7,7 @@ import bdamper as bd
 from bdamper.analyses import error_estimates
 from bdamper.analyses.error_estimates import Tops, compare, evaluate_peak, whole_curve
 from bdamper.response.highest_peak import highest_peak
-from bdamper.response.peak import resonance_interval
+from bdamper.response.linear_limits import resonance_interval
 from bdamper.response.response_curve import frequency_response
 from tests.models import wedge_model
 from tests.plain import plain_study
@@ -47,7 +47,7 @@ def test_curve_peak_and_numbers_are_read_alike(study):
 def test_a_maximum_counts_where_an_end_is_higher():
     """As for the search for peaks: that end is a flank of the next mode."""
     study = plain_study(wedge_model(0), bd.Excitation("tip"), 2, friction_coefficient=0.4)
-    band = resonance_interval(study.problem, 1.0)[0], 1610.0
+    band = resonance_interval(study.problem.at(1.0))[0], 1610.0
     found = evaluate_peak(study.problem, lambda p: whole_curve(p, 30e3, band))
     assert found.result.peak_at_end and found.reason == ""
     assert found.amplitude == pytest.approx(study.peak(30e3, band).amplitude, rel=1e-8) != found.result.peak.amplitude

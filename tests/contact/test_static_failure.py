@@ -9,7 +9,7 @@ import pytest
 
 import bdamper as bd
 import bdamper.harmonic_balance.problem as problem_module
-from bdamper.response.peak import linear_peak
+from bdamper.response.linear_limits import linear_peak
 from bdamper.util.errors import StaticError
 from tests.plain import plain_study
 
@@ -69,6 +69,6 @@ def test_an_optimal_curve_has_no_peak_there(study):
     assert curve.optimum.preload <= LAST
     assert np.isnan(curve.stuck.amplitude)
     free = study.free((250.0, 350.0)).peak.amplitude
-    assert linear_peak(study.problem, (250.0, 350.0), 800.0, stuck=False).amplitude == free
+    assert linear_peak(study.problem.at(800.0), (250.0, 350.0), stuck=False).amplitude == free
     with pytest.raises(bd.BdamperError, match=r"no peak found at any of 3 preloads .* no equilibrium beyond 500 N"):
         study.optimal_curve(np.array([600.0, 800.0, 1000.0]), frequency=INTERVAL, check=False)

@@ -179,7 +179,7 @@ def test_methods_differ_where_the_equations_of_the_paper_fail():
     modes = []
     for method in ("residual_modes", "unit_traction"):
         bonded = found[method].point_stiffness * found[method].friction_points[:, None]
-        modes.append(found[method].sector(0.0).linear.modes(bonded)[0][:5])
+        modes.append(found[method].at(0.0).sector.linear.modes(bonded)[0][:5])
     assert np.abs(modes[0] / modes[1] - 1.0).max() > 0.02
 
 

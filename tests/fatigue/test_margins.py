@@ -99,7 +99,7 @@ def test_along_a_curve_the_margin_is_that_of_each_point_and_continuous_over_fold
     change = amplitude_and_mean(np.diff(cycles, axis=0).reshape(-1, 6, 4)).amplitude.reshape(-1, 3)
     apart = np.abs(np.diff(margins.amplitude[::5], axis=0))
     assert (apart <= change * (1.0 + 1e-9)).all() and apart.max() > 0.3 * change.max()
-    assert curve.folds and margins.margin[int(curve.amplitude.argmax())] < 2.0 * margins.margin.min()
+    assert len(curve.folds) and margins.margin[int(curve.amplitude.argmax())] < 2.0 * margins.margin.min()
 
 
 def test_more_speed_leaves_less_margin_and_a_mean_beyond_the_strength_none(study, peak):

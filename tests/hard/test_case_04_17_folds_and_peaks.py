@@ -121,6 +121,4 @@ def test_a_pair_of_folds_in_one_step_is_not_stepped_over(case, folds, step):
     fine = study.frequency_response(preload, interval, options=ContinuationOptions(step=step, max_step=step))
     assert usual.complete
     assert len(fine.folds) == folds
-    np.testing.assert_allclose(
-        [fold.frequency for fold in usual.folds], [fold.frequency for fold in fine.folds], rtol=1e-8
-    )
+    np.testing.assert_allclose(usual.frequency[usual.folds], fine.frequency[fine.folds], rtol=1e-8)

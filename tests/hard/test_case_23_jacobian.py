@@ -21,7 +21,6 @@ from bdamper.contact.laws import (
     LAW_SEPARABLE,
     PointArrays,
 )
-from bdamper.harmonic_balance.problem import stuck_springs
 from bdamper.harmonic_balance.sector import segments
 from tests import oracle
 from tests.hard.random_studies import number_of_cases, random_study
@@ -53,8 +52,8 @@ class State:
         rng = self.rng = np.random.default_rng(seed)
         plain = study.problem.system(preload)
         self.omega = 2 * np.pi * rng.uniform(*interval)
-        state = study.static(preload)
-        u = plain.layout.pack(state.q, plain.structure.linear.response(self.omega, stuck_springs(study.problem, state)))
+        case = study.problem.at(preload)
+        u = plain.layout.pack(case.static.q, plain.structure.linear.response(self.omega, case.stuck_springs()))
         u = u + np.abs(u).max() * 10.0 ** rng.uniform(-3.0, -0.5) * rng.standard_normal(len(u)) / np.sqrt(len(u))
         self.u = u
         self.name = TURN[seed % len(TURN)]

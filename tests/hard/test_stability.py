@@ -223,9 +223,9 @@ def test_coupled_law_of_a_study():
     )
     curve = study.frequency_response(50.0, (290.0, 320.0))
     assert curve.complete
-    assert curve.shares[curve.peak.index, 1] > 0.02
+    assert curve.peak.shares[1] > 0.02
     assert study.verify(curve, periods=5, steps_per_period=448).distance < 0.02
-    i = curve.peak.index
+    i = curve.peak_index
     system = study.problem.system(50.0)
     assert not unstable_solutions(system, curve.unknowns[[i]], 2 * np.pi * curve.frequency[[i]])[0].any()
 
@@ -262,7 +262,7 @@ def test_cyclic_structures_by_the_determinant():
     by_sign = np.array([np.linalg.slogdet(system.evaluate(u, omega)[1])[0] > 0.0 for u, omega in solutions])
     assert "the others are not examined" in curve.stability_note
     assert " s for the curve" in curve.stability_note
-    folds = [fold.index for fold in curve.folds]
+    folds = curve.folds
     assert len(folds) == 2
     # the sign of the determinant changes at the folds alone
     assert not by_sign[folds[0] + 1 : folds[1]].any()

@@ -41,8 +41,8 @@ def test_a_body_has_its_own_elastic_modes_and_the_others_none(study):
     names = [c.name for c in own.problem.bases[1].coordinates if c.body == "rear"]
     assert names[6:] == ["elastic 1", "elastic 2", "elastic 3"]
     assert sum(c.body == "front" for c in own.problem.bases[1].coordinates) == 6
-    assert "rear 3" in bd.Effects.of(own).describe()
-    assert bd.Effects.of(own).without("damper modes beyond 1").damper_modes == {"rear": 1}
+    assert "rear 3" in str(bd.Effects.of(own))
+    assert bd.Effects.of(own).without("damper modes beyond 1")["damper_modes"] == {"rear": 1}
 
 
 @pytest.mark.parametrize("name", ["damper_damping_ratio", "damper_drag"])
@@ -92,8 +92,8 @@ def test_a_heavier_body_at_a_speed_has_its_load():
         unit = preload * (1.5 if name == "front" else 1.0)
         expected = {other: (1.5 if other == name else 1.0) * load for other, load in loads.items()}
         assert {other: unit * share for other, share in found.body_loads.items()} == pytest.approx(expected)
-        np.testing.assert_allclose(heavier.structure.force, found.sector(unit).force, rtol=1e-10)
-        np.testing.assert_allclose(heavier.structure.points.n0, found.sector(unit).points.n0, rtol=1e-10)
+        np.testing.assert_allclose(heavier.structure.force, found.at(unit).sector.force, rtol=1e-10)
+        np.testing.assert_allclose(heavier.structure.points.n0, found.at(unit).sector.points.n0, rtol=1e-10)
     with pytest.raises(bd.SettingError, match=r"damper_mass_factor.rear: expected no rotor speed.* vary damper_mass.rear"):
         vary(problem, {"damper_mass_factor.rear": 2.0})
 

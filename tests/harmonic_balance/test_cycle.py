@@ -6,7 +6,6 @@ import pytest
 
 import bdamper as bd
 from bdamper.harmonic_balance.contact_cycle import energies, histories
-from bdamper.harmonic_balance.problem import stuck_springs
 from tests.oscillators import oscillator
 from tests.plain import plain_study
 
@@ -83,7 +82,7 @@ def test_histories_have_the_harmonics_of_the_core(settings, error):
     system, static = study.problem.system(500.0), study.static(500.0)
     # small enough for points that come to rest in a disk
     size, frequency = (0.3, 360.0) if "contact_forces" in settings else (0.5, 355.0)
-    stuck = system.structure.linear.response(2.0 * np.pi * frequency, stuck_springs(study.problem, static))
+    stuck = system.structure.linear.response(2.0 * np.pi * frequency, study.problem.at(500.0).stuck_springs())
     u = system.layout.pack(static.q, size * stuck)
     _, forces, share = system.contact(u)
     n = 3000 if error < 1e-4 else 256

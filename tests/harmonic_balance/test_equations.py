@@ -9,7 +9,6 @@ import pytest
 import bdamper as bd
 from bdamper.analyses.nonlinear_mode import mode_system
 from bdamper.harmonic_balance.equations import NOT_CONVERGED, OK, Fixed, Layout, Rows
-from bdamper.harmonic_balance.problem import stuck_springs
 from bdamper.harmonic_balance.sector import Sector, excitation_ramp, supported_by
 from bdamper.harmonic_balance.speed_family import Family, family_equations
 from bdamper.mistuning import BladedDisk
@@ -148,7 +147,7 @@ def test_a_solution_is_found_again_at_once(equations):
     state, structure = disk().static(PRELOAD), system.structure
     if isinstance(structure, Sector | Family):
         sector = structure if isinstance(structure, Sector) else structure.sectors[1]
-        stuck = sector.linear.response(OMEGA, stuck_springs(disk().problem, state))
+        stuck = sector.linear.response(OMEGA, disk().problem.at(PRELOAD).stuck_springs())
         y = np.append(system.layout.pack(state.q, 1e-3 * stuck), y[-1])
     scale = system.units(y, 1.0)
     found = system.solve(y, Fixed(), scale, 1e-8, 60, 2)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.harmonic_balance.problem import stuck_springs
 from tests.plain import plain_study
 
 TIP, PLATFORM = bd.Excitation("tip"), bd.Excitation("platform", "axial", 200.0, phase=0.3)
@@ -45,7 +44,8 @@ def test_a_phase_is_in_radians_and_is_shown_in_degrees(study):
 
 def test_a_sum_of_equal_forces_is_one_of_twice_the_amplitude(study):
     """Unknowns of a response with slip and separation, to rounding."""
-    sectors = [study.replace(excitation=e).problem.sector(300.0) for e in (TIP + TIP, bd.Excitation("tip", amplitude=2.0))]
+    excitations = TIP + TIP, bd.Excitation("tip", amplitude=2.0)
+    sectors = [study.replace(excitation=e).problem.at(300.0).sector for e in excitations]
     close(sectors[0].force, sectors[1].force)
     assert sectors[0].force_scale == pytest.approx(sectors[1].force_scale, rel=1e-12)
 
@@ -73,8 +73,8 @@ def test_two_engine_orders_superpose_where_nothing_slips(study, kind):
     springs = {name: own.stiffness for name, own in study.problem.stiffness.items()}  # those of nodal diameter 5
     other = other.replace(response=bd.Response("tip"), contact_stiffness=springs)
     curve, first = getattr(both, kind)(BAND), getattr(study, kind)(BAND)
-    linear, rows = other.problem.sector(1.0).linear, other.problem.response_rows[1]
-    springs = None if kind == "free" else stuck_springs(other.problem, other.problem.equilibrium(1.0))
+    linear, rows = other.problem.at(1.0).sector.linear, other.problem.response_rows[1]
+    springs = None if kind == "free" else other.problem.at(1.0).stuck_springs()
     alone = [linear.response(4.0 * np.pi * f, springs) @ rows for f in curve.frequency]
     assert np.abs(alone).max() > 1e-7
     close(curve.harmonics[:, 2], np.array(alone))

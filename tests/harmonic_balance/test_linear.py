@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.harmonic_balance.problem import stuck_springs
-from bdamper.response.peak import linear_peak
+from bdamper.response.linear_limits import linear_peak
 from tests.plain import plain_study
 
 
@@ -27,7 +26,7 @@ def test_every_resonance_is_a_maximum(study, kind):
     at = marked(curve)
     assert len(at) > 2
     system = study.problem.system(curve.preload)
-    springs = None if kind == "free" else stuck_springs(study.problem, study.static(curve.preload))
+    springs = None if kind == "free" else study.problem.at(curve.preload).stuck_springs()
     grid = np.arange(200.0, 2100.0, 0.2)
     a = np.array([abs(system.structure.linear.response(2 * np.pi * f, springs) @ system.response_rows[1]) for f in grid])
     tops = np.flatnonzero((a[1:-1] > a[:-2]) & (a[1:-1] > a[2:])) + 1
@@ -38,7 +37,7 @@ def test_every_resonance_is_a_maximum(study, kind):
         low, high = (abs(system.structure.linear.response(w + d, springs) @ system.response_rows[1]) for d in (-h, h))
         assert max(low, high) < curve.amplitude[i]
         assert abs(high - low) < 1e-2 * (2.0 * curve.amplitude[i] - high - low)
-    assert linear_peak(study.problem, (200.0, 2100.0), curve.preload, stuck=kind == "stuck").frequency == pytest.approx(
+    assert linear_peak(study.problem.at(curve.preload), (200.0, 2100.0), stuck=kind == "stuck").frequency == pytest.approx(
         curve.peak.frequency, rel=1e-7
     )
 
@@ -51,6 +50,6 @@ def test_the_end_of_an_interval_is_no_maximum(study):
         assert not marked(curve)
     for beyond in (1e-3, 1e-6):  # the pole lies outside, the maximum within
         assert len(marked(study.free((top - 30.0, top + beyond)))) == 1
-        peak = linear_peak(study.problem, (top - 30.0, top + beyond), 0.0, stuck=False)
+        peak = linear_peak(study.problem.at(0.0), (top - 30.0, top + beyond), stuck=False)
         assert peak.frequency == pytest.approx(top, rel=1e-7)
-    assert np.isnan(linear_peak(study.problem, (top - 30.0, top - 1e-3), 0.0, stuck=False).frequency)
+    assert np.isnan(linear_peak(study.problem.at(0.0), (top - 30.0, top - 1e-3), stuck=False).frequency)

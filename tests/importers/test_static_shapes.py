@@ -15,7 +15,7 @@ import bdamper as bd
 from bdamper.fem import LocalSizes
 from bdamper.importers import over_speed
 from bdamper.model.model_file import load_model, save_model
-from bdamper.response.peak import resonance_interval
+from bdamper.response.linear_limits import resonance_interval
 from tests.annulus import Annulus, small_sector, wheel_matrices
 from tests.fe_bodies import FIRST_NUMBER, SIX_BLADES, blade_and_damper, contacts
 from tests.imports import build
@@ -151,7 +151,7 @@ def test_they_are_no_modes(built, tmp_path):
     assert [c.name for c in basis.coordinates if c.body == "blade"] == ["mode 1", "static shape 1", "static shape 2"]
     assert asked.settings.most_modes("constrained") == 16
     with pytest.raises(bd.SettingError, match="mode: expected 1 to 1"):
-        resonance_interval(asked.problem, 1.0, 2)
+        resonance_interval(asked.problem.at(1.0), 2)
     assert len(built.frequencies[2]) == 16 and "16 modes at nodal diameters 0, 1, 2, 3" in str(model)
     same = study(built.model, PAIRS[0], 2, response=None)
     assert same.problem.bases[1].n_modes - study(without(model), PAIRS[0], 2, response=None).problem.bases[1].n_modes == 1

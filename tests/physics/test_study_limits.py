@@ -7,7 +7,6 @@ import pytest
 
 import bdamper as bd
 from bdamper.harmonic_balance.equations import OK
-from bdamper.harmonic_balance.problem import stuck_springs
 from bdamper.response.events import ContinuationOptions
 from bdamper.util.errors import SettingError
 from bdamper.util.progress import CostMeter
@@ -222,7 +221,7 @@ class TestSpecialPreloads:
         np.testing.assert_allclose(curve.amplitude[away], expected[away], rtol=2e-2)
         omega = 2 * np.pi * curve.frequency[0]
         system = study.problem.system(1e5)
-        springs = stuck_springs(study.problem, study.static(1e5))
+        springs = study.problem.at(1e5).stuck_springs()
         assert not springs[:, :2].any()
         linear = system.structure.linear.response(omega, springs) @ system.response_rows[1]
         assert curve.harmonics[0, 1] == pytest.approx(linear, rel=1e-7)
@@ -308,7 +307,7 @@ def test_linear_response_without_damping_is_unbounded_and_says_so(kind):
     assert "no damping" in curve.summary()
     pole = float(curve.reason.split("unbounded at ")[1].split()[0])
     system = s.problem.system(0.0 if kind == "free" else 1.0)
-    springs = None if kind == "free" else stuck_springs(s.problem, s.static(1.0))
+    springs = None if kind == "free" else s.problem.at(1.0).stuck_springs()
     exact = min(system.structure.linear.modes(springs)[0] / (2.0 * np.pi), key=lambda f: abs(f - pole))
     distance = curve.frequency / exact - 1.0
     for side in (-1.0, 1.0):

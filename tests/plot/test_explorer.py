@@ -28,7 +28,7 @@ from bdamper.plot.explorer_worker import MOVING, Answers, Question
 from bdamper.plot.motion import contact_status
 from bdamper.response import optimal_curve
 from bdamper.response.events import ContinuationOptions
-from bdamper.response.peak import peak_interval
+from bdamper.response.linear_limits import peak_interval
 from bdamper.util.formatting import peak_text
 from bdamper.util.progress import raise_if_stopped
 
@@ -82,7 +82,7 @@ def test_a_question_is_answered_coarsely_then_in_full_and_kept():
         quick.curve.amplitude, given.replace(harmonics=1).frequency_response(0.0, band, options=MOVING).amplitude
     )
     assert [limit.kind for limit in full.limits] == ["free", "stuck"]
-    assert full.point == full.curve.peak.index and full.loops.amplitude == full.curve.peak.amplitude
+    assert full.point == full.curve.peak_index and full.loops.amplitude == full.curve.peak.amplitude
     answers.ask(asked(damping_ratio=0.02))
     again, again_in_time = until_done(queue)
     assert again.curve is full.curve and again_in_time.marched is in_time.marched
@@ -114,8 +114,8 @@ def test_every_answer_is_that_of_the_study_whatever_was_asked_before():
         given = vary(study, dict(question.settings))
         for harmonics in (1, None):
             kind = given.replace(harmonics=1) if harmonics else given
-            own = peak_interval(study.replace(harmonics=1).problem, None, 1.0, question.mode)
-            band = peak_interval(given.replace(harmonics=1).problem, None, 1.0, question.mode)
+            own = peak_interval(study.replace(harmonics=1).problem.at(1.0), None, question.mode)
+            band = peak_interval(given.replace(harmonics=1).problem.at(1.0), None, question.mode)
             curve, best = answers.curve(question, harmonics), answers.optimal(question)
             assert curve.full == (harmonics is None) and best.full and curve.question is best.question is question
             ends = float(curve.curve.frequency[0]), float(curve.curve.frequency[-1])
@@ -832,7 +832,7 @@ def test_a_drag_moves_the_preload(browser, explorer, size):
     answer = window.shown()
     chosen = [answer.curve.frequency[answer.point], 1e6 * answer.curve.amplitude[answer.point]]
     until(lambda: window.data("point") == pytest.approx(chosen))
-    assert answer.point != answer.curve.peak.index
+    assert answer.point != answer.curve.peak_index
 
 
 def test_names_of_a_model_are_text_in_a_browser(browser, served):

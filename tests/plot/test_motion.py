@@ -35,7 +35,7 @@ def solved():
 def test_rigid_motion_is_that_of_the_damper_at_its_points(solved):
     """Translation plus rotation about the centre of mass give what the modes give at the contact points."""
     study, curve = solved
-    u = curve.unknowns[curve.peak.index]
+    u = curve.peak.y[:-1]
     surface = surface_motion(study, u)["damper"]
     # contact axes of the front plane are X, Y, Z of the damper
     body = study.problem.coupling.model.bodies["damper"]
@@ -70,7 +70,7 @@ def test_missing_rigid_modes_do_not_move(solved):
     study, _ = solved
     part = study.replace(rigid_modes=("TX", "TY", "TZ"))
     curve = part.frequency_response(500.0, (350.0, 380.0))
-    motion = rigid_motion(part, curve.unknowns[curve.peak.index])
+    motion = rigid_motion(part, curve.peak.y[:-1])
     assert np.all(motion.vibratory[0, 3:] == 0.0) and np.all(motion.amplitude[:2] > 0.0)
 
 
@@ -82,7 +82,7 @@ def test_unknown_body_is_named(solved):
 
 def test_status_agrees_with_the_curve_and_with_itself(solved):
     study, curve = solved
-    i = curve.peak.index
+    i = curve.peak_index
     status = contact_status(study, curve.unknowns[i], 500.0)
     both = [*status.rows("left"), *status.rows("right")]
     assert status.share[both].mean(axis=(0, 1)) == pytest.approx(curve.shares[i], abs=1e-9)
@@ -108,7 +108,7 @@ def test_status_agrees_with_the_curve_and_with_itself(solved):
 def test_status_under_every_law(solved, settings):
     study = solved[0].replace(**settings)
     curve = study.frequency_response(500.0, (350.0, 380.0))
-    i = curve.peak.index
+    i = curve.peak_index
     _, _, core = (a[: study.problem.coupling.n_points] for a in study.problem.system(500.0).contact(curve.unknowns[i]))
     status = contact_status(study, curve.unknowns[i], 500.0)
     assert status.share.sum(axis=2) == pytest.approx(1.0, abs=1e-12)
@@ -128,7 +128,7 @@ def test_export_to_vtu(solved, tmp_path):
     assert len(mesh.cells_dict["quad"]) == len(stored.quads)
     name = next(n for n in mesh.point_data if n.startswith("mode 1,") and n.endswith("real"))
     assert mesh.point_data[name] == pytest.approx(stored.modes[5][..., 0].real)
-    u = curve.unknowns[curve.peak.index]
+    u = curve.peak.y[:-1]
     paths = export_response(study, u, tmp_path)
     assert [p.name for p in paths] == ["response_blade.vtu", "response_damper.vtu"]
     blade = (
@@ -161,7 +161,7 @@ def test_surfaces_of_shipped_models_move_as_the_response_says(name, points):
 
 def test_surfaces_without_mode_shapes_are_refused_or_named(solved, tmp_path):
     study, curve = solved
-    u = curve.unknowns[curve.peak.index]
+    u = curve.peak.y[:-1]
     mesh = study.model.meshes["blade"]
     bare = study.replace(model=replace(study.model, meshes={"blade": replace(mesh, modes={})}))
     for call in (lambda: surface_motion(bare, u), lambda: export_response(bare, u, tmp_path)):
@@ -179,7 +179,7 @@ def test_a_line_drawing_has_each_sector_at_its_phase(solved):
     """Stuck contacts: the blade of the next sector moves with the damper at its face, and not with the opposite phase."""
     study = solved[0].replace(contact_stiffness_factor=100.0)
     stuck = study.stuck((330.0, 450.0), 500.0)
-    drawing = line_drawing(study, stuck.unknowns[stuck.peak.index])
+    drawing = line_drawing(study, stuck.peak.y[:-1])
     model, face = study.model, study.model.interfaces["right"]
     counts = [len(model.meshes[name].points) for name, *_ in sectors_shown(model)]
     sectors = [(name, sector) for name, sector, _ in sectors_shown(model)]

@@ -11,7 +11,8 @@ import bdamper as bd
 from bdamper.plot import plot_response_map
 from bdamper.response.branches import LeftOut
 from bdamper.response.highest_peak import AT_END, _tops, highest_of_curve, maxima
-from bdamper.response.peak import coarse_options, resonance_interval
+from bdamper.response.linear_limits import resonance_interval
+from bdamper.response.peak import coarse_options
 from bdamper.util.formatting import amount, peak_text
 from tests.models import wedge_model
 from tests.plain import plain_study
@@ -46,9 +47,30 @@ def test_a_coarse_curve_is_refined_to_what_a_fine_one_has(study, curve):
     assert maxima(study.problem.system(1000.0), curve)[0].amplitude == pytest.approx(fine.amplitude, rel=1e-9)
 
 
+def test_every_analysis_takes_the_peak_of_a_curve(study):
+    """With the same answer as for the peak of the study, which is corrected to 1e-10."""
+    curve, peak = study.frequency_response(1000.0, INTERVAL), study.peak(1000.0, INTERVAL)
+    top = curve.peak
+    assert (top.y[:-1] == curve.unknowns[curve.peak_index]).all() and top.settings["frequency"] == pytest.approx(INTERVAL)
+    ask = {
+        "sensitivities": lambda p: [f for s in study.peak_sensitivities(p).values() for f in (s.amplitude, s.frequency)],
+        "harmonics": lambda p: study.harmonic_convergence(p, harmonics=(3,)).peaks[-1].amplitude,
+        "errors": lambda p: study.estimate_errors(p, sources=["harmonics"]).amplitude,
+        "hysteresis": lambda p: study.hysteresis(p).excitation,
+        "dissipation": lambda p: study.dissipation(p).damping,
+        "response": lambda p: study.response_at(p, "tip"),
+    }
+    for name, of in ask.items():
+        assert of(top) == pytest.approx(of(peak), rel=2e-5), name
+    assert str(top.plot().get_title()) == top._headline()
+    for refused in (study.stuck(INTERVAL).peak, study.free((INTERVAL[0], 300.0)).peak, replace(top, corner=True)):
+        with pytest.raises(bd.SettingError, match=r"expected a (converged one|result of this study|smooth peak), found"):
+            study.peak_sensitivities(refused)
+
+
 def test_a_closed_branch_is_named_and_never_counted(study, curve):
     """The points around the peak as a branch of their own: left alone it counts, closed it is detached."""
-    system, top = study.problem.system(1000.0), curve.peak.index
+    system, top = study.problem.system(1000.0), curve.peak_index
     around = np.abs(np.arange(len(curve)) - top) < 4
     parted = replace(curve, branch=np.where(around, 1, np.where(np.arange(len(curve)) < top, 0, 2)))
     counted = highest_of_curve(system, parted)
@@ -56,23 +78,23 @@ def test_a_closed_branch_is_named_and_never_counted(study, curve):
     apart = replace(parted, closed=(1,))
     found = highest_of_curve(system, apart)
     assert found.peak.amplitude <= 1.01 * curve.amplitude[~around].max() < 0.99 * curve.peak.amplitude
-    assert apart.peak.amplitude == curve.amplitude[~around].max() and apart.detached[0].index == top
+    assert apart.peak.amplitude == curve.amplitude[~around].max() and apart.detached.tolist() == [top]
     assert f"detached: {amount(curve.peak.amplitude, 'm', 6)} at" in apart.summary()
     with pytest.raises(bd.BdamperError, match="connected"):
         highest_of_curve(system, replace(parted, closed=(0, 1, 2)))
-    assert replace(curve, closed=(0,)).peak.index == top  # nothing else is there
+    assert replace(curve, closed=(0,)).peak_index == top  # nothing else is there
 
 
 def test_an_end_of_the_interval_counts_where_there_is_no_maximum_and_is_named(study):
     peak = study.peak(1000.0, (250.0, 270.0))
     curve = study.frequency_response(1000.0, (250.0, 270.0))
-    assert curve.peak_at_end and peak.corner and peak.search_status == f"incomplete: {AT_END}"
+    assert curve.peak_at_end and peak.corner and peak.search_status == f"incomplete: {AT_END}, without a maximum in it"
     assert peak.frequency == pytest.approx(270.0, rel=1e-12)
     assert peak.amplitude == pytest.approx(curve.peak.amplitude, rel=1e-8)
-    assert not peak.converged and peak.status == f"incomplete: {AT_END}"
+    assert not peak.converged and peak.status == f"incomplete: {AT_END}, without a maximum in it"
     assert peak._headline().startswith("No peak: incomplete: highest at an end") and "Resonance" not in str(peak)
     assert "amplitude" not in [fact.name for fact in peak._facts()]
-    with pytest.raises(bd.SettingError, match="expected a converged peak, found status 'incomplete: highest at an end"):
+    with pytest.raises(bd.SettingError, match="expected a converged one, found status 'incomplete: highest at an end"):
         study.peak_sensitivities(peak, ["preload"])
     with pytest.raises(bd.SettingError, match="incomplete"):
         study.hysteresis(peak)
@@ -88,7 +110,7 @@ def test_an_end_of_the_interval_counts_where_there_is_no_maximum_and_is_named(st
 def test_an_end_that_is_higher_than_the_maximum_is_told_and_does_not_count():
     """The flank of the next mode at the end of the interval is no resonance of the mode, whose peak is 3.5 µm."""
     study = plain_study(wedge_model(0), bd.Excitation("tip"), 2, friction_coefficient=0.4)
-    low, high = resonance_interval(study.problem, 1.0)[0], 1610.0
+    low, high = resonance_interval(study.problem.at(1.0))[0], 1610.0
     peak, curve = study.peak(30e3, (low, high)), study.frequency_response(30e3, (low, high))
     assert curve.peak_at_end and curve.peak.amplitude > 1.5 * peak.amplitude
     assert not peak.corner and low < peak.frequency < 0.9 * high
@@ -103,7 +125,7 @@ def test_an_end_that_is_higher_than_the_maximum_is_told_and_does_not_count():
 
 def test_a_preload_without_a_maximum_has_no_value(study):
     result = study.optimal_curve([900.0, 1000.0, 1100.0], frequency=(250.0, 270.0), check=False)
-    assert set(result.status) == {f"incomplete: {AT_END}"} and set(result.kind) == {""}
+    assert set(result.status) == {f"incomplete: {AT_END}, without a maximum in it"} and set(result.kind) == {""}
     assert np.isnan(result.amplitude).all() and not result.optimum.verified
     assert result.lower_bound[1] == pytest.approx(study.peak(1000.0, (250.0, 270.0)).amplitude, rel=1e-9)
 
@@ -208,7 +230,7 @@ def test_a_response_map_shows_ridge_optimum_and_several_solutions(tmp_path):
     ax = plot_response_map(result)
     labels = ax.get_legend_handles_labels()[1]
     assert {"highest", "optimum"} <= set(labels) and ax.get_yscale() == "log"
-    assert ("several solutions" in labels) == any(c.folds for c in result.curves)
+    assert ("several solutions" in labels) == any(len(c.folds) for c in result.curves)
     ax.figure.savefig(tmp_path / "map.png")
     with pytest.raises(bd.SettingError, match="two or more curves, found 0"):
         plot_response_map(replace(result, curves=()))
@@ -216,7 +238,7 @@ def test_a_response_map_shows_ridge_optimum_and_several_solutions(tmp_path):
 
 def test_a_drift_at_an_end_of_the_interval_is_no_resonance(study, curve):
     """The mean position moves at the first frequency, where the amplitude is highest: the rest of the curve only falls."""
-    system, top = study.problem.system(1000.0), curve.peak.index
+    system, top = study.problem.system(1000.0), curve.peak_index
     y = np.column_stack([curve.unknowns, 2.0 * np.pi * curve.frequency])[top:]
     y = np.concatenate([[y[0]] * 3, y])
     y[:2, 0] += [2e-6, 1e-6]
@@ -235,7 +257,7 @@ def test_a_drift_at_an_end_of_the_interval_is_no_resonance(study, curve):
 def test_two_branches_that_meet_an_end_of_the_interval_apart_by_rounding_are_both_at_it(study, curve):
     """The second starts higher, at a frequency that is not the very lowest."""
     system = study.problem.system(1000.0)
-    y = np.column_stack([curve.unknowns, 2.0 * np.pi * curve.frequency])[curve.peak.index + 1 :]
+    y = np.column_stack([curve.unknowns, 2.0 * np.pi * curve.frequency])[curve.peak_index + 1 :]
     second = y.copy()
     second[0, -1] *= 1.0 + 4e-16
     y[:, :-1] *= 0.5

@@ -7,7 +7,7 @@ import pytest
 import scipy.linalg
 
 import bdamper as bd
-from bdamper.response.peak import resonance_interval
+from bdamper.response.linear_limits import resonance_interval
 from bdamper.util.errors import BdamperWarning
 from tests.plain import plain_study
 
@@ -41,7 +41,7 @@ def test_a_shroud_that_touches_without_load_sticks():
     assert free.peak.frequency == pytest.approx(poles(K)[0], rel=1e-3)
     assert np.all(free.shares == [0.0, 0.0, 1.0])
     with pytest.warns(BdamperWarning, match=TOUCHES):
-        low, high = resonance_interval(study.problem, 0.0)
+        low, high = resonance_interval(study.problem.at(0.0))
     assert low < poles(K)[0] < held[0] < high
 
 

@@ -126,9 +126,9 @@ def test_steps_and_curve_are_handed_to_the_march(found, monkeypatch):
         optimum_in_time.in_time, "time_response", lambda problem, curve, **more: asked.append((curve.peak.amplitude, more))
     )
     curve, peak = study.frequency_response(60.0, (300.0, 380.0)), study.peak(60.0, frequency=(300.0, 380.0))
-    for result in (curve, peak):
+    for result in (curve, curve.peak, peak):
         study.time_response(result, steps_per_period=512, blades=6, starts=2)
-    assert asked == 2 * [(pytest.approx(peak.amplitude, rel=1e-4), {"steps_per_period": 512, "blades": 6, "starts": 2})]
+    assert asked == 3 * [(pytest.approx(peak.amplitude, rel=1e-4), {"steps_per_period": 512, "blades": 6, "starts": 2})]
     others = [replace(peak, amplitude=off * peak.amplitude) for off in (0.99, 1.01)]
     for other in (*others, replace(peak, model_hash="another")):
         with pytest.raises(bd.SettingError, match="result: expected the highest peak of this study at its preload"):

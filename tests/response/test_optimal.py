@@ -12,16 +12,9 @@ from bdamper.harmonic_balance.parameters import vary
 from bdamper.response import optimal_curve, sensitivity
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.highest_peak import AtPreload, Highest, maxima
+from bdamper.response.linear_limits import free_and_stuck, linear_peak, resonance_interval
 from bdamper.response.minimum_search import CORNER
-from bdamper.response.peak import (
-    amplitude_at,
-    coarse_options,
-    find_peak,
-    free_and_stuck,
-    linear_peak,
-    resonance_interval,
-    slope_along,
-)
+from bdamper.response.peak import amplitude_at, coarse_options, find_peak, slope_along
 from bdamper.response.response_curve import without_points
 from bdamper.response.sensitivity import PARAMETERS, setting_family, setting_value
 from bdamper.util.errors import SettingError
@@ -242,21 +235,21 @@ class TestFindPeak:
     def test_linear_structure(self, study):
         """Without friction and with all points held the peak is that of the linear response."""
         peak = study.peak(1e6, INTERVAL)
-        linear = linear_peak(study.problem, INTERVAL, 1e6, stuck=True)
+        linear = linear_peak(study.problem.at(1e6), INTERVAL, stuck=True)
         assert peak.amplitude == pytest.approx(linear.amplitude, rel=1e-8)
         assert peak.frequency == pytest.approx(linear.frequency, rel=1e-8)
 
     def test_interval_spans_free_and_stuck(self, study):
-        low, high = resonance_interval(study.problem, 1.0)
-        assert low < linear_peak(study.problem, INTERVAL, 1.0, stuck=False).frequency
-        assert high > linear_peak(study.problem, INTERVAL, 1.0, stuck=True).frequency
+        low, high = resonance_interval(study.problem.at(1.0))
+        assert low < linear_peak(study.problem.at(1.0), INTERVAL, stuck=False).frequency
+        assert high > linear_peak(study.problem.at(1.0), INTERVAL, stuck=True).frequency
 
     def test_no_two_modes_share_a_stuck_resonance(self):
         """The stuck resonance of the hard disk's fifth mode lies above its sixth mode, whose own is higher."""
         study = bd.Study(bd.reference_model("bladed_disk"), bd.Excitation("tip"), 5, friction_coefficient=0.4)
-        free, stuck = free_and_stuck(study.problem, study.problem.equilibrium(1.0), 6)
+        free, stuck = free_and_stuck(study.problem.at(1.0), 6)
         assert free[5] < stuck[4] < stuck[5]
-        assert resonance_interval(study.problem, 1.0, 6)[1] > stuck[5]
+        assert resonance_interval(study.problem.at(1.0), 6)[1] > stuck[5]
 
 
 class TestNewtonToThePeak:

@@ -25,7 +25,7 @@ def curve(study):
 
 
 def test_a_sweep_keeps_its_branch_until_the_fold(curve):
-    upper, lower = (fold.frequency for fold in curve.folds)
+    upper, lower = curve.frequency[curve.folds]
     up, down = sweep_of(curve, "up"), sweep_of(curve, "down")
     assert (np.diff(up.frequency) >= 0.0).all() and (np.diff(down.frequency) <= 0.0).all()
     assert (up.frequency[0], up.frequency[-1]) == (down.frequency[-1], down.frequency[0])

@@ -83,7 +83,7 @@ REFUSED = {
         "frequency_response: .*did you mean progress",
     ),
     "a word of no relation": (lambda s: s.peak(9.0, F, wheel=1), "peak: .*no argument 'wheel'; the arguments are preload"),
-    "misspelt effect": (lambda s: bd.Effects(seperation=False), "Effects: .*did you mean separation"),
+    "misspelt effect": (lambda s: s.replace(seperation=False), ".*did you mean separation"),
     "misspelt material": (lambda s: Material(3e8, 1e9, 9e8, findly_k=0.3), "Material: .*did you mean findley_k"),
     "misspelt model": (lambda s: bd.reference_model("blade_disk"), "found 'blade_disk'; did you mean bladed_disk"),
     "misspelt condition": (lambda s: s.at_speed(400.0, temperatur={}), "did you mean temperature"),

@@ -10,7 +10,6 @@ import pytest
 import bdamper as bd
 from bdamper.analyses.sweep import as_words
 from bdamper.response.optimal_curve_result import NEAR_BEST
-from bdamper.response.response_curve_result import Fold
 from bdamper.response.verification import TimeResponse
 from bdamper.util.display import Fact
 from bdamper.util.formatting import amount, percent, span
@@ -51,19 +50,20 @@ class TestHighestAtTheEnd:
         curve = study.frequency_response(2000.0, (360.0, 380.0))
         assert curve.peak_at_end
         told = {fact.name: fact.to_digits(6) for fact in curve._facts()}
-        assert told["peak kind"] == "highest, no peak" and told["peak amplitude"] == "223.667 µm"
-        assert told["peak frequency"] == "360 Hz" and "highest, no peak" in curve.summary()
+        assert told["peak status"] == "incomplete: highest at an end of the interval"
+        assert (told["peak amplitude"], told["peak frequency"]) == ("223.667 µm", "360 Hz")
+        assert "and is not a peak" in curve.summary()
 
     def test_a_maximum_is_a_peak(self, study):
         curve = study.frequency_response(2000.0, (330.0, 365.0))
         assert not curve.peak_at_end
         told = {fact.name: fact.to_digits(6) for fact in curve._facts()}
-        assert told["peak kind"] == "peak" and told["peak amplitude"] == amount(curve.peak.amplitude, "m", 6)
+        assert told["peak status"] == "complete" and told["peak amplitude"] == amount(curve.peak.amplitude, "m", 6)
 
     def test_of_linear_limits(self, study):
         assert not study.free(INTERVAL).peak_at_end
         assert study.free((300.0, 380.0)).peak_at_end
-        assert "no peak" in str(study.free((300.0, 380.0)))
+        assert "incomplete: highest at an end of the interval" in str(study.free((300.0, 380.0)))
 
 
 class TestOptimum:
@@ -191,7 +191,6 @@ def test_details_have_the_units_of_the_columns(peak):
 
 
 def test_places_close_together_are_told_apart():
-    assert str(Fold(360.12, 1e-3, 1)) == "fold: 1 mm at 360.12 Hz (point 1)"
     assert as_words({"preload": 1001.0}) == "preload 1.001 kN" and as_words({"mu": 0.46049}) == "mu 0.46049"
     kept = TimeResponse(1e-4, 1e-4, 1e-4, 354.17, 4e3, 2e-4, fall=354.24, periods=9)._headline()
     assert "at 354.17 Hz;" in kept and "jumps to a lower amplitude at 354.24 Hz" in kept

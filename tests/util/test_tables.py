@@ -228,8 +228,8 @@ class TestNotebook:
         assert Empty()._repr_html_() == "<div><pre>a &lt; b</pre></div>"
 
     def test_the_peak_of_a_curve_is_called_a_peak(self, study, curve):
-        assert str(curve.peak).startswith(f"peak: {peak_text(curve.peak.amplitude, curve.peak.frequency, 6)} (point")
-        assert repr(study.frequency_response(2000.0, (360.0, 362.0)).peak).startswith("highest, no peak: ")
+        assert str(curve.peak).startswith(f"Resonance of {peak_text(curve.peak.amplitude, curve.peak.frequency)}")
+        assert "No peak: incomplete: highest at an end" in str(study.frequency_response(2000.0, (360.0, 362.0)).peak)
 
 
 class TestDifferences:

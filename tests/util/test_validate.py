@@ -137,11 +137,11 @@ def test_too_few_samples_for_the_harmonics_are_refused_at_once(study):
         study.replace(harmonics=5, contact_forces=bd.AFT(16))
     few = study.replace(contact_forces=bd.AFT(16))
     with pytest.raises(bd.SettingError, match="contact_forces: expected"):
-        few.with_effects(replace(bd.Effects.of(few), harmonics=5))
+        few.replace(harmonics=5)
 
 
 OPTIONS = (
-    bd.AFT(), bd.ContinuationOptions(), bd.Effects(), bd.Excitation("tip"), bd.OptimalTask(), bd.PeakOptions(),
+    bd.AFT(), bd.ContinuationOptions(), bd.Excitation("tip"), bd.OptimalTask(), bd.PeakOptions(),
     bd.PeakTask(), bd.PerArea(1e12), bd.ResidualModes(), bd.Response("tip"), LocalSizes(), Material(3e8, 9e8, 8e8),
     Rule(), Units(), WheelPeakOptions(),
 )  # fmt: skip
@@ -170,10 +170,6 @@ def test_all_kinds_of_options_are_checked_here():
                 ("step", 1.0), ("patience", 1),
             ],
             bd.PeakOptions: [("tolerance", 0.0), ("max_trials", 1), ("max_iterations", 2.5)],
-            bd.Effects: [
-                ("blade_modes", 0), ("rotation", "XY"), ("translation", None), ("contact_points", 2.5), ("stability", 1),
-                ("harmonics", 65), ("friction_law", {"left": "x"}),
-            ],
             bd.ResidualModes: [("n_vectors", 0), ("n_vectors", None), ("contact_share", 0.0), ("inertia", 1)],
         }.items() for n, v in cases),
         *(lambda v=v: bd.PerArea(v) for v in [-1, np.nan, None, (1.0, 2.0), (1.0, 2.0, "3")]),
@@ -263,7 +259,7 @@ F = (270.0, 380.0)
         lambda s: s.optimal_curve((20.0, "x")),
         lambda s: s.effect_significance(9.0, F, against="all"), lambda s: s.effect_significance(9.0, F, tolerance="x"),
         lambda s: s.effect_significance("9", F),
-        lambda s: s.with_effects("all"), lambda s: s.verify(None), lambda s: s.with_stability("curve"),
+        lambda s: s.verify(None), lambda s: s.with_stability("curve"),
         lambda s: s.estimate_errors(None), lambda s: s.peak_sensitivities("peak"),
         lambda s: bd.compare({}, len), lambda s: bd.compare({"a": s, "b": {"frictoin": 1}}, len),
         lambda s: bd.compare({"a": s}, str),
@@ -289,7 +285,7 @@ def test_calls_on_results_refuse_bad_arguments(study):
     for ask in (
         lambda: study.peak_sensitivities(peak, ["mu"]),
         lambda: study.peak_sensitivities(peak, "preload"),
-        lambda: study.peak_sensitivities(curve.peak),
+        lambda: study.peak_sensitivities(curve),
         lambda: study.with_stability(curve, in_time="yes"),
         lambda: study.verify(curve, index=10**6),
         lambda: study.estimate_errors(curve, sources="harmonics"),

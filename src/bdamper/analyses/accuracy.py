@@ -51,12 +51,13 @@ from bdamper.analyses.error_estimates import (
 from bdamper.contact.laws import AFT
 from bdamper.harmonic_balance.effects import MAX_HARMONIC
 from bdamper.harmonic_balance.plausibility import check_question
-from bdamper.harmonic_balance.problem import Problem, stuck_springs
-from bdamper.harmonic_balance.result_checks import Asking, check_result, like, problem_of
+from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.result_checks import Asking, like, problem_of
 from bdamper.response.highest_peak import NEAR as NEAR_HIGHEST
 from bdamper.response.highest_peak import highest_peak
+from bdamper.response.linear_limits import peak_interval
 from bdamper.response.optimal_curve_result import OptimalCurve
-from bdamper.response.peak import Peak, PeakOptions, peak_interval, peak_of_sign, sign_of_jacobian
+from bdamper.response.peak import Peak, PeakOptions, check_peak, peak_of_sign, sign_of_jacobian
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import Convergence, HarmonicPeak, Meeting
 from bdamper.util import validation
@@ -110,9 +111,7 @@ def harmonic_convergence(
     SettingError
         If the peak has not converged or belongs to another study.
     """
-    validation.instance("peak", peak, Peak)
-    validation.check(peak.converged, "peak", "a converged one", f"status '{peak.status}'")
-    check_result(problem, peak, "peak")
+    check_peak(problem, peak)
     tolerance = validation.number("tolerance", tolerance, above=0.0, below=1.0)
     numbers = [validation.integer("harmonics", n, 1, MAX_HARMONIC) for n in harmonics]
     validation.check(numbers == sorted(set(numbers)) and numbers, "harmonics", "increasing numbers", numbers)
@@ -248,9 +247,10 @@ def _end(problem: Problem, harmonic: int) -> float:
 
 def _meetings(problem: Problem, peak: Peak) -> Iterator[Meeting]:
     """Yield the harmonics of the problem near a mode with stuck contacts, each with the nearest mode."""
-    springs, linear = stuck_springs(problem, problem.static(peak.parameter)), problem.sector(peak.parameter).linear
+    case = problem.at(peak.parameter)
+    springs = case.stuck_springs()
     for l in problem.harmonic_numbers[1:]:
-        modes = linear.modes(springs, l)[0] / (2.0 * np.pi)
+        modes = case.sector.linear.modes(springs, l)[0] / (2.0 * np.pi)
         distance = l * peak.frequency / np.maximum(modes, 1e-300) - 1.0
         k = int(np.argmin(np.abs(distance)))
         if abs(distance[k]) <= NEAR_MODE:
@@ -534,7 +534,7 @@ def accuracy_cost(
     solve = whole_curve if quantity is None else lambda p, *place: quantity(like(study, p), *place)
     tolerance = validation.number("tolerance", tolerance, above=0.0, below=1.0)
     preload = problem.check_preload(preload)
-    low, high = map(float, peak_interval(problem, frequency, preload))
+    low, high = map(float, peak_interval(problem.at(preload), frequency))
     ladders = make_ladders(problem, vary)
     check_question(problem, [preload], frequency)
     runs = _Runs(problem, ladders, lambda p: solve(p, preload, (low, high)), preload)

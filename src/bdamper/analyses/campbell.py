@@ -25,7 +25,8 @@ from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.rotor_speed import RPM, Conditions, asked_speeds, preload_at, under
 from bdamper.harmonic_balance.speed_family import responses
 from bdamper.response.events import ContinuationOptions
-from bdamper.response.peak import Peak, free_and_stuck
+from bdamper.response.linear_limits import free_and_stuck
+from bdamper.response.peak import Peak
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import validation
 from bdamper.util.display import Fact, Plottable, draw
@@ -214,9 +215,9 @@ def campbell(
     for i, omega in enumerate(with_progress(values.tolist(), progress, "Campbell diagram", "speed")):
         problems = [under(family.base, omega, resting) for family in by_diameter]
         preload = preload_at(problem, omega) if problem.carries_load else 0.0
-        state = problems[mean].equilibrium(preload)
+        states = problems[mean].static_states
         for k, one in enumerate(problems):
-            free[k, i], stuck[k, i] = free_and_stuck(one, state, modes)
+            free[k, i], stuck[k, i] = free_and_stuck(one.given(static_states=states).at(preload), modes)
     return Campbell(
         speed=values,
         nodal_diameter=np.array(diameters, int),

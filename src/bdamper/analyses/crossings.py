@@ -39,7 +39,7 @@ from bdamper.fatigue.margin import LeastMargin
 from bdamper.fatigue.stress_cycle import chosen_sets
 from bdamper.harmonic_balance.equations import OK, Equations
 from bdamper.harmonic_balance.parameters import like, vary
-from bdamper.harmonic_balance.problem import Problem, stuck_springs
+from bdamper.harmonic_balance.problem import LoadCase, Problem
 from bdamper.harmonic_balance.rotor_speed import Conditions, asked_speeds, preload_at, under
 from bdamper.harmonic_balance.sector import Sector
 from bdamper.harmonic_balance.speed_family import Family, family_equations, node_speeds, responses
@@ -48,16 +48,8 @@ from bdamper.response.branches import Coverage, ending, evaluation_budget, first
 from bdamper.response.continuation import TWO_PI
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.highest_peak import Highest, highest_of_curve
-from bdamper.response.peak import (
-    LOOSEST,
-    Peak,
-    PeakOptions,
-    amplitude_at,
-    beyond,
-    coarse_options,
-    find_peak,
-    free_and_stuck,
-)
+from bdamper.response.linear_limits import beyond, free_and_stuck
+from bdamper.response.peak import LOOSEST, Peak, PeakOptions, amplitude_at, coarse_options, find_peak
 from bdamper.response.response_curve import as_curve
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.sensitivity import sensitivities
@@ -150,8 +142,7 @@ class SpeedFamily:
 
     def _linear(self, omega: float, mode: int) -> NDArray:
         """Return free and stuck resonance (2,) of a mode of the constrained bodies at a speed, rad/s."""
-        problem = self.problem(omega)
-        both = free_and_stuck(problem, problem.equilibrium(self.preload(omega)), mode)
+        both = free_and_stuck(self.problem(omega).at(self.preload(omega)), mode)
         return 2.0 * np.pi * np.array(both)[:, mode - 1]
 
 
@@ -213,17 +204,16 @@ def follow_line(
     search = Coverage(system, (order * low, order * high), replace(options, budget=budget), meter)
 
     def find_start(omega: float) -> NDArray | None:
-        problem, preload = _nearest(family, equations, omega / order)
-        state, here = problem.equilibrium(preload), equations.structure.at(omega)
+        case, here = _nearest(family, equations, omega / order), equations.structure.at(omega)
         meter.watch(here)
-        highest, tried, _ = first_point(here, state, stuck_springs(problem, state), omega, options, meter)
+        highest, tried, _ = first_point(here, case.equilibrium, case.stuck_springs(), omega, options, meter)
         for line in tried:
             search.note(omega, line)
         return highest
 
     search.cover(find_start)
     status, reason, left = ending(search.pieces, *search.limits)
-    lowest, _ = _nearest(family, equations, low)
+    lowest = _nearest(family, equations, low).problem
     curve = as_curve(lowest, search, (status, reason, (*left, *search.lost)), kind="run-up", preload=np.nan)
     harmonics = responses(equations, np.column_stack([curve.unknowns, TWO_PI * curve.frequency]))
     speed = TWO_PI * curve.frequency / order
@@ -237,10 +227,10 @@ def follow_line(
     return equations, curve, highest
 
 
-def _nearest(family: SpeedFamily, equations: Equations[Family], speed: float) -> tuple[Problem, float]:
-    """Return problem and preload at the node nearest to a speed."""
+def _nearest(family: SpeedFamily, equations: Equations[Family], speed: float) -> LoadCase:
+    """Return the problem under its preload at the node nearest to a speed."""
     nearest = float(min(equations.structure.speeds, key=lambda other: abs(other - speed)))
-    return family.problem(nearest), family.preload(nearest)
+    return family.problem(nearest).at(family.preload(nearest))
 
 
 def _watched(family: SpeedFamily, equations: Equations[Family], mode: int) -> list[tuple[float, float, NDArray]]:
@@ -248,8 +238,7 @@ def _watched(family: SpeedFamily, equations: Equations[Family], mode: int) -> li
     ends = float(equations.structure.speeds.min()), float(equations.structure.speeds.max())
     out = []
     for stuck, speed in enumerate(family.resonances(*ends, mode)):
-        problem, preload = _nearest(family, equations, speed)
-        springs = stuck_springs(problem, problem.equilibrium(preload)) if stuck else None
+        springs = _nearest(family, equations, speed).stuck_springs() if stuck else None
         omega = equations.structure.engine_order * speed
         if not ends[0] < speed < ends[1]:
             continue

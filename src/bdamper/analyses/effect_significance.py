@@ -21,10 +21,11 @@ from typing import Any
 import numpy as np
 
 from bdamper.analyses.error_estimates import Change, Tops, compare, embed, estimate_change, whole_curve
-from bdamper.harmonic_balance.effects import AXES, SWITCHES, Effects
+from bdamper.harmonic_balance.effects import MOTIONS, OFF, Effects, harmonic_numbers
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.plausibility import check_question
 from bdamper.harmonic_balance.problem import Problem
+from bdamper.model.kinematics import RIGID_NAMES
 from bdamper.util import validation
 from bdamper.util.display import Plottable
 from bdamper.util.errors import BdamperError, SettingError
@@ -81,7 +82,7 @@ class EffectRow:
 
 @short_repr
 @dataclass(frozen=True)
-class EffectSignificance(Plottable, Tabular, Storable, kind="bdamper-effect-significance"):
+class EffectSignificance(Plottable, Tabular, Storable, kind="bdamper-effect-significance", version=5):
     """Change of the peak without each effect, and the significant effects.
 
     ``plot`` draws bars of the changes (:func:`bdamper.plot.plot_effect_significance`).
@@ -193,19 +194,19 @@ def effect_significance(
     check_question(problem, [preload], frequency)
     present = Effects.of(problem)
     effects = fullest(problem) if against is None else validation.instance("against", against, Effects)
-    reference = _Reference(problem.with_effects(effects), effects, preload, frequency)
+    reference = _Reference(problem.replace(**effects), effects, preload, frequency)
     rows = [reference.row(name, present, tolerance) for name in parts(problem, effects)]
     rows.sort(key=lambda row: -row.size)
     rows, (amplitude, change) = _chosen(reference, rows, tolerance)
     significant = effects
     for row in rows:
         significant = significant if row.significant else significant.without(row.name)
-    peak, whole = reference.peak, reference.curve
+    whole = reference.curve
     notes = () if whole.complete else (f"the curve with all effects ended as: {whole.status} ({whole.reason})",)
-    work = _work(problem.with_effects(significant).system(preload)) / reference.work
+    work = _work(problem.replace(**significant).system(preload)) / reference.work
     return EffectSignificance(
-        preload, frequency, tolerance, peak.amplitude, peak.frequency, tuple(rows), effects, significant, amplitude, change,
-        work, notes,
+        preload, frequency, tolerance, whole.peak.amplitude, whole.peak.frequency, tuple(rows), effects, significant,
+        amplitude, change, work, notes,
     )  # fmt: skip
 
 
@@ -215,19 +216,19 @@ class _Reference:
     def __init__(self, problem: Problem, effects: Effects, preload: float, frequency: tuple[float, float]) -> None:
         self.problem, self.effects, self.preload = problem, effects, preload
         self.curve = whole_curve(problem, preload, frequency)
-        self.peak, self.tops = self.curve.peak, Tops.of(problem, self.curve)
+        self.tops = Tops.of(problem, self.curve)
         self.work = _work(problem.system(preload))
 
     def row(self, name: str, present: Effects, tolerance: float) -> EffectRow:
         """Return the change of the peak without one effect; compute it if the estimate exceeds the tolerance."""
         on = present.without(name) != present
-        leaner = self.problem.with_effects(self.effects.without(name))
+        leaner = self.problem.replace(**self.effects.without(name))
         if not leaner.static(self.preload).converged:
             return EffectRow(name, on, np.nan, np.nan, np.inf, "unknown", np.nan, reason="no static state")
         system, change, source = leaner.system(self.preload), None, "estimated"
-        if self.curve.point_kind[self.peak.index] == "maximum":  # the estimate needs a stationary amplitude
-            y = np.append(self.curve.unknowns[self.peak.index], 2.0 * np.pi * self.peak.frequency)
-            change = estimate_change(system, embed(self.problem, leaner, self.preload, y))
+        peak = self.curve.peak
+        if not peak.corner:  # the estimate needs a stationary amplitude
+            change = estimate_change(system, embed(self.problem, leaner, self.preload, peak.y))
         if change is None or change.size > tolerance:
             change, source = self.computed(leaner), "computed"
         why = "" if change.known else change.how
@@ -257,7 +258,7 @@ def _chosen(
         change = 0.0, 0.0
         if out:
             try:
-                change = reference.computed(reference.problem.with_effects(effects))[:2]
+                change = reference.computed(reference.problem.replace(**effects))[:2]
             except BdamperError:
                 change = np.inf, np.inf
         if max(map(abs, change)) <= tolerance:  # false if the change is unknown
@@ -302,31 +303,32 @@ def fullest(problem: Problem) -> Effects:
         except SettingError:
             break
         most = l
-    numbers = tuple(sorted({*present.harmonic_numbers, *range(1, most + 1)}))
-    on: dict[str, Any] = dict.fromkeys(SWITCHES, True) | {"rotation": AXES, "translation": AXES, "contact_points": None}
+    numbers = tuple(sorted({*harmonic_numbers(present["harmonics"]), *range(1, most + 1)}))
+    on: dict[str, Any] = {name: not off for settings in OFF.values() for name, off in settings.items()}
     harmonics = len(numbers) if numbers[-1] == len(numbers) else numbers
     least = min(2, problem.settings.most_modes("free"))
     modes = {name: max(n, least) for name, n in problem.settings.by_body("damper_modes").items()}
-    damper_modes: Any = modes if isinstance(present.damper_modes, Mapping) else max(present.damper_modes, least)
-    return replace(present, harmonics=harmonics, damper_modes=damper_modes, **on)
+    damper_modes: Any = modes if isinstance(present["damper_modes"], Mapping) else max(present["damper_modes"], least)
+    on |= {"harmonics": harmonics, "damper_modes": damper_modes, "rigid_modes": RIGID_NAMES, "contact_points": None}
+    return Effects(present | on)
 
 
 def parts(problem: Problem, effects: Effects) -> list[str]:
     """Return the names of the single active effects of a model, as :meth:`Effects.without` accepts them."""
     points = problem.settings.most_points
-    points = points if effects.contact_points is None else min(points, effects.contact_points)
+    points = min(points, effects["contact_points"] or points)
     names = ["bias", "variable normal load", "separation"]
     names += [f"harmonics beyond {l}" for l in (1, 3) if l >= max(problem.settings.excited)]  # excited ones are needed
     if problem.model.n_blades > 1:
         names.append("harmonic nodal diameters")
     if any(face.kind == "constraint" for face in problem.model.interfaces.values()):
-        names.append("constraint_planes")
+        names.append("constraint planes")
     if any(body.kind == "free" for body in problem.model.bodies.values()):
-        names += [f"rotation {axis}" for axis in AXES]
         loaded = any(body.load is not None for body in problem.model.bodies.values())
-        names += [f"translation {axis}" for axis in AXES if not (loaded and axis == "Y")]  # Y is along the preload
+        names += [motion for motion in MOTIONS if not (loaded and motion == "translation Y")]  # along the preload
         names.append("damper modes beyond 0")
+    modes = effects["blade_modes"]
     blades = any(body.kind == "constrained" for body in problem.model.bodies.values())
-    names += [f"blade modes beyond {effects.blade_modes // 2}"] if blades and effects.blade_modes > 1 else []
+    names += [f"blade modes beyond {modes // 2}"] if blades and modes > 1 else []
     names += [f"contact points beyond {points // 2}"] if points > 1 else []
     return [name for name in names if effects.without(name) != effects]

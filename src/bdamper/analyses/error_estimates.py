@@ -56,13 +56,12 @@ from numpy.typing import NDArray
 
 from bdamper.contact.laws import AFT
 from bdamper.contact.residual_flexibility import ResidualModes
-from bdamper.harmonic_balance.effects import BLADE_MODES, MAX_HARMONIC, Effects, harmonic_numbers
+from bdamper.harmonic_balance.effects import BLADE_MODES, MAX_HARMONIC, harmonic_numbers
 from bdamper.harmonic_balance.equations import OK, Equations, norm2
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.result_checks import check_result
 from bdamper.model.kinematics import RIGID_NAMES
 from bdamper.response.highest_peak import highest_of_curve, maxima
-from bdamper.response.peak import Peak, amplitude_and_phase, find_peak, same_peak
+from bdamper.response.peak import Peak, amplitude_and_phase, check_peak, find_peak, same_peak
 from bdamper.response.response_curve import check_curve, frequency_response
 from bdamper.response.response_curve_result import ResponseCurve, uninterrupted
 from bdamper.response.verification import ErrorEstimates, SourceError
@@ -420,8 +419,7 @@ def estimate_errors(problem: Problem, result: ResponseCurve | Peak, *, sources: 
         preload = result.preload
         tops = replace(Tops.of(problem, result), follow=not result.peak_at_end)
     else:
-        validation.check(result.converged, "peak", "a converged one", f"status '{result.status}'")
-        check_result(problem, result, "peak")
+        check_peak(problem, result)
         preload, tops = result.parameter, Tops((result,))
     top = tops.peaks[0]
     items = tuple(item for s in sources if (item := _of_source(problem, s, preload, tops)) is not None)
@@ -481,7 +479,7 @@ def with_stand_ins(problem: Problem, harmonics: int | tuple[int, ...]) -> Proble
     """Return the study with more harmonics; modes of the fundamental replace modes that the model lacks."""
     lacking = missing_harmonics(problem, harmonic_numbers(harmonics)[-1])
     if not lacking:
-        return problem.with_effects(replace(Effects.of(problem), harmonics=harmonics))
+        return problem.replace(harmonics=harmonics)
     model, bodies = problem.model, {}
     fundamental, *others = (nodal_diameter(problem, l) for l in (1, *lacking))
     for name, body in model.bodies.items():

@@ -42,7 +42,7 @@ from bdamper.harmonic_balance.sector import Sector
 from bdamper.model.loads import direction_vector
 from bdamper.model.structure import Interface
 from bdamper.response.optimal_curve_result import OptimalCurve
-from bdamper.response.peak import Peak
+from bdamper.response.peak import Peak, check_peak
 from bdamper.response.response_curve import check_curve
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import validation
@@ -256,6 +256,8 @@ def _solutions(problem: Problem, result: Solved) -> tuple[Solutions, NDArray]:
     validation.instance("result", result, kinds, "a response curve, a peak or an optimal curve of this study")
     if isinstance(result, ResponseCurve):
         check_curve(problem, result)
+    elif isinstance(result, Peak):
+        check_peak(problem, result, "result")
     solved, branch = solutions_of(problem, result), np.zeros(1, int)
     if isinstance(result, ResponseCurve):
         branch = result.branch
@@ -356,7 +358,7 @@ def hysteresis(problem: Problem, result: Solved, index: int | None = None, *, n_
     """
     n_theta = validation.integer("n_theta", n_theta, least=16)
     if index is None and isinstance(result, ResponseCurve) and len(result):
-        index = result.peak.index
+        index = result.peak_index
     elif index is None and isinstance(result, OptimalCurve):
         known = result.amplitude[np.isfinite(result.amplitude)]
         index = int(np.argmin(known)) if len(known) else None

@@ -21,7 +21,7 @@ from bdamper import _core
 from bdamper.contact.static_state import PreloadState
 from bdamper.harmonic_balance.contact_cycle import at_angles
 from bdamper.harmonic_balance.equations import OK, Correction, Equations, Rows, norm2
-from bdamper.harmonic_balance.problem import Problem, stuck_springs
+from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.sector import Sector
 from bdamper.model.kinematics import HarmonicBasis
 from bdamper.response.branches import Piece, evaluation_budget, in_order
@@ -309,7 +309,7 @@ def nonlinear_mode(
     low, high = validation.interval("amplitude", amplitude, "m")
     validation.instance("options", options or ContinuationOptions(), ContinuationOptions)
     meter = CostMeter()
-    state = problem.equilibrium(preload)
+    state = problem.at(preload).equilibrium
     system, omega = mode_system(problem, preload, mode, low)
     meter.watch(system)
     branch = _Branch(system, (low, high), options or ContinuationOptions())
@@ -342,11 +342,12 @@ def nonlinear_mode(
 
 def mode_system(problem: Problem, preload: float, mode: int, low: float) -> tuple[Equations[Mode], float]:
     """Return the equations of a mode for response amplitudes from ``low`` (m), and its stuck frequency (rad/s)."""
-    state, driven = problem.equilibrium(preload), problem.system(preload)
+    case = problem.at(preload)
+    driven = case.equations
     free, alone = driven.structure.linear.modes(None)
     elastic = np.flatnonzero(free > RIGID * free[-1])
     mode = validation.integer("mode", mode, least=1, most=len(elastic))
-    frequencies, shapes = driven.structure.linear.modes(stuck_springs(problem, state))
+    frequencies, shapes = driven.structure.linear.modes(case.stuck_springs())
     across = np.abs((driven.structure.bases[1].mass * alone[:, elastic[mode - 1]].conj()) @ shapes)
     k = int(np.argmax(across))
     row, shape = driven.response_rows[1], shapes[:, k]

@@ -30,7 +30,8 @@ from bdamper.harmonic_balance.problem import Problem
 from bdamper.importers.measurements import Measured, Measurement
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.highest_peak import highest_peak
-from bdamper.response.peak import Family, Peak, linear_peak, peak_interval
+from bdamper.response.linear_limits import linear_peak, peak_interval
+from bdamper.response.peak import Family, Peak
 from bdamper.response.response_curve import frequency_response, sweep_of
 from bdamper.response.sensitivity import across, sensitivities
 from bdamper.util import validation
@@ -308,7 +309,7 @@ def of_resonances(varied: Variations, data: Measured, noise: float) -> Separatio
     standard deviation of its frequency, so a flat peak has little weight.
     """
     loads, n = np.unique(data.load[data.load > 0.0]), int((data.load > 0.0).sum())
-    problem, band = varied.under(None), peak_interval(varied.own, None, float(loads[-1]))
+    problem, band = varied.under(None), peak_interval(varied.own.at(float(loads[-1])), None)
     order = np.argsort(data.load)[-n:]
     rest = int(np.argmin(data.load))
     source, least = data.source or "resonances", float(data.load[rest])
@@ -320,7 +321,7 @@ def of_resonances(varied: Variations, data: Measured, noise: float) -> Separatio
         reasons += [reason] if reason else []
 
     def reference(problem: Problem) -> NDArray:
-        free = linear_peak(problem, band, 0.0, stuck=False)
+        free = linear_peak(problem.at(0.0), band, stuck=False)
         return np.log([free.amplitude, free.frequency])
 
     def ratio(peak: Peak) -> NDArray:

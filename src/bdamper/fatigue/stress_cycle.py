@@ -283,7 +283,7 @@ def coefficients_of(
             q = system.layout.amplitudes(u, l)
             coordinates = problem.bases[l].coordinates
             if l == 0 and not problem.settings.bias:
-                state = problem.equilibrium(preload)
+                state = problem.at(preload).equilibrium
                 q, force, coordinates = state.q, state.force.ravel(), problem.static_basis.coordinates
             by_body: dict[str, dict[int, complex]] = {}
             for coordinate, value in zip(coordinates, q):
@@ -304,7 +304,7 @@ def _contact_axes(problem: Problem, preload: float) -> NDArray:
     )  # fmt: skip
     bases = [basis]
     if not problem.settings.separation or not problem.settings.variable_normal_load:
-        state = problem.equilibrium(preload)
+        state = problem.at(preload).equilibrium
         constant = not problem.settings.variable_normal_load
         bases, _ = without_separation(bases, points, state, problem.friction_points, constant_load=constant)
     return np.asarray(bases[0].G.real)

@@ -1,121 +1,75 @@
 """Physical effects that a simulation includes, and the assumption made if an effect is off.
 
 Each effect adds unknowns, contact points or a more expensive contact law: higher harmonics, the mean, variable normal load,
-separation, rigid-body and elastic modes of the damper, constraint planes, contact points.  :class:`Effects` lists them.
-The equations of a study contain no terms of an effect that is off.
+separation, rigid-body and elastic modes of the damper, constraint planes, contact points.  :class:`Effects` contains the
+settings that include them.  The equations of a study contain no terms of an effect that is off.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, Any
 
 from bdamper.contact.laws import ContactLaw
+from bdamper.model.kinematics import RIGID_NAMES
 from bdamper.util import validation
 from bdamper.util.errors import SettingError
 from bdamper.util.formatting import aligned, spaced
 
-AXES = ("X", "Y", "Z")
 LAW_NAMES = ("uncoupled", "coupled", "bonded")
 MAX_HARMONIC = 64
 HARMONICS = 3
 """Default number of harmonics.  With fewer the peak near the optimal preload differs (docs/measured.md)."""
 BLADE_MODES = 10
 """Default number of blade modes, or all modes of a smaller model.  Residual modes replace the others (docs/measured.md)."""
-SWITCHES = ("bias", "variable_normal_load", "separation", "harmonic_nodal_diameters", "constraint_planes")
-"""Effects that are on or off."""
-AS_NAMED = (
-    "harmonics", "bias", "variable_normal_load", "separation", "friction_law", "damper_modes", "constraint_planes",
-    "contact_points", "stability", "blade_modes",
-)  # fmt: skip
-"""Effects that are settings of a study of the same name."""
+ASSUMED = {
+    "harmonics": "the response is sinusoidal, with or without a mean",
+    "bias": "the mean stays at its static value",
+    "variable_normal_load": "friction limit of the static normal load, no separation",
+    "separation": "closed points stay closed, open points stay open",
+    "friction_law": "uncoupled: each tangential direction slips for itself",
+    "rigid_modes": "the damper does not move along the axes or turn about the axes left out",
+    "damper_modes": "the damper is rigid apart from contact stiffness",
+    "fundamental_modes_only": "if on, every harmonic has the modes of the first",
+    "constraint_planes": "nothing limits the axial motion of the damper",
+    "contact_points": "neighbouring patches slip and open together",
+    "stability": "a curve that runs back between two folds counts as unstable",
+    "blade_modes": "higher modes act through the contact stiffness and residual modes alone",
+}
+"""Settings that include effects, and the assumption made if the effect is off or reduced."""
+OFF: Mapping[str, Mapping[str, Any]] = {
+    "bias": {"bias": False},
+    "variable normal load": {"variable_normal_load": False, "separation": False},
+    "separation": {"separation": False},
+    "harmonic nodal diameters": {"fundamental_modes_only": True},
+    "constraint planes": {"constraint_planes": False},
+}
+"""Effects that are on or off, and the settings without them."""
+MOTIONS = {f"{'rotation' if mode[0] == 'R' else 'translation'} {mode[1]}": mode for mode in RIGID_NAMES}
+"""Rigid-body motions of free bodies: Y along the load, Z along the axis of rotation."""
+REDUCED = ("harmonics", "damper modes", "blade modes", "contact points")
+"""Effects that are reduced to a largest number."""
 
 
-def _effect(default: Any, off: str) -> Any:
-    return field(default=default, metadata={"off": off})
+class Effects(dict[str, Any]):
+    """Settings that include physical effects, by name: ``study.replace(**effects)``.
 
-
-@validation.check_arguments
-@dataclass(frozen=True)
-class Effects:
-    """Physical effects that a simulation includes.
-
-    Parameters
-    ----------
-    harmonics : int or sequence of int
-        Number of harmonics of the engine order, or their numbers: ``(1, 3)`` leaves out the second.  The first is required.
-        Even harmonics vanish only at constant normal load, because friction with a constant limit is odd in the motion.
-    bias : bool
-        Mean displacements as unknowns.  If off, the mean has its static value.
-    variable_normal_load : bool
-        Friction limit follows the normal load over the cycle.  If off, the limit is static and surfaces do not separate.
-    separation : bool
-        Surfaces may open and close.  If off, friction points remain closed or open as in the static state.
-    friction_law : {"uncoupled", "coupled", "bonded"}, ContactLaw or mapping of interface name to these
-        "uncoupled": the tangential directions slip independently.  "coupled": friction force within a disk, sampled.
-    rotation, translation : sequence of "X", "Y", "Z"
-        Rigid-body motions of free bodies about and along their axes: Y along the load, Z along the axis of rotation.
-    damper_modes : int or mapping of body name to int
-        Number of elastic modes of free bodies; 0 for bodies that a mapping does not list.
-    harmonic_nodal_diameters : bool
-        Each harmonic has the modes of the nodal diameter that it excites.  If off, all have the modes of the first.
-    constraint_planes : bool
-        Include constraint planes (front and back of a damper).
-    contact_points : int, optional
-        Largest number of contact points on each friction face; neighbouring patches are united.  All of the model by
-        default.
-    stability : bool
-        Compute the stability of every point of a response curve.  It changes no solution.
-    blade_modes : int
-        Number of modes of each constrained body, limited by the model.
+    ``print`` shows a table of them with the assumptions made if they are off or reduced.
     """
 
-    harmonics: Harmonics = _effect(HARMONICS, "the response is sinusoidal, with or without a mean")
-    bias: bool = _effect(True, "the mean stays at its static value")
-    variable_normal_load: bool = _effect(True, "friction limit of the static normal load, no separation")
-    separation: bool = _effect(True, "closed points stay closed, open points stay open")
-    friction_law: Law = _effect("uncoupled", "uncoupled: each tangential direction slips for itself")
-    rotation: Axes = _effect(AXES, "the damper does not turn about this axis")
-    translation: Axes = _effect(AXES, "the damper does not move along this axis")
-    damper_modes: ByBody = _effect(0, "the damper is rigid apart from contact stiffness")
-    harmonic_nodal_diameters: bool = _effect(True, "every harmonic has the modes of the first")
-    constraint_planes: bool = _effect(True, "nothing limits the axial motion of the damper")
-    contact_points: validation.Count | None = _effect(None, "neighbouring patches slip and open together")
-    stability: bool = _effect(False, "a curve that runs back between two folds counts as unstable")
-    blade_modes: validation.Count = _effect(
-        BLADE_MODES, "higher modes act through the contact stiffness and residual modes alone"
-    )
-
-    def __post_init__(self) -> None:
-        validation.check_fields(self)
-        if not self.variable_normal_load:
-            object.__setattr__(self, "separation", False)
-
-    @property
-    def harmonic_numbers(self) -> tuple[int, ...]:
-        """Harmonics without the mean, ascending."""
-        return harmonic_numbers(self.harmonics)
+    def __init__(self, settings: Mapping[str, Any]) -> None:
+        super().__init__({name: tuple(v) if isinstance(v, list) else v for name, v in settings.items()})
+        if not self["variable_normal_load"]:
+            self["separation"] = False
 
     @classmethod
     def of(cls, problem: Any) -> Effects:
         """Return the effects that a study, a problem or settings include."""
         settings = getattr(problem, "settings", problem)
-        return cls(
-            **{name: getattr(settings, name) for name in AS_NAMED},
-            rotation=tuple(name[1] for name in settings.rigid_modes if name[0] == "R"),
-            translation=tuple(name[1] for name in settings.rigid_modes if name[0] == "T"),
-            harmonic_nodal_diameters=not settings.fundamental_modes_only,
-        )
-
-    def settings(self) -> dict[str, Any]:
-        """Return the settings of a study that correspond to these effects, by name."""
-        same = {name: getattr(self, name) for name in AS_NAMED}
-        rigid = *(f"T{axis}" for axis in self.translation), *(f"R{axis}" for axis in self.rotation)
-        return same | {"rigid_modes": rigid, "fundamental_modes_only": not self.harmonic_nodal_diameters}
+        return cls({name: getattr(settings, name) for name in ASSUMED})
 
     def without(self, name: str) -> Effects:
-        """Return this set without one effect; the set itself if the effect is already off.
+        """Return these settings without one effect; equal ones if the effect is already off.
 
         Parameters
         ----------
@@ -130,34 +84,35 @@ class Effects:
             If there is no such effect.
         """
         what, _, most = name.partition(" beyond ")
-        motion, _, axis = what.partition(" ")
-        key, changed = what.replace(" ", "_"), dict[str, Any]()
-        if name.replace(" ", "_") in SWITCHES:
-            changed[key] = False
-        elif name == what and motion in ("rotation", "translation") and axis in AXES:
-            changed[motion] = tuple(a for a in getattr(self, motion) if a != axis)
-        elif most.isdigit() and key == "harmonics":
-            left = tuple(l for l in self.harmonic_numbers if l <= int(most))
-            if left != self.harmonic_numbers:
-                changed[key] = len(left) if left == tuple(range(1, len(left) + 1)) else left
-        elif most.isdigit() and key in ("damper_modes", "blade_modes", "contact_points"):
-            present = getattr(self, key)
-            if isinstance(present, Mapping):
-                changed[key] = {body: min(count, int(most)) for body, count in present.items()}
-            else:
-                changed[key] = min(int(most), present or int(most)) if key == "contact_points" else min(int(most), present)
+        key = what.replace(" ", "_")
+        if name in OFF:
+            changed = OFF[name]
+        elif name in MOTIONS:
+            changed = {"rigid_modes": tuple(mode for mode in self["rigid_modes"] if mode != MOTIONS[name])}
+        elif what in REDUCED and most.isdigit():
+            changed = {key: _at_most(self[key], int(most))}
         else:
             raise validation.invalid("effect", "the name of an effect that can be left out", name)
-        return replace(self, **changed)
+        return Effects({**self, **changed})
 
-    def describe(self) -> str:
-        """Return a table of all effects with their settings and the assumptions made if they are off or reduced."""
-        rows = [(spaced(f.name), _text(getattr(self, f.name)), f.metadata["off"]) for f in fields(self)]
+    def __str__(self) -> str:
+        rows = [(spaced(name), _text(self[name]), assumed) for name, assumed in ASSUMED.items()]
         lines = aligned([("effect", "setting", "assumed where off or reduced"), *rows])
-        evens = [l for l in range(2, max(self.harmonic_numbers)) if l % 2 == 0 and l not in self.harmonic_numbers]
-        if evens and self.variable_normal_load:
+        numbers = harmonic_numbers(self["harmonics"])
+        evens = [l for l in range(2, max(numbers), 2) if l not in numbers]
+        if evens and self["variable_normal_load"]:
             lines.append(f"harmonics {evens} are left out although the variable normal load excites them")
         return "\n".join(lines)
+
+
+def _at_most(value: Any, most: int) -> Any:
+    """Return a number, the values of a mapping, or the numbers of a sequence, up to ``most``."""
+    if isinstance(value, Mapping):
+        return {name: min(count, most) for name, count in value.items()}
+    if not isinstance(value, Sequence):
+        return min(most, most if value is None else value)
+    left = tuple(l for l in value if l <= most)
+    return left if len(left) == len(value) or set(left) != set(range(1, len(left) + 1)) else len(left)
 
 
 def check_harmonics(name: str, harmonics: int | Sequence[int]) -> int | tuple[int, ...]:
@@ -188,12 +143,6 @@ def harmonic_numbers(harmonics: int | Sequence[int]) -> tuple[int, ...]:
     return tuple(range(1, int(harmonics) + 1))
 
 
-def _axes(name: str, value: Sequence[str]) -> tuple[str, ...]:
-    given = validation.names(name, value, AXES)
-    return tuple(axis for axis in AXES if axis in given)
-
-
-Axes = Annotated[tuple[str, ...], _axes]
 Harmonics = Annotated[int | tuple[int, ...], check_harmonics]
 Law = Annotated[str | ContactLaw | Mapping[str, str | ContactLaw], check_law]
 ByBody = Annotated[int | Mapping[str, int], validation.each(validation.integer)]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.contact.stiffness import PerArea
-from bdamper.harmonic_balance.problem import Problem, stuck_springs
+from bdamper.harmonic_balance.problem import LoadCase, Problem
 from bdamper.harmonic_balance.sector import Sector
 from bdamper.util import plausible_ranges, validation
 from bdamper.util.errors import warn_implausible
@@ -76,7 +76,7 @@ def check_question(problem: Problem, preload: Sequence[float] | NDArray, frequen
     """
     if frequency is not None:
         frequency = validation.interval("frequency", frequency)
-        check_interval(problem, frequency, float(np.max(preload)) if problem.carries_load else 0.0)
+        check_interval(problem.at(float(np.max(preload)) if problem.carries_load else 0.0), frequency)
 
 
 def check_unloaded(problem: Problem) -> None:
@@ -89,17 +89,16 @@ def check_unloaded(problem: Problem) -> None:
         warn_implausible("constant_loads", "none on a body whose preload is varied", found)
 
 
-def check_interval(problem: Problem, frequency: tuple[float, float], preload: float) -> None:
+def check_interval(case: LoadCase, frequency: tuple[float, float]) -> None:
     """Warn if an interval (Hz) contains the free and the stuck resonance of a mode only when read as radians per second.
 
     An interval that contains resonances as given is accepted, unless the response there is far weaker.
     """
-    state = problem.static(preload)
-    if not state.converged:
+    if not case.static.converged:
         return
-    sector, springs = problem.sector(preload), (None, stuck_springs(problem, state))
+    sector, springs = case.sector, (None, case.stuck_springs())
     low, high = frequency
-    _check_direction(problem, sector, frequency)
+    _check_direction(case.problem, sector, frequency)
     resonances = [(w, k) for k in springs for w in sector.linear.modes(k)[0] if w > 0.0]
     mistaken = [(w, k) for w, k in resonances if low < w < high]
     if len({id(k) for _, k in mistaken}) < 2 and any(low < w / (2.0 * np.pi) < high for w, _ in resonances):

@@ -1,7 +1,8 @@
 """One model under one set of settings, and the equations that follow from them.
 
 :class:`Problem` computes on demand, once: the modal bases of the harmonics, the contact stiffness, and the static states
-under the preload (paper, section 3.1).  ``system(preload)`` returns the harmonic balance equations (paper, Eq. (16)).
+under the preload (paper, section 3.1).  :class:`LoadCase`, ``problem.at(preload)``, contains the harmonic balance equations
+at one preload (paper, Eq. (16)).
 """
 
 from __future__ import annotations
@@ -30,7 +31,6 @@ from bdamper.harmonic_balance.contact_setup import (
     normal_loads,
     without_separation,
 )
-from bdamper.harmonic_balance.effects import Effects
 from bdamper.harmonic_balance.equations import Equations, Layout
 from bdamper.harmonic_balance.model_sizes import Sizes
 from bdamper.harmonic_balance.sector import Sector
@@ -88,18 +88,16 @@ class Problem:
     def __post_init__(self, _given: Mapping[str, Any] | None) -> None:
         for name, part in (_given or {}).items():
             object.__setattr__(self, name, part)
-        _ = self.modal_bases  # raises if a nodal diameter is missing
-        _ = self.point_gaps
+        _ = self.modal_bases, self.point_gaps  # raise if a nodal diameter is missing or a gap is not valid
         self._check_stiffness()
 
     def _check_stiffness(self) -> None:
         """Check method names and user-defined values; data that a method needs are checked when it is used."""
         method = self.settings.contact_stiffness
-        if method is None:
-            return
-        if not (isinstance(method, str) and method == "model"):
+        from_model = isinstance(method, str) and method == "model"
+        if method is not None and not from_model:
             check_method(method)
-        if not isinstance(method, ResidualModes) and (not isinstance(method, str) or method == "model"):
+        if from_model or not (method is None or isinstance(method, str | ResidualModes)):
             _ = self.contact
 
     @property
@@ -141,12 +139,8 @@ class Problem:
 
     def given(self, **parts: Any) -> Problem:
         """Return the same problem with the given derived quantities; others that exist are reused."""
-        derived = {name: part for name, part in vars(self).items() if name not in ("settings", "_sectors")}
+        derived = {name: part for name, part in vars(self).items() if name not in ("settings", "_load_cases")}
         return Problem(self.settings, derived | parts)
-
-    def with_effects(self, effects: Effects) -> Problem:
-        """Return the same problem with other effects."""
-        return self.replace(**validation.instance("effects", effects, Effects).settings())
 
     # ---- derived quantities, computed once ----
 
@@ -418,38 +412,24 @@ class Problem:
         """
         preload = self.check_preload(preload)
         factors = self.settings.load_history if history is None else check_history("history", history)
-        key = (preload, *factors)
+        key, settings = (preload, *factors), self.settings
         if key not in self.static_states:
-            watch, system = CostMeter(), self.static_system
-            offset = assembly_offsets(self.settings.residual_slip_std, self.settings.residual_slip_seed, self.friction)
-            state = None
-            if (
-                len(factors) == 1
-                and preload > 0.0
-                and not (self.settings.residual_slip_std or self.settings.constant_loads)
-            ):
+            watch, system, state = CostMeter(), self.static_system, None
+            if len(factors) == 1 and preload > 0.0 and not (settings.residual_slip_std or settings.constant_loads):
                 # scale the state of one fixed load, so that results do not depend on the order of calls
                 unit = self.static_states.get((1.0, 1.0)) or replace(static_state(system, 1.0), **self._surfaces)
                 self.static_states[(1.0, 1.0)] = unit
                 state = scaled_state(system, unit, factors[0] * preload)
-                if state is not None:
-                    self.static_states[key] = replace(state, cost=watch.read())
-                    return self.static_states[key]
-            for factor in factors:
-                state = static_state(system, factor * preload, start=state, offset=offset)
-                if not state.converged:
-                    break
-            assert state is not None
-            watch.count(state.iterations)
+            if state is None:
+                offset = assembly_offsets(settings.residual_slip_std, settings.residual_slip_seed, self.friction)
+                for factor in factors:
+                    state = static_state(system, factor * preload, start=state, offset=offset)
+                    if not state.converged:
+                        break
+                assert state is not None
+                watch.count(state.iterations)
             self.static_states[key] = replace(state, cost=watch.read(), **self._surfaces)
         return self.static_states[key]
-
-    def equilibrium(self, preload: float) -> PreloadState:
-        """Return the static state under a preload (N); raise StaticError if there is none."""
-        state = self.static(preload)
-        if not state.converged:
-            raise StaticError(f"expected a static state under {preload:g} N, found none: {state.note}")
-        return state
 
     def wedge_friction(self, preload: float = 1.0) -> WedgeFriction:
         """Return the range of normal forces that statics and friction allow; it identifies a self-locking wedge."""
@@ -488,100 +468,124 @@ class Problem:
         return self.layout.n_unknowns
 
     @made_once
-    def _sectors(self) -> dict[float, Sector]:
+    def _load_cases(self) -> dict[float, LoadCase]:
         return {}
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return all attributes but the equations, which other processes compute again."""
-        return {name: value for name, value in self.__dict__.items() if name != "_sectors"}
+        """Return all attributes but the load cases, which other processes compute again."""
+        return {name: value for name, value in self.__dict__.items() if name != "_load_cases"}
+
+    def at(self, preload: float) -> LoadCase:
+        """Return the problem under one preload (N); the latest 16 are kept."""
+        preload = self.check_preload(preload)
+        if preload not in self._load_cases:
+            for former in list(self._load_cases)[:-15]:
+                self._load_cases.pop(former, None)
+            self._load_cases[preload] = LoadCase(self, preload)
+        return self._load_cases[preload]
 
     def system(self, preload: float) -> Equations[Sector]:
-        """Return the harmonic balance equations at one preload (N), one object for each thread; see :meth:`sector`."""
-        return self.sector(preload).equations
+        """Return the harmonic balance equations at one preload (N): ``at(preload).equations``."""
+        return self.at(preload).equations
 
-    def sector(self, preload: float) -> Sector:
-        """Return the data of the equations at one preload (N), computed once.
 
-        Raises
-        ------
-        StaticError
-            If there is no static state under this preload.
-        SettingError
-            If nothing is excited, or the force is not finite.
+@dataclass(frozen=True, eq=False)
+class LoadCase:
+    """Problem under one preload: static state, springs in stick, and equations, each computed once.
+
+    Parameters
+    ----------
+    problem : Problem
+    preload : float, N
+    """
+
+    problem: Problem
+    preload: float
+
+    @made_once
+    def static(self) -> PreloadState:
+        """Static state, which may not have converged."""
+        return self.problem.static(self.preload)
+
+    @property
+    def equilibrium(self) -> PreloadState:
+        """Static state; StaticError if there is none."""
+        if not self.static.converged:
+            raise StaticError(f"expected a static state under {self.preload:g} N, found none: {self.static.note}")
+        return self.static
+
+    def stuck_springs(self, *, touching: bool = False) -> NDArray:
+        """Return linear springs (n_points, 3) for stick: points closed by the preload do not slip.
+
+        With ``touching``, points in contact at assembly also count as closed, with a warning, if their interface has no
+        free body and no point closed by the preload.
         """
-        preload = self.check_preload(preload)
-        sector = self._sectors.get(preload)
-        if sector is None:
-            sector = self._sector(preload)
-            for former in list(self._sectors)[:-15]:
-                self._sectors.pop(former, None)
-            self._sectors[preload] = sector
-        return sector
+        problem, state = self.problem, self.equilibrium
+        closed = ~(state.status == OPEN).any(axis=1) & ~problem.coupling.spring_points
+        for name in problem.coupling.friction_faces if touching else ():
+            rows, face = problem.coupling.rows(name), problem.model.interfaces[name]
+            bodies = [problem.model.bodies[body] for body in (face.body_a, face.body_b)]
+            touch = problem.point_gaps[rows] <= 0.0
+            if any(body.load is not None for body in bodies):  # lumped masses: the load may open the contact permanently
+                touch &= state.closing[rows] >= 0.0
+            if touch.any() and not closed[rows].any() and not any(body.kind == "free" for body in bodies):
+                closed[rows] = touch
+                warn(
+                    f"interface '{name}' touches without a normal load: it counts as stuck where it touches, although it "
+                    "carries nothing at rest; load_per_preload=, constant_loads= or a negative gap press it"
+                )
+        springs = np.concatenate([problem.tangential_stiffness, problem.point_stiffness[:, 2:]], axis=1)
+        return springs * closed[:, None]
 
-    def _sector(self, preload: float) -> Sector:
-        forces = {harmonic: self.modal_force(harmonic) for harmonic in self.settings.excited}
+    @property
+    def equations(self) -> Equations[Sector]:
+        """Harmonic balance equations, one object for each thread."""
+        return self.sector.equations
+
+    @made_once
+    def sector(self) -> Sector:
+        """Data of the equations; StaticError if there is no static state, SettingError if nothing is excited or the
+        force is not finite.
+        """
+        problem = self.problem
+        forces = {harmonic: problem.modal_force(harmonic) for harmonic in problem.settings.excited}
         vibration = max(float(np.abs(e).max()) for e in forces.values())
         least, most = FORCES
         if not least <= np.abs(forces[1]).max() <= vibration <= most:
-            at = self.settings.excitation
+            at = problem.settings.excitation
             raise SettingError(
                 f"excitation: expected a force that works on the modes of harmonic 1, with modal forces from {least:g} to "
                 f"{most:g}, found {at.amplitude:g} N at '{at.location}', {at.direction}"
             )
-        state = self.equilibrium(preload)
-        load, constant = self.damper_load[0], self.fixed_load[0]
-        layout = self.layout
+        state, layout = self.equilibrium, problem.layout
+        load, constant = problem.damper_load[0], problem.fixed_load[0]
         force, mean = np.zeros(layout.n_unknowns), layout.slices(0)[0]
         force[mean] = (state.load * load + constant)[mean]
         for harmonic, e in forces.items():
             force[np.r_[layout.slices(harmonic)]] = np.append(e.real, -e.imag)
-        shift = self.static_system.shift_at(state.load)
-        if not self.settings.bias:
-            shift = shift + self.static_basis.G.real @ state.q
+        shift = problem.static_system.shift_at(state.load)
+        if not problem.settings.bias:
+            shift = shift + problem.static_basis.G.real @ state.q
         points = PointArrays(
-            kt=self.point_stiffness[:, :2] * (self.point_laws != LAW_NORMAL)[:, None],
-            kn=self.point_stiffness[:, 2],
-            mu=self.friction,
-            n0=-self.point_stiffness[:, 2] * self.point_gaps,
-            slider=np.where(self.bonded_points[:, None], 0.0, state.slider),
-            law=self.point_laws.copy(),
+            kt=problem.point_stiffness[:, :2] * (problem.point_laws != LAW_NORMAL)[:, None],
+            kn=problem.point_stiffness[:, 2],
+            mu=problem.friction,
+            n0=-problem.point_stiffness[:, 2] * problem.point_gaps,
+            slider=np.where(problem.bonded_points[:, None], 0.0, state.slider),
+            law=problem.point_laws.copy(),
             shift=shift,
-            own=self.own_laws,
+            own=problem.own_laws,
             memory=state.memory,
         )
-        bases = self.bases
-        if not self.settings.separation or not self.settings.variable_normal_load:
+        bases = problem.bases
+        if not problem.settings.separation or not problem.settings.variable_normal_load:
             bases, points = without_separation(
-                bases, points, state, self.friction_points, constant_load=not self.settings.variable_normal_load
+                bases, points, state, problem.friction_points, constant_load=not problem.settings.variable_normal_load
             )
-        pressed = np.einsum("pdm,pd->m", self.static_basis.G.real, state.force)
+        pressed = np.einsum("pdm,pd->m", problem.static_basis.G.real, state.force)
         static = max(float(np.abs(state.load * load).max()), float(np.abs(pressed).max()), vibration)
-        validation.check(
-            static <= most, "load_per_preload", f"static forces on the modes up to {most:g}", f"{static:.3g}"
-        )
+        validation.check(static <= most, "load_per_preload", f"static forces on the modes up to {most:g}", f"{static:.3g}")
         scale = (static or 1.0, vibration or static or 1.0)
-        springs = self.point_stiffness * self.coupling.spring_points[:, None]
-        return Sector(bases, points, force, self.response_rows, self.settings.contact_forces, scale, springs, self.bases)
-
-
-def stuck_springs(problem: Problem, state: PreloadState, *, touching: bool = False) -> NDArray:
-    """Return linear springs (n_points, 3) for stick: points closed by the preload do not slip.
-
-    With ``touching``, points in contact at assembly also count as closed, with a warning, if their interface has no free
-    body and no point closed by the preload.
-    """
-    closed = ~(state.status == OPEN).any(axis=1) & ~problem.coupling.spring_points
-    for name in problem.coupling.friction_faces if touching else ():
-        rows, face = problem.coupling.rows(name), problem.model.interfaces[name]
-        bodies = [problem.model.bodies[body] for body in (face.body_a, face.body_b)]
-        touch = problem.point_gaps[rows] <= 0.0
-        if any(body.load is not None for body in bodies):  # lumped masses: the load may open the contact permanently
-            touch &= state.closing[rows] >= 0.0
-        if touch.any() and not closed[rows].any() and not any(body.kind == "free" for body in bodies):
-            closed[rows] = touch
-            warn(
-                f"interface '{name}' touches without a normal load: it counts as stuck where it touches, although it "
-                "carries nothing at rest; load_per_preload=, constant_loads= or a negative gap press it"
-            )
-    springs = np.concatenate([problem.tangential_stiffness, problem.point_stiffness[:, 2:]], axis=1)
-    return springs * closed[:, None]
+        springs = problem.point_stiffness * problem.coupling.spring_points[:, None]
+        sampling = problem.settings.contact_forces
+        return Sector(bases, points, force, problem.response_rows, sampling, scale, springs, problem.bases)

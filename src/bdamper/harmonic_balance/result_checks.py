@@ -59,6 +59,15 @@ def check_result(problem: Problem, result: SomeResult, name: str = "result") -> 
     validation.check(not other, name, "a result of this study", found)
 
 
+def check_solution(problem: Problem, preload: float, y: NDArray, residual: float, name: str) -> None:
+    """Raise SettingError unless a point (n_unknowns + 1,) solves the equations at a preload (N) as well as its residual."""
+    n = len(y) - 1
+    validation.check(n == problem.n_unknowns, name, f"a result of this study with {problem.n_unknowns} unknowns", n)
+    error = problem.system(preload).error(y)
+    found = f"a result with other settings (residual {error:.2g} at its peak)"
+    validation.check(error <= max(1e-6, 100.0 * residual), name, "a result of this study", found)
+
+
 def unknowns_of(problem: Problem, result: SomeResult) -> NDArray:
     """Return the solutions (n, n_unknowns) of a peak or a curve, NaN at points of a curve without a solution.
 

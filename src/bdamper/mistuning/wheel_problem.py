@@ -216,7 +216,7 @@ def loaded(structure: Structure, preload: float, dampers: DamperVariation | None
     load[:, n:] *= factor[:, None]
     constant[pinned, n:] = 0.0
     moved = preload * factor[:, None, None] * shift
-    state = tuned.equilibrium(preload)
+    state = tuned.at(preload).equilibrium
     mean = np.tile(local_vector(structure, state.q, False), (N, 1))
     if dampers is None:
         slider, force = np.tile(state.slider, (N, 1)), np.tile(state.force, (N, 1))

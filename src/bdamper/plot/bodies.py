@@ -93,7 +93,7 @@ def export_response(problem: Problem, unknowns: NDArray, folder: str | PathLike[
     ----------
     problem : Problem
     unknowns : (n_unknowns,) float
-        A solution, for example ``curve.unknowns[curve.peak.index]``.
+        A solution, for example ``curve.peak.y[:-1]``.
     folder : path-like
     name : str
         Files are called ``<name>_<body>.vtu``.

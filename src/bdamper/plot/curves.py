@@ -85,7 +85,7 @@ def _draw_tracking(ax: Axes, curve: ResponseCurve, colour: Any, label: str | Non
             ax.plot(f[part], a[part], color=colour, linestyle=DASHED if unstable[part[0]] else "-")
     if len(curve):  # filled at a peak, open at the end of a computed part
         face = "w" if _only_highest(curve) else colour
-        ax.plot(f[curve.peak.index], curve.peak.amplitude, "o", color=colour, markersize=5.0, markerfacecolor=face)
+        ax.plot(f[curve.peak_index], curve.peak.amplitude, "o", color=colour, markersize=5.0, markerfacecolor=face)
     ax.plot([], [], color=colour, label=label)
 
 

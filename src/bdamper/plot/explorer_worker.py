@@ -26,8 +26,8 @@ from bdamper.harmonic_balance.parameters import vary
 from bdamper.plot.force_scaling import rescaled_curve, rescaled_optimal
 from bdamper.plot.motion import ContactStatus, LineDrawing, contact_status, line_drawing
 from bdamper.response.events import ContinuationOptions
+from bdamper.response.linear_limits import peak_interval
 from bdamper.response.optimal_curve_result import OptimalCurve
-from bdamper.response.peak import peak_interval
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import TimeResponse
 from bdamper.study import Study
@@ -209,7 +209,7 @@ class Answers:
         """Return the frequencies (Hz) around the free and the stuck resonance of the mode, to three digits."""
         load = question.preloads[1] if question.preloads else question.preload
         key = "band", question.settings, question.mode, load
-        ends = self.once(key, lambda: peak_interval(self.varied(question, 1).problem, None, load, question.mode))
+        ends = self.once(key, lambda: peak_interval(self.varied(question, 1).problem.at(load), None, question.mode))
         return float(f"{ends[0]:.3g}"), float(f"{ends[1]:.3g}")
 
     def curve(self, question: Question, harmonics: int | None) -> Answer:
@@ -232,7 +232,7 @@ class Answers:
         )  # fmt: skip
         if not len(curve):
             return Answer(question, harmonics is None, study, curve, limits)
-        i = curve.peak.index if question.point is None or harmonics else min(question.point, len(curve) - 1)
+        i = curve.peak_index if question.point is None or harmonics else min(question.point, len(curve) - 1)
         contacts, loops = contact_status(study, curve.unknowns[i], load), study.hysteresis(curve, i)
         drawing: LineDrawing | str | None = None
         if not harmonics:

@@ -21,7 +21,8 @@ from scipy.linalg import null_space
 
 from bdamper.contact.laws import LAW_CUBIC
 from bdamper.plot.motion import modal_amplitudes
-from bdamper.response.optimal_curve_result import Limit, OptimalCurve
+from bdamper.response.linear_limits import Limit
+from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.study import Study
 

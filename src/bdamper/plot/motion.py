@@ -161,7 +161,7 @@ def contact_status(problem: Problem, unknowns: NDArray, preload: float) -> Conta
     ----------
     problem : Problem
     unknowns : (n_unknowns,) float
-        One solution of this study, for example ``curve.unknowns[curve.peak.index]``.
+        One solution of this study, for example ``curve.peak.y[:-1]``.
     preload : float, N
         Preload of the solution.
     """

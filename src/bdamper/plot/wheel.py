@@ -62,7 +62,7 @@ def plot_wheel_map(curve: ResponseCurve, ax: Axes = NEW) -> None:
     look: dict[str, Any] = {"cmap": "viridis", "vmin": 0.0, "rasterized": True, "shading": "nearest"}
     image = ax.pcolormesh(frequency, np.arange(blades.shape[1]), amplitude.T, **look)
     circle: dict[str, Any] = {"markersize": 8.0, "markerfacecolor": "none", "color": "w", "markeredgewidth": 1.5}
-    highest = int(blades[top.index].argmax())
+    highest = int(blades[curve.peak_index].argmax())
     ax.plot(top.frequency, highest, "o", **circle, clip_on=False)
     ax.figure.colorbar(image, ax=ax, label="Amplitude (m)")
     ax.set(xlabel=axis_label(ResponseCurve, "frequency"), ylabel="Blade", title=amount(curve.preload, "N"))

@@ -25,17 +25,8 @@ from bdamper.harmonic_balance.equations import OK, Equations, Plane
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response.continuation import MANY_FOLDS
 from bdamper.response.events import ContinuationOptions
-from bdamper.response.peak import (
-    AT_END,
-    LOOSEST,
-    Peak,
-    PeakOptions,
-    amplitude_at,
-    coarse_options,
-    find_peak,
-    peak_interval,
-    same_peak,
-)
+from bdamper.response.linear_limits import peak_interval
+from bdamper.response.peak import AT_END, LOOSEST, Peak, PeakOptions, amplitude_at, coarse_options, find_peak, same_peak
 from bdamper.response.response_curve import frequency_response
 from bdamper.response.response_curve_result import ResponseCurve, uninterrupted
 from bdamper.util import validation
@@ -85,7 +76,7 @@ class Highest:
         """Status of the peak; "incomplete" with the reason at an end of the interval."""
         if self.kind != "end":
             return self.peak.status
-        return with_reason(INCOMPLETE, "; ".join(filter(None, (AT_END, self.note))))
+        return with_reason(INCOMPLETE, "; ".join(filter(None, (f"{AT_END}, without a maximum in it", self.note))))
 
 
 def highest_of_curve(system: Equations, curve: ResponseCurve, *, options: PeakOptions | None = None) -> Highest:
@@ -313,17 +304,16 @@ def found_at(
         On Ctrl-C.
     """
     meter = CostMeter()
-    system, before = None, None
-    if problem.static(preload).converged:
-        system = problem.system(preload)
-        meter.watch(system)  # the curves use the same equations
+    case, before = problem.at(preload), None
+    if case.static.converged:
+        meter.watch(case.equations)  # the curves use the same equations
     for continuation in (coarse_options(), ContinuationOptions()):
         continuation = continuation if budget is None else replace(continuation, budget=budget)
         curve = uninterrupted(frequency_response(problem, preload, frequency, options=continuation))
         top: Highest | None = None
         meter.count(curve.cost.iterations, curve.cost.failed_steps)
-        if len(curve) and system is not None:
-            top = highest_of_curve(system, curve, options=options)
+        if len(curve):
+            top = highest_of_curve(case.equations, curve, options=options)
             meter.count(top.peak.iterations)
         height = (1.0 + LEVEL) * top.peak.amplitude if curve.complete and top is not None else 0.0
         if before is not None and before[1].peak.amplitude > height:
@@ -367,8 +357,7 @@ def highest_peak(
     BdamperError
         If no response was found in the interval.
     """
-    preload = problem.check_preload(preload)
-    frequency = peak_interval(problem, frequency, preload, mode)
+    frequency = peak_interval(problem.at(preload), frequency, mode)
     check_options(options)
     response = found_at(problem, preload, frequency, options=options)
     if response.top is None:

@@ -31,9 +31,10 @@ from bdamper.harmonic_balance.parameters import study_fingerprint
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.highest_peak import REACH, AtPreload, check_options, found_at, given_up
+from bdamper.response.linear_limits import linear_peak, peak_interval
 from bdamper.response.minimum_search import Sample, find_minimum, on_one_branch
 from bdamper.response.optimal_curve_result import OptimalCurve, OptimumPoint
-from bdamper.response.peak import Family, Peak, PeakOptions, find_peak, linear_peak, peak_interval
+from bdamper.response.peak import Family, Peak, PeakOptions, find_peak
 from bdamper.response.response_curve import NO_STEADY, open_at_rest, rattles, without_points
 from bdamper.response.sensitivity import amplitude_sensitivity
 from bdamper.util import validation
@@ -68,7 +69,7 @@ def at_preload(
             response = AtPreload(preload, lost, None, np.nan, "", Cost())
     curve, slope, why = response.curve, np.nan, ""
     if response.top is not None:
-        why = rattles(curve, open_at_rest(problem, preload))
+        why = rattles(curve, open_at_rest(problem.at(preload)))
         peak = response.top.peak
         with suppress(*LOST, BdamperError):  # a corner has no slope
             slope = amplitude_sensitivity(peak, problem.system, preload) * preload / peak.amplitude
@@ -141,9 +142,9 @@ def optimal_curve(
     check_options(options)
     why = problem.why_no_load
     validation.check(problem.carries_load, "optimal_curve", "a model with a body that carries a load", f"that {why}")
-    frequency = peak_interval(problem, frequency, float(values[-1]), mode)
-    free = linear_peak(problem, frequency, float(values[-1]), stuck=False)
-    stuck = linear_peak(problem, frequency, float(values[-1]), stuck=True)
+    highest = problem.at(float(values[-1]))
+    frequency = peak_interval(highest, frequency, mode)
+    free, stuck = (linear_peak(highest, frequency, stuck=stuck) for stuck in (False, True))
     asked = {"preload": values, "options": options}
     with Curves(problem, frequency, options, executor, resume, progress, asked) as curves:
         optimum = _optimum(curves, values)
@@ -211,8 +212,7 @@ class Curves:
             self.executor = self.stack.enter_context(ThreadPoolExecutor(os.cpu_count() or 1))
         if self.progress:
             self.report = self.stack.enter_context(progress_stages("optimal curve", "curve"))
-        self.problem.system(0.0)  # compute shared quantities before the threads start
-        self.problem.static(1.0)
+        _ = self.problem.at(0.0).equations, self.problem.at(1.0).static  # shared quantities, before the threads start
         self.work.__enter__()
         return self
 

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from bdamper.fatigue.margin import MarginCurve
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.result_checks import Asking
-from bdamper.response.response_curve_result import NOT_IN_TIME, ResponseCurve
+from bdamper.response.linear_limits import Limit
+from bdamper.response.peak import NOT_IN_TIME
+from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import Convergence, TimeResponse
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Plottable, draw
@@ -29,20 +31,6 @@ SAFE = (1.2, 1.5)
 """Recommended preloads over the optimum: the amplitude rises steeply below the optimum and slowly above."""
 NEAR_BEST = 1.2
 """Amplitude over the optimum that defines the printed range of acceptable preloads."""
-
-
-@dataclass(frozen=True)
-class Limit:
-    """Linear resonance without contact ("free") or with all closed points stuck.
-
-    Parameters
-    ----------
-    frequency : float, Hz
-    amplitude : float, m
-    """
-
-    frequency: float
-    amplitude: float
 
 
 @dataclass(frozen=True)
@@ -241,7 +229,9 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
     @property
     def detached(self) -> tuple[str, ...]:
         """Highest points on closed branches of the curves, with their preloads; they do not count."""
-        return tuple(f"at {curve.preload:.6g} N {fold}" for curve in self.curves for fold in curve.detached)
+        return tuple(
+            f"at {curve.preload:.6g} N {curve.point_text(i, 'detached')}" for curve in self.curves for i in curve.detached
+        )
 
     def report(self, path: FilePath, study: Asking | Problem | None = None, *, fit: Recorded | None = None) -> None:
         """Write one HTML file for a design review, with embedded pictures and without links; reproducible byte by byte.

@@ -1,4 +1,4 @@
-"""A resonance peak as the solution of its equations, and the interval in which a resonance lies.
+"""A resonance peak as the solution of its equations.
 
 On a response curve ``r(y) = 0``, ``y = (u, omega)``, with unit tangent ``t``, the squared amplitude of the response has a
 maximum where its slope
@@ -23,15 +23,12 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.contact.static_state import PreloadState
 from bdamper.harmonic_balance import equations
 from bdamper.harmonic_balance.equations import NOT_CONVERGED, OK, STATUS_TEXT, Correction, Equations, norm2
-from bdamper.harmonic_balance.problem import Problem, stuck_springs
-from bdamper.harmonic_balance.sector import around
+from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.result_checks import check_result, check_solution
 from bdamper.response.continuation import Follower
 from bdamper.response.events import AtLeastTwo, ContinuationOptions, Step
-from bdamper.response.optimal_curve_result import Limit
-from bdamper.response.response_curve_result import NOT_IN_TIME
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Fact, Plottable
 from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, status_word, with_reason
@@ -49,8 +46,10 @@ DIFFERENCE = 1e-5
 """Relative step of the central differences in sensitivities."""
 FAR = "a peak far from its prediction"
 ANOTHER = "a solution on another part of the curve, by the sign of det J"
-AT_END = "highest at an end of the interval, without a maximum in it"
+AT_END = "highest at an end of the interval"
 """Reason of a highest point that is no maximum."""
+NOT_IN_TIME = "Not checked in time."
+"""Text for a highest point without time integration."""
 LOOSEST = ContinuationOptions().tolerance
 """Largest residual that counts as rounding, as along curves."""
 
@@ -101,7 +100,7 @@ class Peak(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
     amplitude : float, m
         Amplitude of the first harmonic of the response.
     y, tangent, scale : (n_unknowns + 1,) float
-        Point, tangent and units; the tangent has unit length in unknowns divided by ``scale``.
+        Point, tangent and units; the tangent has unit length in unknowns divided by ``scale``, and is zero if unknown.
     slope, curvature : float
         First and second derivative of ln(amplitude) along the curve in scaled unknowns.
     shares : (3,) float
@@ -109,7 +108,7 @@ class Peak(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
     residual : float
     iterations, trials, rank_deficiency : int
     corner : bool
-        Whether the curve has a corner at the peak: the slopes on both sides differ in sign but do not vanish.
+        Whether the peak is no smooth maximum: at a corner the slopes on both sides differ in sign but do not vanish.
     status : str
         "complete"; "incomplete: ..." at the end of an interval without a maximum, or if ``search_status`` is incomplete;
         "not found: ..." with the reason.
@@ -350,6 +349,25 @@ def find_peak(
     )  # fmt: skip
 
 
+def with_tangent(system: Equations, peak: Peak) -> Peak:
+    """Return a smooth peak with its tangent, to the tolerances of :class:`PeakOptions`.
+
+    The peak of a response curve has no tangent; Newton's method from its point takes about five evaluations.
+    """
+    if peak.tangent.any() or peak.corner:
+        return peak
+    return find_peak(system, peak.y, parameter=peak.parameter)
+
+
+def check_peak(problem: Problem, peak: Peak, name: str = "peak") -> None:
+    """Raise SettingError unless the argument is a converged peak of this problem."""
+    validation.instance(name, peak, Peak, "a Peak, as Study.peak returns it or ResponseCurve.peak is")
+    validation.check(peak.converged, name, "a converged one", f"status '{peak.status}'")
+    if peak.model_hash:
+        check_result(problem, peak, name)
+    check_solution(problem, peak.parameter, peak.y, peak.residual, name)
+
+
 def sign_of_jacobian(system: Equations, y: NDArray) -> int:
     """Return the sign of det J at a solution, which changes at every fold; 0 if unknown."""
     return system.correct_at(y[:-1], float(y[-1]), system.units(y, y[-1]), LOOSEST, 2).orientation
@@ -402,87 +420,3 @@ def coarse_options() -> ContinuationOptions:
 def same_peak(a: Peak, b: Peak) -> bool:
     """Return whether two peaks of the same equations agree in frequency and amplitude."""
     return np.allclose((a.frequency, a.amplitude), (b.frequency, b.amplitude), rtol=1e-5, atol=0.0)
-
-
-# ---- interval of a resonance ----
-
-
-def free_and_stuck(problem: Problem, state: PreloadState, modes: int) -> tuple[NDArray, NDArray]:
-    """Return the first resonances (modes,) of the constrained bodies without contact and in stick, Hz.
-
-    The stuck resonance of a mode is the lowest one above its free resonance that belongs to no lower mode.
-
-    Raises
-    ------
-    SettingError
-        If there are fewer modes.
-    """
-    sector = problem.sector(0.0)
-    basis = sector.bases[1]
-    modes_alone = np.array([c.is_mode for c in basis.coordinates], bool)
-    elastic = np.sort(basis.omega2[(basis.omega2 > 0.0) & (basis.mass == 1.0) & modes_alone])
-    if np.any(sector.springs):
-        elastic = sector.linear.modes(None)[0] ** 2
-    validation.check(1 <= modes <= len(elastic), "mode", f"1 to {len(elastic)}", modes)
-    free = np.sqrt(elastic[:modes])
-    poles = list(sector.linear.modes(stuck_springs(problem, state, touching=True))[0])
-    stuck = []
-    for w in free:
-        poles = [p for p in poles if p >= w * (1.0 - 1e-9)]
-        stuck.append(poles.pop(0) if poles else w)
-    return free / (2.0 * np.pi), np.array(stuck) / (2.0 * np.pi)
-
-
-def resonance_interval(problem: Problem, preload: float, mode: int = 1) -> tuple[float, float]:
-    """Return a frequency interval (Hz) that contains the free and the stuck resonance of a mode of the constrained bodies.
-
-    Parameters
-    ----------
-    problem : Problem
-    preload : float, N
-        Preload that closes the contact points.
-    mode : int
-        1 for the lowest.
-
-    Raises
-    ------
-    SettingError
-        If there is no such mode.
-    StaticError
-        If there is no static state at the preload.
-    """
-    free, stuck = (float(f[-1]) for f in free_and_stuck(problem, problem.equilibrium(preload), mode))
-    margin = beyond(free, stuck)
-    return max(0.1 * free, free - margin), stuck + margin
-
-
-def beyond(free: float, stuck: float) -> float:
-    """Return the margin of an interval beyond the free and the stuck resonance of a mode."""
-    return 0.1 * free + 0.3 * (stuck - free)
-
-
-def linear_peak(problem: Problem, frequency: tuple[float, float], preload: float, *, stuck: bool) -> Limit:
-    """Return the highest resonance of the free or stuck structure in an interval (Hz), NaN if there is none.
-
-    The stuck resonance is also NaN at a preload without a static state.
-    """
-    if stuck and not problem.static(preload).converged:
-        return Limit(np.nan, np.nan)
-    sector = problem.sector(preload if stuck else 0.0)
-    springs = stuck_springs(problem, problem.static(preload), touching=True) if stuck else None
-    low, high = (2.0 * np.pi * f for f in frequency)
-    poles = sector.linear.resonances((springs,), *around(low, high))
-    tops = [sector.linear.maximum(sector.response_rows[1], springs, w, width) for w, width, _ in poles]
-    within = [top for top in tops if low <= top[0] <= high]
-    omega, amplitude = max(within, key=lambda top: top[1], default=(np.nan, np.nan))
-    return Limit(omega / (2.0 * np.pi), amplitude)
-
-
-def peak_interval(
-    problem: Problem, frequency: tuple[float, float] | None, preload: float, mode: int = 1
-) -> tuple[float, float]:
-    """Return the given interval (Hz), or the interval around the resonances of a mode at a preload (N)."""
-    mode = validation.integer("mode", mode, least=1)
-    if frequency is None:
-        return resonance_interval(problem, preload, mode)
-    return validation.interval("frequency", frequency)

@@ -36,14 +36,16 @@ from numpy.typing import NDArray
 
 from bdamper.contact.laws import LAW_BONDED
 from bdamper.harmonic_balance.equations import NOT_FINITE, STATUS_TEXT, Correction, Equations
-from bdamper.harmonic_balance.problem import Problem, stuck_springs
+from bdamper.harmonic_balance.problem import LoadCase, Problem
+from bdamper.harmonic_balance.result_checks import check_solution
 from bdamper.harmonic_balance.sector import Sector, reach
 from bdamper.model.kinematics import Coordinate
 from bdamper.model.structure import Model
 from bdamper.response.branches import Coverage, LeftOut, Piece, ending, evaluation_budget, first_point, in_order
 from bdamper.response.continuation import OUT_OF_BUDGET, TWO_PI
 from bdamper.response.events import ContinuationOptions, Path
-from bdamper.response.response_curve_result import ResponseCurve, crossed, free, unstable_points
+from bdamper.response.linear_limits import free
+from bdamper.response.response_curve_result import ResponseCurve, crossed, unstable_points
 from bdamper.util import validation
 from bdamper.util.errors import INCOMPLETE, NOT_FOUND, SettingError
 from bdamper.util.progress import Cost, CostMeter, is_part_of_work, progress_bar, single_thread
@@ -139,9 +141,9 @@ and on one of them the amplitude in time is steady.
 """
 
 
-def open_at_rest(problem: Problem, preload: float) -> float:
-    """Return the fraction of the friction points that are open in the static state of a preload."""
-    closed = problem.static(preload).force[problem.friction_points, 2] > 0.0
+def open_at_rest(case: LoadCase) -> float:
+    """Return the fraction of the friction points that are open in the static state."""
+    closed = case.static.force[case.problem.friction_points, 2] > 0.0
     return 1.0 - float(closed.mean()) if closed.any() else 0.0
 
 
@@ -243,19 +245,19 @@ def frequency_response(
         ``status`` is "complete" if its branches cover the interval.  Otherwise ``reason`` gives the cause, and the curve
         contains the points found so far.  A branch that does not reach the other end is complemented by one from there.
     """
-    preload, frequency = problem.check_preload(preload), validation.interval("frequency", frequency)
+    case = problem.at(preload)
+    frequency = validation.interval("frequency", frequency)
     validation.flag("progress", progress)
     options = ContinuationOptions() if options is None else validation.instance("options", options, ContinuationOptions)
     with single_thread():
-        state = problem.static(preload)
-        if not state.converged:
-            reason = f"static state: {state.note}"
-            return without_points(problem, preload, reason, options, state.cost)
-        free = free_of_contact(problem, frequency, options) if preload == 0.0 else None
+        if not case.static.converged:
+            reason = f"static state: {case.static.note}"
+            return without_points(problem, case.preload, reason, options, case.static.cost)
+        free = free_of_contact(problem, frequency, options) if case.preload == 0.0 else None
         if free is not None:
             return free
-        search = _search(problem, preload, frequency, options)
-        find_start = partial(_start, problem, preload, search)
+        search = _search(case, frequency, options)
+        find_start = partial(_start, case, search)
         try:
             with progress_bar(progress, *search.limits) as search.on_point:
                 search.cover(find_start)
@@ -264,21 +266,21 @@ def frequency_response(
                 raise
             if not any(piece.path.status == "interrupted" for piece in search.pieces):
                 search.pieces.append(Piece(Path((), "interrupted", "by the user", 0, 0), True))
-        curve = as_curve(problem, search, ending(search.pieces, *search.limits), kind="tracking", preload=preload)
+        curve = as_curve(problem, search, ending(search.pieces, *search.limits), kind="tracking", preload=case.preload)
         if problem.own_laws is not None and len(curve):
-            problem.own_laws.warn_below(search.system.contact(curve.unknowns[curve.peak.index])[0])
+            problem.own_laws.warn_below(search.system.contact(curve.peak.y[:-1])[0])
         locked = (f"{name} is self-locking: its static normal load is not unique" for name in self_locking(problem))
-        reason, left_out = _reason(problem, search, curve), (*curve.missing_ranges, *search.lost)
+        reason, left_out = _reason(case, search, curve), (*curve.missing_ranges, *search.lost)
         return replace(curve, reason=reason, missing_ranges=left_out, notes=(*curve.notes, *locked))
 
 
-def _search(problem: Problem, preload: float, frequency: tuple[float, float], options: ContinuationOptions) -> Coverage:
+def _search(case: LoadCase, frequency: tuple[float, float], options: ContinuationOptions) -> Coverage:
     """Return the search for the branches, with its budget."""
     low, high = TWO_PI * frequency[0], TWO_PI * frequency[1]
-    system = problem.system(preload)
+    system = case.equations
     budget = options.budget or evaluation_budget(system)
-    springs = None, stuck_springs(problem, problem.static(preload))
-    free, stuck = (system.structure.linear.resonances((k,), ELASTIC * low, np.inf) for k in springs)
+    linear = case.sector.linear
+    free, stuck = (linear.resonances((k,), ELASTIC * low, np.inf) for k in (None, case.stuck_springs()))
     watched = [there for there in (*free, *stuck) if low < there[0] < high]
     system = replace(system.within(budget), watched=watched)
     search = Coverage(system, (low, high), replace(options, budget=budget), CostMeter())
@@ -287,13 +289,12 @@ def _search(problem: Problem, preload: float, frequency: tuple[float, float], op
     return search
 
 
-def _start(problem: Problem, preload: float, search: Coverage, omega: float) -> NDArray | None:
+def _start(case: LoadCase, search: Coverage, omega: float) -> NDArray | None:
     """Return a solution at one frequency (rad/s) or None, and log all attempts."""
-    state = problem.static(preload)
+    problem, why = case.problem, ""
     solution, attempts, last = first_point(
-        search.system, state, stuck_springs(problem, state), omega, search.options, search.meter
+        search.system, case.static, case.stuck_springs(), omega, search.options, search.meter
     )
-    why = ""
     if solution is None and not search.system.spent:
         why = why_no_solution(search.system, problem.coupling.model, problem.bases[0].coordinates, last)
     for line in [*attempts, why] if why else attempts:
@@ -301,14 +302,14 @@ def _start(problem: Problem, preload: float, search: Coverage, omega: float) -> 
     return solution
 
 
-def _reason(problem: Problem, search: Coverage, curve: ResponseCurve) -> str:
+def _reason(case: LoadCase, search: Coverage, curve: ResponseCurve) -> str:
     """Return the reason of a curve with the extent of the search, and advice if it is incomplete."""
-    reason = curve.reason
+    problem, reason = case.problem, curve.reason
     if curve.complete:
         bottom, top = (w / TWO_PI for w in search.outside)
         broken = ", where a path broke off (left_out)" if search.lost else ""
         reason += f"; folds looked for from {bottom:.4g} to {top:.4g} Hz{broken}, closed branches not"
-    if why := rattles(curve, open_at_rest(problem, curve.preload)):
+    if why := rattles(curve, open_at_rest(case)):
         reason += f"; {NO_STEADY} is expected at this preload: {why}"
     if curve.status not in (INCOMPLETE, NOT_FOUND):
         return reason
@@ -392,16 +393,8 @@ def check_curve(problem: Problem, curve: ResponseCurve, name: str = "curve") -> 
     expected = "a response curve (study.frequency_response)"
     validation.check(curve.kind == "tracking", name, expected, f"a {curve.kind} curve")
     validation.check(curve.model_hash == problem.model.hash, name, "a curve of this model", "a curve of another model")
-    system = problem.system(curve.preload)
-    n = system.n_unknowns
-    expected = f"a result of this study with {n} unknowns"
-    validation.check(curve.unknowns.shape[1] == n, name, expected, curve.unknowns.shape[1])
-    if not len(curve):
-        return
-    i = curve.peak.index
-    error = system.error(np.append(curve.unknowns[i], TWO_PI * curve.frequency[i]))
-    found = f"a result with other settings (residual {error:.2g} at its peak)"
-    validation.check(error <= max(1e-6, 100.0 * float(curve.residual[i])), name, "a result of this study", found)
+    if len(curve):
+        check_solution(problem, curve.preload, curve.peak.y, curve.peak.residual, name)
 
 
 def self_locking(problem: Problem) -> tuple[str, ...]:

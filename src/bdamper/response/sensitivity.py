@@ -30,9 +30,8 @@ from numpy.typing import NDArray
 from bdamper.harmonic_balance.equations import Correction, Equations, Fixed, Plane, norm2
 from bdamper.harmonic_balance.parameters import FACTORS, OF_LOAD, like, setting_names, vary
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.result_checks import check_result
 from bdamper.response.events import ContinuationOptions
-from bdamper.response.peak import DIFFERENCE, Family, Peak, slope_along
+from bdamper.response.peak import DIFFERENCE, Family, Peak, check_peak, slope_along, with_tangent
 from bdamper.response.response_curve import check_curve
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import validation
@@ -392,10 +391,9 @@ def peak_sensitivities(problem: Problem, peak: Peak, parameters: Sequence[str] =
         If the peak is not converged or is at a corner, or if contact forces are sampled: events between samples make the
         amplitude a rippled function of frequency, whose maxima move from ripple to ripple.
     """
-    validation.instance("peak", peak, Peak, "a Peak, as Study.peak returns it")
-    if peak.model_hash:
-        check_result(problem, peak, "peak")
-    return sensitivities(peak, families(problem, parameters, peak.parameter))
+    check_peak(problem, peak)
+    found = families(problem, parameters, peak.parameter)
+    return sensitivities(with_tangent(problem.system(peak.parameter), peak), found)
 
 
 @one_thread

@@ -36,7 +36,7 @@ from bdamper.time_domain.integration import STEPS, MarchFailed, Motion, Ring, ri
 from bdamper.time_domain.march import March, second_half, to_come
 from bdamper.util import validation
 from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND, SettingError, with_reason
-from bdamper.util.formatting import amount, span
+from bdamper.util.formatting import amount, peak_text, span
 from bdamper.util.progress import CostMeter, LongWork, one_thread
 
 
@@ -514,7 +514,8 @@ def time_response(
     starts = validation.integer("starts", starts, least=1)
     check_curve(problem, curve)
     if curve.peak_at_end:
-        raise SettingError(f"curve: expected a curve with a peak, found its highest amplitude at its end, {curve.peak}")
+        highest = peak_text(curve.peak.amplitude, curve.peak.frequency, 6)
+        raise SettingError(f"curve: expected a curve with a peak, found its highest amplitude at its end, {highest}")
     watch, balance, top = CostMeter(), CurveAmplitudes(curve), curve.peak
     sides = [balance.side(sign) for sign in (1.0, -1.0)]
     response = TimeResponse(*(top.amplitude,) * 3, top.frequency, curve.preload, top.amplitude, **problem.recorded())

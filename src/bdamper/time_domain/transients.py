@@ -211,7 +211,7 @@ def verify(
         If the settings do not describe a structure in time or a number is not valid; if the time integration fails.
     """
     check_curve(problem, curve)
-    i = curve.peak.index if index is None else validation.integer("index of a point", index, -len(curve), len(curve) - 1)
+    i = curve.peak_index if index is None else validation.integer("index of a point", index, -len(curve), len(curve) - 1)
     system, u, omega = problem.system(curve.preload), curve.unknowns[i], 2.0 * np.pi * float(curve.frequency[i])
     steps = LIMITS.steps if steps_per_period is None else steps_per_period
     march = march_from(ring_of(problem, curve.preload), u, omega, steps)
