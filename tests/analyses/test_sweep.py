@@ -2,7 +2,6 @@
 
 import json
 import os
-import pickle
 import random
 import shutil
 import signal
@@ -18,7 +17,6 @@ import pytest
 from scipy import stats
 
 import bdamper as bd
-from bdamper.analyses.executors import work
 from bdamper.analyses.sweep import OptimalTask, PeakTask
 from bdamper.harmonic_balance.parameters import study_fingerprint
 from bdamper.response.continuation import Follower
@@ -114,8 +112,6 @@ class Few(Executor):
         return future
 
 
-
-
 class TestAnswers:
     def test_each_point_is_what_the_study_gives_alone(self, study, serial):
         assert serial.complete
@@ -207,47 +203,6 @@ class TestAnswers:
     def test_bad_input(self, study, arguments, message):
         with pytest.raises(bd.SettingError, match=message):
             bd.sweep(study, **arguments)
-
-
-class Parcels(Executor):
-    """Tasks of processes, which may be kept from seeing the file of the job; counts the bytes that they take."""
-
-    def __init__(self, pool, seen=True):
-        self.pool, self.seen, self.bytes = pool, seen, []
-
-    def submit(self, function, key, path, packed, settings):
-        path = path if self.seen else path + " elsewhere"
-        self.bytes.append(len(pickle.dumps((function, key, path, packed, settings))))
-        return self.pool.submit(function, key, path, packed, settings)
-
-
-class TestWorkers:
-    """What all points have in common reaches each worker once."""
-
-    over = {"preload": np.geomspace(100.0, 1000.0, 30)}  # noqa: RUF012
-
-    def begun(self, pool, study, seen=True):
-        """A pool whose processes were there before the job, which they would inherit."""
-        bd.sweep(study.replace(friction_coefficient=0.5), {"preload": [1.0, 2.0]}, residual_norm, executor=pool)
-        return Parcels(pool, seen)
-
-    def test_tasks_are_small_where_workers_see_the_file(self, study):
-        alone = answers(bd.sweep(study, self.over, residual_norm))
-        with ProcessPoolExecutor(2) as pool:
-            parcels = self.begun(pool, study)
-            assert answers(bd.sweep(study, self.over, residual_norm, executor=parcels)) == alone
-            assert len(parcels.bytes) == 30 and max(parcels.bytes) < 1000
-
-    def test_few_tasks_carry_the_job_where_they_do_not(self, study):
-        alone = answers(bd.sweep(study, self.over, residual_norm))
-        with ProcessPoolExecutor(2) as pool:
-            parcels = self.begun(pool, study, seen=False)
-            assert answers(bd.sweep(study, self.over, residual_norm, executor=parcels)) == alone
-        assert 1 <= sum(size > 100_000 for size in parcels.bytes) <= 10
-
-    def test_a_damaged_file_is_no_job(self, tmp_path):
-        (tmp_path / "job").write_bytes(pickle.dumps("something else"))
-        assert work("digest", str(tmp_path / "job"), None, {})[1] is None
 
 
 class TestInterrupted:
