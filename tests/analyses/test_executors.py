@@ -1,5 +1,6 @@
 """Executors that end, and several sweeps at once."""
 
+import tempfile
 import threading
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from functools import partial
@@ -107,6 +108,35 @@ def test_an_executor_that_ends_within_a_question_fails_its_point_alone():
             assert result.status == (f"failed: {REASONS['shut down']}",) * 2
 
 
+class Read:
+    """A question that knows how often this process has read one."""
+
+    read = 0
+
+    def __init__(self, factor):
+        self.factor = factor
+
+    def __setstate__(self, state):
+        Read.read += 1
+        self.__dict__.update(state)
+
+    def __call__(self, study, preload):
+        return {"value": self.factor * preload, "read": self.read}
+
+
+@pytest.mark.parametrize("folder", ["", "nowhere"])
+def test_a_process_reads_each_job_once(folder, monkeypatch, tmp_path):
+    """Also if it cannot read the file, as on another host or without room for a temporary folder."""
+    over = {"preload": [float(k) for k in range(1, 21)]}
+    with ProcessPoolExecutor(1) as pool:
+        pool.submit(int).result()  # begins the worker before the sweep
+        monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / folder))
+        for k in (1, 2):
+            result = bd.sweep(pressed(), over, Read(float(k)), executor=pool)
+            assert set(result.array("read")) == {k} and result.array("value").tolist() == [k * p for p in over["preload"]]
+    assert Read.read == 0, "a job of this process is never read"
+
+
 class Window(Executor):
     """Runs the first of the tasks in flight when the sweep waits for one; knows the largest number of them."""
 
@@ -168,15 +198,3 @@ def test_sweeps_side_by_side_keep_their_own_jobs():
     for result, factor in zip(found, factors, strict=True):
         assert result.complete and result.array("value").tolist() == [factor * p for p in over["preload"]]
     assert [q.calls for q in questions] == [20, 20]
-
-
-def read_before(study, preload):
-    return {"jobs": executors._read.cache_info().misses}
-
-
-def test_a_process_reads_a_job_once():
-    over = {"preload": [float(k) for k in range(1, 21)]}
-    with ProcessPoolExecutor(1) as pool:
-        for jobs, study in ((1, pressed()), (2, pressed())):
-            assert set(bd.sweep(study, over, read_before, executor=pool).array("jobs")) == {jobs}
-    assert executors._read.cache_info().currsize == 0, "a job of this process is never read"

@@ -1,9 +1,10 @@
 """Execution of the points of a sweep on the workers of an executor.
 
-Each task is a point with the job, a study with its function. A job of the turbine blade has 8 MB; pickling, sending and
-reading it takes 35 ms for a point of one second. Therefore it is pickled once, and a worker reads it once. A few tasks for
-each worker are submitted at a time, since a scheduler stores the job with each of them. The only required method of an
-executor is :meth:`concurrent.futures.Executor.submit`.
+The job, a study with its function, has some megabytes. With the job in each task, Dask needs half a second for a task, and
+a worker that is killed while it receives one can block a process pool. Therefore tasks contain the path of a file with the
+job, which a worker reads once. If a worker cannot read it, for example on another host, the point is submitted again with
+the job. Threads of this process use the job itself. A few tasks for each worker are submitted at a time.
+The only required method of an executor is :meth:`concurrent.futures.Executor.submit`.
 """
 
 from __future__ import annotations
@@ -13,12 +14,13 @@ import pickle
 import tempfile
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
-from contextlib import ExitStack
-from dataclasses import asdict, dataclass
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
+from contextlib import ExitStack, suppress
+from dataclasses import asdict, dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Protocol
+from uuid import uuid4
 
 import numpy as np
 
@@ -59,14 +61,44 @@ def recorded(ask: Callable[[], Mapping[str, Any]]) -> Record:
     return {"status": ending, "values": values, "seconds": spent.seconds, "cost": asdict(cost)}
 
 
+@dataclass(frozen=True)
+class _Packed:
+    """Pickled job: the path of its file and, for workers that cannot read the file, its content."""
+
+    path: Path
+    content: bytes = field(default=b"", compare=False)
+
+
 @lru_cache(maxsize=4)  # several sweeps may share the workers
-def _read(path: Path) -> Job:
-    job: Job = pickle.loads(path.read_bytes())
-    return job
+def _unpacked(job: _Packed) -> Job:
+    unpacked: Job = pickle.loads(job.content or job.path.read_bytes())
+    return unpacked
 
 
-def _run(job: Job | Path, settings: Mapping[str, Any]) -> Record:
-    return (_read(job) if isinstance(job, Path) else job).run(settings)
+def _run(job: Job | _Packed, settings: Mapping[str, Any]) -> Record | None:
+    """Return the record of one point; None if the worker cannot read the job."""
+    try:
+        job = _unpacked(job) if isinstance(job, _Packed) else job
+    except OSError:
+        return None
+    return job.run(settings)
+
+
+def _pack(job: Job, executor: Executor, stack: ExitStack) -> tuple[Job | _Packed, Job | _Packed]:
+    """Return the job as tasks contain it, and as tasks contain it whose worker could not read it."""
+    if isinstance(executor, ThreadPoolExecutor):
+        return job, job
+    try:
+        content = pickle.dumps(job)
+    except (pickle.PicklingError, AttributeError, TypeError):
+        return job, job  # Dask can send more; a process pool raises an error with the reason
+    path = Path(uuid4().hex)
+    with suppress(OSError):  # for example on a full disk
+        folder = tempfile.TemporaryDirectory(prefix="bdamper-", ignore_cleanup_errors=True)
+        path = Path(stack.enter_context(folder)) / "job.pickle"
+        path.with_suffix(".part").write_bytes(content)
+        path.with_suffix(".part").rename(path)
+    return _Packed(path), _Packed(path, content)
 
 
 TASKS, WORKERS = 4, 32
@@ -102,27 +134,31 @@ def run_points(
         return
     numbers = (getattr(executor, name, None) for name in ("_max_workers", "num_workers"))
     most = TASKS * next((n for n in numbers if isinstance(n, int)), WORKERS)
-    waiting, running, sent = deque(todo), dict[Future[Record], int](), job
+    waiting, running = deque(todo), dict[Future[Record | None], int]()
     with ExitStack() as stack:
-        if isinstance(executor, ProcessPoolExecutor):
-            folder = tempfile.TemporaryDirectory(prefix="bdamper-", ignore_cleanup_errors=True)
-            sent = Path(stack.enter_context(folder)) / "job.pickle"
-            sent.write_bytes(pickle.dumps(job))
+        small, whole = _pack(job, executor, stack)
+
+        def submit(i: int, packed: Job | _Packed) -> None:
+            with executor_errors(RuntimeError):  # raised after a shutdown
+                future = executor.submit(_run, packed, points[i])
+            running[future] = i
+
         try:
             while waiting or running:
                 while waiting and len(running) < most:
-                    with executor_errors(RuntimeError):  # raised after a shutdown
-                        future = executor.submit(_run, sent, points[waiting[0]])
-                    running[future] = waiting.popleft()
+                    submit(waiting.popleft(), small)
                 for future in wait(running, return_when=FIRST_COMPLETED).done:
                     with executor_errors():
                         record = future.result()
-                    keep(running[future], record)
+                    if record is None:
+                        submit(running[future], whole)
+                    else:
+                        keep(running[future], record)
                     del running[future]  # after it is stored, since storing may be interrupted
         except BaseException:
             for future, i in running.items():
-                if not future.cancel() and future.done() and future.exception() is None:
-                    keep(i, future.result())
+                if not future.cancel() and future.done() and not future.exception() and (record := future.result()):
+                    keep(i, record)
             raise
 
 
