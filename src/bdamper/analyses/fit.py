@@ -18,7 +18,7 @@ another is omitted,
 
 with the rows :math:`J_t` and :math:`r_t` of test t. Their jackknife standard error includes model errors that differ
 between loads. No residual shows an error that the parameters compensate under all loads. The true constants then lie
-outside the interval; :meth:`Fitted.beside` widens it by comparison with a more detailed model.
+outside the interval; :meth:`Fitted.widen` widens it by comparison with a more detailed model.
 """
 
 from __future__ import annotations
@@ -162,8 +162,8 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
         check_result(problem_of(study), self, f"study (the constants belong to {self._belong()})")
         return vary(study, {name: float(v) for name, v in zip(self.names, self.values) if name != FORCE})
 
-    def beside(self, richer: Fitted) -> Fitted:
-        """Return the result with intervals widened by the distance to a fit with more detailed settings.
+    def widen(self, richer: Fitted) -> Fitted:
+        """Widen the intervals by the distance to a fit with more detailed settings.
 
         An interval of one model does not show an error that this model makes under all loads.
 
@@ -221,7 +221,7 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
         most = f"most in {self.tests[worst]} ({self.misfits[worst]:.2g})"
         out.append(f"Misfit {self.misfit:.2g} times the noise{wrong}, {most}.")
         if wrong:
-            out.append("True constants may lie outside of the intervals: compare a fit with richer settings (beside).")
+            out.append("True constants may lie outside of the intervals: compare a fit with richer settings (widen).")
         out.append(f"The constants belong to {self._belong()}, and to no other settings.")
         if doubts := self.status.partition(": ")[2].removeprefix(self.wrong).removeprefix("; "):
             out.append(f"The fit is incomplete: {doubts}.")
