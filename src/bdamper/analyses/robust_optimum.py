@@ -48,7 +48,7 @@ from bdamper.util.errors import (
     status_word,
     with_reason,
 )
-from bdamper.util.formatting import amount, short_repr
+from bdamper.util.formatting import amount, percent, short_repr
 from bdamper.util.progress import one_thread
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import ROW, Column, Newtons, Quantity, Tabular
@@ -120,6 +120,15 @@ class RobustOptimum:
     kind: str
     warnings: int = 0
     status: str = COMPLETE
+
+    def __str__(self) -> str:
+        edge = ", an end of the range," if self.kind == "end" else ""
+        doubts = "" if self.status == COMPLETE else f" The search is {self.status}."
+        doubts += f" {self.warnings} of the last optimal curves have warnings." if self.warnings else ""
+        return (
+            f"At a preload of {amount(self.preload, 'N')}{edge} {self.percentile:g} % of the draws stay below "
+            f"{amount(self.amplitude, 'm')}: least of all preloads, known to {percent(self.uncertainty)}.{doubts}"
+        )
 
 
 @short_repr
