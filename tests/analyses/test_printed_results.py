@@ -1,4 +1,4 @@
-"""The whole printed text of every kind of result, of small studies; ``python -m tests.analyses.test_printed_results`` writes it."""
+"""The whole printed text of every kind of result; ``python -m tests.analyses.test_printed_results`` writes it."""
 
 import re
 from dataclasses import replace

@@ -270,40 +270,24 @@ def peak(
     top, changed = _corrected(equations, search, whole, peaks)
     gap, higher = _gap(points, swept), _tuned_higher(top, tuned, low, high)
     counts = f"{len(peaks)} peaks from {len(solutions)} of {n} points"
+    climbs = [(c.blade, c.at.y[-1] / tau, c.heights[0], c.springs[-1], c.height) for c in peaks]
     none = DiskPeak(
-        preload=float(preload),
-        frequency=np.nan,
-        amplitude=np.nan,
-        blade=-1,
-        tuned_amplitude=tuned.amplitude,
-        response=np.zeros((disk.n_blades, 0)),
-        climbs=np.array([(c.blade, c.at.y[-1] / tau, c.heights[0], c.springs[-1], c.height) for c in peaks]).reshape(-1, 5),
-        sweep_frequency=np.array([y[-1] for y in solutions]) / tau,
-        status=NOT_FOUND,
-        reason=_reason(top, gap, changed, equations, counts) + higher,
-        residual=np.nan,
-        error=np.nan,
-        interval=(low, high),
-        unknowns=np.zeros(equations.whole.structure.shape),
-        cost=meter.read(),
-        **disk.record(),
-    )
+        preload=float(preload), frequency=np.nan, amplitude=np.nan, blade=-1, tuned_amplitude=tuned.amplitude,
+        response=np.zeros((disk.n_blades, 0)), climbs=np.array(climbs).reshape(-1, 5),
+        sweep_frequency=np.array([y[-1] for y in solutions]) / tau, status=NOT_FOUND,
+        reason=_reason(top, gap, changed, equations, counts) + higher, residual=np.nan, error=np.nan, interval=(low, high),
+        unknowns=np.zeros(equations.whole.structure.shape), cost=meter.read(), **disk.record(),
+    )  # fmt: skip
     if top is None:
         return none
     reduced_only = changed is None and equations.shapes is not None
     structure, u = (search if reduced_only else whole).held(top.springs[-1]).structure, top.at.y[:-1]
     return replace(
-        none,
-        frequency=float(top.at.y[-1]) / tau,
-        amplitude=top.height,
-        blade=top.blade,
-        response=structure.responses(u),
+        none, frequency=float(top.at.y[-1]) / tau, amplitude=top.height, blade=top.blade, response=structure.responses(u),
         status=INCOMPLETE if higher or gap else HELD if top.springs[-1] or reduced_only else COMPLETE,
-        residual=top.at.residual,
-        springs=top.springs[-1],
-        error=_error(top, peaks, changed, equations, all_climbed),
+        residual=top.at.residual, springs=top.springs[-1], error=_error(top, peaks, changed, equations, all_climbed),
         unknowns=structure.array(u),
-    )
+    )  # fmt: skip
 
 
 def _corrected(

@@ -164,7 +164,7 @@ class BestPreload:
 class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel-sample", version=1, row="disk"):
     """Highest blades of many bladed disks.
 
-    Arrays of shape (n_disks, n_deviations, n_preloads) are NaN where there is no result.  ``plot`` draws percentiles over
+    Arrays of shape (n_disks, n_deviations, n_preloads) are NaN without a result.  ``plot`` draws percentiles over
     the standard deviation or the preload (:func:`bdamper.plot.plot_sample`), ``plot_tail`` the distribution with its tail.
 
     Parameters
