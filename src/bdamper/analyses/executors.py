@@ -19,7 +19,7 @@ from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 from uuid import uuid4
 
 import numpy as np
@@ -35,23 +35,19 @@ NOT_RUN: Record = {"status": errors.NOT_RUN, "values": {}, "seconds": 0.0, "cost
 """Record of a point that was not computed because of an interruption."""
 
 
-class Job(Protocol):
-    """Common data of all points; picklable for other processes."""
-
-    def run(self, settings: Mapping[str, Any]) -> Record:
-        """Return the record of the point with these settings."""
-        ...
+Job = Callable[[Mapping[str, Any]], Mapping[str, Any]]
+"""Function of the settings of a point that returns its named results; picklable for other processes."""
 
 
-def recorded(ask: Callable[[], Mapping[str, Any]]) -> Record:
-    """Return the record of one point: the named results of a function, or the reason of a failure.
+def recorded(job: Job, settings: Mapping[str, Any]) -> Record:
+    """Return the record of one point: its named results, or the reason of a failure.
 
     A result "cost" of type :class:`bdamper.util.progress.Cost` is the cost of the point.
     """
     watch, ending, values = CostMeter(), errors.COMPLETE, dict[str, Any]()
     try:
         with LongWork() as work:  # in a worker there is no outer LongWork
-            values = dict(ask())
+            values = dict(job(settings))
         if work.interrupted:
             raise ExecutorEnded(work.reason) if work.reason else KeyboardInterrupt
     except (BdamperError, ArithmeticError, np.linalg.LinAlgError, ExecutorEnded) as error:
@@ -81,7 +77,7 @@ def _run(job: Job | _Packed, settings: Mapping[str, Any]) -> Record | None:
         job = _unpacked(job) if isinstance(job, _Packed) else job
     except OSError:
         return None
-    return job.run(settings)
+    return recorded(job, settings)
 
 
 def _pack(job: Job, executor: Executor, stack: ExitStack) -> tuple[Job | _Packed, Job | _Packed]:
@@ -130,7 +126,7 @@ def run_points(
     """
     if executor is None or not todo:
         for i in todo:
-            keep(i, job.run(points[i]))
+            keep(i, recorded(job, points[i]))
         return
     numbers = (getattr(executor, name, None) for name in ("_max_workers", "num_workers"))
     most = TASKS * next((n for n in numbers if isinstance(n, int)), WORKERS)

@@ -24,7 +24,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.analyses.executors import Record, check_executor, recorded, run_stored
+from bdamper.analyses.executors import Record, check_executor, run_stored
 from bdamper.harmonic_balance.parameters import study_fingerprint
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.result_checks import Asking, problem_of
@@ -399,15 +399,12 @@ class _Sample:
         chosen = highest_disks(height, share) | np.isin(self.over["disk"], drawn)[:, None, None]
         return [int(i) for i in np.flatnonzero(chosen) if "interval" in peaks[i]["values"]]
 
-    def run(self, settings: Mapping[str, Any]) -> Record:
+    def __call__(self, settings: Mapping[str, Any]) -> Mapping[str, Any]:
         """Search for the highest peak of one disk at one preload, thoroughly if an interval is given."""
-        return recorded(lambda: self._peak(**settings))
-
-    def _peak(
-        self, disk: int, standard_deviation: float, preload: float, interval: tuple[float, float] | None = None
-    ) -> Mapping[str, Any]:
+        interval = settings.get("interval")
         options = thorough(self.options) if interval else self.options
-        peak = self.draw(disk, standard_deviation).peak(preload, interval, options=options)
+        disk = self.draw(settings["disk"], settings["standard_deviation"])
+        peak = disk.peak(settings["preload"], interval, options=options)
         return answers(peak) | {"interval": list(peak.interval)}
 
     def header(self) -> dict[str, Any]:
