@@ -284,7 +284,7 @@ def peak(
     structure, u = (search if reduced_only else whole).held(top.springs[-1]).structure, top.at.y[:-1]
     return replace(
         none, frequency=float(top.at.y[-1]) / tau, amplitude=top.height, blade=top.blade, response=structure.responses(u),
-        status=INCOMPLETE if higher or gap else HELD if top.springs[-1] or reduced_only else COMPLETE,
+        status=_status(top, bool(higher or gap), reduced_only),
         residual=top.at.residual, springs=top.springs[-1], error=_error(top, peaks, changed, equations, all_climbed),
         unknowns=structure.array(u),
     )  # fmt: skip
@@ -325,6 +325,10 @@ def _error(top: Climbed, peaks: list[Climbed], changed: float | None, equations:
     reduction = 0.0 if equations.shapes is None else default_reduction if changed is None else changed
     others = [c.highest * (1.0 + reduction) / top.height - 1.0 for c in peaks if c.last]
     return max([top.error, 0.0 if changed is not None else reduction, 0.0 if all_climbed else MISSED, *others])
+
+
+def _status(top: Climbed, lower: bool, reduced: bool) -> str:
+    return INCOMPLETE if lower else HELD if top.springs[-1] or reduced else COMPLETE
 
 
 def _tuned_higher(top: Climbed | None, tuned: Peak, low: float, high: float) -> str:
