@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,6 +24,7 @@ from bdamper.response.events import ContinuationOptions
 from bdamper.response.highest_peak import highest_peak
 from bdamper.response.optimal_curve import optimal_curve
 from bdamper.util.progress import LongWork
+from tests.analyses.test_executors import Ends
 from tests.models import ground_model
 from tests.plain import PLAIN, plain_study
 
@@ -94,22 +95,6 @@ def deadly_question(study, preload):
     if preload == 300.0:
         os._exit(1)
     return {"value": preload}
-
-
-class Few(Executor):
-    """Runs some tasks at once, and then breaks."""
-
-    def __init__(self, tasks):
-        self.left = tasks
-
-    def submit(self, function, *arguments):
-        future = Future()
-        self.left -= 1
-        if self.left < 0:
-            future.set_exception(BrokenExecutor("the workers are gone"))
-        else:
-            future.set_result(function(*arguments))
-        return future
 
 
 class TestAnswers:
@@ -252,7 +237,7 @@ class TestInterrupted:
                 raise KeyboardInterrupt
 
         monkeypatch.setattr(os, "fsync", stop)
-        result = bd.sweep(study, self.over, residual_norm, executor=Few(4), resume=tmp_path / "r.jsonl")
+        result = bd.sweep(study, self.over, residual_norm, executor=Ends(4, "broken"), resume=tmp_path / "r.jsonl")
         assert result.complete
         lines = (tmp_path / "r.jsonl").read_text().splitlines()
         assert sorted(json.loads(line)["index"] for line in lines[1:]) == [0, 1, 2, 3]
@@ -303,10 +288,10 @@ class TestInterrupted:
         with pytest.raises(KeyboardInterrupt):
             bd.robust_optimum(study, samples, (1e3, 2e3), **ways)
         monkeypatch.setattr(sys.modules["bdamper.analyses.sweep"], "optimal_curve", lambda *_, **__: made[0])
-        found = bd.robust_optimum(study, samples, (1e3, 2e3), executor=Few(3), **ways)
+        found = bd.robust_optimum(study, samples, (1e3, 2e3), executor=Ends(3, "broken"), **ways)
         assert found.status == "interrupted: the workers are gone"
         with pytest.raises(bd.BdamperError, match="robust optimum: the workers are gone"):
-            bd.robust_optimum(study, samples, (1e3, 2e3), executor=Few(0), **ways)
+            bd.robust_optimum(study, samples, (1e3, 2e3), executor=Ends(0, "broken"), **ways)
 
     @pytest.mark.slow
     @pytest.mark.usefixtures("interruptible")
