@@ -208,6 +208,11 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
         hint = f"; measured amplitudes are about {factor}: check the units" if power else ""
         return f"the model does not describe these data (misfit {self.misfits[worst]:.2g} times the noise{hint})"
 
+    @property
+    def doubts(self) -> str:
+        """Reasons of an incomplete fit, apart from :attr:`wrong`."""
+        return self.status.partition(": ")[2].removeprefix(self.wrong).removeprefix("; ")
+
     def _headline(self) -> str:
         rows = zip(self.names, self.values, self.low, self.high, self.deviation)
         estimates = "; ".join(
@@ -223,8 +228,8 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
         if wrong:
             out.append("True constants may lie outside of the intervals: compare a fit with richer settings (widen).")
         out.append(f"The constants belong to {self._belong()}, and to no other settings.")
-        if doubts := self.status.partition(": ")[2].removeprefix(self.wrong).removeprefix("; "):
-            out.append(f"The fit is incomplete: {doubts}.")
+        if self.doubts:
+            out.append(f"The fit is incomplete: {self.doubts}.")
         return " ".join(out)
 
 
@@ -447,14 +452,15 @@ def _stage(objective: Objective, before: tuple[Fitted, NDArray] | None = None) -
             why = f" ({part.reason})" if part.reason else ""
             counted = f"each counted as {LOST:g} times the noise"
             doubts.append(f"no response was found at {lost} points of {label}{why}, {counted}")
+    of_points: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts]) for name in ("place", "measured", "model", "residual")
+    }
     result = Fitted(
         names=names, values=np.exp(x), low=np.exp(ends[0]), high=np.exp(ends[1]),
         deviation=np.where(unknown, np.inf, np.sqrt(np.diag(C))), left_out=left,
         information=information / np.maximum(information.sum(axis=1, keepdims=True), 1e-300), tests=labels,
-        noise=objective.noise,
-        place=np.concatenate([part.place for part in parts]), measured=np.concatenate([part.measured for part in parts]),
-        model=np.concatenate([part.model for part in parts]), residual=np.concatenate([part.residual for part in parts]),
-        test=np.repeat(np.arange(len(parts)), [len(part.place) for part in parts]), **problem.recorded(),
+        noise=objective.noise, test=np.repeat(np.arange(len(parts)), [len(part.place) for part in parts]), **of_points,
+        **problem.recorded(),
     )  # fmt: skip
     return _with_status(result, doubts), C
 
@@ -526,10 +532,9 @@ def _joined(first: Fitted, last: Fitted) -> Fitted:
     information = scipy.linalg.block_diag(first.information, last.information)
     arrays = ("values", "low", "high", "deviation", "left_out", "place", "measured", "model", "residual")
     whole: dict[str, Any] = {name: np.concatenate([getattr(first, name), getattr(last, name)]) for name in arrays}
-    doubts = [s.status.partition(": ")[2].removeprefix(s.wrong).removeprefix("; ") for s in (first, last)]
     joined = replace(
         last, names=first.names + last.names, tests=first.tests + last.tests,
         **whole, information=information,
         test=np.append(first.test, last.test + len(first.tests)),
     )  # fmt: skip
-    return _with_status(joined, doubts)
+    return _with_status(joined, (first.doubts, last.doubts))
