@@ -96,7 +96,7 @@ def draw(sample: MistunedSample) -> None:
 
 def compare(one: MistunedSample, three: MistunedSample) -> None:
     """Ratios of amplitudes and amplification factors of the same wheels, three harmonics over one."""
-    both = np.isin(one.wheels, three.wheels)
+    both = np.isin(one.disks, three.disks)
     for j, preload in enumerate(three.preload):
         at = both, 0, int(np.flatnonzero(one.preload == preload)[0])
         ratios = three.amplitude[:, 0, j] / one.amplitude[at], three.amplification[:, 0, j] / one.amplification[at]

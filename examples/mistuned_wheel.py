@@ -30,7 +30,7 @@ def main(wheels: int, harmonics: int, folder: Path) -> None:
     study = bd.Study(model, excitation, 5, friction_coefficient=0.4, harmonics=harmonics)
     folder.mkdir(parents=True, exist_ok=True)
     with ProcessPoolExecutor(2, get_context("spawn")) as pool:
-        ways = {"wheels": wheels, "audit": 0.0, "executor": pool}
+        ways = {"disks": wheels, "audit": 0.0, "executor": pool}
         kept = f"{harmonics}_{wheels}.jsonl"
         factor = bd.mistuned_sample(study, DEVIATIONS, THREE, resume=folder / f"deviation_{kept}", **ways)
         print(factor)

@@ -381,7 +381,7 @@ ONE_OF_EACH = {
         "analyses.response_residuals", "response.sensitivity",
         "analyses.error_estimates", "analyses.flutter", "analyses.nonlinear_mode",
         "response.highest_peak", "response.peak",
-        "analyses.crossings", "mistuning.peak_search", "mistuning.wheel_problem", "mistuning.wheel",
+        "analyses.crossings", "mistuning.peak_search", "mistuning.disk_problem", "mistuning.bladed_disk",
     },
     # HDF5
     r"create_dataset$|create_group$": {"util.records"},
@@ -490,7 +490,7 @@ def test_public_functions_say_what_they_take():
 LONGEST_DOCSTRING = 30
 LONG = {
     "ResponseCurve", "FEBody", "Fitted", "Hysteresis", "MarginCurve", "MistunedSample", "OptimalCurve", "Settings",
-    "WheelPeak", "analyses.error_estimates", "bladed_disk", "build_model", "contact.laws", "fatigue.criteria",
+    "DiskPeak", "analyses.error_estimates", "bladed_disk", "build_model", "contact.laws", "fatigue.criteria",
     "fem.generated_models", "fem.meshes", "TimeResponse", "lumped", "mistuned_sample", "time_domain.floquet",
     "frequency_sweep", "accuracy_cost",
 }  # fmt: skip

@@ -58,7 +58,7 @@ from .analyses.fit import fit as fit
 from .analyses.loop_fit import fit_loop as fit_loop
 
 # mistuned bladed disks
-from .mistuning.wheel import BladedDisk as BladedDisk
+from .mistuning.bladed_disk import BladedDisk as BladedDisk
 from .mistuning.sample import mistuned_sample as mistuned_sample
 
 # accuracy and contact behaviour

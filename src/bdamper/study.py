@@ -329,7 +329,7 @@ class Study(Comparable):
             best = curve.optimum.preload  # NaN if there is no optimum
             places = [best / 1.2, best, 1.2 * best] if check == "neighbours" and best > 0.0 else None
             plain = curve
-            curve = more_harmonics.beside(
+            curve = more_harmonics.with_convergence(
                 problem, plain, lambda: optimum_in_time.with_time_response(problem, plain, places, progress=progress)
             )
         stopped = curve.interrupted or any(k.status == INTERRUPTED for k in curve.time_response)

@@ -51,7 +51,7 @@ def test_all_sources_of_a_peak(study, place, peak):
 
 def test_a_model_that_has_nothing_richer_gives_no_number(study, place, peak):
     """Poorer settings say nothing: with all modes neither modes nor contact points have a number."""
-    rich = richer_study(study.problem, "modes").problem
+    rich = richer_study(study.problem, "modes")[0]
     for source in ("modes", "contact points"):
         with pytest.raises(bd.BdamperError, match=f"the model has no more {source}"):
             richer_study(rich, source)
@@ -67,7 +67,7 @@ def test_estimate_is_the_change_to_the_richer_study(study, place, source):
     own = study.replace(**changes)
     curve = own.frequency_response(*place)
     estimated = own.estimate_errors(curve, sources=[source])[source]
-    true = own._with_problem(richer_study(own.problem, source).problem).peak(*place)
+    true = own._with_problem(richer_study(own.problem, source)[0]).peak(*place)
     error = np.array([true.amplitude / curve.peak.amplitude - 1.0, true.frequency / curve.peak.frequency - 1.0])
     assert np.abs(error).max() > 1e-6
     size = max(abs(estimated.amplitude), abs(estimated.frequency))
@@ -79,7 +79,7 @@ def test_harmonics_that_newton_does_not_reach_are_those_of_a_whole_curve(study, 
     peak = own.peak(1000.0, place[1])
     estimated = own.estimate_errors(peak, sources=["harmonics"])["harmonics"]
     assert "complete response curve" in estimated.against
-    true = own._with_problem(richer_study(own.problem, "harmonics").problem).peak(1000.0, place[1])
+    true = own._with_problem(richer_study(own.problem, "harmonics")[0]).peak(1000.0, place[1])
     assert estimated.amplitude == pytest.approx(true.amplitude / peak.amplitude - 1.0, rel=1e-5)
     assert abs(estimated.amplitude) > 0.05
 
@@ -100,7 +100,7 @@ def test_one_line_says_what_is_known():
 def test_top_at_an_end_of_the_interval_is_estimated_at_its_frequency(study, place):
     curve = study.frequency_response(place[0], (350.0, 354.5))  # the response still rises
     estimated = study.estimate_errors(curve, sources=["harmonics"])["harmonics"]
-    true = study._with_problem(richer_study(study.problem, "harmonics").problem).frequency_response(place[0],
+    true = study._with_problem(richer_study(study.problem, "harmonics")[0]).frequency_response(place[0],
         (350.0, 354.5)).peak
     assert estimated.frequency == 0.0 and "solved at the end" in estimated.against
     assert estimated.amplitude == pytest.approx(true.amplitude / curve.peak.amplitude - 1.0, rel=1e-5)

@@ -241,7 +241,7 @@ class TestClaims:
 
 class TestOptimalCurve:
     def test_has_it_at_its_optimum(self, study, curve, tmp_path):
-        found = room.beside(study.problem, curve, lambda: curve)
+        found = room.with_convergence(study.problem, curve, lambda: curve)
         more = found.convergence
         assert [p.harmonics for p in more.peaks][:3] == [1, 5, 7] and max(p.harmonics for p in more.peaks) <= 16
         assert more.peaks[0].amplitude == pytest.approx(curve.optimum.amplitude, rel=1e-4)
@@ -263,9 +263,9 @@ class TestOptimalCurve:
             raise KeyboardInterrupt
 
         monkeypatch.setattr(room, "highest_peak", stops)
-        assert room.beside(study.problem, curve, lambda: curve).convergence.status == "interrupted"
+        assert room.with_convergence(study.problem, curve, lambda: curve).convergence.status == "interrupted"
         with pytest.raises(KeyboardInterrupt):
-            room.beside(study.problem, curve, stops)
+            room.with_convergence(study.problem, curve, stops)
 
 
 @pytest.mark.slow

@@ -108,29 +108,73 @@ def test_an_executor_that_ends_within_a_question_fails_its_point_alone():
             assert result.status == (f"failed: {REASONS['shut down']}",) * 2
 
 
-def test_without_room_for_a_temporary_folder_tasks_carry_the_job(monkeypatch, tmp_path):
+class Read:
+    """A question that knows how often this process has read one."""
+
+    read = 0
+
+    def __init__(self, factor):
+        self.factor = factor
+
+    def __setstate__(self, state):
+        Read.read += 1
+        self.__dict__.update(state)
+
+    def __call__(self, study, preload):
+        return {"value": self.factor * preload, "read": self.read}
+
+
+@pytest.mark.parametrize("folder", ["", "nowhere"])
+def test_a_process_reads_each_job_once(folder, monkeypatch, tmp_path):
+    """Also if it cannot read the file, as on another host or without room for a temporary folder."""
+    over = {"preload": [float(k) for k in range(1, 21)]}
     with ProcessPoolExecutor(1) as pool:
         pool.submit(int).result()  # begins the worker before the sweep
-        monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "nowhere"))
-        result = bd.sweep(pressed(), {"preload": [1.0, 2.0, 3.0]}, question, executor=pool)
-    assert result.complete and result.array("value").tolist() == [2.0, 4.0, 6.0]
+        monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / folder))
+        for k in (1, 2):
+            result = bd.sweep(pressed(), over, Read(float(k)), executor=pool)
+            assert set(result.array("read")) == {k} and result.array("value").tolist() == [k * p for p in over["preload"]]
+    assert Read.read == 0, "a job of this process is never read"
+
+
+class Window(Executor):
+    """Runs the first of the tasks in flight when the sweep waits for one; knows the largest number of them."""
+
+    def __init__(self, pool):
+        self.pool, self._max_workers, self.tasks, self.most = pool, 2, [], 0
+
+    def submit(self, function, *arguments):
+        self.tasks = [*(task for task in self.tasks if not task.done()), self.pool.submit(function, *arguments)]
+        self.most = max(self.most, len(self.tasks))
+        return self.tasks[-1]
+
+
+def test_a_few_tasks_for_each_worker_are_submitted():
+    begin = threading.Event()
+
+    def waits(study, preload):
+        begin.wait(30.0)
+        return question(study, preload)
+
+    over = {"preload": [float(k) for k in range(1, 31)]}
+    with ThreadPoolExecutor(1) as pool:
+        window = Window(pool)
+        threading.Timer(0.2, begin.set).start()
+        result = bd.sweep(pressed(), over, waits, executor=window)
+    assert result.complete and result.array("value").tolist() == [2.0 * p for p in over["preload"]]
+    assert window.most == 2 * executors.TASKS
 
 
 # ---- several sweeps at once ----
 
 
 class Meeting:
-    """A question that waits until another sweep asks one, too; it knows how often it was read from a file."""
+    """A question that waits until another sweep asks one, too."""
 
     both = threading.Barrier(2)
-    read = 0
 
     def __init__(self, factor):
         self.factor, self.calls = factor, 0
-
-    def __setstate__(self, state):
-        type(self).read += 1
-        self.__dict__.update(state)
 
     def __call__(self, study, preload):
         self.both.wait(30.0)
@@ -138,10 +182,9 @@ class Meeting:
         return {"value": self.factor * preload}
 
 
-@pytest.mark.parametrize("factors", [(2.0, 3.0), (2.0, 2.0)])
-def test_sweeps_side_by_side_keep_their_own_jobs(factors):
+def test_sweeps_side_by_side_keep_their_own_jobs():
+    factors = 2.0, 3.0
     over, questions, found = {"preload": [float(k) for k in range(1, 21)]}, [Meeting(f) for f in factors], [None, None]
-    Meeting.read = 0
 
     def ask(k):
         with ThreadPoolExecutor(1) as pool:
@@ -154,30 +197,4 @@ def test_sweeps_side_by_side_keep_their_own_jobs(factors):
         thread.join(60.0)
     for result, factor in zip(found, factors, strict=True):
         assert result.complete and result.array("value").tolist() == [factor * p for p in over["preload"]]
-    if factors[0] != factors[1]:
-        assert Meeting.read == 0, "a job of this process is never read from a file"
-        assert [q.calls for q in questions] == [20, 20]
-
-
-def test_a_worker_keeps_a_few_jobs(tmp_path):
-    for k in range(3 * executors.MOST_JOBS):
-        with ThreadPoolExecutor(1) as pool:
-            assert bd.sweep(pressed(), {"preload": [1.0]}, Count(k), executor=pool).array("value").tolist() == [float(k)]
-    with ProcessPoolExecutor(1) as pool:
-        for k in range(3 * executors.MOST_JOBS):
-            bd.sweep(pressed(), {"preload": [1.0]}, Count(k), executor=pool)
-        assert pool.submit(time_response).result() == executors.MOST_JOBS
-
-
-class Count:
-    """A question that tells which one it is."""
-
-    def __init__(self, number):
-        self.number = number
-
-    def __call__(self, study, preload):
-        return {"value": float(self.number)}
-
-
-def time_response():
-    return len(executors._jobs)
+    assert [q.calls for q in questions] == [20, 20]

@@ -145,12 +145,12 @@ def test_intervals_beside_a_richer_fit(jenkins, tests):
         richer = replace(
             found, values=factor * found.values, low=0.98 * factor * found.low, high=1.02 * factor * found.high
         )
-        both = found.beside(richer)
+        both = found.widen(richer)
         assert both.low[0] <= min(found.low[0] / max(factor, 1 / factor), richer.low[0]) * (1.0 + 1e-12)
         assert both.high[0] >= max(found.high[0] * max(factor, 1 / factor), richer.high[0]) * (1.0 - 1e-12)
         assert both.values == found.values and "harmonics 1" in both.notes[-1]
     with pytest.raises(bd.SettingError, match="richer: expected a fit of"):
-        found.beside(replace(found, names=("damping_factor",)))
+        found.widen(replace(found, names=("damping_factor",)))
 
 
 class Linear(Objective):

@@ -2,14 +2,13 @@
 
 import json
 import os
-import pickle
 import random
 import shutil
 import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,7 +17,6 @@ import pytest
 from scipy import stats
 
 import bdamper as bd
-from bdamper.analyses.executors import work
 from bdamper.analyses.sweep import OptimalTask, PeakTask
 from bdamper.harmonic_balance.parameters import study_fingerprint
 from bdamper.response.continuation import Follower
@@ -26,6 +24,7 @@ from bdamper.response.events import ContinuationOptions
 from bdamper.response.highest_peak import highest_peak
 from bdamper.response.optimal_curve import optimal_curve
 from bdamper.util.progress import LongWork
+from tests.analyses.test_executors import Ends
 from tests.models import ground_model
 from tests.plain import PLAIN, plain_study
 
@@ -96,24 +95,6 @@ def deadly_question(study, preload):
     if preload == 300.0:
         os._exit(1)
     return {"value": preload}
-
-
-class Few(Executor):
-    """Runs some tasks at once, and then breaks."""
-
-    def __init__(self, tasks):
-        self.left = tasks
-
-    def submit(self, function, *arguments):
-        future = Future()
-        self.left -= 1
-        if self.left < 0:
-            future.set_exception(BrokenExecutor("the workers are gone"))
-        else:
-            future.set_result(function(*arguments))
-        return future
-
-
 
 
 class TestAnswers:
@@ -209,47 +190,6 @@ class TestAnswers:
             bd.sweep(study, **arguments)
 
 
-class Parcels(Executor):
-    """Tasks of processes, which may be kept from seeing the file of the job; counts the bytes that they take."""
-
-    def __init__(self, pool, seen=True):
-        self.pool, self.seen, self.bytes = pool, seen, []
-
-    def submit(self, function, key, path, packed, settings):
-        path = path if self.seen else path + " elsewhere"
-        self.bytes.append(len(pickle.dumps((function, key, path, packed, settings))))
-        return self.pool.submit(function, key, path, packed, settings)
-
-
-class TestWorkers:
-    """What all points have in common reaches each worker once."""
-
-    over = {"preload": np.geomspace(100.0, 1000.0, 30)}  # noqa: RUF012
-
-    def begun(self, pool, study, seen=True):
-        """A pool whose processes were there before the job, which they would inherit."""
-        bd.sweep(study.replace(friction_coefficient=0.5), {"preload": [1.0, 2.0]}, residual_norm, executor=pool)
-        return Parcels(pool, seen)
-
-    def test_tasks_are_small_where_workers_see_the_file(self, study):
-        alone = answers(bd.sweep(study, self.over, residual_norm))
-        with ProcessPoolExecutor(2) as pool:
-            parcels = self.begun(pool, study)
-            assert answers(bd.sweep(study, self.over, residual_norm, executor=parcels)) == alone
-            assert len(parcels.bytes) == 30 and max(parcels.bytes) < 1000
-
-    def test_few_tasks_carry_the_job_where_they_do_not(self, study):
-        alone = answers(bd.sweep(study, self.over, residual_norm))
-        with ProcessPoolExecutor(2) as pool:
-            parcels = self.begun(pool, study, seen=False)
-            assert answers(bd.sweep(study, self.over, residual_norm, executor=parcels)) == alone
-        assert 1 <= sum(size > 100_000 for size in parcels.bytes) <= 10
-
-    def test_a_damaged_file_is_no_job(self, tmp_path):
-        (tmp_path / "job").write_bytes(pickle.dumps("something else"))
-        assert work("digest", str(tmp_path / "job"), None, {})[1] is None
-
-
 class TestInterrupted:
     """Ctrl-C keeps the points that are finished."""
 
@@ -297,7 +237,7 @@ class TestInterrupted:
                 raise KeyboardInterrupt
 
         monkeypatch.setattr(os, "fsync", stop)
-        result = bd.sweep(study, self.over, residual_norm, executor=Few(4), resume=tmp_path / "r.jsonl")
+        result = bd.sweep(study, self.over, residual_norm, executor=Ends(4, "broken"), resume=tmp_path / "r.jsonl")
         assert result.complete
         lines = (tmp_path / "r.jsonl").read_text().splitlines()
         assert sorted(json.loads(line)["index"] for line in lines[1:]) == [0, 1, 2, 3]
@@ -348,10 +288,10 @@ class TestInterrupted:
         with pytest.raises(KeyboardInterrupt):
             bd.robust_optimum(study, samples, (1e3, 2e3), **ways)
         monkeypatch.setattr(sys.modules["bdamper.analyses.sweep"], "optimal_curve", lambda *_, **__: made[0])
-        found = bd.robust_optimum(study, samples, (1e3, 2e3), executor=Few(3), **ways)
+        found = bd.robust_optimum(study, samples, (1e3, 2e3), executor=Ends(3, "broken"), **ways)
         assert found.status == "interrupted: the workers are gone"
         with pytest.raises(bd.BdamperError, match="robust optimum: the workers are gone"):
-            bd.robust_optimum(study, samples, (1e3, 2e3), executor=Few(0), **ways)
+            bd.robust_optimum(study, samples, (1e3, 2e3), executor=Ends(0, "broken"), **ways)
 
     @pytest.mark.slow
     @pytest.mark.usefixtures("interruptible")

@@ -15,7 +15,7 @@ import bdamper as bd
 from bdamper import fem
 from bdamper.fem import LocalSizes
 from bdamper.mistuning import DamperVariation, Mistuning
-from bdamper.mistuning.wheel import BladedDisk
+from bdamper.mistuning.bladed_disk import BladedDisk
 from bdamper.response.events import ContinuationOptions
 from bdamper.util.progress import CostMeter
 from tests.annulus import Annulus, small_sector, small_wheel

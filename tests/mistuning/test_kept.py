@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.mistuning import BladedDisk, DamperVariation, Mistuning, WheelPeakOptions
-from bdamper.mistuning.wheel import OneStructure
+from bdamper.mistuning import BladedDisk, DamperVariation, DiskPeakOptions, Mistuning
+from bdamper.mistuning.bladed_disk import OneStructure
 from bdamper.time_domain.march import March
 from tests.marches import fails_after
 from tests.mistuning.lumped import lumped_study, size, solution
@@ -47,7 +47,7 @@ def test_amplitudes_of_all_blades_are_those_of_the_response():
 def test_a_blade_keeps_a_peak_without_folds():
     """Long steps will do to see that it stays: one harmonic is a tenth too high."""
     wheel = BladedDisk(study(), Mistuning.random(N, 0.03, seed=0))
-    peak = wheel.peak(2000.0, options=WheelPeakOptions(least=12, most=12, climbs=2))
+    peak = wheel.peak(2000.0, options=DiskPeakOptions(least=12, most=12, climbs=2))
     kept = wheel.time_response(peak, steps_per_period=32)
     assert kept.status == "complete" and kept.blade == peak.blade and kept.periods
     assert kept.mean == pytest.approx(peak.amplitude, rel=0.15) and kept.blades.mean(axis=0).argmax() == peak.blade
@@ -58,7 +58,7 @@ def test_what_is_not_kept_has_no_amplitude(monkeypatch):
     """A peak said to be of half its preload falls to what the wheel has under this one, within what a harmonic is off; and
     a march that fails."""
     wheel = BladedDisk(study(), Mistuning.random(N, 0.03, seed=0))
-    peak = wheel.peak(2000.0, options=WheelPeakOptions(least=12, most=12, climbs=2))
+    peak = wheel.peak(2000.0, options=DiskPeakOptions(least=12, most=12, climbs=2))
     fallen = wheel.time_response(replace(peak, preload=1000.0), steps_per_period=32)
     assert fallen.status.startswith(f"not found: blade {peak.blade} reaches ") and np.isnan(fallen.mean)
     system = wheel.system(1000.0)
@@ -76,7 +76,7 @@ def test_what_is_not_kept_has_no_amplitude(monkeypatch):
 
 def test_what_cannot_be_marched_is_refused():
     wheel = BladedDisk(study(), Mistuning.random(N, 0.03, seed=0))
-    peak = wheel.peak(2000.0, options=WheelPeakOptions(least=12, most=12, climbs=2))
+    peak = wheel.peak(2000.0, options=DiskPeakOptions(least=12, most=12, climbs=2))
     with pytest.raises(bd.SettingError, match="peak of this bladed disk"):
         wheel.replace(mistuning=None).time_response(peak)
     lost = replace(peak, status="not found", frequency=np.nan, amplitude=np.nan, blade=-1, unknowns=np.zeros((0, 0, 0)))

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bdamper.mistuning import BladedDisk, WheelPeakOptions
+from bdamper.mistuning import BladedDisk, DiskPeakOptions
 from bdamper.mistuning.peak_search import Search
 from bdamper.mistuning.peak_search import band as band_of
 from tests.mistuning.test_symmetry import PATTERN, study
@@ -14,7 +14,7 @@ from tests.mistuning.test_symmetry import PATTERN, study
 @pytest.mark.parametrize("hidden", [(433.0, 447.0), (470.0, 600.0)])
 def test_a_part_of_the_band_without_solutions_leaves_a_lower_bound(monkeypatch, hidden):
     wheel = BladedDisk(study(), mistuning=PATTERN)
-    band, options = (425.0, 480.0), WheelPeakOptions(least=12, most=12, climbs=1)
+    band, options = (425.0, 480.0), DiskPeakOptions(least=12, most=12, climbs=1)
     whole = wheel.peak(2000.0, band, options=options)
     assert whole.converged and whole.reason == "1 peaks from 12 of 12 points", whole.reason
     assert whole.sweep_frequency[0] == pytest.approx(band[0]) and whole.sweep_frequency[-1] == pytest.approx(band[1])
@@ -42,7 +42,7 @@ def test_a_part_of_the_band_without_solutions_leaves_a_lower_bound(monkeypatch, 
 
 def test_peaks_beyond_the_band_do_not_count():
     wheel = BladedDisk(study(), mistuning=PATTERN)
-    top = wheel.peak(2000.0, (170.0, 215.0), options=WheelPeakOptions(least=12, most=12, climbs=1))
+    top = wheel.peak(2000.0, (170.0, 215.0), options=DiskPeakOptions(least=12, most=12, climbs=1))
     assert top.status == "not found" and np.isnan(top.amplitude) and top.blade == -1 and np.isnan(top.error)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.mistuning import BladedDisk, Mistuning, WheelPeakOptions, audit_wheels, mistuned_sample
+from bdamper.mistuning import BladedDisk, DiskPeakOptions, Mistuning, audit_disks, mistuned_sample
 from bdamper.util.progress import Cost
 from tests.mistuning.lumped import lumped_study
 
@@ -52,8 +52,8 @@ def quick(monkeypatch):
     monkeypatch.setattr(BladedDisk, "tuned_peak", lambda _, preload: SimpleNamespace(amplitude=1e-3, frequency=200.0))
 
 
-def sample(study, wheels=8, **options):
-    return mistuned_sample(study, [0.01, 0.03], [200.0, 300.0, 400.0], wheels, **({"audit": 0.25} | options))
+def sample(study, disks=8, **options):
+    return mistuned_sample(study, [0.01, 0.03], [200.0, 300.0, 400.0], disks, **({"audit": 0.25} | options))
 
 
 def same(a, b):
@@ -64,9 +64,9 @@ def same(a, b):
 
 
 def test_the_tuned_wheel_is_no_higher_than_its_sector(study):
-    found = mistuned_sample(study, 0.0, 300.0, 1, audit=0.0, options=WheelPeakOptions(least=8, most=8, climbs=1))
+    found = mistuned_sample(study, 0.0, 300.0, 1, audit=0.0, options=DiskPeakOptions(least=8, most=8, climbs=1))
     assert found.complete and abs(found.amplification.item() - 1.0) < 1e-7
-    assert not len(found.audit().wheel)
+    assert not len(found.audit().disk)
 
 
 def test_order_workers_and_company_do_not_matter(study, quick):
@@ -74,7 +74,7 @@ def test_order_workers_and_company_do_not_matter(study, quick):
     assert (whole.processor > 0.0).all()
     with ThreadPoolExecutor(2) as pool:
         assert same(whole, sample(study, executor=pool))
-    some = sample(study, wheels=[6, 2])
+    some = sample(study, disks=[6, 2])
     assert np.array_equal(some.amplitude, whole.amplitude[[6, 2]])
     other = sample(study, seed=1)
     assert not np.array_equal(other.amplitude, whole.amplitude)
@@ -84,27 +84,27 @@ def test_order_workers_and_company_do_not_matter(study, quick):
 
 def test_wheels_of_the_audit_are_drawn_before_any_result(study, quick):
     whole = sample(study)
-    drawn = audit_wheels(range(1000), 0.25)
+    drawn = audit_disks(range(1000), 0.25)
     assert whole.audited.tolist() == drawn[drawn < 8].tolist() and 200 < len(drawn) < 300
-    assert np.array_equal(np.unique(whole.audit().wheel), whole.audited)
+    assert np.array_equal(np.unique(whole.audit().disk), whole.audited)
     top = whole.audit(tail=True)
     for i, deviation in enumerate(whole.standard_deviation):
-        here = top.wheel[(top.standard_deviation == deviation) & (top.preload == 300.0)]
+        here = top.disk[(top.standard_deviation == deviation) & (top.preload == 300.0)]
         assert set(here) == set(np.argsort(whole.amplitude[:, i, 1])[-2:])
 
 
 def test_the_audit_finds_what_the_search_has_missed(study, quick):
     found = sample(study, audit=1.0).audit()
-    assert found.missed.sum() == 6 and set(found.wheel[found.missed]) == {MISSED}
+    assert found.missed.sum() == 6 and set(found.disk[found.missed]) == {MISSED}
     # the thorough search of wheel 5 has no peak: it says nothing for the other
-    assert found.undecided.sum() == 6 and set(found.wheel[found.undecided]) == {5}
+    assert found.undecided.sum() == 6 and set(found.disk[found.undecided]) == {5}
     assert np.isclose(found.share.value, 1 / 7)
     assert 0.0036 < found.share.low < 0.0037 and 0.57 < found.share.high < 0.58
     assert "14.3 % of the disks" in str(found).replace("\n", " ") and found.covered.sum() == 42
     assert "0 of them by more than the error estimate" in found._headline() and "search: 48" in str(found)
     assert found._headline().endswith(" %): 3.")
     rows = {name: column.values for name, column in found.columns().items()}
-    assert rows["missed"].sum() == 6 and rows["run"][rows["wheel"] == 5][0].startswith("failed: not found")
+    assert rows["missed"].sum() == 6 and rows["run"][rows["disk"] == 5][0].startswith("failed: not found")
 
 
 def test_a_failed_search_decides_nothing(study, quick, monkeypatch):
@@ -118,7 +118,7 @@ def test_a_failed_search_decides_nothing(study, quick, monkeypatch):
     monkeypatch.setattr(BladedDisk, "peak", failed)
     whole = sample(study, audit=1.0)
     found = whole.audit()
-    assert set(found.wheel[found.missed]) == {3} and set(found.wheel[found.undecided]) == {2, 5}
+    assert set(found.disk[found.missed]) == {3} and set(found.disk[found.undecided]) == {2, 5}
     assert np.isclose(found.share.value, 1 / 6) and "failed: no solution" in found.status
     low, _, high = whole.percentile(50.0)[:, 0, 0]
     known = np.sort(whole.amplification[:, 0, 0])[:7]
@@ -126,7 +126,7 @@ def test_a_failed_search_decides_nothing(study, quick, monkeypatch):
 
 
 def test_best_preload_and_percentiles(study, quick):
-    found = sample(study, wheels=40)
+    found = sample(study, disks=40)
     # amplitudes at 200 and 400 N are 1.111 times those at 300 N: within 5.3 % of each they are higher
     for error, low, high in ((0.0, 300.0, 300.0), (0.05, 300.0, 300.0), (0.055, 200.0, 400.0)):
         best = replace(found, error=np.full_like(found.error, error)).best_preload(90.0, 0.03)
@@ -177,9 +177,9 @@ def test_killed_at_random_moments_and_resumed(study, quick, tmp_path, monkeypatc
     assert same(sample(study, resume=path), quiet)
     before = path.read_bytes()
     assert same(sample(study, resume=path), quiet) and path.read_bytes() == before
-    assert same(sample(study, wheels=10, resume=path), sample(study, wheels=10))
+    assert same(sample(study, disks=10, resume=path), sample(study, disks=10))
     assert len(path.read_bytes()) < 1.5 * len(before), "wheels were computed again"
-    with pytest.raises(bd.BdamperError, match="of this sample of wheels, found results of other settings: seed"):
+    with pytest.raises(bd.BdamperError, match="of this sample of bladed disks, found results of other settings: seed"):
         sample(study, resume=path, seed=1)
 
 
@@ -202,7 +202,7 @@ def test_an_interruption_keeps_what_is_finished(study, quick, monkeypatch):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"wheels": 0}, "wheels: expected a whole number >= 1, found 0"),
+        ({"disks": 0}, "disks: expected a whole number >= 1, found 0"),
         ({"distribution": "gamma"}, "distribution: expected one of"),
         ({"dampers": {"weight": 0.1}}, "properties of dampers: expected one of"),
         ({"dampers": {"mass": -0.1}}, "standard deviation of mass: expected a finite number >= 0"),

@@ -8,10 +8,10 @@ import pytest
 import bdamper as bd
 from bdamper.harmonic_balance.equations import Fixed
 from bdamper.mistuning import DamperVariation, Mistuning
+from bdamper.mistuning.bladed_disk import BladedDisk
+from bdamper.mistuning.disk_equations import of_blade
+from bdamper.mistuning.disk_problem import disk_system
 from bdamper.mistuning.peak_search import family_shapes, reduced_state
-from bdamper.mistuning.wheel import BladedDisk
-from bdamper.mistuning.wheel_equations import of_blade
-from bdamper.mistuning.wheel_problem import wheel_system
 from bdamper.response.events import ContinuationOptions
 from bdamper.util.progress import CostMeter
 from tests.following import find_start
@@ -183,7 +183,7 @@ def test_a_wheel_whose_blades_move_in_as_many_other_shapes_is_the_same():
         shapes = rng.normal(size=(n, m))
         row = w.response_row @ shapes
         excitation = np.hstack([w.excitation[:, :n] @ shapes, w.excitation[:, n:]])
-        system = wheel_system(w.structure.reduced(shapes), reduced_state(w.structure, state, shapes), excitation, row)
+        system = disk_system(w.structure.reduced(shapes), reduced_state(w.structure, state, shapes), excitation, row)
         b = 1e-6 * rng.normal(size=system.structure.shape)
         b[:, 0, m:] += state.mean[:, n:]
         X = np.concatenate([b[..., :m] @ shapes.T, b[..., m:]], axis=2)

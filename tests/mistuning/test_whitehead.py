@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.mistuning import BladedDisk, Mistuning, WheelPeakOptions
-from bdamper.mistuning.wheel_equations import Structure
+from bdamper.mistuning import BladedDisk, DiskPeakOptions, Mistuning
+from bdamper.mistuning.disk_equations import Structure
 from bdamper.model.modal_basis import LocalBasis
 from tests.models import wedge_model
 
@@ -109,5 +109,5 @@ def test_the_worst_pattern_reaches_the_bound(n_blades):
     assert 0.99 * bound < found.max() < bound
     k = int(np.argmax(found))
     near = at[k] * (1.0 - 20.0 * zeta), at[k] * (1.0 + 25.0 * zeta)
-    peak = one.replace(mistuning=pattern(factors[k])).peak(300.0, near, options=WheelPeakOptions(least=20, climbs=1))
+    peak = one.replace(mistuning=pattern(factors[k])).peak(300.0, near, options=DiskPeakOptions(least=20, climbs=1))
     assert peak.blade == 0 and 0.99 * bound < peak.amplification < bound

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bdamper.mistuning.wheel_equations import local_model
+from bdamper.mistuning.disk_equations import local_model
 from bdamper.model.contact_points import unite_contact_points
 from bdamper.model.structure import feed_digest
 from bdamper.model.validation import check_model

@@ -17,7 +17,7 @@ PICTURES = {
     "Model": ("plot", "plot_mode"),
     "MistunedSample": ("plot", "plot_tail"),
     "TimeResponse": ("plot", "mark"),
-    "WheelPeak": ("plot", "plot_wheel"),
+    "DiskPeak": ("plot", "plot_wheel"),
 }
 """Types with more pictures than ``plot``."""
 

@@ -18,11 +18,11 @@ from bdamper.harmonic_balance.rotor_speed import Conditions
 from bdamper.harmonic_balance.settings import Settings
 from bdamper.importers import Checks, ContactFaces, Placement, Reduction, Sector, Units, build_model, over_speed
 from bdamper.importers.contact_faces import Patches
-from bdamper.mistuning import BladedDisk, DamperVariation, Mistuning, WheelPeakOptions
+from bdamper.mistuning import BladedDisk, DamperVariation, DiskPeakOptions, Mistuning
 
 FURTHER = (
     LeastMargin, Material, ContactFaces, Units, Sector, Placement, Reduction, Checks, build_model, over_speed, Patches,
-    Conditions, LocalSizes, DamperVariation, Mistuning, WheelPeakOptions,
+    Conditions, LocalSizes, DamperVariation, Mistuning, DiskPeakOptions,
 )  # fmt: skip
 PARTS = (bd.Study, BladedDisk, ContactLaw, Mistuning, DamperVariation)
 """Classes with methods that take numbers."""

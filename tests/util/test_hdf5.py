@@ -124,7 +124,7 @@ class TestDamaged:
         "stress": ("points", "names", "counted", "spread", "coefficients"),
         "campbell": ("speed", "nodal_diameter", "free", "stuck"),
         "sweep": ("points", "values", "status", "seconds", "shape"),
-        "mistuned_sample": ("wheels", "preload", "amplitude", "frequency", "status"),
+        "mistuned_sample": ("disks", "preload", "amplitude", "frequency", "status"),
     }  # fmt: skip
 
     @each(("name", "field"), [(name, field) for name, own in COLUMNS.items() for field in own])

@@ -12,7 +12,7 @@ from bdamper.fatigue.margin import MarginCurve
 from bdamper.harmonic_balance.parameters import vary
 from bdamper.importers.build import build_model
 from bdamper.importers.contact_faces import ContactFaces
-from bdamper.mistuning import BladedDisk, DamperVariation, Mistuning, WheelPeakOptions
+from bdamper.mistuning import BladedDisk, DamperVariation, DiskPeakOptions, Mistuning
 from bdamper.util.errors import PlausibilityWarning
 from tests.each import each
 from tests.plain import plain_study
@@ -92,7 +92,7 @@ REFUSED = {
         lambda s: BladedDisk.peak(None, 9.0, option=None),
         "peak: .*did you mean options",
     ),
-    "misspelt option of the search": (lambda s: WheelPeakOptions(climb=3), "WheelPeakOptions: .*did you mean climbs"),
+    "misspelt option of the search": (lambda s: DiskPeakOptions(climb=3), "DiskPeakOptions: .*did you mean climbs"),
     "misspelt step of a wheel": (
         lambda s: BladedDisk.time_response(None, None, steps=128),
         "time_response: .*did you mean steps_per_period",
@@ -105,7 +105,7 @@ REFUSED = {
         lambda s: BladedDisk.optimal_curve(None, preload=[9.0]),
         "curve: .*did you mean preloads",
     ),
-    "misspelt wheels": (lambda s: bd.mistuned_sample(s, 0.02, 9.0, wheel=3), "mistuned_sample: .*did you mean wheels"),
+    "misspelt disks": (lambda s: bd.mistuned_sample(s, 0.02, 9.0, disk=3), "mistuned_sample: .*did you mean disks"),
     "a sample without a preload": (lambda s: bd.mistuned_sample(s, 0.02), "mistuned_sample: .*'preload'"),
     # questions
     "a preload as a text": (lambda s: s.frequency_response("2 kN", F), "preload: .*found '2 kN'"),

@@ -158,7 +158,7 @@ def at_optimum(problem: Problem, curve: OptimalCurve) -> Convergence | None:
     return convergence or Convergence(best.preload, TOLERANCE, (known,), status=status)
 
 
-def beside(problem: Problem, curve: OptimalCurve, work: Callable[[], OptimalCurve]) -> OptimalCurve:
+def with_convergence(problem: Problem, curve: OptimalCurve, work: Callable[[], OptimalCurve]) -> OptimalCurve:
     """Run work on an optimal curve and, on a second thread, the harmonic convergence at its optimum.
 
     The cost of the returned curve includes both, with their common elapsed time.

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -198,9 +199,7 @@ def effect_significance(
     rows = [reference.row(name, present, tolerance) for name in parts(problem, effects)]
     rows.sort(key=lambda row: -row.size)
     rows, (amplitude, change) = _chosen(reference, rows, tolerance)
-    significant = effects
-    for row in rows:
-        significant = significant if row.significant else significant.without(row.name)
+    significant = reduce(Effects.without, (row.name for row in rows if not row.significant), effects)
     whole = reference.curve
     notes = () if whole.complete else (f"the curve with all effects ended as: {whole.status} ({whole.reason})",)
     work = _work(problem.replace(**significant).system(preload)) / reference.work
@@ -224,15 +223,14 @@ class _Reference:
         on = present.without(name) != present
         leaner = self.problem.replace(**self.effects.without(name))
         if not leaner.static(self.preload).converged:
-            return EffectRow(name, on, np.nan, np.nan, np.inf, "unknown", np.nan, reason="no static state")
-        system, change, source = leaner.system(self.preload), None, "estimated"
+            return EffectRow(name, on, *Change()[:3], "unknown", np.nan, reason="no static state")
+        system, change, source = leaner.system(self.preload), Change(), "estimated"
         peak = self.curve.peak
         if not peak.corner:  # the estimate needs a stationary amplitude
             change = estimate_change(system, embed(self.problem, leaner, self.preload, peak.y))
-        if change is None or change.size > tolerance:
+        if change.size > tolerance:
             change, source = self.computed(leaner), "computed"
-        why = "" if change.known else change.how
-        source = source if change.known else "unknown"
+        source, why = (source, "") if change.known else ("unknown", change.how)
         return EffectRow(name, on, *change[:3], source, _work(system) / self.work, reason=why)
 
     def computed(self, leaner: Problem) -> Change:

@@ -84,10 +84,15 @@ class Change(NamedTuple):
         Method, or the reason why the change is unknown.
     """
 
-    amplitude: float
-    frequency: float
-    uncertainty: float = 0.0
+    amplitude: float = np.nan
+    frequency: float = np.nan
+    uncertainty: float = np.inf
     how: str = ""
+
+    @classmethod
+    def between(cls, before: Peak, after: PeakOutcome | Peak, how: str = "") -> Change:
+        """Return the change from one computed peak to another."""
+        return cls(after.amplitude / before.amplitude - 1.0, after.frequency / before.frequency - 1.0, 0.0, how)
 
     @property
     def known(self) -> bool:
@@ -157,7 +162,7 @@ def estimate_change(system: Equations, y: NDArray) -> Change:
     Change
         Unknown if the equations are not finite or singular.
     """
-    n, unknown = system.n_unknowns, Change(np.nan, np.nan, np.inf, "no estimate")
+    n, unknown = system.n_unknowns, Change(how="no estimate")
     if system.core.evaluate(np.ascontiguousarray(y), r := np.empty(n)) != OK:
         return unknown
     grow, turn, amplitude = amplitude_and_phase(system, y[:-1])
@@ -342,7 +347,7 @@ def compare(problem: Problem, other: Problem, preload: float, tops: Tops, by_new
     """
     state, peak = other.static(preload), tops.peaks[0]
     if not state.converged:
-        return Change(np.nan, np.nan, np.inf, f"no static state: {state.note}")
+        return Change(how=f"no static state: {state.note}")
     if by_newton:
         system = other.system(preload)
         embedded = [embed(problem, other, preload, top.y) for top in tops.peaks]
@@ -353,13 +358,9 @@ def compare(problem: Problem, other: Problem, preload: float, tops: Tops, by_new
     wider = WIDER if tops.follow else None
     outcome = evaluate_peak(other, lambda p: whole_curve(p, preload, interval, tops.at_end, wider))
     if outcome.reason:
-        return Change(np.nan, np.nan, np.inf, f"no complete response curve: {outcome.reason}")
+        return Change(how=f"no complete response curve: {outcome.reason}")
     outside = "" if interval[0] <= outcome.frequency <= interval[1] else ", outside the interval"
-    return _change(peak, outcome, f"computed by a complete response curve{outside}")
-
-
-def _change(before: Peak, after: PeakOutcome | Peak, how: str) -> Change:
-    return Change(after.amplitude / before.amplitude - 1.0, after.frequency / before.frequency - 1.0, how=how)
+    return Change.between(peak, outcome, f"computed by a complete response curve{outside}")
 
 
 def _solved(system: Equations, embedded: list[NDArray], tops: Tops) -> Change | None:
@@ -367,10 +368,9 @@ def _solved(system: Equations, embedded: list[NDArray], tops: Tops) -> Change | 
     peaks = []
     for y, peak in zip(embedded, tops.peaks):
         peaks.append(find_peak(system, y))
-        change = _change(peak, peaks[-1], "")
-        if not peaks[-1].converged or max(abs(change.amplitude), abs(change.frequency)) > 1.0 - NEARLY_HIGHEST:
+        if not peaks[-1].converged or Change.between(peak, peaks[-1]).size > 1.0 - NEARLY_HIGHEST:
             return None
-    return _change(tops.peaks[0], max(peaks, key=lambda p: p.amplitude), "solved")
+    return Change.between(tops.peaks[0], max(peaks, key=lambda p: p.amplitude), "solved")
 
 
 def _at_frequency(system: Equations, embedded: list[NDArray], peak: Peak) -> Change | None:
@@ -382,7 +382,7 @@ def _at_frequency(system: Equations, embedded: list[NDArray], peak: Peak) -> Cha
         c = system.correct_at(y[:-1], float(y[-1]), system.units(y, y[-1]), 1e-9, 60 if search else 20, search)
         if c.status == OK:
             change = float(abs(system.response(c.y[:-1])[1])) / peak.amplitude - 1.0
-            return Change(change, 0.0, how="solved at the end of the interval")
+            return Change(change, 0.0, 0.0, "solved at the end of the interval")
     return None
 
 
@@ -428,22 +428,19 @@ def estimate_errors(problem: Problem, result: ResponseCurve | Peak, *, sources: 
 
 def _of_source(problem: Problem, source: str, preload: float, tops: Tops) -> SourceError | None:
     try:
-        richer = richer_study(problem, source)
-        if richer is None:
+        found = richer_study(problem, source)
+        if found is None:
             return None
-        by_newton = richer.problem.harmonic_numbers != problem.harmonic_numbers
-        change = compare(problem, richer.problem, preload, tops, by_newton)
-        how = f"{richer.text}; {change.how}" if change.known else change.how
+        richer, text = found
+        change = compare(problem, richer, preload, tops, richer.harmonic_numbers != problem.harmonic_numbers)
+        how = f"{text}; {change.how}" if change.known else change.how
     except BdamperError as error:
-        change, how = Change(np.nan, np.nan, np.inf), str(error)
+        change, how = Change(), str(error)
     return SourceError(source, *change[:3], how)
 
 
-class Richer(NamedTuple):
-    """Study that is more detailed in one respect, and a description."""
-
-    problem: Problem
-    text: str
+Richer = tuple[Problem, str]
+"""Study that is more detailed in one respect, and a description."""
 
 
 def richer_study(problem: Problem, source: str) -> Richer | None:
@@ -495,7 +492,7 @@ def _more_harmonics(problem: Problem) -> Richer:
         raise BdamperError(f"there are no more than {MAX_HARMONIC} harmonics")
     lacking = missing_harmonics(problem, top)
     text = f"harmonics 1 to {top}" + (f", with the modes of the first for {lacking[0]} and more" if lacking else "")
-    return Richer(with_stand_ins(problem, top), text)
+    return with_stand_ins(problem, top), text
 
 
 def _exact_events(problem: Problem) -> Richer | None:
@@ -503,16 +500,16 @@ def _exact_events(problem: Problem) -> Richer | None:
     if not isinstance(sampling, AFT):
         return None
     try:
-        return Richer(problem.replace(contact_forces="event_driven"), "exact events")
+        return problem.replace(contact_forces="event_driven"), "exact events"
     except SettingError:  # coupled friction has no event-driven evaluation
-        return Richer(problem.replace(contact_forces=AFT(4 * sampling.n_time)), f"{4 * sampling.n_time} samples")
+        return problem.replace(contact_forces=AFT(4 * sampling.n_time)), f"{4 * sampling.n_time} samples"
 
 
 def _more_points(problem: Problem) -> Richer:
     full = problem.settings.most_points
     if problem.settings.contact_points is None or problem.settings.contact_points >= full:
         raise BdamperError("the model has no more contact points")
-    return Richer(problem.replace(contact_points=None), f"{full} contact points on a face")
+    return problem.replace(contact_points=None), f"{full} contact points on a face"
 
 
 def _more_modes(problem: Problem) -> Richer:
@@ -527,10 +524,10 @@ def _more_modes(problem: Problem) -> Richer:
     counts = " and ".join(map(str, sorted(set(rich.values()) - {0})))
     text = f"{blade} modes" + (f", {counts} elastic modes of the damper" if counts else "")
     modes = rich if len(set(rich.values())) > 1 else max(rich.values(), default=0)
-    return Richer(problem.replace(blade_modes=max(blade, s.blade_modes), damper_modes=modes), text)
+    return problem.replace(blade_modes=max(blade, s.blade_modes), damper_modes=modes), text
 
 
 def _residual_modes(problem: Problem) -> Richer | None:
     if problem.stiffness_method not in ("unit_traction", "cigeroglu2009"):
         return None
-    return Richer(problem.replace(contact_stiffness="residual_modes"), "residual modes")
+    return problem.replace(contact_stiffness="residual_modes"), "residual modes"

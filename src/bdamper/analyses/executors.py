@@ -1,27 +1,26 @@
-"""Execution of the points of a sweep on the workers of an executor; each worker receives the common data once.
+"""Execution of the points of a sweep on the workers of an executor.
 
-The job, a study with its function, has some megabytes, a task some hundred bytes. The job is therefore written to a file.
-Tasks contain its digest, and a worker reads the file when it receives a digest for the first time. A worker that cannot
-read the file, for example on another host, returns the task. Tasks with the job itself are then submitted, at most one for
-each worker without the job. If all tasks contained the job, a scheduler would store it once for each point. The only
-required method of an executor is :meth:`concurrent.futures.Executor.submit`.
+The job, a study with its function, has some megabytes. With the job in each task, Dask needs half a second for a task, and
+a worker that is killed while it receives one can block a process pool. Therefore tasks contain the path of a file with the
+job, which a worker reads once. If a worker cannot read it, for example on another host, the point is submitted again with
+the job. Threads of this process use the job itself. A few tasks for each worker are submitted at a time.
+The only required method of an executor is :meth:`concurrent.futures.Executor.submit`.
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
-import os
 import pickle
-import platform
 import tempfile
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor, Future
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass, field
+from functools import lru_cache
 from pathlib import Path
-from queue import SimpleQueue
-from typing import Any, Protocol
+from typing import Any
+from uuid import uuid4
 
 import numpy as np
 
@@ -36,23 +35,19 @@ NOT_RUN: Record = {"status": errors.NOT_RUN, "values": {}, "seconds": 0.0, "cost
 """Record of a point that was not computed because of an interruption."""
 
 
-class Job(Protocol):
-    """Common data of all points; picklable for other processes."""
-
-    def run(self, settings: Mapping[str, Any]) -> Record:
-        """Return the record of the point with these settings."""
-        ...
+Job = Callable[[Mapping[str, Any]], Mapping[str, Any]]
+"""Function of the settings of a point that returns its named results; picklable for other processes."""
 
 
-def recorded(ask: Callable[[], Mapping[str, Any]]) -> Record:
-    """Return the record of one point: the named results of a function, or the reason of a failure.
+def recorded(job: Job, settings: Mapping[str, Any]) -> Record:
+    """Return the record of one point: its named results, or the reason of a failure.
 
     A result "cost" of type :class:`bdamper.util.progress.Cost` is the cost of the point.
     """
     watch, ending, values = CostMeter(), errors.COMPLETE, dict[str, Any]()
     try:
         with LongWork() as work:  # in a worker there is no outer LongWork
-            values = dict(ask())
+            values = dict(job(settings))
         if work.interrupted:
             raise ExecutorEnded(work.reason) if work.reason else KeyboardInterrupt
     except (BdamperError, ArithmeticError, np.linalg.LinAlgError, ExecutorEnded) as error:
@@ -62,97 +57,48 @@ def recorded(ask: Callable[[], Mapping[str, Any]]) -> Record:
     return {"status": ending, "values": values, "seconds": spent.seconds, "cost": asdict(cost)}
 
 
-MOST_JOBS = 8
-"""Number of jobs that a process stores, since several sweeps may share a pool; older ones are read again."""
-_jobs: dict[str, Job] = {}
-"""Jobs of this process and of its tasks, by the digests of their pickles."""
+@dataclass(frozen=True)
+class _Packed:
+    """Pickled job: the path of its file and, for workers that cannot read the file, its content."""
+
+    path: Path
+    content: bytes = field(default=b"", compare=False)
 
 
-def _keep_job(key: str, job: Job) -> Job:
-    """Store a job, and remove the oldest ones beyond :data:`MOST_JOBS`."""
-    _jobs[key] = job
-    for former in list(_jobs)[:-MOST_JOBS]:
-        _jobs.pop(former, None)
-    return job
+@lru_cache(maxsize=4)  # several sweeps may share the workers
+def _unpacked(job: _Packed) -> Job:
+    unpacked: Job = pickle.loads(job.content or job.path.read_bytes())
+    return unpacked
 
 
-def _unpacked(key: str, path: str, packed: bytes | None) -> Job | None:
-    """Return the job of a digest from memory, from the bytes, or from the file; None if it is not available."""
-    job = _jobs.get(key)
-    if job is None:
-        if packed is None:
-            try:
-                packed = Path(path).read_bytes()
-            except OSError:
-                return None
-            if hashlib.sha256(packed).hexdigest() != key:
-                return None
-        job = _keep_job(key, pickle.loads(packed))
-    return job
+def _run(job: Job | _Packed, settings: Mapping[str, Any]) -> Record | None:
+    """Return the record of one point; None if the worker cannot read the job."""
+    try:
+        job = _unpacked(job) if isinstance(job, _Packed) else job
+    except OSError:
+        return None
+    return recorded(job, settings)
 
 
-def work(key: str, path: str, packed: bytes | Job | None, settings: Mapping[str, Any]) -> tuple[str, Record | None]:
-    """Return the name of the worker, and the record of one point; None if the worker cannot read the job."""
-    job = _unpacked(key, path, packed) if packed is None or isinstance(packed, bytes) else packed
-    return f"{platform.node()} {os.getpid()}", None if job is None else job.run(settings)
+def _pack(job: Job, executor: Executor, stack: ExitStack) -> tuple[Job | _Packed, Job | _Packed]:
+    """Return the job as tasks contain it, and as tasks contain it whose worker could not read it."""
+    if isinstance(executor, ThreadPoolExecutor):
+        return job, job
+    try:
+        content = pickle.dumps(job)
+    except (pickle.PicklingError, AttributeError, TypeError):
+        return job, job  # Dask can send more; a process pool raises an error with the reason
+    path = Path(uuid4().hex)
+    with suppress(OSError):  # for example on a full disk
+        folder = tempfile.TemporaryDirectory(prefix="bdamper-", ignore_cleanup_errors=True)
+        path = Path(stack.enter_context(folder)) / "job.pickle"
+        path.with_suffix(".part").write_bytes(content)
+        path.with_suffix(".part").rename(path)
+    return _Packed(path), _Packed(path, content)
 
 
-Task = Future[tuple[str, Record | None]]
-"""Task on an executor."""
-
-
-@dataclass
-class _Tasks:
-    """Tasks of an executor and the state of its workers.
-
-    ``without`` contains the workers that returned a task and have not received the job, ``carriers`` the running tasks that
-    contain it.
-    """
-
-    executor: Executor
-    key: str
-    path: str
-    packed: bytes | Job
-    points: Sequence[Mapping[str, Any]]
-    running: dict[Task, int] = field(default_factory=dict)
-    finished: SimpleQueue[Task] = field(default_factory=SimpleQueue)
-    without: set[str] = field(default_factory=set)
-    carriers: set[Task] = field(default_factory=set)
-    handed_back: list[int] = field(default_factory=list)
-
-    def submit(self, i: int, carries: bool) -> None:
-        """Submit a point with the job, or with its digest only."""
-        with executor_errors(RuntimeError):  # raised after a shutdown
-            future = self.executor.submit(work, self.key, self.path, self.packed if carries else None, self.points[i])
-        self.running[future] = i
-        if carries:
-            self.carriers.add(future)
-        future.add_done_callback(self.finished.put)
-
-    def record(self, future: Task) -> Record | None:
-        """Return the record of a finished task; None if the worker returned the task."""
-        self.carriers.discard(future)
-        with executor_errors():
-            worker, record = future.result()
-        if record is None:
-            self.without.add(worker)
-            self.handed_back.append(self.running[future])
-        else:
-            self.without.discard(worker)
-        return record
-
-    def submit_again(self) -> None:
-        """Submit returned tasks again, with the job if workers lack it."""
-        while self.handed_back and (not self.without or len(self.carriers) < len(self.without)):
-            self.submit(self.handed_back.pop(0), bool(self.without))
-
-    def left(self, keep: Keep) -> None:
-        """Store finished points after an early end of the work."""
-        for future, i in self.running.items():
-            if not future.cancel() and future.done() and future.exception() is None:
-                record = future.result()[1]
-                if record is not None:
-                    keep(i, record)
+TASKS, WORKERS = 4, 32
+"""Number of submitted tasks for each worker, and number of workers if the executor has no attribute with it."""
 
 
 def run_points(
@@ -180,41 +126,36 @@ def run_points(
     """
     if executor is None or not todo:
         for i in todo:
-            keep(i, job.run(points[i]))
+            keep(i, recorded(job, points[i]))
         return
-    packed: bytes | Job
-    try:
-        packed = pickle.dumps(job)
-        key = hashlib.sha256(packed).hexdigest()
-        _keep_job(key, job)  # threads of this process use the job itself
-    except (pickle.PicklingError, AttributeError, TypeError):
-        packed, key = job, ""  # sufficient for threads; a process pool raises an error with the reason
+    numbers = (getattr(executor, name, None) for name in ("_max_workers", "num_workers"))
+    most = TASKS * next((n for n in numbers if isinstance(n, int)), WORKERS)
+    waiting, running = deque(todo), dict[Future[Record | None], int]()
     with ExitStack() as stack:
-        path = Path()
-        with suppress(OSError):  # on a full disk tasks contain the job
-            folder = tempfile.TemporaryDirectory(prefix="bdamper-", ignore_cleanup_errors=True)
-            path = Path(stack.enter_context(folder)) / "job.pickle"
-            if isinstance(packed, bytes):
-                path.write_bytes(packed)
-        tasks = _Tasks(executor, key, str(path), packed, points)
+        small, whole = _pack(job, executor, stack)
+
+        def submit(i: int, packed: Job | _Packed) -> None:
+            with executor_errors(RuntimeError):  # raised after a shutdown
+                future = executor.submit(_run, packed, points[i])
+            running[future] = i
+
         try:
-            for i in todo:
-                tasks.submit(i, carries=not key)
-            while tasks.running:
-                future = tasks.finished.get()
-                record = tasks.record(future)
-                if record is not None:
-                    keep(tasks.running[future], record)
-                del tasks.running[future]  # after it is stored, since storing may be interrupted
-                tasks.submit_again()
+            while waiting or running:
+                while waiting and len(running) < most:
+                    submit(waiting.popleft(), small)
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    with executor_errors():
+                        record = future.result()
+                    if record is None:
+                        submit(running[future], whole)
+                    else:
+                        keep(running[future], record)
+                    del running[future]  # after it is stored, since storing may be interrupted
         except BaseException:
-            tasks.left(keep)
+            for future, i in running.items():
+                if not future.cancel() and future.done() and not future.exception() and (record := future.result()):
+                    keep(i, record)
             raise
-        finally:
-            for future in tasks.running:
-                future.cancel()
-            if _jobs.get(key) is job:
-                del _jobs[key]
 
 
 def check_executor(executor: Any) -> None:

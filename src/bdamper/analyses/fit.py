@@ -18,7 +18,7 @@ another is omitted,
 
 with the rows :math:`J_t` and :math:`r_t` of test t. Their jackknife standard error includes model errors that differ
 between loads. No residual shows an error that the parameters compensate under all loads. The true constants then lie
-outside the interval; :meth:`Fitted.beside` widens it by comparison with a more detailed model.
+outside the interval; :meth:`Fitted.widen` widens it by comparison with a more detailed model.
 """
 
 from __future__ import annotations
@@ -162,8 +162,8 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
         check_result(problem_of(study), self, f"study (the constants belong to {self._belong()})")
         return vary(study, {name: float(v) for name, v in zip(self.names, self.values) if name != FORCE})
 
-    def beside(self, richer: Fitted) -> Fitted:
-        """Return the result with intervals widened by the distance to a fit with more detailed settings.
+    def widen(self, richer: Fitted) -> Fitted:
+        """Widen the intervals by the distance to a fit with more detailed settings.
 
         An interval of one model does not show an error that this model makes under all loads.
 
@@ -208,6 +208,11 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
         hint = f"; measured amplitudes are about {factor}: check the units" if power else ""
         return f"the model does not describe these data (misfit {self.misfits[worst]:.2g} times the noise{hint})"
 
+    @property
+    def doubts(self) -> str:
+        """Reasons of an incomplete fit, apart from :attr:`wrong`."""
+        return self.status.partition(": ")[2].removeprefix(self.wrong).removeprefix("; ")
+
     def _headline(self) -> str:
         rows = zip(self.names, self.values, self.low, self.high, self.deviation)
         estimates = "; ".join(
@@ -221,10 +226,10 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
         most = f"most in {self.tests[worst]} ({self.misfits[worst]:.2g})"
         out.append(f"Misfit {self.misfit:.2g} times the noise{wrong}, {most}.")
         if wrong:
-            out.append("True constants may lie outside of the intervals: compare a fit with richer settings (beside).")
+            out.append("True constants may lie outside of the intervals: compare a fit with richer settings (widen).")
         out.append(f"The constants belong to {self._belong()}, and to no other settings.")
-        if doubts := self.status.partition(": ")[2].removeprefix(self.wrong).removeprefix("; "):
-            out.append(f"The fit is incomplete: {doubts}.")
+        if self.doubts:
+            out.append(f"The fit is incomplete: {self.doubts}.")
         return " ".join(out)
 
 
@@ -447,14 +452,15 @@ def _stage(objective: Objective, before: tuple[Fitted, NDArray] | None = None) -
             why = f" ({part.reason})" if part.reason else ""
             counted = f"each counted as {LOST:g} times the noise"
             doubts.append(f"no response was found at {lost} points of {label}{why}, {counted}")
+    of_points: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts]) for name in ("place", "measured", "model", "residual")
+    }
     result = Fitted(
         names=names, values=np.exp(x), low=np.exp(ends[0]), high=np.exp(ends[1]),
         deviation=np.where(unknown, np.inf, np.sqrt(np.diag(C))), left_out=left,
         information=information / np.maximum(information.sum(axis=1, keepdims=True), 1e-300), tests=labels,
-        noise=objective.noise,
-        place=np.concatenate([part.place for part in parts]), measured=np.concatenate([part.measured for part in parts]),
-        model=np.concatenate([part.model for part in parts]), residual=np.concatenate([part.residual for part in parts]),
-        test=np.repeat(np.arange(len(parts)), [len(part.place) for part in parts]), **problem.recorded(),
+        noise=objective.noise, test=np.repeat(np.arange(len(parts)), [len(part.place) for part in parts]), **of_points,
+        **problem.recorded(),
     )  # fmt: skip
     return _with_status(result, doubts), C
 
@@ -526,10 +532,9 @@ def _joined(first: Fitted, last: Fitted) -> Fitted:
     information = scipy.linalg.block_diag(first.information, last.information)
     arrays = ("values", "low", "high", "deviation", "left_out", "place", "measured", "model", "residual")
     whole: dict[str, Any] = {name: np.concatenate([getattr(first, name), getattr(last, name)]) for name in arrays}
-    doubts = [s.status.partition(": ")[2].removeprefix(s.wrong).removeprefix("; ") for s in (first, last)]
     joined = replace(
         last, names=first.names + last.names, tests=first.tests + last.tests,
         **whole, information=information,
         test=np.append(first.test, last.test + len(first.tests)),
     )  # fmt: skip
-    return _with_status(joined, doubts)
+    return _with_status(joined, (first.doubts, last.doubts))

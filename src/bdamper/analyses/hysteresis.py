@@ -48,7 +48,7 @@ from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Fact, Plottable, draw
 from bdamper.util.errors import COMPLETE, FAILED, ModelError, SettingError, with_reason
-from bdamper.util.formatting import amount, percent, short_repr
+from bdamper.util.formatting import amount, peak_text, percent, short_repr
 from bdamper.util.progress import one_thread
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import ROW, Column, Quantity, Tabular
@@ -238,15 +238,14 @@ class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamp
     def _headline(self) -> str:
         if not self.single:
             k = int(np.argmax(self.damping_ratio))
-            at = f"{amount(self.amplitude[k], 'm')} and {amount(self.frequency[k], 'Hz')}"
-            load = amount(self.preload[k], "N")
-            return f"Largest damping ratio of the contacts {percent(self.damping_ratio[k])}, at {at}, preload {load}."
+            at = f"{peak_text(self.amplitude[k], self.frequency[k])}, preload {amount(self.preload[k], 'N')}"
+            return f"Largest damping ratio of the contacts {percent(self.damping_ratio[k])}, with {at}."
         share = self.lost / self.excitation if self.excitation else float("nan")
         most = max(self.by_interface, key=lambda name: self.by_interface[name], default="")
         where = f", most of it at {most}" if self.lost > NOTHING * self.excitation else ""
         return (
             f"The contacts dissipate {percent(share)} of the work of the excitation{where}: equivalent damping ratio "
-            f"{percent(self.damping_ratio)} at {amount(self.amplitude, 'm')} and {amount(self.frequency, 'Hz')}."
+            f"{percent(self.damping_ratio)} with {peak_text(self.amplitude, self.frequency)}."
         )
 
 

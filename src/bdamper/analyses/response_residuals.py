@@ -105,20 +105,20 @@ class Variations:
         self.problem, self.values = problem, values
         self.own = self._at(values)
         _ = self.own.bases, self.own.static_states  # computed once for all tests
-        self._beside: dict[tuple[str, float], Problem] = {}
+        self._neighbours: dict[tuple[str, float], Problem] = {}
 
     def _at(self, values: dict[str, float]) -> Problem:
         return vary(self.problem, {name: value for name, value in values.items() if name != FORCE})
 
-    def beside(self, name: str, value: float) -> Problem:
+    def neighbour(self, name: str, value: float) -> Problem:
         """Return the problem at another value of one parameter."""
         if name == FORCE or value == self.values[name]:
             return self.own
-        if (name, value) not in self._beside:
-            neighbour = like(self._at(self.values | {name: value}), self.own)
-            _ = neighbour.static_states
-            self._beside[name, value] = neighbour
-        return self._beside[name, value]
+        if (name, value) not in self._neighbours:
+            problem = like(self._at(self.values | {name: value}), self.own)
+            _ = problem.static_states
+            self._neighbours[name, value] = problem
+        return self._neighbours[name, value]
 
     def under(self, force: float | None, problem: Problem | None = None, gain: float | None = None) -> Problem:
         """Return the problem with the excitation of a test."""
@@ -132,7 +132,7 @@ class Variations:
         def family(name: str) -> Callable[[float], Equations]:
             def at(value: float) -> Equations:
                 gain = value if name == FORCE else None
-                return self.under(force, self.beside(name, value), gain).system(preload)
+                return self.under(force, self.neighbour(name, value), gain).system(preload)
 
             return at
 
@@ -340,7 +340,7 @@ def of_resonances(varied: Variations, data: Measured, noise: float) -> Separatio
         out = np.zeros((n, 2, len(varied.values)))
         for j, name in enumerate(varied.values):
             value = varied.values[name]
-            above, below = (varied.under(None, varied.beside(name, value * s)) for s in (1.0 + STEP, 1.0 - STEP))
+            above, below = (varied.under(None, varied.neighbour(name, value * s)) for s in (1.0 + STEP, 1.0 - STEP))
             reference_slope = (reference(above) - reference(below)) / (2.0 * STEP * value)
             if name == FORCE:
                 reference_slope = np.array([1.0 / value, 0.0])

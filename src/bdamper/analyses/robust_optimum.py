@@ -48,7 +48,7 @@ from bdamper.util.errors import (
     status_word,
     with_reason,
 )
-from bdamper.util.formatting import amount, short_repr
+from bdamper.util.formatting import amount, percent, short_repr
 from bdamper.util.progress import one_thread
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import ROW, Column, Newtons, Quantity, Tabular
@@ -120,6 +120,15 @@ class RobustOptimum:
     kind: str
     warnings: int = 0
     status: str = COMPLETE
+
+    def __str__(self) -> str:
+        edge = ", an end of the range," if self.kind == "end" else ""
+        doubts = "" if self.status == COMPLETE else f" The search is {self.status}."
+        doubts += f" {self.warnings} of the last optimal curves have warnings." if self.warnings else ""
+        return (
+            f"At a preload of {amount(self.preload, 'N')}{edge} {self.percentile:g} % of the draws stay below "
+            f"{amount(self.amplitude, 'm')}: least of all preloads, known to {percent(self.uncertainty)}.{doubts}"
+        )
 
 
 @short_repr
@@ -291,11 +300,10 @@ def robust_optimum(
     percentile = validation.number("percentile", percentile, least=0.0, most=100.0)
     n = validation.integer("n", n, least=5)
     tolerance = validation.number("tolerance", tolerance, above=0.0, below=1.0)
-    ends = preload_values(preload, 2)[[0, -1]]
-    low, high = (float(p) for p in ends)
+    limits = preload_values(preload, 2)[[0, -1]]
+    low, high = (float(p) for p in limits)
     optimum: RobustOptimum | None = None
-    rounds = 0
-    while True:
+    for _ in range(30):
         curve = optimal_curve_uncertainty(
             study, samples, (low, high), n, frequency=frequency, mode=mode, executor=executor, progress=progress
         )
@@ -308,17 +316,17 @@ def robust_optimum(
         if not np.isfinite(height).all():
             bad = int(np.flatnonzero(~np.isfinite(curve.amplitude).all(axis=1))[0])
             raise BdamperError(f"robust optimum: draw {bad} has no peak at every preload from {low:g} to {high:g} N")
-        rounds += 1
         k = int(np.argmin(height))
-        p = curve.preload
-        width = float(np.log(p[min(k + 1, n - 1)] / p[max(k - 1, 0)])) / 2.0
-        kind = "end" if p[k] in (ends[0], ends[1]) else "interior"
-        warned = sum(bool(w) for w in curve.warnings)
+        best, low, high = (float(curve.preload[i]) for i in (k, max(k - 1, 0), min(k + 1, n - 1)))
+        width = float(np.log(high / low)) / 2.0
         status = COMPLETE if width <= tolerance else with_reason(INCOMPLETE, "bracket not narrowed further")
-        optimum = RobustOptimum(float(p[k]), float(height[k]), float(percentile), width, kind, warned, status)
-        if width <= tolerance or rounds >= 30:
-            return optimum
-        low, high = float(p[max(k - 1, 0)]), float(p[min(k + 1, n - 1)])
+        kind = "end" if best in limits else "interior"
+        warned = sum(map(bool, curve.warnings))
+        optimum = RobustOptimum(best, float(height[k]), float(percentile), width, kind, warned, status)
+        if width <= tolerance:
+            break
+    assert optimum is not None
+    return optimum
 
 
 # ---- Largest fatigue margin ----

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.analyses.executors import check_executor, recorded, run_stored
+from bdamper.analyses.executors import check_executor, run_stored
 from bdamper.harmonic_balance.parameters import check_name, study_fingerprint, vary
 from bdamper.harmonic_balance.plausibility import check_question
 from bdamper.harmonic_balance.problem import Problem
@@ -251,10 +251,7 @@ class _Job:
     study: Asking | Problem
     evaluate: Task
 
-    def run(self, settings: Mapping[str, Any]) -> dict[str, Any]:
-        return recorded(lambda: self._answers(settings))
-
-    def _answers(self, settings: Mapping[str, Any]) -> Values:
+    def __call__(self, settings: Mapping[str, Any]) -> Values:
         varied = {name: value for name, value in settings.items() if name != "preload"}
         preload = settings.get("preload")
         study = vary(self.study, varied) if varied else self.study

@@ -114,7 +114,7 @@ STATUS_TEXT = {
 Core = _core.Sector | _core.Eased | _core.Modes | _core.Wheel
 WheelCore = _core.Wheel
 """Core object of all sectors of a wheel (``csrc/bladed_disk/wheel_equations.h``), for
-:mod:`bdamper.mistuning.wheel_equations`."""
+:mod:`bdamper.mistuning.disk_equations`."""
 LINE_SEARCH_TRIALS = 15
 """Largest number of evaluations in one iteration with line search."""
 S = TypeVar("S")

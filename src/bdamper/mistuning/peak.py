@@ -24,15 +24,14 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.mistuning.disk_equations import DiskSystem
+from bdamper.mistuning.disk_problem import DiskProblem, disk_system
 from bdamper.mistuning.peak_search import FAR, SHAPES, WEAKER, Climbed, Search, band, close, family_shapes, reduced_state
-from bdamper.mistuning.wheel_equations import WheelSystem
-from bdamper.mistuning.wheel_problem import WheelProblem, wheel_system
 from bdamper.model.structure import Model
 from bdamper.response.peak import Peak
-from bdamper.util import errors as status
 from bdamper.util import validation
 from bdamper.util.display import Plottable, draw
-from bdamper.util.errors import COMPLETE, HELD
+from bdamper.util.errors import COMPLETE, HELD, INCOMPLETE, NOT_FOUND
 from bdamper.util.formatting import amount, peak_text, short_repr
 from bdamper.util.progress import Cost, CostMeter, one_thread
 from bdamper.util.storage import Recorded, Storable
@@ -40,7 +39,7 @@ from bdamper.util.storage import Recorded, Storable
 
 @short_repr
 @dataclass(frozen=True)
-class WheelPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
+class DiskPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
     """The highest amplitude of any blade of a bladed disk at one preload.
 
     ``plot`` draws bars over the blades (:func:`bdamper.plot.plot_wheel_peak`).
@@ -141,12 +140,12 @@ class WheelPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
 MISSED = 0.045
 """Relative excess of a peak that may have been missed if the sweep has more maxima than local searches.  Of 188 searches
 with three times as many local searches, four exceed all other error terms: by 2.0, 2.1, 3.4 and 4.3 % (docs/measured.md,
-"Peaks of mistuned wheels")."""
+"Peaks of mistuned disks")."""
 
 
 @validation.check_arguments
 @dataclass(frozen=True)
-class WheelPeakOptions(validation.Checked):
+class DiskPeakOptions(validation.Checked):
     """Options of the search for the highest peak.
 
     Parameters
@@ -156,7 +155,7 @@ class WheelPeakOptions(validation.Checked):
     climbs : int
         Number of local searches, one for each peak.  With 8 searches from 30 points the cost is 15 % lower than with 12
         from 60.  In 723 cases on 65 blades, 8 searches miss a peak by more than 1 % in 124 cases and find more in 73
-        (docs/measured.md, "Peaks of mistuned wheels").
+        (docs/measured.md, "Peaks of mistuned disks").
     least, most : int
         Limits of the number of points of the sweep.
     """
@@ -173,7 +172,7 @@ class _Equations:
 
     Parameters
     ----------
-    whole, system : WheelSystem
+    whole, system : DiskSystem
         Equations of the full disk and of the search; the same object without reduction.
     shapes : (n, m) float or None
         Shapes of the reduced blades.
@@ -181,22 +180,22 @@ class _Equations:
         Static state of the blades, about which they move in their shapes.
     """
 
-    whole: WheelSystem
-    system: WheelSystem
+    whole: DiskSystem
+    system: DiskSystem
     shapes: NDArray | None
     mean: NDArray
 
     @classmethod
-    def of(cls, wheel: WheelProblem, preload: float) -> _Equations:
-        whole, s = wheel.system(preload), wheel.structure
-        state, n = wheel.state(preload), s.n
-        omega = tau * wheel.tuned_peak(preload).frequency
-        large = n > SHAPES + 1 and wheel.structure.tuned.settings.bias
+    def of(cls, disk: DiskProblem, preload: float) -> _Equations:
+        whole, s = disk.system(preload), disk.structure
+        state, n = disk.state(preload), s.n
+        omega = tau * disk.tuned_peak(preload).frequency
+        large = n > SHAPES + 1 and disk.structure.tuned.settings.bias
         shapes = family_shapes(s, omega) if large else None
         if shapes is None or not close(s, shapes, omega):
             return cls(whole, whole, None, state.mean[:, :n])
-        excitation = np.hstack([wheel.excitation[:, :n] @ shapes, wheel.excitation[:, n:]])
-        system = wheel_system(s.reduced(shapes), reduced_state(s, state, shapes), excitation, wheel.response_row @ shapes)
+        excitation = np.hstack([disk.excitation[:, :n] @ shapes, disk.excitation[:, n:]])
+        system = disk_system(s.reduced(shapes), reduced_state(s, state, shapes), excitation, disk.response_row @ shapes)
         return cls(whole, system, shapes, state.mean[:, :n])
 
     def expanded(self, y: NDArray) -> NDArray:
@@ -212,26 +211,26 @@ class _Equations:
 @validation.check_arguments
 @one_thread
 def peak(
-    wheel: WheelProblem,
+    disk: DiskProblem,
     preload: float,
     frequency: tuple[float, float] | None = None,
     *,
-    options: WheelPeakOptions | None = None,
-) -> WheelPeak:
+    options: DiskPeakOptions | None = None,
+) -> DiskPeak:
     """Find the highest amplitude of any blade at a preload.
 
     Parameters
     ----------
-    wheel : BladedDisk
+    disk : BladedDisk
     preload : float, N
     frequency : (low, high), Hz, optional
         Band of the sweep; ``bdamper.mistuning.peak_search.band`` by default.  If no blade has a peak in the default band,
         it is extended to 1.5 times the frequency of the tuned peak.
-    options : WheelPeakOptions
+    options : DiskPeakOptions
 
     Returns
     -------
-    WheelPeak
+    DiskPeak
         ``status`` is one of the following, and ``reason`` explains it.
 
         * "complete": found with free dampers, and the sweep has no gap of two or more adjacent frequencies.
@@ -249,12 +248,12 @@ def peak(
     sector reaches 118 mm.
     """
     meter = CostMeter()
-    options = validation.instance("options", options or WheelPeakOptions(), WheelPeakOptions)
+    options = validation.instance("options", options or DiskPeakOptions(), DiskPeakOptions)
     if frequency is not None:
         frequency = validation.interval("frequency", frequency)
-    equations = _Equations.of(wheel, preload)
-    tuned = wheel.tuned_peak(preload)
-    begin, end, width = band(wheel, preload)
+    equations = _Equations.of(disk, preload)
+    tuned = disk.tuned_peak(preload)
+    begin, end, width = band(disk, preload)
     bands = [frequency] if frequency else [(begin, end), (begin, max(end, FAR * tuned.frequency))]
     for (low, high), springs in product(bands, WEAKER):
         n = int(np.clip(np.ceil((high - low) / (options.spacing * width)) + 1, options.least, options.most))
@@ -269,28 +268,26 @@ def peak(
     peaks = search.freed(held)
     whole = replace(search, system=equations.whole) if equations.shapes is not None else search
     top, changed = _corrected(equations, search, whole, peaks)
-    system = None if top is None else (whole if changed is not None else search).held(top.springs[-1])
-    u = None if top is None else top.at.y[:-1]
     gap, higher = _gap(points, swept), _tuned_higher(top, tuned, low, high)
-    return WheelPeak(
-        preload=float(preload),
-        frequency=np.nan if top is None else float(top.at.y[-1]) / tau,
-        amplitude=np.nan if top is None else top.height,
-        blade=-1 if top is None else top.blade,
-        tuned_amplitude=tuned.amplitude,
-        response=np.zeros((wheel.n_blades, 0)) if system is None or u is None else system.structure.responses(u),
-        climbs=np.array([(c.blade, c.at.y[-1] / tau, c.heights[0], c.springs[-1], c.height) for c in peaks]).reshape(-1, 5),
-        sweep_frequency=np.array([y[-1] for y in solutions]) / tau,
-        status=_status(top, bool(higher or gap), changed is None and equations.shapes is not None),
-        reason=_reason(top, gap, changed, equations, f"{len(peaks)} peaks from {len(solutions)} of {n} points") + higher,
-        residual=np.nan if top is None else top.at.residual,
-        springs=0.0 if top is None else top.springs[-1],
-        error=np.nan if top is None else _error(top, peaks, changed, equations, all_climbed),
-        interval=(low, high),
-        unknowns=np.zeros(equations.whole.structure.shape) if system is None or u is None else system.structure.array(u),
-        cost=meter.read(),
-        **wheel.record(),
-    )
+    counts = f"{len(peaks)} peaks from {len(solutions)} of {n} points"
+    climbs = [(c.blade, c.at.y[-1] / tau, c.heights[0], c.springs[-1], c.height) for c in peaks]
+    none = DiskPeak(
+        preload=float(preload), frequency=np.nan, amplitude=np.nan, blade=-1, tuned_amplitude=tuned.amplitude,
+        response=np.zeros((disk.n_blades, 0)), climbs=np.array(climbs).reshape(-1, 5),
+        sweep_frequency=np.array([y[-1] for y in solutions]) / tau, status=NOT_FOUND,
+        reason=_reason(top, gap, changed, equations, counts) + higher, residual=np.nan, error=np.nan, interval=(low, high),
+        unknowns=np.zeros(equations.whole.structure.shape), cost=meter.read(), **disk.record(),
+    )  # fmt: skip
+    if top is None:
+        return none
+    reduced_only = changed is None and equations.shapes is not None
+    structure, u = (search if reduced_only else whole).held(top.springs[-1]).structure, top.at.y[:-1]
+    return replace(
+        none, frequency=float(top.at.y[-1]) / tau, amplitude=top.height, blade=top.blade, response=structure.responses(u),
+        status=_status(top, bool(higher or gap), reduced_only),
+        residual=top.at.residual, springs=top.springs[-1], error=_error(top, peaks, changed, equations, all_climbed),
+        unknowns=structure.array(u),
+    )  # fmt: skip
 
 
 def _corrected(
@@ -330,18 +327,16 @@ def _error(top: Climbed, peaks: list[Climbed], changed: float | None, equations:
     return max([top.error, 0.0 if changed is not None else reduction, 0.0 if all_climbed else MISSED, *others])
 
 
-def _status(top: Climbed | None, lower: bool, reduced: bool) -> str:
-    if top is None:
-        return status.NOT_FOUND
-    return status.INCOMPLETE if lower else status.HELD if top.springs[-1] or reduced else status.COMPLETE
+def _status(top: Climbed, lower: bool, reduced: bool) -> str:
+    return INCOMPLETE if lower else HELD if top.springs[-1] or reduced else COMPLETE
 
 
 def _tuned_higher(top: Climbed | None, tuned: Peak, low: float, high: float) -> str:
     """Return a note if the tuned disk is higher than the highest peak found, or if none was found; else an empty text."""
     if top is not None and not (low <= tuned.frequency <= high and top.height * (1.0 + MISSED) < tuned.amplitude):
         return ""
-    peak_text = f"{amount(tuned.amplitude, 'm')} at {amount(tuned.frequency, 'Hz', 6)}"
-    return f"; searched from {low:.6g} to {high:.6g} Hz, but the tuned disk has {peak_text}"
+    tuned_peak = f"{amount(tuned.amplitude, 'm')} at {amount(tuned.frequency, 'Hz', 6)}"
+    return f"; searched from {low:.6g} to {high:.6g} Hz, but the tuned disk has {tuned_peak}"
 
 
 def _gap(omega: NDArray, swept: list[NDArray | None]) -> tuple[float, float] | None:

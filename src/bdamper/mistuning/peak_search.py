@@ -28,8 +28,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.harmonic_balance.equations import OK, Correction, Fixed, Plane, norm2
-from bdamper.mistuning.wheel_equations import Structure, WheelSystem, of_blade
-from bdamper.mistuning.wheel_problem import Loaded, WheelProblem
+from bdamper.mistuning.disk_equations import DiskSystem, Structure, of_blade
+from bdamper.mistuning.disk_problem import DiskProblem, Loaded
 from bdamper.response.peak import PeakOptions, find_peak, slope_along
 from bdamper.util.progress import CostMeter, raise_if_stopped
 
@@ -123,7 +123,7 @@ class Search:
 
     Parameters
     ----------
-    system : WheelSystem
+    system : DiskSystem
         Equations with free dampers.
     width : float, rad/s
         Half-power width of the tuned peak.
@@ -134,14 +134,14 @@ class Search:
         Springs of the sweep.
     """
 
-    system: WheelSystem
+    system: DiskSystem
     width: float
     band: tuple[float, float]
     meter: CostMeter = field(default_factory=CostMeter)
     springs: float = WEAKER[0]
-    _held: dict[float, WheelSystem] = field(default_factory=dict, init=False, repr=False)
+    _held: dict[float, DiskSystem] = field(default_factory=dict, init=False, repr=False)
 
-    def held(self, springs: float) -> WheelSystem:
+    def held(self, springs: float) -> DiskSystem:
         """Return the equations with springs; the meter counts their work."""
         if springs not in self._held:
             self._held[springs] = self.system.structure.held(springs) if springs else self.system
@@ -274,7 +274,7 @@ class Search:
         return replace(peak, last=True)
 
 
-def uphill(system: WheelSystem, y: NDArray, tangent: NDArray | None, scale: NDArray) -> Correction | None:
+def uphill(system: DiskSystem, y: NDArray, tangent: NDArray | None, scale: NDArray) -> Correction | None:
     """Find the maximum of the response along the curve near a point, or a point where another blade will be higher.
 
     The secant method is applied to the slope of the amplitude.  Points on the way are solved loosely: one factorisation
@@ -282,7 +282,7 @@ def uphill(system: WheelSystem, y: NDArray, tangent: NDArray | None, scale: NDAr
 
     Parameters
     ----------
-    system : WheelSystem
+    system : DiskSystem
         Equations with the response of one blade.
     y : (n_unknowns + 1,) float
         A loose solution.
@@ -318,7 +318,7 @@ def uphill(system: WheelSystem, y: NDArray, tangent: NDArray | None, scale: NDAr
     return None
 
 
-def _ahead(system: WheelSystem, point: Correction, scale: NDArray, h: float) -> tuple[float, Correction]:
+def _ahead(system: DiskSystem, point: Correction, scale: NDArray, h: float) -> tuple[float, Correction]:
     """Return the step along the curve and the next point, with smaller steps until it converges or the step is too
     small."""
     first = abs(h)
@@ -403,14 +403,14 @@ FAR = 1.5
 """Ratio to the frequency of the tuned peak beyond which waves of other nodal diameters count as another mode family."""
 
 
-def band(wheel: WheelProblem, preload: float) -> tuple[float, float, float]:
+def band(disk: DiskProblem, preload: float) -> tuple[float, float, float]:
     """Return the frequency band (low, high) of the peaks and the half-power width of the tuned peak, in Hz.
 
     Each contact point is replaced by its equivalent spring and damper in the first harmonic at the tuned peak.  The band
     contains the resonances of all waves of the tuned disk.  It is extended by the standard deviation of the blade
     frequencies and by two widths at each end.
     """
-    s, tuned, top = wheel.structure, wheel.structure.tuned, wheel.tuned_peak(preload)
+    s, tuned, top = disk.structure, disk.structure.tuned, disk.tuned_peak(preload)
     system = tuned.system(preload)
     X, F, _ = system.contact(top.y[:-1])
     x, f = X[..., 1] - 1j * X[..., 2], F[..., 1] - 1j * F[..., 2]
@@ -433,7 +433,7 @@ def band(wheel: WheelProblem, preload: float) -> tuple[float, float, float]:
         if len(near):
             correlation = np.abs(reference.conj() @ cantilever[:, near]) / np.linalg.norm(cantilever[:, near], axis=0)
             resonances[d] = float(np.sqrt(squares[near[int(np.argmax(correlation))]]))
-    mean, spread = float(wheel.deviation.mean()), float(wheel.deviation.std())
+    mean, spread = float(disk.deviation.mean()), float(disk.deviation.std())
     low = min(omega, *resonances.values()) * (1.0 + mean - spread) - 2.0 * width
     high = max(omega, *resonances.values()) * (1.0 + mean + spread) + 2.0 * width
     return low / tau, high / tau, width / tau

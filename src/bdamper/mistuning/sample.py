@@ -24,14 +24,14 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.analyses.executors import Record, check_executor, recorded, run_stored
+from bdamper.analyses.executors import Record, check_executor, run_stored
 from bdamper.harmonic_balance.parameters import study_fingerprint
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.result_checks import Asking, problem_of
+from bdamper.mistuning.bladed_disk import OF_PEAKS, BladedDisk, answers
 from bdamper.mistuning.mistuning import DamperVariation, Mistuning
-from bdamper.mistuning.peak import WheelPeakOptions
+from bdamper.mistuning.peak import DiskPeakOptions
 from bdamper.mistuning.statistics import Interval, WeibullTail, percentile, share, weibull_tail
-from bdamper.mistuning.wheel import OF_PEAKS, BladedDisk, answers
 from bdamper.response.peak import Peak
 from bdamper.util import validation
 from bdamper.util.display import Fact, Plottable, Summarised, draw
@@ -42,8 +42,8 @@ from bdamper.util.storage import INSTALLED, Recorded, ResultsFile, Storable
 from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Resonance, Seconds, Tabular
 
 
-def highest_wheels(height: NDArray, audit: float) -> NDArray:
-    """Return (n_wheels, ...) bool: True for the fraction ``audit`` of the disks with the highest amplitude in each cell."""
+def highest_disks(height: NDArray, audit: float) -> NDArray:
+    """Return (n_disks, ...) bool: True for the fraction ``audit`` of the disks with the highest amplitude in each cell."""
     n = int(np.ceil(audit * len(height) - 1e-9))
     rank = np.argsort(np.argsort(-np.nan_to_num(height, nan=-np.inf), axis=0, kind="stable"), axis=0, kind="stable")
     return np.asarray((rank < n) & np.isfinite(height))
@@ -56,13 +56,13 @@ class Audit(Summarised, Tabular, row="search"):
 
     Parameters
     ----------
-    kind : {"drawn before any result", "highest wheels"}
-    wheel : (n,) int
+    kind : {"drawn before any result", "highest disks"}
+    disk : (n,) int
     standard_deviation, preload : (n,) float
     search, thorough : (n,) float, m
         Highest amplitude of any blade in each search; NaN if unknown.
     error : (n,) float
-        Error estimate of the search (:class:`~bdamper.mistuning.peak.WheelPeak`).
+        Error estimate of the search (:class:`~bdamper.mistuning.peak.DiskPeak`).
     tolerance : float
         A peak counts as missed if the thorough search exceeds it by more than this relative difference.
     status : tuple of str
@@ -70,7 +70,7 @@ class Audit(Summarised, Tabular, row="search"):
     """
 
     kind: str
-    wheel: Numbers
+    disk: Numbers
     standard_deviation: Numbers
     preload: Newtons
     search: Metres
@@ -100,15 +100,15 @@ class Audit(Summarised, Tabular, row="search"):
 
         It counts disks that are decided: a peak was missed, or both searches have all their peaks.
         """
-        missed = np.unique(self.wheel[self.missed])
-        undecided = np.setdiff1d(self.wheel[self.undecided], missed)
-        return share(len(missed), len(np.setdiff1d(self.wheel, undecided)))
+        missed = np.unique(self.disk[self.missed])
+        undecided = np.setdiff1d(self.disk[self.undecided], missed)
+        return share(len(missed), len(np.setdiff1d(self.disk, undecided)))
 
     def _headline(self) -> str:
         missed, low, percent, high = self.missed, *(100.0 * part for part in self.share)
-        numbers = ", ".join(map(str, np.unique(self.wheel[missed])))
+        numbers = ", ".join(map(str, np.unique(self.disk[missed])))
         return (
-            f"Audit of {len(np.unique(self.wheel))} bladed disks ({self.kind}), {len(missed)} thorough searches: "
+            f"Audit of {len(np.unique(self.disk))} bladed disks ({self.kind}), {len(missed)} thorough searches: "
             f"{int(missed.sum())} higher by more than {100.0 * self.tolerance:g} %, "
             f"{int((missed & ~self.covered).sum())} of them by more than the error estimate, "
             f"{int(self.undecided.sum())} undecided; {percent:.3g} % of the disks with a missed peak "
@@ -134,7 +134,7 @@ class BestPreload:
         Whether the preload is inside the range of the sample or at one of its ends.
     tuned_preload, tuned_amplitude : float, N and m
         The best of the same preloads for the tuned disk.
-    wheels : int
+    disks : int
         Number of disks with a peak at every preload; only these are used.
     """
 
@@ -147,13 +147,13 @@ class BestPreload:
     kind: str
     tuned_preload: float
     tuned_amplitude: float
-    wheels: int
+    disks: int
 
     def __str__(self) -> str:
         tuned = f"tuned {amount(self.tuned_preload, 'N')}, {amount(self.tuned_amplitude, 'm')}"
         preload = Interval(self.low, self.preload, self.high).to_text("N")
         return (
-            f"Best preload for the highest blade in {self.percentile:g} % of {self.wheels} bladed disks, "
+            f"Best preload for the highest blade in {self.percentile:g} % of {self.disks} bladed disks, "
             f"standard deviation {100.0 * self.standard_deviation:g} %: {preload} "
             f"({self.kind} of the preload range), {self.amplitude.to_text('m')}; {tuned}"
         )
@@ -161,16 +161,16 @@ class BestPreload:
 
 @short_repr
 @dataclass(frozen=True)
-class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel-sample", row="wheel"):
+class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel-sample", row="disk"):
     """Highest blades of many bladed disks.
 
-    Arrays of shape (n_wheels, n_deviations, n_preloads) are NaN where there is no result.  ``plot`` draws percentiles over
+    Arrays of shape (n_disks, n_deviations, n_preloads) are NaN without a result.  ``plot`` draws percentiles over
     the standard deviation or the preload (:func:`bdamper.plot.plot_sample`), ``plot_tail`` the distribution with its tail.
 
     Parameters
     ----------
     n_blades : int
-    wheels : (n_wheels,) int
+    disks : (n_disks,) int
         Numbers of the disks, from which they were drawn.
     standard_deviation : (n_deviations,) float
     preload : (n_preloads,) float, N
@@ -178,7 +178,7 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
         Amplitude and frequency of the highest blade, and its number.
     residual, springs, error : float
         Residual, holding springs of the dampers, and error estimate of the amplitude
-        (:class:`~bdamper.mistuning.peak.WheelPeak`).
+        (:class:`~bdamper.mistuning.peak.DiskPeak`).
     tuned_amplitude : (n_preloads,) float, m
         Amplitude of the tuned disk at the same preload.
     status : tuple of str
@@ -200,7 +200,7 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
     """
 
     n_blades: int
-    wheels: NDArray
+    disks: NDArray
     standard_deviation: NDArray
     preload: Newtons
     amplitude: Resonance
@@ -220,7 +220,7 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
     drawn: dict[str, Any] = field(default_factory=dict)
 
     def __len__(self) -> int:
-        return len(self.wheels)
+        return len(self.disks)
 
     @property
     def complete(self) -> bool:
@@ -229,7 +229,7 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
 
     @property
     def amplification(self) -> Numbers:
-        """(n_wheels, n_deviations, n_preloads) amplitude relative to the tuned disk at the same preload."""
+        """(n_disks, n_deviations, n_preloads) amplitude relative to the tuned disk at the same preload."""
         return np.asarray(self.amplitude / self.tuned_amplitude)
 
     @property
@@ -306,15 +306,15 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
 
     def audit(self, tail: bool = False, tolerance: float = 0.01) -> Audit:
         """Compare with the thorough search: the disks drawn before any result, or the highest of each cell if ``tail``."""
-        chosen = np.broadcast_to(np.isin(self.wheels, self.audited)[:, None, None], self.amplitude.shape)
-        chosen = highest_wheels(self.amplitude, self.audit_share) if tail else chosen
+        chosen = np.broadcast_to(np.isin(self.disks, self.audited)[:, None, None], self.amplitude.shape)
+        chosen = highest_disks(self.amplitude, self.audit_share) if tail else chosen
         status = [s if status_word(s) == FAILED else c for s, c in zip(self.status, self.curve_status)]
         searched = np.array([s != "not asked" and status_word(s) != NOT_RUN for s in status], bool)
         flat = np.flatnonzero(chosen.ravel() & searched)
         i, j, k = np.unravel_index(flat, chosen.shape)
-        kind = "highest wheels" if tail else "drawn before any result"
+        kind = "highest disks" if tail else "drawn before any result"
         return Audit(
-            kind, self.wheels[i], self.standard_deviation[j], self.preload[k], self.amplitude.ravel()[flat],
+            kind, self.disks[i], self.standard_deviation[j], self.preload[k], self.amplitude.ravel()[flat],
             self.curve_amplitude.ravel()[flat], self.error.ravel()[flat],
             validation.number("tolerance", tolerance, above=0.0), tuple(status[n] for n in flat),
         )  # fmt: skip
@@ -324,7 +324,7 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
         return draw(self, "plot_tail", *arguments, **options)
 
     def _grid(self) -> dict[str, Any]:
-        return {"wheel": self.wheels, "standard_deviation": self.standard_deviation, "preload": self.preload}
+        return {"disk": self.disks, "standard_deviation": self.standard_deviation, "preload": self.preload}
 
     def _facts(self) -> tuple[Fact, ...]:
         """Return the number of disks, the amplification factors of every cell, and the results of the audits."""
@@ -335,11 +335,11 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
         ]  # fmt: skip
         spent = float(np.nansum(self.processor)), float(np.nansum(self.curve_processor))
         return (
-            Fact("wheels", f"{len(self)} of {self.n_blades} blades"),
+            Fact("disks", f"{len(self)} of {self.n_blades} blades"),
             Fact("without a peak", sum(status_word(s) == FAILED for s in self.status)),
             Fact("held", int((self.springs > 0.0).sum())),
             *cells,
-            *(Fact(f"missed, {a.kind}", f"{a.missed.sum()} of {len(a.wheel)}") for a in map(self.audit, (False, True))),
+            *(Fact(f"missed, {a.kind}", f"{a.missed.sum()} of {len(a.disk)}") for a in map(self.audit, (False, True))),
             Fact("processor", f"{spent[0]:.0f} s, {spent[1]:.0f} s for the audit"),
         )
 
@@ -364,21 +364,21 @@ class _Sample:
 
     Parameters
     ----------
-    wheel : BladedDisk
+    disk : BladedDisk
         Without mistuning.
     mistuning : callable
         Returns the mistuning for a standard deviation and a seed.
     random : mapping
         Distribution, damper variations and seed, stored with the result.
-    options : WheelPeakOptions
+    options : DiskPeakOptions
     over : mapping
         Numbers of the disks, standard deviations and preloads.
     """
 
-    wheel: BladedDisk
+    disk: BladedDisk
     mistuning: Callable[..., Mistuning]
     random: Mapping[str, Any]
-    options: WheelPeakOptions
+    options: DiskPeakOptions
     over: Mapping[str, Sequence[Any]]
 
     @property
@@ -388,49 +388,46 @@ class _Sample:
     def draw(self, k: int, standard_deviation: float) -> BladedDisk:
         """Return disk ``k`` with its random blades and dampers."""
         seed, dampers = (self.random["seed"], k), self.random["dampers"]
-        wheel = self.wheel.replace(mistuning=self.mistuning(standard_deviation, seed=seed))
-        return wheel.replace(dampers=DamperVariation.random(wheel.n_blades, **dampers, seed=seed)) if dampers else wheel
+        disk = self.disk.replace(mistuning=self.mistuning(standard_deviation, seed=seed))
+        return disk.replace(dampers=DamperVariation.random(disk.n_blades, **dampers, seed=seed)) if dampers else disk
 
     def audits(self, peaks: list[Record], share: float, drawn: NDArray) -> list[int]:
         """Return the indices of the points to search again: disks drawn before, and the highest ones once all are known."""
         if any(status_word(r["status"]) == NOT_RUN for r in peaks):
             return []
         height = np.array([r["values"].get("amplitude", np.nan) for r in peaks]).reshape(self.shape)
-        chosen = highest_wheels(height, share) | np.isin(self.over["wheel"], drawn)[:, None, None]
+        chosen = highest_disks(height, share) | np.isin(self.over["disk"], drawn)[:, None, None]
         return [int(i) for i in np.flatnonzero(chosen) if "interval" in peaks[i]["values"]]
 
-    def run(self, settings: Mapping[str, Any]) -> Record:
+    def __call__(self, settings: Mapping[str, Any]) -> Mapping[str, Any]:
         """Search for the highest peak of one disk at one preload, thoroughly if an interval is given."""
-        return recorded(lambda: self._peak(**settings))
-
-    def _peak(
-        self, wheel: int, standard_deviation: float, preload: float, interval: tuple[float, float] | None = None
-    ) -> Mapping[str, Any]:
+        interval = settings.get("interval")
         options = thorough(self.options) if interval else self.options
-        peak = self.draw(wheel, standard_deviation).peak(preload, interval, options=options)
+        disk = self.draw(settings["disk"], settings["standard_deviation"])
+        peak = disk.peak(settings["preload"], interval, options=options)
         return answers(peak) | {"interval": list(peak.interval)}
 
     def header(self) -> dict[str, Any]:
         """Return the header that identifies the sample in its results file; it does not depend on the number of disks."""
-        over = {name: values for name, values in self.over.items() if name != "wheel"}
+        over = {name: values for name, values in self.over.items() if name != "disk"}
         return {
             "format": "bdamper-wheel-sample", "version": 4, **INSTALLED.attributes(),
-            "study": study_fingerprint(problem_of(self.wheel.study)), **self.random, **over,
+            "study": study_fingerprint(problem_of(self.disk.study)), **self.random, **over,
             "options": repr(self.options),
         }  # fmt: skip
 
 
-def thorough(options: WheelPeakOptions) -> WheelPeakOptions:
+def thorough(options: DiskPeakOptions) -> DiskPeakOptions:
     """Return the search of the audit: half the spacing, three times as many local searches."""
     return replace(
         options, spacing=0.5 * options.spacing, climbs=3 * options.climbs, least=2 * options.least, most=2 * options.most
     )  # fmt: skip
 
 
-def audit_wheels(wheels: Sequence[int], share: float, seed: int = 0) -> NDArray:
+def audit_disks(disks: Sequence[int], share: float, seed: int = 0) -> NDArray:
     """Return the numbers of the audited disks, each drawn independently with a probability before any result is known."""
     share = validation.number("audit", share, least=0.0, most=1.0)
-    return np.array([k for k in wheels if np.random.default_rng([seed, k, _AUDIT]).random() < share], int)
+    return np.array([k for k in disks if np.random.default_rng([seed, k, _AUDIT]).random() < share], int)
 
 
 @validation.check_arguments
@@ -439,11 +436,11 @@ def mistuned_sample(
     study: Asking | Problem,
     standard_deviation: float | Sequence[float] | NDArray,
     preload: float | Sequence[float] | NDArray,
-    wheels: int | Sequence[int] = 1000,
+    disks: int | Sequence[int] = 1000,
     *,
     distribution: str | Mistuning = "normal",
     dampers: Mapping[str, Any] | None = None,
-    options: WheelPeakOptions | None = None,
+    options: DiskPeakOptions | None = None,
     audit: float = 0.05,
     seed: int = 0,
     executor: Executor | None = None,
@@ -459,7 +456,7 @@ def mistuned_sample(
     standard_deviation : float or (n_deviations,) float
         Relative standard deviation of the blade frequencies clamped at the root.
     preload : float or (n_preloads,) float, N
-    wheels : int or sequence of int
+    disks : int or sequence of int
         Number of disks, or their numbers.  Disk ``k`` does not depend on the others.
     distribution : {"normal", "uniform"} or Mistuning
         As in :meth:`bdamper.mistuning.Mistuning.random`; a measured pattern is resampled with repetition.
@@ -467,7 +464,7 @@ def mistuned_sample(
         Arguments of :meth:`bdamper.mistuning.DamperVariation.random`: relative standard deviations of "mass",
         "friction_coefficient" and "contact_stiffness", mean of "gap" (m), and numbers of "missing" dampers.  Equal dampers
         by default.
-    options : WheelPeakOptions
+    options : DiskPeakOptions
         Options of the search for each peak.
     audit : float
         Probability that a disk is drawn for a thorough search, and fraction of the highest disks searched thoroughly.
@@ -488,26 +485,26 @@ def mistuned_sample(
     BdamperError
         If the results file belongs to another sample, or the tuned disk has no peak at a preload.
     """
-    wheel = BladedDisk(study)
+    disk = BladedDisk(study)
     deviations = validation.numbers("standard_deviation", np.atleast_1d(standard_deviation), least=0.0)
     preloads = validation.numbers("preload", np.atleast_1d(preload), least=0.0, unit="N")
     numbers = validation.integers(
-        "wheels", wheels if np.ndim(wheels) else range(validation.integer("wheels", wheels, least=1))
+        "disks", disks if np.ndim(disks) else range(validation.integer("disks", disks, least=1))
     )
     seed = validation.integer("seed", seed)
     name = distribution.deviation.tolist() if isinstance(distribution, Mistuning) else distribution
     varied = dict(validation.instance("dampers", dampers or {}, Mapping, "variations of dampers by name"))
     drawn = {"distribution": name, "dampers": varied, "seed": seed}
-    options = validation.instance("options", options or WheelPeakOptions(), WheelPeakOptions)
+    options = validation.instance("options", options or DiskPeakOptions(), DiskPeakOptions)
     check_executor(executor)
     validation.flag("progress", progress)
-    over = {"wheel": numbers, "standard_deviation": deviations.tolist(), "preload": preloads.tolist()}
-    mistuning = partial(Mistuning.random, wheel.n_blades, distribution=distribution)
-    sample = _Sample(wheel, mistuning, drawn, options, over)
+    over = {"disk": numbers, "standard_deviation": deviations.tolist(), "preload": preloads.tolist()}
+    mistuning = partial(Mistuning.random, disk.n_blades, distribution=distribution)
+    sample = _Sample(disk, mistuning, drawn, options, over)
     sample.draw(0, float(deviations.max()))  # refuse invalid deviations, dampers or numbers of modes before the work
-    audited = audit_wheels(numbers, audit, seed)
-    tuned = [wheel.tuned_peak(value) for value in over["preload"]]  # computed once, then sent to the workers with the disk
-    results = nullcontext() if resume is None else closing(ResultsFile(resume, sample.header(), "sample of wheels"))
+    audited = audit_disks(numbers, audit, seed)
+    tuned = [disk.tuned_peak(value) for value in over["preload"]]  # computed once, then sent to the workers with the disk
+    results = nullcontext() if resume is None else closing(ResultsFile(resume, sample.header(), "sample of bladed disks"))
     with results as store:
         run = partial(run_stored, sample, executor=executor, store=store, progress=progress)
         peaks, curves = _records(sample, audit, audited, run)
@@ -520,7 +517,7 @@ def _records(
     """Return the records of all peaks, and of the thorough searches (empty if not run)."""
     cells = list(itertools.product(*sample.over.values()))
     points, names = [dict(zip(sample.over, cell)) for cell in cells], [" ".join(map(str, cell)) for cell in cells]
-    peaks = run(points, names, what="wheels", unit="peak")
+    peaks = run(points, names, what="disks", unit="peak")
     indices = sample.audits(peaks, audit, audited)
     searches = [points[i] | {"interval": peaks[i]["values"]["interval"]} for i in indices]
     records = dict(zip(indices, run(searches, [f"audit {names[i]}" for i in indices], what="audit", unit="search")))
@@ -536,10 +533,10 @@ def _result(
         return np.array([r.get(group, {}).get(name, missing) for r in records], float).reshape(sample.shape)
 
     columns: dict[str, Any] = {name: array(peaks, name) for name in OF_PEAKS}
-    wheels, deviations, preloads = map(np.array, sample.over.values())
+    disks, deviations, preloads = map(np.array, sample.over.values())
     return MistunedSample(
-        n_blades=sample.wheel.n_blades,
-        wheels=wheels,
+        n_blades=sample.disk.n_blades,
+        disks=disks,
         standard_deviation=deviations,
         preload=preloads,
         **columns,
@@ -551,6 +548,6 @@ def _result(
         processor=array(peaks, "processor", "cost", 0.0),
         curve_processor=array(curves, "processor", "cost", 0.0),
         drawn=dict(sample.random),
-        settings=sample.wheel.structure.tuned.record(),
-        model_hash=sample.wheel.study.model.hash,
+        settings=sample.disk.structure.tuned.record(),
+        model_hash=sample.disk.study.model.hash,
     )

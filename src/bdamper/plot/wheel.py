@@ -11,7 +11,7 @@ from matplotlib.collections import PolyCollection
 from numpy.typing import NDArray
 
 from bdamper.mistuning.mistuning import Mistuning
-from bdamper.mistuning.peak import WheelPeak
+from bdamper.mistuning.peak import DiskPeak
 from bdamper.mistuning.sample import MistunedSample
 from bdamper.model.structure import Model, turn
 from bdamper.plot.axes import NEW, STYLES, colours, highest_on, limit_line, looks, picture
@@ -75,8 +75,8 @@ def _bars(ax: Axes, heights: NDArray, blade: int, **look: Any) -> None:
     ax.set(xlabel="Blade", ylabel="Amplitude (m)")
 
 
-@picture(WheelPeak)
-def plot_wheel_peak(peak: WheelPeak, ax: Axes = NEW) -> None:
+@picture(DiskPeak)
+def plot_wheel_peak(peak: DiskPeak, ax: Axes = NEW) -> None:
     """Plot the amplitudes of all blades at the highest peak as bars, with the highest blade dark and the tuned peak as a
     line."""
     if not peak.found:
@@ -121,14 +121,14 @@ def _plot_periods(ax: Axes, found: TimeResponse) -> None:
     ax.set(xlabel="Period of the excitation", title=title)
 
 
-@picture(WheelPeak, "plot_wheel", size=(5.6, 4.4))
-def plot_wheel(peak: WheelPeak, model: Model, ax: Axes = NEW) -> None:
+@picture(DiskPeak, "plot_wheel", size=(5.6, 4.4))
+def plot_wheel(peak: DiskPeak, model: Model, ax: Axes = NEW) -> None:
     """Plot the bladed disk from the front, blades coloured by their amplitude at the highest peak; bold number: the
     highest.
 
     Parameters
     ----------
-    peak : WheelPeak
+    peak : DiskPeak
     model : Model
         Model with a blade surface with mode shapes; the first one distributes the amplitude over each blade.
     """

@@ -131,15 +131,15 @@ NO_RANGE = {
         Study.time_response.blades Study.time_response.starts
         Study.hysteresis.n_theta ResidualModes.n_vectors AFT.n_time ContinuationOptions.max_points
         ContinuationOptions.patience ContinuationOptions.budget ContinuationOptions.max_iterations
-        PeakOptions.max_iterations PeakOptions.max_trials WheelPeakOptions.climbs WheelPeakOptions.least
-        WheelPeakOptions.most n_blades n_modes wheels fit_loop.sliders Reduction.engine_order Reduction.nodal_diameters
+        PeakOptions.max_iterations PeakOptions.max_trials DiskPeakOptions.climbs DiskPeakOptions.least
+        DiskPeakOptions.most n_blades n_modes disks fit_loop.sliders Reduction.engine_order Reduction.nodal_diameters
         Reduction.n_damper_modes ContactFaces.points LocalSizes.cantilever LocalSizes.attachment LocalSizes.interface
     """,
     LIMITED: """
         Excitation.phase tolerance engine_orders Study.static.history ContactLaw.iwan.chi ContactLaw.iwan.decades
         ContactLaw.bouc_wen.alpha ContactLaw.bouc_wen.gamma ResidualModes.contact_share face_gap.angle face_gap.axial_angle
         ContinuationOptions.max_turn
-        ContinuationOptions.locate_tolerance WheelPeakOptions.spacing mistuned_sample.audit ContactFaces.sector_b
+        ContinuationOptions.locate_tolerance DiskPeakOptions.spacing mistuned_sample.audit ContactFaces.sector_b
     """,
     FACT: """
         Study.residual_slip_seed Study.excitation seed direction Study.gauge_stress.gauge Study.diff.other temperature

@@ -379,7 +379,7 @@ class InWidths(InFrequency):
 
 
 @dataclass(frozen=True, eq=False)
-class WheelScene:
+class DiskScene:
     """Data of the equations of one bladed disk at one preload.
 
     Parameters
@@ -509,7 +509,7 @@ class WheelScene:
         return {"response_rows": rows, "rows": Rows(np.array([first]))}
 
     @property
-    def equations(self) -> WheelSystem:
+    def equations(self) -> DiskSystem:
         """Equations at any frequency, with the response of the first blade."""
         N, n_coef, size = self.shape
         contact = 28e3 * len(self.points.kn) * n_coef
@@ -522,15 +522,15 @@ class WheelScene:
             work=1e-6 * np.array([contact, 0.0, 4.0 * N * (n_coef * size) ** 3, 0.0]),  # elimination sector by sector
         )  # fmt: skip
 
-    def held(self, springs: float) -> WheelSystem:
+    def held(self, springs: float) -> DiskSystem:
         """Return the equations with holding springs, relative to the stuck stiffness."""
         return replace(self, holding=springs).equations
 
 
-WheelSystem = Equations[WheelScene]
+DiskSystem = Equations[DiskScene]
 """Equations of a bladed disk; the response is the motion of one blade."""
 
 
-def of_blade(system: WheelSystem, blade: int) -> WheelSystem:
+def of_blade(system: DiskSystem, blade: int) -> DiskSystem:
     """Return the same equations with the response of another blade."""
     return replace(system, **system.structure._response(blade))

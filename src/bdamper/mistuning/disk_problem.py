@@ -24,8 +24,8 @@ from bdamper.contact.static_state import AT_LIMIT, SHORTEST, linear_range
 from bdamper.harmonic_balance.equations import OK
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.result_checks import Asking, like, problem_of
+from bdamper.mistuning.disk_equations import DiskScene, DiskSystem, Structure
 from bdamper.mistuning.mistuning import DamperVariation, Mistuning
-from bdamper.mistuning.wheel_equations import Structure, WheelScene, WheelSystem
 from bdamper.response.highest_peak import highest_peak
 from bdamper.response.peak import Peak
 from bdamper.util import validation
@@ -59,7 +59,7 @@ class Loading(NamedTuple):
     history: Sequence[float]
 
 
-def static_wheel(
+def static_disk(
     structure: Structure, points: PointArrays, loading: Loading, pinned: NDArray, alike: NDArray
 ) -> tuple[NDArray, NDArray, NDArray]:
     """Compute the static state after a history of load factors.
@@ -110,7 +110,7 @@ def static_wheel(
             end = 1.0 if step > (1.0 - SHORTEST) * (1.0 - part) else part + step
             share, factor = now = begin + end * (target - begin)
             total_shift = factor * shift + share * interference
-            system = WheelScene(
+            system = DiskScene(
                 structure, replace(bare, slider=slider, shift=total_shift), (0,), factor * load + share * constant,
                 no_excitation, np.zeros(structure.n), pinned, (scale, scale), 0.0 * load,
             ).equations  # fmt: skip
@@ -140,7 +140,7 @@ def static_wheel(
     return u.reshape(load.shape), slider, force
 
 
-def wheel_points(structure: Structure, dampers: DamperVariation) -> PointArrays:
+def disk_points(structure: Structure, dampers: DamperVariation) -> PointArrays:
     """Return the contact points of all sectors, sector by sector, with sliders at zero and no shift."""
     tuned, N = structure.tuned, structure.n_blades
     n_points = len(structure.sector)
@@ -208,7 +208,7 @@ def loaded(structure: Structure, preload: float, dampers: DamperVariation | None
     """
     tuned, N, n = structure.tuned, structure.n_blades, structure.n
     variation = DamperVariation.of(N) if dampers is None else dampers
-    pinned, points = variation.missing, wheel_points(structure, variation)
+    pinned, points = variation.missing, disk_points(structure, variation)
     modal, shift = tuned.damper_load
     load = np.tile(local_vector(structure, preload * modal, True), (N, 1))
     constant = np.tile(local_vector(structure, tuned.fixed_load[0], True), (N, 1))
@@ -223,13 +223,13 @@ def loaded(structure: Structure, preload: float, dampers: DamperVariation | None
     else:
         mean[pinned, n:] = 0.0
         loading = Loading(load, constant, moved, tuned.settings.load_history)
-        mean, slider, force = static_wheel(structure, points, loading, pinned, mean)
+        mean, slider, force = static_disk(structure, points, loading, pinned, mean)
     slider = np.where(np.tile(tuned.bonded_points, N)[:, None], 0.0, slider)
     points = replace(points, slider=slider, shift=moved.reshape(-1, 3))
     return Loaded(points, load + constant, mean, force.reshape(N, -1, 3), pinned)
 
 
-def wheel_system(structure: Structure, state: Loaded, excitation: NDArray, response_row: NDArray) -> WheelSystem:
+def disk_system(structure: Structure, state: Loaded, excitation: NDArray, response_row: NDArray) -> DiskSystem:
     """Return the equations of the vibration about a static state under an excitation (n_blades, n_sector) complex, N
     kg^-1/2."""
     tuned = structure.tuned
@@ -239,7 +239,7 @@ def wheel_system(structure: Structure, state: Loaded, excitation: NDArray, respo
     shift = state.points.shift
     if not tuned.settings.bias:
         shift = shift + structure.motion(state.mean).reshape(-1, 3)
-    return WheelScene(
+    return DiskScene(
         structure, replace(state.points, shift=shift), tuned.settings.active_harmonics, state.load, excitation,
         response_row, state.missing, (largest, scale), state.mean, tuned.settings.contact_forces,
     ).equations  # fmt: skip
@@ -249,8 +249,8 @@ def wheel_system(structure: Structure, state: Loaded, excitation: NDArray, respo
 
 @short_repr
 @dataclass(frozen=True, eq=False)
-class WheelProblem:
-    """A bladed disk and its equations; parameters as in :class:`~bdamper.mistuning.wheel.BladedDisk`."""
+class DiskProblem:
+    """A bladed disk and its equations; parameters as in :class:`~bdamper.mistuning.BladedDisk`."""
 
     study: Asking | Problem
     mistuning: Mistuning | ArrayLike | None = None
@@ -324,9 +324,9 @@ class WheelProblem:
             self._states[preload] = loaded(self.structure, preload, self.dampers)
         return self._states[preload]
 
-    def system(self, preload: float) -> WheelSystem:
+    def system(self, preload: float) -> DiskSystem:
         """Return new equations at a preload (N), with new counters."""
-        return wheel_system(self.structure, self.state(preload), self.excitation, self.response_row)
+        return disk_system(self.structure, self.state(preload), self.excitation, self.response_row)
 
     @one_thread
     def tuned_peak(self, preload: float) -> Peak:

@@ -25,9 +25,9 @@ from numpy.typing import NDArray
 from bdamper.analyses.sweep import SweepResult, sweep
 from bdamper.harmonic_balance.equations import OK, Fixed
 from bdamper.harmonic_balance.sector import Sector
-from bdamper.mistuning.peak import WheelPeak, WheelPeakOptions, peak
-from bdamper.mistuning.wheel_equations import WheelSystem
-from bdamper.mistuning.wheel_problem import WheelProblem
+from bdamper.mistuning.disk_equations import DiskSystem
+from bdamper.mistuning.disk_problem import DiskProblem
+from bdamper.mistuning.peak import DiskPeak, DiskPeakOptions, peak
 from bdamper.model.kinematics import HarmonicBasis
 from bdamper.response.branches import Coverage, ending, evaluation_budget, in_order
 from bdamper.response.continuation import TWO_PI
@@ -49,7 +49,7 @@ OF_PEAKS = "amplitude", "frequency", "blade", "residual", "springs", "error"
 """Quantities of a peak in sweeps and samples."""
 
 
-def answers(peak: WheelPeak) -> dict[str, Any]:
+def answers(peak: DiskPeak) -> dict[str, Any]:
     """Return a complete or held peak as the quantities at a point of a sweep.
 
     Raises
@@ -62,18 +62,18 @@ def answers(peak: WheelPeak) -> dict[str, Any]:
     return {name: getattr(peak, name) for name in OF_PEAKS} | {"cost": peak.cost}
 
 
-def _highest(_: Any, preload: Any, *, wheel: WheelProblem, options: WheelPeakOptions | None) -> dict[str, Any]:
+def _highest(_: Any, preload: Any, *, disk: DiskProblem, options: DiskPeakOptions | None) -> dict[str, Any]:
     """Return the highest peak of a bladed disk as the task of a sweep."""
-    highest = peak(wheel, preload, options=options)
+    highest = peak(disk, preload, options=options)
     return answers(highest) | {"tuned_amplitude": highest.tuned_amplitude}
 
 
 @validation.check_arguments
 def optimal_curve(
-    wheel: WheelProblem,
+    disk: DiskProblem,
     preloads: Sequence[float],
     *,
-    options: WheelPeakOptions | None = None,
+    options: DiskPeakOptions | None = None,
     executor: Executor | None = None,
     progress: bool = False,
 ) -> SweepResult:
@@ -81,9 +81,9 @@ def optimal_curve(
 
     Parameters
     ----------
-    wheel : BladedDisk
+    disk : BladedDisk
     preloads : sequence of float, N
-    options : WheelPeakOptions
+    options : DiskPeakOptions
     executor, progress
         As in :func:`bdamper.sweep`.
 
@@ -91,17 +91,17 @@ def optimal_curve(
     -------
     SweepResult
         Over the preload: amplitude, frequency and number of the highest blade, holding springs of the dampers, error of the
-        amplitude (:class:`~bdamper.mistuning.peak.WheelPeak`), and tuned amplitude.
+        amplitude (:class:`~bdamper.mistuning.peak.DiskPeak`), and tuned amplitude.
     """
     values = validation.numbers("preloads", preloads, above=0.0, unit="N")
-    task = partial(_highest, wheel=wheel, options=options)
-    result = sweep(wheel.study, {"preload": values}, task, executor=executor, progress=progress)
-    return replace(result, **wheel.record())
+    task = partial(_highest, disk=disk, options=options)
+    result = sweep(disk.study, {"preload": values}, task, executor=executor, progress=progress)
+    return replace(result, **disk.record())
 
 
 # ---- Response curve ----
 
-def first_point(system: WheelSystem, omega: float) -> NDArray | None:
+def first_point(system: DiskSystem, omega: float) -> NDArray | None:
     """Solve at one frequency (rad/s) from the static state, or through weaker and weaker holding springs.
 
     Return None if both fail.
@@ -121,7 +121,7 @@ def first_point(system: WheelSystem, omega: float) -> NDArray | None:
 @validation.check_arguments
 @one_thread
 def frequency_response(
-    wheel: WheelProblem,
+    disk: DiskProblem,
     preload: float,
     frequency: tuple[float, float],
     *,
@@ -131,7 +131,7 @@ def frequency_response(
 
     Parameters
     ----------
-    wheel : BladedDisk
+    disk : BladedDisk
     preload : float, N
     frequency : (low, high), Hz
     options : ContinuationOptions
@@ -145,7 +145,7 @@ def frequency_response(
     """
     low, high = (TWO_PI * f for f in validation.interval("frequency", frequency))
     options = validation.instance("options", options or ContinuationOptions(locate=False), ContinuationOptions)
-    whole = wheel.system(preload)
+    whole = disk.system(preload)
     budget = options.budget or evaluation_budget(whole)
     options = replace(options, budget=budget)
     search = Coverage(whole.within(budget), (low, high), options, CostMeter())
@@ -159,10 +159,10 @@ def frequency_response(
     search.cover(find_start)
     status, reason, left_out = ending(search.pieces, low, high)
     blades = np.array([whole.structure.responses(p.y[:-1]) for p, _ in in_order(search.pieces)])
-    blades = blades.reshape(-1, wheel.n_blades, whole.n_harmonics + 1)
+    blades = blades.reshape(-1, disk.n_blades, whole.n_harmonics + 1)
     ended = status, reason, (*left_out, *search.lost)
-    curve = as_curve(wheel.structure.tuned, search, ended, kind="tracking", preload=float(preload), blades=blades)
-    return replace(curve, harmonics=highest_blade(blades), unknowns=np.zeros((len(curve), 0)), **wheel.record())
+    curve = as_curve(disk.structure.tuned, search, ended, kind="tracking", preload=float(preload), blades=blades)
+    return replace(curve, harmonics=highest_blade(blades), unknowns=np.zeros((len(curve), 0)), **disk.record())
 
 
 def highest_blade(blades: NDArray) -> NDArray:
@@ -177,12 +177,12 @@ class OneStructure:
 
     Parameters
     ----------
-    system : WheelSystem
+    system : DiskSystem
     blade : int
         Blade whose motion is the response.
     """
 
-    def __init__(self, system: WheelSystem, blade: int) -> None:
+    def __init__(self, system: DiskSystem, blade: int) -> None:
         scene, s = system.structure, system.structure.structure
         N, n_coef, size = scene.shape
         n, nd, every = s.n, s.n_damper, np.arange(N)
@@ -222,15 +222,15 @@ class OneStructure:
 
 @validation.check_arguments
 @one_thread
-def time_response(wheel: WheelProblem, peak: WheelPeak, *, steps_per_period: int | None = None) -> TimeResponse:
+def time_response(disk: DiskProblem, peak: DiskPeak, *, steps_per_period: int | None = None) -> TimeResponse:
     """Compute the steady-state amplitude of the highest blade by time integration of all blades from the peak.
 
     Ctrl-C leaves no result.
 
     Parameters
     ----------
-    wheel : BladedDisk
-    peak : WheelPeak
+    disk : BladedDisk
+    peak : DiskPeak
         Peak of this disk.  Its dampers are free in time, even if springs held them in the search.
     steps_per_period : int, optional
         256 by default; a steady motion is integrated again with twice as many.
@@ -246,25 +246,25 @@ def time_response(wheel: WheelProblem, peak: WheelPeak, *, steps_per_period: int
     SettingError
         If the disk has more than thirteen blades, or the peak was not found or belongs to another disk.
     """
-    watch, system = CostMeter(), wheel.system(validation.instance("peak", peak, WheelPeak).preload)
+    watch, system = CostMeter(), disk.system(validation.instance("peak", peak, DiskPeak).preload)
     # the time of a period grows with the third power of the number of blades (docs/measured.md, "Peaks of mistuned
-    # wheels")
+    # disks")
     most_blades = 13
-    if wheel.n_blades > most_blades:
+    if disk.n_blades > most_blades:
         raise SettingError(
-            f"time_response: a bladed disk may have at most {most_blades} blades, found {wheel.n_blades}; {most_blades} "
+            f"time_response: a bladed disk may have at most {most_blades} blades, found {disk.n_blades}; {most_blades} "
             f"take some five minutes of processor time, which grows with the third power of their number"
         )
     if not np.isfinite(peak.amplitude):
         raise SettingError(f"time_response: needs a peak that was found, this one is {peak.status!r}")
-    settings, model_hash = wheel.record()["settings"], wheel.study.model.hash
+    settings, model_hash = disk.record()["settings"], disk.study.model.hash
     if (peak.unknowns.shape, peak.model_hash, peak.settings) != (system.structure.shape, model_hash, settings):
         raise SettingError("time_response: needs a peak of this bladed disk, found a peak of another one")
     one = OneStructure(system, peak.blade)
     steps, limit = STEPS if steps_per_period is None else steps_per_period, CRITERIA.drop * peak.amplitude
     none = TimeResponse(
         *(np.nan,) * 3, peak.frequency, peak.preload, peak.amplitude, settings=settings, model_hash=model_hash,
-        blade=peak.blade, blades=np.full((1, wheel.n_blades), np.nan),
+        blade=peak.blade, blades=np.full((1, disk.n_blades), np.nan),
     )  # fmt: skip
     try:
         march = March(one.ring, tau * peak.frequency, one.start(system.structure.flat(peak.unknowns)), steps, peak.blade)
@@ -293,7 +293,7 @@ def time_response(wheel: WheelProblem, peak: WheelPeak, *, steps_per_period: int
 @validation.check_arguments
 @short_repr
 @dataclass(frozen=True, eq=False)
-class BladedDisk(WheelProblem):
+class BladedDisk(DiskProblem):
     """All blades and dampers of a mistuned bladed disk.
 
     Contact laws, their evaluation and the preload are those of the study.  Blades and disk are described by the local
