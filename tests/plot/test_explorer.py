@@ -446,12 +446,12 @@ def test_a_request_without_a_window_computes_nothing_and_a_window_computes_once(
     for _ in range(3):
         assert get()[0] == 200
     time.sleep(0.5)
-    assert len(explorer.pages) == 3 and not any(page.answers.time_response for page in explorer.pages)
+    assert len(explorer.pages) == 3 and not any(page.answers.kept for page in explorer.pages)
     found, page = SimpleQueue(), explorer.pages[-1]
     page.answers.deliver = found.put
     seen(page)
     assert until_done(found)[0].curve.preload == page.value("preload")
-    assert not any(page.answers.time_response for page in explorer.pages[:-1])
+    assert not any(page.answers.kept for page in explorer.pages[:-1])
 
 
 @pytest.mark.slow
@@ -794,7 +794,7 @@ def test_two_hundred_moves_leave_no_error(browser, explorer):
     window.settle()
     page = explorer.pages[-1]
     until(lambda: page.shown["curve"].question == page.question())
-    assert len(page.answers.time_response) <= page.answers.most
+    assert len(page.answers.kept) <= page.answers.most
     assert "<b>Peak" in window.text() and "No answer" not in window.text()
     window.move("harmonics", 9)
     window.move("order", "59")
