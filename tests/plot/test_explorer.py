@@ -597,16 +597,13 @@ def test_every_load_has_a_slider(monkeypatch):
     loads = {"load_per_preload": {"front": 1.0, "rear": 0.6}, "constant_loads": {"shroud": 500.0}}
     study = bd.Study(bd.reference_model("shrouded_blade"), bd.Excitation("tip"), 4, harmonics=1, **loads)
     page = Page(document, study, "study")
-    assert [name for name in page.numbers if "load_per_preload" in name] == [
-        "load_per_preload.rear",
-        "constant_loads.shroud",
-    ]
+    assert [name for name in page.numbers if "." in name][1:] == ["load_per_preload.rear", "constant_loads.shroud"]
     assert page.question().settings == ()
     page.sliders["constant_loads.shroud"].value = np.log10(250.0)
     page.numbers["load_per_preload.rear"].value = 0.9
     assert dict(page.question().settings) == {"load_per_preload.rear": 0.9, "constant_loads.shroud": 250.0}
     given = vary(study, dict(page.question().settings)).settings
-    assert given.loads == {"front": 1.0, "rear": 0.9} and given.constant_loads == {"shroud": 250.0}
+    assert given.load_per_preload == {"front": 1.0, "rear": 0.9} and given.constant_loads == {"shroud": 250.0}
 
 
 def test_a_structure_without_friction_faces_has_no_tiles(monkeypatch):
