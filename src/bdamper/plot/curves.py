@@ -24,6 +24,7 @@ from bdamper.plot.axes import (
     LIMITS,
     NEW,
     OPTIMUM,
+    broken,
     colours,
     drawing,
     highest_on,
@@ -50,11 +51,6 @@ from bdamper.util.tables import axis_label as label_of
 
 # ---- Response and optimal curves ----
 
-MARCHED: dict[str, Any] = {
-    "fmt": "D", "color": IN_TIME, "markersize": 4.5, "markerfacecolor": "w", "capsize": 3.0, "linewidth": 1.2,
-    "zorder": 5.0, "label": "highest blade in time, and range",
-}  # fmt: skip
-"""Style of an amplitude in time: a point with a bar, above the star of the optimum."""
 ALIKE = 0.9
 """Ratio of the two limits above which one line represents both."""
 SHOWN = ("amplitude", "shift")
@@ -79,9 +75,7 @@ def _draw_tracking(ax: Axes, curve: ResponseCurve, colour: Any, label: str | Non
     f, a = curve.frequency if curve.speed is None else curve.speed * RPM, curve.amplitude
     unstable = unstable_points(curve)
     if curve.blades is not None:
-        single = np.abs(curve.blades[..., 1])
-        for b in np.unique(curve.branch):
-            ax.plot(f[curve.branch == b], single[curve.branch == b], color="0.75", linewidth=0.5)
+        ax.plot(*broken(curve.branch, f, np.abs(curve.blades[..., 1])), color="0.75", linewidth=0.5)
     for b in np.unique(curve.branch):
         where = np.flatnonzero(curve.branch == b)
         for first, last in runs(unstable[where]):
@@ -147,9 +141,9 @@ def plot_curves(curves: Sequence[ResponseCurve], ax: Axes = NEW, *, labels: Sequ
 
 
 @register_plot(ResponseCurve)
-def plot_curve(curve: ResponseCurve, ax: Axes | None = None, **style: Any) -> Axes:
-    """Plot the amplitude over frequency of one curve, or over speed of a run-up; ``style`` as in :func:`plot_curves`."""
-    return plot_curves([curve], ax, **style)
+def plot_curve(curve: ResponseCurve, *arguments: Any, **options: Any) -> Axes:
+    """Plot the amplitude over frequency of one curve, or over speed of a run-up; options as in :func:`plot_curves`."""
+    return cast(Axes, plot_curves([curve], *arguments, **options))
 
 
 @picture()
@@ -172,8 +166,7 @@ def plot_band(
         known = (curve.branch == b) & np.isfinite(frequency).all(axis=1)
         f, a = frequency[known], amplitude[known]
         edge = [np.concatenate([x[:, 0], x[::-1, 1]]) for x in (f, a)]
-        label = f"two standard deviations of\n{names}" if b == curve.branch[0] else None
-        ax.fill(*edge, color="0.8", linewidth=0.0, label=label)
+        ax.fill(*edge, color="0.8", linewidth=0.0, label=once(ax, f"two standard deviations of\n{names}"))
     plot_curves([curve], ax)
 
 
@@ -271,7 +264,7 @@ def _mark_checks(ax: Axes, result: OptimalCurve) -> None:
     """Mark results of time integration and of more harmonics."""
     for march in result.time_response:
         if np.isfinite(march.mean):
-            _mark_march(ax, march.preload, march)
+            mark_time_response(march, ax, march.preload)
     if k := result.optimum_in_time:
         ax.plot(k.preload, k.mean, "D", color=IN_TIME, markersize=4.5, zorder=6.0, label="least in time")
     if result.convergence is not None and len(result.convergence.peaks) > 1:
@@ -320,15 +313,12 @@ def _mark_gaps(ax: Axes, result: OptimalCurve) -> None:
 
 
 @picture(TimeResponse, "mark")
-def mark_time_response(time_response: TimeResponse, ax: Axes) -> None:
-    """Mark the mean and range of the highest blade in time as a point with a bar."""
-    _mark_march(ax, time_response.frequency, time_response)
-
-
-def _mark_march(ax: Axes, x: float, time_response: TimeResponse) -> None:
-    look = {**MARCHED, "label": once(ax, MARCHED["label"])}
-    mean = time_response.mean
-    ax.errorbar(x, mean, [[mean - time_response.lowest], [time_response.highest - mean]], **look)
+def mark_time_response(time_response: TimeResponse, ax: Axes, x: float | None = None) -> None:
+    """Mark the mean and range of the highest blade in time as a point with a bar, by default at its frequency."""
+    mean, name = time_response.mean, "highest blade in time, and range"
+    ends = [[mean - time_response.lowest], [time_response.highest - mean]]
+    ax.errorbar(time_response.frequency if x is None else x, mean, ends, fmt="D", color=IN_TIME, markerfacecolor="w",
+                markersize=4.5, capsize=3.0, linewidth=1.2, zorder=5.0, label=once(ax, name))  # fmt: skip
 
 
 @picture(TimeSweep)

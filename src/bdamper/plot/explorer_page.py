@@ -16,7 +16,7 @@ import numpy as np
 
 from bdamper.harmonic_balance.rotor_speed import RPM
 from bdamper.model.kinematics import centrifugal_load
-from bdamper.plot.axes import ticks_within
+from bdamper.plot.axes import broken, ticks_within
 from bdamper.plot.contact import STATUS_COLOURS, face_coordinates, tiles
 from bdamper.plot.curves import PRELOAD, with_optimum
 from bdamper.plot.explorer_worker import FORCE, Answer, Answers, Question
@@ -426,8 +426,7 @@ class Page:
             text = html.escape(curve._headline()) if whole else "the curve ends early while the slider moves."
         self.texts["curve"] = ("" if answer.full else COARSE) + text + chosen
         self.glyphs["curve"].line_dash = [] if answer.full else [6]
-        turns = np.flatnonzero(np.diff(curve.branch)) + 1  # a gap between branches
-        self._put("curve", np.insert(curve.frequency, turns, np.nan), 1e6 * np.insert(curve.amplitude, turns, np.nan))
+        self._put("curve", *broken(curve.branch, curve.frequency, 1e6 * curve.amplitude))
         tops = [(limit.peak.frequency, 1e6 * limit.peak.amplitude, limit.kind) for limit in answer.limits if len(limit)]
         for name, limit in zip(("free", "stuck"), answer.limits):
             self._put(name, limit.frequency, 1e6 * limit.amplitude)

@@ -22,7 +22,20 @@ from bdamper.analyses.loop_fit import FittedLoop
 from bdamper.analyses.nonlinear_mode import NonlinearMode
 from bdamper.analyses.robust_optimum import OptimalCurveUncertainty
 from bdamper.analyses.sweep import SweepResult, as_words
-from bdamper.plot.axes import DASHED, MARKERS, NEW, colours, legend_beside, looks, lost, once, picture, plain_number, runs
+from bdamper.plot.axes import (
+    DASHED,
+    MARKERS,
+    NEW,
+    broken,
+    colours,
+    legend_beside,
+    looks,
+    lost,
+    once,
+    picture,
+    plain_number,
+    runs,
+)
 from bdamper.response.verification import Convergence
 from bdamper.util.errors import SettingError
 from bdamper.util.formatting import UNITS, amount, percent, spaced
@@ -214,8 +227,7 @@ def draw_table(ax: Axes, table: Tabular, x: str, y: str, *, rows: Any = slice(No
     """
     values = {name: (100.0 if name.endswith("ratio") else 1.0) * np.array(getattr(table, name), float) for name in (x, y)}
     branch = np.broadcast_to(getattr(table, "branch", 0), values[x].shape)[rows]
-    breaks = np.flatnonzero(np.diff(branch)) + 1
-    across, up = (np.insert(column[rows], breaks, np.nan) for column in values.values())
+    across, up = broken(branch, *(column[rows] for column in values.values()))
     look = {"color": "0.1", "marker": "o" if len(across) <= FEW_ROWS else "", "markersize": 3.5, **style}
     ax.plot(across, up, **look)
     known = np.pad(np.isfinite(across + up), 1)
