@@ -7,9 +7,11 @@ call before; nothing depends on units.  The order of the calls is tested in ``te
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 from bdamper import _core
 from tests.cases import random_arrays
+from tests.compare import assert_close, assert_near
 from tests.each import each
 
 OK, NOT_FINITE = 0, 4
@@ -138,10 +140,10 @@ def bordered_matrix(equations, y, row, scale):
 def test_derivatives_are_those_of_the_residual(kind):
     for _, equations, y, expected in smooth_points(kind):
         r, J, C = evaluated(equations, y)
-        np.testing.assert_allclose(np.column_stack([J, C]), expected, rtol=0, atol=1e-7 * np.abs(expected).max())
+        assert_close(np.column_stack([J, C]), expected, 1e-7)
         alone = np.full(size(kind), np.nan)
         assert equations.evaluate(y, alone) == OK
-        np.testing.assert_array_equal(alone, r)
+        assert_array_equal(alone, r)
 
 
 @each("transposed", [False, True])
@@ -157,7 +159,7 @@ def test_bordered_solutions_are_those_of_dense_algebra(kind, transposed):
         found = right.copy()
         status, condition, rank, orientation = equations.bordered(y, row, scale, found, transposed)
         expected = np.linalg.solve(B.T if transposed else B, right.T).T
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+        assert_close(found, expected, 1e-9)
         assert (status, rank, orientation) == (OK, N + 1, np.sign(np.linalg.det(B)))
         assert 0.0 < condition <= 1.0
         orientations.add(orientation)
@@ -182,7 +184,7 @@ def test_a_singular_matrix_gives_the_solution_of_least_norm(kind, transposed):
     matrix = (sizes @ B).T if transposed else sizes @ B
     expected = np.linalg.lstsq(matrix, right if transposed else sizes @ right, rcond=1e-13)[0]
     expected = sizes @ expected if transposed else expected
-    np.testing.assert_allclose(found[0], expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+    assert_close(found[0], expected, 1e-9)
 
 
 @each("peak", [True, False])
@@ -206,7 +208,7 @@ def test_gradients_are_differences_along_the_curve(kind, peak):
     assert equations.gradient(y, t, scale, row, nu, 1e-5, *((re, im) if peak else ())) == OK
     h = 1e-5
     expected = [(slope(y + h * e * scale) - slope(y - h * e * scale)) / (2.0 * h) for e in np.eye(N + 1)]
-    np.testing.assert_allclose(row, expected, rtol=0, atol=1e-5 * np.abs(expected).max())
+    assert_close(row, expected, 1e-5)
     # multipliers: another derivative by the parameter
     a = np.append(np.zeros(N), 1.0)
     if peak:
@@ -214,7 +216,7 @@ def test_gradients_are_differences_along_the_curve(kind, peak):
         a[:-1] = (x.real * re + x.imag * im) * scale[:-1] / abs(x) ** 2
         a[-1] = 0.0
     dual = np.linalg.solve(bordered_matrix(equations, y, t, scale).T, a)
-    np.testing.assert_allclose(nu, dual[:-1], rtol=0, atol=1e-9 * np.abs(dual).max())
+    assert_near(nu, dual[:-1], 1e-9 * np.abs(dual).max())
 
 
 @each("place", [2, -1])
@@ -241,7 +243,7 @@ def test_a_number_that_is_none_gives_a_status(kind, place):
     # and the next call is as if nothing had been
     fresh = kind(np.random.default_rng(15))
     for one, other in zip(evaluated(equations, y), evaluated(fresh, y)):
-        np.testing.assert_array_equal(one, other)
+        assert_array_equal(one, other)
 
 
 def test_nothing_depends_on_the_call_before(kind):
@@ -269,7 +271,7 @@ def test_nothing_depends_on_the_call_before(kind):
         results.append([*out, start, tangent, np.array([found.status, found.residual, *found.shares])])
     for result in results[1:]:
         for one, expected in zip(result, results[0]):
-            np.testing.assert_array_equal(one, expected)
+            assert_array_equal(one, expected)
 
 
 def test_units_of_unknowns_and_residuals_change_nothing(kind):
@@ -287,7 +289,7 @@ def test_units_of_unknowns_and_residuals_change_nothing(kind):
             continue
         (one, y_one, t_one), (other, y_other, t_other) = found
         assert one.rank == other.rank == N + 1
-        np.testing.assert_allclose(y_other, y_one, rtol=0, atol=1e-8)
-        np.testing.assert_allclose(t_other, t_one, rtol=0, atol=1e-7 * np.abs(t_one).max())
+        assert_near(y_other, y_one, 1e-8)
+        assert_close(t_other, t_one, 1e-7)
         return
     raise AssertionError("no solution")

@@ -20,6 +20,7 @@ from tests.cases import (
     random_motion,
     random_point,
 )
+from tests.compare import assert_close, assert_near
 from tests.each import each
 
 HARMONICS = (1, 2, 3, 5, 7)
@@ -33,7 +34,7 @@ def test_force_is_that_of_the_oracle(n_harm):
         point, x = random_point(rng), random_motion(rng, n_harm)
         result = evaluate(x, point)
         expected = oracle.contact(x, *point.arguments)
-        np.testing.assert_allclose(result.force, expected, rtol=0, atol=1e-10 * (1 + np.abs(expected).max()))
+        assert_near(result.force, expected, 1e-10 * (1 + np.abs(expected).max()))
         slipped += result.shares[1] > 0
         opened += result.shares[4] > 0
     assert slipped > 3
@@ -54,7 +55,7 @@ def test_the_batch_oracle_is_the_slow_one(n_harm):
     found = oracle.contacts(x, kt, kn, mu, n0, w)
     for s, i in np.ndindex(x.shape[:2]):
         expected = oracle.contact(x[s, i], kt[i], kn[i], mu[i], n0[i], w[i])
-        np.testing.assert_allclose(found[s, i], expected, rtol=0, atol=1e-12 * max(np.abs(expected).max(), 1.0))
+        assert_near(found[s, i], expected, 1e-12 * max(np.abs(expected).max(), 1.0))
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
@@ -66,7 +67,7 @@ def test_a_contact_that_only_touches(delta, sign):
     x[0] = [0.0, 0.4, 0.3, 0.0, 0.2]
     point = Point(np.ones(2), 1.0, 0.5, 0.0, np.zeros(2))
     expected = oracle.contact_sampled(x, *point.arguments, 1 << 14, True)
-    np.testing.assert_allclose(evaluate(x, point).force, expected, rtol=0, atol=1e-6)
+    assert_near(evaluate(x, point).force, expected, 1e-6)
 
 
 @pytest.mark.parametrize("delta", [0.0, np.pi / 2, np.pi, 1.0])
@@ -77,7 +78,7 @@ def test_a_contact_that_only_just_stays_closed(delta):
     result = evaluate(x, Point(np.ones(2), 1.0, 0.5, 2.0, np.zeros(2)))
     expected = x[2].copy()
     expected[0] = 2.0
-    np.testing.assert_allclose(result.force[2], expected, rtol=0, atol=1e-12)
+    assert_near(result.force[2], expected, 1e-12)
     assert result.shares[4] < 1e-6
 
 
@@ -89,7 +90,7 @@ def test_a_slip_that_only_pauses(delta, sign):
     x[0] = sign * oracle.shift(np.array([0.0, 0.0, -1.0, 0.0, 0.5]), -delta)
     point = Point(np.ones(2), 0.0, 0.5, 0.6, np.zeros(2))
     expected = oracle.contact_sampled(x, *point.arguments, 1 << 14, True)
-    np.testing.assert_allclose(evaluate(x, point).force, expected, rtol=0, atol=1e-6)
+    assert_near(evaluate(x, point).force, expected, 1e-6)
 
 
 @pytest.mark.parametrize("n_harm", HARMONICS)
@@ -102,7 +103,7 @@ def test_events_that_coincide(n_harm):
         point = Point(kt, rng.integers(1, 7) / 2, rng.integers(1, 5) / 4, rng.integers(-3, 7) / 2, w)
         exact, sampled = evaluate(x, point), evaluate(x, point, SAMPLED, 4096)
         size = max(np.abs(sampled.force).max(), 0.02)
-        np.testing.assert_allclose(exact.force, sampled.force, rtol=0, atol=1e-3 * size)
+        assert_near(exact.force, sampled.force, 1e-3 * size)
 
 
 def test_closing_where_a_bound_of_the_slider_is_extreme():
@@ -122,7 +123,7 @@ def test_closing_where_a_bound_of_the_slider_is_extreme():
             x[0, 1:] = amplitude * np.cos(of_u + off), amplitude * np.sin(of_u + off)
             x[2, 1:] = size * np.cos(of_v), size * np.sin(of_v)
             result, expected = evaluate(x, point), oracle.contact(x, *point.arguments)
-            np.testing.assert_allclose(result.force, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+            assert_close(result.force, expected, 1e-12)
             slipped += result.shares[1] > 0.0
     assert slipped > 100
 
@@ -149,7 +150,7 @@ def test_any_input_gives_the_marched_force(x, kt, kn, mu, n0, w):
     marched = oracle.contact_sampled(x, kt, kn, mu, n0, w, n_time, True)
     size = (kt.max() + kn * (1 + mu)) * np.abs(x).max() + abs(n0) * (1 + mu)
     # a contact of a few samples may be missed by the march: its impulse is below size * its share of the period
-    np.testing.assert_allclose(result.force, marched, rtol=0, atol=2e-4 * size + 1e-14)
+    assert_near(result.force, marched, 2e-4 * size + 1e-14)
 
 
 @each("evaluation", [EXACT, SAMPLED, PLAIN])
@@ -174,7 +175,7 @@ def test_tangent_is_the_derivative(n_harm, evaluation):
         assert np.abs(result.tangent).max() > 0.1
         assert not np.array_equal(result.tangent, numeric)
         tolerance = (1e-7 if evaluation == EXACT else 1e-6) * np.abs(result.tangent).max()
-        np.testing.assert_allclose(result.tangent, numeric, rtol=0, atol=tolerance)
+        assert_near(result.tangent, numeric, tolerance)
         compared += 1
         with_slip += result.shares[1] > 0
         with_opening += result.shares[4] > 0
@@ -193,7 +194,7 @@ def test_sampled_force_is_that_of_the_oracle(n_harm, evaluation):
         for _ in range(15):
             point, x = random_point(rng), random_motion(rng, n_harm)
             expected = oracle.contact_sampled(x, *point.arguments, n_time, evaluation == SAMPLED)
-            np.testing.assert_allclose(evaluate(x, point, evaluation, n_time).force, expected, rtol=0, atol=1e-12)
+            assert_near(evaluate(x, point, evaluation, n_time).force, expected, 1e-12)
 
 
 @pytest.mark.parametrize("separation", [False, True], ids=["full contact", "separation"])
@@ -320,4 +321,4 @@ def test_the_largest_number_of_harmonics():
     rng = np.random.default_rng(500)
     point, x = random_point(rng), random_motion(rng, 64)
     sampled = evaluate(x, point, SAMPLED, 1 << 14).force
-    np.testing.assert_allclose(evaluate(x, point).force, sampled, rtol=0, atol=1e-4)
+    assert_near(evaluate(x, point).force, sampled, 1e-4)

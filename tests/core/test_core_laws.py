@@ -4,11 +4,13 @@ import ctypes
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 from scipy import LowLevelCallable
 
 from bdamper import _core
 from tests import oracle
 from tests.cases import PLAIN, SAMPLED, Point, difference, evaluate, random_motion, random_point
+from tests.compare import assert_near
 
 USER = 7
 NUMBER = ctypes.POINTER(ctypes.c_double)
@@ -77,7 +79,7 @@ def coulomb(kt, kn, mu, interpolate):
 
 def close(found, expected, tolerance, size=None):
     size = np.abs(expected).max() if size is None else size
-    np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance * size)
+    assert_near(found, expected, tolerance * size)
 
 
 class TestOursAsAFunction:
@@ -214,7 +216,7 @@ class TestShipped:
         for _ in range(5):
             x = rng.normal(size=(1, 3))
             close(step(x)[1], difference(lambda y: step(y)[0], x)[:, 0], 1e-8, 1.0)
-            np.testing.assert_array_equal(step(x)[2][:3], x[0])
+            assert_array_equal(step(x)[2][:3], x[0])
 
     def test_a_step_of_no_length_changes_nothing(self, name):
         function, p, n_state, _ = LAWS[name]

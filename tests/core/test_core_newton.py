@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 from bdamper import _core
 from tests.cases import evaluate_system, random_arrays
+from tests.compare import assert_near
 
 CONVERGED, NOT_CONVERGED, DIVERGED, SINGULAR, NOT_FINITE = range(5)
 
@@ -172,7 +174,7 @@ def test_a_small_row_that_is_no_rounding_noise_steers_newton(unit):
     assert out.status == CONVERGED
     assert out.rank == 7
     assert out.iterations == expected.iterations
-    np.testing.assert_allclose(found / scale, y, rtol=0, atol=1e-12)
+    assert_near(found / scale, y, 1e-12)
 
 
 def test_newton_gives_up_where_rounding_limits_the_residual():
@@ -238,7 +240,7 @@ def test_ramp_is_a_factor_on_part_of_the_excitation():
         r, J, _ = evaluate_system(_core.Sector(**scaled), y[:-1], omega)
         assert np.abs(r).max() < 1e-10
         # tangent: J du = ramp dfactor
-        np.testing.assert_allclose(J @ tangent[:-1], ramp * tangent[-1], rtol=0, atol=1e-9)
+        assert_near(J @ tangent[:-1], ramp * tangent[-1], 1e-9)
 
 
 def test_support_fades_out():
@@ -256,7 +258,7 @@ def test_support_fades_out():
         assert np.abs(r + (1.0 - s) * ramp + (1.0 / s - 1.0) * support @ y[:-1]).max() < 1e-10
         by_factor = -ramp - support @ y[:-1] / s**2
         rest = (J + (1.0 / s - 1.0) * support) @ tangent[:-1] + by_factor * tangent[-1]
-        np.testing.assert_allclose(rest, 0.0, rtol=0, atol=1e-9)
+        assert_near(rest, 0.0, 1e-9)
 
 
 def test_condition_does_not_depend_on_units():
@@ -271,7 +273,7 @@ def test_condition_does_not_depend_on_units():
         other[name] = s * arrays[name]
     out_s, y_s, _ = solve(_core.Sector(**other, row_scale=np.full(8, 1 / s)), start)
     assert out.status == out_s.status == CONVERGED
-    np.testing.assert_allclose(y_s, y, rtol=0, atol=1e-9)
+    assert_near(y_s, y, 1e-9)
     assert out_s.condition == pytest.approx(out.condition, rel=1e-6)
 
 
@@ -282,8 +284,8 @@ def test_a_newton_step_beyond_the_reach_ends_a_correction():
     assert whole.status == CONVERGED
     out, near, _ = solve(system, away, tangent, line_search=False, reach=1.01 * whole.first_step)
     assert out.status == CONVERGED
-    np.testing.assert_array_equal(near, at)
+    assert_array_equal(near, at)
     before = system.cost.evaluations
     out, near, _ = solve(system, away, tangent, line_search=False, reach=0.99 * whole.first_step)
     assert (out.status, out.iterations, system.cost.evaluations - before) == (NOT_CONVERGED, 0, 1)
-    np.testing.assert_array_equal(near, away)
+    assert_array_equal(near, away)

@@ -5,11 +5,13 @@ import threading
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 import bdamper as bd
 from bdamper import _core
 from tests import models, oracle
 from tests.cases import PLAIN, SAMPLED, difference, evaluate_system, for_oracle, random_arrays
+from tests.compare import assert_near
 from tests.each import each
 from tests.plain import plain_study
 
@@ -34,8 +36,8 @@ def test_residual_is_that_of_the_oracle(name):
         r, _, _ = evaluate_system(system, u, omega)
         expected = oracle.residual(u, omega, for_oracle(arrays))
         batch = oracle.residuals(np.array([u, u]), np.array([omega, omega]), for_oracle(arrays))
-        np.testing.assert_allclose(batch, [expected, expected], rtol=0, atol=1e-12 * np.abs(expected).max())
-        np.testing.assert_allclose(r, expected, rtol=0, atol=1e-11 * max(1.0, np.abs(expected).max()))
+        assert_near(batch, [expected, expected], 1e-12 * np.abs(expected).max())
+        assert_near(r, expected, 1e-11 * max(1.0, np.abs(expected).max()))
 
 
 @pytest.mark.parametrize("evaluation", [SAMPLED, PLAIN])
@@ -49,7 +51,7 @@ def test_sampled_residual_is_that_of_the_oracle(evaluation):
     def law(*a):
         return oracle.contact_sampled(*a, 96, evaluation == SAMPLED)
 
-    np.testing.assert_allclose(r, oracle.residual(u, 0.8, for_oracle(arrays), law), rtol=0, atol=1e-11)
+    assert_near(r, oracle.residual(u, 0.8, for_oracle(arrays), law), 1e-11)
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
@@ -67,12 +69,12 @@ def test_derivatives(name):
         )
         assert np.abs(J).max() > 0.1
         by_omega = difference(lambda w: evaluate_system(system, u, w[0])[0], np.array([omega]))[:, 0]  # noqa: B023
-        np.testing.assert_allclose(r_omega, by_omega, rtol=0, atol=1e-8 * (1 + np.abs(by_omega).max()))
+        assert_near(r_omega, by_omega, 1e-8 * (1 + np.abs(by_omega).max()))
         assert arrays["n_mode"][1:].sum() == 0 or np.abs(r_omega).max() > 0
         if np.abs(coarse - fine).max() > 1e-8 * np.abs(J).max():
             continue
         assert not np.array_equal(J, fine)
-        np.testing.assert_allclose(J, fine, rtol=0, atol=1e-7 * np.abs(J).max())
+        assert_near(J, fine, 1e-7 * np.abs(J).max())
         compared += 1
         if compared == 6:
             break
@@ -87,7 +89,7 @@ def test_outputs_may_be_left_out():
     r, _, _ = evaluate_system(system, u, 1.1)
     alone = np.full_like(r, np.nan)
     assert system.evaluate(np.append(u, 1.1), alone) == 0
-    np.testing.assert_array_equal(alone, r)
+    assert_array_equal(alone, r)
 
 
 def test_contact_gives_the_forces_in_the_residual():
@@ -98,10 +100,10 @@ def test_contact_gives_the_forces_in_the_residual():
     X, F, share = np.full((4, 3, 5), np.nan), np.full((4, 3, 5), np.nan), np.full((4, 5), np.nan)
     assert system.contact(np.append(u, 1.0), X, F, share) == 0
     o = for_oracle(arrays)
-    np.testing.assert_allclose(X, oracle.motion(u, o["n_mode"], o["G"], o["shift"]), rtol=0, atol=1e-13)
+    assert_near(X, oracle.motion(u, o["n_mode"], o["G"], o["shift"]), 1e-13)
     for p in range(4):
         expected = oracle.contact(X[p], o["kt"][p], o["kn"][p], o["mu"][p], o["n0"][p], o["w"][p])
-        np.testing.assert_allclose(F[p], expected, rtol=0, atol=1e-11)
+        assert_near(F[p], expected, 1e-11)
 
 
 def test_arguments_are_copied():
@@ -112,7 +114,7 @@ def test_arguments_are_copied():
     before = evaluate_system(system, u, 1.0)[0]
     for value in arrays.values():
         value[...] = 7
-    np.testing.assert_array_equal(evaluate_system(system, u, 1.0)[0], before)
+    assert_array_equal(evaluate_system(system, u, 1.0)[0], before)
 
 
 GOOD = random_arrays(np.random.default_rng(7), (2, 3), 3)
@@ -247,7 +249,7 @@ def test_outputs_that_share_memory_are_refused(method, first, second):
     before = memory.copy()
     with pytest.raises(ValueError, match=rf"^{second}: expected a separate array, found memory shared with {first}$"):
         call(method, arguments)
-    np.testing.assert_array_equal(memory, before)
+    assert_array_equal(memory, before)
 
 
 def test_inputs_may_share_memory_and_outputs_may_touch():
@@ -390,7 +392,7 @@ def test_threads_give_the_serial_results(shared):
     for results in found:
         for a, b in zip(results, serial):
             for one, other in zip(a, b):
-                np.testing.assert_array_equal(one, other)
+                assert_array_equal(one, other)
 
 
 def test_corrector_in_threads_gives_the_serial_results():
@@ -413,9 +415,9 @@ def test_corrector_in_threads_gives_the_serial_results():
         for k in range(12):
             status, y, tangent = solve(k)
             assert status == serial[k][0]
-            np.testing.assert_array_equal(y, serial[k][1])
+            assert_array_equal(y, serial[k][1])
             if status == 0:
-                np.testing.assert_array_equal(tangent, serial[k][2])
+                assert_array_equal(tangent, serial[k][2])
 
     run_together(work)
 

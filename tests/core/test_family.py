@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from bdamper import _core
 from bdamper.contact.laws import (
@@ -76,7 +77,7 @@ def test_residual_and_jacobian_are_those_of_the_arrays_at_the_speed(law, evaluat
     for omega in (3.3, 4.0):
         plain = _core.Sector(**mixed(nodes, omega), **evaluation)
         for one, other in zip(evaluated(family(nodes, **evaluation), u, omega)[:2], evaluated(plain, u, omega)[:2]):
-            np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-11 * np.abs(other).max())
+            assert_allclose(one, other, rtol=1e-10, atol=1e-11 * np.abs(other).max())
 
 
 @each(("law", "evaluation"), CASES)
@@ -104,7 +105,7 @@ def test_motion_and_forces_of_a_family_are_those_of_the_frequency():
     assert family(nodes).contact(np.append(u, 3.9), *found) == 0
     assert _core.Sector(**mixed(nodes, 3.9)).contact(np.append(u, 3.9), *expected) == 0
     for one, other in zip(found, expected):
-        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-11)
+        assert_allclose(one, other, rtol=1e-9, atol=1e-11)
 
 
 def test_nothing_depends_on_the_call_before():
@@ -114,7 +115,7 @@ def test_nothing_depends_on_the_call_before():
     evaluated(core, 0.5 * u, 4.1)
     core.evaluate(np.append(u, np.nan), np.empty(UNKNOWNS))
     for one, other in zip(before, evaluated(core, u, 3.6)):
-        np.testing.assert_array_equal(one, other)
+        assert_array_equal(one, other)
 
 
 def test_beyond_the_nodes_there_are_no_equations():

@@ -18,6 +18,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 import bdamper as bd
 from bdamper.harmonic_balance.parameters import vary
@@ -77,8 +78,8 @@ def test_a_question_is_answered_coarsely_then_in_full_and_kept():
     np.testing.assert_equal(in_time.marched.mean, full.study.time_response(full.curve).mean)
     given = vary(study, {"damping_ratio": 0.02})
     band = answers.band(asked())
-    np.testing.assert_array_equal(full.curve.amplitude, given.frequency_response(0.0, band).amplitude)
-    np.testing.assert_array_equal(
+    assert_array_equal(full.curve.amplitude, given.frequency_response(0.0, band).amplitude)
+    assert_array_equal(
         quick.curve.amplitude, given.replace(harmonics=1).frequency_response(0.0, band, options=MOVING).amplitude
     )
     assert [limit.kind for limit in full.limits] == ["free", "stuck"]
@@ -121,17 +122,17 @@ def test_every_answer_is_that_of_the_study_whatever_was_asked_before():
             ends = float(curve.curve.frequency[0]), float(curve.curve.frequency[-1])
             assert ends == pytest.approx(own if harmonics else band, rel=5e-3), "what follows the hand has axes that stay"
             expected = kind.frequency_response(question.preload, ends, options=MOVING if harmonics else None)
-            np.testing.assert_array_equal(curve.curve.amplitude, expected.amplitude)
+            assert_array_equal(curve.curve.amplitude, expected.amplitude)
             touching = contact_status(kind, expected.unknowns[curve.point], question.preload)
-            np.testing.assert_array_equal(curve.contacts.share, touching.share)
+            assert_array_equal(curve.contacts.share, touching.share)
             searched = best.optimal.settings["frequency"]
             assert searched == pytest.approx(band, rel=5e-3)
             least = given.optimal_curve(question.preloads, 3, frequency=searched, mode=question.mode, check=False)
-            np.testing.assert_array_equal(best.optimal.preload, least.preload)
-            np.testing.assert_array_equal(best.optimal.amplitude, least.amplitude)
+            assert_array_equal(best.optimal.preload, least.preload)
+            assert_array_equal(best.optimal.amplitude, least.amplitude)
         one = given.replace(harmonics=1)
         for found, limit in zip(curve.limits, (one.free(ends), one.stuck(ends, question.preload)), strict=True):
-            np.testing.assert_array_equal(found.amplitude, limit.amplitude)
+            assert_array_equal(found.amplitude, limit.amplitude)
         shown.append((curve.curve.peak.amplitude, *best.optimal.amplitude, len(curve.curve)))
     assert len(set(shown[:-1])) == len(others) and shown[-1] == shown[0], "and none of them shows what another does"
     answers.ask(None)
@@ -159,7 +160,7 @@ def test_another_engine_order_has_bases_of_its_own():
     answers, asked_for = Answers(study, print), (("engine_order", 10),)
     found, given = answers.varied(Question(asked_for, 0.0, None), 1), study.replace(engine_order=10, harmonics=1)
     assert found.settings.engine_order == 10 and found.settings.harmonic_numbers == (1,)
-    np.testing.assert_array_equal(found.problem.bases[1].omega2, given.problem.bases[1].omega2)
+    assert_array_equal(found.problem.bases[1].omega2, given.problem.bases[1].omega2)
     answers.ask(None)
 
 
@@ -243,9 +244,9 @@ def test_what_is_kept_is_of_the_question_that_is_asked(harmonics):
     other = answers.curve(replace(first, preload=3.0), harmonics)
     assert (one.curve.preload, other.curve.preload) == (1.0, 3.0)
     expected = study.frequency_response(3.0, band, options=MOVING if harmonics else None)
-    np.testing.assert_array_equal(other.curve.amplitude, expected.amplitude)
+    assert_array_equal(other.curve.amplitude, expected.amplitude)
     if harmonics is None:
-        np.testing.assert_array_equal(other.limits[1].amplitude, study.stuck(band, 3.0).amplitude)
+        assert_array_equal(other.limits[1].amplitude, study.stuck(band, 3.0).amplitude)
     for changed in ({"settings": (("damping_ratio", 0.1),)}, {"mode": 2}):
         assert answers.curve(replace(first, **changed), harmonics).curve is not one.curve
     assert answers.curve(replace(first, point=1), harmonics).curve is one.curve
@@ -322,8 +323,8 @@ def test_colours_of_states_are_those_of_browsers():
 
 def test_patches_are_divided_by_their_shares():
     left, right, low, high, state = tiles(np.array([[0.2, 0.3, 0.5]]), np.array([1.0]), np.array([4.0]), 2.0, 10.0)
-    np.testing.assert_allclose(right - left, [1.8, 2.7, 4.5])
-    np.testing.assert_allclose((left[0], right[-1], low[0], high[0]), (-0.5, 8.5, 0.1, 1.9))
+    assert_allclose(right - left, [1.8, 2.7, 4.5])
+    assert_allclose((left[0], right[-1], low[0], high[0]), (-0.5, 8.5, 0.1, 1.9))
     assert state.tolist() == [0, 1, 2]
 
 
@@ -659,7 +660,7 @@ def test_the_page_shows_what_the_study_gives(browser, explorer, study):
     curve = varied.frequency_response(199.5, band)
     drawn = np.array([np.nan if v is None else v for v in window.data("curve")]).reshape(2, -1)
     drawn = drawn[:, np.isfinite(drawn[0])]
-    np.testing.assert_allclose(drawn, [curve.frequency, 1e6 * curve.amplitude], rtol=1e-12)
+    assert_allclose(drawn, [curve.frequency, 1e6 * curve.amplitude], rtol=1e-12)
     assert window.data("point") == pytest.approx([curve.peak.frequency, 1e6 * curve.peak.amplitude])
     best = varied.optimal_curve((15.0, 3750.0), 7, frequency=band, check=False)
     assert window.data("optimum") == pytest.approx([best.optimum.preload, 1e6 * best.optimum.amplitude])
@@ -668,7 +669,7 @@ def test_the_page_shows_what_the_study_gives(browser, explorer, study):
     window.wait("return get('code').text")
     names = {"study": study}
     exec("\n".join(line for line in window.text("code").splitlines() if not line.startswith("optimal")), names)
-    np.testing.assert_array_equal(names["curve"].amplitude, curve.amplitude)
+    assert_array_equal(names["curve"].amplitude, curve.amplitude)
     window.click("CSV")
     window.wait("return get('file data').data.name[0] == 'optimal-200-N-engine-order-5.csv'")
     table = base64.b64decode(window.run("return get('file data').data.content[0]")).decode()
