@@ -7,6 +7,7 @@ call before; nothing depends on units.  The order of the calls is tested in ``te
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_array_equal
 
 from bdamper import _core
@@ -109,7 +110,7 @@ def differences(equations, y, h):
 
 def smooth_points(kind, count=5):
     """Equations and points with no event within the steps of differences."""
-    rng, found, N = np.random.default_rng(11), 0, size(kind)
+    rng, found, N = default_rng(11), 0, size(kind)
     for _ in range(200):
         equations, y = kind(rng), point(rng, N)
         whole = differences(equations, y, 1e-5)
@@ -123,7 +124,7 @@ def smooth_points(kind, count=5):
 
 def solved(kind):
     """A point of a curve, with its tangent."""
-    rng, N = np.random.default_rng(12), size(kind)
+    rng, N = default_rng(12), size(kind)
     for _ in range(60):
         equations, y, tangent = kind(rng), point(rng, N), np.empty(N + 1)
         row = np.append(np.zeros(N), 1.0)
@@ -148,7 +149,7 @@ def test_derivatives_are_those_of_the_residual(kind):
 
 @each("transposed", [False, True])
 def test_bordered_solutions_are_those_of_dense_algebra(kind, transposed):
-    rng, N = np.random.default_rng(13), size(kind)
+    rng, N = default_rng(13), size(kind)
     orientations = set()
     for _ in range(12):
         equations, y, row, scale = kind(rng), point(rng, N), rng.normal(size=N + 1), rng.uniform(0.1, 10.0, N + 1)
@@ -170,7 +171,7 @@ def test_bordered_solutions_are_those_of_dense_algebra(kind, transposed):
 @each("transposed", [False, True])
 def test_a_singular_matrix_gives_the_solution_of_least_norm(kind, transposed):
     """The border repeats a row of the Jacobian."""
-    rng, N = np.random.default_rng(14), size(kind)
+    rng, N = default_rng(14), size(kind)
     equations, y, scale = kind(rng), point(rng, N), np.ones(N + 1)
     _, J, C = evaluated(equations, y)
     row = np.append(J, C[:, None], axis=1)[3]
@@ -219,12 +220,12 @@ def test_gradients_are_differences_along_the_curve(kind, peak):
     assert_near(nu, dual[:-1], 1e-9 * np.abs(dual).max())
 
 
-@each("place", [2, -1])
-def test_a_number_that_is_none_gives_a_status(kind, place):
-    rng, N = np.random.default_rng(15), size(kind)
+@each(("place", "value"), [(2, np.nan), (-1, np.nan), (-1, np.inf)])
+def test_a_number_that_is_none_gives_a_status(kind, place, value):
+    rng, N = default_rng(15), size(kind)
     equations, y = kind(rng), point(rng, N)
     bad = y.copy()
-    bad[place] = np.nan
+    bad[place] = value
     ones, row, right = np.ones(N + 1), np.append(np.zeros(N), 1.0), np.ones((1, N + 1))
     points = SIZES.get(kind.__name__, (8, 4))[1]
     for given, status in ((bad, NOT_FINITE), (y, OK), (bad, NOT_FINITE)):  # before any other call, and after one
@@ -236,18 +237,19 @@ def test_a_number_that_is_none_gives_a_status(kind, place):
     assert (r == 7.0).all()
     assert equations.bordered(bad, row, ones, right)[0] == NOT_FINITE
     assert equations.gradient(bad, row, ones, np.empty(N + 1), np.empty(N), 1e-5) == NOT_FINITE
+    assert np.isfinite(equations.solve(y.copy(), row.copy(), ones, 1e-9, 10, row=row).shares).all()
     out = equations.solve(bad, row.copy(), ones, 1e-9, 10, row=row)
     assert out.status == NOT_FINITE
     assert np.isinf(out.residual)
     assert np.isnan(out.shares).all()
     # and the next call is as if nothing had been
-    fresh = kind(np.random.default_rng(15))
+    fresh = kind(default_rng(15))
     for one, other in zip(evaluated(equations, y), evaluated(fresh, y)):
         assert_array_equal(one, other)
 
 
 def test_nothing_depends_on_the_call_before(kind):
-    rng, N = np.random.default_rng(16), size(kind)
+    rng, N = default_rng(16), size(kind)
     points = SIZES.get(kind.__name__, (8, 4))[1]
     equations, y, scale, row = kind(rng), point(rng, N), rng.uniform(0.1, 10.0, N + 1), rng.normal(size=N + 1)
     elsewhere = [point(rng, N) for _ in range(4)]
@@ -279,10 +281,10 @@ def test_units_of_unknowns_and_residuals_change_nothing(kind):
     N = size(kind)
     units = np.append(np.geomspace(1e-3, 1e3, N), 1.0)
     for seed in range(20, 60):
-        y, row = point(np.random.default_rng(seed), N), np.append(np.zeros(N), 1.0)
+        y, row = point(default_rng(seed), N), np.append(np.zeros(N), 1.0)
         found = []
         for scale, row_scale in ((np.ones(N + 1), np.ones(N)), (units, np.full(N, 2.0**-20))):
-            equations, start, tangent = kind(np.random.default_rng(seed), row_scale=row_scale), y.copy(), np.zeros(N + 1)
+            equations, start, tangent = kind(default_rng(seed), row_scale=row_scale), y.copy(), np.zeros(N + 1)
             out = equations.solve(start, tangent, scale, 1e-11 * row_scale[0], 60, True, row=row)
             found.append((out, start, tangent * scale / (tangent * scale)[-1] if tangent[-1] else tangent))
         if found[0][0].status != OK or found[1][0].status != OK:

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from numpy.random import default_rng
 
 from bdamper import _core
 from tests import oracle
@@ -28,7 +29,7 @@ HARMONICS = (1, 2, 3, 5, 7)
 
 @pytest.mark.parametrize("n_harm", HARMONICS)
 def test_force_is_that_of_the_oracle(n_harm):
-    rng = np.random.default_rng(n_harm)
+    rng = default_rng(n_harm)
     slipped = opened = 0
     for _ in range(20 if n_harm < 5 else 10):
         point, x = random_point(rng), random_motion(rng, n_harm)
@@ -44,7 +45,7 @@ def test_force_is_that_of_the_oracle(n_harm):
 @pytest.mark.parametrize("n_harm", [1, 2, 4])
 def test_the_batch_oracle_is_the_slow_one(n_harm):
     """All points of many states at once, among them points without friction and vanishing harmonics."""
-    rng = np.random.default_rng(n_harm)
+    rng = default_rng(n_harm)
     points = [random_point(rng) for _ in range(8)]
     mu = np.array([p.mu for p in points]) * (np.arange(8) > 0)
     kt, w = np.array([p.kt for p in points]), np.array([p.w for p in points])
@@ -90,7 +91,7 @@ def test_a_contact_that_only_just_stays_closed(delta):
 @pytest.mark.parametrize("n_harm", HARMONICS)
 def test_events_that_coincide(n_harm):
     """Coefficients in halves: roots on samples of the bracketing grid, at each other's place, and touching."""
-    rng = np.random.default_rng(600 + n_harm)
+    rng = default_rng(600 + n_harm)
     for _ in range(120):
         x = np.round(2 * rng.normal(size=(3, 2 * n_harm + 1))) / 2
         kt, w = rng.integers(1, 7, 2) / 2, rng.integers(-2, 3, 2) / 2
@@ -102,7 +103,7 @@ def test_events_that_coincide(n_harm):
 
 def test_closing_where_a_bound_of_the_slider_is_extreme():
     """u' = ± (mu kn/kt) v' at the closing of one harmonic, give or take rounding: slip begins at once, or after no time."""
-    rng = np.random.default_rng(49)
+    rng = default_rng(49)
     slipped = 0
     for _ in range(25):
         mu, kn, size = rng.uniform(0.2, 0.8), rng.uniform(0.5, 2.0), rng.uniform(0.5, 2.0)
@@ -151,7 +152,7 @@ def test_any_input_gives_the_marched_force(x, kt, kn, mu, n0, w):
 @each("n_harm", HARMONICS)
 def test_tangent_is_the_derivative(n_harm, evaluation):
     """To 1e-7 where no event is near; the sampled laws are piecewise linear, so almost everywhere."""
-    rng = np.random.default_rng(100 + n_harm)
+    rng = default_rng(100 + n_harm)
     n_time = 0 if evaluation == EXACT else 16 * n_harm + 48
     compared = with_slip = with_opening = 0
     for _ in range(400):
@@ -183,7 +184,7 @@ def test_tangent_is_the_derivative(n_harm, evaluation):
 @pytest.mark.parametrize("n_harm", [1, 3])
 @pytest.mark.parametrize("evaluation", [SAMPLED, PLAIN])
 def test_sampled_force_is_that_of_the_oracle(n_harm, evaluation):
-    rng = np.random.default_rng(200 + n_harm)
+    rng = default_rng(200 + n_harm)
     for n_time in (4 * n_harm + 4, 61, 128):
         for _ in range(15):
             point, x = random_point(rng), random_motion(rng, n_harm)
@@ -193,7 +194,7 @@ def test_sampled_force_is_that_of_the_oracle(n_harm, evaluation):
 
 def errors_of_sampling(seed, n_harm, n_times, count, wanted, error):
     """Sums of an error over random states that are wanted, for each number of samples and evaluation."""
-    rng, errors, used = np.random.default_rng(seed), {e: np.zeros(len(n_times)) for e in (SAMPLED, PLAIN)}, 0
+    rng, errors, used = default_rng(seed), {e: np.zeros(len(n_times)) for e in (SAMPLED, PLAIN)}, 0
     while used < count:
         state = wanted(random_point(rng), random_motion(rng, n_harm))
         if state is None:
@@ -309,7 +310,7 @@ class TestArguments:
 
 
 def test_the_largest_number_of_harmonics():
-    rng = np.random.default_rng(500)
+    rng = default_rng(500)
     point, x = random_point(rng), random_motion(rng, 64)
     sampled = evaluate(x, point, SAMPLED, 1 << 14).force
     assert_near(evaluate(x, point).force, sampled, 1e-4)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 from numpy.testing import assert_array_equal
 
 from bdamper import _core
@@ -11,7 +12,7 @@ from tests.compare import assert_near
 
 
 def cases(seed, count=60, harmonics=(1, 2, 3, 5)):
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     for i in range(count):
         yield random_point(rng), random_motion(rng, harmonics[i % len(harmonics)])
 
@@ -92,7 +93,7 @@ def test_dissipation_of_a_constant_normal_load_is_that_of_the_slip():
 
 
 def test_time_shift_of_the_motion_shifts_the_force():
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     for point, x in cases(3, 80):
         result = evaluate(x, point)
         for delta in rng.uniform(0, 2 * np.pi, 3):
@@ -174,7 +175,7 @@ def test_a_point_that_never_slips_keeps_its_slider():
 
 
 def test_no_friction_and_no_stiffness():
-    rng = np.random.default_rng(8)
+    rng = default_rng(8)
     for _ in range(10):
         point, x = random_point(rng), random_motion(rng, 2)
         normal = evaluate(x, point).force[2]

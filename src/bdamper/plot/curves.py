@@ -366,19 +366,17 @@ def plot_response_map(result: OptimalCurve, ax: Axes = NEW) -> None:
 
 # ---- Several results on the same axes ----
 
-OF: dict[type, tuple[str, dict[str, str]]] = {
-    ResponseCurve: ("frequency", {"amplitude": "amplitude"}),
-    OptimalCurve: ("preload", {"amplitude": "amplitude", "shift": "shift_percent"}),
-    Hysteresis: ("amplitude", {"damping_ratio": "damping_ratio", "stiffness": "stiffness"}),
+OF = {
+    ResponseCurve: ("frequency", ("amplitude",)),
+    OptimalCurve: ("preload", ("amplitude", "shift")),
+    Hysteresis: ("amplitude", ("damping_ratio", "stiffness")),
 }
-"""By type of result: the column of the x axis, and the columns that can be plotted, by quantity."""
-OPTIMA = {True: "optimum", False: "least value, not verified"}
+"""By type of result: the column of the x axis, and the quantities that can be plotted."""
 
 
 @picture()
 def plot_together(
-    results: Mapping[str, ResponseCurve] | Mapping[str, OptimalCurve] | Mapping[str, Hysteresis],
-    quantity: str | None = None, ax: Axes = NEW, *, measured: Sequence[Measurement] = (),
+    results: Mapping[str, Any], quantity: str | None = None, ax: Axes = NEW, *, measured: Sequence[Measurement] = ()
 ) -> None:  # fmt: skip
     """Plot several results of one type on the same axes.
 
@@ -401,36 +399,32 @@ def plot_together(
     if kind is None:
         kinds = "response curves, optimal curves or hysteresis, all of one kind"
         raise validation.invalid("results", kinds, [type(result).__name__ for result in results.values()])
-    x, columns = OF[kind]
-    quantity = validation.choice("quantity", quantity or next(iter(columns)), columns)
+    x, quantities = OF[kind]
+    quantity = validation.choice("quantity", quantity or quantities[0], quantities)
     if isinstance(measured, Measurement) or (measured and kind is not ResponseCurve):
         raise validation.invalid("measured", "a sequence of Measurement, over response curves", measured)
     if kind is ResponseCurve:
-        curves = cast(Mapping[str, ResponseCurve], results)
-        plot_curves(list(curves.values()), ax, labels=[name for name, curve in curves.items() if curve.kind not in LIMITS])
+        labels = [name for name, curve in results.items() if curve.kind not in LIMITS]
+        plot_curves(list(results.values()), ax, labels=labels)
         for measurement in measured:
             plot_measurement(measurement, ax)
-    result: Any
-    for (name, result), look in zip(results.items(), looks(len(results))) if kind is not ResponseCurve else ():
-        if isinstance(result, Hysteresis) and result.single:
+        return
+    for (name, result), look in zip(results.items(), looks(len(results))):
+        if kind is Hysteresis and result.single:
             ax.plot(*result.loop(), **{**look, "marker": ""}, label=name)
             ax.set(**OF_WHOLE)
             continue
-        y = columns[quantity]
+        y = "shift_percent" if quantity == "shift" else quantity
         known = np.flatnonzero(np.isfinite(getattr(result, y)))
         draw_table(ax, result, x, y, **look, markevery=known[:: max(1, len(known) // 8)].tolist(), label=name)
         ax.set_xscale("log")
-        if isinstance(result, OptimalCurve) and quantity == "amplitude":
+        if kind is OptimalCurve and quantity == "amplitude":
             ax.set_yscale("log")
-            _star(ax, result, look["color"])
-
-
-def _star(ax: Axes, result: OptimalCurve, colour: Any) -> None:
-    """Mark the optimum, if there is one: filled if verified, with one entry in the legend for all."""
-    o = result.optimum
-    if np.isfinite(o.preload):
-        look = {"color": colour, "markersize": 8.0, "markerfacecolor": colour if o.verified else "w", "linestyle": "none"}
-        ax.plot(o.preload, o.amplitude, marker="*", label=once(ax, OPTIMA[o.verified]), **look)
+            o = result.optimum
+            face, mark = (look["color"], "optimum") if o.verified else ("w", "least value, not verified")
+            if np.isfinite(o.preload):
+                ax.plot(o.preload, o.amplitude, "*", color=look["color"], markersize=8.0, markerfacecolor=face,
+                        label=once(ax, mark))  # fmt: skip
 
 
 @register_plot(Comparison)

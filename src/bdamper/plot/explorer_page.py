@@ -317,9 +317,9 @@ class Page:
             view.axis.visible = view.grid.visible = False
             view.outline_line_color = None
         self._moving()
-        self.curve.on_event("tap", self.chosen)
+        self.curve.on_event("tap", self._chosen)
         for event in ("tap", "pan"):
-            self.best.on_event(event, self.dragged)
+            self.best.on_event(event, self._dragged)
 
     def _figure(self, name: str, **options: Any) -> Any:
         """Create a figure with uniform font sizes, and suitable ticks on logarithmic axes."""
@@ -497,7 +497,7 @@ class Page:
 
     # ---- clicks and downloads ----
 
-    def chosen(self, event: Any) -> None:
+    def _chosen(self, event: Any) -> None:
         """Choose the point of the curve nearest to a click on the screen; ignore clicks outside the axes."""
         answer = self.shown.get("curve")
         if answer is None or answer.curve is None or event.x is None or event.y is None or event.y <= 0.0:
@@ -507,7 +507,7 @@ class Page:
         self.point = int(np.argmin(distance))
         self.ask()
 
-    def dragged(self, event: Any) -> None:
+    def _dragged(self, event: Any) -> None:
         """Set the preload to the pointer position."""
         number = self.numbers["preload"]
         if event.x is not None and event.x > 0.0 and not number.disabled:
