@@ -387,8 +387,8 @@ class Page:
 
     def _put(self, name: str, *columns: Any) -> None:
         """Replace the columns of a data source; clear them if none are given."""
-        data = self.sources[name].data
-        self.sources[name].data = dict(zip(data, map(np.asarray, columns))) if columns else {column: [] for column in data}
+        source, values = self.sources[name], (v if isinstance(v, np.ndarray) else [*v] for v in columns)
+        source.data = dict(zip(source.data, values)) if columns else {column: [] for column in source.data}
 
     def _optimal(self, found: OptimalCurve) -> None:
         """Show the optimal curve with its optimum."""
