@@ -342,7 +342,7 @@ def plot_response_map(result: OptimalCurve, ax: Axes = NEW) -> None:
     Parameters
     ----------
     result : OptimalCurve
-        Optimal curve with its response curves; files of versions before 0.6 do not contain these.
+        Optimal curve with its response curves.
     """
     curves = [curve for curve in result.curves if len(curve)]
     validation.check(len(curves) >= 2, "result", "an optimal curve with two or more curves", len(curves))
