@@ -77,7 +77,7 @@ def export_modes(
 
 
 def _write(path: str | PathLike[str], points: NDArray, quads: NDArray, fields: dict[str, NDArray]) -> Path:
-    """Write vector fields on a surface; ``{}`` in a name stands for the real or the imaginary part."""
+    """Write vector fields on a surface; "real" or "imaginary" replaces ``{}`` in a name."""
     meshio = import_extra("meshio", "export to VTU", "viz")
     data = {
         name.format(part): np.ascontiguousarray(getattr(field, part[:4]))
