@@ -11,6 +11,7 @@ definite rest.
 from __future__ import annotations
 
 import numpy as np
+from numpy.random import default_rng
 from numpy.typing import NDArray
 
 from bdamper.model.modal_basis import LocalBasis
@@ -88,7 +89,7 @@ def wedge_model(
     alpha, beta : float, rad
         Inclinations of the left and right face from the radial axis.
     """
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     faces = _wedge_faces(alpha, beta, n_points, ("blade", 0), ("blade", 1))
     tip = Location("tip", "blade", np.array([0.0, RADIUS + 0.15, 0.0]))
     blade = _constrained_body(
@@ -111,7 +112,7 @@ def lumped_local(model: Model, own: float, disk: float, tie: float, seed: int = 
     to the ground and on ``tie`` to its neighbours; contact points and "tip" move with the blade's mass.
     """
     n_points = sum(model.interfaces[name].n_points for name, _ in model.bodies["blade"].ports)
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     waves = np.arange(model.n_blades // 2 + 1)
     stiffness = disk + 2.0 * tie * (1.0 - np.cos(2.0 * np.pi * waves / model.n_blades))
     shape = rng.normal(size=(n_points, 3, 1))
@@ -137,7 +138,7 @@ def ground_model(
     harmonics: int = 3,
 ) -> Model:
     """A blade that rubs on the ground: bodies "blade", "ground"; interface "pad"; location "tip"."""
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     frame = np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]])
     points = np.array([0.0, RADIUS, 0.0]) + _grid(n_points, 0.02, LENGTH) @ frame[:2]
     faces = [_interface("pad", "friction", ("blade", 0), ("ground", 0), points, frame, 0.02 * LENGTH, 0.0)]
@@ -156,7 +157,7 @@ def shroud_model(
     harmonics: int = 3,
 ) -> Model:
     """Blades touching their neighbours: "blade" on both sides of interface "shroud"; location "tip"."""
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     half = rotation(2 * n_blades)
     radial, across = half @ [0.0, 1.0, 0.0], half @ [1.0, 0.0, 0.0]
     slant = np.radians(30.0)
@@ -186,7 +187,7 @@ def acyclic_model(
     Bodies "left_blade", "right_blade", "damper", "ground"; interfaces "left", "right", "front", "back";
     locations "tip" on the left and "right_tip" on the right blade.
     """
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     faces = _wedge_faces(alpha, beta, n_points, ("left_blade", 0), ("right_blade", 0))
     tips = [
         Location("tip", "left_blade", np.array([-0.04, RADIUS + 0.15, 0.0])),

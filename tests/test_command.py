@@ -3,8 +3,8 @@
 import subprocess
 import sys
 
-import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 import bdamper as bd
 from bdamper.__main__ import main, parser
@@ -38,7 +38,7 @@ def test_what_is_asked_is_what_the_study_answers(capsys, tmp_path):
     told, wrote = capsys.readouterr().err.splitlines()
     assert "excitation direction: plausible along the motion of a mode" in told and wrote == f"wrote {picture}"
     study = bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip", "axial", 2.0), 5, 0.5, harmonics=1)
-    np.testing.assert_array_equal(bd.load(path).amplitude, study.frequency_response(104.0, (630.0, 690.0)).amplitude)
+    assert_array_equal(bd.load(path).amplitude, study.frequency_response(104.0, (630.0, 690.0)).amplitude)
 
 
 def test_info_of_a_file(capsys, tmp_path):

@@ -3,6 +3,7 @@
 import h5py
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 import bdamper as bd
 from tests.each import each
@@ -44,7 +45,7 @@ def test_every_setting_comes_back(model, settings, tmp_path):
     back = bd.load_study(tmp_path / "study.h5")
     assert back.problem.record() == study.problem.record() and not study.diff(back)
     assert (back.settings.contact_stiffness is None) == (study.settings.contact_stiffness is None)
-    np.testing.assert_array_equal(back.static(5.0).force, study.static(5.0).force)
+    assert_array_equal(back.static(5.0).force, study.static(5.0).force)
     assert type(bd.load(tmp_path / "study.h5")) is bd.Study
 
 

@@ -7,9 +7,12 @@ call before; nothing depends on units.  The order of the calls is tested in ``te
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_array_equal
 
 from bdamper import _core
 from tests.cases import random_arrays
+from tests.compare import assert_close, assert_near
 from tests.each import each
 
 OK, NOT_FINITE = 0, 4
@@ -107,7 +110,7 @@ def differences(equations, y, h):
 
 def smooth_points(kind, count=5):
     """Equations and points with no event within the steps of differences."""
-    rng, found, N = np.random.default_rng(11), 0, size(kind)
+    rng, found, N = default_rng(11), 0, size(kind)
     for _ in range(200):
         equations, y = kind(rng), point(rng, N)
         whole = differences(equations, y, 1e-5)
@@ -121,7 +124,7 @@ def smooth_points(kind, count=5):
 
 def solved(kind):
     """A point of a curve, with its tangent."""
-    rng, N = np.random.default_rng(12), size(kind)
+    rng, N = default_rng(12), size(kind)
     for _ in range(60):
         equations, y, tangent = kind(rng), point(rng, N), np.empty(N + 1)
         row = np.append(np.zeros(N), 1.0)
@@ -138,15 +141,15 @@ def bordered_matrix(equations, y, row, scale):
 def test_derivatives_are_those_of_the_residual(kind):
     for _, equations, y, expected in smooth_points(kind):
         r, J, C = evaluated(equations, y)
-        np.testing.assert_allclose(np.column_stack([J, C]), expected, rtol=0, atol=1e-7 * np.abs(expected).max())
+        assert_close(np.column_stack([J, C]), expected, 1e-7)
         alone = np.full(size(kind), np.nan)
         assert equations.evaluate(y, alone) == OK
-        np.testing.assert_array_equal(alone, r)
+        assert_array_equal(alone, r)
 
 
 @each("transposed", [False, True])
 def test_bordered_solutions_are_those_of_dense_algebra(kind, transposed):
-    rng, N = np.random.default_rng(13), size(kind)
+    rng, N = default_rng(13), size(kind)
     orientations = set()
     for _ in range(12):
         equations, y, row, scale = kind(rng), point(rng, N), rng.normal(size=N + 1), rng.uniform(0.1, 10.0, N + 1)
@@ -157,7 +160,7 @@ def test_bordered_solutions_are_those_of_dense_algebra(kind, transposed):
         found = right.copy()
         status, condition, rank, orientation = equations.bordered(y, row, scale, found, transposed)
         expected = np.linalg.solve(B.T if transposed else B, right.T).T
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+        assert_close(found, expected, 1e-9)
         assert (status, rank, orientation) == (OK, N + 1, np.sign(np.linalg.det(B)))
         assert 0.0 < condition <= 1.0
         orientations.add(orientation)
@@ -168,7 +171,7 @@ def test_bordered_solutions_are_those_of_dense_algebra(kind, transposed):
 @each("transposed", [False, True])
 def test_a_singular_matrix_gives_the_solution_of_least_norm(kind, transposed):
     """The border repeats a row of the Jacobian."""
-    rng, N = np.random.default_rng(14), size(kind)
+    rng, N = default_rng(14), size(kind)
     equations, y, scale = kind(rng), point(rng, N), np.ones(N + 1)
     _, J, C = evaluated(equations, y)
     row = np.append(J, C[:, None], axis=1)[3]
@@ -182,7 +185,7 @@ def test_a_singular_matrix_gives_the_solution_of_least_norm(kind, transposed):
     matrix = (sizes @ B).T if transposed else sizes @ B
     expected = np.linalg.lstsq(matrix, right if transposed else sizes @ right, rcond=1e-13)[0]
     expected = sizes @ expected if transposed else expected
-    np.testing.assert_allclose(found[0], expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+    assert_close(found[0], expected, 1e-9)
 
 
 @each("peak", [True, False])
@@ -206,7 +209,7 @@ def test_gradients_are_differences_along_the_curve(kind, peak):
     assert equations.gradient(y, t, scale, row, nu, 1e-5, *((re, im) if peak else ())) == OK
     h = 1e-5
     expected = [(slope(y + h * e * scale) - slope(y - h * e * scale)) / (2.0 * h) for e in np.eye(N + 1)]
-    np.testing.assert_allclose(row, expected, rtol=0, atol=1e-5 * np.abs(expected).max())
+    assert_close(row, expected, 1e-5)
     # multipliers: another derivative by the parameter
     a = np.append(np.zeros(N), 1.0)
     if peak:
@@ -214,15 +217,15 @@ def test_gradients_are_differences_along_the_curve(kind, peak):
         a[:-1] = (x.real * re + x.imag * im) * scale[:-1] / abs(x) ** 2
         a[-1] = 0.0
     dual = np.linalg.solve(bordered_matrix(equations, y, t, scale).T, a)
-    np.testing.assert_allclose(nu, dual[:-1], rtol=0, atol=1e-9 * np.abs(dual).max())
+    assert_near(nu, dual[:-1], 1e-9 * np.abs(dual).max())
 
 
-@each("place", [2, -1])
-def test_a_number_that_is_none_gives_a_status(kind, place):
-    rng, N = np.random.default_rng(15), size(kind)
+@each(("place", "value"), [(2, np.nan), (-1, np.nan), (-1, np.inf)])
+def test_a_number_that_is_none_gives_a_status(kind, place, value):
+    rng, N = default_rng(15), size(kind)
     equations, y = kind(rng), point(rng, N)
     bad = y.copy()
-    bad[place] = np.nan
+    bad[place] = value
     ones, row, right = np.ones(N + 1), np.append(np.zeros(N), 1.0), np.ones((1, N + 1))
     points = SIZES.get(kind.__name__, (8, 4))[1]
     for given, status in ((bad, NOT_FINITE), (y, OK), (bad, NOT_FINITE)):  # before any other call, and after one
@@ -234,18 +237,19 @@ def test_a_number_that_is_none_gives_a_status(kind, place):
     assert (r == 7.0).all()
     assert equations.bordered(bad, row, ones, right)[0] == NOT_FINITE
     assert equations.gradient(bad, row, ones, np.empty(N + 1), np.empty(N), 1e-5) == NOT_FINITE
+    assert np.isfinite(equations.solve(y.copy(), row.copy(), ones, 1e-9, 10, row=row).shares).all()
     out = equations.solve(bad, row.copy(), ones, 1e-9, 10, row=row)
     assert out.status == NOT_FINITE
     assert np.isinf(out.residual)
     assert np.isnan(out.shares).all()
     # and the next call is as if nothing had been
-    fresh = kind(np.random.default_rng(15))
+    fresh = kind(default_rng(15))
     for one, other in zip(evaluated(equations, y), evaluated(fresh, y)):
-        np.testing.assert_array_equal(one, other)
+        assert_array_equal(one, other)
 
 
 def test_nothing_depends_on_the_call_before(kind):
-    rng, N = np.random.default_rng(16), size(kind)
+    rng, N = default_rng(16), size(kind)
     points = SIZES.get(kind.__name__, (8, 4))[1]
     equations, y, scale, row = kind(rng), point(rng, N), rng.uniform(0.1, 10.0, N + 1), rng.normal(size=N + 1)
     elsewhere = [point(rng, N) for _ in range(4)]
@@ -269,7 +273,7 @@ def test_nothing_depends_on_the_call_before(kind):
         results.append([*out, start, tangent, np.array([found.status, found.residual, *found.shares])])
     for result in results[1:]:
         for one, expected in zip(result, results[0]):
-            np.testing.assert_array_equal(one, expected)
+            assert_array_equal(one, expected)
 
 
 def test_units_of_unknowns_and_residuals_change_nothing(kind):
@@ -277,17 +281,17 @@ def test_units_of_unknowns_and_residuals_change_nothing(kind):
     N = size(kind)
     units = np.append(np.geomspace(1e-3, 1e3, N), 1.0)
     for seed in range(20, 60):
-        y, row = point(np.random.default_rng(seed), N), np.append(np.zeros(N), 1.0)
+        y, row = point(default_rng(seed), N), np.append(np.zeros(N), 1.0)
         found = []
         for scale, row_scale in ((np.ones(N + 1), np.ones(N)), (units, np.full(N, 2.0**-20))):
-            equations, start, tangent = kind(np.random.default_rng(seed), row_scale=row_scale), y.copy(), np.zeros(N + 1)
+            equations, start, tangent = kind(default_rng(seed), row_scale=row_scale), y.copy(), np.zeros(N + 1)
             out = equations.solve(start, tangent, scale, 1e-11 * row_scale[0], 60, True, row=row)
             found.append((out, start, tangent * scale / (tangent * scale)[-1] if tangent[-1] else tangent))
         if found[0][0].status != OK or found[1][0].status != OK:
             continue
         (one, y_one, t_one), (other, y_other, t_other) = found
         assert one.rank == other.rank == N + 1
-        np.testing.assert_allclose(y_other, y_one, rtol=0, atol=1e-8)
-        np.testing.assert_allclose(t_other, t_one, rtol=0, atol=1e-7 * np.abs(t_one).max())
+        assert_near(y_other, y_one, 1e-8)
+        assert_close(t_other, t_one, 1e-7)
         return
     raise AssertionError("no solution")

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from numpy.random import default_rng
 
 from bdamper import _core
 from tests import oracle
@@ -20,6 +21,7 @@ from tests.cases import (
     random_motion,
     random_point,
 )
+from tests.compare import assert_close, assert_near
 from tests.each import each
 
 HARMONICS = (1, 2, 3, 5, 7)
@@ -27,13 +29,13 @@ HARMONICS = (1, 2, 3, 5, 7)
 
 @pytest.mark.parametrize("n_harm", HARMONICS)
 def test_force_is_that_of_the_oracle(n_harm):
-    rng = np.random.default_rng(n_harm)
+    rng = default_rng(n_harm)
     slipped = opened = 0
     for _ in range(20 if n_harm < 5 else 10):
         point, x = random_point(rng), random_motion(rng, n_harm)
         result = evaluate(x, point)
         expected = oracle.contact(x, *point.arguments)
-        np.testing.assert_allclose(result.force, expected, rtol=0, atol=1e-10 * (1 + np.abs(expected).max()))
+        assert_near(result.force, expected, 1e-10 * (1 + np.abs(expected).max()))
         slipped += result.shares[1] > 0
         opened += result.shares[4] > 0
     assert slipped > 3
@@ -43,7 +45,7 @@ def test_force_is_that_of_the_oracle(n_harm):
 @pytest.mark.parametrize("n_harm", [1, 2, 4])
 def test_the_batch_oracle_is_the_slow_one(n_harm):
     """All points of many states at once, among them points without friction and vanishing harmonics."""
-    rng = np.random.default_rng(n_harm)
+    rng = default_rng(n_harm)
     points = [random_point(rng) for _ in range(8)]
     mu = np.array([p.mu for p in points]) * (np.arange(8) > 0)
     kt, w = np.array([p.kt for p in points]), np.array([p.w for p in points])
@@ -54,60 +56,54 @@ def test_the_batch_oracle_is_the_slow_one(n_harm):
     found = oracle.contacts(x, kt, kn, mu, n0, w)
     for s, i in np.ndindex(x.shape[:2]):
         expected = oracle.contact(x[s, i], kt[i], kn[i], mu[i], n0[i], w[i])
-        np.testing.assert_allclose(found[s, i], expected, rtol=0, atol=1e-12 * max(np.abs(expected).max(), 1.0))
+        assert_near(found[s, i], expected, 1e-12 * max(np.abs(expected).max(), 1.0))
+
+
+DELTAS = [0.0, np.pi / 2, np.pi, 1.0]
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-@pytest.mark.parametrize("delta", [0.0, np.pi / 2, np.pi, 1.0])
-def test_a_contact_that_only_touches(delta, sign):
-    """n0 + kn v = ±(2 s + 1)(s - 1), s = sin(theta - delta): a double root, also on a sample of the bracketing grid."""
+@pytest.mark.parametrize("delta", DELTAS)
+@pytest.mark.parametrize(
+    ("axis", "wave", "kn", "n0"), [(2, [0.0, 0.0, -1.0, -1.0, 0.0], 1.0, 0.0), (0, [0.0, 0.0, -1.0, 0.0, 0.5], 0.0, 0.6)]
+)
+def test_double_roots(axis, wave, kn, n0, delta, sign):
+    """A contact that only touches: n0 + kn v = ±(2 s + 1)(s - 1), s = sin(theta - delta), also on a sample of the
+    bracketing grid; a slip that only pauses: u' touches zero without changing its sign, also at the end of the period.
+    """
     x = np.zeros((3, 5))
-    x[2] = sign * oracle.shift(np.array([0.0, 0.0, -1.0, -1.0, 0.0]), -delta)
     x[0] = [0.0, 0.4, 0.3, 0.0, 0.2]
-    point = Point(np.ones(2), 1.0, 0.5, 0.0, np.zeros(2))
-    expected = oracle.contact_sampled(x, *point.arguments, 1 << 14, True)
-    np.testing.assert_allclose(evaluate(x, point).force, expected, rtol=0, atol=1e-6)
+    x[axis] = sign * oracle.shift(np.array(wave), -delta)
+    point = Point(np.ones(2), kn, 0.5, n0, np.zeros(2))
+    assert_near(evaluate(x, point).force, oracle.contact_sampled(x, *point.arguments, 1 << 14, True), 1e-6)
 
 
-@pytest.mark.parametrize("delta", [0.0, np.pi / 2, np.pi, 1.0])
+@pytest.mark.parametrize("delta", DELTAS)
 def test_a_contact_that_only_just_stays_closed(delta):
     """n0 + kn v = (1 - c)(2 + s): never negative, zero once."""
     x = np.zeros((3, 5))
     x[2] = oracle.shift(np.array([0.0, -2.0, 1.0, 0.0, -0.5]), -delta)
     result = evaluate(x, Point(np.ones(2), 1.0, 0.5, 2.0, np.zeros(2)))
-    expected = x[2].copy()
-    expected[0] = 2.0
-    np.testing.assert_allclose(result.force[2], expected, rtol=0, atol=1e-12)
+    assert_near(result.force[2], [2.0, *x[2, 1:]], 1e-12)
     assert result.shares[4] < 1e-6
-
-
-@pytest.mark.parametrize("sign", [-1.0, 1.0])
-@pytest.mark.parametrize("delta", [0.0, np.pi / 2, np.pi, 1.0])
-def test_a_slip_that_only_pauses(delta, sign):
-    """u' touches zero without changing its sign, also at the very end of the period."""
-    x = np.zeros((3, 5))
-    x[0] = sign * oracle.shift(np.array([0.0, 0.0, -1.0, 0.0, 0.5]), -delta)
-    point = Point(np.ones(2), 0.0, 0.5, 0.6, np.zeros(2))
-    expected = oracle.contact_sampled(x, *point.arguments, 1 << 14, True)
-    np.testing.assert_allclose(evaluate(x, point).force, expected, rtol=0, atol=1e-6)
 
 
 @pytest.mark.parametrize("n_harm", HARMONICS)
 def test_events_that_coincide(n_harm):
     """Coefficients in halves: roots on samples of the bracketing grid, at each other's place, and touching."""
-    rng = np.random.default_rng(600 + n_harm)
+    rng = default_rng(600 + n_harm)
     for _ in range(120):
         x = np.round(2 * rng.normal(size=(3, 2 * n_harm + 1))) / 2
         kt, w = rng.integers(1, 7, 2) / 2, rng.integers(-2, 3, 2) / 2
         point = Point(kt, rng.integers(1, 7) / 2, rng.integers(1, 5) / 4, rng.integers(-3, 7) / 2, w)
         exact, sampled = evaluate(x, point), evaluate(x, point, SAMPLED, 4096)
         size = max(np.abs(sampled.force).max(), 0.02)
-        np.testing.assert_allclose(exact.force, sampled.force, rtol=0, atol=1e-3 * size)
+        assert_near(exact.force, sampled.force, 1e-3 * size)
 
 
 def test_closing_where_a_bound_of_the_slider_is_extreme():
     """u' = ± (mu kn/kt) v' at the closing of one harmonic, give or take rounding: slip begins at once, or after no time."""
-    rng = np.random.default_rng(49)
+    rng = default_rng(49)
     slipped = 0
     for _ in range(25):
         mu, kn, size = rng.uniform(0.2, 0.8), rng.uniform(0.5, 2.0), rng.uniform(0.5, 2.0)
@@ -122,7 +118,7 @@ def test_closing_where_a_bound_of_the_slider_is_extreme():
             x[0, 1:] = amplitude * np.cos(of_u + off), amplitude * np.sin(of_u + off)
             x[2, 1:] = size * np.cos(of_v), size * np.sin(of_v)
             result, expected = evaluate(x, point), oracle.contact(x, *point.arguments)
-            np.testing.assert_allclose(result.force, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+            assert_close(result.force, expected, 1e-12)
             slipped += result.shares[1] > 0.0
     assert slipped > 100
 
@@ -149,14 +145,14 @@ def test_any_input_gives_the_marched_force(x, kt, kn, mu, n0, w):
     marched = oracle.contact_sampled(x, kt, kn, mu, n0, w, n_time, True)
     size = (kt.max() + kn * (1 + mu)) * np.abs(x).max() + abs(n0) * (1 + mu)
     # a contact of a few samples may be missed by the march: its impulse is below size * its share of the period
-    np.testing.assert_allclose(result.force, marched, rtol=0, atol=2e-4 * size + 1e-14)
+    assert_near(result.force, marched, 2e-4 * size + 1e-14)
 
 
 @each("evaluation", [EXACT, SAMPLED, PLAIN])
 @each("n_harm", HARMONICS)
 def test_tangent_is_the_derivative(n_harm, evaluation):
     """To 1e-7 where no event is near; the sampled laws are piecewise linear, so almost everywhere."""
-    rng = np.random.default_rng(100 + n_harm)
+    rng = default_rng(100 + n_harm)
     n_time = 0 if evaluation == EXACT else 16 * n_harm + 48
     compared = with_slip = with_opening = 0
     for _ in range(400):
@@ -174,7 +170,7 @@ def test_tangent_is_the_derivative(n_harm, evaluation):
         assert np.abs(result.tangent).max() > 0.1
         assert not np.array_equal(result.tangent, numeric)
         tolerance = (1e-7 if evaluation == EXACT else 1e-6) * np.abs(result.tangent).max()
-        np.testing.assert_allclose(result.tangent, numeric, rtol=0, atol=tolerance)
+        assert_near(result.tangent, numeric, tolerance)
         compared += 1
         with_slip += result.shares[1] > 0
         with_opening += result.shares[4] > 0
@@ -188,35 +184,42 @@ def test_tangent_is_the_derivative(n_harm, evaluation):
 @pytest.mark.parametrize("n_harm", [1, 3])
 @pytest.mark.parametrize("evaluation", [SAMPLED, PLAIN])
 def test_sampled_force_is_that_of_the_oracle(n_harm, evaluation):
-    rng = np.random.default_rng(200 + n_harm)
+    rng = default_rng(200 + n_harm)
     for n_time in (4 * n_harm + 4, 61, 128):
         for _ in range(15):
             point, x = random_point(rng), random_motion(rng, n_harm)
             expected = oracle.contact_sampled(x, *point.arguments, n_time, evaluation == SAMPLED)
-            np.testing.assert_allclose(evaluate(x, point, evaluation, n_time).force, expected, rtol=0, atol=1e-12)
+            assert_near(evaluate(x, point, evaluation, n_time).force, expected, 1e-12)
+
+
+def errors_of_sampling(seed, n_harm, n_times, count, wanted, error):
+    """Sums of an error over random states that are wanted, for each number of samples and evaluation."""
+    rng, errors, used = default_rng(seed), {e: np.zeros(len(n_times)) for e in (SAMPLED, PLAIN)}, 0
+    while used < count:
+        state = wanted(random_point(rng), random_motion(rng, n_harm))
+        if state is None:
+            continue
+        used += 1
+        point, x, exact = state
+        for evaluation, of_n in errors.items():
+            of_n += [error(evaluate(x, point, evaluation, n), exact) for n in n_times]
+    return {e: -np.polyfit(np.log(n_times), np.log(of_n), 1)[0] for e, of_n in errors.items()}
 
 
 @pytest.mark.parametrize("separation", [False, True], ids=["full contact", "separation"])
 def test_sampled_force_converges_with_order_two(separation):
     """Order from the mean error over many random states, with the closing instant interpolated; 1 without."""
-    rng = np.random.default_rng(300)
-    n_times = np.array([64, 128, 256, 512, 1024])
-    errors = {SAMPLED: np.zeros(len(n_times)), PLAIN: np.zeros(len(n_times))}
-    used = 0
-    while used < 200:
-        point, x = random_point(rng), random_motion(rng, 3)
+
+    def wanted(point, x):
         if not separation:
             point = Point(point.kt, point.kn, point.mu, point.kn * (np.abs(x[2]).sum() + 0.3), point.w)
         exact = evaluate(x, point)
-        if (separation and not 0.1 < exact.shares[4] < 0.9) or exact.shares[1] < 0.1:
-            continue
-        used += 1
-        for evaluation, error in errors.items():
-            for i, n in enumerate(n_times):
-                # shifted motions: averages over where the events lie among the samples
-                difference_ = evaluate(x, point, evaluation, int(n)).force - exact.force
-                error[i] += np.abs(difference_[:2]).max()
-    orders = {e: -np.polyfit(np.log(n_times), np.log(error), 1)[0] for e, error in errors.items()}
+        left = (separation and not 0.1 < exact.shares[4] < 0.9) or exact.shares[1] < 0.1
+        return None if left else (point, x, exact)
+
+    orders = errors_of_sampling(
+        300, 3, [64, 128, 256, 512, 1024], 200, wanted, lambda found, exact: np.abs((found.force - exact.force)[:2]).max()
+    )
     assert orders[SAMPLED] == pytest.approx(2.0, abs=0.2)
     if separation:
         assert orders[PLAIN] == pytest.approx(1.0, abs=0.3)
@@ -226,24 +229,15 @@ def test_sampled_force_converges_with_order_two(separation):
 
 def test_sampled_tangent_converges_only_with_interpolated_closing():
     """dT/dV under separation: order 1 with the closing interpolated, none without."""
-    rng = np.random.default_rng(400)
-    n_times = np.array([128, 512, 2048])
-    errors = {SAMPLED: np.zeros(len(n_times)), PLAIN: np.zeros(len(n_times))}
-    used = 0
-    while used < 120:
-        point, x = random_point(rng), random_motion(rng, 2)
+
+    def wanted(point, x):
         exact = evaluate(x, point)
-        closes_sticking = any(
-            a[2] == OPEN and b[2] == 0 for parts in exact.parts for a, b in zip(parts, parts[1:] + parts[:1])
-        )
-        if not closes_sticking:
-            continue
-        used += 1
-        for evaluation, error in errors.items():
-            for i, n in enumerate(n_times):
-                tangent = evaluate(x, point, evaluation, int(n)).tangent
-                error[i] += np.abs((tangent - exact.tangent)[:2, :, 2]).mean()
-    orders = {e: -np.polyfit(np.log(n_times), np.log(error), 1)[0] for e, error in errors.items()}
+        closes = any(a[2] == OPEN and b[2] == 0 for parts in exact.parts for a, b in zip(parts, parts[1:] + parts[:1]))
+        return (point, x, exact) if closes else None
+
+    orders = errors_of_sampling(
+        400, 2, [128, 512, 2048], 120, wanted, lambda found, exact: np.abs((found.tangent - exact.tangent)[:2, :, 2]).mean()
+    )
     assert orders[SAMPLED] > 0.7
     assert abs(orders[PLAIN]) < 0.35
 
@@ -301,23 +295,22 @@ class TestArguments:
         with pytest.raises(ValueError, match=f"^{second}: expected a separate array, found memory shared with {first}$"):
             _core.evaluate_contact(**arguments)
 
-    def test_samples_have_no_effect_on_the_exact_evaluation(self):
-        with pytest.raises(ValueError, match=r"^n_time: expected 0 with evaluation 0"):
-            _core.evaluate_contact(**self.good, n_time=64)
-
-    def test_number_of_samples(self):
-        with pytest.raises(ValueError, match=r"^n_time: expected 8 to"):
-            _core.evaluate_contact(**self.good, evaluation=1, n_time=7)
-
-    def test_number_of_harmonics(self):
-        with pytest.raises(ValueError, match="number of harmonics: expected 1 to 64, found 0"):
-            evaluate(np.zeros((3, 1)), Point(np.ones(2), 1.0, 0.3, 1.0, np.zeros(2)))
-        with pytest.raises(ValueError, match="found 65"):
-            evaluate(np.zeros((3, 131)), Point(np.ones(2), 1.0, 0.3, 1.0, np.zeros(2)))
+    @each(
+        ("arguments", "message"),
+        [
+            ({"n_time": 64}, "^n_time: expected 0 with evaluation 0"),
+            ({"evaluation": 1, "n_time": 7}, "^n_time: expected 8 to"),
+            *(({"x": np.zeros((3, n)), "F": np.zeros((3, n)), "J": np.zeros((3, n, 3, n))},
+               f"number of harmonics: expected 1 to 64, found {n // 2}") for n in (1, 131)),
+        ],
+    )  # fmt: skip
+    def test_numbers_of_samples_and_harmonics(self, arguments, message):
+        with pytest.raises(ValueError, match=message):
+            _core.evaluate_contact(**{**self.good, **arguments})
 
 
 def test_the_largest_number_of_harmonics():
-    rng = np.random.default_rng(500)
+    rng = default_rng(500)
     point, x = random_point(rng), random_motion(rng, 64)
     sampled = evaluate(x, point, SAMPLED, 1 << 14).force
-    np.testing.assert_allclose(evaluate(x, point).force, sampled, rtol=0, atol=1e-4)
+    assert_near(evaluate(x, point).force, sampled, 1e-4)

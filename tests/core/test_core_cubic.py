@@ -16,6 +16,7 @@ from tests.cases import (
     random_motion,
     random_point,
 )
+from tests.compare import assert_close, assert_near
 
 CUBIC = 6
 
@@ -27,9 +28,9 @@ def test_force_and_tangent_of_a_point(n_harm, evaluation):
     point, x = random_point(rng), random_motion(rng, n_harm)
     point.kt[1] *= -1.0  # a spring that softens
     found = evaluate(x, point, evaluation, 64, CUBIC)
-    np.testing.assert_allclose(found.force, oracle.cubic(x, point.kt), rtol=0, atol=1e-13 * np.abs(found.force).max())
+    assert_near(found.force, oracle.cubic(x, point.kt), 1e-13 * np.abs(found.force).max())
     expected = difference(lambda x: evaluate(x, point, evaluation, 64, CUBIC).force, x)
-    np.testing.assert_allclose(found.tangent, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+    assert_close(found.tangent, expected, 1e-9)
     assert (found.shares == 0.0).all()
     assert np.abs(found.force[:2]).min(axis=1).max() > 0.0
 
@@ -47,6 +48,6 @@ def test_springs_beside_contacts():
     def law(x, kt, kn, mu, n0, w):
         return oracle.cubic(x, kt) if mu == 99.0 else oracle.contact(x, kt, kn, mu, n0, w)
 
-    np.testing.assert_allclose(r, oracle.residual(u, 0.8, for_oracle(arrays), law), rtol=0, atol=1e-11 * np.abs(r).max())
+    assert_near(r, oracle.residual(u, 0.8, for_oracle(arrays), law), 1e-11 * np.abs(r).max())
     expected = difference(lambda u: evaluate_system(system, u, 0.8)[0], u)
-    np.testing.assert_allclose(J, expected, rtol=0, atol=1e-8 * np.abs(J).max())
+    assert_near(J, expected, 1e-8 * np.abs(J).max())

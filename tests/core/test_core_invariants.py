@@ -2,14 +2,17 @@
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_array_equal
 
 from bdamper import _core
 from tests import oracle
 from tests.cases import EXACT, MINUS, OPEN, PLUS, SAMPLED, STICK, Point, evaluate, random_motion, random_point
+from tests.compare import assert_near
 
 
 def cases(seed, count=60, harmonics=(1, 2, 3, 5)):
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     for i in range(count):
         yield random_point(rng), random_motion(rng, harmonics[i % len(harmonics)])
 
@@ -72,7 +75,7 @@ def test_friction_stays_in_the_cone_and_dissipates():
                     assert (rate * (1.0 if state == PLUS else -1.0) > -1e-9).all()
                     slipped += 1
                 rebuilt += scale * (b.T @ (0.5 * (end - start) * weight * force))
-            np.testing.assert_allclose(result.force[d], rebuilt, rtol=0, atol=1e-7)
+            assert_near(result.force[d], rebuilt, 1e-7)
             l = np.arange(1, h + 1)
             # work of friction over a period: pi sum l (T_c u_s - T_s u_c) = integral of T u' over the period
             work = np.pi * np.sum(l * (result.force[d, 1::2] * x[d, 2::2] - result.force[d, 2::2] * x[d, 1::2]))
@@ -90,14 +93,14 @@ def test_dissipation_of_a_constant_normal_load_is_that_of_the_slip():
 
 
 def test_time_shift_of_the_motion_shifts_the_force():
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     for point, x in cases(3, 80):
         result = evaluate(x, point)
         for delta in rng.uniform(0, 2 * np.pi, 3):
             shifted = evaluate(oracle.shift(x, delta), point)
             expected = oracle.shift(result.force, delta)
-            np.testing.assert_allclose(shifted.force, expected, rtol=0, atol=1e-13 * (1 + np.abs(expected).max()))
-            np.testing.assert_allclose(shifted.shares, result.shares, rtol=0, atol=1e-12)
+            assert_near(shifted.force, expected, 1e-13 * (1 + np.abs(expected).max()))
+            assert_near(shifted.shares, result.shares, 1e-12)
 
 
 @pytest.mark.parametrize("evaluation", [EXACT, SAMPLED])
@@ -108,8 +111,8 @@ def test_homogeneous_of_degree_one(evaluation):
         for s in (1e-6, 0.37, 1e6):
             scaled = Point(point.kt, point.kn, point.mu, s * point.n0, s * point.w)
             b = evaluate(s * x, scaled, evaluation, 128)
-            np.testing.assert_allclose(b.force / s, a.force, rtol=0, atol=1e-12 * (1 + np.abs(a.force).max()))
-            np.testing.assert_allclose(b.tangent, a.tangent, rtol=0, atol=2e-9)
+            assert_near(b.force / s, a.force, 1e-12 * (1 + np.abs(a.force).max()))
+            assert_near(b.tangent, a.tangent, 2e-9)
 
 
 def test_scaling_of_units():
@@ -118,8 +121,8 @@ def test_scaling_of_units():
         a = evaluate(x, point)
         for s in (1e-6, 1e9):
             b = evaluate(x, Point(s * point.kt, s * point.kn, point.mu, s * point.n0, point.w))
-            np.testing.assert_allclose(b.force / s, a.force, rtol=0, atol=1e-12 * (1 + np.abs(a.force).max()))
-            np.testing.assert_allclose(b.tangent / s, a.tangent, rtol=0, atol=1e-9)
+            assert_near(b.force / s, a.force, 1e-12 * (1 + np.abs(a.force).max()))
+            assert_near(b.tangent / s, a.tangent, 1e-9)
 
 
 def test_derivative_with_respect_to_preload_from_homogeneity():
@@ -136,7 +139,7 @@ def test_derivative_with_respect_to_preload_from_homogeneity():
         )
         if plus.states != minus.states:
             continue
-        np.testing.assert_allclose(by_identity, (plus.force - minus.force) / (2 * h), rtol=0, atol=1e-5)
+        assert_near(by_identity, (plus.force - minus.force) / (2 * h), 1e-5)
         used += 1
     assert used > 25
 
@@ -150,7 +153,7 @@ def test_slip_anywhere_makes_the_mean_neutral():
             if result.shares[2 * d + 1] > 0.0:
                 moved = x.copy()
                 moved[d, 0] += 0.7
-                np.testing.assert_allclose(evaluate(moved, point).force[d], result.force[d], rtol=0, atol=1e-13)
+                assert_near(evaluate(moved, point).force[d], result.force[d], 1e-13)
                 assert np.abs(result.tangent[d, :, d, 0]).max() < 1e-14
                 used += 1
     assert used > 40
@@ -162,7 +165,7 @@ def test_a_point_that_never_slips_keeps_its_slider():
     force = evaluate(x, point).force
     expected = point.kt[:, None] * x[:2]
     expected[:, 0] -= point.kt * point.w
-    np.testing.assert_allclose(force[:2], expected, rtol=0, atol=1e-15)
+    assert_near(force[:2], expected, 1e-15)
     # where the given slider would slip, it is carried to the nearest one that does not
     far = Point(point.kt, point.kn, point.mu, point.n0, np.array([50.0, -0.3]))
     carried = evaluate(x, far)
@@ -172,14 +175,14 @@ def test_a_point_that_never_slips_keeps_its_slider():
 
 
 def test_no_friction_and_no_stiffness():
-    rng = np.random.default_rng(8)
+    rng = default_rng(8)
     for _ in range(10):
         point, x = random_point(rng), random_motion(rng, 2)
         normal = evaluate(x, point).force[2]
         no_mu = evaluate(x, Point(point.kt, point.kn, 0.0, point.n0, point.w))
         by_law = evaluate(x, point, law=1)
         for other in (no_mu, by_law):
-            np.testing.assert_array_equal(other.force[2], normal)
+            assert_array_equal(other.force[2], normal)
             assert not other.force[:2].any()
             assert not other.tangent[:2].any()
         one = evaluate(x, Point(np.array([0.0, point.kt[1]]), point.kn, point.mu, point.n0, point.w))
@@ -200,7 +203,7 @@ def test_the_limits_of_contact():
         result = evaluate(grazing, Point(np.ones(2), 1.0, 0.5, n0, np.zeros(2)))
         assert np.isfinite(result.force).all()
         assert np.isfinite(result.tangent).all()
-        np.testing.assert_allclose(result.force[2], max(n0, 0.0) * np.array([1.0, 1.0, 0.0]), rtol=0, atol=1e-10)
+        assert_near(result.force[2], max(n0, 0.0) * np.array([1.0, 1.0, 0.0]), 1e-10)
 
 
 def test_shares_of_the_cycle_add_up():

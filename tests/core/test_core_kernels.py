@@ -7,9 +7,11 @@ import os
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
 
 from bdamper import _core
 from tests.cases import EXACT, PLAIN, SAMPLED, evaluate_system, random_arrays
+from tests.compare import assert_close
 from tests.each import each
 
 KERNELS = "plain", "generic", "avx2", "avx512"
@@ -28,7 +30,7 @@ def test_the_fastest_is_used_unless_another_one_is_asked_for(monkeypatch):
 
 
 def test_an_unknown_one_is_named(monkeypatch):
-    arrays = random_arrays(np.random.default_rng(1), (1, 1), 1)
+    arrays = random_arrays(default_rng(1), (1, 1), 1)
     monkeypatch.setenv("BDAMPER_KERNEL", "none")
     expected = r"^BDAMPER_KERNEL: expected one of \('.*'\,?.*\), found 'none'$"
     with pytest.raises(ValueError, match=expected):
@@ -44,7 +46,7 @@ def test_an_unknown_one_is_named(monkeypatch):
 def test_all_give_the_same_residual_and_jacobian(monkeypatch, name, law, evaluation):
     if name not in _core.kernels():
         pytest.skip(f"this processor or build has no {name} kernel")
-    rng = np.random.default_rng(2)
+    rng = default_rng(2)
     arrays = random_arrays(rng, (2, 3, 0, 2), 11)
     arrays["law"][:] = law
     sampled = {} if evaluation == EXACT else {"n_time": 64}
@@ -52,8 +54,8 @@ def test_all_give_the_same_residual_and_jacobian(monkeypatch, name, law, evaluat
     for kernel in ("plain", name):
         monkeypatch.setenv("BDAMPER_KERNEL", kernel)
         system = _core.Sector(**arrays, evaluation=evaluation, **sampled)
-        u = np.random.default_rng(3).normal(size=system.n_unknown)
+        u = default_rng(3).normal(size=system.n_unknown)
         found[kernel] = evaluate_system(system, u, 0.8)
     for one, other in zip(found[name], found["plain"]):
         assert np.abs(other).max() > 0.1
-        np.testing.assert_allclose(one, other, rtol=0, atol=1e-11 * np.abs(other).max())
+        assert_close(one, other, 1e-11)

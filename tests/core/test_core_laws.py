@@ -4,11 +4,14 @@ import ctypes
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_array_equal
 from scipy import LowLevelCallable
 
 from bdamper import _core
 from tests import oracle
 from tests.cases import PLAIN, SAMPLED, Point, difference, evaluate, random_motion, random_point
+from tests.compare import assert_near
 
 USER = 7
 NUMBER = ctypes.POINTER(ctypes.c_double)
@@ -77,13 +80,13 @@ def coulomb(kt, kn, mu, interpolate):
 
 def close(found, expected, tolerance, size=None):
     size = np.abs(expected).max() if size is None else size
-    np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance * size)
+    assert_near(found, expected, tolerance * size)
 
 
 class TestOursAsAFunction:
     @pytest.mark.parametrize("evaluation", [SAMPLED, PLAIN])
     def test_force_and_tangent_are_ours(self, evaluation):
-        rng = np.random.default_rng(5)
+        rng = default_rng(5)
         kinds = np.zeros(3, int)
         for i in range(40):
             point, x = random_point(rng), random_motion(rng, 1 + i % 4)
@@ -99,7 +102,7 @@ class TestOursAsAFunction:
 
     def test_one_jenkins_element_is_ours(self):
         """A slider that the first period moves and that then rests has the derivative of its settling."""
-        rng = np.random.default_rng(8)
+        rng = default_rng(8)
         rests = 0
         for _ in range(200):
             point, x = random_point(rng), random_motion(rng, 2)
@@ -116,7 +119,7 @@ class TestOursAsAFunction:
 
     def test_counts(self):
         """Two periods at most for a force, one more with derivatives; where a slider comes to rest, three more."""
-        rng = np.random.default_rng(9)
+        rng = default_rng(9)
         for _ in range(20):
             point, x, calls = random_point(rng), random_motion(rng, 2), [0, 0]
             law = pointer(coulomb(point.kt, point.kn, point.mu, True), 2, calls)
@@ -180,7 +183,7 @@ LAWS = {
 @pytest.mark.parametrize("name", LAWS)
 class TestShipped:
     def motion(self, seed, harmonics=2):
-        x = random_motion(np.random.default_rng(seed), harmonics)
+        x = random_motion(default_rng(seed), harmonics)
         x[2, 0] += 6.0  # closed
         return x
 
@@ -203,7 +206,7 @@ class TestShipped:
 
     def test_a_step_by_finite_differences(self, name):
         function, p, n_state, _ = LAWS[name]
-        rng = np.random.default_rng(4)
+        rng = default_rng(4)
         memory = np.concatenate([rng.normal(size=3), 0.3 * rng.normal(size=n_state)])[None]
 
         def step(x):
@@ -214,7 +217,7 @@ class TestShipped:
         for _ in range(5):
             x = rng.normal(size=(1, 3))
             close(step(x)[1], difference(lambda y: step(y)[0], x)[:, 0], 1e-8, 1.0)
-            np.testing.assert_array_equal(step(x)[2][:3], x[0])
+            assert_array_equal(step(x)[2][:3], x[0])
 
     def test_a_step_of_no_length_changes_nothing(self, name):
         function, p, n_state, _ = LAWS[name]
@@ -254,7 +257,7 @@ def test_all_blocks_of_the_tangent():
     def quadratic(x, before, s0):
         return s0, A @ x + x[0] * x, A + x[0] * np.eye(3) + np.outer(x, [1, 0, 0]), *[np.zeros((3, 0))] * 3
 
-    x = random_motion(np.random.default_rng(1), 1)
+    x = random_motion(default_rng(1), 1)
     law = pointer(quadratic, 0)
     _, tangent, _ = own(x, law, [], np.zeros(3), n_time=16)
     close(tangent, difference(lambda y: own(y, law, [], np.zeros(3), n_time=16)[0], x), 1e-9)

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from numpy.random import default_rng
+from numpy.testing import assert_allclose, assert_array_equal
 
 from bdamper import _core
 from bdamper.contact.laws import (
@@ -24,7 +26,7 @@ VARYING = ("stiffness", "mass", "damping", "G", "kt", "kn", "mu", "n0", "w", "sh
 
 def arrays(law, spread, seed=0):
     """Arrays at each speed, which differ by so much."""
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     modes = int(N_MODE.sum())
     G = rng.standard_normal(3 * POINTS * modes) + 1j * rng.standard_normal(3 * POINTS * modes)
     G[: 3 * POINTS * N_MODE[0]] = G[: 3 * POINTS * N_MODE[0]].real
@@ -72,11 +74,11 @@ CASES = [
 @each("size", [0.05, 1.0], ids=["stuck", "moving"])
 def test_residual_and_jacobian_are_those_of_the_arrays_at_the_speed(law, evaluation, size):
     nodes = arrays(law, 0.1)
-    u = size * np.random.default_rng(1).standard_normal(UNKNOWNS)
+    u = size * default_rng(1).standard_normal(UNKNOWNS)
     for omega in (3.3, 4.0):
         plain = _core.Sector(**mixed(nodes, omega), **evaluation)
         for one, other in zip(evaluated(family(nodes, **evaluation), u, omega)[:2], evaluated(plain, u, omega)[:2]):
-            np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-11 * np.abs(other).max())
+            assert_allclose(one, other, rtol=1e-10, atol=1e-11 * np.abs(other).max())
 
 
 @each(("law", "evaluation"), CASES)
@@ -86,7 +88,7 @@ def test_the_derivative_along_the_line_is_that_of_differences(law, evaluation, a
     nodes = arrays(law, 0.1)
     if alone:
         nodes = [nodes[0] | {alone: node[alone]} for node in nodes]
-    u = 0.7 * np.random.default_rng(2).standard_normal(UNKNOWNS)
+    u = 0.7 * default_rng(2).standard_normal(UNKNOWNS)
     exact = evaluated(family(nodes, **evaluation), u, 3.7)[2]
 
     def difference(h):
@@ -99,22 +101,22 @@ def test_the_derivative_along_the_line_is_that_of_differences(law, evaluation, a
 
 def test_motion_and_forces_of_a_family_are_those_of_the_frequency():
     nodes = arrays(LAW_SEPARABLE, 0.1)
-    u = np.random.default_rng(3).standard_normal(UNKNOWNS)
+    u = default_rng(3).standard_normal(UNKNOWNS)
     found, expected = ([np.empty((POINTS, 3, 7)), np.empty((POINTS, 3, 7)), np.empty((POINTS, 5))] for _ in range(2))
     assert family(nodes).contact(np.append(u, 3.9), *found) == 0
     assert _core.Sector(**mixed(nodes, 3.9)).contact(np.append(u, 3.9), *expected) == 0
     for one, other in zip(found, expected):
-        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-11)
+        assert_allclose(one, other, rtol=1e-9, atol=1e-11)
 
 
 def test_nothing_depends_on_the_call_before():
     core = family(arrays(LAW_SEPARABLE, 0.1))
-    u = np.random.default_rng(4).standard_normal(UNKNOWNS)
+    u = default_rng(4).standard_normal(UNKNOWNS)
     before = evaluated(core, u, 3.6)
     evaluated(core, 0.5 * u, 4.1)
     core.evaluate(np.append(u, np.nan), np.empty(UNKNOWNS))
     for one, other in zip(before, evaluated(core, u, 3.6)):
-        np.testing.assert_array_equal(one, other)
+        assert_array_equal(one, other)
 
 
 def test_beyond_the_nodes_there_are_no_equations():

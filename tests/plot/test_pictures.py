@@ -18,7 +18,7 @@ from bdamper.analyses.accuracy import AccuracyCost, Run
 from bdamper.analyses.effect_significance import EffectRow, EffectSignificance
 from bdamper.harmonic_balance.effects import Effects
 from bdamper.importers import BuiltModel, Measurement
-from bdamper.plot import draw_table, plot_accuracy, plot_curves, plot_import_report, plot_surfaces, save_figure
+from bdamper.plot import draw_table, plot_accuracy, plot_curves, plot_surfaces, save_figure
 from bdamper.plot.axes import drawing, limit_line
 from bdamper.plot.contact import plot_faces
 from bdamper.plot.motion import VIEW
@@ -211,7 +211,7 @@ class TestSurfaces:
 
     def test_import_report(self):
         model = bd.reference_model(contact_points=9)
-        ax = plot_import_report(BuiltModel(model))
+        ax = BuiltModel(model).plot()
         assert legend_texts(ax) == list(model.interfaces) and len(ax.collections) == 2
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from bdamper.fatigue import AISI_1050, MarginCurve, Margins, StressCycle
 from bdamper.fatigue.margin import Rule
@@ -32,8 +33,8 @@ def test_haigh_diagram_has_the_lines_and_every_point(margins):
     axes = margins.plot()
     lines = {line.get_label(): line for line in axes.lines}
     assert {"Goodman", "Gerber", "Soderberg", "points", "next to contact", "critical"} <= set(lines)
-    np.testing.assert_allclose(lines["points"].get_xdata(), [200.0, 150.0])
-    np.testing.assert_allclose(lines["critical"].get_data(), ([150.0], [90.0]))
+    assert_allclose(lines["points"].get_xdata(), [200.0, 150.0])
+    assert_allclose(lines["critical"].get_data(), ([150.0], [90.0]))
     assert lines["Goodman"].get_linewidth() > lines["Gerber"].get_linewidth()
 
 

@@ -59,6 +59,11 @@ LIMITS: dict[str, dict[str, Any]] = {
 """Line styles of the free and stuck limits; the line of the tuned disk has the style of "stuck"."""
 
 
+def broken(branch: NDArray, *columns: NDArray) -> list[NDArray]:
+    """Return columns of numbers with a NaN between branches, so that no line connects these."""
+    return [np.insert(column, np.flatnonzero(np.diff(branch)) + 1, np.nan, axis=0) for column in columns]
+
+
 def new_axes(width: float = 5.6, height: float = 3.6, rows: int = 1, **options: Any) -> Any:
     """Return empty axes (size in inches), or an array of axes below each other with a common x axis."""
     with plt.rc_context(STYLE):

@@ -68,18 +68,24 @@ def export_modes(
     SettingError
         If the model has no such shapes.
     """
-    meshio = import_extra("meshio", "export to VTU", "viz")
     body, d = shown_shapes(model, body, nodal_diameter, "export of modes")
     mesh = model.meshes[body]
     frequency = np.sqrt(model.bodies[body].bases[d].omega2) / (2.0 * np.pi)
-    fields: dict[str, NDArray] = {}
-    for k in range(mesh.modes[d].shape[2]):
-        shape, name = mesh.modes[d][..., k], f"mode {k + 1}, {frequency[k]:.2f} Hz"
-        fields[f"{name}, real"] = np.ascontiguousarray(shape.real)
-        if np.iscomplexobj(shape):
-            fields[f"{name}, imaginary"] = np.ascontiguousarray(shape.imag)
+    shapes = zip(frequency, np.moveaxis(mesh.modes[d], 2, 0))
+    fields = {f"mode {k}, {f:.2f} Hz, {{}}": shape for k, (f, shape) in enumerate(shapes, 1)}
+    return _write(path, mesh.points, mesh.quads, fields)
+
+
+def _write(path: str | PathLike[str], points: NDArray, quads: NDArray, fields: dict[str, NDArray]) -> Path:
+    """Write vector fields on a surface; "real" or "imaginary" replaces ``{}`` in a name."""
+    meshio = import_extra("meshio", "export to VTU", "viz")
+    data = {
+        name.format(part): np.ascontiguousarray(getattr(field, part[:4]))
+        for name, field in fields.items()
+        for part in ("real", "imaginary")[: 1 + np.iscomplexobj(field)]
+    }
     with file_errors(path):
-        meshio.Mesh(mesh.points, [("quad", mesh.quads)], point_data=fields).write(path)
+        meshio.Mesh(points, [("quad", quads)], point_data=data).write(path)
     return Path(path)
 
 
@@ -109,19 +115,11 @@ def export_response(problem: Problem, unknowns: NDArray, folder: str | PathLike[
     """
     if not problem.model.meshes:
         raise SettingError("export of a response: needs the mesh of a body, and the model has none")
-    meshio = import_extra("meshio", "export to VTU", "viz")
     out = []
     for body, motion in surface_motion(problem, unknowns).items():
-        path = Path(folder) / f"{name}_{body}.vtu"
         mean = {"mean displacement, m": motion.mean} if np.isfinite(motion.mean).all() else {}
-        fields = mean | {
-            "vibration, real, m": np.ascontiguousarray(motion.amplitude.real),
-            "vibration, imaginary, m": np.ascontiguousarray(motion.amplitude.imag),
-        }
-        quads = problem.model.meshes[body].quads
-        with file_errors(path):
-            meshio.Mesh(motion.points, [("quad", quads)], point_data=fields).write(path)
-        out.append(path)
+        fields, quads = mean | {"vibration, {}, m": motion.amplitude}, problem.model.meshes[body].quads
+        out.append(_write(Path(folder) / f"{name}_{body}.vtu", motion.points, quads, fields))
     return out
 
 

@@ -166,7 +166,7 @@ def plot_static(state: PreloadState, quantity: str = "pressure") -> NDArray:
     Parameters
     ----------
     state : PreloadState
-        A result of a study; files of version 0.6 and before do not contain the faces.
+        A result of a study.
     quantity : {"pressure", "gap", "friction"}
     """
     pressure, points, frame, friction = state.pressure, state.points, state.frame, state.friction

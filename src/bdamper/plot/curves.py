@@ -24,6 +24,7 @@ from bdamper.plot.axes import (
     LIMITS,
     NEW,
     OPTIMUM,
+    broken,
     colours,
     drawing,
     highest_on,
@@ -50,11 +51,6 @@ from bdamper.util.tables import axis_label as label_of
 
 # ---- Response and optimal curves ----
 
-MARCHED: dict[str, Any] = {
-    "fmt": "D", "color": IN_TIME, "markersize": 4.5, "markerfacecolor": "w", "capsize": 3.0, "linewidth": 1.2,
-    "zorder": 5.0, "label": "highest blade in time, and range",
-}  # fmt: skip
-"""Style of an amplitude in time: a point with a bar, above the star of the optimum."""
 ALIKE = 0.9
 """Ratio of the two limits above which one line represents both."""
 SHOWN = ("amplitude", "shift")
@@ -73,9 +69,7 @@ def _draw_tracking(ax: Axes, curve: ResponseCurve, colour: Any, label: str | Non
     f, a = curve.frequency if curve.speed is None else curve.speed * RPM, curve.amplitude
     unstable = unstable_points(curve)
     if curve.blades is not None:
-        single = np.abs(curve.blades[..., 1])
-        for b in np.unique(curve.branch):
-            ax.plot(f[curve.branch == b], single[curve.branch == b], color="0.75", linewidth=0.5)
+        ax.plot(*broken(curve.branch, f, np.abs(curve.blades[..., 1])), color="0.75", linewidth=0.5)
     for b in np.unique(curve.branch):
         where = np.flatnonzero(curve.branch == b)
         for first, last in runs(unstable[where]):
@@ -141,9 +135,9 @@ def plot_curves(curves: Sequence[ResponseCurve], ax: Axes = NEW, *, labels: Sequ
 
 
 @register_plot(ResponseCurve)
-def plot_curve(curve: ResponseCurve, ax: Axes | None = None, **style: Any) -> Axes:
-    """Plot the amplitude over frequency of one curve, or over speed of a run-up; ``style`` as in :func:`plot_curves`."""
-    return plot_curves([curve], ax, **style)
+def plot_curve(curve: ResponseCurve, *arguments: Any, **options: Any) -> Axes:
+    """Plot the amplitude over frequency of one curve, or over speed of a run-up; options as in :func:`plot_curves`."""
+    return cast(Axes, plot_curves([curve], *arguments, **options))
 
 
 @picture()
@@ -166,8 +160,7 @@ def plot_band(
         known = (curve.branch == b) & np.isfinite(frequency).all(axis=1)
         f, a = frequency[known], amplitude[known]
         edge = [np.concatenate([x[:, 0], x[::-1, 1]]) for x in (f, a)]
-        label = f"two standard deviations of\n{names}" if b == curve.branch[0] else None
-        ax.fill(*edge, color="0.8", linewidth=0.0, label=label)
+        ax.fill(*edge, color="0.8", linewidth=0.0, label=once(ax, f"two standard deviations of\n{names}"))
     plot_curves([curve], ax)
 
 
@@ -265,7 +258,7 @@ def _mark_checks(ax: Axes, result: OptimalCurve) -> None:
     """Mark results of time integration and of more harmonics."""
     for march in result.time_response:
         if np.isfinite(march.mean):
-            _mark_march(ax, march.preload, march)
+            mark_time_response(march, ax, march.preload)
     if k := result.optimum_in_time:
         ax.plot(k.preload, k.mean, "D", color=IN_TIME, markersize=4.5, zorder=6.0, label="least in time")
     if result.convergence is not None and len(result.convergence.peaks) > 1:
@@ -314,15 +307,12 @@ def _mark_gaps(ax: Axes, result: OptimalCurve) -> None:
 
 
 @picture(TimeResponse, "mark")
-def mark_time_response(time_response: TimeResponse, ax: Axes) -> None:
-    """Mark the mean and range of the highest blade in time as a point with a bar."""
-    _mark_march(ax, time_response.frequency, time_response)
-
-
-def _mark_march(ax: Axes, x: float, time_response: TimeResponse) -> None:
-    look = {**MARCHED, "label": once(ax, MARCHED["label"])}
-    mean = time_response.mean
-    ax.errorbar(x, mean, [[mean - time_response.lowest], [time_response.highest - mean]], **look)
+def mark_time_response(time_response: TimeResponse, ax: Axes, x: float | None = None) -> None:
+    """Mark the mean and range of the highest blade in time as a point with a bar, by default at its frequency."""
+    mean, name = time_response.mean, "highest blade in time, and range"
+    ends = [[mean - time_response.lowest], [time_response.highest - mean]]
+    ax.errorbar(time_response.frequency if x is None else x, mean, ends, fmt="D", color=IN_TIME, markerfacecolor="w",
+                markersize=4.5, capsize=3.0, linewidth=1.2, zorder=5.0, label=once(ax, name))  # fmt: skip
 
 
 @picture(TimeSweep)
@@ -346,7 +336,7 @@ def plot_response_map(result: OptimalCurve, ax: Axes = NEW) -> None:
     Parameters
     ----------
     result : OptimalCurve
-        Optimal curve with its response curves; files of versions before 0.6 do not contain these.
+        Optimal curve with its response curves.
     """
     curves = [curve for curve in result.curves if len(curve)]
     validation.check(len(curves) >= 2, "result", "an optimal curve with two or more curves", len(curves))
@@ -370,19 +360,17 @@ def plot_response_map(result: OptimalCurve, ax: Axes = NEW) -> None:
 
 # ---- Several results on the same axes ----
 
-OF: dict[type, tuple[str, dict[str, str]]] = {
-    ResponseCurve: ("frequency", {"amplitude": "amplitude"}),
-    OptimalCurve: ("preload", {"amplitude": "amplitude", "shift": "shift_percent"}),
-    Hysteresis: ("amplitude", {"damping_ratio": "damping_ratio", "stiffness": "stiffness"}),
+OF = {
+    ResponseCurve: ("frequency", ("amplitude",)),
+    OptimalCurve: ("preload", ("amplitude", "shift")),
+    Hysteresis: ("amplitude", ("damping_ratio", "stiffness")),
 }
-"""By type of result: the column of the x axis, and the columns that can be plotted, by quantity."""
-OPTIMA = {True: "optimum", False: "least value, not verified"}
+"""By type of result: the column of the x axis, and the quantities that can be plotted."""
 
 
 @picture()
 def plot_together(
-    results: Mapping[str, ResponseCurve] | Mapping[str, OptimalCurve] | Mapping[str, Hysteresis],
-    quantity: str | None = None, ax: Axes = NEW, *, measured: Sequence[Measurement] = (),
+    results: Mapping[str, Any], quantity: str | None = None, ax: Axes = NEW, *, measured: Sequence[Measurement] = ()
 ) -> None:  # fmt: skip
     """Plot several results of one type on the same axes.
 
@@ -405,36 +393,32 @@ def plot_together(
     if kind is None:
         kinds = "response curves, optimal curves or hysteresis, all of one kind"
         raise validation.invalid("results", kinds, [type(result).__name__ for result in results.values()])
-    x, columns = OF[kind]
-    quantity = validation.choice("quantity", quantity or next(iter(columns)), columns)
+    x, quantities = OF[kind]
+    quantity = validation.choice("quantity", quantity or quantities[0], quantities)
     if isinstance(measured, Measurement) or (measured and kind is not ResponseCurve):
         raise validation.invalid("measured", "a sequence of Measurement, over response curves", measured)
     if kind is ResponseCurve:
-        curves = cast(Mapping[str, ResponseCurve], results)
-        plot_curves(list(curves.values()), ax, labels=[name for name, curve in curves.items() if curve.kind not in LIMITS])
+        labels = [name for name, curve in results.items() if curve.kind not in LIMITS]
+        plot_curves(list(results.values()), ax, labels=labels)
         for measurement in measured:
             plot_measurement(measurement, ax)
-    result: Any
-    for (name, result), look in zip(results.items(), looks(len(results))) if kind is not ResponseCurve else ():
-        if isinstance(result, Hysteresis) and result.single:
+        return
+    for (name, result), look in zip(results.items(), looks(len(results))):
+        if kind is Hysteresis and result.single:
             ax.plot(*result.loop(), **{**look, "marker": ""}, label=name)
             ax.set(**OF_WHOLE)
             continue
-        y = columns[quantity]
+        y = "shift_percent" if quantity == "shift" else quantity
         known = np.flatnonzero(np.isfinite(getattr(result, y)))
         draw_table(ax, result, x, y, **look, markevery=known[:: max(1, len(known) // 8)].tolist(), label=name)
         ax.set_xscale("log")
-        if isinstance(result, OptimalCurve) and quantity == "amplitude":
+        if kind is OptimalCurve and quantity == "amplitude":
             ax.set_yscale("log")
-            _star(ax, result, look["color"])
-
-
-def _star(ax: Axes, result: OptimalCurve, colour: Any) -> None:
-    """Mark the optimum, if there is one: filled if verified, with one entry in the legend for all."""
-    o = result.optimum
-    if np.isfinite(o.preload):
-        look = {"color": colour, "markersize": 8.0, "markerfacecolor": colour if o.verified else "w", "linestyle": "none"}
-        ax.plot(o.preload, o.amplitude, marker="*", label=once(ax, OPTIMA[o.verified]), **look)
+            o = result.optimum
+            face, mark = (look["color"], "optimum") if o.verified else ("w", "least value, not verified")
+            if np.isfinite(o.preload):
+                ax.plot(o.preload, o.amplitude, "*", color=look["color"], markersize=8.0, markerfacecolor=face,
+                        label=once(ax, mark))  # fmt: skip
 
 
 @register_plot(Comparison)

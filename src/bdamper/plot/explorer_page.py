@@ -10,13 +10,13 @@ import html
 import tempfile
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from bdamper.harmonic_balance.rotor_speed import RPM
 from bdamper.model.kinematics import centrifugal_load
-from bdamper.plot.axes import ticks_within
+from bdamper.plot.axes import broken, ticks_within
 from bdamper.plot.contact import STATUS_COLOURS, face_coordinates, tiles
 from bdamper.plot.curves import PRELOAD, with_optimum
 from bdamper.plot.explorer_worker import FORCE, Answer, Answers, Question
@@ -29,7 +29,6 @@ from bdamper.util.display import draw
 from bdamper.util.errors import import_extra
 from bdamper.util.formatting import amount, peak_text, percent
 
-LOGARITHMIC_SLIDERS = ("preload", FORCE, "mass")
 EDGES = ("left", "right", "bottom", "top")
 HERE = "#c0392b"
 """Colour of the chosen point and preload, used for nothing else."""
@@ -41,7 +40,6 @@ PANELS = {
     "contacts": "Contacts",
     "motion": "Motion over one cycle",
 }
-QUIET = {"color": "#5b666d"}
 SIZE = "12px"
 """Font size of all texts but the title and the answer."""
 FACES = {"damper": ("#e8b563", "#c08a2e"), "": ("#f6f8f9", "#a3aeb4")}
@@ -62,13 +60,6 @@ MOVE = """
 """JavaScript that draws the faces at successive instants of the cycle."""
 
 
-class Place(Protocol):
-    """Position of a click in the units of a plot; None outside its axes."""
-
-    x: float | None
-    y: float | None
-
-
 class Page:
     """Sliders and plots of a study in one document.
 
@@ -86,6 +77,8 @@ class Page:
         self.shown: dict[str, Answer] = {}
         self.texts: dict[str, str] = {}
         self.sources: dict[str, Any] = {}
+        self.numbers: dict[str, Any] = {}
+        self.logarithmic: set[str] = set()
         self.point: int | None = None
         self.answers = Answers(study, self._deliver)
         document.on_session_destroyed(lambda _: self.answers.ask(None))
@@ -107,22 +100,24 @@ class Page:
     # ---- controls ----
 
     def _slider(self, name: str, title: str, low: float, high: float, value: float, step: float = 0.01) -> Any:
-        """Create a slider below a number field that shows and sets the same value."""
-        whole, wide = step == 1, {"sizing_mode": "stretch_width"}
-        ends = [float(np.log10(v)) if logarithmic(name) else v for v in (low, high, value)]
+        """Create a slider below a number field that shows and sets the same value; logarithmic if the range is wide."""
+        kind, wide = int if step == 1 else float, {"sizing_mode": "stretch_width"}
+        if high > 50.0 * low > 0.0:
+            self.logarithmic.add(name)
         in_one_row = """
             .bk-input-group { flex-direction: row; align-items: center; justify-content: space-between; }
             .bk-input-group > label { flex: 1; } .bk-input-group > :not(label) { flex: 0 0 86px; width: 86px; }
             input.bk-input { height: 24px; padding: 0 6px; font-size: inherit; }
         """
         self.numbers[name] = self.models.NumericInput(
-            name=name, title=title, value=int(value) if whole else float(value), mode="int" if whole else "float", low=low,
-            high=high, stylesheets=[in_one_row], margin=(3, 5, 0, 5), **wide,
+            name=name, title=title, value=kind(value), mode=kind.__name__, low=low, high=high, stylesheets=[in_one_row],
+            margin=(3, 5, 0, 5), **wide,
         )  # fmt: skip
-        coloured = f".noUi-handle {{ background: {HERE}; }}" if name == "preload" else ""
+        start, end, place = (self._place(name, item) for item in (low, high, value))
         slider = self.models.Slider(
-            name=f"{name} slider", start=ends[0], end=ends[1], value=ends[2], step=step, show_value=False, title="",
-            margin=(0, 12, 2, 12), stylesheets=[coloured], **wide,
+            name=f"{name} slider", start=start, end=end, value=place, step=step, show_value=False, title="",
+            margin=(0, 12, 2, 12), **wide,
+            stylesheets=[f".noUi-handle {{ background: {HERE}; }}" if name == "preload" else ""],
         )  # fmt: skip
         slider.on_change("value", partial(self._slid, name))
         self.numbers[name].on_change("value", partial(self.moved, name))
@@ -130,7 +125,6 @@ class Page:
 
     def _controls(self) -> None:
         study, model = self.study, self.study.model
-        self.numbers: dict[str, Any] = {}
         self.force = study.excitation.amplitude or 1.0
         self.mu = max(study.settings.friction_values(), default=0.0)
         rows: list[tuple[Any, ...]] = [
@@ -139,15 +133,14 @@ class Page:
             (FORCE, "Excitation (N)", 0.01 * self.force, 100.0 * self.force, self.force),
             ("harmonics", "Harmonics", 1, 9, study.settings.harmonic_numbers[-1], 1),
         ]
-        shares, fixed = (study.settings.given_loads(item) for item in ("load_per_preload", "constant_loads"))
-        shares = {} if study.settings.speed is not None else shares
-        loads = [
-            (f"load_per_preload.{name}", f"Load on {name} (N per N)", share) for name, share in list(shares.items())[1:]
-        ]
-        loads += [
-            (f"constant_loads.{name}", f"Load on {name} (N)", load) for name, load in fixed.items() if np.ndim(load) == 0
-        ]
-        rows += [(name, title, 0.01 * load, 100.0 * load, load) for name, title, load in loads if load > 0.0]
+        given = study.settings.given_loads
+        shares = {} if study.settings.speed is not None else given("load_per_preload")
+        loads = [(f"load_per_preload.{name}", f"{name} (N per N)", share) for name, share in list(shares.items())[1:]]
+        loads += [(f"constant_loads.{name}", f"{name} (N)", load) for name, load in given("constant_loads").items()]
+        rows += [
+            (name, f"Load on {title}", 0.01 * load, 100.0 * load, load)
+            for name, title, load in loads if np.ndim(load) == 0 and load > 0.0
+        ]  # fmt: skip
         if study.problem.carries_load and any(body.kind == "free" for body in model.bodies.values()):
             rows.append(("mass", "Damper mass (factor)", 0.1, 10.0, 1.0))
             if any(basis.speed is not None for body in model.bodies.values() for basis in body.bases.values()):
@@ -165,30 +158,32 @@ class Page:
         numbers = {n for n in range(1, model.n_blades) if folded(n)[0] in diameters} | {int(study.settings.engine_order)}
         orders = [(str(n), f"{n} (nodal diameter {folded(n)[0]})") for n in sorted(numbers)]
         faces = [name for name in study.problem.coupling.interfaces if model.interfaces[name].kind == "friction"]
-        select = partial(self.models.Select, sizing_mode="stretch_width", stylesheets=["select { font-size: inherit; }"])
+        wide = {"sizing_mode": "stretch_width"}
+        select = partial(self.models.Select, stylesheets=["select { font-size: inherit; }"], **wide)
         self.mode = select(name="mode", title="Mode", value="1", options=[str(k) for k in range(1, 6)])
         self.order = select(name="order", title="Engine order", value=str(study.settings.engine_order), options=orders)
         self.loop = select(name="loop", title="Loop of", value=[*faces, "whole"][0], options=["whole", *faces])
         for chooser in (self.mode, self.order):
             chooser.on_change("value", partial(self.moved, "mode"))
         self.loop.on_change("value", lambda attr, old, new: self._contacts())
-        narrow = {"width": 70, "margin": (6, 2, 0, 3)}
-        self.buttons = [self.models.Button(name=label, label=label, **narrow) for label in ("Pictures", "CSV", "Python")]
-        for button, action in zip(self.buttons, (self.pictures, self.tables, self.lines)):
-            button.on_click(action)
-        wide = {"sizing_mode": "stretch_width"}
+        self.buttons = []
+        for label, action in (("Pictures", self.pictures), ("CSV", self.tables), ("Python", self.lines)):
+            self.buttons.append(self.models.Button(name=label, label=label, width=70, margin=(6, 2, 0, 3)))
+            self.buttons[-1].on_click(action)
+        quiet = partial(self.models.Div, styles={"color": "#5b666d"}, **wide)
         self.text = self.models.Div(name="answer", styles={"font-size": "14px"}, **wide)
-        self.notes = {name: self.models.Div(name=f"{name}_text", styles=QUIET, **wide) for name in PANELS}
+        self.notes = {name: quiet(name=f"{name}_text") for name in PANELS}
         self.notes["curve"].text = f"{DOT} chosen point, ◇ in time; grey: without contact and with stuck contact"
-        self.busy = self.models.Div(name="busy", styles=QUIET, **wide)
+        self.busy = quiet(name="busy")
+        self.help = quiet(text="Click the curve to choose a point; drag in the curve of peaks to move the preload.")
         self.code = self.models.PreText(name="code", visible=False, styles={"white-space": "pre-wrap"}, **wide)
-        file = self._source("file", "name", "kind", "content")
-        self.text.tags = [file]  # a model belongs to the document only if another one refers to it
         save = """
             const {name, kind, content} = source.data, link = document.createElement("a");
             Object.assign(link, {href: `data:${kind[0]};base64,${content[0]}`, download: name[0]}).click();
         """
+        file = self._source("file", "name", "kind", "content")
         file.js_on_change("data", self.models.CustomJS(args={"source": file}, code=save))
+        self.text.tags = [file]  # a model belongs to the document only if another one refers to it
 
     def _source(self, name: str, *columns: str) -> Any:
         """Create a data source with empty columns under a name."""
@@ -199,22 +194,28 @@ class Page:
         """Return the value of a number field."""
         return float(self.numbers[name].value)
 
+    @property
+    def speed(self) -> float:
+        """Rotor speed in rad/s; 0 if the blades do not rotate."""
+        return self.value("speed") / RPM if "speed" in self.numbers else 0.0
+
     def _slid(self, name: str, attr: str, old: object, new: float) -> None:
         """Set the number field to the value of its slider, unless the field has moved the slider."""
-        value = float(f"{10.0**new:.3g}") if logarithmic(name) else float(f"{new:.6g}")
-        if abs(self._place(name) - new) > 1e-9:
-            self.numbers[name].value = int(value) if self.numbers[name].mode == "int" else value
+        number = self.numbers[name]
+        if abs(self._place(name, number.value) - new) > 1e-9:
+            value = float(f"{10.0**new:.3g}" if name in self.logarithmic else f"{new:.6g}")
+            number.value = int(value) if number.mode == "int" else value
 
-    def _place(self, name: str) -> float:
+    def _place(self, name: str, value: float) -> float:
         """Return the slider position of a value."""
-        return float(np.log10(self.value(name))) if logarithmic(name) else self.value(name)
+        return float(np.log10(value) if name in self.logarithmic else value)
 
     def moved(self, name: str, attr: str, old: object, new: object) -> None:
         """Handle a changed value; at speed the preload is the centrifugal load, at rest the former value again."""
         if new is None:  # an empty field
             self.numbers[name].value = old
             return
-        speed = self.value("speed") / RPM if "speed" in self.numbers else 0.0
+        speed = self.speed
         number, slider = self.numbers["preload"], self.sliders["preload"]
         if name == "preload" and not speed:
             self.resting = number.value
@@ -222,10 +223,10 @@ class Page:
             preload = centrifugal_load(self.study.model) * self.value("mass") * speed**2 if speed else self.resting
             number.title = PRELOAD + (", centrifugal" if speed else "")
             number.low, number.high = min(number.low, preload), max(number.high, preload)
-            slider.start, slider.end = float(np.log10(number.low)), float(np.log10(number.high))
+            slider.start, slider.end = (self._place("preload", end) for end in (number.low, number.high))
             number.value = float(f"{preload:.6g}")
-        if name in self.sliders:
-            self.sliders[name].value = min(max(self._place(name), self.sliders[name].start), self.sliders[name].end)
+        if slider := self.sliders.get(name):
+            slider.value = min(max(self._place(name, self.value(name)), slider.start), slider.end)
         self.point = None
         self.ask()
 
@@ -234,19 +235,19 @@ class Page:
 
         The range of the optimal curve is centred on the expected optimum, which is inversely proportional to friction.
         """
+        speed = self.speed  # at speed the load follows from mass and radius of the bodies
         settings: dict[str, Any] = {
             name: number.value
             for name, number in self.numbers.items()
-            if name not in ("preload", "mass", "speed") and number.value != self.first[name]
+            if number.value != self.first[name]
+            and not (name in ("preload", "mass", "speed") or (speed and name.startswith("load_per_preload.")))
         }
         if int(self.order.value) != self.study.settings.engine_order:
             settings["engine_order"] = int(self.order.value)
-        rotating = "speed" in self.numbers and self.value("speed") > 0.0
-        if rotating:  # the load follows from mass and radius of the bodies
-            settings = {name: value for name, value in settings.items() if not name.startswith("load_per_preload.")}
-            settings["speed"] = self.value("speed") / RPM
-        if "mass" in self.numbers and self.numbers["mass"].value != self.first["mass"]:
-            settings["damper_mass" if rotating else "damper_mass_factor"] = self.value("mass")
+        if speed:
+            settings["speed"] = speed
+        if "mass" in self.numbers and self.value("mass") != 1.0:
+            settings["damper_mass" if speed else "damper_mass_factor"] = self.value("mass")
         unit = self.value(FORCE) * (self.mu / self.value("friction_coefficient") if self.mu else 1.0)
         # range of the preload relative to the excitation, at the friction coefficient of the study
         relative_range = (20.0, 5000.0)
@@ -265,7 +266,8 @@ class Page:
             self.glyphs["optimal"].line_dash = [6]
             self.notes["best"].text = "Dashed: before the last change of settings."
         self.texts["march"] = "The amplitude in time is being computed."
-        self._clear("time", "range")
+        for name in ("time", "range"):
+            self._put(name)
         self.answers.ask(question)
 
     # ---- plots ----
@@ -291,19 +293,20 @@ class Page:
         star = {"size": 16, "marker": "star", "color": "black"}
         diamond = {"size": 9, "marker": "diamond", "line_color": "black", "fill_color": "white"}
         self.glyphs = {}
-        for name, view, kind, look in (
-            ("free", self.curve, "line", {**grey, "line_dash": "dotdash"}),
-            ("stuck", self.curve, "line", {**grey, "line_dash": "dotted"}),
-            ("curve", self.curve, "line", black),
-            ("optimal", self.best, "line", black),
-            ("loop", self.cycle, "line", black),
-            ("optimum", self.best, "scatter", star),
-            ("point", self.curve, "scatter", ring),
-            ("marker", self.best, "scatter", ring),
-            ("range", self.curve, "line", black),
-            ("time", self.curve, "scatter", diamond),
+        for name, view, look in (
+            ("free", self.curve, {**grey, "line_dash": "dotdash"}),
+            ("stuck", self.curve, {**grey, "line_dash": "dotted"}),
+            ("curve", self.curve, black),
+            ("optimal", self.best, black),
+            ("loop", self.cycle, black),
+            ("optimum", self.best, star),
+            ("point", self.curve, ring),
+            ("marker", self.best, ring),
+            ("range", self.curve, black),
+            ("time", self.curve, diamond),
         ):
-            self.glyphs[name] = getattr(view, kind)("x", "y", source=self._source(name, "x", "y"), **look).glyph
+            add = view.scatter if "size" in look else view.line
+            self.glyphs[name] = add("x", "y", source=self._source(name, "x", "y"), **look).glyph
         self.faces.quad(**{name: name for name in EDGES}, color="color", source=self._source("tiles", *EDGES, "color"))
         for name, view, text in (
             ("names", self.curve, {"text_color": "#5b666d", "y_offset": -3}),
@@ -314,9 +317,9 @@ class Page:
             view.axis.visible = view.grid.visible = False
             view.outline_line_color = None
         self._moving()
-        self.curve.on_event("tap", self.chosen)
+        self.curve.on_event("tap", self._chosen)
         for event in ("tap", "pan"):
-            self.best.on_event(event, self.dragged)
+            self.best.on_event(event, self._dragged)
 
     def _figure(self, name: str, **options: Any) -> Any:
         """Create a figure with uniform font sizes, and suitable ticks on logarithmic axes."""
@@ -353,11 +356,8 @@ class Page:
     def _lay_out(self) -> None:
         layout, wide = import_extra("bokeh.layouts", "explore", "app"), {"sizing_mode": "stretch_width", "spacing": 0}
         pairs = [layout.column(self.numbers[name], slider, **wide) for name, slider in self.sliders.items()]
-        hint = "Click the curve to choose a point; drag in the curve of peaks to move the preload."
-        help_text = self.models.Div(text=hint, styles=QUIET, sizing_mode="stretch_width")
-        buttons = layout.row(*self.buttons, spacing=0)
-        rows = [*pairs, layout.row(self.mode, self.order, **wide), self.loop, buttons, help_text]
-        controls = layout.column(*rows, name="controls", **wide)
+        choices, buttons = layout.row(self.mode, self.order, **wide), layout.row(*self.buttons, spacing=0)
+        controls = layout.column(*pairs, choices, self.loop, buttons, self.help, name="controls", **wide)
         titles = {"Contact points": self.faces, "Hysteresis loop": self.cycle}
         tabs = [self.models.TabPanel(title=title, child=view) for title, view in titles.items()]
         contacts = self.models.Tabs(tabs=tabs, name="contacts", sizing_mode="stretch_both")
@@ -385,22 +385,17 @@ class Page:
             self.busy.text = f"computing the {'amplitude in time' if answer.optimal else 'optimum'} ..."
         self.text.text = " ".join(self.texts[name] for name in ("curve", "march", "optimal") if self.texts.get(name))
 
-    def _line(self, name: str, x: Any, y: Any) -> None:
-        self.sources[name].data = {"x": np.asarray(x), "y": np.asarray(y)}
-
-    def _labels(self, name: str, labels: list[tuple[float, float, str]]) -> None:
-        self.sources[name].data = {column: [label[i] for label in labels] for i, column in enumerate(("x", "y", "text"))}
-
-    def _clear(self, *names: str) -> None:
-        for name in names:
-            self.sources[name].data = {column: [] for column in self.sources[name].data}
+    def _put(self, name: str, *columns: Any) -> None:
+        """Replace the columns of a data source; clear them if none are given."""
+        source, values = self.sources[name], (v if isinstance(v, np.ndarray) else [*v] for v in columns)
+        source.data = dict(zip(source.data, values)) if columns else {column: [] for column in source.data}
 
     def _optimal(self, found: OptimalCurve) -> None:
         """Show the optimal curve with its optimum."""
         o, (x, amplitude, _) = found.optimum, with_optimum(found)
         y = 1e6 * amplitude
-        self._line("optimal", x, y)
-        self._line("optimum", [o.preload], [1e6 * o.amplitude])
+        self._put("optimal", x, y)
+        self._put("optimum", [o.preload], [1e6 * o.amplitude])
         self.glyphs["optimal"].line_dash = []
         self.notes["best"].text = f"★ optimum, {DOT} chosen preload"
         self._fit(self.best.y_range, y)
@@ -414,8 +409,8 @@ class Page:
         if not np.isfinite(found.mean):
             self.texts["march"] = f"In time: {html.escape(found.status)}."
             return
-        self._line("time", [found.frequency], [1e6 * found.mean])
-        self._line("range", [found.frequency] * 2, [1e6 * found.lowest, 1e6 * found.highest])
+        self._put("time", [found.frequency], [1e6 * found.mean])
+        self._put("range", [found.frequency] * 2, [1e6 * found.lowest, 1e6 * found.highest])
         warning = "" if found.status.startswith("complete") else f", {html.escape(found.status)}"
         self.texts["march"] = f"◇ In time {found.text}{warning}."
 
@@ -431,18 +426,17 @@ class Page:
             text = html.escape(curve._headline()) if whole else "the curve ends early while the slider moves."
         self.texts["curve"] = ("" if answer.full else COARSE) + text + chosen
         self.glyphs["curve"].line_dash = [] if answer.full else [6]
-        turns = np.flatnonzero(np.diff(curve.branch)) + 1  # a gap between branches
-        self._line("curve", np.insert(curve.frequency, turns, np.nan), 1e6 * np.insert(curve.amplitude, turns, np.nan))
+        self._put("curve", *broken(curve.branch, curve.frequency, 1e6 * curve.amplitude))
         tops = [(limit.peak.frequency, 1e6 * limit.peak.amplitude, limit.kind) for limit in answer.limits if len(limit)]
         for name, limit in zip(("free", "stuck"), answer.limits):
-            self._line(name, limit.frequency, 1e6 * limit.amplitude)
+            self._put(name, limit.frequency, 1e6 * limit.amplitude)
         if len(curve):
-            self._line("point", curve.frequency[[answer.point]], 1e6 * curve.amplitude[[answer.point]])
+            self._put("point", curve.frequency[[answer.point]], 1e6 * curve.amplitude[[answer.point]])
             is_peak = [] if curve.peak_at_end else [curve.peak]
-            self._line("marker", [curve.preload for _ in is_peak], [1e6 * peak.amplitude for peak in is_peak])
+            self._put("marker", [curve.preload for _ in is_peak], [1e6 * peak.amplitude for peak in is_peak])
             self.curve.x_range.update(start=float(curve.frequency.min()), end=float(curve.frequency.max()))
         if answer.full and len(curve):
-            self._labels("names", tops)
+            self._put("names", *zip(*tops))
             self._fit(self.curve.y_range, 1e6 * np.concatenate([c.amplitude for c in (curve, *answer.limits)]))
         self._contacts()
         if answer.drawing is not None:
@@ -460,7 +454,8 @@ class Page:
         """Show the moving surfaces, or the reason why there are none."""
         if isinstance(drawing, str):
             self.notes["motion"].text = html.escape(drawing)
-            self._clear("quads", "nodes")
+            for name in ("quads", "nodes"):
+                self._put(name)
             return
         tall = np.diff(np.ptp(drawing.points, axis=0)) > 0.0
         rotation = [[0.0, -1.0], [1.0, 0.0]] if tall else np.eye(2)  # the view is wide
@@ -469,12 +464,9 @@ class Page:
         fill, line = zip(*(FACES["damper" if is_free else ""] for is_free in free))
         margin = np.abs(shape).max(axis=0)
         low, high = rest.min(axis=0) - margin, rest.max(axis=0) + margin
-        self._line("box", *zip(low, high))
-        parts = {"x": rest[:, 0], "y": rest[:, 1], "cx": shape[:, 0].real, "cy": shape[:, 1].real}
-        parts |= {"sx": shape[:, 0].imag, "sy": shape[:, 1].imag}
-        self.sources["nodes"].data = {name: value.astype(np.float32) for name, value in parts.items()}
-        corners = zip("abcd", drawing.quads.T.astype(np.int32))
-        self.sources["quads"].data = {**dict(corners), "fill": list(fill), "line": list(line)}
+        self._put("box", *zip(low, high))
+        self._put("nodes", *np.concatenate([rest, shape.real, shape.imag], axis=1, dtype=np.float32).T)
+        self._put("quads", *drawing.quads.T.astype(np.int32), fill, line)
         self.notes["motion"].text = f"{point}, magnified {drawing.magnification:.0f} times"
 
     def _contacts(self) -> None:
@@ -482,7 +474,7 @@ class Page:
         if answer is None or answer.contacts is None or answer.loops is None:
             return
         displacement, force = answer.loops.loop(where := self.loop.value)
-        self._line("loop", 1e6 * displacement, force)
+        self._put("loop", 1e6 * displacement, force)
         whole, energy = where == "whole", answer.loops.by_interface.get(where, answer.loops.lost)
         self.cycle.xaxis.axis_label = "Response (µm)" if whole else f"Relative motion at {where} (µm)"
         self.cycle.yaxis.axis_label = "Equivalent force (N)" if whole else f"Friction force at {where} (N)"
@@ -500,12 +492,12 @@ class Page:
             names.append((float(y.mean()), float(x.max() + 0.6 * dx), name))
             offset = float(y.max() + 2.0 * dy)
         *edges, states = np.concatenate(parts, axis=1) if parts else np.zeros((5, 0))
-        self.sources["tiles"].data = dict(zip((*EDGES, "color"), [*edges, [STATUS_COLOURS[int(k)] for k in states]]))
-        self._labels("titles", names)
+        self._put("tiles", *edges, [STATUS_COLOURS[int(k)] for k in states])
+        self._put("titles", *zip(*names))
 
     # ---- clicks and downloads ----
 
-    def chosen(self, event: Place) -> None:
+    def _chosen(self, event: Any) -> None:
         """Choose the point of the curve nearest to a click on the screen; ignore clicks outside the axes."""
         answer = self.shown.get("curve")
         if answer is None or answer.curve is None or event.x is None or event.y is None or event.y <= 0.0:
@@ -515,14 +507,14 @@ class Page:
         self.point = int(np.argmin(distance))
         self.ask()
 
-    def dragged(self, event: Place) -> None:
+    def _dragged(self, event: Any) -> None:
         """Set the preload to the pointer position."""
         number = self.numbers["preload"]
         if event.x is not None and event.x > 0.0 and not number.disabled:
             number.value = float(f"{np.clip(event.x, number.low, number.high):.3g}")
 
     def _send(self, name: str, kind: str, content: bytes) -> None:
-        self.sources["file"].data = {"name": [name], "kind": [kind], "content": [base64.b64encode(content).decode()]}
+        self._put("file", [name], [kind], [base64.b64encode(content).decode()])
 
     def _results(self) -> dict[str, Any]:
         """Return the shown results by file name, with settings and "provisional" in the name."""
@@ -560,8 +552,3 @@ class Page:
         if question.preloads:
             lines.append(f"optimal = study.optimal_curve({question.preloads!r}, mode={question.mode})")
         self.code.update(text="\n".join(lines), visible=True)
-
-
-def logarithmic(name: str) -> bool:
-    """Return whether a value has a logarithmic slider."""
-    return name in LOGARITHMIC_SLIDERS or "load_per_preload." in name

@@ -7,23 +7,21 @@ A question is answered in four steps:
 3. the optimal curve;
 4. the steady-state amplitude in time at the peak.
 
-A newer question cancels every step but the first; at most one question waits.  If the ratio of preload to excitation is
-unchanged and no gap closes, curves are scaled instead of computed (:mod:`bdamper.plot.force_scaling`).
+A newer question cancels every step but the first; at most one question waits.
 """
 
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass, replace
 from threading import Condition, Event, Thread
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from bdamper.analyses.hysteresis import Hysteresis
 from bdamper.harmonic_balance.parameters import vary
-from bdamper.plot.force_scaling import rescaled_curve, rescaled_optimal
 from bdamper.plot.motion import ContactStatus, LineDrawing, contact_status, line_drawing
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.linear_limits import peak_interval
@@ -34,8 +32,6 @@ from bdamper.study import Study
 from bdamper.util.errors import INTERRUPTED, NOT_FOUND, BdamperError, SettingError, with_reason
 from bdamper.util.progress import LongWork, stopped_by
 
-T = TypeVar("T")
-R = TypeVar("R", ResponseCurve, OptimalCurve)
 MOVING = ContinuationOptions(tolerance=1e-6, step=0.1, max_step=0.3, max_turn=0.6, budget=2000, locate=False)
 """Options of the curve that follows the sliders.  Its peaks are within 0.2 % of those with the default steps, in two
 thirds of the time.  The budget stops the few curves with an open damper, which take up to twenty times as much."""
@@ -153,9 +149,8 @@ class Answers:
                 self.deliver(str(error) if isinstance(error, BdamperError) else f"{type(error).__name__}: {error}")
 
     def _answer(self, question: Question) -> None:
-        asks: list[Callable[[Question, int | None], Answer]] = [self.curve]
-        asks += [self.optimal] if question.preloads else []
-        for ask, harmonics in ((self.curve, 1), *((ask, None) for ask in (*asks, self.time_response))):
+        steps = [self.curve, *([self.optimal] if question.preloads else []), self.time_response]
+        for ask, harmonics in ((self.curve, 1), *((step, None) for step in steps)):
             if harmonics and self._key(ask, question, None) in self.kept:
                 continue
             with LongWork() as work, stopped_by(self.ended if harmonics else self.stop):
@@ -172,37 +167,18 @@ class Answers:
         preload = 0.0 if ask == self.optimal else question.preload
         return ask.__name__, harmonics, replace(question, point=None, preload=preload)
 
-    def _at_any_force(
-        self,
-        question: Question,
-        load_per_preload: Sequence[float],
-        make: Callable[[], R],
-        rescale: Callable[[Study, R, float], R | None],
-    ) -> R:
-        """Scale a cached result with the same ratio of loads to excitation; compute it if this is not possible."""
-        settings = dict(question.settings)
-        force = settings.pop(FORCE, self.study.excitation.amplitude)
-        if self.study.excitation.beside:  # further forces are not scaled
-            return make()
-        ratios: list[float] = [float(f"{load / force:.6g}") for load in load_per_preload]
-        key: Hashable = (rescale, tuple(settings.items()), question.mode, *ratios)
-        known: R
-        known_force, known = self.once(key, lambda: (force, make()))
-        return known if known_force == force else rescale(self.varied(question), known, force / known_force) or make()
-
-    def once(self, key: Hashable, make: Callable[[], T]) -> T:
+    def once(self, key: Hashable, make: Callable[[], Any]) -> Any:
         """Return the cached value of a key, computed if missing; the oldest entry is removed."""
         if key not in self.kept:
             self.kept[key] = make()
         self.kept.move_to_end(key)
         while len(self.kept) > self.most:
             self.kept.popitem(last=False)
-        value: T = self.kept[key]
-        return value
+        return self.kept[key]
 
     def varied(self, question: Question, harmonics: int | None = None) -> Study:
         """Return the study of a question, or the same with fewer harmonics."""
-        settings: Mapping[str, Any] = dict(question.settings) | ({"harmonics": harmonics} if harmonics else {})
+        settings = dict(question.settings) | ({"harmonics": harmonics} if harmonics else {})
         return self.once(("study", *sorted(settings.items())), lambda: vary(self.study, settings))
 
     def band(self, question: Question) -> tuple[float, float]:
@@ -217,63 +193,51 @@ class Answers:
         order_only = tuple((name, value) for name, value in question.settings if name == "engine_order")
         study = self.varied(question, harmonics)
         band = self.band(replace(question, settings=order_only) if harmonics else question)
-        key, load = self._key(self.curve, question, harmonics), question.preload
-
-        def computed() -> ResponseCurve:
-            return _whole(study.frequency_response(load, band, options=MOVING if harmonics else None))
-
-        def scaled() -> ResponseCurve:
-            return self._at_any_force(question, [load], computed, rescaled_curve)
-
-        curve = self.once(key, computed if harmonics else scaled)
+        key, load, options = self._key(self.curve, question, harmonics), question.preload, MOVING if harmonics else None
+        curve: ResponseCurve = self.once(key, lambda: _whole(study.frequency_response(load, band, options=options)))
         linear = self.varied(question, 1)
-        limits = () if harmonics else self.once(
-            ("limits", key), lambda: (linear.free(band), linear.stuck(band, load or 1.0))
-        )  # fmt: skip
+        answer = Answer(question, not harmonics, study, curve)
+        if not harmonics:
+            limits = self.once(("limits", key), lambda: (linear.free(band), linear.stuck(band, load or 1.0)))
+            answer = replace(answer, limits=limits)
         if not len(curve):
-            return Answer(question, harmonics is None, study, curve, limits)
+            return answer
         i = curve.peak_index if question.point is None or harmonics else min(question.point, len(curve) - 1)
-        contacts, loops = contact_status(study, curve.unknowns[i], load), study.hysteresis(curve, i)
+        u = curve.unknowns[i]
         drawing: LineDrawing | str | None = None
         if not harmonics:
             try:
-                drawing = line_drawing(study, curve.unknowns[i])
+                drawing = line_drawing(study, u)
             except SettingError as error:
                 drawing = str(error)
-        return Answer(question, harmonics is None, study, curve, limits, None, contacts, loops, drawing, i)
+        contacts, loops = contact_status(study, u, load), study.hysteresis(curve, i)
+        return replace(answer, contacts=contacts, loops=loops, drawing=drawing, point=i)
 
     def optimal(self, question: Question, harmonics: int | None = None) -> Answer:
         """Compute the optimal curve with all harmonics."""
         study, preloads = self.varied(question), question.preloads or (1.0, 2.0)
         options: dict[str, Any] = {"frequency": self.band(question), "mode": question.mode, "check": False}
-
-        def computed() -> OptimalCurve:
-            return _whole(study.optimal_curve(preloads, self.preloads, **options))
-
         key = self._key(self.optimal, question, None)
-        curve = self.once(key, lambda: self._at_any_force(question, preloads, computed, rescaled_optimal))
+        curve = self.once(key, lambda: _whole(study.optimal_curve(preloads, self.preloads, **options)))
         return Answer(question, True, study, optimal=curve)
 
     def time_response(self, question: Question, harmonics: int | None = None) -> Answer:
         """Compute the steady-state amplitude in time at the peak of the response curve."""
-        answer = self.curve(question, None)
-        curve, study = answer.curve, answer.study
-        none = TimeResponse(*(np.nan,) * 4, question.preload, np.nan)
+        answer, none = self.curve(question, None), TimeResponse(*(np.nan,) * 4, question.preload, np.nan)
+        assert answer.curve is not None
+        curve = answer.curve
 
-        def computed() -> TimeResponse:
+        def computed() -> Any:
             try:
-                result = study.time_response(curve) if curve is not None and len(curve) else replace(none, status=NOT_FOUND)
+                return _whole(answer.study.time_response(curve))
             except BdamperError as error:
                 return replace(none, status=with_reason(NOT_FOUND, error))
-            if result.status == INTERRUPTED:
-                raise KeyboardInterrupt
-            return result
 
         return replace(answer, marched=self.once(self._key(self.time_response, question, None), computed))
 
 
 def _whole(result: Any) -> Any:
     """Return a result; raise KeyboardInterrupt if it was interrupted."""
-    if result.interrupted:
+    if getattr(result, "interrupted", result.status == INTERRUPTED):
         raise KeyboardInterrupt
     return result

@@ -111,6 +111,11 @@ def _has(settings: Mapping[str, Any], name: str, value: Any) -> bool:
     return all(v in (value, 0.0) if not part else v == value for key, v in actual.items() if part in ("", key))
 
 
+def _graded(value: float, good: float, fair: float) -> str:
+    """Return green up to ``good``, amber up to ``fair``, and red above."""
+    return "green" if value <= good else "amber" if value <= fair else "red"
+
+
 def lights(curve: OptimalCurve, fit: Fitted | None = None) -> list[Light]:
     """Return the checks of an optimal curve, with the rules of their colours."""
     best = curve.optimum
@@ -129,8 +134,7 @@ def lights(curve: OptimalCurve, fit: Fitted | None = None) -> list[Light]:
     if marched:
         nearest = min(marched, key=lambda k: abs(np.log(k.preload / best.preload)))
         result = f"{nearest.text} in time, {amount(nearest.balance, 'm')} by harmonic balance"
-        difference = abs(nearest.mean / nearest.balance - 1.0)
-        colour = "green" if difference < GOOD else "amber" if difference < FAIR else "red"
+        colour = _graded(abs(nearest.mean / nearest.balance - 1.0), GOOD, FAIR)
     else:
         result = curve.time_response[0].status if curve.time_response else "not run"
         colour = "red" if curve.time_response else "white"
@@ -142,21 +146,19 @@ def lights(curve: OptimalCurve, fit: Fitted | None = None) -> list[Light]:
     out.append(Light(colour, "More harmonics", more.note if more else "not run", rule))
     for margins in curve.margins:
         least = float(np.nanmax(margins.margin))
-        colour = "green" if least >= SAFE else "amber" if least >= 1.0 else "red"
         rule = f"red below 1, amber below {SAFE:g}"
-        out.append(Light(colour, "Margin against fatigue", f"{least:.3g}", rule))
+        out.append(Light(_graded(-least, -SAFE, -1.0), "Margin against fatigue", f"{least:.3g}", rule))
     if fit is None:
         out.append(Light("white", "Contact constants", "assumed, not fitted", "white without a fit"))
     else:
         fitted = fit.settings | dict(zip(fit.names, fit.values.tolist()))
         other = [name for name in fitted if name.split(".")[0] in BELONG and not _has(curve.settings, name, fitted[name])]
-        bad = fit.status != COMPLETE or fit.misfit > NOISE[1] or other
         rule = (
             f"green below {NOISE[0]:g} times the noise, amber below {NOISE[1]:g}, red above, or if incomplete or not used"
         )
         result = f"misfit {fit.misfit:.2g} times the noise, {fit.status}"
         result += f"; the curve has other values of {', '.join(map(spaced, other))}" * bool(other)
-        colour = "red" if bad else "amber" if fit.misfit > NOISE[0] else "green"
+        colour = "red" if fit.status != COMPLETE or other else _graded(fit.misfit, *NOISE)
         out.append(Light(colour, "Contact constants", result, rule))
     return out
 

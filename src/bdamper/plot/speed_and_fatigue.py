@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
 from bdamper.analyses.campbell import Campbell
 from bdamper.analyses.sweep import SweepResult
@@ -47,10 +46,14 @@ def plot_campbell(campbell: Campbell, ax: Axes = NEW) -> None:
         for label, lines, style in ((name, campbell.free[k], "-"), ("stuck", campbell.stuck[k], STYLES[1])):
             drawn = ax.plot(rpm, lines, linestyle=style, color=colour, linewidth=0.8)
             drawn[0].set_label(once(ax, label))
-    _orders(ax, orders, campbell.speed, top)
-    order, _, *both = campbell.met.T
+    for order in orders:
+        end = min(float(campbell.speed[-1]), 2.0 * np.pi * top / order)
+        x, y = end * RPM, order * end / (2.0 * np.pi)
+        ax.plot([0.0, x], [0.0, y], color="0.6", linewidth=0.7, zorder=1)
+        ax.annotate(f"EO {order}", (0.985 * x, 0.985 * y), fontsize=6.5, color="0.3", ha="right", va="bottom")
+    met, _, *both = campbell.met.T
     for speeds, marker in zip(both, "ox"):
-        frequency = order * speeds / (2.0 * np.pi)
+        frequency = met * speeds / (2.0 * np.pi)
         ax.plot(speeds * RPM, frequency, marker, color="0.35", markersize=3.5, markerfacecolor="w", zorder=3)
     damped = [pair for result in campbell.damped for pair in zip(result.points, result.values)]
     masses = sorted({point["damper_mass"] for point, _ in damped})
@@ -61,15 +64,6 @@ def plot_campbell(campbell: Campbell, ax: Axes = NEW) -> None:
             look["label"] = once(ax, f"damped, {1e3 * value['mass']:.3g} g")
             ax.plot(value["speed"] * RPM, value["frequency"], **look)
     ax.set(xlabel=SPEED, ylabel="Frequency (Hz)", xlim=(rpm[0], rpm[-1]), ylim=(0.0, top))
-
-
-def _orders(ax: Axes, orders: list[int], speed: NDArray, top: float) -> None:
-    """Draw engine order lines, each with its number at its end."""
-    for order in orders:
-        end = min(float(speed[-1]), 2.0 * np.pi * top / order)
-        ax.plot(np.array([0.0, end]) * RPM, [0.0, order * end / (2.0 * np.pi)], color="0.6", linewidth=0.7, zorder=1)
-        position = (0.985 * end * RPM, 0.985 * order * end / (2.0 * np.pi))
-        ax.annotate(f"EO {order}", position, fontsize=6.5, color="0.3", ha="right", va="bottom")
 
 
 @picture(Campbell, "plot_safe")

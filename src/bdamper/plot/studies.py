@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,19 @@ from bdamper.analyses.loop_fit import FittedLoop
 from bdamper.analyses.nonlinear_mode import NonlinearMode
 from bdamper.analyses.robust_optimum import OptimalCurveUncertainty
 from bdamper.analyses.sweep import SweepResult, as_words
-from bdamper.plot.axes import DASHED, MARKERS, NEW, colours, legend_beside, looks, lost, once, picture, plain_number, runs
+from bdamper.plot.axes import (
+    DASHED,
+    NEW,
+    broken,
+    colours,
+    legend_beside,
+    looks,
+    lost,
+    once,
+    picture,
+    plain_number,
+    runs,
+)
 from bdamper.response.verification import Convergence
 from bdamper.util.errors import SettingError
 from bdamper.util.formatting import UNITS, amount, percent, spaced
@@ -30,6 +43,7 @@ from bdamper.util.tables import FEW_ROWS, Tabular, axis_label, quantities
 
 # ---- Design studies ----
 
+HATCHES = ("", "//", "..", "xx", "\\\\")
 MAIN = ("amplitude", "optimum_amplitude")
 """Quantities of a sweep that are plotted by default."""
 _WORDS = {"amplitude": "resonance amplitude", "frequency": "resonance frequency", "stick": "share of stick",
@@ -214,8 +228,7 @@ def draw_table(ax: Axes, table: Tabular, x: str, y: str, *, rows: Any = slice(No
     """
     values = {name: (100.0 if name.endswith("ratio") else 1.0) * np.array(getattr(table, name), float) for name in (x, y)}
     branch = np.broadcast_to(getattr(table, "branch", 0), values[x].shape)[rows]
-    breaks = np.flatnonzero(np.diff(branch)) + 1
-    across, up = (np.insert(column[rows], breaks, np.nan) for column in values.values())
+    across, up = broken(branch, *(column[rows] for column in values.values()))
     look = {"color": "0.1", "marker": "o" if len(across) <= FEW_ROWS else "", "markersize": 3.5, **style}
     ax.plot(across, up, **look)
     known = np.pad(np.isfinite(across + up), 1)
@@ -245,13 +258,12 @@ def plot_fit(result: Fitted, ax: NDArray = NEW) -> None:
     result : Fitted
     """
     above, below = ax
-    for t, (colour, name) in enumerate(zip(colours(len(result.tests)), result.tests)):
+    for t, (look, name) in enumerate(zip(looks(len(result.tests)), result.tests)):
         rows = np.flatnonzero(result.test == t)
         rows = rows[np.argsort(result.place[rows])]
-        marker = MARKERS[t % len(MARKERS)]
-        look = {"linestyle": "none", "marker": marker, "markersize": 3.0, "color": colour}
+        look |= {"linestyle": "none", "markersize": 3.0}
         above.plot(result.place[rows], np.abs(result.measured[rows]), markerfacecolor="none", **look, label=name)
-        above.plot(result.place[rows], np.abs(result.model[rows]), color=colour)
+        above.plot(result.place[rows], np.abs(result.model[rows]), color=look["color"])
         below.plot(result.place[rows], result.residual[rows, 0], **look)
     below.axhspan(-2.0, 2.0, color="0.9", zorder=0)
     above.plot([], [], color="k", label="model")
@@ -267,13 +279,10 @@ def plot_information(result: Fitted, ax: Axes = NEW) -> None:
     ----------
     result : Fitted
     """
-    rows, left = np.arange(len(result.names))[::-1], np.zeros(len(result.names))
-    hatches = ("", "//", "..", "xx", "\\\\")
-    for t, (colour, name) in enumerate(zip(colours(len(result.tests)), result.tests)):
-        share = 100.0 * result.information[:, t]
-        look = {"facecolor": colour, "edgecolor": "w", "linewidth": 0.5, "hatch": hatches[t % len(hatches)]}
-        ax.barh(rows, share, left=left, label=name, **look)
-        left = left + share
+    rows, shares = np.arange(len(result.names))[::-1], 100.0 * result.information.T
+    bars = zip(result.tests, shares, np.cumsum(shares, axis=0) - shares, colours(len(shares)), cycle(HATCHES))
+    for name, share, left, colour, hatch in bars:
+        ax.barh(rows, share, left=left, label=name, facecolor=colour, edgecolor="w", linewidth=0.5, hatch=hatch)
     ax.set_yticks(rows, [spaced(name) for name in result.names])
     ax.set(xlabel="Share of the information about the parameter (%)", xlim=(0.0, 100.0))
 

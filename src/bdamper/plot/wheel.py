@@ -157,7 +157,7 @@ def plot_wheel(peak: DiskPeak, model: Model, ax: Axes = NEW) -> None:
     ax.figure.colorbar(patches, ax=ax, label="Amplitude (m)", shrink=0.8)
 
 
-def _of(sample: MistunedSample, i: int, n: int) -> str:
+def _title(sample: MistunedSample, i: int, n: int) -> str:
     """Return a title with the number of disks and their standard deviation."""
     return f"{n} bladed disks, standard deviation of blade frequencies {100.0 * sample.standard_deviation[i]:g} %"
 
@@ -216,7 +216,7 @@ def plot_sample(
     across = axis_label(MistunedSample, "preload") if preloads else "Standard deviation of blade frequencies (%)"
     ax.set(xlabel=across, ylabel=_FACTOR if relative else axis_label(MistunedSample, "amplitude"))
     ax.set(xscale="log" if preloads else "linear", yscale="linear" if relative else "log")
-    ax.set_title(_of(sample, i, len(sample)) if preloads else f"{len(sample)} bladed disks")
+    ax.set_title(_title(sample, i, len(sample)) if preloads else f"{len(sample)} bladed disks")
 
 
 @picture(MistunedSample, "plot_tail")
@@ -252,6 +252,6 @@ def plot_sample_tail(
     ax.axvspan(*ends, color="k", alpha=0.1, linewidth=0.0, label="its 95 % interval, with errors")
     ax.locator_params(axis="y", integer=True)
     ax.set(xlabel=_FACTOR, ylabel="Number of bladed disks")
-    ax.set_title(f"{_of(sample, i, len(x))}, {amount(float(sample.preload[j]), 'N')}")
+    ax.set_title(f"{_title(sample, i, len(x))}, {amount(float(sample.preload[j]), 'N')}")
 
 

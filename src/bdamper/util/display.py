@@ -233,8 +233,8 @@ class Plottable(Summarised):
 
         Returns
         -------
-        matplotlib axes or figure
-            Return value of that function.
+        matplotlib axes, or an array of them
+            New axes or the given ones; several if the plot has several.  ``bdamper.plot.save_figure`` writes their figure.
         """
         return draw(self, "plot", *arguments, **options)
 
