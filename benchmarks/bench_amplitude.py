@@ -25,7 +25,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import bdamper as bd
 from bdamper.contact.residual_flexibility import RESIDUAL

@@ -1,7 +1,7 @@
 """The damper that a turbine blade should have: the preload of least resonance, how far it is checked, and pictures of it.
 
 Prints what the study, its optimal curve and the response at the optimum come to, and writes ``optimum.png`` and
-``tracking.png``, the pictures of the README and of the first page (``python examples/demo.py --figures docs/images``).
+``response.png``, the pictures of the README and of the first page (``python examples/demo.py --figures docs/images``).
 """
 
 from __future__ import annotations
@@ -51,9 +51,9 @@ def main(
     gain = optimal.free.amplitude / optimal.optimum.amplitude
     title = f"The right preload: {gain:.2g} times less vibration (excitation 1 N on each blade)"
     save_figure(plot_optimal(optimal, new_axes(6.8, 3.4), title=title), figures / "optimum.png")
-    save_figure(plot_curves(curves), figures / "tracking.png")
+    save_figure(plot_curves(curves), figures / "response.png")
     (figures / "optimum.json").write_text(random(optimal, curves) + "\n")
-    print(f"wrote optimum.png and tracking.png in {figures}; {time.perf_counter() - started:.0f} s in all")
+    print(f"wrote optimum.png and response.png in {figures}; {time.perf_counter() - started:.0f} s in all")
     return optimal, curves
 
 

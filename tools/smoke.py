@@ -1,4 +1,4 @@
-"""One tracking curve by the installed package, away from its sources; fails where something is missing."""
+"""One response curve by the installed package, away from its sources; fails where something is missing."""
 
 import subprocess
 from importlib import metadata

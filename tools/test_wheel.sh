@@ -1,6 +1,6 @@
 #!/bin/sh
 # Source distribution and a manylinux wheel for every supported Python of this machine, in dist/.  Each wheel is built from
-# the source distribution, holds at most 8 MB, and computes one tracking curve where there is neither compiler nor checkout; the
+# the source distribution, holds at most 8 MB, and computes one response curve where there is neither compiler nor checkout; the
 # last one also runs the README.
 set -eu
 cd "$(dirname "$0")/.."

@@ -265,7 +265,7 @@ def test_what_is_off_or_fewer_already_remains(full):
 
 def test_stability_is_judged_only_where_it_is_on(full):
     assert full.frequency_response(1000.0, (838.0, 842.0)).unstable is None
-    judged = full.with_effects(effects(full, stability=True))
+    judged = full.replace(**(bd.Effects.of(full) | {"stability": True}))
     curve = judged.frequency_response(1000.0, (838.0, 842.0))
     assert curve.unstable is not None and curve.unstable.shape == (len(curve),)
 

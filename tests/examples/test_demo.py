@@ -24,5 +24,5 @@ def test_pictures_are_those_of_the_demonstration(tmp_path, capsys):
     assert found.keys() == kept.keys()
     for name, value in kept.items():
         assert flat(found[name]) == pytest.approx(flat(value), rel=2e-3), f"{name}: demo.py --figures docs/images"
-    for name in ("optimum.png", "tracking.png"):
+    for name in ("optimum.png", "response.png"):
         assert (tmp_path / name).stat().st_size > 10_000 and (ROOT / "docs/images" / name).exists()

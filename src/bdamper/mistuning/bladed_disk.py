@@ -161,7 +161,7 @@ def frequency_response(
     blades = np.array([whole.structure.responses(p.y[:-1]) for p, _ in in_order(search.pieces)])
     blades = blades.reshape(-1, disk.n_blades, whole.n_harmonics + 1)
     ended = status, reason, (*left_out, *search.lost)
-    curve = as_curve(disk.structure.tuned, search, ended, kind="tracking", preload=float(preload), blades=blades)
+    curve = as_curve(disk.structure.tuned, search, ended, kind="response", preload=float(preload), blades=blades)
     return replace(curve, harmonics=highest_blade(blades), unknowns=np.zeros((len(curve), 0)), **disk.record())
 
 

@@ -206,7 +206,7 @@ def free_of_contact(problem: Problem, frequency: tuple[float, float], options: A
     if not len(curve) or residual.max() > options.tolerance:
         return None
     return replace(
-        curve, kind="tracking", unknowns=unknowns, harmonics=system.response(unknowns), residual=residual,
+        curve, kind="response", unknowns=unknowns, harmonics=system.response(unknowns), residual=residual,
         rank_deficiency=np.full(len(curve), int(rigid.sum())), reason="the free response", notes=(NOTE,),
         settings=problem.record(options),
     )  # fmt: skip
@@ -266,7 +266,7 @@ def frequency_response(
                 raise
             if not any(piece.path.status == "interrupted" for piece in search.pieces):
                 search.pieces.append(Piece(Path((), "interrupted", "by the user", 0, 0), True))
-        curve = as_curve(problem, search, ending(search.pieces, *search.limits), kind="tracking", preload=case.preload)
+        curve = as_curve(problem, search, ending(search.pieces, *search.limits), kind="response", preload=case.preload)
         if problem.own_laws is not None and len(curve):
             problem.own_laws.warn_below(search.system.contact(curve.peak.y[:-1])[0])
         locked = (f"{name} is self-locking: its static normal load is not unique" for name in self_locking(problem))
@@ -329,7 +329,7 @@ def without_points(
 ) -> ResponseCurve:
     """Return an empty curve, for preloads without static equilibrium."""
     return ResponseCurve(
-        kind="tracking",
+        kind="response",
         frequency=np.zeros(0),
         harmonics=np.zeros((0, len(problem.bases)), complex),
         unknowns=np.zeros((0, problem.n_unknowns)),
@@ -391,7 +391,7 @@ def check_curve(problem: Problem, curve: ResponseCurve, name: str = "curve") -> 
     """Raise SettingError unless the argument is a response curve of this problem."""
     validation.instance(name, curve, ResponseCurve, "a response curve")
     expected = "a response curve (study.frequency_response)"
-    validation.check(curve.kind == "tracking", name, expected, f"a {curve.kind} curve")
+    validation.check(curve.kind == "response", name, expected, f"a {curve.kind} curve")
     validation.check(curve.model_hash == problem.model.hash, name, "a curve of this model", "a curve of another model")
     if len(curve):
         check_solution(problem, curve.preload, curve.peak.y, curve.peak.residual, name)

@@ -50,7 +50,7 @@ class ResponseCurve(Plottable, Comparable, FrequencySeries, Tabular, Recorded, S
 
     Parameters
     ----------
-    kind : {"tracking", "free", "stuck", "run-up"}
+    kind : {"response", "free", "stuck", "run-up"}
         "run-up": along an engine order line, with the rotor speed proportional to the frequency.
     frequency : (n,) float, Hz
     harmonics : (n, n_harmonics + 1) complex, m
@@ -263,7 +263,7 @@ class ResponseCurve(Plottable, Comparable, FrequencySeries, Tabular, Recorded, S
     def peak_at_end(self) -> bool:
         """Whether the largest response is at the lowest or highest frequency of the curve and is no maximum."""
         i = self.peak_index
-        if self.kind in ("tracking", "run-up") and self.point_kind[i] in ("maximum", "fold"):
+        if self.kind in ("response", "run-up") and self.point_kind[i] in ("maximum", "fold"):
             return False
         ends = self.frequency.min(), self.frequency.max()
         return bool(np.isclose(self.frequency[i], ends, rtol=1e-6, atol=0.0).any())
@@ -303,8 +303,8 @@ class ResponseCurve(Plottable, Comparable, FrequencySeries, Tabular, Recorded, S
         if not len(self):
             return f"No point of this curve was found: {self.reason}."
         i, low, high = self.peak_index, float(self.frequency.min()), float(self.frequency.max())
-        what = {"tracking": "Resonance", "free": "Free resonance", "stuck": "Stuck resonance"}.get(self.kind, HIGHEST)
-        load = f" under {preload_text(self.preload, self.settings)}" if self.kind == "tracking" else ""
+        what = {"response": "Resonance", "free": "Free resonance", "stuck": "Stuck resonance"}.get(self.kind, HIGHEST)
+        load = f" under {preload_text(self.preload, self.settings)}" if self.kind == "response" else ""
         if self.speed is not None:
             speed = float(self.speed[i])
             turning = f"{speed * 30.0 / np.pi:.5g} rpm ({speed:.5g} rad/s)"
@@ -316,7 +316,7 @@ class ResponseCurve(Plottable, Comparable, FrequencySeries, Tabular, Recorded, S
             out.append(f"It lies at an end of the curve ({amount(low, 'Hz')} to {amount(high, 'Hz')}) and is not a peak.")
         if higher := self.higher(self.amplitude[i]):
             out.append(f"The response is {higher}.")
-        if self.kind in ("tracking", "run-up"):
+        if self.kind in ("response", "run-up"):
             checked = self.in_time is not None and np.isfinite(self.in_time[i])
             out.append(f"In time it is {self.labels[i]}." if checked else NOT_IN_TIME)
         reached = ~self.out_of_reach

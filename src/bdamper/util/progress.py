@@ -134,7 +134,7 @@ def progress_bar(show: bool, low: float, high: float) -> Iterator[Callable[[Any]
     if not show:
         yield None
         return
-    with progress_stages("tracking", "%") as report:
+    with progress_stages("response curve", "%") as report:
         yield lambda point: report("", int(min(100.0, 100.0 * (point.y[-1] - low) / (high - low))), 100)
 
 
