@@ -116,7 +116,7 @@ def scene(study: bd.Study, case: Case) -> tuple[float, tuple[float, float]] | No
     c, s = system.layout.slices(1)
     q = stuck.unknowns[at][c] - 1j * stuck.unknowns[at][s]
     motion = np.abs(study.problem.bases[1].G @ q)[:, :2]
-    springs = study.problem.at(state.preload).stuck_springs()[:, :2]
+    springs = study.problem.at(state.load).stuck_springs()[:, :2]
     tangential = float((springs * motion).sum())
     capacity = case.friction * float(state.force[study.problem.friction > 0.0, 2].sum()) / 100.0
     return case.level * tangential / capacity, (low, 1.06 * high)

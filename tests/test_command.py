@@ -123,7 +123,7 @@ def test_the_demo_leaves_no_file_unasked(tmp_path, monkeypatch, capsys):
     assert main(["response", "--demo", "--harmonics", "1", *QUICK["response"]]) == 0
     assert not list(tmp_path.iterdir())
     told = capsys.readouterr().err.splitlines()  # no terminal: a line at each tenth of the way, never back
-    tenths = [int(line.removeprefix("tracking: ").removesuffix(" %")) for line in told]
+    tenths = [int(line.removeprefix("response curve: ").removesuffix(" %")) for line in told]
     assert tenths == sorted(set(tenths)) and tenths[-1] == 100 and all(x % 10 == 0 for x in tenths)
 
 

@@ -171,7 +171,7 @@ def turning() -> Any:
 def run_up() -> Answer:
     found = turning().run_up((420.0, 465.0))
     top = found.peak
-    return {"peak": top.amplitude, "peak at": round(float(found.speed[top.index]), 5)}, {"points": len(found)}
+    return {"peak": top.amplitude, "peak at": round(float(found.speed[found.peak_index]), 5)}, {"points": len(found)}
 
 
 @scene("crossings")

@@ -50,7 +50,7 @@ def test_a_track_and_a_peak_make_one_core(study, monkeypatch):
     study.replace(damping_ratio=0.002).peak(200.0, BAND)
     assert len(made) == 2
     for preload in range(1, 40):
-        _ = study.problem.at(float(preload)).sector.equations
+        _ = study.problem.at(float(preload)).sector
     assert study.problem.system(200.0) is not None and len(made) == 3  # of sixteen preloads the equations are kept
     assert study.problem.system(200.0) is study.problem.system(200) and len(made) == 3
 

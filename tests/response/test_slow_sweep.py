@@ -42,11 +42,12 @@ def test_a_sweep_keeps_its_branch_until_the_fold(curve):
 def test_a_sweep_leaves_a_branch_where_stability_is_lost_and_ends_where_nothing_is_stable(curve):
     stable = ~curve.backward
     stable[(curve.frequency > 310.0) & (curve.amplitude > 1.25e-4)] = False
-    judged = replace(curve, stable=stable)
+    judged = replace(curve, unstable=~stable)
     down = sweep_of(judged, "down")
     assert down.jumps[0].frequency == pytest.approx(319.6, abs=1.0)
     assert down.jumps[0].after < down.jumps[0].before < 1.25e-4
     stable[curve.frequency < 330.0] = False
+    judged = replace(curve, unstable=~stable)
     down = sweep_of(judged, "down")
     assert len(down.jumps) == 1 and np.isnan(down.jumps[0].after)
     assert 330.0 <= down.frequency[-1] < 335.0
@@ -65,7 +66,7 @@ def branches(*parts):
     branch = np.repeat(np.arange(len(parts)), [len(f) for f in frequency])
     kind = tuple("fold" if turns else "regular" for turns in np.concatenate(fold))
     columns = {"frequency": np.concatenate(frequency), "amplitude": np.concatenate(height), "branch": branch}
-    return SimpleNamespace(**columns, stable=np.concatenate(stable), point_kind=kind)
+    return SimpleNamespace(**columns, unstable=~np.concatenate(stable).astype(bool), point_kind=kind)
 
 
 def test_a_jump_goes_to_the_nearest_lower_of_several_stable_solutions():

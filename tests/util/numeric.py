@@ -26,7 +26,7 @@ FURTHER = (
 )  # fmt: skip
 PARTS = (bd.Study, BladedDisk, ContactLaw, Mistuning, DamperVariation)
 """Classes with methods that take numbers."""
-OUTSIDE = ("Model", "load", "load_model", "load_study", "save_model", "ContactLaw")
+OUTSIDE = ("Effects", "Model", "load", "load_model", "load_study", "save_model", "ContactLaw")
 """Made by programs and files, and checked there."""
 PLAIN = (float, int, complex, np.ndarray, np.generic)
 

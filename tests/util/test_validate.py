@@ -14,7 +14,7 @@ from bdamper.fatigue.criteria import Material
 from bdamper.fatigue.margin import Rule
 from bdamper.fem.local_basis import LocalSizes
 from bdamper.harmonic_balance.settings import Settings
-from bdamper.importers.fe_body import Units
+from bdamper.importers import Checks, Placement, Reduction, Sector, Units
 from bdamper.mistuning import DiskPeakOptions
 from bdamper.plot.motion import contact_status, rigid_motion
 from bdamper.util import validation
@@ -143,7 +143,7 @@ def test_too_few_samples_for_the_harmonics_are_refused_at_once(study):
 OPTIONS = (
     bd.AFT(), bd.ContinuationOptions(), bd.Excitation("tip"), bd.OptimalTask(), bd.PeakOptions(),
     bd.PeakTask(), bd.PerArea(1e12), bd.ResidualModes(), bd.Response("tip"), LocalSizes(), Material(3e8, 9e8, 8e8),
-    Rule(), Units(), DiskPeakOptions(),
+    Rule(), Units(), DiskPeakOptions(), Sector(), Placement(), Reduction(), Checks(),
 )  # fmt: skip
 FREE = {"name", "source", "location", "beside"}
 """Texts, names that the model knows, and further excitations."""

@@ -83,7 +83,7 @@ class EffectRow:
 
 @short_repr
 @dataclass(frozen=True)
-class EffectSignificance(Plottable, Tabular, Storable, kind="bdamper-effect-significance", version=5):
+class EffectSignificance(Plottable, Tabular, Storable, kind="bdamper-effect-significance"):
     """Change of the peak without each effect, and the significant effects.
 
     ``plot`` draws bars of the changes (:func:`bdamper.plot.plot_effect_significance`).
