@@ -16,7 +16,6 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 import scipy.io
@@ -51,8 +50,6 @@ from tests.ansys_files import write_cdb, write_full, write_rst
 from tests.models import wedge_model
 
 CASES = int(os.environ.get("BDAMPER_FUZZ", "150"))
-NEVER_ENDS = {495} if h5py.version.hdf5_version_tuple >= (2, 0) else set()
-"""Cases on which HDF5 2.0.0 never returns from reading the attributes of a damaged file; no alarm ends its loop."""
 LIMIT = 20.0
 """Seconds after which a case counts as a hang."""
 
@@ -364,7 +361,7 @@ def test_mutated_files(folder, part):
             scratch = Path(name)
             for source in folder.iterdir():
                 shutil.copy(source, scratch)
-            for case in sorted({*range(part, CASES, 10)} - NEVER_ENDS):
+            for case in range(part, CASES, 10):
                 try:
                     outcome[run(case, folder, scratch)] += 1
                 except AssertionError:
