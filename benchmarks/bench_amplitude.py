@@ -7,7 +7,7 @@ Each scene is drawn from its number before anything is computed: the turbine bla
 ones), engine order 5 or 10, a friction coefficient of 0.2 to 0.6, and 0.8 to 4 times the preload of the least peak of the
 harmonic balance.  The reference has all modes of blade and damper and 24 residual patterns.  Its motion starts
 
-* on either flank of the resonance, from where the frequency changes slowly towards the tip and beyond until the motion falls,
+* on either flank of the resonance, from where the frequency changes slowly towards the tip and beyond until it falls,
 * and at the tip, with the solution of the harmonic balance.
 
 Each start ends in motions at fixed frequencies, from the highest place of the sweep backward, with waves of every nodal

@@ -145,8 +145,8 @@ OPTIONS = (
     bd.PeakTask(), bd.PerArea(1e12), bd.ResidualModes(), bd.Response("tip"), LocalSizes(), Material(3e8, 9e8, 8e8),
     Rule(), Units(), DiskPeakOptions(), Sector(), Placement(), Reduction(), Checks(),
 )  # fmt: skip
-FREE = {"name", "source", "location", "beside"}
-"""Texts, names that the model knows, and further excitations."""
+FREE = {"name", "source", "location", "beside", "fixed", "blade_nodes", "stress"}
+"""Texts, names that the model knows, further excitations, and node sets, which are checked with the mesh."""
 
 
 @each("value", WRONG)

@@ -337,17 +337,14 @@ def bladed_disk(
         and axial direction; all other data are in the axes of blade 0.
     """
     fe = fe or SectorFE(density=MeshDensity.preset(mesh))
-    g = fe.geometry
+    g, interfaces = fe.geometry, dict[str, Interface]()
     of_order = needed_nodal_diameters(g.n_blades, engine_order, harmonics)
     diameters = tuple(sorted({0, *(of_order if nodal_diameters is None else nodal_diameters)}))
     left, right, front, back = patches = damper_patches(g, points)
-    faces = (
-        interface("left", left, "damper", "blade"),
-        interface("right", right, "damper", "blade", sector_b=1),
-        interface("front", front, "damper", "ground", clearance=g.end_gap),
-        interface("back", back, "damper", "ground", clearance=g.end_gap),
-    )
-    interfaces = {face.name: face for face in faces}
+    interfaces["left"] = interface("left", left, "damper", "blade")
+    interfaces["right"] = interface("right", right, "damper", "blade", sector_b=1)
+    interfaces["front"] = interface("front", front, "damper", "ground", clearance=g.end_gap)
+    interfaces["back"] = interface("back", back, "damper", "ground", clearance=g.end_gap)
     contact, nodes = fe.blade_contact(left, right), blade_nodes(fe.blade, g)
     rotation = fe.rotation(rotation) if isinstance(rotation, int | float) else rotation
     turns = with_progress(diameters, progress, "finite element model", "nodal diameter")

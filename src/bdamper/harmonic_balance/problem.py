@@ -476,7 +476,7 @@ class Problem:
         return {name: value for name, value in self.__dict__.items() if name != "_load_cases"}
 
     def at(self, preload: float) -> LoadCase:
-        """Return the problem under one preload (N); the latest 16 are kept."""
+        """Return the problem under one preload (N); store the latest 16."""
         preload = self.check_preload(preload)
         if preload not in self._load_cases:
             for former in list(self._load_cases)[:-15]:

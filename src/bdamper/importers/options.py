@@ -158,7 +158,7 @@ class Reduction(validation.Checked):
         int | Mapping[str, int], validation.each(partial(validation.integer, least=6, most=BOUNDS.modes))
     ] = DAMPER_MODES
     damping_ratio: validation.Share = 0.002
-    local_sizes: LocalSizes = LocalSizes()
+    local_sizes: Annotated[LocalSizes, partial(validation.instance, kind=LocalSizes)] = LocalSizes()
 
 
 @validation.check_arguments

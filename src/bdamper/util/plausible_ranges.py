@@ -127,7 +127,7 @@ FACTOR = "a value with a unit suspected, where a factor is expected"
 NO_RANGE = {
     COUNT: """
         Study.harmonics Study.blade_modes Study.damper_modes Study.contact_points accuracy_cost.vary mode n index harmonics
-        damper_modes contact_points blade_modes steps_per_period periods modes
+        contact_points steps_per_period periods modes
         Study.time_response.blades Study.time_response.starts
         Study.hysteresis.n_theta ResidualModes.n_vectors AFT.n_time ContinuationOptions.max_points
         ContinuationOptions.patience ContinuationOptions.budget ContinuationOptions.max_iterations
