@@ -78,10 +78,10 @@ def test_a_sweep_keeps_its_branch_up_to_the_fold(separating, up):
     ends, other = (lower, upper) if up else (upper, lower)
     late, later = (abs(sweep.jumps[0].frequency - ends) for sweep in (found, faster))
     assert late < later < 0.7 * ZETA * F0 < 0.2 * abs(jump.frequency - other)
-    assert (jump.frequency > ends) is up
+    assert (jump.frequency > ends) == up
     assert jump.after / jump.before > 1.8 if up else jump.before / jump.after > 3.0
     # Before it the amplitudes are those of the stable branch
-    stable = ~curve.unstable & ((curve.amplitude < 1.01 * lower.amplitude) == up)
+    stable = ~curve.unstable & ((curve.amplitude < 1.01 * curve.amplitude[folds[1]]) == up)
     order = np.argsort(curve.frequency[stable])
     f = found.frequency
     calm = f < jump.frequency - 0.05 if up else f > jump.frequency + 0.05

@@ -231,7 +231,7 @@ class ResponseCurve(Plottable, Comparable, FrequencySeries, Tabular, Recorded, S
 
         It is the point ``peak_index`` of the curve, without further computation.  A maximum is exact to
         ``ContinuationOptions.locate_tolerance``.  The curve does not store its tangent, which is zero here; the analyses
-        that need the tangent first correct the point by Newton's method (:func:`bdamper.response.peak.with_tangent`).
+        that need the tangent first correct the point by Newton's method (``bdamper.response.peak.with_tangent``).
         """
         i = self.peak_index
         frequency = float(self.frequency[i])
