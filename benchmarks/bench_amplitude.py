@@ -11,7 +11,8 @@ harmonic balance.  The reference has all modes of blade and damper and 24 residu
 * and at the tip, with the solution of the harmonic balance.
 
 Each start ends in motions at fixed frequencies, from the highest place of the sweep backward, with waves of every nodal
-diameter added.  The first of them that keeps its amplitude over 160 periods counts.  The highest of all starts is the
+diameter added.  The first of them that keeps its amplitude over 160 periods counts; a motion that beats counts if its means
+over 160 periods agree.  The highest of all starts is the
 reference, and its error bar covers the single means of 40 periods and the motion with 512 time steps in a period.
 """
 
@@ -83,7 +84,13 @@ def hold(ring: Ring, frequency: float, motion: Motion) -> tuple[float, float, fl
         if np.ptp(best) <= AWAY * best[-1] or best[-1] < 0.7 * before:
             break
         before = best[0]
-    return float(best.mean()), float(best.min()), float(best.max()), march.motion, bool(np.ptp(best) <= AWAY * best[-1])
+    steady = bool(np.ptp(best) <= AWAY * best[-1])
+    if not steady and len(march.harmonics) >= 4 * HOLD:  # a motion that beats: its means over twice the periods agree
+        windows = np.abs(march.blades[-2 * HOLD :]).reshape(-1, WINDOW, march.ring.n).mean(axis=1)
+        best = windows[:, windows.mean(axis=0).argmax()]
+        before, last = (float(half.mean()) for half in np.array_split(best, 2))
+        steady = abs(last - before) <= 0.5 * AWAY * last
+    return float(best.mean()), float(best.min()), float(best.max()), march.motion, steady
 
 
 def swept(
