@@ -30,7 +30,7 @@ import numpy as np
 import bdamper as bd
 from bdamper.contact.residual_flexibility import RESIDUAL
 from bdamper.time_domain.integration import MarchFailed, Motion, Ring, ring_of
-from bdamper.time_domain.march import March
+from bdamper.time_domain.transient import Transient
 from bdamper.util.errors import BdamperError, BdamperWarning
 
 RESULTS = Path(__file__).parent / "results" / "amplitude.jsonl"
@@ -69,13 +69,13 @@ def flanks(curve: bd.ResponseCurve) -> tuple[float, list[float]]:
     return min(out), [tip + out[0], tip - out[1]]
 
 
-def mean(march: March, periods: int) -> float:
+def mean(march: Transient, periods: int) -> float:
     return float(march.amplitude[-periods:].mean())
 
 
 def hold(ring: Ring, frequency: float, motion: Motion) -> tuple[float, float, float, Motion, bool]:
     """Mean, lowest and highest mean of a window, final motion, and whether the motion keeps its amplitude."""
-    march = March(ring, 2.0 * np.pi * frequency, ring.seeded(motion, 0.01, 0))
+    march = Transient(ring, 2.0 * np.pi * frequency, ring.seeded(motion, 0.01, 0))
     before = np.inf
     for _ in range(4):
         march.run(len(march.harmonics) + HOLD)
@@ -97,13 +97,13 @@ def swept(
     ring: Ring, begin: float, end: float, pace: float, motion: Motion
 ) -> tuple[list[tuple[float, float, Motion]], int]:
     """Frequency, mean amplitude and motion every 8 periods of a slow sweep until the motion falls, and its periods."""
-    march = March(ring, 2.0 * np.pi * begin, ring.seeded(motion, 0.01, 0))
+    march = Transient(ring, 2.0 * np.pi * begin, ring.seeded(motion, 0.01, 0))
     march.run(60)
     places, periods, frequency = [(begin, mean(march, 8), march.motion)], 60, begin
     step = np.sign(end - begin) * 8.0 * pace
     while (end - frequency) * step > 0.0:
-        moving = March(ring, 2.0 * np.pi * frequency, march.motion)
-        moving.turn(8, (2.0 * np.pi * frequency, 2.0 * np.pi * (frequency + step)))
+        moving = Transient(ring, 2.0 * np.pi * frequency, march.motion)
+        moving.advance(8, (2.0 * np.pi * frequency, 2.0 * np.pi * (frequency + step)))
         march, frequency, periods = moving, frequency + step, periods + 8
         places.append((frequency, float(np.abs(moving.blades).mean(axis=0).max()), moving.motion))
         if places[-1][1] < 0.5 * max(p[1] for p in places):
@@ -159,7 +159,7 @@ def reference(number: int, preload: float) -> dict[str, Any]:
     for where, first in (("down", sides[0]), ("up", sides[1]), ("tip", tip)):
         try:
             if where == "tip":
-                march = March(ring, 2.0 * np.pi * tip, ring.seeded(balance(tip), 0.01, 0))
+                march = Transient(ring, 2.0 * np.pi * tip, ring.seeded(balance(tip), 0.01, 0))
                 march.run(60)
                 places = [(tip, mean(march, 20), march.motion)]
                 others = [p for way in sweeps for p in way]
@@ -184,7 +184,7 @@ def reference(number: int, preload: float) -> dict[str, Any]:
     if good:
         where = max(good, key=lambda w: good[w]["um"])
         best = good[where]
-        fine = March(ring, 2.0 * np.pi * best["hz"], best["motion"]._replace(a=None), 512)
+        fine = Transient(ring, 2.0 * np.pi * best["hz"], best["motion"]._replace(a=None), 512)
         fine.run(80)
         with_512 = 1e6 * mean(fine, WINDOW)
         out |= {"um": best["um"], "hz": best["hz"], "from": where, "fine": with_512,

@@ -47,7 +47,9 @@ from bdamper.response.linear_limits import peak_interval
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.peak import Peak, PeakOptions
 from bdamper.response.response_curve_result import ResponseCurve
-from bdamper.time_domain import floquet, optimum_in_time, transients
+from bdamper.time_domain import floquet
+from bdamper.time_domain import time_response as in_time
+from bdamper.time_domain.frequency_sweep import frequency_sweep
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Fact
 from bdamper.util.errors import INTERRUPTED, BdamperError, SettingError
@@ -226,10 +228,9 @@ class Study(Comparable):
 
     # stability and time integration
     with_stability = analysis(floquet.with_stability)
-    verify = analysis(transients.verify)
-    settle = analysis(transients.settle)
-    frequency_sweep = analysis(transients.frequency_sweep)
-    time_response = analysis(optimum_in_time.time_response)
+    motion_in_time = analysis(in_time.motion_in_time)
+    frequency_sweep = analysis(frequency_sweep)
+    time_response = analysis(in_time.time_response)
 
     # peaks and the optimal curve
     @validation.check_arguments
@@ -296,9 +297,9 @@ class Study(Comparable):
             Executor of the curves; threads by default.
         check : {"time", "neighbours", False}
             "time": compute the peak at the optimum with up to 16 harmonics (``curve.convergence``,
-            :meth:`harmonic_convergence`) and its amplitude by time integration (``curve.time_response``).
-            "neighbours": also integrate at preloads a factor of 1.2 below and above, and store the lowest of the three in
-            ``curve.optimum_in_time`` (``bdamper.time_domain.optimum_in_time.with_time_response``).
+            :meth:`harmonic_convergence`), and the amplitude by time integration at the optimum and at 1.35 times its
+            preload (``curve.time_response``, ``curve.optimum_in_time``).  "neighbours": also integrate below the optimum,
+            at its preload divided by 1.35.
         progress : bool
             Show the current step and the remaining time.
         resume : path, optional
@@ -327,10 +328,11 @@ class Study(Comparable):
         curve = optimal.optimal_curve(problem, preload, n, executor=executor, **ways, progress=progress, resume=resume)
         if check and not curve.interrupted:
             best = curve.optimum.preload  # NaN if there is no optimum
-            places = [best / 1.2, best, 1.2 * best] if check == "neighbours" and best > 0.0 else None
+            below = [best / in_time.NEIGHBOUR, best, best * in_time.NEIGHBOUR]
+            places = below if check == "neighbours" and best > 0.0 else None
             plain = curve
             curve = more_harmonics.with_convergence(
-                problem, plain, lambda: optimum_in_time.with_time_response(problem, plain, places, progress=progress)
+                problem, plain, lambda: in_time.with_time_response(problem, plain, places, progress=progress)
             )
         stopped = curve.interrupted or any(k.status == INTERRUPTED for k in curve.time_response)
         if margin and material is not None and not stopped:
@@ -340,7 +342,7 @@ class Study(Comparable):
 
     peak_sensitivities = analysis(sensitivity.peak_sensitivities)
     curve_sensitivities = analysis(sensitivity.curve_sensitivities)
-    with_time_response = analysis(optimum_in_time.with_time_response)
+    with_time_response = analysis(in_time.with_time_response)
 
     # free vibration
     nonlinear_mode = analysis(modes.nonlinear_mode)

@@ -36,10 +36,9 @@ from bdamper.response.response_curve import as_curve
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import TimeResponse
 from bdamper.time_domain.integration import STEPS, MarchFailed, Ring
-from bdamper.time_domain.march import March
-from bdamper.time_domain.steady_amplitude import CRITERIA, integrate_until_steady
+from bdamper.time_domain.transient import CRITERIA, Transient, settle
 from bdamper.util import validation
-from bdamper.util.errors import NOT_FOUND, BdamperError, SettingError, with_reason
+from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, BdamperError, SettingError, with_reason
 from bdamper.util.formatting import amount, short_repr
 from bdamper.util.progress import CostMeter, one_thread
 
@@ -100,6 +99,7 @@ def optimal_curve(
 
 
 # ---- Response curve ----
+
 
 def first_point(system: DiskSystem, omega: float) -> NDArray | None:
     """Solve at one frequency (rad/s) from the static state, or through weaker and weaker holding springs.
@@ -171,6 +171,7 @@ def highest_blade(blades: NDArray) -> NDArray:
 
 
 # ---- Time integration ----
+
 
 class OneStructure:
     """A bladed disk as one structure for time integration.
@@ -261,34 +262,41 @@ def time_response(disk: DiskProblem, peak: DiskPeak, *, steps_per_period: int | 
     if (peak.unknowns.shape, peak.model_hash, peak.settings) != (system.structure.shape, model_hash, settings):
         raise SettingError("time_response: needs a peak of this bladed disk, found a peak of another one")
     one = OneStructure(system, peak.blade)
-    steps, limit = STEPS if steps_per_period is None else steps_per_period, CRITERIA.drop * peak.amplitude
+    steps, window = STEPS if steps_per_period is None else steps_per_period, 2 * CRITERIA.window
     none = TimeResponse(
         *(np.nan,) * 3, peak.frequency, peak.preload, peak.amplitude, settings=settings, model_hash=model_hash,
         blade=peak.blade, blades=np.full((1, disk.n_blades), np.nan),
     )  # fmt: skip
     try:
-        march = March(one.ring, tau * peak.frequency, one.start(system.structure.flat(peak.unknowns)), steps, peak.blade)
-        steady, periods = integrate_until_steady(march, peak.amplitude, limit), len(march.harmonics)
+        start, omega = one.start(system.structure.flat(peak.unknowns)), tau * peak.frequency
+        steady = settle(Transient(one.ring, omega, start, steps, peak.blade), peak.amplitude)
+        periods, coarse = len(steady.transient.harmonics), steady.mean
         if steady.stays:
-            march = March(one.ring, march.omega, steady.motion._replace(a=None), 2 * steps, peak.blade)
-            steady = integrate_until_steady(march, peak.amplitude, limit, long=True)
-            periods += len(march.harmonics)
+            motion = steady.transient.motion._replace(a=None)
+            steady = settle(Transient(one.ring, omega, motion, 2 * steps, peak.blade), peak.amplitude)
+            periods += len(steady.transient.harmonics)
         if not steady.stays:  # the integration stops when the motion falls: continue to its final amplitude
-            march.run(len(march.harmonics) + 2 * CRITERIA.window)
-            periods += 2 * CRITERIA.window
+            steady.transient.advance(window)
+            periods += window
     except MarchFailed as error:
         return replace(none, status=with_reason(NOT_FOUND, error), cost=watch.read(one.ring.cost))
-    blades = np.abs(march.blades[-2 * CRITERIA.window :])
+    blades = np.abs(steady.transient.blades[-window:])
     result = replace(none, periods=periods, blades=blades, cost=watch.read(one.ring.cost))
     if steady.stays:
-        lowest, highest = float(steady.amplitude.min()), float(steady.amplitude.max())
-        return replace(result, mean=steady.mean, lowest=lowest, highest=highest)
+        answers = {f"{steps} steps": coarse, f"{2 * steps} steps": steady.mean}
+        apart = max(answers.values()) > (1.0 + CRITERIA.tolerance) * min(answers.values())
+        return replace(
+            result, mean=steady.mean, lowest=(1.0 - CRITERIA.drift) * min(answers.values()),
+            highest=(1.0 + CRITERIA.drift) * max(answers.values()), highest_period=float(steady.amplitude.max()),
+            answers=answers, status=with_reason(INCOMPLETE, "not settled") if apart else COMPLETE,
+        )  # fmt: skip
     in_time, balance = amount(float(blades[:, peak.blade].mean()), "m"), amount(peak.amplitude, "m")
     text = f"blade {peak.blade} reaches {in_time} in time, {balance} by harmonic balance"
     return replace(result, status=with_reason(NOT_FOUND, text))
 
 
 # ---- Bladed disk ----
+
 
 @validation.check_arguments
 @short_repr

@@ -54,6 +54,7 @@ from bdamper.plot.studies import plot_optimal_curve_uncertainty as plot_optimal_
 from bdamper.plot.studies import plot_sweep as plot_sweep
 from bdamper.plot.wheel import plot_blades as plot_blades
 from bdamper.plot.wheel import plot_mistuning as plot_mistuning
+from bdamper.plot.wheel import plot_periods as plot_periods
 from bdamper.plot.wheel import plot_sample as plot_sample
 from bdamper.plot.wheel import plot_sample_tail as plot_sample_tail
 from bdamper.plot.wheel import plot_wheel as plot_wheel

@@ -18,7 +18,7 @@ from bdamper.plot.axes import NEW, STYLES, colours, highest_on, limit_line, look
 from bdamper.plot.bodies import shown_shapes
 from bdamper.plot.studies import draw_table
 from bdamper.response.response_curve_result import ResponseCurve
-from bdamper.response.verification import TimeResponse
+from bdamper.response.verification import MotionInTime, TimeResponse
 from bdamper.util import validation
 from bdamper.util.errors import BdamperError
 from bdamper.util.formatting import amount
@@ -92,12 +92,8 @@ def plot_wheel_peak(peak: DiskPeak, ax: Axes = NEW) -> None:
 def plot_blades(found: TimeResponse, ax: Axes = NEW) -> None:
     """Plot the mean amplitudes of all blades in time as bars with their ranges, with the highest blade dark.
 
-    A line is the peak of the harmonic balance.  A result for one motion is plotted as the amplitude of each period, with
-    the mean and range of the second half.
+    A line is the peak of the harmonic balance.
     """
-    if len(found.harmonics):
-        _plot_periods(ax, found)
-        return
     if not found.blades.size:
         raise BdamperError(f"plot: this result has no motion of blades in time ({found.status})")
     mean = found.blades.mean(axis=0)
@@ -109,7 +105,9 @@ def plot_blades(found: TimeResponse, ax: Axes = NEW) -> None:
     ax.set(ylabel="Amplitude in time, mean and range (m)", title=title)
 
 
-def _plot_periods(ax: Axes, found: TimeResponse) -> None:
+@picture(MotionInTime)
+def plot_periods(found: MotionInTime, ax: Axes = NEW) -> None:
+    """Plot the amplitude of each period of a motion in time, with the mean and range of their second half."""
     half = [len(found.period) // 2, len(found.period) - 1]
     ax.fill_between(half, found.lowest, found.highest, color="0.85", label="range")
     draw_table(ax, found, "period", "amplitude", color="0.2", linewidth=0.9, marker="", label="each period")
@@ -253,5 +251,3 @@ def plot_sample_tail(
     ax.locator_params(axis="y", integer=True)
     ax.set(xlabel=_FACTOR, ylabel="Number of bladed disks")
     ax.set_title(f"{_title(sample, i, len(x))}, {amount(float(sample.preload[j]), 'N')}")
-
-

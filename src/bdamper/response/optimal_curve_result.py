@@ -27,8 +27,6 @@ ENDS = {
     "end": "end of the range, the optimum may lie beyond",
     "edge": "lowest preload with a steady response",
 }
-SAFE = (1.2, 1.5)
-"""Recommended preloads over the optimum: the amplitude rises steeply below the optimum and slowly above."""
 NEAR_BEST = 1.2
 """Amplitude over the optimum that defines the printed range of acceptable preloads."""
 
@@ -258,8 +256,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
         if not np.isfinite(o.preload):
             at = peak_text(o.amplitude, o.frequency)
             failed = [
-                f"; at {amount(p, 'N')} {why}"
-                for p, why in zip(self.preload, self.status) if status_word(why) != COMPLETE
+                f"; at {amount(p, 'N')} {why}" for p, why in zip(self.preload, self.status) if status_word(why) != COMPLETE
             ]
             first = "".join(failed[:1])
             return f"The preload does not matter: {at}." if o.kind == "flat" else f"No optimum: {o.status}{first}."
@@ -272,10 +269,6 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
         where = f"{amount(o.preload, 'N')} of preload{per}" + (f", {ENDS[o.kind]}" if o.kind in ENDS else "")
         out = [f"Optimum: {where}. Peak {peak_text(o.amplitude, o.frequency)}{gain}."]
         out += [self._in_time(response) for response in self.time_response] or [NOT_IN_TIME]
-        if least := self.optimum_in_time:
-            last = least in (self._known[0], self._known[-1])
-            beyond = ", the last preload on that side: it may be lower beyond" if last else ""
-            out.append(f"In time the amplitude is lowest at {amount(least.preload, 'N')}{beyond}.")
         near = span(*self.preloads_within(NEAR_BEST * o.amplitude), "N")
         out.append(f"Within {percent(NEAR_BEST - 1.0)} of the minimum from {near}.")
         out.append(self._recommended() if o.verified else f"The search for the optimum is {o.status}.")
@@ -296,12 +289,20 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
         return f"Time integration{at} gives {amount(time_response.mean, 'm')} ({change}).{alike}"
 
     def _recommended(self) -> str:
-        """Return a sentence with the recommended preloads and the rise of the amplitude at half the optimum."""
-        best, text = float(f"{self.optimum.preload:.3g}"), ""
+        """Return a sentence with the preload of minimum amplitude in time and the rise at half of the optimum."""
+        best = float(f"{self.optimum.preload:.3g}")
         k = int(np.searchsorted(self.preload, 0.5 * best))
         rise = self.amplitude[k - 1 : k + 1] / self.optimum.amplitude if k else np.full(1, np.nan)
+        lower = ""
         if rise.min() > 1.0:
-            text = f"; at half the optimum the amplitude is {rise.min():.2g} to {rise.max():.2g} times higher"
-        known = np.isfinite(self.amplitude[self.preload > 1.001 * best][:1]).all()
-        said = f"Recommended: {span(SAFE[0] * best, SAFE[1] * best, 'N')}{text}."
-        return said if known and self.optimum.kind != "end" else ""
+            lower = f"at half the optimum the amplitude is {rise.min():.2g} to {rise.max():.2g} times higher"
+        if not (least := self.optimum_in_time):
+            return f"{lower[:1].upper()}{lower[1:]}." if lower else ""
+        known = self._known
+        at = ", ".join(f"{amount(k.mean, 'm')} at {amount(k.preload, 'N')}" for k in known)
+        last = {known[0].preload: "lower", known[-1].preload: "higher"}.get(least.preload, "")
+        doubt = f", the {last}est preload in time: it may be less beyond" if last else ""
+        said = f"Recommended: {amount(least.preload, 'N')}, the least in time of {at}{doubt}"
+        if not np.isclose(least.preload, self.optimum.preload):
+            said += f"; harmonic balance alone has its minimum at {amount(self.optimum.preload, 'N')}"
+        return f"{said}; {lower}." if lower else f"{said}."

@@ -321,7 +321,7 @@ def _reason(case: LoadCase, search: Coverage, curve: ResponseCurve) -> str:
     if 0.0 < curve.preload < 2.0 * force:
         ratio = curve.preload / force
         reason += f"; a preload of {ratio:.2g} times the excitation does not keep the damper in its seat: raise it"
-    return f"{reason}; study.settle marches in time where no solution was found"
+    return f"{reason}; study.motion_in_time integrates where no solution was found"
 
 
 def without_points(

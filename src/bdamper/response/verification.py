@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from bdamper.util import validation
 from bdamper.util.display import Fact, Plottable, Summarised, draw
-from bdamper.util.errors import COMPLETE
+from bdamper.util.errors import COMPLETE, status_word
 from bdamper.util.formatting import amount, peak_text, percent, short_repr, span
 from bdamper.util.progress import Cost
 from bdamper.util.storage import Recorded, Storable
@@ -35,109 +35,17 @@ ALIKE = 0.05
 """Relative difference of the mean amplitudes of two blades below which they vibrate equally.  Also the amplitude
 relative to the largest wave below which waves are not listed.
 """
+BEATS = 0.1
+"""Excess of the highest period over the mean amplitude from which the headline names it."""
 
 
-@short_repr
-@dataclass(frozen=True)
-class TimeResponse(
-    Plottable, Tabular, Recorded, Storable, kind="bdamper-time-response", row="period"
-):
-    """Response in time at one preload: the highest steady-state amplitude near the tip of the response, or one motion.
+class AllBlades(Summarised):
+    """Motion of all blades in time: how they differ, energy of a period, and waves."""
 
-    ``plot`` draws the amplitudes of all blades, or the amplitudes over the periods of one motion
-    (:func:`bdamper.plot.plot_blades`).
-
-    Parameters
-    ----------
-    mean, lowest, highest : float, m
-        Amplitude of the first harmonic of the highest blade: mean over the last periods, and range of single periods.  If
-        verification runs differ too much, the range covers all of them.
-    frequency, preload : float, Hz, N
-    balance : float, m
-        Amplitude by harmonic balance: of the highest peak, or of the solution at which the motion starts.
-    fall : float, Hz
-        Frequency at which the motion falls to another amplitude; NaN if it does not.
-    direction : {"down", "up", ""}
-        Direction of the frequency steps; empty without time integration.
-    periods : int
-        Total number of periods.
-    diameters : tuple of int
-        Nodal diameters of the model.
-    status : str
-        "complete", "interrupted", or "incomplete: " and "not found: " with the reason.
-    cost : Cost
-    blade : int
-        Highest blade; for a mistuned wheel the blade of the peak.
-    blades : (n_periods, n_blades) float, m
-        Amplitudes of all blades in the last periods.
-    waves : (n_blades, 2) float
-        Nodal diameters and amplitudes (m) of the travelling waves of the motion, in descending order.  A wave against the
-        direction of the excitation has a negative nodal diameter.
-    answers : dict of str to float, m
-        Mean amplitude of the highest blade with 2n and 4n steps, from the other side, and from other initial states.
-    energy : tuple of four float, J
-        In a period, all blades: work of the excitation, loss in damping, loss in contacts, and rise of kinetic and strain
-        energy.
-    growth : float
-        Growth rate per period of the motion outside the wave of the excitation; negative if it decays, NaN if too small.
-    harmonics : (n_periods, n_harmonics + 1) complex, m
-        Response amplitudes of the highest blade in all periods of one motion; the first column is the mean.
-    repeats_after : int or None
-        Number of periods after which one motion repeats: 1 if periodic, None if irregular.
-    verdict : str
-        "agrees", "does not agree" or "undecided": whether a motion stays at its initial solution, if examined.
-    reason : str
-        Reason of the verdict.
-    distance : float
-        Relative distance of the vibration in the last period from the initial solution.
-    settings : mapping
-    model_hash : str
-    """
-
-    mean: Metre
-    lowest: Metre
-    highest: Metre
-    frequency: Cycles
-    preload: Newton
-    balance: Metre
-    fall: Cycles = float("nan")
-    direction: str = ""
-    periods: int = 0
-    diameters: tuple[int, ...] = ()
-    status: str = COMPLETE
-    cost: Cost = field(default_factory=Cost)
-    blade: int = -1
-    blades: NDArray = field(default_factory=lambda: np.zeros((0, 0)), compare=False)
-    waves: NDArray = field(default_factory=lambda: np.zeros((0, 2)), compare=False)
-    answers: Annotated[dict[str, float], Quantity("m")] = field(default_factory=dict)
-    energy: tuple[float, ...] = ()
-    growth: float = field(default=float("nan"), compare=False)
-    harmonics: Annotated[NDArray, Quantity("m", dims=(ROW, "harmonic"))] = field(
-        default_factory=lambda: np.zeros((0, 2), complex), compare=False
-    )
-    repeats_after: int | None = None
-    verdict: str = ""
-    reason: str = ""
-    distance: float = field(default=float("nan"), compare=False)
-    _summary_fields = (
-        "mean", "lowest", "highest", "balance", "frequency", "fall", "preload", "direction", "diameters", "answers",
-        "growth", "verdict", "distance", "status",
-    )  # fmt: skip
-
-    @property
-    def period(self) -> Numbers:
-        """(n_periods,) int: number of the period."""
-        return np.arange(len(self.harmonics))
-
-    @property
-    def amplitude(self) -> Amplitude:
-        """(n_periods,) float, m: amplitude of the first harmonic of the highest blade in one motion."""
-        return np.abs(self.harmonics[:, 1])
-
-    def columns(self) -> dict[str, Column]:
-        """Return the columns of the periods of one motion."""
-        columns = super().columns()
-        return {name: columns[name] for name in ("period", "amplitude", "harmonics")}
+    blade: int
+    blades: NDArray
+    waves: NDArray
+    energy: tuple[float, ...]
 
     @property
     def spread(self) -> tuple[float, float]:
@@ -161,55 +69,8 @@ class TimeResponse(
         """Error of the energy balance of a period relative to the work of the excitation; NaN without time integration."""
         return (self.energy[0] - sum(self.energy[1:])) / self.energy[0] if self.energy else float("nan")
 
-    @property
-    def elsewhere(self) -> int:
-        """Number of other initial states that lead to another motion."""
-        amplitude = next((a for name, a in self.answers.items() if name.endswith("steps")), self.mean)
-        return sum(abs(a / amplitude - 1.0) > ALIKE for name, a in self.answers.items() if name.startswith("start"))
-
-    @property
-    def factor(self) -> float:
-        """Highest amplitude of a period over the amplitude by harmonic balance, as a factor on stress."""
-        return self.highest / self.balance
-
-    @property
-    def text(self) -> str:
-        """Mean and range, "55 µm (53 to 58)"; only the range if runs differ; the status if nothing was found."""
-        if self.mean != self.mean:
-            return self.status
-        if "not settled" in self.status:
-            return span(min(self.answers.values()), max(self.answers.values()), "m")
-        return f"{amount(self.mean, 'm')} ({span(self.lowest, self.highest, 'm', near=self.mean).rpartition(' ')[0]})"
-
-    def mark(self, ax: object) -> object:
-        """Draw mean and range as a point with a bar over response curves (:func:`bdamper.plot.mark_time_response`)."""
-        return draw(self, "mark", ax)
-
-    def _headline(self) -> str:
-        at = f"At {amount(self.preload, 'N')}"
-        if self.mean != self.mean:
-            why = self.status.partition(": ")[2] or self.status
-            return f"{at} the amplitude in time is not known, so nothing confirms the peak of the harmonic balance: {why}."
-        if len(self.harmonics):
-            return f"{at} {self._motion()}"
-        peak = f"the peak of the harmonic balance is {amount(self.balance, 'm')}"
-        doubt = f" ({self.status})" if self.status != COMPLETE else ""
-        head = f"{at} in time the highest blade has {self.text} at {amount(self.frequency, 'Hz', 6)}; {peak}{doubt}."
-        if self.parted:
-            head = f"{head} Blades do not vibrate alike: {span(*self.spread, 'm')}."
-        if starts := sum(name.startswith("start") for name in self.answers):
-            head = f"{head} {self.elsewhere} of {starts} other starts came to another motion."
-        jump = f" The motion jumps to a lower amplitude at {amount(self.fall, 'Hz', 6)}."
-        return head if self.fall != self.fall else head + jump
-
-    def _motion(self) -> str:
-        """Return a text on one motion, and whether it stays at a solution."""
-        kind = {None: "irregular", 1: "periodic"}.get(self.repeats_after, f"{self.repeats_after}-periodic")
-        comes = f"the highest blade comes to {self.text} in time at {amount(self.frequency, 'Hz', 6)}, {kind}"
-        alike = f" Blades do not vibrate alike: {span(*self.spread, 'm')}." if self.parted else ""
-        if not self.verdict:
-            return f"{comes}; {self.status}.{alike}"
-        return f"time {self.verdict} with the solution of {amount(self.balance, 'm')}: {comes} ({self.reason}).{alike}"
+    def _unlike(self) -> str:
+        return f" Blades do not vibrate alike: {span(*self.spread, 'm')}." if self.parted else ""
 
     def _facts(self) -> tuple[Fact, ...]:
         """Return facts of the time integration, with the energy of a period and the waves."""
@@ -226,6 +87,207 @@ class TimeResponse(
             ways = [f"{abs(d):.0f} {'backward' if d < 0 else 'forward'} {amount(float(a), 'm')}" for d, a in listed]
             out.append(Fact("waves, nodal diameters", ", ".join(ways)))
         return tuple(out)
+
+
+@short_repr
+@dataclass(frozen=True)
+class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-response"):
+    """Highest steady-state amplitude in time near the tip of the response at one preload, with its error.
+
+    ``plot`` draws the amplitudes of all blades (:func:`bdamper.plot.plot_blades`).
+
+    Parameters
+    ----------
+    mean : float, m
+        Amplitude of the first harmonic of the highest blade, mean over periods.
+    lowest, highest : float, m
+        Range of the mean by its error: the amplitudes of ``answers``, each with the remaining change of a settled motion.
+    frequency, preload : float, Hz, N
+    balance : float, m
+        Amplitude of the highest peak by harmonic balance.
+    highest_period : float, m
+        Highest amplitude of a single period.
+    fall : float, Hz
+        Frequency next to the highest motion at which it falls to another amplitude; NaN if it does not.
+    structure : str
+        Modes in the response curve and in time.
+    periods : int
+        Total number of periods.
+    diameters : tuple of int
+        Nodal diameters of the model.
+    status : str
+        "complete", "interrupted", or "incomplete: " and "not found: " with the reason.  It is "incomplete: not settled" if
+        two of the ``answers`` differ by more than 5 %.
+    cost : Cost
+    blade : int
+        Highest blade; for a mistuned wheel the blade of the peak.
+    blades : (n_periods, n_blades) float, m
+        Amplitudes of all blades in the last periods.
+    waves : (n_blades, 2) float
+        Nodal diameters and amplitudes (m) of the travelling waves of the motion, in descending order.  A wave against the
+        direction of the excitation has a negative nodal diameter.
+    answers : dict of str to float, m
+        Mean amplitude of the highest blade with n, 2n and 4n time steps, in a richer structure, and at the fall.
+    starts : dict of str to float, m
+        Mean amplitude that other initial states lead to.
+    energy : tuple of four float, J
+        In a period, all blades: work of the excitation, loss in damping, loss in contacts, and rise of kinetic and strain
+        energy.
+    growth : float
+        Growth rate per period of the motion outside the wave of the excitation; negative if it decays, NaN if too small.
+    settings : mapping
+    model_hash : str
+    """
+
+    mean: Metre
+    lowest: Metre
+    highest: Metre
+    frequency: Cycles
+    preload: Newton
+    balance: Metre
+    highest_period: Metre = float("nan")
+    fall: Cycles = float("nan")
+    structure: str = ""
+    periods: int = 0
+    diameters: tuple[int, ...] = ()
+    status: str = COMPLETE
+    cost: Cost = field(default_factory=Cost)
+    blade: int = -1
+    blades: NDArray = field(default_factory=lambda: np.zeros((0, 0)), compare=False)
+    waves: NDArray = field(default_factory=lambda: np.zeros((0, 2)), compare=False)
+    answers: Annotated[dict[str, float], Quantity("m")] = field(default_factory=dict)
+    starts: Annotated[dict[str, float], Quantity("m")] = field(default_factory=dict)
+    energy: tuple[float, ...] = ()
+    growth: float = field(default=float("nan"), compare=False)
+    _summary_fields = (
+        "mean", "lowest", "highest", "highest_period", "balance", "frequency", "fall", "preload", "structure", "diameters",
+        "answers", "starts", "growth", "status",
+    )  # fmt: skip
+
+    @property
+    def elsewhere(self) -> int:
+        """Number of other initial states that lead to another motion."""
+        return sum(abs(a / self.mean - 1.0) > ALIKE for a in self.starts.values())
+
+    @property
+    def settled(self) -> bool:
+        """Whether the status is complete: all ``answers`` agree, and nothing indicates a higher motion."""
+        return status_word(self.status) == COMPLETE
+
+    @property
+    def factor(self) -> float:
+        """Highest amplitude in time over the amplitude by harmonic balance, as a factor on stress."""
+        return float(np.fmax(self.highest, self.highest_period)) / self.balance
+
+    @property
+    def text(self) -> str:
+        """Mean and range, "55 µm (53 to 58)"; only the range if answers differ; the status if nothing was found."""
+        if self.mean != self.mean:
+            return self.status
+        if "not settled" in self.status:
+            return span(self.lowest, self.highest, "m")
+        return f"{amount(self.mean, 'm')} ({span(self.lowest, self.highest, 'm', near=self.mean).rpartition(' ')[0]})"
+
+    def mark(self, ax: object) -> object:
+        """Draw mean and range as a point with a bar over response curves (:func:`bdamper.plot.mark_time_response`)."""
+        return draw(self, "mark", ax)
+
+    def _headline(self) -> str:
+        at = f"At {amount(self.preload, 'N')}"
+        if self.mean != self.mean:
+            why = self.status.partition(": ")[2] or self.status
+            return f"{at} the amplitude in time is not known, so nothing confirms the peak of the harmonic balance: {why}."
+        peak = f"the peak of the harmonic balance is {amount(self.balance, 'm')}"
+        doubt = f" ({self.status})" if self.status != COMPLETE else ""
+        head = f"{at} in time the highest blade has {self.text} at {amount(self.frequency, 'Hz', 6)}; {peak}{doubt}."
+        if self.highest_period > (1.0 + BEATS) * self.mean:
+            head = f"{head} Single periods reach {amount(self.highest_period, 'm')}."
+        head += self._unlike()
+        if self.starts:
+            head = f"{head} {self.elsewhere} of {len(self.starts)} other starts came to another motion."
+        jump = f" The motion jumps to a lower amplitude at {amount(self.fall, 'Hz', 6)}."
+        return head if self.fall != self.fall else head + jump
+
+
+@short_repr
+@dataclass(frozen=True)
+class MotionInTime(AllBlades, Plottable, Tabular, Recorded, Storable, kind="bdamper-motion-in-time", row="period"):
+    """One motion in time from a solution of the harmonic balance, period by period.
+
+    ``plot`` draws the amplitude over the periods (:func:`bdamper.plot.plot_periods`).
+
+    Parameters
+    ----------
+    mean, lowest, highest : float, m
+        Amplitude of the first harmonic of the highest blade: mean, and range of single periods, over their second half.
+    frequency, preload : float, Hz, N
+    harmonics : (n_periods, n_harmonics + 1) complex, m
+        Response amplitudes of the highest blade; the first column is the mean position.
+    balance : float, m
+        Amplitude of the solution at which the motion starts; NaN if it is at another frequency.
+    verdict : str
+        "agrees", "does not agree" or "undecided": whether the motion stays at its initial solution, if examined.
+    reason : str
+        Reason of the verdict.
+    distance : float
+        Relative distance of the vibration in the last period from the initial solution.
+    repeats_after : int or None
+        Number of periods after which the motion repeats: 1 if periodic, None if irregular.
+    diameters, status, cost, blade, blades, waves, energy, growth, settings, model_hash
+        As in :class:`TimeResponse`.
+    """
+
+    mean: Metre
+    lowest: Metre
+    highest: Metre
+    frequency: Cycles
+    preload: Newton
+    harmonics: Annotated[NDArray, Quantity("m", dims=(ROW, "harmonic"))] = field(compare=False)
+    balance: Metre = float("nan")
+    verdict: str = ""
+    reason: str = ""
+    distance: float = field(default=float("nan"), compare=False)
+    repeats_after: int | None = None
+    diameters: tuple[int, ...] = ()
+    status: str = COMPLETE
+    cost: Cost = field(default_factory=Cost)
+    blade: int = -1
+    blades: NDArray = field(default_factory=lambda: np.zeros((0, 0)), compare=False)
+    waves: NDArray = field(default_factory=lambda: np.zeros((0, 2)), compare=False)
+    energy: tuple[float, ...] = ()
+    growth: float = field(default=float("nan"), compare=False)
+    _summary_fields = (
+        "mean", "lowest", "highest", "balance", "frequency", "preload", "diameters", "growth", "verdict", "distance",
+        "status",
+    )  # fmt: skip
+
+    @property
+    def period(self) -> Numbers:
+        """(n_periods,) int: number of the period."""
+        return np.arange(len(self.harmonics))
+
+    @property
+    def amplitude(self) -> Amplitude:
+        """(n_periods,) float, m: amplitude of the first harmonic of the highest blade."""
+        return np.abs(self.harmonics[:, 1])
+
+    def columns(self) -> dict[str, Column]:
+        """Return the columns of the periods."""
+        columns = super().columns()
+        return {name: columns[name] for name in ("period", "amplitude", "harmonics")}
+
+    def _headline(self) -> str:
+        kind = {None: "irregular", 1: "periodic"}.get(self.repeats_after, f"{self.repeats_after}-periodic")
+        ends = span(self.lowest, self.highest, "m", near=self.mean).rpartition(" ")[0]
+        comes = (
+            f"the highest blade comes to {amount(self.mean, 'm')} ({ends}) in time at {amount(self.frequency, 'Hz', 6)}, "
+            f"{kind}"
+        )
+        at = f"At {amount(self.preload, 'N')}"
+        if not self.verdict:
+            return f"{at} {comes}; {self.status}.{self._unlike()}"
+        solution = f"time {self.verdict} with the solution of {amount(self.balance, 'm')}"
+        return f"{at} {solution}: {comes} ({self.reason}).{self._unlike()}"
 
 
 # ---- convergence with harmonics ----

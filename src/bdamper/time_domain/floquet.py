@@ -29,9 +29,8 @@ are not examined.
 
 **Time integration.**  All this applies to the motion with the harmonics of the solution, so time integration decides.  With
 ``with_stability(in_time=True)`` the motion starts at the solution with a disturbance of every nodal diameter, and
-``bdamper.time_domain.march.judged`` decides whether it keeps its amplitude
-(``bdamper.time_domain.transients.verified``). An undamped damper chatters at many points next to separated peaks,
-without any period; the criterion is the resulting amplitude, averaged over many periods.
+``bdamper.time_domain.transient.judged`` decides whether it keeps its amplitude.  An undamped damper chatters at many points
+next to separated peaks, without any period; the criterion is the resulting amplitude, averaged over many periods.
 """
 
 from __future__ import annotations
@@ -59,8 +58,8 @@ from bdamper.response.continuation import TWO_PI
 from bdamper.response.response_curve import check_curve
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.time_domain.integration import MarchFailed, Ring, ring_of
-from bdamper.time_domain.march import AGREES, LIMITS, UNDECIDED
-from bdamper.time_domain.transients import march_from, verified
+from bdamper.time_domain.time_response import compare_with_solution, disturbed
+from bdamper.time_domain.transient import AGREES, CRITERIA, UNDECIDED
 from bdamper.util import validation
 from bdamper.util.progress import CostMeter, LongWork, one_thread, with_progress
 
@@ -217,9 +216,12 @@ def unstable_solutions(system: Equations[Sector], unknowns: NDArray, omega: NDAr
     if real_basis(system) is not None and not without_events:
         grows, note = _multiplier_outside, "all disturbances, multipliers of motion and sliders"
     else:
-        grows, note = _negative_determinant, (
-            "sign of det J: negative if a disturbance grows without oscillating; the others are not examined, "
-            "with_stability(in_time=True) decides"
+        grows, note = (
+            _negative_determinant,
+            (
+                "sign of det J: negative if a disturbance grows without oscillating; the others are not examined, "
+                "with_stability(in_time=True) decides"
+            ),
         )
     return np.array([grows(system, u, w) for u, w in zip(unknowns, omega)], bool), note
 
@@ -261,7 +263,7 @@ def judged_in_time(ring: Ring, curve: ResponseCurve, progress: bool) -> Response
             if verdict != UNDECIDED:
                 unstable[i], ratios[i] = verdict != AGREES, ratio
     note = (
-        f"motion in time, amplitude kept to {100.0 * LIMITS.tolerance:g} %: {judged} of {len(curve)} points judged, "
+        f"motion in time, amplitude kept to {100.0 * CRITERIA.tolerance:g} %: {judged} of {len(curve)} points judged, "
         f"{int((~moving).sum())} rest, {int(np.isnan(ratios).sum())} undecided; {watch.read().seconds:.3g} s"
         + (", interrupted by the user" if work.interrupted else "")
         + (f"; the undecided: {curve.stability_note}" if np.isnan(ratios).any() else "")
@@ -275,10 +277,11 @@ def judged_at(ring: Ring, u: NDArray, omega: float) -> tuple[str, float]:
     if not abs(expected[1]) > 0.0:
         return UNDECIDED, np.nan
     try:
-        response = verified(march_from(ring, u, omega, LIMITS.steps), expected)
+        transient = disturbed(ring, u, omega, CRITERIA.steps)
+        verdict, *_ = compare_with_solution(transient, expected)
     except MarchFailed:
         return UNDECIDED, np.nan
-    return response.verdict, float(response.amplitude[-LIMITS.settled :].mean() / response.balance)
+    return verdict, float(transient.amplitude[-2 * CRITERIA.window :].mean() / abs(expected[1]))
 
 
 @one_thread

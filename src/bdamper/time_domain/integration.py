@@ -475,6 +475,28 @@ def _turn(family: HarmonicBasis, basis: HarmonicBasis, conjugate: bool) -> NDArr
     return out
 
 
+def transfer(source: Ring, motion: Motion, target: Ring) -> Motion:
+    """Return a motion in the coordinates of another structure with the same contact points.
+
+    Modes that the source does not have are at rest, and so are the residual modes, which differ between structures.
+    """
+    n, m = source.n_coordinates, target.n_coordinates
+    blocks = {d: (l, s) for d, (l, s, *_) in zip(source.families, source.blocks)}
+    out = []
+    for x in (motion.q, motion.v):
+        z, y = x[:n] + 1j * x[n:], np.zeros(m, complex)
+        for d, (l, s, *_) in zip(target.families, target.blocks):
+            if d not in blocks:
+                continue
+            harmonic, known = blocks[d]
+            column = {(c.body, c.index): i for i, c in enumerate(source.wide.structure.bases[harmonic].coordinates)}
+            for i, c in enumerate(target.wide.structure.bases[l].coordinates):
+                if c.body != RESIDUAL and (k := column.get((c.body, c.index))) is not None:
+                    y[s.start + i] = z[known.start + k]
+        out.append(np.concatenate([y.real, y.imag]))
+    return Motion(out[0], out[1], motion.w)
+
+
 def every_diameter(problem: Problem) -> Problem:
     """Return the problem with harmonics of all nodal diameters of its sectors that the model contains.
 

@@ -1,42 +1,43 @@
-"""Time integration period by period, and the verdict on the motion.
+"""Time integration period by period, and the criteria for a steady motion.
 
-A :class:`March` starts from a harmonic-balance solution or from the end of another time integration, and continues in whole
-periods of the excitation.  Period ``k`` has the response amplitudes
+A :class:`Transient` starts from a harmonic-balance solution or from the end of another time integration, and continues in
+whole periods of the excitation.  Period ``k`` has the response amplitudes
 
     X_l(k) = 2/T int_kT^(k+1)T x(t) exp(-i l omega t) dt        (half of this for l = 0).
 
-All statements on a motion in time use these amplitudes and the limits :data:`LIMITS`:
+All statements on a motion in time use these amplitudes and the criteria :data:`CRITERIA`.
 
-* ``judged``: whether the motion keeps an amplitude (*agrees*), leaves it (*does not agree*: it falls to another level,
-  grows or beats), or needs more periods (*undecided*);
-* :func:`to_come`: the remaining change of the mean by the slowest transient;
-* :func:`repeats_after`: whether the motion is periodic, subharmonic or irregular.
+**Steady.**  :func:`settle` integrates until the motion is steady or has fallen to another level.  The second half of the n
+periods so far is divided into two quarters, the quarter before is the third; their means m1, m2, m3 differ by d1 = m2 - m1
+and d2 = m3 - m2.  A transient that falls by the factor p = d2/d1 from one quarter to the next changes the mean by another
+p/(1 - p) d2.  The motion is steady if d1, d2 and this change are below :attr:`SteadyCriteria.drift`.  The quarters grow
+with n, so the scatter of a beating motion averages out.
 
-Every 16 periods ``judged`` checks for one of these conditions:
+**Verdict.**  Every 16 periods :func:`judged` compares a motion with the solution at which it began:
 
-* **Left.**  The distance exceeds twice the tolerance in each of the last 32 periods, and did not decrease from 16 periods
-  to the next 16: the motion does not agree.
-* **Settled.**  The mean of 16 periods has changed by less than 1 % within 80 periods, and not faster in their second half.
+* *Left*: the distance exceeds twice the tolerance in each of the last 32 periods, and did not decrease from 16 periods to
+  the next 16.  The motion does not agree.
+* *Settled*: the mean of 16 periods has changed by less than 1 % within 80 periods, and not faster in their second half.
   The motion agrees if the mean of these 80 periods is within the tolerance, and nine of ten periods within twice the
-  tolerance. The remaining transient must not change the verdict.
-* **Wanders.**  Nine of ten periods are not within twice the tolerance in the last 80, and the largest distance and the
-  range exceed the decayed ones of the 80 periods before: the motion does not agree.
+  tolerance.  The remaining transient must not change the verdict.
+* *Wanders*: nine of ten periods are not within twice the tolerance in the last 80, and the largest distance and the range
+  exceed the decayed ones of the 80 periods before.  The motion does not agree.
 
-Class ``bdamper.time_domain.integration.Ring`` makes the time steps.  Friction and closed contacts return no more energy
-than their springs store, so the energy of a motion is bounded by its initial energy and the work of the excitation.  Time
-steps that are too long for the contacts violate this bound; the integration fails if the energy exceeds it by the factor
-:attr:`VerdictLimits.gain`.
+**Energy.**  Friction and closed contacts return no more energy than their springs store, so the energy of a motion is
+bounded by its initial energy and the work of the excitation.  Time steps that are too long for the contacts violate this
+bound; the integration fails if the energy exceeds it by the factor :attr:`SteadyCriteria.gain`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.response.continuation import TWO_PI
 from bdamper.time_domain.integration import STEPS, MarchFailed, Motion, Ring
 from bdamper.util import validation
 from bdamper.util.errors import SettingError
@@ -46,49 +47,63 @@ AGREES, DIFFERS, UNDECIDED = "agrees", "does not agree", "undecided"
 
 
 @dataclass(frozen=True)
-class VerdictLimits:
-    """Limits of the verdict on a motion in time.
+class SteadyCriteria:
+    """Criteria for motions in time.
 
-    They classify 50 points (docs/measured.md, *Labels in time and long marches*) as integrations of up to 960 periods end.
+    Those of the verdict classify 50 points (docs/measured.md, *Labels in time and long marches*) as integrations of up to
+    960 periods end.
 
     Parameters
     ----------
-    tolerance : float
-        Largest relative distance of the amplitude in time from the amplitude of the solution.
     look : int
-        Periods between two checks, and of a mean.
-    settled : int
-        Periods over which a settled amplitude changes by less than ``drift``.
+        Periods between two checks of a verdict, and of its means.
+    window : int
+        Half of the periods over which a verdict requires a settled amplitude; periods of a stated mean.
+    fewest, most : int
+        Least and most periods of :func:`settle`.
+    longest : int
+        Most periods until a verdict; the 50 points take at most 336.
+    tolerance : float
+        Relative difference up to which two amplitudes agree.
     drift : float
         Relative change of a settled mean, past or remaining.
+    jump : float
+        Fraction of the expected amplitude below which a motion has fallen to another level.
+    gain : float
+        Amplitude, or energy, relative to its bound above which the time integration is wrong.
+    seed : float
+        Relative amplitude of the waves that disturb a motion.
+    rise : float
+        Growth of these waves between two quarters above which the blades part.
     repeats : float
         Relative change over a period below which a motion repeats: 1e-4 to 3e-4 for periodic motions between folds.
     most_repeated : int
         Largest number of periods of a subharmonic motion.
-    most : int
-        Largest number of periods; the 50 points take at most 336.
     steps : int
-        Time steps per period.  With 256 chatter in slip is damped, and a motion that falls to 0.855 of a solution stays at
-        it; with 512 it falls to 0.89, with 1,024 to 0.860.
-    gain : float
-        Largest energy of a motion relative to its bound.
+        Time steps per period of a verdict.  With 256 chatter in slip is damped, and a motion that falls to 0.855 of a
+        solution stays at it; with 512 it falls to 0.89, with 1,024 to 0.860.
     """
 
-    tolerance: float = 0.05
     look: int = 16
-    settled: int = 80
+    window: int = 40
+    fewest: int = 20
+    most: int = 240
+    longest: int = 1000
+    tolerance: float = 0.05
     drift: float = 0.01
+    jump: float = 0.7
+    gain: float = 4.0
+    seed: float = 0.01
+    rise: float = 1.1
     repeats: float = 1e-3
     most_repeated: int = 4
-    most: int = 1000
     steps: int = 1024
-    gain: float = 4.0
 
 
-LIMITS = VerdictLimits()
+CRITERIA = SteadyCriteria()
 
 
-class March:
+class Transient:
     """Time integration of a structure, period by period.
 
     Parameters
@@ -163,7 +178,7 @@ class March:
         """(n_periods,) float: amplitude of the first harmonic of the blade, m."""
         return np.abs(self.response[:, 1])
 
-    def turn(self, turns: int = 1, ends: tuple[float, float] | None = None) -> None:
+    def advance(self, periods: int = 1, ends: tuple[float, float] | None = None) -> None:
         """Integrate some periods; with ``ends`` (rad/s) the frequency changes linearly in time.
 
         Raises
@@ -173,15 +188,15 @@ class March:
         """
         raise_if_stopped()
         begin, end = ends or (self.omega, None)
-        marched = self.ring.integrate(self.motion, begin, self.steps, turns, omega_end=end)
-        self.motion = marched.motion
-        self.harmonics.extend(marched.harmonics)
-        self.energy.extend(marched.energy)
-        for work, damping, _, rise in marched.energy:
+        path = self.ring.integrate(self.motion, begin, self.steps, periods, omega_end=end)
+        self.motion = path.motion
+        self.harmonics.extend(path.harmonics)
+        self.energy.extend(path.energy)
+        for work, damping, _, rise in path.energy:
             self._held, self._given = self._held + rise, self._given + abs(work) + abs(damping)
-            if not self._held <= LIMITS.gain * self._given:
+            if not self._held <= CRITERIA.gain * self._given:
                 raise MarchFailed(
-                    f"the time integration gains energy near {begin / (2.0 * np.pi):.6g} Hz, an error of its time steps: "
+                    f"the time integration gains energy near {begin / TWO_PI:.6g} Hz, an error of its time steps: "
                     f"raise steps_per_period, {self.steps} now"
                 )
 
@@ -193,22 +208,107 @@ class March:
         bool
             Whether Ctrl-C ended it.
         """
-        with LongWork() as work, progress_counter(progress, periods, 0, "marching", "period") as count:
+        with LongWork() as work, progress_counter(progress, periods, 0, "time integration", "period") as count:
             while len(self.harmonics) < periods:
-                self.turn()
+                self.advance()
                 count()
-                if decided is not None and len(self.harmonics) % LIMITS.look == 0 and decided():
+                if decided is not None and len(self.harmonics) % CRITERIA.look == 0 and decided():
                     break
         return work.interrupted
 
-    def sweep(self, ends: tuple[float, float], turns: int, count: Callable[[], Any]) -> None:
-        """Integrate periods over which the squared frequency changes linearly in the angle between two ends (rad/s)."""
-        square = np.linspace(ends[0] ** 2, ends[1] ** 2, turns + 1)
-        for first in range(0, turns, LIMITS.look):
-            last = min(first + LIMITS.look, turns)
-            self.turn(last - first, (float(np.sqrt(square[first])), float(np.sqrt(square[last]))))
+    def sweep(self, end: float, periods: int, count: Callable[[], Any] = lambda: None) -> None:
+        """Integrate periods over which the frequency changes to ``end`` (rad/s), its square linearly in the angle."""
+        square = np.linspace(self.omega**2, end**2, periods + 1)
+        for first in range(0, periods, CRITERIA.look):
+            last = min(first + CRITERIA.look, periods)
+            self.advance(last - first, (float(np.sqrt(square[first])), float(np.sqrt(square[last]))))
             for _ in range(last - first):
                 count()
+        self.omega = end
+
+
+class SteadyPoint(NamedTuple):
+    """Motion at one frequency after :func:`settle`.
+
+    Parameters
+    ----------
+    transient : Transient
+        Time integration with all periods.
+    stays : bool
+        Whether the motion stays near the expected amplitude.
+    change : float
+        Relative change of its mean, past or to come.
+    """
+
+    transient: Transient
+    stays: bool
+    change: float
+
+    @property
+    def frequency(self) -> float:
+        """Frequency, Hz."""
+        return self.transient.omega / TWO_PI
+
+    @property
+    def amplitude(self) -> NDArray:
+        """(n_periods,) float: amplitude of the highest blade in the second half of the periods, m."""
+        return second_half(self.transient.amplitude)
+
+    @property
+    def mean(self) -> float:
+        """Mean amplitude, m."""
+        return float(self.amplitude.mean())
+
+    @property
+    def steady(self) -> bool:
+        """Whether the motion stays and its mean does not change."""
+        return self.stays and abs(self.change) <= CRITERIA.drift
+
+
+def settle(transient: Transient, expected: float, parting: bool = False) -> SteadyPoint:
+    """Integrate until a motion is steady, has fallen, or :attr:`SteadyCriteria.most` periods are over.
+
+    Parameters
+    ----------
+    transient : Transient
+    expected : float, m
+        Amplitude near which the motion may stay.
+    parting : bool
+        Whether to continue while the motion outside the wave of the excitation grows.
+    """
+    while True:
+        transient.advance(CRITERIA.fewest // 2)
+        n = len(transient.harmonics)
+        if n < CRITERIA.fewest:
+            continue
+        change, (before, last) = _change(transient)
+        over = n >= CRITERIA.most
+        fallen = (last if over else max(before, last)) < CRITERIA.jump * expected
+        gone = fallen or min(before, last) > CRITERIA.gain * expected
+        grows = parting and outside(transient, n // 4)[0] > CRITERIA.rise
+        if gone or over or (abs(change) <= CRITERIA.drift and not grows):
+            return SteadyPoint(transient, not gone, change)
+
+
+def _change(transient: Transient) -> tuple[float, NDArray]:
+    """Return the largest relative change of the mean over the last three quarters and to come, and the last two means."""
+    amplitude, k = transient.amplitude, len(transient.harmonics) // 4
+    m = amplitude[-3 * k :].reshape(3, k).mean(axis=1)
+    d1, d2 = np.diff(m) / max(m[2], 1e-300)
+    slowest = np.exp(-k / transient.memory)
+    p = min(max(d2 / d1, 0.0), slowest) if d1 else 0.0
+    return float(max(d1, d2, d2 * p / (1.0 - p), key=abs)), m[1:]
+
+
+def outside(transient: Transient, periods: int) -> tuple[float, float]:
+    """Return the growth of the motion outside the wave of the excitation from some periods to the next, and its last
+    fraction.
+
+    A fraction below a tenth of the disturbances does not count as growing.
+    """
+    away = transient.ring.departure(transient.blades[-2 * periods :])
+    before, last = (float(np.sqrt((half**2).mean())) for half in np.array_split(away, 2))
+    return (last / before if last > 0.1 * CRITERIA.seed and before > 0.0 else 0.0), last
 
 
 def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float) -> tuple[str, str]:
@@ -224,7 +324,7 @@ def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float)
     memory : float
         Periods in which a transient of the least damped mode falls to 1/e.
     """
-    look, span = LIMITS.look, LIMITS.settled
+    look, span = CRITERIA.look, 2 * CRITERIA.window
     off = amplitude / max(expected, 1e-300) - 1.0
     n = len(off)
     last = float(off[-look:].mean())
@@ -237,14 +337,14 @@ def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float)
         return UNDECIDED, f"{100.0 * last:+.2g} % so far; {span + look} periods show whether it has settled"
     then, between, now = (float(off[n - k - look : n - k].mean()) for k in (span, span // 2, 0))
     drift = (now - then) / max(1.0 + then, 1e-300)
-    grows = abs(now - between) > max(1.2 * abs(between - then), 0.1 * LIMITS.drift)
+    grows = abs(now - between) > max(1.2 * abs(between - then), 0.1 * CRITERIA.drift)
     recent, earlier = off[-span:], off[-2 * span : -span]
     stays = float(np.quantile(np.abs(recent), 0.9)) <= 2.0 * tolerance
     within = abs(float(recent.mean())) <= tolerance
     spread = f"{100.0 * recent.min():+.2g} to {100.0 * recent.max():+.2g} %"
-    settled = abs(drift) < LIMITS.drift and not grows
+    settled = abs(drift) < CRITERIA.drift and not grows
     if settled and (not stays or within == (abs(last + to_come(amplitude, memory)) <= tolerance)):
-        shown = f", {spread}" if np.ptp(recent) > LIMITS.drift else ""
+        shown = f", {spread}" if np.ptp(recent) > CRITERIA.drift else ""
         text = f"{100.0 * float(recent.mean()):+.2g} % in the mean of {span} periods{shown}"
         return AGREES if stays and within else DIFFERS, text
     sizes, before = (np.array([np.abs(x).max(), np.ptp(x)]) for x in (recent, earlier))
@@ -278,7 +378,7 @@ def repeats_after(harmonics: NDArray) -> int | None:
     x = harmonics[:, 1:]
     last = np.arange(len(x) - max(1, len(x) // 4), len(x))
     size = max(float(np.linalg.norm(x[last], axis=1).max()), 1e-300)
-    for n in range(1, LIMITS.most_repeated + 1):
-        if last[0] >= n and np.linalg.norm(x[last] - x[last - n], axis=1).max() <= LIMITS.repeats * size:
+    for n in range(1, CRITERIA.most_repeated + 1):
+        if last[0] >= n and np.linalg.norm(x[last] - x[last - n], axis=1).max() <= CRITERIA.repeats * size:
             return n
     return None

@@ -1,0 +1,225 @@
+"""Slow sweep of the excitation frequency in time.
+
+The frequency changes linearly in time from one end of an interval to the other, as on a test rig.  Among several stable
+solutions the sweep follows its branch until it ends, and then jumps; it leaves unstable solutions.  A transient of the
+least damped mode, with half bandwidth ``b = zeta f``, falls to 1/e within ``1/(2 pi b)``.  The default rate moves the
+frequency by RATE half bandwidths in this time: ``rate = RATE b 2 pi b``.  The lag of a response behind its steady value is
+proportional to the rate, so a sweep at twice the rate estimates the error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.harmonic_balance.problem import Problem
+from bdamper.response.continuation import TWO_PI
+from bdamper.response.response_curve import Jump, frequency_response
+from bdamper.time_domain.integration import ring_of
+from bdamper.time_domain.transient import CRITERIA, Transient
+from bdamper.util import validation
+from bdamper.util.display import Fact, Plottable
+from bdamper.util.errors import COMPLETE, INTERRUPTED, BdamperError, SettingError
+from bdamper.util.formatting import amount, peak_text, short_repr
+from bdamper.util.progress import Cost, CostMeter, LongWork, one_thread, progress_counter
+from bdamper.util.storage import Recorded, Storable
+from bdamper.util.tables import ROW, FrequencySeries, Hertz, Metres, Quantity, Tabular
+
+RATE = 0.1
+"""Change of the frequency within the decay time of a transient, in half bandwidths of the least damped mode."""
+SETTLING = np.ceil(-np.log(CRITERIA.drift))
+"""Decay times at the first frequency before the sweep, until a transient has settled."""
+JUMP = 0.2
+"""Relative change of the amplitude within one decay time that counts as a jump; a linear resonance changes by RATE/2."""
+AFTER_JUMP = 4.0
+"""Decay times after a jump until its transient has decayed."""
+NEAR = 1e-4
+"""Half the relative width of the interval of the first solution."""
+
+
+@short_repr
+@dataclass(frozen=True)
+class TimeSweep(Plottable, FrequencySeries, Tabular, Recorded, Storable, kind="bdamper-time-sweep", row="turn"):
+    """Response in a slow sweep of frequency in time, period by period.
+
+    ``plot`` draws amplitude over frequency, also over response curves (:func:`bdamper.plot.plot_frequency_sweep`).
+
+    Parameters
+    ----------
+    frequency : (n,) float, Hz
+        In the middle of each period of the excitation, in the order of time.
+    harmonics : (n, n_harmonics + 1) complex, m
+        Response amplitudes of the highest blade in each period; the first column is the mean.
+    preload : float, N
+    rate : float, Hz/s
+        Positive upward.
+    memory : float, s
+        Decay time to 1/e of a transient of the least damped mode.
+    steps_per_period, sectors : int
+    status : {"complete", "interrupted"}
+    reason : str
+    cost : Cost
+    settings : mapping
+    model_hash : str
+    """
+
+    frequency: Hertz
+    harmonics: Annotated[NDArray, Quantity("m", dims=(ROW, "harmonic"))]
+    preload: float
+    rate: float
+    memory: float
+    steps_per_period: int
+    sectors: int
+    status: str
+    reason: str
+    cost: Cost
+
+    @property
+    def up(self) -> bool:
+        """Whether the frequency increases."""
+        return self.rate > 0.0
+
+    @property
+    def mean(self) -> Metres:
+        """(n,) float, m: mean position."""
+        return self.harmonics[:, 0].real
+
+    @property
+    def highest(self) -> tuple[float, float]:
+        """Frequency (Hz) and amplitude (m) of the largest response."""
+        i = int(self.amplitude.argmax())
+        return float(self.frequency[i]), float(self.amplitude[i])
+
+    @property
+    def jumps(self) -> tuple[Jump, ...]:
+        """Changes of the amplitude by more than a fifth within the decay time of a transient that last, in the order of
+        time.
+
+        Amplitudes before and after are means over a decay time, the latter after the transient has decayed.  Scatter, as of
+        a rattling damper, is no jump.
+        """
+        a, m, jumps = self.amplitude, self._turns(1.0), []
+        log = np.log(np.maximum(a, 1e-300))
+        fast = np.flatnonzero(np.abs(log[m:] - log[:-m]) > np.log1p(JUMP))
+        for part in np.split(fast, np.flatnonzero(np.diff(fast) > m) + 1) if len(fast) else ():
+            first = int(part[0])
+            begins = first + int((np.abs(log[first:] - log[first]) > 0.5 * np.log1p(JUMP)).argmax())
+            later = min(int(part[-1]) + m + self._turns(AFTER_JUMP), len(a) - m)
+            before, after = (float(a[k : k + m].mean()) for k in (max(0, first - m + 1), later))
+            if abs(np.log(after / before)) > np.log1p(JUMP):
+                jumps.append(Jump(float(self.frequency[begins]), before, after))
+        return tuple(jumps)
+
+    def _turns(self, memories: float) -> int:
+        return max(1, round(memories * self.memory * float(self.frequency.mean())))
+
+    def _headline(self) -> str:
+        f, a = self.highest
+        way = f"from {amount(self.frequency[0], 'Hz')} to {amount(self.frequency[-1], 'Hz')}"
+        jumps = f"; it jumps at {', '.join(amount(j.frequency, 'Hz') for j in self.jumps)}" if self.jumps else ""
+        return f"Sweep in time {way}, preload {amount(self.preload, 'N')}: highest {peak_text(a, f)}{jumps}."
+
+    def _facts(self) -> tuple[Fact, ...]:
+        """Return rate and jumps."""
+        return (Fact("rate", abs(self.rate), "Hz/s"), *(Fact("jump", str(jump)) for jump in self.jumps))
+
+
+@validation.check_arguments
+@one_thread
+def frequency_sweep(
+    problem: Problem,
+    preload: float,
+    frequency: tuple[float, float],
+    *,
+    up: bool = True,
+    rate: float | None = None,
+    steps_per_period: int | None = None,
+    progress: bool = False,
+) -> TimeSweep:
+    """Integrate in time while the frequency of the excitation changes slowly over an interval.
+
+    All sectors are included, each with its contacts; there is no truncated Fourier series and no assumption of a travelling
+    wave.  The integration includes all nodal diameters of the model.  It starts at the lowest solution at the first
+    frequency that is not between folds, and settles there before the sweep begins.
+
+    Parameters
+    ----------
+    problem : Problem
+    preload : float, N
+    frequency : (low, high), Hz
+    up : bool
+        Whether the frequency increases.
+    rate : float, Hz/s, optional
+        Default: a tenth of the half bandwidth of the least damped mode within the decay time of its transients.
+    steps_per_period : int, optional
+        256 by default.
+    progress : bool
+        Show a progress bar of the periods of the excitation.
+
+    Returns
+    -------
+    TimeSweep
+        After Ctrl-C the periods so far.
+
+    Raises
+    ------
+    SettingError
+        If a number is not valid, a mode has no damping, or the settings do not describe a structure in time.
+    BdamperError
+        If no solution is found at the first frequency, or the time integration fails.
+    """
+    preload, (low, high) = problem.check_preload(preload), validation.interval("frequency", frequency)
+    for name, value in (("up", up), ("progress", progress)):
+        validation.flag(name, value)
+    rate = None if rate is None else validation.number("rate", rate, above=0.0, unit="Hz/s")
+    watch = CostMeter()
+    ends = (low, high) if up else (high, low)
+    u, begin = _start(problem, preload, ends[0])
+    ring = ring_of(problem, preload)
+    transient = Transient(ring, TWO_PI * begin, u, steps_per_period)
+    least = ring.least_damping
+    if not 0.0 < least < np.inf:
+        raise SettingError("frequency_sweep: expected damping in every mode of the structure, found a mode without")
+    memory, usual = 2.0 / least, RATE * least**2 / (8.0 * np.pi)
+    rate = usual if rate is None else rate
+    turns = max(1, round(0.5 * (low + high) * (high - low) / rate))
+    settling = max(1, round(SETTLING * memory * ends[0]))
+    harmonics = _integrated(transient, ends, settling, turns, progress)
+    done = len(harmonics)
+    if not done:
+        raise KeyboardInterrupt
+    along = (np.arange(done) + 0.5) / turns
+    return TimeSweep(
+        frequency=np.sqrt(ends[0] ** 2 + (ends[1] ** 2 - ends[0] ** 2) * along), harmonics=harmonics, preload=preload,
+        rate=rate if up else -rate, memory=memory, steps_per_period=transient.steps, sectors=ring.n,
+        status=COMPLETE if done == turns else INTERRUPTED,
+        reason="" if done == turns else f"by the user after {done} of {turns} turns",
+        cost=watch.read(ring.cost), settings=problem.record(), model_hash=problem.model.hash,
+    )  # fmt: skip
+
+
+def _start(problem: Problem, preload: float, first: float) -> tuple[NDArray, float]:
+    """Return the initial solution and its frequency (Hz)."""
+    start = frequency_response(problem, preload, (first * (1.0 - NEAR), first * (1.0 + NEAR)))
+    if not len(start):
+        raise BdamperError(f"no solution to start from at {first:g} Hz ({start.status}: {start.reason})")
+    i = int(np.where(start.backward, np.inf, start.amplitude).argmin())
+    return start.unknowns[i], float(start.frequency[i])
+
+
+def _integrated(transient: Transient, ends: tuple[float, float], settling: int, turns: int, progress: bool) -> NDArray:
+    """Return the harmonics of the highest blade in each period of the sweep, after the motion has settled at its first
+    frequency.
+    """
+    first, last = TWO_PI * ends[0], TWO_PI * ends[1]
+    harmonics: list[NDArray] = []
+    with LongWork(), progress_counter(progress, settling + turns, 0, "time integration", "period") as count:
+        transient.omega = first
+        transient.sweep(first, settling, count)
+        sweep = Transient(transient.ring, first, transient.motion, transient.steps)
+        harmonics = sweep.harmonics
+        sweep.sweep(last, turns, count)
+    return np.array([x[np.abs(x[:, 1]).argmax()] for x in harmonics])

@@ -1,0 +1,504 @@
+"""Highest steady amplitude in time at one preload, with its error, and one motion in time from a solution.
+
+**Structure.**  A response curve may retain few modes, because its cost grows with them; in time they cost little.  The
+integration therefore has all stored modes of the constrained bodies.  A free body is rigid in time, unless its first
+elastic frequency is below :data:`RIGID_BEYOND` times the frequency of the highest harmonic (:func:`structure_in_time`).
+
+**Error.**  The search (``bdamper.time_domain.steady_amplitude``) uses n time steps per period.  From its highest motion
+
+* 2n and, from there, 4n time steps are used, because contacts may chatter only with shorter steps;
+* the motion is carried over to a richer structure: all elastic modes of the free bodies, and :data:`VECTORS` residual modes
+  for the flexibility of the contact faces;
+* its amplitude is extrapolated up to the frequency at which it falls.
+
+The range of the result extends beyond these amplitudes by the remaining change of the mean, at least the 1 % to which a
+motion settles.  If two of them differ by more than 5 %, the amplitude is not settled, and only the range is stated.  Where
+a motion falls with a refinement, it is repeated from the next highest motions, because the frequency of a fall depends on
+all of these settings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.contact.residual_flexibility import ResidualModes
+from bdamper.harmonic_balance.problem import Problem
+from bdamper.model.kinematics import RIGID_NAMES
+from bdamper.response.continuation import TWO_PI
+from bdamper.response.events import ContinuationOptions
+from bdamper.response.optimal_curve import BUDGET
+from bdamper.response.optimal_curve_result import OptimalCurve
+from bdamper.response.peak import Peak
+from bdamper.response.response_curve import check_curve, frequency_response
+from bdamper.response.response_curve_result import ResponseCurve, uninterrupted
+from bdamper.response.verification import MotionInTime, TimeResponse
+from bdamper.time_domain.integration import STEPS, MarchFailed, Ring, ring_of, transfer
+from bdamper.time_domain.steady_amplitude import BalanceCurve, SteadySearch
+from bdamper.time_domain.transient import (
+    CRITERIA,
+    UNDECIDED,
+    SteadyPoint,
+    Transient,
+    judged,
+    outside,
+    repeats_after,
+    second_half,
+    to_come,
+)
+from bdamper.util import validation
+from bdamper.util.errors import (
+    COMPLETE,
+    INCOMPLETE,
+    INTERRUPTED,
+    NOT_FOUND,
+    BdamperError,
+    SettingError,
+    quiet,
+    with_reason,
+)
+from bdamper.util.formatting import amount, peak_text
+from bdamper.util.progress import Cost, CostMeter, LongWork, one_thread, with_progress
+
+NEIGHBOUR = 1.35
+"""Ratio of the preloads at which an optimum is checked in time: the amplitude rises steeply below it and slowly above."""
+RIGID_BEYOND = 3.0
+"""A free body is rigid in time if its first elastic frequency over that of the highest harmonic exceeds this."""
+VECTORS = 24
+"""Residual modes per harmonic of the richer structure."""
+TRIES = 3
+"""Number of motions from which a refinement is tried."""
+
+# ---- structures in time ----
+
+
+def structure_in_time(problem: Problem, frequency: float) -> tuple[Problem, str]:
+    """Return the problem with the modes for the integration near a frequency (Hz), and a text about them."""
+    s = problem.settings
+    blade, curve = s.most_modes("constrained"), min(s.blade_modes, s.most_modes("constrained"))
+    ratios = _first_elastic(problem, frequency * max(problem.harmonic_numbers, default=1))
+    elastic = {name: n for name, n in _all_elastic(problem).items() if n and ratios[name] <= RIGID_BEYOND}
+    damper = {name: max(n, elastic.get(name, 0)) for name, n in s.by_body("damper_modes").items()}
+    text = f"{curve} of {blade} blade modes in the curve, {blade} in time"
+    known = {name: ratio for name, ratio in ratios.items() if np.isfinite(ratio)}
+    text += "".join(
+        f"; {name} {'elastic' if damper[name] else 'rigid'}, first elastic frequency {ratio:.3g} times the highest harmonic"
+        for name, ratio in known.items()
+    )
+    structure = _with_modes(problem, max(blade, s.blade_modes), damper, s.contact_stiffness)
+    return (structure, text) if structure is not None else (problem, f"{curve} blade modes")
+
+
+def richer_structure(problem: Problem) -> tuple[Problem, str] | None:
+    """Return a structure with all elastic modes and more residual modes, and its name, or None if there is none."""
+    s, elastic = problem.settings, _all_elastic(problem)
+    damper = {name: max(n, elastic[name]) for name, n in s.by_body("damper_modes").items()}
+    residual = problem.contact.residual
+    stiffness, name = s.contact_stiffness, "all modes"
+    if residual is not None and (method := _residual_method(problem)) is not None:
+        stiffness, name = replace(method, n_vectors=VECTORS), f"all modes, {VECTORS} residual modes"
+    if damper == s.by_body("damper_modes") and stiffness is s.contact_stiffness:
+        return None
+    richer = _with_modes(problem, s.blade_modes, damper, stiffness)
+    return None if richer is None else (richer, name)
+
+
+def _residual_method(problem: Problem) -> ResidualModes | None:
+    """Return the settings of residual modes with fewer vectors than the richer structure; None without any."""
+    method = problem.stiffness_method
+    method = ResidualModes() if method == "residual_modes" else method
+    fewer = isinstance(method, ResidualModes) and method.n_vectors != "all" and method.n_vectors < VECTORS
+    return method if fewer else None
+
+
+def _with_modes(problem: Problem, blade: int, damper: Mapping[str, int], stiffness: Any) -> Problem | None:
+    """Return the problem with these numbers of modes and contact stiffness; None if the model does not allow it."""
+    modes: Any = dict(damper) if len(set(damper.values())) > 1 else max(damper.values(), default=0)
+    changes = {"blade_modes": blade, "damper_modes": modes, "contact_stiffness": stiffness}
+    now = {"blade_modes": problem.settings.blade_modes, "damper_modes": problem.settings.damper_modes,
+           "contact_stiffness": problem.settings.contact_stiffness}  # fmt: skip
+    changes = {name: value for name, value in changes.items() if value is not now[name] and value != now[name]}
+    if not changes:
+        return problem
+    try:
+        with quiet():
+            changed = problem.replace(**changes)
+            _ = changed.bases
+        return changed
+    except BdamperError:
+        return None
+
+
+def _all_elastic(problem: Problem) -> dict[str, int]:
+    bodies = problem.model.bodies
+    return {name: bodies[name].bases[0].n_natural - len(RIGID_NAMES) for name in problem.settings.free_bodies}
+
+
+def _first_elastic(problem: Problem, frequency: float) -> dict[str, float]:
+    """Return the first elastic frequency of each free body over a frequency (Hz); infinite without elastic modes."""
+    out = {}
+    for name, n in _all_elastic(problem).items():
+        omega2 = np.sort(problem.model.bodies[name].bases[0].omega2)
+        out[name] = float(np.sqrt(omega2[len(RIGID_NAMES)]) / (TWO_PI * frequency)) if n > 0 else float("inf")
+    return out
+
+
+# ---- highest steady amplitude ----
+
+
+@validation.check_arguments
+@one_thread
+def time_response(
+    problem: Problem, result: ResponseCurve | Peak, *, steps_per_period: int | None = None, blades: int | None = None,
+    starts: int = 1,
+) -> TimeResponse:  # fmt: skip
+    """Compute the highest steady amplitude in time at the preload of a response curve or of a peak, with its error.
+
+    Amplitudes are those of the highest blade (:mod:`bdamper.time_domain.time_response`).
+
+    Parameters
+    ----------
+    problem : Problem
+    result : ResponseCurve or Peak
+        Response curve of this study, from one flank of the resonance to the other.  For a peak the response curve is
+        computed in its interval.
+    steps_per_period : int, optional
+        256 by default; the highest motion is integrated again with twice and four times as many.
+    blades : int, optional
+        Number of blades of the ring; by default the number that the engine order distinguishes.  More blades have more
+        nodal diameters and patterns.
+    starts : int
+        Number of initial states at the highest point.  Further ones have other disturbances (their numbers are the seeds of
+        the phases) and friction without traction, or at its limit in either direction.
+
+    Returns
+    -------
+    TimeResponse
+        "not found" if no motion stays or the integration fails; "incomplete" if the error exceeds 5 %, the mean drifts, or
+        the curve ends before the motion falls.  After Ctrl-C the highest steady motion so far.
+
+    Raises
+    ------
+    SettingError
+        If the result belongs to another study or has no peak, or the settings do not describe a structure in time.
+    """
+    starts = validation.integer("starts", starts, least=1)
+    if isinstance(result, Peak):
+        result = _curve_of_peak(problem, result)
+    check_curve(problem, result)
+    if result.peak_at_end:
+        highest = peak_text(result.peak.amplitude, result.peak.frequency, 6)
+        raise SettingError(f"curve: expected a curve with a peak, found its highest amplitude at its end, {highest}")
+    watch, balance, top, preload = CostMeter(), BalanceCurve(result), result.peak, result.preload
+    structure, text = structure_in_time(problem, top.frequency)
+    none = TimeResponse(*(np.nan,) * 4, preload, top.amplitude, structure=text, **problem.recorded())
+    if not np.isfinite(balance.flank):
+        why = "next to the tip there are several solutions at all frequencies; widen the interval"
+        return replace(none, status=with_reason(NOT_FOUND, why))
+    source = ring_of(problem, preload, blades)
+    ring = source if structure is problem else ring_of(structure, preload, blades)
+    search = SteadySearch(ring, source, balance, STEPS if steps_per_period is None else steps_per_period)
+    answers: dict[str, float] = {}
+    others: dict[str, float] = {}
+    cost = Cost()
+    with LongWork() as work:
+        try:
+            search.run()
+            if (best := search.best) is not None:
+                answers |= {f"{search.steps} steps": best.mean}
+                if search.fall == search.fall:
+                    answers["at the fall"] = _at_fall(search)
+                points = sorted(search.points, key=lambda p: -p.mean)[:TRIES]
+                shorter = _refine(search, points, ring, 2)
+                answers[f"{2 * search.steps} steps"] = shorter.mean
+                answers[f"{4 * search.steps} steps"] = _refine(search, [shorter, *points], ring, 4).mean
+                if (richer := richer_structure(structure)) is not None:
+                    whole = ring_of(richer[0], preload, blades)
+                    answers[richer[1]] = _refine(search, points, whole, 1).mean
+                    cost = whole.cost
+                others = _other_starts(search, best, starts)
+        except MarchFailed as error:
+            search.failure = str(error)
+    cost = watch.read(ring.cost + cost)
+    none = replace(none, periods=search.periods, diameters=ring.nodal_diameters, cost=cost, fall=search.fall)
+    omitted = "" if result.complete else f"there may be a higher peak, as the curve is {result.status}"
+    return _stated(none, search, answers, others, omitted, work.interrupted)
+
+
+def _curve_of_peak(problem: Problem, peak: Peak) -> ResponseCurve:
+    """Return the response curve of a peak in its interval."""
+    what = "the highest peak of this study at its preload"
+    if not peak.converged or "frequency" not in peak.settings:
+        raise validation.invalid("result", "a peak at a preload", peak.status)
+    if peak.model_hash != problem.model.hash:
+        raise validation.invalid("result", what, "a peak of another model")
+    curve = frequency_response(problem, peak.parameter, tuple(peak.settings["frequency"]))
+    if not (len(curve) and np.isclose(curve.peak.amplitude, peak.amplitude, rtol=1e-3, atol=0.0)):
+        raise validation.invalid("result", what, f"{amount(peak.amplitude, 'm')} at {peak.frequency:.6g} Hz")
+    return curve
+
+
+def _refine(search: SteadySearch, points: list[SteadyPoint], ring: Ring, finer: int) -> SteadyPoint:
+    """Return the highest motion with ``finer`` times the steps, or in a richer structure.
+
+    Where it falls, the next highest of ``points`` is tried.
+    """
+    for point in filter(lambda p: p.stays, points):
+        motion = transfer(search.ring, point.transient.motion, ring) if ring is not search.ring else point.transient.motion
+        refined = search.settle(point.frequency, motion._replace(a=None), point.mean, finer, ring)
+        if refined.stays:
+            break
+    return refined
+
+
+def _at_fall(search: SteadySearch) -> float:
+    """Return the amplitude (m) of the highest motion, extrapolated to the frequency at which it falls."""
+    best, *others = sorted(search.points, key=lambda p: -p.mean)
+    gap = search.fall - best.frequency
+    behind = [p for p in others if (p.frequency - best.frequency) * gap < 0.0]
+    if not behind:
+        return best.mean
+    near = min(behind, key=lambda p: abs(p.frequency - best.frequency))
+    return best.mean + max(0.0, (best.mean - near.mean) * gap / (best.frequency - near.frequency))
+
+
+def _other_starts(search: SteadySearch, best: SteadyPoint, starts: int) -> dict[str, float]:
+    """Return the amplitudes (m) that other disturbances and tractions of the highest motion lead to."""
+    tractions, out = search.ring.tractions(best.transient.motion), {}
+    for k in range(1, starts):
+        name = list(tractions)[(k - 1) % len(tractions)]
+        motion = search.ring.seeded(best.transient.motion._replace(w=tractions[name]), CRITERIA.seed, k)
+        out[f"start {k}, {name}"] = search.settle(best.frequency, motion, best.mean, 1, search.ring).mean
+    return out
+
+
+def _stated(
+    none: TimeResponse, search: SteadySearch, answers: dict[str, float], others: dict[str, float], omitted: str,
+    interrupted: bool,
+) -> TimeResponse:  # fmt: skip
+    """Return the result of a search from a result without amplitudes; ``omitted`` is what the curve may not contain."""
+    best = search.best
+    if best is None:
+        why = search.failure or "no motion stays near the peak"
+        return replace(none, status=INTERRUPTED if interrupted else with_reason(NOT_FOUND, why))
+    answers = answers or {f"{search.steps} steps": best.mean}
+    low, high = min(answers.values()), max(answers.values())
+    change = max(abs(best.change), CRITERIA.drift)
+    doubts = [
+        "not settled" if high > (1.0 + CRITERIA.tolerance) * low else "",
+        search.failure,
+        f"its mean still changes by {100.0 * best.change:+.2g} %" if abs(best.change) > CRITERIA.tolerance else "",
+        "the curve ends before the motion falls; widen the interval" if search.at_end(best) else "",
+        omitted,
+    ]
+    left = "; ".join(filter(None, doubts))
+    carried, all_ = len(search.ring.nodal_diameters), search.ring.n // 2 + 1
+    said = "; ".join(filter(None, (
+        f"from the tip; a sweep from the flank has at most {amount(search.below, 'm')}"
+        if search.below == search.below else "",
+        f"{carried} of {all_} nodal diameters were integrated" if carried < all_ else "",
+    )))  # fmt: skip
+    return replace(
+        none, mean=best.mean, lowest=(1.0 - change) * low, highest=(1.0 + change) * high,
+        highest_period=float(best.amplitude.max()), frequency=best.frequency, answers=answers, starts=others,
+        status=INTERRUPTED if interrupted else with_reason(INCOMPLETE, left) if left else with_reason(COMPLETE, said),
+        **of_blades(best.transient, len(best.amplitude)),
+    )  # fmt: skip
+
+
+def of_blades(transient: Transient, periods: int) -> dict[str, Any]:
+    """Return the fields of a result about all blades, from the last periods of a time integration."""
+    blades, half = transient.blades[-periods:], len(transient.harmonics) // 2
+    ratio = outside(transient, half)[0] if half else 0.0
+    return {
+        "blade": transient.blade, "blades": np.abs(blades), "waves": transient.ring.waves(blades),
+        "energy": tuple(float(x) for x in np.mean(transient.energy[-periods:], axis=0)),
+        "growth": float(np.log(ratio)) / half if ratio else float("nan"),
+    }  # fmt: skip
+
+
+@validation.check_arguments
+@one_thread
+def with_time_response(
+    problem: Problem, curve: OptimalCurve, preload: Sequence[float] | NDArray | None = None, *, progress: bool = False
+) -> OptimalCurve:
+    """Return the optimal curve with the steady-state amplitude in time at some preloads.
+
+    Parameters
+    ----------
+    problem : Problem
+    curve : OptimalCurve
+        Optimal curve of this study.
+    preload : sequence of float, N, optional
+        By default the optimum and a preload 1.35 times as large.
+    progress : bool
+        Show a progress bar of the preloads.
+
+    Returns
+    -------
+    OptimalCurve
+        ``time_response`` has a further ``bdamper.response.verification.TimeResponse`` for each preload, in ascending
+        order; it gives the reason if no time integration is possible, and is empty without an optimum.  After Ctrl-C
+        unfinished preloads have the status "interrupted".
+
+    Raises
+    ------
+    SettingError
+        If the curve belongs to another model.
+    """
+    validation.instance("curve", curve, OptimalCurve)
+    if curve.model_hash != problem.model.hash:
+        raise validation.invalid("curve", "an optimal curve of this study", "a curve of another model")
+    options = ContinuationOptions(budget=BUDGET)
+    if preload is None:
+        best = curve.optimum.preload
+        preloads = [p for p in (best, NEIGHBOUR * best) if np.isfinite(p)]
+    else:
+        preloads = [float(p) for p in validation.numbers("preload", preload, above=0.0, unit="N")]
+    none = {p: TimeResponse(*(np.nan,) * 4, p, np.nan, status=INTERRUPTED) for p in preloads}
+    responses, cost = none | {k.preload: k for k in curve.time_response}, curve.cost
+    with LongWork():
+        for p in with_progress(preloads, progress, "time integration", "preload"):
+            try:
+                tracked = uninterrupted(frequency_response(problem, p, curve.settings["frequency"], options=options))
+                cost += tracked.cost
+                responses[p] = time_response(problem, tracked)
+                cost += responses[p].cost
+            except BdamperError as error:
+                responses[p] = replace(none[p], status=with_reason(NOT_FOUND, error))
+    return replace(curve, time_response=tuple(responses[p] for p in sorted(responses)), cost=cost)
+
+
+# ---- one motion ----
+
+
+def disturbed(ring: Ring, u: NDArray, omega: float, steps: int | None = None) -> Transient:
+    """Return a time integration from a solution (n_unknowns,) with a disturbance of every nodal diameter."""
+    transient = Transient(ring, omega, u, steps)
+    return Transient(ring, omega, ring.seeded(transient.motion, CRITERIA.seed, 0), transient.steps)
+
+
+def compare_with_solution(
+    transient: Transient, expected: NDArray, tolerance: float = CRITERIA.tolerance, periods: int = CRITERIA.longest,
+    progress: bool = False,
+) -> tuple[str, str, bool]:  # fmt: skip
+    """Integrate until it is decided whether the motion keeps the response ``expected`` (n_harmonics + 1,) complex, m.
+
+    Returns
+    -------
+    verdict, reason : str
+    interrupted : bool
+
+    Raises
+    ------
+    MarchFailed
+        If the time integration fails.
+    """
+
+    def verdict_so_far() -> tuple[str, str]:
+        return judged(transient.amplitude, float(abs(expected[1])), tolerance, transient.memory)
+
+    stopped = transient.run(periods, progress, lambda: verdict_so_far()[0] != UNDECIDED)
+    if not transient.harmonics:
+        raise KeyboardInterrupt
+    return (*verdict_so_far(), stopped)
+
+
+@one_thread
+def motion_in_time(
+    problem: Problem,
+    curve: ResponseCurve,
+    index: int | None = None,
+    *,
+    frequency: float | None = None,
+    periods: int | None = None,
+    tolerance: float = CRITERIA.tolerance,
+    steps_per_period: int | None = None,
+    progress: bool = False,
+) -> MotionInTime:
+    """Integrate in time from a point of a response curve, and decide whether the motion agrees with it.
+
+    All sectors are included, each with its contacts, and every nodal diameter is disturbed; there is no truncated Fourier
+    series and no assumption of a travelling wave.  The modes are those of the curve.  The integration ends with the
+    decision, usually after 96 to 200 periods.  With ``frequency`` it starts from the closest solution and has a given
+    number of periods without a decision.  This applies to frequencies without a solution, or without a stable one: a
+    rattling damper may have no periodic response, and mean and range of the amplitude describe it.
+
+    Parameters
+    ----------
+    problem : Problem
+    curve : ResponseCurve
+        Response curve of this problem.
+    index : int, optional
+        Index of the point; the largest response by default.
+    frequency : float, Hz, optional
+        Frequency of the excitation, instead of a point.
+    periods : int, optional
+        Periods of the excitation: the largest number until a decision, 1,000 by default, or with ``frequency`` the number,
+        200 by default.  A transient of a mode with damping ratio ``zeta`` takes about ``1/(2 zeta)`` periods.
+    tolerance : float
+        Largest relative difference of the amplitude for the decision.
+    steps_per_period : int, optional
+        1,024 by default, 256 with ``frequency``.
+    progress : bool
+        Show a progress bar of the periods, with the remaining time.
+
+    Returns
+    -------
+    MotionInTime
+        ``verdict`` is "agrees", "does not agree" or "undecided"; it is empty with ``frequency``, and the status is
+        "incomplete" while the mean changes.  After Ctrl-C the result of the periods so far.
+
+    Raises
+    ------
+    SettingError
+        If a number is not valid, both a point and a frequency are given, the curve has no points, or the settings do not
+        describe a structure in time.
+    MarchFailed
+        If the time integration fails.
+    """
+    check_curve(problem, curve)
+    validation.check_value(len(curve), "curve", "a curve with points", f"no points ({curve.status}: {curve.reason})")
+    tolerance = validation.number("tolerance", tolerance, above=0.0, most=1.0)
+    free = frequency is not None
+    if frequency is not None:
+        frequency = validation.number("frequency", frequency, above=0.0, unit="Hz")
+        if index is not None:
+            raise validation.invalid("index", "none, since a frequency is given", index)
+        i = int(np.abs(curve.frequency - frequency).argmin())
+    else:
+        i = (
+            curve.peak_index
+            if index is None
+            else validation.integer("index of a point", index, -len(curve), len(curve) - 1)
+        )
+        frequency = float(curve.frequency[i])
+    default = (200, STEPS) if free else (CRITERIA.longest, CRITERIA.steps)
+    periods = default[0] if periods is None else validation.integer("periods", periods, least=CRITERIA.look if free else 1)
+    watch, ring = CostMeter(), ring_of(problem, curve.preload)
+    transient = disturbed(ring, curve.unknowns[i], TWO_PI * frequency, steps_per_period or default[1])
+    expected = problem.system(curve.preload).response(curve.unknowns[i])
+    more: dict[str, Any] = {}
+    if free:
+        interrupted = transient.run(periods, progress)
+        if interrupted and len(transient.harmonics) < CRITERIA.look:
+            raise KeyboardInterrupt
+        change = to_come(transient.amplitude, transient.memory)
+        moving = f"the mean changes by another {100.0 * change:+.2g} % by estimate; use more periods"
+        status = with_reason(INCOMPLETE, moving) if abs(change) > CRITERIA.drift else COMPLETE
+    else:
+        verdict, reason, interrupted = compare_with_solution(transient, expected, tolerance, periods, progress)
+        distance = np.linalg.norm((transient.response[-1] - expected)[1:]) / max(float(np.linalg.norm(expected[1:])), 1e-300)
+        more = {"balance": float(abs(expected[1])), "verdict": verdict, "reason": reason, "distance": float(distance)}
+        status = with_reason(INCOMPLETE, UNDECIDED) if verdict == UNDECIDED else COMPLETE
+    amplitude = second_half(transient.amplitude)
+    return MotionInTime(
+        float(amplitude.mean()), float(amplitude.min()), float(amplitude.max()), frequency, curve.preload,
+        transient.response, repeats_after=repeats_after(transient.response), diameters=ring.nodal_diameters,
+        status=INTERRUPTED if interrupted else status, cost=watch.read(ring.cost),
+        **of_blades(transient, len(amplitude)), **more, **problem.recorded(),
+    )  # fmt: skip
