@@ -29,6 +29,7 @@ from bdamper.response.continuation import TWO_PI
 from bdamper.response.response_curve_result import ResponseCurve, crossed
 from bdamper.time_domain.integration import Motion, Ring, transfer
 from bdamper.time_domain.transient import CRITERIA, SteadyPoint, Transient, settle
+from bdamper.util.formatting import amount
 
 PACE = 40
 """Periods in which a sweep covers the half width of the resonance.  With 15 to 20 periods a motion of the difficult disk
@@ -233,9 +234,10 @@ class SteadySearch:
                 return
             k, back = (k - back if k > back else k - 1), 2 * back
         if not self.points:
+            solution = amount(max(self.balance.at(place.frequency), default=np.nan), "m")
             self.failure = (
-                f"the motion falls at all frequencies, to {1e6 * point.mean:.4g} µm at {point.frequency:.6g} Hz; harmonic "
-                f"balance gives {1e6 * max(self.balance.at(point.frequency), default=np.nan):.4g} µm there"
+                f"at {place.frequency:.6g} Hz, near the peak, harmonic balance gives {solution}, but the amplitude in time "
+                f"becomes {amount(point.mean, 'm')}"
             )
 
     def settle(

@@ -492,8 +492,8 @@ def motion_in_time(
         status = with_reason(INCOMPLETE, moving) if abs(change) > CRITERIA.drift else COMPLETE
     else:
         verdict, reason, interrupted = compare_with_solution(transient, expected, tolerance, periods, progress)
-        distance = np.linalg.norm((transient.response[-1] - expected)[1:]) / max(float(np.linalg.norm(expected[1:])), 1e-300)
-        more = {"balance": float(abs(expected[1])), "verdict": verdict, "reason": reason, "distance": float(distance)}
+        apart, size = (float(np.linalg.norm(x[1:])) for x in (transient.response[-1] - expected, expected))
+        more = {"balance": float(abs(expected[1])), "verdict": verdict, "reason": reason, "distance": apart / max(size, 1e-300)}
         status = with_reason(INCOMPLETE, UNDECIDED) if verdict == UNDECIDED else COMPLETE
     amplitude = second_half(transient.amplitude)
     return MotionInTime(
