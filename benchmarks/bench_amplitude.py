@@ -140,6 +140,8 @@ def reference(number: int, preload: float) -> dict[str, Any]:
     begin = time.process_time()
     base, whole = study(name, order, friction), study(name, order, friction, **WHOLE[name])
     curve = base.frequency_response(preload, BANDS[name])
+    if curve.peak_at_end:
+        return {"preload": preload, "no peak": f"highest at {curve.peak.frequency:.6g} Hz, the end of the band"}
     width, sides = flanks(curve)
     ring, small = ring_of(whole.problem, preload), ring_of(base.problem, preload)
     tip = curve.peak.frequency
@@ -212,6 +214,51 @@ def carried(source: Ring, motion: Motion, target: Ring) -> Motion:
     return Motion(out[0], out[1], motion.w)
 
 
+def answer(number: int, preload: float) -> dict[str, Any]:
+    """Default answer at the preload of a scene."""
+    name, order, friction, _ = random(number)
+    base = study(name, order, friction)
+    begin = time.process_time()
+    curve = base.frequency_response(preload, BANDS[name])
+    if curve.peak_at_end:
+        return {"status": "no peak"}
+    t = base.time_response(curve)
+    sizes = {"um": t.mean, "low": t.lowest, "high": t.highest, "highest period": t.highest_period}
+    out: dict[str, Any] = {what: round(1e6 * value, 3) for what, value in sizes.items()}
+    out |= {"hz": t.frequency, "fall": t.fall, "status": t.status, "periods": t.periods}
+    out["answers"] = {what: round(1e6 * value, 3) for what, value in t.answers.items()}
+    return out | {"seconds": round(time.process_time() - begin, 1)}
+
+
+def show(known: Known) -> None:
+    """Print every answer beside its reference, and what the aims of the comparison count."""
+    rows = []
+    for n in range(SCENES):
+        truth, said = known.get(f"{n} reference", {}), known.get(f"{n} answer", {})
+        name, order, friction, _ = random(n)
+        scene = f"{n:2d} {name:13} {order:2d} {friction:.2f} {truth.get('preload', np.nan):6.1f} N"
+        if "um" not in truth or "um" not in said:
+            print(f"{scene}  reference {truth.get('um', np.nan):.4g}: {said.get('status', '')}")
+            continue
+        complete = said["status"].startswith("complete")
+        inside = said["low"] <= truth["high"] and truth["low"] <= said["high"]
+        off, width = 100.0 * (said["um"] / truth["um"] - 1.0), 100.0 * (said["high"] / said["low"] - 1.0)
+        rows.append((complete, inside, off, width, said["seconds"]))
+        print(
+            f"{scene}  {truth['um']:6.1f} ({truth['low']:.1f} to {truth['high']:.1f})  {said['um']:6.1f} "
+            f"({said['low']:.1f} to {said['high']:.1f}) {off:+5.1f} % {'' if inside else 'OUTSIDE'} "
+            f"{said['periods']} periods {said['seconds']} s  {said['status'][:60]}"
+        )
+    complete = [row for row in rows if row[0]]
+    print(
+        f"{len(rows)} scenes with a reference, {sum(inside or not c for c, inside, *_ in rows)} within the range or not "
+        f"settled, {len(rows) - len(complete)} not settled; of the complete ones the largest difference is "
+        f"{max((abs(off) for _, _, off, _, _ in complete), default=0.0):.1f} %, the median width "
+        f"{np.median([width for *_, width, _ in complete]):.1f} %, the median time "
+        f"{np.median([seconds for *_, seconds in complete]):.1f} s"
+    )
+
+
 def read() -> Known:
     lines = RESULTS.read_text().splitlines() if RESULTS.exists() else []
     return {key: value for line in lines for key, value in json.loads(line).items()}
@@ -236,10 +283,14 @@ def main() -> None:
     what, *numbers = sys.argv[1:]
     warnings.simplefilter("ignore", BdamperWarning)
     known = read()
+    if what == "show":
+        return show(known)
     for number in map(int, numbers or range(SCENES)):
         preload = preload_of(number, known)
         if what == "references" and f"{number} reference" not in known:
             keep(f"{number} reference", reference(number, preload))
+        if what == "answers" and f"{number} answer" not in known:
+            keep(f"{number} answer", answer(number, preload))
 
 
 if __name__ == "__main__":

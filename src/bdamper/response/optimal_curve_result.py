@@ -286,7 +286,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
         more = 100.0 * (time_response.mean / time_response.balance - 1.0)
         change = f"{abs(more):.0f} % {'more' if more > 0.0 else 'less'}"
         alike = f" Blades do not vibrate alike: {span(*time_response.spread, 'm')}." if time_response.parted else ""
-        return f"Time integration{at} gives {amount(time_response.mean, 'm')} ({change}).{alike}"
+        return f"Time integration{at} gives {time_response.text}, {change} than harmonic balance.{alike}"
 
     def _recommended(self) -> str:
         """Return a sentence with the preload of minimum amplitude in time and the rise at half of the optimum."""
@@ -297,12 +297,12 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
         if rise.min() > 1.0:
             lower = f"at half the optimum the amplitude is {rise.min():.2g} to {rise.max():.2g} times higher"
         if not (least := self.optimum_in_time):
-            return f"{lower[:1].upper()}{lower[1:]}." if lower else ""
-        known = self._known
-        at = ", ".join(f"{amount(k.mean, 'm')} at {amount(k.preload, 'N')}" for k in known)
-        last = {known[0].preload: "lower", known[-1].preload: "higher"}.get(least.preload, "")
-        doubt = f", the {last}est preload in time: it may be less beyond" if last else ""
-        said = f"Recommended: {amount(least.preload, 'N')}, the least in time of {at}{doubt}"
+            why = "no preload is recommended, as the amplitude in time is not settled at two"
+            said = "; ".join(filter(None, (why if self.time_response else "", lower)))
+            return f"{said[0].upper()}{said[1:]}." if said else ""
+        beyond = {self._known[0].preload: "lower", self._known[-1].preload: "higher"}.get(least.preload, "")
+        said = f"Recommended: {amount(least.preload, 'N')}, where the amplitude in time is least"
+        said += f"; it may be less at {beyond} preloads" if beyond else ""
         if not np.isclose(least.preload, self.optimum.preload):
             said += f"; harmonic balance alone has its minimum at {amount(self.optimum.preload, 'N')}"
         return f"{said}; {lower}." if lower else f"{said}."

@@ -493,7 +493,8 @@ def motion_in_time(
     else:
         verdict, reason, interrupted = compare_with_solution(transient, expected, tolerance, periods, progress)
         apart, size = (float(np.linalg.norm(x[1:])) for x in (transient.response[-1] - expected, expected))
-        more = {"balance": float(abs(expected[1])), "verdict": verdict, "reason": reason, "distance": apart / max(size, 1e-300)}
+        more = {"balance": float(abs(expected[1])), "distance": apart / max(size, 1e-300)}
+        more |= {"verdict": verdict, "reason": reason}
         status = with_reason(INCOMPLETE, UNDECIDED) if verdict == UNDECIDED else COMPLETE
     amplitude = second_half(transient.amplitude)
     return MotionInTime(
