@@ -297,6 +297,6 @@ class SteadySearch:
             return None
         (a, b), (ma, mb) = (p.frequency - f for p in sides), (p.mean - best.mean for p in sides)
         slope, curvature = np.linalg.solve([[a, a * a], [b, b * b]], [ma, mb])
-        at = -0.5 * slope / curvature if curvature < 0.0 else 0.0
+        at = -0.5 * float(slope / curvature) if curvature < 0.0 else 0.0
         rises = slope * at + curvature * at * at > CRITERIA.drift * best.mean
         return f + at if rises and abs(at) > 0.5 * min(near, step) else None
