@@ -1,7 +1,8 @@
-"""Whether the amplitude in time that a study states contains the one of the whole structure.
+"""Amplitudes in time that a study states, their error beside the whole structure, and what accuracy costs in time.
 
 ``python -m benchmarks.bench_amplitude references`` computes the references that ``results/amplitude.jsonl`` does not have,
-``... answers`` the default answers, and ``... show`` compares both.  Numbers of scenes may follow.
+``... answers`` the default answers, and ``... curves`` peaks of response curves.  ``... show`` compares them, and draws
+``docs/images/cost.png``.  Numbers of scenes may follow.
 
 Each scene is drawn from its number before anything is computed: the turbine blade (even numbers) or the difficult disk (odd
 ones), engine order 5 or 10, a friction coefficient of 0.2 to 0.6, and 0.8 to 4 times the preload of the least peak of the
@@ -25,10 +26,13 @@ import warnings
 from pathlib import Path
 from typing import Any
 
+import matplotlib.pyplot as plt
 import numpy as np
 
 import bdamper as bd
 from bdamper.contact.residual_flexibility import RESIDUAL
+from bdamper.plot import save_figure
+from bdamper.plot.axes import STYLE
 from bdamper.time_domain.integration import MarchFailed, Motion, Ring, ring_of
 from bdamper.time_domain.transient import Transient
 from bdamper.util.errors import BdamperError, BdamperWarning
@@ -42,6 +46,12 @@ WHOLE: dict[str, dict[str, Any]] = {
 }
 PACE = 60.0  # periods in which a sweep covers the half width of the resonance
 WINDOW, HOLD, AWAY = 40, 160, 0.05
+SETTLED = 0.1  # relative width of the error bar of a settled reference
+CURVES: dict[str, dict[str, Any]] = {
+    "1 harmonic, unit tractions": {"harmonics": 1, "contact_stiffness": "unit_traction"}, "default curve": {},
+}  # fmt: skip
+IN_TIME = "default, in time", "all modes, in time"
+IMAGE = Path(__file__).parents[1] / "docs" / "images" / "cost.png"
 Known = dict[str, dict[str, Any]]
 
 
@@ -228,6 +238,57 @@ def answer(number: int, preload: float) -> dict[str, Any]:
     return out | {"seconds": round(time.process_time() - begin, 1)}
 
 
+def curves(number: int, preload: float) -> dict[str, Any]:
+    """Peaks of cheap and default response curves at the preload of a scene."""
+    name, order, friction, _ = random(number)
+    out: dict[str, Any] = {}
+    for what, settings in CURVES.items():
+        begin = time.process_time()
+        curve = study(name, order, friction, **settings).frequency_response(preload, BANDS[name])
+        out[what] = {"um": 1e6 * curve.peak.amplitude, "seconds": round(time.process_time() - begin, 3)}
+    return out
+
+
+def costs(known: Known, model: int) -> dict[str, tuple[Any, Any]]:
+    """Errors (%) and seconds of each way to an amplitude, in the scenes of a model with a settled reference."""
+    out: dict[str, tuple[list[float], list[float]]] = {what: ([], []) for what in (*CURVES, *IN_TIME)}
+    for n in range(model, SCENES, 2):
+        truth, said, cheap = (known.get(f"{n} {what}", {}) for what in ("reference", "answer", "curves"))
+        if not (cheap and "um" in said and truth.get("high", np.inf) <= (1.0 + SETTLED) * truth.get("low", 0.0)):
+            continue
+        middle = 0.5 * (truth["low"] + truth["high"])
+        ways = dict(cheap) | dict(zip(IN_TIME, (said, {"um": truth["high"], "seconds": truth["seconds"]})))
+        for what, way in ways.items():
+            out[what][0].append(100.0 * abs(way["um"] / middle - 1.0))
+            out[what][1].append(way["seconds"])
+    return {what: (np.array(errors), np.array(seconds)) for what, (errors, seconds) in out.items()}
+
+
+def draw(known: Known) -> None:
+    """Draw the error over the time of each way: medians and quartiles."""
+    names = [*CURVES, *IN_TIME]
+    with plt.rc_context(STYLE):
+        figure, axes = plt.subplots(1, 2, figsize=(7.2, 3.2), sharey=True)
+        for model, (ax, title) in enumerate(zip(axes, ("typical turbine blade", "difficult disk"))):
+            found = costs(known, model)
+            x = np.array([np.median(seconds) for _, seconds in found.values()])
+            low, y, high = np.array([np.quantile(errors, (0.25, 0.5, 0.75)) for errors, _ in found.values()]).T
+            ax.errorbar(x, y, [y - low, high - y], fmt="o-", color="k", markersize=5.0, capsize=2.0, linewidth=1.0)
+            for k, name in enumerate(names):
+                ax.annotate(name, (x[k], y[k]), xytext=(6, 4), textcoords="offset points", fontsize=8.0)
+            scenes = len(found[names[0]][0])
+            ax.set(xscale="log", yscale="log", title=f"{title}, {scenes} scenes", xlabel="Processor time (s)")
+            ax.xaxis.set_major_formatter("{x:g}")
+            ax.set_xlim(0.5 * x[0], 12.0 * x[-1])
+        axes[0].set_ylabel("Error of the amplitude (%)")
+        axes[0].yaxis.set_major_formatter("{x:g}")
+        save_figure(figure, IMAGE)
+    for model in range(2):
+        for what, (errors, seconds) in costs(known, model).items():
+            low, middle, high = np.quantile(errors, (0.25, 0.5, 0.75))
+            print(f"| {what} | {np.median(seconds):.2g} s | {middle:.2g} ({low:.2g} to {high:.2g}) |")
+
+
 def show(known: Known) -> None:
     """Print every answer beside its reference, and what the aims of the comparison count."""
     rows = []
@@ -282,11 +343,14 @@ def main() -> None:
     warnings.simplefilter("ignore", BdamperWarning)
     known = read()
     if what == "show":
-        return show(known)
+        show(known)
+        return draw(known)
     for number in map(int, numbers or range(SCENES)):
         preload = preload_of(number, known)
         if what == "references" and f"{number} reference" not in known:
             keep(f"{number} reference", reference(number, preload))
+        if what == "curves" and f"{number} curves" not in known:
+            keep(f"{number} curves", curves(number, preload))
         if what == "answers" and f"{number} answer" not in known:
             keep(f"{number} answer", answer(number, preload))
 
