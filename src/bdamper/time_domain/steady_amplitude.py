@@ -48,7 +48,7 @@ LEVEL = 0.9
 HIGHER = 1.05
 """Ratio of amplitudes from which a motion is another, higher one."""
 MOST_POINTS = 16
-"""Largest number of motions that settle in a search."""
+"""Largest number of motions that settle around one."""
 
 
 class BalanceCurve:
@@ -180,24 +180,22 @@ class SteadySearch:
         """Search from the flank and from the tip."""
         flank, tip = self.balance.flank, self.balance.tip
         way = float(np.sign(tip - flank))
-        sweep = self.sweep(self.start(flank), flank, way)
-        if _top(sweep) <= 1:  # the motion is higher on the other side
-            back = self.sweep(sweep[0].motion, flank, -way)
-            sweep = max(sweep, back, key=lambda places: places[_top(places)].mean)
+        sweeps = [self.sweep(self.start(flank), flank, way)]
+        if _top(sweeps[0]) <= 1:  # the motion is higher on the other side
+            sweeps.append(self.sweep(sweeps[0][0].motion, flank, -way))
+        along = max(place.mean for places in sweeps for place in places)
+        nearest = min((place for places in sweeps for place in places), key=lambda place: abs(place.frequency - tip))
         here = Transient(self.ring, TWO_PI * tip, self.start(tip), self.steps)
         here.advance(CRITERIA.fewest)
         self.periods += CRITERIA.fewest
         start = Place(tip, float(here.amplitude[-STRIDE:].mean()), here.motion)
-        sweeps = [sweep]
-        if start.mean > HIGHER * min(sweep, key=lambda p: abs(p.frequency - tip)).mean:
-            ways = [self.sweep(start.motion, tip, sign) for sign in (1.0, -1.0)]
-            sweeps.append(max(ways, key=lambda places: places[_top(places)].mean))
-        for places in sorted(sweeps, key=lambda places: -places[_top(places)].mean):
+        from_tip = [self.sweep(start.motion, tip, sign) for sign in (1.0, -1.0) if start.mean > HIGHER * nearest.mean]
+        for places in sorted((*sweeps, *from_tip), key=lambda places: -places[_top(places)].mean):
             best = self.best
             if best is None or places[_top(places)].mean > HIGHER * best.mean:
                 self.settle_back(places)
-                if places is not sweep and self.best is not best:
-                    self.below = sweep[_top(sweep)].mean
+                if self.best is not best:
+                    self.below = along if any(places is way for way in from_tip) else np.nan
         while (best := self.best) is not None:
             self.points.remove(best)
             if self.settle(best.frequency, best.transient.motion, best.mean, parting=True).stays:
@@ -269,7 +267,7 @@ class SteadySearch:
 
     def look_around(self, best: SteadyPoint, way: float) -> None:
         """Settle around a steady motion until the highest one is known, beginning on the side ``way`` (1 or -1)."""
-        while best is not None and len(self.points) + len(self.fell) < MOST_POINTS:
+        for _ in range(MOST_POINTS):
             frequency = self._next(best, way)
             if frequency is None:
                 return
@@ -298,5 +296,5 @@ class SteadySearch:
         (a, b), (ma, mb) = (p.frequency - f for p in sides), (p.mean - best.mean for p in sides)
         slope, curvature = np.linalg.solve([[a, a * a], [b, b * b]], [ma, mb])
         at = -0.5 * float(slope / curvature) if curvature < 0.0 else 0.0
-        rises = slope * at + curvature * at * at > CRITERIA.drift * best.mean
+        rises = slope * at + curvature * at * at > max(CRITERIA.drift, abs(best.change)) * best.mean
         return f + at if rises and abs(at) > 0.5 * min(near, step) else None

@@ -291,7 +291,7 @@ def _stated(
     doubts = [
         "not settled" if high > (1.0 + CRITERIA.tolerance) * low else "",
         search.failure,
-        f"its mean still changes by {100.0 * best.change:+.2g} %" if abs(best.change) > CRITERIA.tolerance else "",
+        f"its mean is uncertain by {100.0 * abs(best.change):.2g} %" if abs(best.change) > CRITERIA.tolerance else "",
         "the curve ends before the motion falls; widen the interval" if search.at_end(best) else "",
         omitted,
     ]
