@@ -43,7 +43,7 @@ from bdamper.response.response_curve import NO_STEADY
 from bdamper.response.response_curve_result import ResponseCurve, unstable_points
 from bdamper.response.sensitivity import CurveSensitivity, band
 from bdamper.response.verification import TimeResponse
-from bdamper.time_domain.transients import TimeSweep
+from bdamper.time_domain.frequency_sweep import TimeSweep
 from bdamper.util import validation
 from bdamper.util.display import register_plot
 from bdamper.util.formatting import amount, percent, spaced
