@@ -480,7 +480,8 @@ def motion_in_time(
     default = (200, STEPS) if free else (CRITERIA.longest, CRITERIA.steps)
     periods = default[0] if periods is None else validation.integer("periods", periods, least=CRITERIA.look if free else 1)
     watch, ring = CostMeter(), ring_of(problem, curve.preload)
-    transient = disturbed(ring, curve.unknowns[i], TWO_PI * frequency, steps_per_period or default[1])
+    steps = default[1] if steps_per_period is None else steps_per_period
+    transient = disturbed(ring, curve.unknowns[i], TWO_PI * frequency, steps)
     expected = problem.system(curve.preload).response(curve.unknowns[i])
     more: dict[str, Any] = {}
     if free:
