@@ -198,10 +198,10 @@ class SteadySearch:
                 self.settle_back(places)
                 if places is not sweep and self.best is not best:
                     self.below = sweep[_top(sweep)].mean
-        while (best := self.best) is not None:
+        parted: list[SteadyPoint] = []
+        while (best := self.best) is not None and best not in parted:
             self.points.remove(best)
-            if self.settle(best.frequency, best.transient.motion, best.mean, parting=True).stays:
-                return
+            parted.append(self.settle(best.frequency, best.transient.motion, best.mean, parting=True))
 
     def start(self, frequency: float) -> Motion:
         """Return the highest solution of the balance closest to a frequency, with disturbances of all blades."""
