@@ -173,7 +173,10 @@ class SteadySearch:
         best = self.best
         if best is None:
             return min(self.fell, key=lambda f: abs(f - self.balance.tip), default=float("nan"))
-        between = [f for f in self.fell for p in self.points if (p.frequency - f) * (best.frequency - p.frequency) > 0.0]
+        between = [
+            f for f in self.fell for p in self.points
+            if (p.frequency - f) * (best.frequency - p.frequency) > 0.0 and abs(p.frequency - f) > FINE * f
+        ]  # fmt: skip
         return min(set(self.fell) - set(between), key=lambda f: abs(f - best.frequency), default=float("nan"))
 
     def run(self) -> None:
