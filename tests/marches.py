@@ -1,32 +1,60 @@
-"""Marches of equations from a state, beside those of studies."""
+"""Time integration of equations, beside that of studies."""
 
 import itertools
+from typing import NamedTuple
 
 import numpy as np
 
 from bdamper.time_domain.integration import Ring
-from bdamper.time_domain.march import March
-from bdamper.time_domain.transients import settled, verified
+from bdamper.time_domain.time_response import compare_with_solution
+from bdamper.time_domain.transient import Transient
 
 
 def fails_after(monkeypatch, calls):
-    """Let every march of a ring after the first ones start so far away that it overflows."""
-    march, done = Ring.integrate, itertools.count()
+    """Let every integration of a ring after the first ones start so far away that it overflows."""
+    own, done = Ring.integrate, itertools.count()
 
     def failing(ring, motion, omega, *given, **asked):
         if next(done) >= calls:
             motion = motion._replace(q=np.full_like(motion.q, 1e308))
-        return march(ring, motion, omega, *given, **asked)
+        return own(ring, motion, omega, *given, **asked)
 
     monkeypatch.setattr(Ring, "integrate", failing)
 
 
-def verify_solution(system, u, omega, n_blades, engine_order, steps_per_period=None, **asked):
-    """Whether the motion keeps to a solution."""
-    march = March(Ring(system, n_blades, engine_order), omega, u, steps_per_period)
-    return verified(march, system.response(np.asarray(u)), **asked)
+def interrupted_at(monkeypatch, call):
+    """Let one integration of a ring, counted from 0, be interrupted by Ctrl-C."""
+    own, done = Ring.integrate, itertools.count()
+
+    def stopped(ring, *given, **asked):
+        if next(done) == call:
+            raise KeyboardInterrupt
+        return own(ring, *given, **asked)
+
+    monkeypatch.setattr(Ring, "integrate", stopped)
 
 
-def march_until_settled(system, omega, n_blades, engine_order, start, preload, steps_per_period=None, **asked):
-    """What the motion comes to."""
-    return settled(March(Ring(system, n_blades, engine_order), omega, start, steps_per_period), preload, **asked)
+class Compared(NamedTuple):
+    """Verdict on a solution, the integration, and the relative distance of the last period from the solution."""
+
+    verdict: str
+    reason: str
+    interrupted: bool
+    transient: Transient
+    distance: float
+
+
+def compared(system, u, omega, n_blades, engine_order, steps, **asked):
+    """Whether the motion stays at a solution."""
+    transient = integrated(system, omega, n_blades, engine_order, u, 0, steps)
+    expected = system.response(np.asarray(u))
+    verdict = compare_with_solution(transient, expected, **asked)
+    off = transient.response[-1] - expected
+    return Compared(*verdict, transient, float(np.linalg.norm(off[1:]) / np.linalg.norm(expected[1:])))
+
+
+def integrated(system, omega, n_blades, engine_order, start, periods, steps):
+    """The motion after some periods."""
+    transient = Transient(Ring(system, n_blades, engine_order), omega, start, steps)
+    transient.run(periods)
+    return transient

@@ -1,4 +1,4 @@
-"""Contact laws as functions in studies: joints with known answers, statics, march, files, and what is refused."""
+"""Contact laws as functions in studies: joints with known answers, statics, time integration, files, and what is refused."""
 
 import ctypes
 import pickle
@@ -128,8 +128,8 @@ class TestBoucWen:
         assert errors[1] < 1e-4
         assert errors[1] < errors[0] / 8
 
-    def test_balance_and_march_agree(self):
-        """The march is of second order in its step, and finds the motion of nine harmonics."""
+    def test_balance_and_time_agree(self):
+        """The integration is of second order in its step, and finds the motion of nine harmonics."""
         law = bd.ContactLaw.bouc_wen(1.0, 0.1, 2.0, 0.5)
         study = joint(law, harmonics=9, contact_forces=bd.AFT(512))
         curve = study.frequency_response(0.0, (0.15, 0.22))
@@ -139,8 +139,8 @@ class TestBoucWen:
         ring = Ring(system, 1, 1)
         motion = ring.start(u, omega, 512)
         assert motion.w.shape == (1, 1, 2 + 5)
-        marched = ring.integrate(motion, omega, 512, 30)
-        assert abs(marched.harmonics[-1, 0, 1]) == pytest.approx(curve.amplitude[top], rel=5e-4)
+        last = ring.integrate(motion, omega, 512, 30)
+        assert abs(last.harmonics[-1, 0, 1]) == pytest.approx(curve.amplitude[top], rel=5e-4)
         lost = energies(system, u, omega)
         assert lost["contact"].sum() + lost["damping"] == pytest.approx(lost["excitation"], rel=1e-8)
 

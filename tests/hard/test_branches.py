@@ -530,7 +530,7 @@ def test_a_curve_ends_with_what_it_has_when_its_budget_is_used_up(budget):
     assert curve.settings["continuation"]["budget"] == budget
     assert f"the budget was {budget} evaluations" in curve.reason
     assert "did not converge" not in curve.reason  # what was not tried has not failed
-    assert "study.settle" in curve.reason
+    assert "study.motion_in_time" in curve.reason
     assert "no solution found" in [part.why for part in curve.missing_ranges]
     first = curve.unknowns[curve.branch == 0]
     assert len(first) > 3

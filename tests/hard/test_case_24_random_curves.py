@@ -4,7 +4,7 @@ Every curve ends with a status, no exception escapes, every point of every curve
 NumPy oracle, at least 98 % of the curves are complete and the others say why.  BDAMPER_HARD=10000 runs the full number.
 
 With preloads drawn whatever the excitation the same share of the curves with at least a newton of preload per newton of
-excitation is complete; the others may end within their budget, and say so.  One of these is marched in time, at one
+excitation is complete; the others may end within their budget, and say so.  One of these is integrated in time, at one
 frequency: the damper leaves its seat there and finds no period.
 """
 
@@ -96,7 +96,7 @@ def test_case_24_preloads_whatever_the_excitation():
 
 @pytest.mark.slow
 def test_case_24_where_no_periodic_solution_is_found_there_is_none_in_time():
-    """Seed 60 at 315 Hz: marched from the static state, the damper leaves its seat and does not settle."""
+    """Seed 60 at 315 Hz: integrated from the static state, the damper leaves its seat and does not settle."""
     study, preload, _ = random_study(60, wide=True)
     omega = 2.0 * np.pi * 315.0
     system, state = study.problem.system(preload), study.static(preload)
@@ -115,9 +115,9 @@ def test_case_24_where_no_periodic_solution_is_found_there_is_none_in_time():
     away = []
     for _ in range(6):
         motion = ring.integrate(motion, omega, steps, 9).motion
-        marched = ring.integrate(motion, omega, steps, trace=True)
-        motion = marched.motion
-        away.append(seat @ marched.trace.mean(axis=0))
+        last = ring.integrate(motion, omega, steps, trace=True)
+        motion = last.motion
+        away.append(seat @ last.trace.mean(axis=0))
     distance = np.linalg.norm(away, axis=1)
     # out of all proportion to the displacement by the preload, farther than the free blade vibrates, and going on
     assert distance.max() > 1000.0 * static

@@ -1,4 +1,4 @@
-"""Multipliers against brute force: disturbed states marched in time through one period, every event located."""
+"""Multipliers against brute force: disturbed states integrated in time through one period, every event located."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ from bdamper.time_domain.integration import Motion, Ring
 from tests.event_march import Marcher
 from tests.following import slider_interval
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
-from tests.marches import verify_solution
+from tests.marches import compared
 from tests.models import acyclic_model
 from tests.plain import plain_study
 
@@ -162,7 +162,7 @@ def test_coupled_law_is_judged_by_the_determinant_and_verified(path):
     chosen = [between[len(between) // 2], path.points[folds[0] - 5]]
     unstable, note = unstable_solutions(coupled, np.array([p.y[:-1] for p in chosen]), np.array([p.y[-1] for p in chosen]))
     assert unstable.tolist() == [True, False] and "sign of det J" in note
-    # disturbed a little and marched over many periods, the unstable solution is left, the stable one comes back
+    # disturbed a little and integrated over many periods, the unstable solution is left, the stable one comes back
     ring = Ring(coupled, 1, 0)
     n = ring.n_coordinates
     for p, leaves in zip(chosen, unstable):
@@ -174,7 +174,7 @@ def test_coupled_law_is_judged_by_the_determinant_and_verified(path):
         away = np.abs(q - first).max()
         assert away > 20.0 * size if leaves else away < size
     p = max((q for q in path.points), key=lambda q: abs(exact.response(q.y[:-1])[1]))
-    assert verify_solution(coupled, p.y[:-1], p.y[-1], 1, 0, periods=30, steps_per_period=400).distance < 1e-2
+    assert compared(coupled, p.y[:-1], p.y[-1], 1, 0, 400, periods=30).distance < 1e-2
 
 
 @pytest.mark.slow
@@ -224,7 +224,7 @@ def test_coupled_law_of_a_study():
     curve = study.frequency_response(50.0, (290.0, 320.0))
     assert curve.complete
     assert curve.peak.shares[1] > 0.02
-    assert study.verify(curve, periods=5, steps_per_period=448).distance < 0.02
+    assert study.motion_in_time(curve, periods=5, steps_per_period=448).distance < 0.02
     i = curve.peak_index
     system = study.problem.system(50.0)
     assert not unstable_solutions(system, curve.unknowns[[i]], 2 * np.pi * curve.frequency[[i]])[0].any()

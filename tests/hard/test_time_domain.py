@@ -10,9 +10,9 @@ from bdamper.contact.laws import LAW_BONDED
 from bdamper.harmonic_balance.sector import Sector
 from bdamper.time_domain.floquet import multipliers, unstable_solutions
 from bdamper.time_domain.integration import MarchFailed, Ring
-from bdamper.time_domain.march import AGREES, DIFFERS, LIMITS, UNDECIDED, judged
+from bdamper.time_domain.transient import AGREES, CRITERIA, DIFFERS, UNDECIDED, judged
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
-from tests.marches import fails_after, march_until_settled, verify_solution
+from tests.marches import compared, fails_after, integrated, interrupted_at
 from tests.models import acyclic_model, wedge_model
 from tests.plain import plain_study
 
@@ -20,7 +20,7 @@ from tests.plain import plain_study
 def distance(n_harm, periods=45, steps=600):
     system = two_oscillators(n_harm)
     p = max(followed(system, 1.0, 3.5, STUCK).points, key=lambda q: abs(system.response(q.y[:-1])[1]))
-    return verify_solution(system, p.y[:-1], p.y[-1], 1, 0, periods=periods, steps_per_period=steps)
+    return compared(system, p.y[:-1], p.y[-1], 1, 0, steps, periods=periods)
 
 
 @pytest.mark.slow
@@ -57,13 +57,13 @@ def test_ring_of_sectors_keeps_the_travelling_wave():
     )
     curve = study.frequency_response(400.0, (250.0, 350.0))
     assert curve.complete
-    result = study.verify(curve, periods=20)
+    result = study.motion_in_time(curve, periods=20)
     assert result.blades.shape[1] == 4  # the pattern repeats
     assert (curve.peak.shares[1:] > 0.01).all()  # slip and separation
     assert result.distance < 0.03
     assert "distance" in result.summary() and "evaluations" in result.summary()
     cost = result.cost
-    assert cost.evaluations >= 20 * LIMITS.steps
+    assert cost.evaluations >= 20 * CRITERIA.steps
     assert cost.contact == 0.0 < cost.time_integration <= cost.core < cost.processor
     assert result.plot().get_xlabel() == "Period of the excitation"
 
@@ -110,7 +110,7 @@ def test_other_contact_laws_settle_where_harmonic_balance_says(name):
     assert curve.complete
     if name != "bonded":
         assert curve.peak.shares[1] > 0.02  # it slips
-    found = study.verify(curve, periods=12, steps_per_period=448)
+    found = study.motion_in_time(curve, periods=12, steps_per_period=448)
     assert found.distance < DISTANCE[name]
     if name.startswith("constant"):
         expected = curve.harmonics[curve.peak_index]
@@ -121,7 +121,7 @@ def test_other_contact_laws_settle_where_harmonic_balance_says(name):
     i = curve.peak_index
     omega = 2 * np.pi * curve.frequency[i]
     of_another = rig({}, harmonics=harmonics).problem.system(50.0)
-    other = verify_solution(of_another, curve.unknowns[i], omega, 1, 0, periods=12, steps_per_period=448)
+    other = compared(of_another, curve.unknowns[i], omega, 1, 0, 448, periods=12)
     assert other.distance > 3.0 * found.distance
     unstable, note = unstable_solutions(study.problem.system(50.0), curve.unknowns[[i]], np.array([omega]))
     if name == "constant load in a disk":  # det J is that of five harmonics, beyond one of their branches
@@ -139,27 +139,26 @@ def test_other_contact_laws_settle_where_harmonic_balance_says(name):
         np.testing.assert_allclose(np.abs(found[0]), np.exp(rates.real.max() / curve.peak.frequency), rtol=2e-3)
 
 
-def test_verification_can_fail():
+def test_a_motion_may_differ():
     """A motion that is not the solution is told from it."""
     system = two_oscillators(5)
     p = followed(system, 1.5, 2.2, STUCK).points[3]
     wrong = p.y[:-1].copy()
     wrong[2:] *= 1.3
-    found = verify_solution(system, wrong, p.y[-1], 1, 0, periods=48, steps_per_period=400)
+    found = compared(system, wrong, p.y[-1], 1, 0, 400, periods=48)
     assert found.distance > 0.1 and found.verdict != AGREES
-    right = verify_solution(system, p.y[:-1], p.y[-1], 1, 0, steps_per_period=400)
-    assert right.verdict == AGREES and right.distance < 0.02 and right.periods == len(right.amplitude) == 96
-    assert "time agrees with the solution" in right.summary() and right.plot().get_title().endswith(": agrees")
-    assert verify_solution(system, p.y[:-1], p.y[-1], 1, 0, periods=5, steps_per_period=400).verdict == UNDECIDED
+    right = compared(system, p.y[:-1], p.y[-1], 1, 0, 400)
+    assert right.verdict == AGREES and right.distance < 0.02 and len(right.transient.amplitude) == 96
+    assert compared(system, p.y[:-1], p.y[-1], 1, 0, 400, periods=5).verdict == UNDECIDED
 
 
-def test_a_march_that_fails_is_no_response(monkeypatch):
+def test_an_integration_that_fails_is_no_response(monkeypatch):
     system = two_oscillators(1)
     p = followed(system, 1.0, 1.02, STUCK).points[0]
     u, omega = p.y[:-1], p.y[-1]
     for ask in (
-        lambda: verify_solution(system, u, omega, 1, 0, steps_per_period=256),
-        lambda: march_until_settled(system, omega, 1, 0, u, preload=1.0, periods=100),
+        lambda: compared(system, u, omega, 1, 0, 256),
+        lambda: integrated(system, omega, 1, 0, u, 100, 256),
     ):
         fails_after(monkeypatch, 20)
         with pytest.raises(MarchFailed, match="the time integration fails near "):
@@ -190,31 +189,22 @@ def test_what_decides():
         assert after is None or 16 * (first + 1) == after, name
 
 
-def test_interrupted_verification_keeps_the_periods(monkeypatch):
+def test_an_interruption_leaves_the_periods_so_far(monkeypatch):
     system = two_oscillators(5)
     p = followed(system, 1.5, 2.2, STUCK).points[3]
-    march, calls = Ring.integrate, []
-
-    def stopped(ring, *args, **options):
-        calls.append(1)
-        if len(calls) == 5:
-            raise KeyboardInterrupt
-        return march(ring, *args, **options)
-
-    monkeypatch.setattr(Ring, "integrate", stopped)
-    found = verify_solution(system, p.y[:-1], p.y[-1], 1, 0, periods=60, steps_per_period=400)
-    assert found.status == "interrupted" and found.periods == 4 and "interrupted" in found.summary()
-    monkeypatch.setattr(Ring, "integrate", march)
-    whole = verify_solution(system, p.y[:-1], p.y[-1], 1, 0, periods=4, steps_per_period=400)
-    assert whole.status != "interrupted"
-    np.testing.assert_array_equal(found.harmonics, whole.harmonics)
+    interrupted_at(monkeypatch, 4)
+    found = compared(system, p.y[:-1], p.y[-1], 1, 0, 400, periods=60)
+    monkeypatch.undo()
+    whole = compared(system, p.y[:-1], p.y[-1], 1, 0, 400, periods=4)
+    assert found.interrupted and not whole.interrupted and len(found.transient.harmonics) == 4
+    np.testing.assert_array_equal(found.transient.harmonics, whole.transient.harmonics)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("frequency", [340.0, 357.0])
-def test_residual_modes_march_like_many_modes(frequency):
+def test_residual_modes_are_like_many_modes_in_time(frequency):
     """Six patterns beside ten blade modes, and forty modes with the flexibility that these leave out at each point: either
-    march keeps to its own curve, and they differ as the curves do (by 16 and 30 %)."""
+    motion stays on its own curve, and they differ as the curves do (by 16 and 30 %)."""
     settings = {"engine_order": 5, "friction_coefficient": 0.4, "damping_ratio": 0.005, "harmonics": 1,
                 "excitation": bd.Excitation("tip", "tangential", 1.0)}  # fmt: skip
     model = bd.reference_model("bladed_disk", 9)
@@ -225,9 +215,8 @@ def test_residual_modes_march_like_many_modes(frequency):
         i = int(np.abs(curve.frequency - frequency).argmin())
         assert ((np.concatenate([b.mass for b in study.problem.bases]) == 0.0).any()) == (not more)
         system, omega = study.problem.system(2000.0), 2 * np.pi * curve.frequency[i]
-        settled = march_until_settled(system, omega, 65, 5, curve.unknowns[i], preload=2000.0, periods=80)
         expected.append(curve.amplitude[i])
-        found.append(settled.amplitude[-20:].mean())
+        found.append(integrated(system, omega, 65, 5, curve.unknowns[i], 80, 256).amplitude[-20:].mean())
     np.testing.assert_allclose(found, expected, rtol=0.01)
     assert abs(np.diff(found)[0]) == pytest.approx(abs(np.diff(expected)[0]), abs=0.01 * max(expected))
 
@@ -245,20 +234,23 @@ def test_what_cannot_be_integrated_is_refused():
     )
     curve = study.frequency_response(200.0, (300.0, 310.0))
     with pytest.raises(bd.SettingError, match="index"):
-        study.verify(curve, 10**6)
+        study.motion_in_time(curve, 10**6)
+    with pytest.raises(bd.SettingError, match="index: expected none, since a frequency is given, found 0"):
+        study.motion_in_time(curve, 0, frequency=305.0)
     with pytest.raises(bd.SettingError, match="steps_per_period"):
-        study.verify(curve, 0, steps_per_period=8)
+        study.motion_in_time(curve, 0, steps_per_period=8)
 
 
-def test_without_a_mean_the_wave_alone_is_marched():
+def test_without_a_mean_the_wave_alone_is_integrated():
     """A mean that is held has no coordinates: no other nodal diameter, and no reason to ask for several bases."""
     model = wedge_model(0, n_blades=8, engine_order=2, n_points=4, n_blade_modes=2, harmonics=3, n_damper_modes=0)
     study = plain_study(model, engine_order=2, contact_stiffness=3e6, friction_coefficient=0.3, damping_ratio=0.03,
                         bias=False, excitation=bd.Excitation("tip", "tangential", 200.0))  # fmt: skip
     curve = study.frequency_response(400.0, (250.0, 255.0))
     assert Ring(study.problem.system(400.0), 8, 2).families == {1: 1}
-    found = verify_solution(study.problem.system(400.0), curve.unknowns[0], 2 * np.pi * curve.frequency[0], 8, 2)
-    assert found.verdict == AGREES and abs(found.harmonics[-1, 0]) < 1e-3 * abs(found.harmonics[-1, 1])
+    found = compared(study.problem.system(400.0), curve.unknowns[0], 2 * np.pi * curve.frequency[0], 8, 2, 256)
+    last = np.abs(found.transient.response[-1])
+    assert found.verdict == AGREES and last[0] < 1e-3 * last[1]
 
 
 def test_modal_coordinates_may_have_any_mass():
@@ -273,8 +265,7 @@ def test_modal_coordinates_may_have_any_mass():
     p = max(followed(system, 1.5, 2.2, STUCK).points, key=lambda q: q.shares[1])
     u = p.y[:-1] / u_size
     np.testing.assert_allclose(scaled.response(u), system.response(p.y[:-1]), rtol=1e-12)
-    one = verify_solution(system, p.y[:-1], p.y[-1], 1, 0, periods=5, steps_per_period=400)
-    other = verify_solution(scaled, u, p.y[-1], 1, 0, periods=5, steps_per_period=400)
-    np.testing.assert_allclose(other.harmonics, one.harmonics, atol=1e-9 * np.abs(one.harmonics).max())
+    one, other = (integrated(s, p.y[-1], 1, 0, x, 5, 400).response for s, x in ((system, p.y[:-1]), (scaled, u)))
+    np.testing.assert_allclose(other, one, atol=1e-9 * np.abs(one).max())
     values = [np.sort_complex(multipliers(s, x, p.y[-1])) for s, x in ((system, p.y[:-1]), (scaled, u))]
     np.testing.assert_allclose(values[1], values[0], rtol=0, atol=1e-8)

@@ -1,4 +1,4 @@
-"""Stability from the motion in time: labels of curves against marches of single points."""
+"""Stability from the motion in time: labels of curves against integrations from single points."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 import bdamper as bd
 from bdamper.time_domain import floquet
 from bdamper.time_domain.floquet import rests
-from bdamper.time_domain.march import AGREES, DIFFERS
+from bdamper.time_domain.transient import AGREES, DIFFERS
 from tests.models import wedge_model
 from tests.plain import plain_study
 
@@ -31,13 +31,13 @@ def test_a_motion_that_leaves_the_solution_of_one_harmonic(disk):
     by_harmonic = study.with_stability(curve)
     i = at(curve, 352.3, -1)
     assert not by_harmonic.unstable[i] and by_harmonic.labels[i] == "undecided (det J >= 0) with 1 harmonic"
-    found = study.verify(curve, i)
+    found = study.motion_in_time(curve, i)
     assert found.verdict == DIFFERS and 0.8 < found.amplitude[-80:].mean() / found.balance < 0.93
     # a damper with damping of its own stays; one harmonic has 9 % more than five and than time, which has all diameters
     damped = study.replace(harmonics=5, damper_drag=8800.0 * study.model.bodies["damper"].mass)
     curve = damped.frequency_response(2000.0, (346.0, 358.0))
     i = at(curve, 352.3, -1)
-    found = damped.verify(curve, i)
+    found = damped.motion_in_time(curve, i)
     assert found.verdict == AGREES and found.amplitude[-80:].mean() == pytest.approx(found.balance, rel=0.02)
 
 
@@ -55,7 +55,7 @@ def test_labels_of_a_curve(disk):
     # every point for itself: the same
     for i in range(0, len(curve), 9):
         if decided[i]:
-            assert (study.verify(curve, i).verdict == AGREES) != judged.unstable[i]
+            assert (study.motion_in_time(curve, i).verdict == AGREES) != judged.unstable[i]
 
 
 @pytest.mark.slow
@@ -71,8 +71,8 @@ def test_labels_of_a_few_masses():
     assert study.with_stability(curve).in_time is None
 
 
-def test_points_at_rest_between_two_resonances_need_no_march(monkeypatch):
-    """The stop is met at both resonances alone; what a march leaves there says nothing of the points between."""
+def test_points_at_rest_between_two_resonances_need_no_integration(monkeypatch):
+    """The stop is met at both resonances alone; what the motion comes to there says nothing of the points between."""
     study = bd.lumped(
         np.eye(2), 0.05 * np.eye(2), [[1.5, -1.0], [-1.0, 1.5]], contacts=[bd.Contact(normal=0, kn=2.0, gap=1.0)],
         forces={0: 0.3}, harmonics=(1, 3),

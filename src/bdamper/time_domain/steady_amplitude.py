@@ -173,7 +173,10 @@ class SteadySearch:
         best = self.best
         if best is None:
             return min(self.fell, key=lambda f: abs(f - self.balance.tip), default=float("nan"))
-        between = [f for f in self.fell for p in self.points if (p.frequency - f) * (best.frequency - p.frequency) > 0.0]
+        between = [
+            f for f in self.fell for p in self.points
+            if (p.frequency - f) * (best.frequency - p.frequency) > 0.0 and abs(p.frequency - f) > FINE * f
+        ]  # fmt: skip
         return min(set(self.fell) - set(between), key=lambda f: abs(f - best.frequency), default=float("nan"))
 
     def run(self) -> None:
@@ -198,8 +201,7 @@ class SteadySearch:
                     self.below = along if any(places is way for way in from_tip) else np.nan
         while (best := self.best) is not None:
             self.points.remove(best)
-            if self.settle(best.frequency, best.transient.motion, best.mean, parting=True).stays:
-                return
+            parted.append(self.settle(best.frequency, best.transient.motion, best.mean, parting=True))
 
     def start(self, frequency: float) -> Motion:
         """Return the highest solution of the balance closest to a frequency, with disturbances of all blades."""

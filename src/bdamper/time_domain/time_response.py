@@ -83,12 +83,12 @@ def structure_in_time(problem: Problem, frequency: float) -> tuple[Problem, str]
     ratios = _first_elastic(problem, frequency * max(problem.harmonic_numbers, default=1))
     elastic = {name: n for name, n in _all_elastic(problem).items() if n and ratios[name] <= RIGID_BEYOND}
     damper = {name: max(n, elastic.get(name, 0)) for name, n in s.by_body("damper_modes").items()}
-    text = f"{curve} of {blade} blade modes in the curve, {blade} in time"
-    known = {name: ratio for name, ratio in ratios.items() if np.isfinite(ratio)}
-    text += "".join(
-        f"; {name} {'elastic' if damper[name] else 'rigid'}, first elastic frequency {ratio:.3g} times the highest harmonic"
-        for name, ratio in known.items()
-    )
+    texts = [f"{curve} of {blade} blade modes in the curve, {blade} in time"] * (blade > 0)
+    texts += [
+        f"{name} {'elastic' if damper[name] else 'rigid'}, first elastic frequency {ratio:.3g} times the highest harmonic"
+        for name, ratio in ratios.items() if np.isfinite(ratio)
+    ]  # fmt: skip
+    text = "; ".join(texts)
     structure = _with_modes(problem, max(blade, s.blade_modes), damper, s.contact_stiffness)
     return (structure, text) if structure is not None else (problem, f"{curve} blade modes")
 
@@ -187,6 +187,7 @@ def time_response(
         If the result belongs to another study or has no peak, or the settings do not describe a structure in time.
     """
     starts = validation.integer("starts", starts, least=1)
+    steps = STEPS if steps_per_period is None else validation.integer("steps_per_period", steps_per_period, least=16)
     if isinstance(result, Peak):
         result = _curve_of_peak(problem, result)
     check_curve(problem, result)
@@ -201,7 +202,7 @@ def time_response(
         return replace(none, status=with_reason(NOT_FOUND, why))
     source = ring_of(problem, preload, blades)
     ring = source if structure is problem else ring_of(structure, preload, blades)
-    search = SteadySearch(ring, source, balance, STEPS if steps_per_period is None else steps_per_period)
+    search = SteadySearch(ring, source, balance, steps)
     answers: dict[str, float] = {}
     others: dict[str, float] = {}
     cost = Cost()
@@ -480,7 +481,8 @@ def motion_in_time(
     default = (200, STEPS) if free else (CRITERIA.longest, CRITERIA.steps)
     periods = default[0] if periods is None else validation.integer("periods", periods, least=CRITERIA.look if free else 1)
     watch, ring = CostMeter(), ring_of(problem, curve.preload)
-    transient = disturbed(ring, curve.unknowns[i], TWO_PI * frequency, steps_per_period or default[1])
+    steps = default[1] if steps_per_period is None else steps_per_period
+    transient = disturbed(ring, curve.unknowns[i], TWO_PI * frequency, steps)
     expected = problem.system(curve.preload).response(curve.unknowns[i])
     more: dict[str, Any] = {}
     if free:

@@ -1,4 +1,4 @@
-"""Marches in time in plain NumPy: one dense matrix from all coordinates to all points of all sectors, and back.
+"""Time integration in plain NumPy: one dense matrix from all coordinates to all points of all sectors, and back.
 
 ``time_response`` is explicit (central differences), in as many steps as the stiffest contact needs; ``implicit`` takes the
 steps of the core, with the contact forces from a dense Newton method.

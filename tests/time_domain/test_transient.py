@@ -1,4 +1,4 @@
-"""The march in time of the core beside the plain one, and what is exact about it."""
+"""Time integration: the core beside plain NumPy, what is exact about it, and the criteria for a steady motion."""
 
 import signal
 from dataclasses import replace
@@ -21,9 +21,9 @@ from bdamper.contact.laws import (
 from bdamper.harmonic_balance.sector import Sector
 from bdamper.model.kinematics import HarmonicBasis
 from bdamper.time_domain.integration import MarchFailed, Motion, Ring, ring_of
-from bdamper.time_domain.march import March
+from bdamper.time_domain.transient import Transient
 from tests.each import each
-from tests.time_domain import plain_march
+from tests.time_domain import plain_transient
 
 LAWS = LAW_SEPARABLE, LAW_NORMAL, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_BONDED, LAW_CUBIC, LAW_SEPARABLE
 ALL_SECTORS = {"n_blades": 6, "engine_order": 1}  # families of 0, 1, 2, and 3 = 6/2
@@ -87,7 +87,7 @@ def test_steps_beside_a_dense_newton(sectors, laws, light):
     ring = Ring(system, sectors, int(sectors > 1))
     assert ring.n == sectors and ring.real.sum() == {6: 7, 9: 3, 1: 3}[sectors]
     start = state(ring)
-    expected, trace = plain_march.implicit(ring, start, 1.3, 60, 40, ring.radius, first=50)
+    expected, trace = plain_transient.implicit(ring, start, 1.3, 60, 40, ring.radius, first=50)
     found = ring.integrate(start, 1.3, 60, steps=40, first=50, trace=True, tolerance=1e-12)
     close(found.motion, expected, 1e-8)
     np.testing.assert_allclose(found.trace[1:], trace[1:], rtol=0.0, atol=1e-8 * np.abs(trace).max())
@@ -95,16 +95,16 @@ def test_steps_beside_a_dense_newton(sectors, laws, light):
     solved, evaluations = ring.effort
     assert solved == 40 + (light > 0) and evaluations < 16 * solved
     # from where it has come to it goes on as it was, accelerations included
-    later, _ = plain_march.implicit(ring, expected, 1.3, 60, 5, ring.radius, first=30)
+    later, _ = plain_transient.implicit(ring, expected, 1.3, 60, 5, ring.radius, first=30)
     close(ring.integrate(found.motion, 1.3, 60, steps=5, first=30, tolerance=1e-12).motion, later, 1e-8)
 
 
 @pytest.mark.parametrize("light", [0, 2])
-def test_it_is_the_explicit_march_in_many_small_steps(light):
+def test_it_is_the_explicit_integration_in_many_small_steps(light):
     """Twice the steps, a quarter of the difference from central differences in 1,200 steps."""
     ring = Ring(structure(n_points=5, laws=LAWS[:3], light=light), **ALL_SECTORS)
     start = state(ring, size=0.3)
-    expected, _ = plain_march.integrate(ring, start[:3], 1.3, 1200, 200)
+    expected, _ = plain_transient.integrate(ring, start[:3], 1.3, 1200, 200)
     off = [np.linalg.norm(ring.integrate(start, 1.3, n, steps=n // 6).motion.q - expected.q) for n in (60, 240)]
     assert off[0] < 0.02 * np.linalg.norm(expected.q) and off[1] < 0.2 * off[0]
 
@@ -114,7 +114,7 @@ def test_patterns_that_are_left_out_change_little(light):
     """Eleven points have 33 rows, of which up to 24 patterns are kept: forces are found with these and act on all."""
     ring = Ring(structure(laws=LAWS[:3], light=light), **ALL_SECTORS)
     start = state(ring)
-    expected, _ = plain_march.implicit(ring, start, 1.3, 120, 30, ring.radius)
+    expected, _ = plain_transient.implicit(ring, start, 1.3, 120, 30, ring.radius)
     close(ring.integrate(start, 1.3, 120, steps=30, tolerance=1e-10).motion[:2], expected[:2], 2e-3)
 
 
@@ -143,12 +143,12 @@ def test_a_step_that_is_not_solved_is_halved(light, factor, n, seed, parts):
     assert tried == {2: 3, 4: 6}[parts], "one step in vain, or two of half the length"
     shorter = {"n_steps": parts * n, "steps": parts, "first": parts * (first % n)}
     close(found, ring.integrate(motion, 1.3, **shorter).motion, 0.0)
-    expected, _ = plain_march.implicit(ring, motion, 1.3, parts * n, parts, ring.radius, first=shorter["first"])
+    expected, _ = plain_transient.implicit(ring, motion, 1.3, parts * n, parts, ring.radius, first=shorter["first"])
     fine = ring.integrate(motion, 1.3, n, steps=1, first=first % n, tolerance=1e-10).motion
     close(fine[:2], expected[:2], 1e-7)
 
 
-def test_a_march_comes_to_an_end_or_fails_by_name():
+def test_an_integration_comes_to_an_end_or_fails_by_name():
     """From fifty starts (seed 49), of which some overflowed."""
     ring, done = stiff(8, 2, 300.0), 0
     for seed in np.random.default_rng(49).integers(0, 2**31, 50):
@@ -172,7 +172,7 @@ def test_no_harmonics_or_too_many_are_refused(columns):
 
 
 @pytest.mark.slow
-def test_marches_of_the_shipped_blade_come_to_an_end():
+def test_integrations_of_the_shipped_blade_come_to_an_end():
     """Every residual pattern, 20 modes of the blade and four of the damper at 256 steps, whose forces were not found in
     some steps; motions from some tenths of a millimetre to some centimetres, fifty starts (seed 49)."""
     given = {"blade_modes": 20, "damper_modes": 4, "contact_stiffness": bd.ResidualModes("all")}
@@ -192,8 +192,8 @@ def test_marches_of_the_shipped_blade_come_to_an_end():
 
 
 @pytest.mark.parametrize("light", [0, 2])
-def test_a_march_does_not_depend_on_what_was_marched_before(light):
-    """A motion so large that it overflows, and another one: the same march is the same to the last bit."""
+def test_an_integration_does_not_depend_on_the_one_before(light):
+    """A motion so large that it overflows, and another one: the same integration is the same to the last bit."""
     system = structure(laws=LAWS[:3] if light else LAWS, light=light)
     ring = Ring(system, **ALL_SECTORS)
     start = state(ring)
@@ -226,10 +226,10 @@ def test_a_state_is_finite(which):
             ring.core.follow(given[0][None], given[2])
 
 
-def test_a_sweep_beside_the_plain_march():
+def test_a_sweep_beside_plain_numpy():
     ring = Ring(structure(laws=LAWS[:3]), **ALL_SECTORS)
     start = state(ring, size=0.3)
-    expected, _ = plain_march.integrate(ring, start[:3], 1.3, 2000, 2000, omega_end=1.6)
+    expected, _ = plain_transient.integrate(ring, start[:3], 1.3, 2000, 2000, omega_end=1.6)
     close(ring.integrate(start, 1.3, 500, omega_end=1.6).motion[:2], expected[:2], 3e-3)
 
 
@@ -250,7 +250,7 @@ def test_a_long_sweep_is_that_of_its_periods():
 
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="no timer that interrupts")
 @pytest.mark.timeout(method="thread")  # the alarm is its own
-def test_an_interruption_ends_a_long_march():
+def test_an_interruption_ends_a_long_integration():
     ring = Ring(structure(), **ALL_SECTORS)
     alarm = signal.signal(signal.SIGALRM, lambda *_: (_ for _ in ()).throw(KeyboardInterrupt()))
     signal.setitimer(signal.ITIMER_REAL, 0.1)
@@ -262,7 +262,7 @@ def test_an_interruption_ends_a_long_march():
         signal.signal(signal.SIGALRM, alarm)
 
 
-def test_pieces_are_the_same_march():
+def test_pieces_are_the_same_integration():
     ring = Ring(structure(n_points=5), **ALL_SECTORS)
     whole, motion, step = ring.integrate(state(ring), 1.3, 240, 2, tolerance=1e-12), state(ring), 0
     for _ in range(12):
@@ -285,7 +285,7 @@ def test_a_solution_is_the_same_wave_in_every_sector(sectors, order):
     n = len(mean.omega2) + 2 * sum(len(b.omega2) for b in bases[1:])
     system = Sector(bases, own.structure.points, rng.standard_normal(n), rows, AFT(64)).equations
     ring, u, omega = Ring(system, sectors, order), rng.standard_normal(n), 1.3
-    A, _ = plain_march.matrices(ring)
+    A, _ = plain_transient.matrices(ring)
     X = system.contact(u)[0]
     amplitudes = np.concatenate([X[:, :, :1], X[:, :, 1::2] - 1j * X[:, :, 2::2]], axis=2)
     for t in (0.0, 0.4):
@@ -320,7 +320,7 @@ def test_harmonics_are_those_of_the_samples():
 def test_energies_of_a_period_are_those_of_forces_along_the_way(light):
     """Work of excitation, damping and contacts by forces of the plain law, at all steps of a period."""
     ring = Ring(structure(n_points=5, laws=LAWS[:3], light=light), **ALL_SECTORS)
-    A, _ = plain_march.matrices(ring)
+    A, _ = plain_transient.matrices(ring)
     whole = ring.n * np.tile(1.0 / np.where(ring.real, 1.0, 2.0), 2)
     mass, drag, own = (np.tile(x, 2) for x in (ring.mass, ring.mass * ring.damping, ring.stiffness))
     orders, factors = ring.forcing()
@@ -329,7 +329,7 @@ def test_energies_of_a_period_are_those_of_forces_along_the_way(light):
 
     def there(m, k, w):
         x = (A @ m.q).reshape(ring.n, -1, 3) + ring.system.structure.points.shift
-        F, w = plain_march.force(ring, x, w)
+        F, w = plain_transient.force(ring, x, w)
         angle = 2.0 * np.pi * k / 60 * orders
         return np.cos(angle) @ factors[:, 0] + np.sin(angle) @ factors[:, 1], F.ravel(), x.ravel(), w
 
@@ -396,11 +396,11 @@ def test_tractions_to_start_from():
     """None, and the limit of friction either way: forces of the plain law."""
     ring = Ring(structure(laws=[LAW_SEPARABLE], n_points=5), **ALL_SECTORS)
     motion, p = state(ring, size=0.2), ring.system.structure.points
-    A, _ = plain_march.matrices(ring)
+    A, _ = plain_transient.matrices(ring)
     x = (A @ motion.q).reshape(ring.n, -1, 3) + p.shift
     normal = np.maximum(p.n0 + p.kn * x[:, :, 2], 0.0)
     for w, share in zip(ring.tractions(motion).values(), (0.0, -1.0, 1.0)):
-        F, moved = plain_march.force(ring, x, w)
+        F, moved = plain_transient.force(ring, x, w)
         pulled = p.kt > 0.0
         np.testing.assert_allclose(F[:, :, :2], share * pulled * (p.mu * normal)[:, :, None], atol=1e-9)
         np.testing.assert_allclose(moved[:, pulled], w[:, pulled], atol=1e-9)
@@ -440,7 +440,7 @@ def bonded_ring(radius, light=0):
     points = replace(system.structure.points, shift=np.zeros((11, 3)), slider=np.zeros((11, 2)), n0=np.zeros(11))
     system = replace(system.structure, points=points).equations
     ring = Ring(system, **ALL_SECTORS, radius=radius)
-    A, _ = plain_march.matrices(ring)
+    A, _ = plain_transient.matrices(ring)
     springs = np.tile(np.column_stack([system.structure.points.kt, system.structure.points.kn]).ravel(), ring.n)
     weight = np.tile(1.0 / np.where(ring.real, 1.0, 2.0), 2)  # a complex coordinate counts half
     mass, own = weight * np.tile(ring.mass, 2), weight * np.tile(ring.stiffness, 2)
@@ -469,7 +469,7 @@ def test_what_bounces_gains_no_energy(friction, left):
     )  # fmt: skip
     system = replace(system.structure, points=points).equations
     ring = Ring(system, **ALL_SECTORS)
-    A, _ = plain_march.matrices(ring)
+    A, _ = plain_transient.matrices(ring)
     weight = np.tile(1.0 / np.where(ring.real, 1.0, 2.0), 2)
 
     def energy(m):
@@ -489,11 +489,11 @@ def test_what_bounces_gains_no_energy(friction, left):
 def test_sliders_after_a_given_motion():
     ring = Ring(structure(), **ALL_SECTORS)
     q = np.array([state(ring, seed).q for seed in range(20)])
-    A, _ = plain_march.matrices(ring)
+    A, _ = plain_transient.matrices(ring)
     w = expected = state(ring).w
     for now in q:
         x = (A @ now).reshape(ring.n, -1, 3) + ring.system.structure.points.shift
-        _, expected = plain_march.force(ring, x, expected)
+        _, expected = plain_transient.force(ring, x, expected)
     w = w.copy()
     ring.core.follow(q, w)
     slides = ring.system.structure.points.law != LAW_CUBIC
@@ -505,9 +505,9 @@ def test_the_energy_of_a_motion_is_conserved_without_losses():
     ring = Ring(structure(laws=(LAW_BONDED,), size=0.0, damping=0.0), **ALL_SECTORS, radius=1.0)
     start = state(ring)
     held = ring.energy(start)
-    marched = ring.integrate(start, 1.0, 4000)
-    assert abs(marched.energy[0, 3]) > 0.05 * held, "nothing goes to the contacts"
-    assert ring.energy(marched.motion) == pytest.approx(held, rel=1e-5)
+    end = ring.integrate(start, 1.0, 4000)
+    assert abs(end.energy[0, 3]) > 0.05 * held, "nothing goes to the contacts"
+    assert ring.energy(end.motion) == pytest.approx(held, rel=1e-5)
     own = np.tile(ring.stiffness, 2) @ start.q**2 + np.tile(ring.mass, 2) @ start.v**2
     assert held > 0.5 * own
 
@@ -518,7 +518,7 @@ STARTS = {"turbine_blade": (5, 374.0, (600.0, 720.0), 2e-4), "bladed_disk": (5, 
 
 @pytest.mark.parametrize("number", [20, pytest.param(500, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", STARTS)
-def test_marches_from_random_starts_end_finite_or_say_that_they_failed(name, number):
+def test_random_starts_end_finite_or_fail_by_name(name, number):
     """Four periods of 128 or 256 steps from any motion of all modes and any sliders; some gained 25 decades with 128."""
     order, preload, band, usual = STARTS[name]
     excitation = bd.Excitation("tip", "tangential", 1.0) if name == "turbine_blade" else bd.Excitation("tip")
@@ -533,14 +533,14 @@ def test_marches_from_random_starts_end_finite_or_say_that_they_failed(name, num
         size = usual * 10.0 ** rng.uniform(-1.0, 1.5) / np.abs(ring.rows @ q).max()
         w = 10.0 * usual * rng.uniform(-1.0, 1.0, (ring.n, ring.system.n_points, 2))
         steps = int(rng.choice([128, 256]))
-        march = March(ring, omega, Motion(size * q, size * v, w), steps)
-        most = 4.0 * ring.energy(march.motion)
+        transient = Transient(ring, omega, Motion(size * q, size * v, w), steps)
+        most = 4.0 * ring.energy(transient.motion)
         try:
-            march.run(4)
+            transient.advance(4)
         except MarchFailed as error:
             failed.append(steps)
             said = str(error)
             continue
-        work = np.abs(np.array(march.energy)[:, :2]).sum()
-        assert 0.25 * ring.n * float(np.tile(ring.stiffness, 2) @ march.motion.q**2) < most + 4.0 * work
+        work = np.abs(np.array(transient.energy)[:, :2]).sum()
+        assert 0.25 * ring.n * float(np.tile(ring.stiffness, 2) @ transient.motion.q**2) < most + 4.0 * work
     assert failed.count(256) <= 0.02 * number and "steps_per_period" in said

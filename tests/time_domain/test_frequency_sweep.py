@@ -1,4 +1,4 @@
-"""Slow sweeps marched in time, on one mass: a linear one beside its closed form, one that separates beside its folds."""
+"""Slow sweeps in time of one mass: a linear one beside its closed form, one that separates beside its folds."""
 
 from dataclasses import replace
 
@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.time_domain import transients
-from bdamper.time_domain.integration import MarchFailed, Ring
-from bdamper.time_domain.march import LIMITS
-from tests.marches import fails_after
+from bdamper.time_domain import frequency_sweep
+from bdamper.time_domain.integration import MarchFailed
+from bdamper.time_domain.transient import CRITERIA
+from tests.marches import fails_after, interrupted_at
 
 F0, ZETA = 10.0, 0.01
 W0 = 2.0 * np.pi * F0
@@ -64,7 +64,7 @@ def test_a_linear_sweep_lags_behind_its_closed_form_by_what_twice_the_rate_chang
 def test_the_usual_rate_follows_from_the_damping(linear):
     found = linear.frequency_sweep(0.0, (9.9, 10.1))
     assert found.memory == pytest.approx(1.0 / (ZETA * W0))
-    assert found.rate == pytest.approx(usual(transients.RATE))
+    assert found.rate == pytest.approx(usual(frequency_sweep.RATE))
 
 
 @pytest.mark.parametrize("up", [True, False])
@@ -89,34 +89,22 @@ def test_a_sweep_keeps_its_branch_up_to_the_fold(separating, up):
     np.testing.assert_allclose(found.amplitude[calm], expected[calm], rtol=0.03)
 
 
-def interrupting(monkeypatch, calls):
-    """Ctrl-C at one of the calls of the core."""
-    march, count = Ring.integrate, iter(range(10**9))
-
-    def counted(self, *arguments, **options):
-        if next(count) == calls:
-            raise KeyboardInterrupt
-        return march(self, *arguments, **options)
-
-    monkeypatch.setattr(Ring, "integrate", counted)
-
-
-def test_what_was_marched_before_an_interruption_is_kept(linear, monkeypatch):
+def test_periods_before_an_interruption_are_the_result(linear, monkeypatch):
     whole = linear.frequency_sweep(0.0, BAND)
-    settling = -(-round(transients.SETTLING * whole.memory * BAND[0]) // LIMITS.look)
-    interrupting(monkeypatch, settling + 3)
+    settling = -(-round(frequency_sweep.SETTLING * whole.memory * BAND[0]) // CRITERIA.look)
+    interrupted_at(monkeypatch, settling + 3)
     found = linear.frequency_sweep(0.0, BAND)
-    assert (found.status, len(found)) == ("interrupted", 3 * LIMITS.look)
+    assert (found.status, len(found)) == ("interrupted", 3 * CRITERIA.look)
     assert f"{len(found)} of {len(whole)} turns" in found.summary()
     np.testing.assert_array_equal(found.harmonics, whole.harmonics[: len(found)])
     np.testing.assert_array_equal(found.frequency, whole.frequency[: len(found)])
     monkeypatch.undo()
-    interrupting(monkeypatch, 1)
+    interrupted_at(monkeypatch, 1)
     with pytest.raises(KeyboardInterrupt):
         linear.frequency_sweep(0.0, BAND)
 
 
-def test_a_march_that_fails_is_no_sweep(linear, monkeypatch):
+def test_an_integration_that_fails_is_no_sweep(linear, monkeypatch):
     fails_after(monkeypatch, 4)
     with pytest.raises(MarchFailed, match="the time integration fails near "):
         linear.frequency_sweep(0.0, BAND, rate=usual(1.0))
