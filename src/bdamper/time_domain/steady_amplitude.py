@@ -199,7 +199,8 @@ class SteadySearch:
                 self.settle_back(places)
                 if self.best is not best:
                     self.below = along if any(places is way for way in from_tip) else np.nan
-        while (best := self.best) is not None:
+        parted: list[SteadyPoint] = []
+        while (best := self.best) is not None and best not in parted:
             self.points.remove(best)
             parted.append(self.settle(best.frequency, best.transient.motion, best.mean, parting=True))
 
