@@ -203,23 +203,20 @@ def time_response(
     source = ring_of(problem, preload, blades)
     ring = source if structure is problem else ring_of(structure, preload, blades)
     search = SteadySearch(ring, source, balance, steps)
-    answers: dict[str, float] = {}
+    runs: dict[str, SteadyPoint] = {}
     others: dict[str, float] = {}
     cost = Cost()
     with LongWork() as work:
         try:
             search.run()
             if (best := search.best) is not None:
-                answers |= {f"{search.steps} steps": best.mean}
-                if search.fall == search.fall:
-                    answers["at the fall"] = _at_fall(search)
+                runs[f"{steps} steps"] = best
                 points = sorted(search.points, key=lambda p: -p.mean)[:TRIES]
-                shorter = _refine(search, points, ring, 2)
-                answers[f"{2 * search.steps} steps"] = shorter.mean
-                answers[f"{4 * search.steps} steps"] = _refine(search, [shorter, *points], ring, 4).mean
+                shorter = runs[f"{2 * steps} steps"] = _refine(search, points, ring, 2)
+                runs[f"{4 * steps} steps"] = _refine(search, [shorter, *points], ring, 4)
                 if (richer := richer_structure(structure)) is not None:
                     whole = ring_of(richer[0], preload, blades)
-                    answers[richer[1]] = _refine(search, points, whole, 1).mean
+                    runs[richer[1]] = _refine(search, points, whole, 1)
                     cost = whole.cost
                 others = _other_starts(search, best, starts)
         except MarchFailed as error:
@@ -227,7 +224,7 @@ def time_response(
     cost = watch.read(ring.cost + cost)
     none = replace(none, periods=search.periods, diameters=ring.nodal_diameters, cost=cost, fall=search.fall)
     omitted = "" if result.complete else f"there may be a higher peak, as the curve is {result.status}"
-    return _stated(none, search, answers, others, omitted, work.interrupted)
+    return _stated(none, search, runs, others, omitted, work.interrupted)
 
 
 def _curve_of_peak(problem: Problem, peak: Peak) -> ResponseCurve:
@@ -278,7 +275,7 @@ def _other_starts(search: SteadySearch, best: SteadyPoint, starts: int) -> dict[
 
 
 def _stated(
-    none: TimeResponse, search: SteadySearch, answers: dict[str, float], others: dict[str, float], omitted: str,
+    none: TimeResponse, search: SteadySearch, runs: dict[str, SteadyPoint], others: dict[str, float], omitted: str,
     interrupted: bool,
 ) -> TimeResponse:  # fmt: skip
     """Return the result of a search from a result without amplitudes; ``omitted`` is what the curve may not contain."""
@@ -286,13 +283,16 @@ def _stated(
     if best is None:
         why = search.failure or "no motion stays near the peak"
         return replace(none, status=INTERRUPTED if interrupted else with_reason(NOT_FOUND, why))
-    answers = answers or {f"{search.steps} steps": best.mean}
+    runs = runs or {f"{search.steps} steps": best}
+    answers = {name: run.mean for name, run in runs.items()}
+    if search.fall == search.fall:
+        answers["at the fall"] = _at_fall(search)
     low, high = min(answers.values()), max(answers.values())
-    change = max(abs(best.change), CRITERIA.drift)
+    change = max(CRITERIA.drift, *(abs(run.change) for run in runs.values() if run.stays))
     doubts = [
         "not settled" if high > (1.0 + CRITERIA.tolerance) * low else "",
         search.failure,
-        f"its mean is uncertain by {100.0 * abs(best.change):.2g} %" if abs(best.change) > CRITERIA.tolerance else "",
+        f"its mean is uncertain by {100.0 * change:.2g} %" if change > CRITERIA.tolerance else "",
         "the curve ends before the motion falls; widen the interval" if search.at_end(best) else "",
         omitted,
     ]
