@@ -386,9 +386,9 @@ class Settings:
         )
 
     def friction_by_interface(self) -> dict[str, float | NDArray]:
-        """Return the friction coefficient of each interface in use, or those (n_points,) of its points in the model.
+        """Return the friction coefficient of each interface in use by name: a number, or one for each point (n_points,).
 
-        Interfaces without friction have 0.
+        Interfaces without friction have the value 0.
         """
         out: dict[str, float | NDArray] = {}
         given = self.friction_coefficient
@@ -496,5 +496,5 @@ def _plain(value: Any) -> Any:
 
 
 def check_history(name: str, history: Sequence[float]) -> tuple[float, ...]:
-    """Return checked load factors: at least one, none negative."""
+    """Check and return the load factors of a preload history: at least one, none negative."""
     return tuple(validation.numbers(f"{name}, load factors", history, least=0.0).tolist())
