@@ -81,17 +81,17 @@ class Audit(Summarised, Tabular, row="search"):
 
     @property
     def missed(self) -> Numbers:
-        """(n,) bool: True if the thorough search found a higher peak."""
+        """Whether the thorough search found a higher peak, (n,) bool."""
         return np.asarray(self.thorough > (1.0 + self.tolerance) * self.search)
 
     @property
     def covered(self) -> NDArray:
-        """(n,) bool: True if the error estimate of the search, or the tolerance, covers the higher peak."""
+        """Whether the error estimate of the search, or the tolerance, covers the higher peak, (n,) bool."""
         return np.asarray(self.thorough <= (1.0 + np.maximum(self.error, self.tolerance)) * self.search)
 
     @property
     def undecided(self) -> NDArray:
-        """(n,) bool: True if one of the searches has no peak."""
+        """Whether one of the searches has no peak, (n,) bool."""
         return ~self.missed & (np.array(self.status) != COMPLETE)
 
     @property
@@ -224,12 +224,12 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
 
     @property
     def complete(self) -> bool:
-        """Whether every disk has a result, and every audited disk a thorough one."""
+        """Whether the search of every disk, and the thorough search of every audited disk, is complete."""
         return all_complete(self.status) and all(s in (COMPLETE, "not asked") for s in self.curve_status)
 
     @property
     def amplification(self) -> Numbers:
-        """(n_disks, n_deviations, n_preloads) amplitude relative to the tuned disk at the same preload."""
+        """Amplitude relative to the tuned disk at the same preload, (n_disks, n_deviations, n_preloads)."""
         return np.asarray(self.amplitude / self.tuned_amplitude)
 
     @property

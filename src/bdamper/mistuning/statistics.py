@@ -42,9 +42,9 @@ def percentile(values: NDArray, q: float, error: NDArray | float = 0.0) -> Inter
     Parameters
     ----------
     values : (n,) float
-        NaN for unknown values.  The interval holds wherever these lie.
+        NaN for unknown values.  The interval is valid for any values of these.
     q : float
-        Between 0 and 100.
+        Percentage, between 0 and 100.
     error : (n,) float, optional
         Relative error of each value in both directions.  The interval covers all values within their errors.
 

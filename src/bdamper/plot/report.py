@@ -117,7 +117,7 @@ def _graded(value: float, good: float, fair: float) -> str:
 
 
 def lights(curve: OptimalCurve, fit: Fitted | None = None) -> list[Light]:
-    """Return the checks of an optimal curve, with the rules of their colours."""
+    """Rate the quality of an optimal curve: one green, amber, red or white light for each check, with its rule."""
     best = curve.optimum
     time_rule = f"green below {percent(GOOD)} of difference, amber below {percent(FAIR)}, red above, white if not run"
     inside = best.kind not in ENDS

@@ -223,10 +223,10 @@ class Curves:
         return quiet
 
     def follow(self, preloads: Sequence[float], budget: int | None = None, row: int = 0) -> list[AtPreload]:
-        """Follow the curves at some preloads, in the given order.
+        """Compute the response curves at preloads (N) in parallel, and return them in the given order.
 
-        With ``row`` it stops after this number of consecutive rattling preloads.  An interruption keeps the finished
-        curves.
+        If ``row`` is not 0, the computation stops after this number of consecutive preloads at which the damper rattles.
+        Finished curves are stored, also before an interruption.
         """
         assert self.executor is not None
         stop, running = Event(), dict[float, Future[AtPreload]]()

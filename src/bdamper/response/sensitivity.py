@@ -107,7 +107,7 @@ class CurveSensitivity:
 
     @property
     def at_frequency(self) -> NDArray:
-        """(n,) complex, m per unit: derivative of the response at fixed frequency, infinite at a fold."""
+        """Derivative (n,) of the complex response at fixed frequency, m per unit; infinite at a fold."""
         onward = self.tangent[:, 0].real
         with np.errstate(divide="ignore", invalid="ignore"):
             return self.response - self.tangent[:, 1] * self.frequency / onward

@@ -169,7 +169,7 @@ class Counted(Protocol):
 
     @property
     def work(self) -> NDArray:
-        """(4,) million operations of an evaluation, a Jacobian, a factorisation and a least-norm solution."""
+        """Million operations (4,) of an evaluation, a Jacobian, a factorisation and a least-norm solution."""
 
 
 @dataclass(frozen=True)
