@@ -314,7 +314,7 @@ def fullest(problem: Problem) -> Effects:
 
 
 def parts(problem: Problem, effects: Effects) -> list[str]:
-    """Return the names of the single active effects of a model, as :meth:`Effects.without` accepts them."""
+    """Return the names of all active effects that :meth:`Effects.without` can remove one by one."""
     points = problem.settings.most_points
     points = min(points, effects["contact_points"] or points)
     names = ["bias", "variable normal load", "separation"]

@@ -221,7 +221,7 @@ class Layout:
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Real and imaginary part of the response, whose maxima are the peaks, as rows of the unknowns.
+    """Rows (n_unknowns,) whose products with the unknowns are the real and imaginary part of the first harmonic.
 
     Parameters
     ----------

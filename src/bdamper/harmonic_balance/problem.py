@@ -436,7 +436,7 @@ class Problem:
         return wedge_friction(self.coupling, self.friction, self.check_preload(preload), self.body_loads)
 
     def check_preload(self, preload: float) -> float:
-        """Return the checked preload (N); raise SettingError if it is negative or if no body carries it."""
+        """Check and return a preload (N); raise SettingError if it is negative or acts on no body."""
         preload = validation.number("preload", preload, least=0.0, unit="N")
         if preload > 0.0 and not self.carries_load:
             raise SettingError(f"preload: expected 0, since {self.why_no_load}, found {preload:g} N")

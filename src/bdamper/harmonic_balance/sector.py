@@ -247,7 +247,7 @@ class Sector:
         return None if own is None or memory is None else own.core(memory)
 
     def core(self, **over_speed: Any) -> _core.Sector:
-        """Return the core's equations, of a family over speed if its arguments are given."""
+        """Create the equations in the C core; ``over_speed`` contains further arrays of a family over rotor speed."""
         mode, n_time = self.evaluation_code
         given: dict[str, Any] = self.arrays | over_speed | {"own": self.own}
         return _core.Sector(**given, evaluation=mode, n_time=n_time, row_scale=row_scale(self.layout, self.force_scale))

@@ -51,29 +51,29 @@ SAME = 0.05
 """Distance in widths of the tuned peak below which two peaks of one blade are the same."""
 
 GAIN = 1e-5
-"""Relative increase of the amplitude still possible where a climb ends."""
+"""Estimated relative increase of the amplitude below which a local search ends."""
 NEAR, ROUGH = 2e-3, 1e-2
-"""Newton step (relative to the vibration) and residual accepted at the first point of a climb.  Without a limit of the
-residual, dampers that are nearly free have not yet reached their positions."""
+"""Newton step (relative to the vibration) and residual accepted at the first point of a local search.  Without a limit
+of the residual, dampers that are nearly free have not yet reached their positions."""
 TOLERANCE = 1e-9
 """Residual of a peak, relative to excitation and static load."""
 EXACT = PeakOptions(tolerance=TOLERANCE, max_trials=12)
 SHARE = 0.05
-"""Newton step accepted at the next point of a climb, relative to the climb's step.  On 12 disks of 13 blades 0.02 takes as
+"""Newton step accepted at the next point of a local search, relative to its step.  On 12 disks of 13 blades 0.02 takes as
 many factorisations; 0.2 takes a quarter more and loses a peak."""
 LEAST = 3e-5
-"""Smallest step of a climb, relative to the vibration."""
+"""Smallest step of a local search, relative to the vibration."""
 PLACES = 60
-"""Largest number of points of a climb."""
+"""Largest number of points of a local search."""
 REACH = 1.0
-"""Largest distance of a climb from its initial peak, relative to the vibration there.  On a lumped disk of six blades (300
-N) a peak of 1.2 mm with springs of 0.1 becomes 2.2 mm with free dampers.  Without this limit it becomes 5.5 mm, which does
-not persist in time."""
+"""Largest distance of a local search from its initial peak, relative to the vibration there.  On a lumped disk of six
+blades (300 N) a peak of 1.2 mm with springs of 0.1 becomes 2.2 mm with free dampers.  Without this limit it becomes 5.5 mm,
+which does not persist in time."""
 
 
 @dataclass(frozen=True, eq=False)
 class Climbed:
-    """A peak of the blade that is the highest at its frequency, followed to weaker springs.
+    """Peak of the blade that is the highest at its frequency, followed to weaker springs.
 
     Parameters
     ----------
@@ -228,7 +228,7 @@ class Search:
         if c.status != OK:
             return None
         if y is None:
-            reach = 0.05  # largest distance from the end of a climb to its peak, relative to the vibration
+            reach = 0.05  # largest distance from the end of a local search to its peak, relative to the vibration
             top = find_peak(of_blade(system, peak.blade), c.y, tangent=c.tangent, scale=scale, options=EXACT, reach=reach)
             if top.converged:
                 c = replace(c, y=top.y, tangent=top.tangent, residual=top.residual)

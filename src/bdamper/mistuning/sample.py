@@ -43,7 +43,7 @@ from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Reson
 
 
 def highest_disks(height: NDArray, audit: float) -> NDArray:
-    """Return (n_disks, ...) bool: True for the fraction ``audit`` of the disks with the highest amplitude in each cell."""
+    """Return the mask (n_disks, ...) of the fraction ``audit`` of the disks with the highest amplitudes in each cell."""
     n = int(np.ceil(audit * len(height) - 1e-9))
     rank = np.argsort(np.argsort(-np.nan_to_num(height, nan=-np.inf), axis=0, kind="stable"), axis=0, kind="stable")
     return np.asarray((rank < n) & np.isfinite(height))
@@ -119,7 +119,7 @@ class Audit(Summarised, Tabular, row="search"):
 @short_repr
 @dataclass(frozen=True)
 class BestPreload:
-    """The preload of a sample at which a percentile of the highest blade amplitude is smallest.
+    """Preload of a sample at which a percentile of the highest blade amplitude is smallest.
 
     Parameters
     ----------
@@ -360,7 +360,7 @@ _AUDIT = 3
 
 @dataclass(frozen=True)
 class _Sample:
-    """The disks of a sample and the search for their peaks.
+    """Disks of a sample and the search for their peaks.
 
     Parameters
     ----------

@@ -21,7 +21,7 @@ from bdamper.util.formatting import amount, short_repr
 
 
 class Interval(NamedTuple):
-    """An estimate with its confidence interval; an end is infinite if the sample does not bound it."""
+    """Estimate with its confidence interval; an end is infinite if the sample does not bound it."""
 
     low: float
     value: float
@@ -79,7 +79,7 @@ def share(count: int, n: int) -> Interval:
 @short_repr
 @dataclass(frozen=True)
 class WeibullTail:
-    r"""A Weibull distribution of maxima with an upper bound, fitted to the upper values of a sample.
+    r"""Weibull distribution of maxima with an upper bound, fitted to the upper values of a sample.
 
     .. math:: F(x) = \exp\left(-\left(\frac{b - x}{s}\right)^k\right), \quad x \le b .
 

@@ -104,7 +104,7 @@ def check_type(value: object, expected: type, item: str) -> None:
 
 
 def check_all(good: NDArray, array: NDArray, expected: str, item: str) -> None:
-    """Raise an error with the first element of ``array`` that is not good."""
+    """Raise an error that shows the first element of ``array`` with a False entry in ``good``."""
     wrong = np.argwhere(~good)
     if len(wrong):
         at = tuple(int(i) for i in wrong[0])

@@ -109,7 +109,7 @@ class Piece:
 
 
 def in_order(pieces: Sequence[Piece]) -> list[tuple[Correction, Piece]]:
-    """Return the points of all pieces with their piece; two paths from one interior solution are joined to one sequence."""
+    """Return all points with their pieces, in the order along each branch; two paths from one solution are joined."""
     out: list[tuple[Correction, Piece]] = []
     for before, piece in zip([None, *pieces], pieces):
         points = [(p, piece) for p in piece.path.points]

@@ -254,7 +254,7 @@ class AtPreload:
 
     @property
     def status(self) -> str:
-        """"complete", "incomplete" or "not found", with the reason."""
+        """Status "complete", "incomplete" or "not found", with the reason."""
         if self.top is None or not self.curve.complete:
             status = NOT_FOUND if self.top is None else INCOMPLETE
             return with_reason(status, f"{self.curve.status}: {self.curve.reason}".removeprefix(f"{status}: "))

@@ -329,13 +329,15 @@ class ResponseCurve(Plottable, Comparable, FrequencySeries, Tabular, Recorded, S
 
 
 def unstable_points(curve: ResponseCurve) -> NDArray:
-    """Return (n,) bool: ``curve.unstable`` if examined, otherwise where the frequency decreases along the curve."""
+    """Return the unstable points (n,) bool: those of a stability analysis, else those at which the frequency decreases."""
     return np.asarray(curve.backward if curve.unstable is None else curve.unstable, bool)
 
 
 def crossed(x: NDArray, height: NDArray, at: float, joined: NDArray) -> tuple[NDArray, NDArray]:
-    """Return the joined intervals in which a curve over x crosses an abscissa, by their first point, and the
-    interpolated heights.
+    """Find the intersections of a curve with the line ``x = at``.
+
+    Return the index of the first point of each segment that crosses the line, and the interpolated heights.  Only segments
+    with ``joined`` belong to the curve.
     """
     f = x - at
     across = np.flatnonzero((f[:-1] * f[1:] <= 0.0) & (f[:-1] != f[1:]) & joined)

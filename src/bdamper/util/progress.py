@@ -34,7 +34,7 @@ _passed_on: ContextVar[bool] = ContextVar("_passed_on", default=False)
 
 
 class ExecutorEnded(KeyboardInterrupt):
-    """The executor accepts no more tasks; the work ends as after Ctrl-C."""
+    """Interruption by an executor that accepts no more tasks; the work ends as after Ctrl-C."""
 
 
 @contextmanager

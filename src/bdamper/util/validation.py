@@ -287,7 +287,7 @@ def mapping(name: str, value: Any, keys: Iterable[str], words: str) -> Mapping[s
 
 
 def each(check: Callable[[str, Any], Any]) -> Callable[[str, Any], Any]:
-    """Make a check of one value into a check of one value, or of each value of a mapping."""
+    """Extend a check of one value to mappings, whose values are checked one by one."""
 
     def checked(name: str, value: Any) -> Any:
         if not isinstance(value, Mapping):
