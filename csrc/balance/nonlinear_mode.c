@@ -18,7 +18,7 @@
  *     d(R_l/a)/dxi = -i l omega M P_l        d(R_l/a)/d ln a = sum_k (S + J)_lk P_k - R_l/a,      k > 0.
  *
  * d(R_l/a)/domega is the derivative of the sector with C - xi M instead of C, plus 2 zeta d(R_l/a)/dxi. The unknown is
- * zeta. Coordinates without mass carry none of this force. */
+ * zeta. The force does not act on coordinates without mass. */
 #include "balance/nonlinear_mode.h"
 
 #include <math.h>

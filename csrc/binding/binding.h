@@ -42,7 +42,7 @@ typedef enum { BD_FINITE, BD_NON_NEGATIVE, BD_POSITIVE, BD_NEGATIVE } core_range
 enum { BD_INPUT, BD_OUTPUT };
 
 /* Return the data of a C-contiguous, aligned array of the given type and shape, or NULL with an exception that names the
- * argument. An output that shares memory with another array of the call is refused. */
+ * argument. An output must not share memory with another array of the call. */
 void *core_array(core_arguments *arguments, PyObject *object, const char *name, int type, const char *type_name, int n_dim,
                  const npy_intp *shape, int output);
 double *core_doubles(core_arguments *arguments, PyObject *object, const char *name, int n_dim, const npy_intp *shape,

@@ -1,4 +1,4 @@
-/* Choice of the evaluation. The evaluations themselves distinguish the laws, so the physics is written once. */
+/* Event-driven or sampled evaluation. Coupled, cubic and user laws then replace the results at their points. */
 #include "contact/evaluator.h"
 
 #include <string.h>

@@ -1,4 +1,4 @@
-/* Order of the calls: y -> r, J, C -> factors of B -> solutions. */
+/* Checked calls of equations, in the order evaluate (r, J and C at y), factor (B), solve. */
 #include "solver/equations.h"
 
 bd_status bd_evaluate(bd_equations *e, const double *y, int derivative) {

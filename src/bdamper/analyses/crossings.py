@@ -64,7 +64,7 @@ T = TypeVar("T")
 
 
 def with_needed_bases(problem: Problem) -> Problem:
-    """Return the problem with the nodal diameters of its harmonics only, which is faster to assemble at a speed."""
+    """Remove the nodal diameters that no harmonic uses from the model, which makes the assembly at a speed faster."""
     model = problem.model
 
     def needed(by_diameter: Mapping[int, T]) -> dict[int, T]:
@@ -111,7 +111,7 @@ class SpeedFamily:
         return problem.system(mass * self.preload(omega))
 
     def along(self, low: float, high: float, nodes: int, mass: float = 1.0) -> Equations[Family]:
-        """Return the equations along the line of the engine order.
+        """Return the equations along the engine order line, interpolated between node speeds.
 
         Parameters
         ----------
@@ -127,7 +127,7 @@ class SpeedFamily:
         return family_equations(systems, speeds, int(self.whole.engine_order))
 
     def resonances(self, low: float, high: float, mode: int) -> tuple[float, float]:
-        """Return the speeds (rad/s) at which free and stuck resonance of a mode cross the line of the engine order.
+        """Return the speeds (rad/s) at which the free and the stuck resonance of a mode cross the engine order line.
 
         They follow from the resonances at two speeds, since squared frequencies are nearly linear in the squared speed. The
         result is 0 if a resonance does not cross the line.
@@ -141,7 +141,7 @@ class SpeedFamily:
         return min(crossings), max(crossings)
 
     def _linear(self, omega: float, mode: int) -> NDArray:
-        """Return free and stuck resonance (2,) of a mode of the constrained bodies at a speed, rad/s."""
+        """Return the free and the stuck resonance (2,), rad/s, of a mode of the constrained bodies at a speed (rad/s)."""
         both = free_and_stuck(self.problem(omega).at(self.preload(omega)), mode)
         return 2.0 * np.pi * np.array(both)[:, mode - 1]
 
@@ -175,22 +175,27 @@ def follow_line(
     meter: CostMeter,
     options: ContinuationOptions | None = None,
 ) -> tuple[Equations[Family], ResponseCurve, Highest | None]:
-    """Compute the response along the line of the engine order.
+    """Compute the response curve of a run-up: over rotor speed, with excitation along the engine order line.
 
     Parameters
     ----------
     family : SpeedFamily
     speeds : (low, high), rad/s
+        Range of rotor speeds.
     mode : int
+        Mode of the constrained bodies, 1 for the lowest. Steps are short near its resonances.
     meter : CostMeter
+        Counts the cost.
     options : ContinuationOptions, optional
+        Step sizes and tolerances; by default those of a coarse curve.
 
     Returns
     -------
     equations : Equations
+        Equations interpolated over speed, with the excitation frequency as the parameter.
     curve : ResponseCurve
     highest : Highest or None
-        Highest maximum, with the speed as its parameter.
+        Highest maximum, with the speed (rad/s) as its parameter; None if the highest point is an end of the curve.
     """
     low, high = speeds
     wide, reach = 0.05 * (high - low), family.conditions.reach(int(family.whole.engine_order))
@@ -228,13 +233,13 @@ def follow_line(
 
 
 def _nearest(family: SpeedFamily, equations: Equations[Family], speed: float) -> LoadCase:
-    """Return the problem under its preload at the node nearest to a speed."""
+    """Return the problem under its preload at the node speed nearest to a speed (rad/s)."""
     nearest = float(min(equations.structure.speeds, key=lambda other: abs(other - speed)))
     return family.problem(nearest).at(family.preload(nearest))
 
 
 def _watched(family: SpeedFamily, equations: Equations[Family], mode: int) -> list[tuple[float, float, NDArray]]:
-    """Return free and stuck resonance of the mode on the line, with the modal rows of the nearest node."""
+    """Return frequency, half-width (rad/s) and modal row of the free and the stuck resonance on the engine order line."""
     ends = float(equations.structure.speeds.min()), float(equations.structure.speeds.max())
     out = []
     for stuck, speed in enumerate(family.resonances(*ends, mode)):

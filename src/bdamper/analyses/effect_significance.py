@@ -241,8 +241,9 @@ class _Reference:
 def _chosen(
     reference: _Reference, rows: list[EffectRow], tolerance: float
 ) -> tuple[list[EffectRow], tuple[float, float]]:
-    """Select the effects that can be omitted together; return the marked rows and the computed change without these
-    effects.
+    """Select the effects that can be omitted together.
+
+    Return the rows with the selection, and the computed change of amplitude and frequency without the omitted effects.
     """
     taken_back = {row.name: reason for row in rows if (reason := _contains_more(reference.effects, row, rows, tolerance))}
     worth = 0.98  # relative work above which the omission of an effect saves nothing
@@ -273,8 +274,9 @@ def _chosen(
 
 
 def _contains_more(effects: Effects, row: EffectRow, rows: list[EffectRow], tolerance: float) -> str:
-    """Return a reason if omitting an effect also omits another significant effect; the changes of both may cancel by
-    chance.
+    """Return the name of another significant effect that is omitted together with this one, as "contains ...", or "".
+
+    The changes by the two effects may cancel by chance, so a small total change does not show that both are insignificant.
     """
     without = effects.without(row.name)
     large = (other.name for other in rows if other is not row and other.size > tolerance)
@@ -312,7 +314,7 @@ def fullest(problem: Problem) -> Effects:
 
 
 def parts(problem: Problem, effects: Effects) -> list[str]:
-    """Return the names of the single active effects of a model, as :meth:`Effects.without` accepts them."""
+    """Return the names of all active effects that :meth:`Effects.without` can remove one by one."""
     points = problem.settings.most_points
     points = min(points, effects["contact_points"] or points)
     names = ["bias", "variable normal load", "separation"]

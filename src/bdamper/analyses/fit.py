@@ -198,7 +198,7 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
 
     @property
     def wrong(self) -> str:
-        """Statement that the model does not describe the worst test, with a hint if units are probably wrong; or empty."""
+        """Statement that the model does not describe the test of largest misfit, or empty; with a hint at wrong units."""
         worst = int(np.argmax(self.misfits))
         if not self.misfits[worst] > WRONG:
             return ""
@@ -210,7 +210,7 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
 
     @property
     def doubts(self) -> str:
-        """Reasons of an incomplete fit, apart from :attr:`wrong`."""
+        """Reasons why the fit is incomplete, without the statement of :attr:`wrong`; empty for a complete fit."""
         return self.status.partition(": ")[2].removeprefix(self.wrong).removeprefix("; ")
 
     def _headline(self) -> str:
@@ -468,7 +468,7 @@ def _stage(objective: Objective, before: tuple[Fitted, NDArray] | None = None) -
 def _uncertainty(
     objective: Objective, x: NDArray, rows: Sequence[slice], before: tuple[Fitted, NDArray] | None
 ) -> tuple[NDArray, NDArray, NDArray]:
-    """Return half widths (2, k) of the intervals, covariance (k, k), and standard deviations from omitted tests (k,)."""
+    """Return half widths (2, k) of the intervals, covariance (k, k), and jackknife standard deviations over tests (k,)."""
     r, J = objective.residual(x), objective.jacobian(x)
     k, n = len(x), len(rows)
     spare = max(int(np.count_nonzero(r)) - k, 1)
@@ -494,7 +494,7 @@ def _uncertainty(
 
 
 def _profile(objective: Objective, x: NDArray, j: int, rise: float, half: float) -> NDArray:
-    """Return the distances to both sides at which the sum of squares, fitted again, has risen by ``rise``."""
+    """Return the distances (2,) below and above ``x[j]`` at which the profiled sum of squares has risen by ``rise``."""
     least = float((objective.residual(x) ** 2).sum())
     free = np.arange(len(x)) != j
     J, (low, high) = objective.jacobian(x), objective.bounds

@@ -146,6 +146,7 @@ class InAmplitude:
     Parameters
     ----------
     n_mean : int
+        Number of unknowns of the mean.
     reference : float, m
         Response amplitude at parameter 0.
     """
@@ -169,7 +170,7 @@ class InAmplitude:
         return scale
 
     def place(self, parameter: float) -> str:
-        """Return the response amplitude as text."""
+        """Return the response amplitude at a value of the parameter as text."""
         return f"{self.reference * np.exp(parameter):.6g} m"
 
 

@@ -111,7 +111,7 @@ class Variations:
         return vary(self.problem, {name: value for name, value in values.items() if name != FORCE})
 
     def neighbour(self, name: str, value: float) -> Problem:
-        """Return the problem at another value of one parameter."""
+        """Return the problem with another value of one parameter."""
         if name == FORCE or value == self.values[name]:
             return self.own
         if (name, value) not in self._neighbours:
@@ -121,7 +121,7 @@ class Variations:
         return self._neighbours[name, value]
 
     def under(self, force: float | None, problem: Problem | None = None, gain: float | None = None) -> Problem:
-        """Return the problem with the excitation of a test."""
+        """Return the problem under the force amplitude of a test (N; None for the study's), multiplied by ``gain``."""
         gain = self.values.get(FORCE, 1.0) if gain is None else gain
         amplitude = self.problem.settings.excitation.amplitude if force is None else force
         return vary(problem or self.own, {"excitation.amplitude": gain * amplitude})

@@ -7,7 +7,7 @@ derivative of the last force by the motions of a path contains all four,
 .. math:: \frac{dF_m}{dx_j} = f_x \delta_{jm} + f_s \frac{ds_m}{dx_j}, \qquad
     \frac{ds_k}{dx_j} = g_s \frac{ds_{k-1}}{dx_j} + g_x \delta_{jk} + g_{x'} \delta_{j,k-1}.
 
-Of the finite differences to both sides the closer one counts, since the law may have a corner on the other side.
+Each derivative is compared with a forward and a backward difference; one must agree, since the law may have a corner.
 """
 
 from __future__ import annotations
@@ -93,14 +93,25 @@ class _Law:
         self._parameters, self._n = np.ascontiguousarray(parameters, float), n_state
 
     def step(self, x: NDArray, before: NDArray, s: NDArray) -> list[NDArray]:
-        """Return state and forces after a step and the matrices Fx, Fs, sx, ss."""
+        """Advance the law from motion ``before`` (3,) and state ``s`` (n,) to motion ``x`` (3,).
+
+        Returns
+        -------
+        list
+            State (n,), force (3,), and derivatives: of the force with respect to x (3, 3) and to the new state (3, n), of
+            the new state with respect to x and before (n, 6) and to s (n, n).
+        """
         n = self._n
         out = [np.zeros(shape) for shape in (n, 3, (3, 3), (3, n), (n, 6), (n, n))]
         self._call(*(a.ctypes.data for a in (x, before, self._parameters, s, *out)), self._data)
         return out
 
     def follow(self, path: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-        """Return force (3,) at the end of a path (m, 3) from rest, its derivative (3, 3 m) by the path, and all states."""
+        """Follow a path (m, 3) from rest.
+
+        Return the force (3,) at its end, the derivative (3, 3 m) of this force with respect to the path, and the states
+        (m, n).
+        """
         n, m = self._n, len(path)
         before, s, by, states = np.zeros(3), np.zeros(n), np.zeros((n, 3 * m + 3)), []
         for k, x in enumerate(path):

@@ -110,12 +110,12 @@ class PointArrays:
     load : (n_points,) float, N, optional
         Normal load that limits friction under the laws of constant load; ``n0`` by default.
     index : (n_points,) int, optional
-        Contact point of the structure for each point.  If two points share one, the normal force of the second is
-        subtracted from the first.
+        Contact point of the structure for each element, if they differ.  A contact that cannot separate consists of two
+        elements at one point: the second has the opposite normal direction and acts in tension.
     own : OwnLaws, optional
         Compiled laws.
     memory : (n_points, width) float, optional
-        Latest motion and state of points with compiled laws, from the static state.
+        Motion and state of points with compiled laws in the static state.
     """
 
     kt: NDArray
@@ -422,7 +422,7 @@ class OwnLaws:
 
     @property
     def held(self) -> NDArray:
-        """(n_points,) bool: points with compiled laws."""
+        """Whether each point has a compiled law, (n_points,) bool."""
         return np.array([point is not None for point in self.points])
 
     @property

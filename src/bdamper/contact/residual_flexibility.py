@@ -89,7 +89,7 @@ def joined(basis: HarmonicBasis, residual: HarmonicBasis) -> HarmonicBasis:
 
 
 def active_components(coupling: Coupling, friction: NDArray) -> NDArray:
-    """Return (n_points, 3) bool: possible force components at the points of friction interfaces."""
+    """Return which force components (n_points, 3) bool are possible at the points of friction interfaces."""
     active = np.zeros((coupling.n_points, 3), bool)
     rows = coupling.friction_rows
     active[rows, 2] = True

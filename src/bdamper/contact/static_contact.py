@@ -352,7 +352,10 @@ class WedgeFriction:
 
 
 def _corners(coupling: Coupling, name: str, friction: NDArray) -> NDArray:
-    """Return the rows of sufficient points: on a plane face with one friction coefficient, its corners."""
+    """Return the indices of points whose friction cones span all forces of a face.
+
+    On a plane face with one friction coefficient these are the corners of its convex hull, otherwise all points.
+    """
     face, rows = coupling.model.interfaces[name], np.arange(coupling.n_points)[coupling.rows(name)]
     relative = face.points - face.points.mean(axis=0)
     size = float(np.abs(relative).max())

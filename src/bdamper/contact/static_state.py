@@ -155,7 +155,7 @@ class PreloadState(Plottable, Tabular, Storable, kind="bdamper-static", row="con
 
     @property
     def state(self) -> Kinds:
-        """(n_points,) str: "stick", "slip" (in at least one direction) or "open"."""
+        """State of each point: "stick", "slip" (in at least one direction) or "open"."""
         stuck, open_ = (self.status == STICK).all(axis=1), (self.status == OPEN).any(axis=1)
         return tuple(np.select([open_, stuck], ["open", "stick"], "slip").tolist())
 
@@ -323,7 +323,11 @@ def _step(
     G = system.G.reshape(-1, system.G.shape[2])
 
     def residuals(*q: NDArray) -> tuple[NDArray, NDArray]:
-        """Evaluate each q as if alone, bit for bit: rounding determines the states of points at their limit."""
+        """Return residuals (n, n_modes), and states, of n coordinate vectors.
+
+        The vectors are evaluated one by one, since a product with all of them rounds differently.  Rounding determines the
+        state of a point at its friction limit.
+        """
         x = np.array([G @ one for one in q]).reshape(len(q), -1, 3) + shift
         F, new_status = _forces(system, x, w)
         r = [system.stiffness * one + G.T @ f.ravel() - force for one, f in zip(q, F)]

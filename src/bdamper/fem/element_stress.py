@@ -288,7 +288,7 @@ def node_average(owner: NDArray, n: int) -> sp.csr_matrix:
 
 
 def near_patches(points: NDArray, *faces: Patches) -> NDArray:
-    """Return (n,) bool: points on a patch, or closer to it than the mean length of its edges."""
+    """Return whether each point (n,) is on a patch, or closer to it than the mean length of its edges."""
     near = np.zeros(len(points), bool)
     for face in faces:
         local = np.einsum("pij,npj->npi", face.frame, points[:, None] - face.centre)

@@ -110,7 +110,7 @@ class BladePart:
 
     @property
     def inside(self) -> NDArray:
-        """(n_nodes,) bool: nodes of the blade."""
+        """Whether each node belongs to the blade, (n_nodes,) bool."""
         return np.isin(np.arange(len(self.body.nodes)), self.nodes)
 
     def check_wanted(self, wanted: Wanted, faces: SectorFaces) -> None:

@@ -150,7 +150,7 @@ class Geometry:
         return np.stack([-0.5 * self.ridge_width - s * np.sin(a), self.ridge_radius - s * np.cos(a)], axis=-1)
 
     def underside_points(self, s: NDArray) -> NDArray:
-        """Return these points (n, 2) in the axes of blade 0, on its right underside."""
+        """Return points (n, 2) on the right underside in blade axes, at distances ``s`` (n,) below the ridge, m."""
         return self.face_points(s) @ turn(0.5 * self.pitch)[:2, :2].T
 
     @property
@@ -370,7 +370,7 @@ class Discretisation(Structure):
 
 
 def _assembled(blocks: NDArray, rows: NDArray, n: int) -> sp.coo_matrix:
-    """Return the matrix (n, n) of element matrices ``blocks`` (n_elements, ...) on the ``rows`` (n_elements, m)."""
+    """Assemble the matrix (n, n) from element matrices (n_elements, ...) and their degrees of freedom (n_elements, m)."""
     m = rows.shape[1]
     places = np.repeat(rows, m, axis=1).ravel(), np.tile(rows, (1, m)).ravel()
     return sp.coo_matrix((blocks.ravel(), places), shape=(n, n))

@@ -71,13 +71,13 @@ class SectorFaces:
         return np.conj(phase) if self.side < 0 else phase, turn(self.side * 2.0 * np.pi / self.n_sectors)
 
     def among(self, known: NDArray) -> SectorFaces:
-        """Restrict the dependent face to the nodes determined by ``known`` nodes (n_nodes,) bool and contained in them."""
+        """Keep the dependent nodes that are ``known`` (n_nodes,) bool and determined by known independent nodes."""
         unknown = abs(self.weights) @ (~known[self.independent]).astype(float) > 0.0
         rows = known[self.dependent] & ~unknown
         return replace(self, dependent=self.dependent[rows], weights=self.weights[rows])
 
     def images(self, held: NDArray) -> NDArray:
-        """Return ``held`` nodes (n_nodes,) bool and their images on the other face."""
+        """Return the mask (n_nodes,) of the nodes ``held`` and of their images on the other face."""
         out, size = held.copy(), abs(self.weights)
         out[self.dependent] |= (size > 1e-4) @ (~held[self.independent]).astype(float) == 0.0  # positions are rounded
         out[self.independent] |= (size > 0.5).T @ held[self.dependent].astype(float) > 0.0  # the nearest one
@@ -98,7 +98,7 @@ def sector_phase(n_sectors: int, nodal_diameter: int) -> complex:
 
 
 def match_faces(nodes: NDArray, left: NDArray, right: NDArray, n_sectors: int, tolerance: float = 1e-8) -> SectorFaces:
-    """Return the faces for matching meshes: rotation by one pitch maps the nodes ``left`` onto ``right``.
+    """Pair the nodes of two sector faces with equal meshes: a rotation by one pitch maps the nodes ``left`` onto ``right``.
 
     Raises
     ------
@@ -118,7 +118,7 @@ def match_faces(nodes: NDArray, left: NDArray, right: NDArray, n_sectors: int, t
 
 
 def tie_faces(nodes: NDArray, surface: Facets, left: NDArray, right: NDArray, n_sectors: int) -> SectorFaces:
-    """Return the faces for different meshes, with interpolation; ``distance`` shows the geometric error.
+    """Tie the two faces of a sector with different meshes: the finer face follows the coarser one by interpolation.
 
     Parameters
     ----------
@@ -128,6 +128,11 @@ def tie_faces(nodes: NDArray, surface: Facets, left: NDArray, right: NDArray, n_
     left, right : (k,), (m,) int
         Nodes of the faces toward -X and toward +X.
     n_sectors : int
+
+    Returns
+    -------
+    SectorFaces
+        ``distance`` is the largest distance of a node from the interpolated face.
 
     Raises
     ------
@@ -147,7 +152,7 @@ def tie_faces(nodes: NDArray, surface: Facets, left: NDArray, right: NDArray, n_
 
 
 def interpolation(nodes: NDArray, facets: Facets, points: NDArray) -> tuple[sp.csr_matrix, NDArray]:
-    """Return the shape functions of facets at the positions closest to points.
+    """Interpolate between the nodes of facets at the positions closest to given points.
 
     Parameters
     ----------
@@ -197,15 +202,15 @@ def interpolation(nodes: NDArray, facets: Facets, points: NDArray) -> tuple[sp.c
 def find_faces(nodes: NDArray, surface: Facets, n_sectors: int | None, tolerance: float) -> SectorFaces | None:
     """Find the cut faces of a sector by geometry: nodes mapped onto other nodes by one rotation.
 
-    The rotations are ``2 pi/N``, from the largest to smaller ones.  A rotation below one pitch may also map a regular mesh
-    onto itself.
+    Rotations by ``2 pi/N`` are tried for N = 2, 3, ..., since a rotation below one pitch may also map a regular mesh onto
+    itself.
 
     Parameters
     ----------
     nodes, surface
         See :func:`tie_faces`.
     n_sectors : int, optional
-        Determined as well if not given.
+        Only this number is tried; any if omitted.
     tolerance : float, m
 
     Returns

@@ -69,14 +69,14 @@ class Effects(dict[str, Any]):
         return cls({name: getattr(settings, name) for name in ASSUMED})
 
     def without(self, name: str) -> Effects:
-        """Return these settings without one effect; equal ones if the effect is already off.
+        """Return the settings without one effect; they do not change if it is already off.
 
         Parameters
         ----------
         name : str
-            "bias", "variable normal load", "separation", "harmonic nodal diameters", "constraint planes"; "rotation X" or
-            "translation Z"; or "harmonics", "damper modes", "blade modes", "contact points" with the largest number that
-            remains, as "harmonics beyond 3".
+            "bias", "variable normal load", "separation", "harmonic nodal diameters" or "constraint planes"; a rigid-body
+            motion of free bodies, such as "rotation X" or "translation Z"; or "harmonics", "damper modes", "blade modes" or
+            "contact points" followed by the largest remaining number, such as "harmonics beyond 3".
 
         Raises
         ------
@@ -106,7 +106,7 @@ class Effects(dict[str, Any]):
 
 
 def _at_most(value: Any, most: int) -> Any:
-    """Return a number, the values of a mapping, or the numbers of a sequence, up to ``most``."""
+    """Limit a number or the values of a mapping to ``most``, or drop larger numbers from a sequence."""
     if isinstance(value, Mapping):
         return {name: min(count, most) for name, count in value.items()}
     if not isinstance(value, Sequence):
@@ -116,7 +116,7 @@ def _at_most(value: Any, most: int) -> Any:
 
 
 def check_harmonics(name: str, harmonics: int | Sequence[int]) -> int | tuple[int, ...]:
-    """Return a checked number of harmonics from 1 to 64, or harmonics that include the first."""
+    """Check and return a number of harmonics from 1 to 64, or a sequence of harmonics that includes the first."""
     what = f"a whole number from 1 to {MAX_HARMONIC}, or such numbers with 1 among them"
     several = isinstance(harmonics, Sequence) and not isinstance(harmonics, str | bytes)
     given: Any = harmonics if several else [harmonics]
@@ -129,7 +129,7 @@ def check_harmonics(name: str, harmonics: int | Sequence[int]) -> int | tuple[in
 
 
 def check_law(name: str, law: Any) -> Any:
-    """Return a checked friction law: a name, a user-defined law, or a mapping of interface names to these."""
+    """Check and return a friction law: a name, a user-defined law, or a mapping of interface names to these."""
     given = law.values() if isinstance(law, Mapping) else [law]
     good = all(isinstance(one, ContactLaw) or (isinstance(one, str) and one in LAW_NAMES) for one in given)
     validation.check_value(good, name, f"one of {LAW_NAMES}, a ContactLaw or a mapping of interface names to these", law)
@@ -137,7 +137,7 @@ def check_law(name: str, law: Any) -> Any:
 
 
 def harmonic_numbers(harmonics: int | Sequence[int]) -> tuple[int, ...]:
-    """Return the harmonics without the mean, ascending, from a number or a sequence."""
+    """Return the harmonics in ascending order, without the mean, from their number or from a sequence."""
     if isinstance(harmonics, Sequence):
         return tuple(sorted(int(l) for l in harmonics))
     return tuple(range(1, int(harmonics) + 1))

@@ -149,7 +149,7 @@ class Correction:
     orientation : int
         Sign of det [J; tangent], constant along a curve, corners included; 0 if unknown.
     slope, curvature : float
-        Of a stationary point: the vanishing slope and its derivative along the curve.
+        Slope and its derivative along the curve, at a stationary point only; the slope vanishes there.
     kind : str
         On a path: "regular", "fold", "maximum", "end", or "drift" (the mean position moves at constant vibration and
         frequency).
@@ -200,7 +200,10 @@ class Layout:
         return u[..., c].astype(complex) if harmonic == 0 else u[..., c] - 1j * u[..., s]
 
     def parts(self, row: NDArray) -> tuple[NDArray, NDArray]:
-        """Return real and imaginary part of a row (n_modes,) of the first harmonic as rows (n_unknowns,)."""
+        """Return rows (n_unknowns,) whose products with the unknowns are the real and imaginary part of ``row @ q_1``.
+
+        ``row`` (n_modes,) acts on the complex modal amplitudes ``q_1`` of the first harmonic.
+        """
         re, im = np.zeros(self.n_unknowns), np.zeros(self.n_unknowns)
         c, s = self.slices(1)
         re[c], re[s] = row.real, row.imag
@@ -218,7 +221,7 @@ class Layout:
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Real and imaginary part of the response, whose maxima are the peaks, as rows of the unknowns.
+    """Rows (n_unknowns,) whose products with the unknowns are the real and imaginary part of the first harmonic.
 
     Parameters
     ----------
@@ -439,7 +442,10 @@ class Equations(Generic[S]):
         return float(np.abs(self.residual(y) * self.row_scale).max())
 
     def contact(self, u: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-        """Return relative motion and force (n_points, 3, n_coef) and state fractions (n_points, 5) at a point."""
+        """Return Fourier coefficients of relative motion (m) and contact force (N), and the states, at unknowns ``u``.
+
+        The coefficients are (n_points, 3, n_coef) along t1, t2, n. The states are fractions of the cycle (n_points, 5).
+        """
         n_coef = 2 * self.n_harmonics + 1
         X, F = np.empty((self.n_points, 3, n_coef)), np.empty((self.n_points, 3, n_coef))
         share = np.empty((self.n_points, 5))
@@ -511,7 +517,7 @@ class Equations(Generic[S]):
     def _to_moving_peak(
         self, c: Correction, condition: Peak, scale: NDArray, tolerance: float, max_iterations: int
     ) -> Correction:
-        """Correct a peak for response rows that vary with the parameter, by secant steps along the curve."""
+        """Move a peak along the curve by Newton steps, if the response rows depend on the parameter."""
         for _ in range(max_iterations):
             if c.status != OK or not c.curvature < 0.0:
                 break

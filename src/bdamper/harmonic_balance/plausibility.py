@@ -21,7 +21,7 @@ ALONG = 0.12
 
 
 def check_settings(problem: Problem) -> None:
-    """Warn of implausible settings of a problem."""
+    """Warn if settings of a problem are outside their plausible ranges, or have no effect."""
     sizes = problem.sizes
     for owner, name, value, item in _given(problem):
         plausible_ranges.check(owner, name, value, sizes, item)
@@ -41,7 +41,7 @@ def check_settings(problem: Problem) -> None:
 
 
 def _given(problem: Problem) -> Iterator[tuple[str, str, Any, str]]:
-    """Yield owner and name in the table of ranges, value, and name in a warning, for all settings."""
+    """Yield for each setting: owner and name in the table of ranges, value, and name in a warning."""
     settings, sizes = problem.settings, problem.sizes
     of_modes = [b.damping_ratio.max(initial=0.0) for b in problem.modal_bases]
     effective = {
@@ -70,7 +70,7 @@ def _given(problem: Problem) -> Iterator[tuple[str, str, Any, str]]:
 
 @one_thread
 def check_question(problem: Problem, preload: Sequence[float] | NDArray, frequency: tuple[float, float] | None) -> None:
-    """Warn of an implausible interval (Hz, unchecked) requested at one or several preloads (N).
+    """Check a frequency interval (Hz) and warn if it is implausible at the largest of the preloads (N).
 
     Public functions call it once for the whole range of preloads.
     """

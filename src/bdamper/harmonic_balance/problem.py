@@ -222,7 +222,7 @@ class Problem:
 
     @made_once
     def friction(self) -> NDArray:
-        """(n_points,) friction coefficients."""
+        """Friction coefficient of each point, (n_points,)."""
         mu = np.zeros(self.coupling.n_points)
         for name, value in self.settings.friction_by_interface().items():
             faces = self.coupling.model.interfaces[name], self.model.interfaces[name]
@@ -269,17 +269,17 @@ class Problem:
 
     @made_once
     def point_stiffness(self) -> NDArray:
-        """(n_points, 3) contact stiffness along t1, t2, n, N/m."""
+        """Contact stiffness (n_points, 3) along t1, t2, n, N/m."""
         return np.concatenate([self.stiffness[name].stiffness for name in self.coupling.interfaces])
 
     @made_once
     def point_gaps(self) -> NDArray:
-        """(n_points,) initial gaps of the surfaces, m; negative for interference, 0 at points with a given load."""
+        """Initial gaps (n_points,) of the surfaces, m; negative for interference, 0 at points with a given load."""
         return gaps(self.coupling, self.settings)
 
     @made_once
     def point_laws(self) -> NDArray:
-        """(n_points,) contact law of each point."""
+        """Number of the contact law of each point (n_points,), see :mod:`bdamper.contact.laws`."""
         law = np.full(self.coupling.n_points, LAW_NORMAL)
         for name in self.coupling.interfaces:
             kind = self.model.interfaces[name].kind
@@ -291,17 +291,17 @@ class Problem:
 
     @made_once
     def bonded_points(self) -> NDArray:
-        """(n_points,) bool: points with linear springs."""
+        """Whether each point has linear springs instead of contact, (n_points,) bool."""
         return self.point_laws == LAW_BONDED
 
     @made_once
     def tangential_stiffness(self) -> NDArray:
-        """(n_points, 2) contact stiffness along t1 and t2, N/m; 0 without friction or bond."""
+        """Contact stiffness (n_points, 2) along t1 and t2, N/m; 0 without friction or bond."""
         return self.point_stiffness[:, :2] * ~np.isin(self.point_laws, (LAW_NORMAL, LAW_CUBIC))[:, None]
 
     @made_once
     def friction_points(self) -> NDArray:
-        """(n_points,) bool: points of friction interfaces, for any friction coefficient."""
+        """Whether each point belongs to a friction interface, (n_points,) bool; its friction coefficient may be 0."""
         faces = [self.coupling.model.interfaces[name] for name in self.coupling.interfaces]
         return np.concatenate([np.full(face.n_points, face.kind == "friction") for face in faces])
 
@@ -344,11 +344,11 @@ class Problem:
 
     @made_once
     def response_rows(self) -> list[NDArray]:
-        """Rows (n_modes,) that give the response, for each harmonic, the mean first."""
+        """Row (n_modes,) of each harmonic, from the mean on, whose product with the modal amplitudes is the response."""
         return self.rows_at(self.settings.response_location)
 
     def rows_at(self, place: Response) -> list[NDArray]:
-        """Return rows (n_modes,) that give the motion of a location, for each harmonic, the mean first."""
+        """Return a row (n_modes,) of each harmonic, from the mean on, for the motion of a location along a direction."""
         direction = direction_vector(place.direction, "response direction")
         rows = [
             direction @ self.location_modes(place.location, l) if l in self.settings.active_harmonics else np.zeros(0)
@@ -436,7 +436,7 @@ class Problem:
         return wedge_friction(self.coupling, self.friction, self.check_preload(preload), self.body_loads)
 
     def check_preload(self, preload: float) -> float:
-        """Return the checked preload (N); raise SettingError if it is negative or if no body carries it."""
+        """Check and return a preload (N); raise SettingError if it is negative or acts on no body."""
         preload = validation.number("preload", preload, least=0.0, unit="N")
         if preload > 0.0 and not self.carries_load:
             raise SettingError(f"preload: expected 0, since {self.why_no_load}, found {preload:g} N")

@@ -1,4 +1,4 @@
-"""A problem at a rotor speed: the model at this speed, the centrifugal preload, and speed-dependent conditions.
+"""Problem at a rotor speed: the model at this speed, the centrifugal preload, and speed-dependent conditions.
 
 The preload of a free body is its centrifugal load ``P = m r Omega^2`` along its radial axis, with the radius ``r`` of its
 centre of mass at rest.  Speeds are in rad/s.

@@ -103,8 +103,8 @@ class Linear:
     def resonances(self, springs: Sequence[NDArray | None], low: float, high: float) -> list[tuple[float, float, NDArray]]:
         """Return the resonances between ``low`` and ``high`` (rad/s) for several sets of contact springs.
 
-        Each is a tuple of frequency and half-width (damping ratio times frequency) in rad/s, and the row that gives the
-        modal coordinate.
+        Each resonance has a frequency and a half-width (damping ratio times frequency), both in rad/s, and a row (n_modes,)
+        whose product with the modal amplitudes is the coordinate of its mode.
         """
         out = []
         basis = self.bases[1]
@@ -158,7 +158,7 @@ def reach(free: Sequence[float], stuck: Sequence[float], low: float, high: float
 
 
 def around(low: float, high: float) -> tuple[float, float]:
-    """Return the interval of poles whose maxima may lie in (low, high)."""
+    """Widen an interval of frequencies, so that it contains the resonances whose response maximum lies in (low, high)."""
     return 0.8 * low, 1.25 * high
 
 
@@ -247,7 +247,7 @@ class Sector:
         return None if own is None or memory is None else own.core(memory)
 
     def core(self, **over_speed: Any) -> _core.Sector:
-        """Return the core's equations, of a family over speed if its arguments are given."""
+        """Create the equations in the C core; ``over_speed`` contains further arrays of a family over rotor speed."""
         mode, n_time = self.evaluation_code
         given: dict[str, Any] = self.arrays | over_speed | {"own": self.own}
         return _core.Sector(**given, evaluation=mode, n_time=n_time, row_scale=row_scale(self.layout, self.force_scale))
@@ -259,7 +259,7 @@ class Sector:
 
     @property
     def work(self) -> NDArray:
-        """(4,) million operations of an evaluation, a Jacobian, a factorisation and a least-norm solution."""
+        """Million operations (4,) of an evaluation, a Jacobian, a factorisation and a least-norm solution."""
         n, points = len(self.force), len(self.points.kn)
         contact = 28e3 * (2 * len(self.bases) - 1) if self.exact else 120e3 + 1.2e3 * self.evaluation_code[1]
         return 1e-6 * np.array([points * contact, 6.0 * points * n**2, n**3 + 700.0 * n**2 + 1e6, 15.0 * n**3])
@@ -270,7 +270,7 @@ class Sector:
 
     @property
     def equations(self) -> Equations[Sector]:
-        """Equations at any frequency, one object for each thread, because the core counts budget and cost."""
+        """Equations of the harmonic balance; each thread has its own object, since the core counts its evaluations."""
         if not hasattr(self._of_thread, "equations"):
             self._of_thread.equations = Equations(
                 self.core(), self, self.layout, self.response_rows, self.rows, InFrequency(int(self.layout.n_mode[0])),
@@ -281,7 +281,7 @@ class Sector:
 
 
 def row_scale(layout: Layout, force_scale: tuple[float, float]) -> NDArray:
-    """Return factors (n_unknowns,) on the residual, from reference forces of the mean and of the harmonics."""
+    """Return the factors (n_unknowns,) that divide the residual by the reference forces of the mean and the harmonics."""
     scale = np.full(layout.n_unknowns, 1.0 / force_scale[1])
     scale[: layout.n_mode[0]] = 1.0 / force_scale[0]
     return scale

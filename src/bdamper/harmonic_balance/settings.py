@@ -53,7 +53,7 @@ class Settings:
     friction_coefficient : float or mapping of interface name to float or (n_points,) float
         An array has a value for each contact point of the interface in the model; united patches have the mean.
     response : Response, optional
-        Location and direction of the response; those of the excitation by default.
+        Location and direction of the response; by default location and direction of the excitation.
     harmonics : int or tuple of int
         Number of harmonics of the response without the mean, or their numbers.
     contact_stiffness : {"residual_modes", "unit_traction", "cigeroglu2009", "model"}, ResidualModes, float, PerArea,
@@ -81,8 +81,8 @@ class Settings:
         with the blades at rest.  It is added to the damping in the model.  A motion without stiffness has none.  Modes of
         the stuck damper, which combine these motions, have 0.7 to 1.7 times this value on the shipped models.
     aerodynamic_damping : complex or mapping of nodal diameter to complex, optional
-        Damping ratio by the flow for every mode of the constrained bodies, added to their damping.  Of a complex number the
-        imaginary part is the damping ratio and the real part a relative frequency shift, as in
+        Damping ratio by the flow for every mode of the constrained bodies, added to their damping.  The imaginary part of a
+        complex number is the damping ratio, its real part a relative frequency shift, as in
         :meth:`bdamper.Study.flutter`. A number applies to the nodal diameter of the engine order.  Waves ``d`` and
         ``n_blades - d`` (or ``-d``) travel in opposite directions.  Other nodal diameters and the mean have none.
         :func:`bdamper.influence_coefficients` computes them from a few blades.
@@ -376,7 +376,7 @@ class Settings:
 
     @property
     def response_location(self) -> Response:
-        """Location and direction of the response; those of the excitation by default."""
+        """Location and direction of the response; by default location and direction of the excitation."""
         return self.response or Response(self.excitation.location, self.excitation.direction)
 
     def interface_names(self) -> tuple[str, ...]:
@@ -386,9 +386,9 @@ class Settings:
         )
 
     def friction_by_interface(self) -> dict[str, float | NDArray]:
-        """Return the friction coefficient of each interface in use, or those (n_points,) of its points in the model.
+        """Return the friction coefficient of each interface in use by name: a number, or one for each point (n_points,).
 
-        Interfaces without friction have 0.
+        Interfaces without friction have the value 0.
         """
         out: dict[str, float | NDArray] = {}
         given = self.friction_coefficient
@@ -496,5 +496,5 @@ def _plain(value: Any) -> Any:
 
 
 def check_history(name: str, history: Sequence[float]) -> tuple[float, ...]:
-    """Return checked load factors: at least one, none negative."""
+    """Check and return the load factors of a preload history: at least one, none negative."""
     return tuple(validation.numbers(f"{name}, load factors", history, least=0.0).tolist())

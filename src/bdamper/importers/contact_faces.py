@@ -159,7 +159,7 @@ def from_first_sector(
 def _sector_drawn(
     name: str, contacts: Sequence[ContactFaces], bodies: Mapping[str, PreparedBody], n_blades: int
 ) -> int:
-    """Return the first sector of the blades in contact with a free body, relative to the sector of the blade."""
+    """Return the position of a free body in the mesh, in sectors from its nominal place between blades 0 and 1."""
     damper, blade, sectors = bodies[name], bodies["blade"], set()
     for contact in contacts:
         if (contact.body_a, contact.body_b) == (name, "blade") and contact.faces_b is not None:
@@ -170,7 +170,7 @@ def _sector_drawn(
 
 
 def _from_free(contact: ContactFaces) -> ContactFaces:
-    """Return the contact with the free body as body a."""
+    """Exchange bodies a and b if the free body is body b."""
     plain = contact.patches is None and contact.faces_b is not None
     if not plain or contact.body_a != "blade" or contact.body_b == "blade":
         return contact
@@ -180,7 +180,7 @@ def _from_free(contact: ContactFaces) -> ContactFaces:
 
 
 def _turned(contact: ContactFaces, back: NDArray, sector: int) -> ContactFaces:
-    """Return the contact of a damper that is rotated by ``back`` (3, 3), a number of sectors."""
+    """Return the contact after the rotation of its damper by ``back`` (3, 3), a number of sectors."""
     patches = None if contact.patches is None else contact.patches.turned(back)
     sector_b = None if contact.sector_b is None or contact.body_b == "ground" else contact.sector_b - sector
     return replace(contact, patches=patches, sector_b=sector_b)

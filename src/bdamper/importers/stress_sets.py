@@ -30,9 +30,11 @@ def stress_rows(
     ----------
     body : PreparedBody
     sector : Sector
-        With the node sets; a single name is the name of the stress set as well.
+        Contains the node sets; a single name is also the name of the stress set.
     laid : LaidContacts
+        Contact points; stress near them is marked.
     ring : Ring
+        Sector faces.
 
     Returns
     -------
@@ -72,7 +74,7 @@ def stress_rows(
 
 
 def _away_from_cuts(body: PreparedBody, nodes: NDArray, ring: Ring, item: str) -> NDArray:
-    """Return the nodes off the sector faces, since all elements of these are within the sector."""
+    """Return the nodes without those on the sector faces, some of whose elements belong to other sectors."""
     inner = nodes[~np.isin(nodes, ring.faces.nodes)]
     body.require(len(inner) > 0, item, "nodes away from the faces at which the sector repeats", "none")
     if len(inner) < len(nodes):

@@ -223,7 +223,10 @@ class Structure:
         return replace(self, stiffness=_blades(self.local, mistuning), damper_mass=self.damper_mass[:1] * factor[:, None])
 
     def reduced(self, shapes: NDArray) -> Structure:
-        """Return the same disk with blades that move in shapes (n, m) of their coordinates; the disk couples all shapes."""
+        """Reduce every blade to m shapes, the columns of ``shapes`` (n, m) in its coordinates.
+
+        The disk then couples all coordinates of a blade to its neighbours, since all shapes move the root.
+        """
         T, root = shapes.T, shapes[self.n - self.n_root :]
         return replace(
             self, stiffness=T @ self.stiffness @ shapes, mass=T @ self.mass @ shapes, damping=T @ self.damping @ shapes,
@@ -312,7 +315,7 @@ def _reversed(local: LocalBasis) -> tuple[LocalBasis, NDArray]:
 
 
 def _blades(local: LocalBasis, mistuning: Mistuning) -> NDArray:
-    """Return the stiffness of every blade, (n_blades, n, n)."""
+    """Return the stiffness (n_blades, n, n) of every mistuned blade."""
     out = np.repeat(local.blade_stiffness[None], mistuning.n_blades, axis=0)
     m = local.n_cantilever
     modes, rest = mistuning.by_mode(m)
@@ -323,7 +326,9 @@ def _blades(local: LocalBasis, mistuning: Mistuning) -> NDArray:
 
 
 def _rows(tuned: Problem, blade: str, local: LocalBasis) -> tuple[NDArray, NDArray]:
-    """Return the rows of the relative motion at the points, and the sector offset of their blade."""
+    """Return the relative motion at the points by sector coordinates (n_points, 3, n_sector), and the sector offset
+    (n_points,) of their blade.
+    """
     coupling = tuned.coupling
     n_points = coupling.n_points
     sector, blade_rows, damper_rows = np.zeros(n_points, int), np.zeros((n_points, 3, local.n)), []
@@ -431,12 +436,12 @@ class DiskScene:
 
     @cached_property
     def active(self) -> NDArray:
-        """(n_coefficients,) bool: True for coefficients among the unknowns."""
+        """Whether each Fourier coefficient is an unknown, (n_coefficients,) bool."""
         return np.repeat(self.layout.n_mode > 0, 2)[1:]
 
     @cached_property
     def force(self) -> NDArray:
-        """(n_unknowns,) static load and excitation."""
+        """Static load and excitation, (n_unknowns,)."""
         force = np.zeros(self.shape)
         force[:, 0] = self.load
         force[:, 1], force[:, 2] = self.excitation.real, -self.excitation.imag
@@ -445,7 +450,7 @@ class DiskScene:
 
     @cached_property
     def at_rest(self) -> NDArray:
-        """(n_unknowns,) the static state."""
+        """Static state as unknowns (n_unknowns,), without vibration."""
         return self.flat(np.pad(self.mean[:, None], ((0, 0), (0, self.shape[1] - 1), (0, 0))))
 
     def flat(self, X: NDArray) -> NDArray:
@@ -471,7 +476,7 @@ class DiskScene:
 
     @cached_property
     def stuck(self) -> NDArray:
-        """(n_blades, n_damper) stiffness of the stuck contacts of each damper for its own coordinates."""
+        """Stiffness (n_blades, n_damper) of the stuck contacts of each damper for its own coordinates."""
         s, points = self.structure, self.points
         k = np.concatenate([points.kt, points.kn[:, None]], axis=1).reshape(s.n_blades, -1)
         springs = k @ s.rows[..., s.n :].reshape(k.shape[1], -1) ** 2
@@ -501,7 +506,7 @@ class DiskScene:
         return WheelCore(**inputs, evaluation=mode, n_time=n_time)
 
     def _response(self, blade: int) -> dict[str, Any]:
-        """Return the rows of the response of one blade."""
+        """Return the response rows of one blade, as fields of the equations."""
         row = np.zeros((self.shape[0], self.shape[2]))
         row[blade, : self.structure.n] = self.response_row
         rows = [row.ravel() * (n > 0) if n else np.zeros(0) for n in self.layout.n_mode]
@@ -523,7 +528,7 @@ class DiskScene:
         )  # fmt: skip
 
     def held(self, springs: float) -> DiskSystem:
-        """Return the equations with holding springs, relative to the stuck stiffness."""
+        """Return the equations with holding springs on the mean of dampers, of ``springs`` times their stuck stiffness."""
         return replace(self, holding=springs).equations
 
 

@@ -62,7 +62,7 @@ class Loading(NamedTuple):
 def static_disk(
     structure: Structure, points: PointArrays, loading: Loading, pinned: NDArray, alike: NDArray
 ) -> tuple[NDArray, NDArray, NDArray]:
-    """Compute the static state after a history of load factors.
+    """Compute the static state of a bladed disk with unequal dampers after a history of load factors.
 
     Parameters
     ----------
@@ -71,19 +71,19 @@ def static_disk(
         Contact points of all sectors.
     loading : Loading
     pinned : (n_blades,) bool
+        Missing dampers, whose coordinates stay zero.
     alike : (n_blades, n_sector) float
-        State of equal dampers under the full load.
+        Static state of a disk with equal dampers under the full load, the first guess.
 
     Returns
     -------
-    q : (n_blades, n_sector) float
-    slider : (n_blades n_points, 2) float, m
-    force : (n_blades n_points, 3) float, N
+    q, slider, force : (n_blades, n_sector), (n_blades n_points, 2), (n_blades n_points, 3) float
+        Static state, positions of the sliders (m) and contact forces (N).
 
     Raises
     ------
     StaticError
-        If a step has no solution.
+        If no equilibrium was found for a load step.
     SettingError
         If there are cubic springs.
     """
@@ -175,7 +175,7 @@ def local_vector(structure: Structure, modal: NDArray, force: bool) -> NDArray:
 
 @dataclass(frozen=True, eq=False)
 class Loaded:
-    """A bladed disk at rest under a preload.
+    """Static state of a bladed disk under a preload.
 
     Parameters
     ----------
@@ -250,7 +250,7 @@ def disk_system(structure: Structure, state: Loaded, excitation: NDArray, respon
 @short_repr
 @dataclass(frozen=True, eq=False)
 class DiskProblem:
-    """A bladed disk and its equations; parameters as in :class:`~bdamper.mistuning.BladedDisk`."""
+    """Bladed disk and its equations; parameters as in :class:`~bdamper.mistuning.BladedDisk`."""
 
     study: Asking | Problem
     mistuning: Mistuning | ArrayLike | None = None
@@ -288,7 +288,7 @@ class DiskProblem:
 
     @property
     def deviation(self) -> NDArray:
-        """(n_blades, n_modes) float: frequency deviations of the blades."""
+        """Relative frequency deviations of the blades, (n_blades, n_modes)."""
         return Mistuning.of(self.n_blades, self.mistuning).deviation.reshape(self.n_blades, -1)
 
     def tuned(self) -> Asking | Problem:
@@ -297,7 +297,7 @@ class DiskProblem:
 
     @cached_property
     def excitation(self) -> NDArray:
-        """(n_blades, n_sector) complex forces on the coordinates, first harmonic."""
+        """Complex forces (n_blades, n_sector) of the first harmonic on the coordinates, N kg^-1/2."""
         s, tuned = self.structure, self.structure.tuned
         e = tuned.settings.excitation
         one_force = tuned.settings.acts_at_location and not e.beside
@@ -313,7 +313,7 @@ class DiskProblem:
 
     @cached_property
     def response_row(self) -> NDArray:
-        """(n,) row of the response by blade coordinates."""
+        """Row (n,) whose product with the blade coordinates is the response, m."""
         response = self.structure.tuned.settings.response_location
         return self.structure.location_rows(response.location, response.direction, "response")
 

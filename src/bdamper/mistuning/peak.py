@@ -40,7 +40,7 @@ from bdamper.util.storage import Recorded, Storable
 @short_repr
 @dataclass(frozen=True)
 class DiskPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
-    """The highest amplitude of any blade of a bladed disk at one preload.
+    """Highest amplitude of any blade of a mistuned bladed disk at one preload.
 
     ``plot`` draws bars over the blades (:func:`bdamper.plot.plot_wheel_peak`).
 
@@ -115,12 +115,12 @@ class DiskPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
 
     @property
     def amplitudes(self) -> NDArray:
-        """(n_blades,) float, m: amplitudes of all blades at the peak."""
+        """Amplitudes (n_blades,) of all blades at the peak, m."""
         return np.abs(self.response[:, 1])
 
     @property
     def nodal_diameters(self) -> NDArray:
-        """(n_blades,) float, m: amplitudes of the travelling waves of 0 to N - 1 nodal diameters, first harmonic."""
+        """Amplitudes (n_blades,) of the travelling waves of 0 to N - 1 nodal diameters in the first harmonic, m."""
         return np.asarray(np.abs(np.fft.fft(self.response[:, 1])) / len(self.response))
 
     def plot_wheel(self, model: Model, *arguments: Any, **options: Any) -> Any:

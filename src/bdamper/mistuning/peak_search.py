@@ -51,29 +51,29 @@ SAME = 0.05
 """Distance in widths of the tuned peak below which two peaks of one blade are the same."""
 
 GAIN = 1e-5
-"""Relative increase of the amplitude still possible where a climb ends."""
+"""Estimated relative increase of the amplitude below which a local search ends."""
 NEAR, ROUGH = 2e-3, 1e-2
-"""Newton step (relative to the vibration) and residual accepted at the first point of a climb.  Without a limit of the
-residual, dampers that are nearly free have not yet reached their positions."""
+"""Newton step (relative to the vibration) and residual accepted at the first point of a local search.  Without a limit
+of the residual, dampers that are nearly free have not yet reached their positions."""
 TOLERANCE = 1e-9
 """Residual of a peak, relative to excitation and static load."""
 EXACT = PeakOptions(tolerance=TOLERANCE, max_trials=12)
 SHARE = 0.05
-"""Newton step accepted at the next point of a climb, relative to the climb's step.  On 12 disks of 13 blades 0.02 takes as
+"""Newton step accepted at the next point of a local search, relative to its step.  On 12 disks of 13 blades 0.02 takes as
 many factorisations; 0.2 takes a quarter more and loses a peak."""
 LEAST = 3e-5
-"""Smallest step of a climb, relative to the vibration."""
+"""Smallest step of a local search, relative to the vibration."""
 PLACES = 60
-"""Largest number of points of a climb."""
+"""Largest number of points of a local search."""
 REACH = 1.0
-"""Largest distance of a climb from its initial peak, relative to the vibration there.  On a lumped disk of six blades (300
-N) a peak of 1.2 mm with springs of 0.1 becomes 2.2 mm with free dampers.  Without this limit it becomes 5.5 mm, which does
-not persist in time."""
+"""Largest distance of a local search from its initial peak, relative to the vibration there.  On a lumped disk of six
+blades (300 N) a peak of 1.2 mm with springs of 0.1 becomes 2.2 mm with free dampers.  Without this limit it becomes 5.5 mm,
+which does not persist in time."""
 
 
 @dataclass(frozen=True, eq=False)
 class Climbed:
-    """A peak of the blade that is the highest at its frequency, followed to weaker springs.
+    """Peak of the blade that is the highest at its frequency, followed to weaker springs.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ class Climbed:
 
     @property
     def error(self) -> float:
-        """Relative bound of the difference from the amplitude with free dampers (see ``ERROR``)."""
+        """Estimate of the relative change of the amplitude until the dampers are free (see ``ERROR``)."""
         springs, moved = self.springs[-1], (max(self.heights) - min(self.heights)) / self.height
         return max(moved, *(error for least, error in ERROR if springs > least)) if springs else 0.0
 
@@ -142,7 +142,7 @@ class Search:
     _held: dict[float, DiskSystem] = field(default_factory=dict, init=False, repr=False)
 
     def held(self, springs: float) -> DiskSystem:
-        """Return the equations with springs; the meter counts their work."""
+        """Return the equations with holding springs of a relative stiffness; the meter counts their work."""
         if springs not in self._held:
             self._held[springs] = self.system.structure.held(springs) if springs else self.system
             self.meter.watch(self._held[springs])
@@ -150,9 +150,9 @@ class Search:
 
 
     def sweep(self, omega: NDArray) -> list[NDArray | None]:
-        """Solve with held dampers at ascending frequencies (rad/s), loosely; None where Newton iteration fails.
+        """Solve approximately, with holding springs, at ascending frequencies (rad/s); None if Newton iteration fails.
 
-        Each solution starts from the one before.  The first Newton step is then the response of the linearised disk with
+        Each solution starts from the previous one.  The first Newton step is then the response of the linearised disk with
         the contact states of that solution, which reveals resonances between two frequencies.  Extrapolation would pass
         over them.
         """
@@ -173,9 +173,9 @@ class Search:
         return out
 
     def candidates(self, swept: list[NDArray | None], most: int) -> list[tuple[NDArray, int]]:
-        """Return the highest local maxima of single blades, at distinct blades or frequencies.
+        """Return solutions and blades of the highest local maxima of a sweep, at most ``most``.
 
-        Ends of gaps count as maxima.
+        Two maxima differ in blade or in frequency.  A solution next to a frequency without solution may count as a maximum.
         """
         failed = np.full(self.system.structure.shape[0], -np.inf)
         height = np.array([failed if y is None else np.abs(self.system.structure.responses(y[:-1])[:, 1]) for y in swept])
@@ -212,10 +212,10 @@ class Search:
         return None
 
     def settled(self, peak: Climbed, y: NDArray | None = None) -> Climbed | None:
-        """Solve a peak to the tolerance, or start again from ``y`` near it.
+        """Locate a peak to the full tolerance, or search for it again from a point ``y`` near it.
 
-        A peak from ``y`` is only as exact as climbs are: locating it exactly on 65 blades with three harmonics took 76 s
-        and failed.
+        A peak from ``y`` has the tolerance of :func:`uphill`.  On 65 blades with three harmonics the exact search took
+        76 s and failed.
         """
         if y is not None:
             climbed = self.climb(y, peak.blade, peak.springs[-1])
@@ -228,7 +228,7 @@ class Search:
         if c.status != OK:
             return None
         if y is None:
-            reach = 0.05  # largest distance from the end of a climb to its peak, relative to the vibration
+            reach = 0.05  # largest distance from the end of a local search to its peak, relative to the vibration
             top = find_peak(of_blade(system, peak.blade), c.y, tangent=c.tangent, scale=scale, options=EXACT, reach=reach)
             if top.converged:
                 c = replace(c, y=top.y, tangent=top.tangent, residual=top.residual)
@@ -247,9 +247,9 @@ class Search:
     def freed(self, peaks: list[Climbed]) -> list[Climbed]:
         """Follow peaks to weaker springs until no other peak may be the highest.
 
-        Peaks with the strongest springs come first, since a high peak with weaker springs excludes others.  With twelve
-        climbs this takes 5 % fewer evaluations than the order by height (nine searches on 65 blades), with eight 2 %
-        (twenty searches).
+        Peaks with the strongest springs come first, since a high peak with weaker springs excludes others. This order takes
+        5 % fewer evaluations than the order by height with twelve candidates (nine searches on 65 blades), 2 % fewer with
+        eight (twenty searches).
         """
         out = list(peaks)
         while out:
@@ -263,7 +263,7 @@ class Search:
         return out
 
     def weakened(self, peak: Climbed) -> Climbed:
-        """Return the peak with the next springs, or with a smaller reduction."""
+        """Return the peak with the next weaker springs or, if none is found, with intermediate springs."""
         present = peak.springs[-1]
         target = next(springs for springs in WEAKER if springs < 0.99 * present)
         intermediate = 0.3 * present
@@ -275,20 +275,26 @@ class Search:
 
 
 def uphill(system: DiskSystem, y: NDArray, tangent: NDArray | None, scale: NDArray) -> Correction | None:
-    """Find the maximum of the response along the curve near a point, or a point where another blade will be higher.
+    """Find the maximum of one blade's response along the curve near a point; stop if another blade becomes higher.
 
-    The secant method is applied to the slope of the amplitude.  Points on the way are solved loosely: one factorisation
-    serves the last Newton iteration of a point and its slope.
+    The secant method is applied to the slope of the amplitude.  Newton iteration at intermediate points stops early, so one
+    factorisation yields both the last correction and the slope.
 
     Parameters
     ----------
     system : DiskSystem
         Equations with the response of one blade.
     y : (n_unknowns + 1,) float
-        A loose solution.
+        Approximate solution.
     tangent : (n_unknowns + 1,) float, optional
-        Tangent of a curve.  The first point lies in the plane normal to it; without it, the frequency is fixed.
+        Tangent of the curve.  The first point lies in the plane normal to it; if omitted, the frequency is fixed.
     scale : (n_unknowns + 1,) float
+        Units of the unknowns.
+
+    Returns
+    -------
+    Correction or None
+        Maximum, or a point at which another blade is higher; None if no point was found within ``REACH``.
     """
     condition, reach = (Fixed(), np.inf) if tangent is None else (Plane(tangent), REACH)
     start = y
@@ -344,7 +350,7 @@ were too low by a factor of four."""
 
 
 def close(structure: Structure, shapes: NDArray, omega: float) -> bool:
-    """Return whether reduced blades have the same frequency nearest ``omega`` (rad/s), with free and with stuck dampers."""
+    """Return whether the reduction keeps the frequency nearest to ``omega`` (rad/s), with free and with stuck dampers."""
     d = int(structure.tuned.engine_order) % structure.n_blades
     for springs in (0.0 * structure.tuned.point_stiffness, structure.tuned.point_stiffness):
         full, reduced = (np.sqrt(np.abs(s.wave(d, springs)[0])) for s in (structure, structure.reduced(shapes)))
@@ -362,7 +368,7 @@ def family_shapes(structure: Structure, omega: float) -> NDArray:
     ----------
     structure : Structure
     omega : float, rad/s
-        Frequency of the tuned peak.  The family is that of the mode with free dampers below it, at the engine order.
+        Frequency of the tuned peak.  The family contains the highest mode below it at the engine order, with free dampers.
     """
     tuned, local, N = structure.tuned, structure.local, structure.n_blades
     modes = [local.modes(d) for d in range(N // 2 + 1)]

@@ -43,7 +43,7 @@ from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Reson
 
 
 def highest_disks(height: NDArray, audit: float) -> NDArray:
-    """Return (n_disks, ...) bool: True for the fraction ``audit`` of the disks with the highest amplitude in each cell."""
+    """Return the mask (n_disks, ...) of the fraction ``audit`` of the disks with the highest amplitudes in each cell."""
     n = int(np.ceil(audit * len(height) - 1e-9))
     rank = np.argsort(np.argsort(-np.nan_to_num(height, nan=-np.inf), axis=0, kind="stable"), axis=0, kind="stable")
     return np.asarray((rank < n) & np.isfinite(height))
@@ -81,17 +81,17 @@ class Audit(Summarised, Tabular, row="search"):
 
     @property
     def missed(self) -> Numbers:
-        """(n,) bool: True if the thorough search found a higher peak."""
+        """Whether the thorough search found a higher peak, (n,) bool."""
         return np.asarray(self.thorough > (1.0 + self.tolerance) * self.search)
 
     @property
     def covered(self) -> NDArray:
-        """(n,) bool: True if the error estimate of the search, or the tolerance, covers the higher peak."""
+        """Whether the error estimate of the search, or the tolerance, covers the higher peak, (n,) bool."""
         return np.asarray(self.thorough <= (1.0 + np.maximum(self.error, self.tolerance)) * self.search)
 
     @property
     def undecided(self) -> NDArray:
-        """(n,) bool: True if one of the searches has no peak."""
+        """Whether one of the searches has no peak, (n,) bool."""
         return ~self.missed & (np.array(self.status) != COMPLETE)
 
     @property
@@ -119,7 +119,7 @@ class Audit(Summarised, Tabular, row="search"):
 @short_repr
 @dataclass(frozen=True)
 class BestPreload:
-    """The preload of a sample at which a percentile of the highest blade amplitude is smallest.
+    """Preload of a sample at which a percentile of the highest blade amplitude is smallest.
 
     Parameters
     ----------
@@ -224,12 +224,12 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
 
     @property
     def complete(self) -> bool:
-        """Whether every disk has a result, and every audited disk a thorough one."""
+        """Whether the search of every disk, and the thorough search of every audited disk, is complete."""
         return all_complete(self.status) and all(s in (COMPLETE, "not asked") for s in self.curve_status)
 
     @property
     def amplification(self) -> Numbers:
-        """(n_disks, n_deviations, n_preloads) amplitude relative to the tuned disk at the same preload."""
+        """Amplitude relative to the tuned disk at the same preload, (n_disks, n_deviations, n_preloads)."""
         return np.asarray(self.amplitude / self.tuned_amplitude)
 
     @property
@@ -360,7 +360,7 @@ _AUDIT = 3
 
 @dataclass(frozen=True)
 class _Sample:
-    """The disks of a sample and the search for their peaks.
+    """Disks of a sample and the search for their peaks.
 
     Parameters
     ----------

@@ -21,7 +21,7 @@ from bdamper.util.formatting import amount, short_repr
 
 
 class Interval(NamedTuple):
-    """An estimate with its confidence interval; an end is infinite if the sample does not bound it."""
+    """Estimate with its confidence interval; an end is infinite if the sample does not bound it."""
 
     low: float
     value: float
@@ -42,9 +42,9 @@ def percentile(values: NDArray, q: float, error: NDArray | float = 0.0) -> Inter
     Parameters
     ----------
     values : (n,) float
-        NaN for unknown values.  The interval holds wherever these lie.
+        NaN for unknown values.  The interval is valid for any values of these.
     q : float
-        Between 0 and 100.
+        Percentage, between 0 and 100.
     error : (n,) float, optional
         Relative error of each value in both directions.  The interval covers all values within their errors.
 
@@ -79,7 +79,7 @@ def share(count: int, n: int) -> Interval:
 @short_repr
 @dataclass(frozen=True)
 class WeibullTail:
-    r"""A Weibull distribution of maxima with an upper bound, fitted to the upper values of a sample.
+    r"""Weibull distribution of maxima with an upper bound, fitted to the upper values of a sample.
 
     .. math:: F(x) = \exp\left(-\left(\frac{b - x}{s}\right)^k\right), \quad x \le b .
 

@@ -23,7 +23,7 @@ from bdamper.util.records import Kind, Shape, layout
 
 
 def group_patches(face: Interface, n_groups: int) -> NDArray:
-    """Return the group number of each patch of a face, (n_points,), with about equal area of the groups."""
+    """Divide the patches of a face into groups of about equal area; return the group number of each patch (n_points,)."""
     plane = np.einsum("pij,pj->pi", face.frame, face.points - face.points.mean(axis=0))[:, :2]
     label = np.zeros(face.n_points, int)
 
@@ -73,6 +73,7 @@ def unite_contact_points(model: Model, n_points: int) -> Model:
     ----------
     model : Model
     n_points : int
+        Largest number of contact points of a friction face; smaller faces do not change.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Type, shape and size of the data of a model, checked with one error that names the item.
+"""Checks of the type, shape and size of the data of a model; an error names the item.
 
 The annotated types of the classes of a model define its data (:class:`bdamper.util.records.Data`).  :func:`check_record`
 checks a record by them.
@@ -31,7 +31,7 @@ Sizes = dict[str, int | None]
 
 
 def check_record(record: object, kind: Kind, item: str, sizes: Sizes | None = None) -> None:
-    """Check a record by the annotated types of its class, without the records that it contains.
+    """Check the fields of a record against the annotated types of its class; nested records are not checked.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def check_type(value: object, expected: type, item: str) -> None:
 
 
 def check_all(good: NDArray, array: NDArray, expected: str, item: str) -> None:
-    """Raise an error with the first element of ``array`` that is not good."""
+    """Raise an error that shows the first element of ``array`` with a False entry in ``good``."""
     wrong = np.argwhere(~good)
     if len(wrong):
         at = tuple(int(i) for i in wrong[0])

@@ -247,7 +247,7 @@ class Coupling:
 
     @property
     def spring_points(self) -> NDArray:
-        """(n_points,) bool: points of linear springs that are part of the bodies."""
+        """Whether each point belongs to linear springs that are part of the bodies, (n_points,) bool."""
         faces = [self.model.interfaces[name] for name in self.interfaces]
         return np.repeat([face.kind == "spring" for face in faces], [face.n_points for face in faces])
 

@@ -122,7 +122,7 @@ def _with_bases(model: Model, change: Callable[[str, ModalBasis], ModalBasis]) -
 
 
 def _without_derived(basis: ModalBasis) -> ModalBasis:
-    """Remove the matrices at standstill that follow from the basis."""
+    """Return the basis without matrices at standstill that :func:`_with_derived` computes exactly."""
     speed: Any = basis.speed
     if speed is None:
         return basis
@@ -132,7 +132,7 @@ def _without_derived(basis: ModalBasis) -> ModalBasis:
 
 
 def _with_derived(basis: ModalBasis, at: str) -> ModalBasis:
-    """Derive the matrices at standstill that are missing."""
+    """Return the basis with the missing matrices at standstill, from the change with speed and the reference speed."""
     speed, sizes = basis.speed, Sizes(n_forces=3 * sum(np.shape(basis.contact_modes)[:1]))
     if speed is None:
         return basis

@@ -93,7 +93,7 @@ class StressSet(Record):
 
     @property
     def counted(self) -> NDArray:
-        """(n,) bool: points that margins include."""
+        """Whether margins include each point, (n,) bool; points near contact faces are excluded."""
         return np.ones(len(self), bool) if self.near_contact is None else ~self.near_contact
 
 

@@ -213,7 +213,7 @@ def image_of(shown: Plottable, **options: Any) -> bytes:
 
 
 def colours(n: int) -> NDArray:
-    """Return (n, 4) colours of monotone lightness, all dark enough for white paper."""
+    """Return n colours (n, 4) of monotone lightness, all dark enough for white paper."""
     return plt.get_cmap("viridis")(np.linspace(0.0, 0.7, max(n, 1)))
 
 

@@ -16,7 +16,7 @@ from bdamper.util.errors import BdamperError, import_extra
 
 @dataclass(frozen=True)
 class Explorer:
-    """A running explorer page; a notebook displays it.
+    """Running explorer page; a notebook displays it.
 
     Parameters
     ----------

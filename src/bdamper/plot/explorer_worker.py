@@ -99,7 +99,7 @@ class Answer:
 
 
 class Answers:
-    """A thread that answers the latest question.
+    """Thread that answers the latest question.
 
     Parameters
     ----------

@@ -60,7 +60,7 @@ class RigidMotion:
 
     @property
     def amplitude(self) -> NDArray:
-        """(..., 6) float, m and rad: amplitude of the fundamental harmonic."""
+        """Amplitude (..., 6) of the fundamental harmonic, m and rad."""
         return np.abs(self.vibratory[..., 0, :])
 
 
@@ -89,7 +89,7 @@ class ContactStatus:
 
     @property
     def share(self) -> NDArray:
-        """(n_points, 2, 3) float: shares of the period with stick, slip and separation."""
+        """Fractions (n_points, 2, 3) of the period in stick, slip and separation, for both tangential directions."""
         out = np.zeros((len(self.points), 2, 3))
         for i, directions in enumerate(self.parts):
             for d, parts in enumerate(directions):

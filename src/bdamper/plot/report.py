@@ -47,7 +47,7 @@ NOT_MODELLED = (
 
 
 class Light(NamedTuple):
-    """A check: its colour, subject, result, and rule."""
+    """Colour, subject, result and rule of one check."""
 
     colour: str
     name: str
@@ -101,7 +101,10 @@ def write_report(
 
 
 def _has(settings: Mapping[str, Any], name: str, value: Any) -> bool:
-    """Return whether settings have a value, for the part in ``name``, or else for every interface with friction."""
+    """Return whether a setting has a value; ``name`` is a setting, or setting and part as "friction_coefficient.left".
+
+    Without a part, all values of a mapping must be equal to it or 0.
+    """
     setting, _, part = name.partition(".")
     actual = settings.get(setting, value)
     if not isinstance(actual, Mapping):
@@ -117,7 +120,7 @@ def _graded(value: float, good: float, fair: float) -> str:
 
 
 def lights(curve: OptimalCurve, fit: Fitted | None = None) -> list[Light]:
-    """Return the checks of an optimal curve, with the rules of their colours."""
+    """Rate the quality of an optimal curve: one green, amber, red or white light for each check, with its rule."""
     best = curve.optimum
     time_rule = f"green below {percent(GOOD)} of difference, amber below {percent(FAIR)}, red above, white if not run"
     inside = best.kind not in ENDS

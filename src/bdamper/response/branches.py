@@ -109,7 +109,7 @@ class Piece:
 
 
 def in_order(pieces: Sequence[Piece]) -> list[tuple[Correction, Piece]]:
-    """Return the points of all pieces with their piece; two paths from one interior solution are joined to one sequence."""
+    """Return all points with their pieces, in the order along each branch; two paths from one solution are joined."""
     out: list[tuple[Correction, Piece]] = []
     for before, piece in zip([None, *pieces], pieces):
         points = [(p, piece) for p in piece.path.points]
@@ -261,7 +261,7 @@ class Coverage:
 
     @property
     def outside(self) -> tuple[float, float]:
-        """Interval (rad/s) in which folds are sought from which branches return."""
+        """Interval (rad/s) in which branches are followed beyond the interval of the curve, to folds where they return."""
         low, high = self.limits
         margin = OUTSIDE * (high - low)
         bottom, top = self.reach or self.limits
@@ -270,10 +270,10 @@ class Coverage:
     def outside_ends(self) -> None:
         """Follow branches beyond the interval to folds from which they return, and follow them back into the interval.
 
-        Of 100 narrow intervals (``benchmarks/bench_narrow.py``) 2 lose their highest branch; with a margin of 3 % instead
-        of the resonances 14 do (of 97).  Curves that contain both resonances of their mode take no more evaluations than
-        with the margin. Without any margin 2 of 240 ordinary curves lose part of a branch; the search takes 9 % of their
-        evaluations.
+        The search extends beyond the free and the stuck resonance (:attr:`outside`). With this range 2 of 100 narrow
+        intervals lose their highest branch; with a margin of 3 % it was 14 of 97 (``benchmarks/bench_narrow.py``). The cost
+        is the same if the interval contains both resonances. Without the search 2 of 240 ordinary curves lose part of a
+        branch; the search takes 9 % of their evaluations.
         """
         low, high = self.limits
         bottom, top = self.outside

@@ -95,7 +95,7 @@ class Follower:
     # ---- steps ----
 
     def try_step(self, here: Correction, step: float) -> tuple[Correction, str]:
-        """Return the result of one predictor and corrector, and the reason if the step is rejected."""
+        """Return the result of one predictor and corrector, and the reason if the step is rejected, otherwise ""."""
         y, tangent, scale = here.y, here.tangent, here.scale
         predicted = y + step * tangent * scale
         if not predicted[-1] > 0.0:
@@ -120,18 +120,18 @@ class Follower:
         return c, ""
 
     def advance(self, here: Correction, step: float) -> tuple[Correction | None, float, float, str]:
-        """Make one accepted step.
+        """Step along the curve, with shorter steps until one is accepted.
 
         Returns
         -------
         new : Correction or None
             New point, None if no step is possible.
         step : float
-            Length of the step.
+            Length of the step; at a corner, of its part beyond the corner.
         reach : float
-            Length of the step along the tangent.
+            Length of the step along the tangent at ``here``.
         refused : str
-            Reason of the last rejection.
+            Reason of the last rejection; empty after an accepted step.
         """
         refused = "step too short"
         while step >= self.options.min_step and not self.system.spent:

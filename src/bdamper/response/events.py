@@ -301,10 +301,10 @@ class Events:
         return self._bracketed(step, values, kind, tolerance)
 
     def _bracketed(self, step: Step, values: tuple[float, float], kind: str, tolerance: float) -> Correction | None:
-        """Locate an event by bracketing its distance along the tangent at a, from the values at both ends.
+        """Locate a fold or a maximum within a step as the root of a function whose values at both ends differ in sign.
 
-        Trials lie in planes normal to the tangent.  A plane that misses the curve lies beyond a corner and beyond the
-        event.  Each corrector starts from the cubic through the neighbouring points.
+        A trial is the point of the curve in a plane normal to the tangent at the start of the step; Newton's method starts
+        from the cubic through the adjacent points.  A plane without solution lies beyond a corner, and so beyond the event.
         """
         a, b, end = step
         around, last = [(0.0, values[0]), (end, values[1])], values[1]
@@ -390,8 +390,9 @@ class Events:
         return None
 
     def _solution_near(self, guess: NDArray, direction: NDArray, scale: NDArray, reach: float) -> Correction | None:
-        """Return a solution within reach of a guess, in the plane normal to a direction, if the curve continues that
-        way.
+        """Return a solution near a guess, in the plane normal to a direction, or None.
+
+        Its distance from the guess is at most ``reach``, and its tangent is close to the direction.
         """
         if not guess[-1] > 0.0:
             return None
@@ -403,7 +404,7 @@ class Events:
         return c if near and float(c.tangent @ direction) >= np.cos(self.options.max_turn) else None
 
     def _continues(self, here: Correction, c: Correction, sign: int) -> bool:
-        """Return whether a path continues from a point to a solution beyond a corner and does not reverse."""
+        """Return whether a solution beyond a corner continues the path in its direction."""
         if sign and c.orientation == -sign:
             return False
         moved = (c.y - here.y) / here.scale

@@ -154,7 +154,7 @@ class _Refined:
 
     @cached_property
     def y(self) -> NDArray:
-        """(n, n_unknowns + 1) points of the curve."""
+        """Points (n, n_unknowns + 1) of the curve: unknowns and frequency in rad/s."""
         return np.column_stack([self.curve.unknowns, 2.0 * np.pi * self.curve.frequency])
 
     def at_end(self, i: int) -> bool:
@@ -184,7 +184,7 @@ class _Refined:
         return Highest(self._point(y, tangent, scale), kind, i, exact=False)
 
     def _direction(self, before: int, after: int, y: NDArray) -> tuple[NDArray, NDArray]:
-        """Return the unit direction of the curve in scaled unknowns from two of its points, and the units."""
+        """Return the unit chord between two points of the curve in scaled unknowns, and the units at ``y``."""
         chord = self.y[after] - self.y[before]
         scale = self.system.units(y, max(abs(float(chord[-1])), 1e-6 * y[-1]))
         chord = chord / scale
@@ -254,7 +254,7 @@ class AtPreload:
 
     @property
     def status(self) -> str:
-        """"complete", "incomplete" or "not found", with the reason."""
+        """Status "complete", "incomplete" or "not found", with the reason."""
         if self.top is None or not self.curve.complete:
             status = NOT_FOUND if self.top is None else INCOMPLETE
             return with_reason(status, f"{self.curve.status}: {self.curve.reason}".removeprefix(f"{status}: "))

@@ -223,10 +223,10 @@ class Curves:
         return quiet
 
     def follow(self, preloads: Sequence[float], budget: int | None = None, row: int = 0) -> list[AtPreload]:
-        """Follow the curves at some preloads, in the given order.
+        """Compute the response curves at preloads (N) in parallel, and return them in the given order.
 
-        With ``row`` it stops after this number of consecutive rattling preloads.  An interruption keeps the finished
-        curves.
+        If ``row`` is not 0, the computation stops after this number of consecutive preloads at which the damper rattles.
+        Finished curves are stored, also before an interruption.
         """
         assert self.executor is not None
         stop, running = Event(), dict[float, Future[AtPreload]]()
@@ -272,7 +272,7 @@ class Curves:
 
 
 def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
-    """Choose the optimum: the preload of minimum amplitude, after more curves where it may lie."""
+    """Find the preload of minimum amplitude; compute more curves at preloads near which it may lie."""
     curves.follow([float(p) for p in values[::-1]], BUDGET, row=MAX_RATTLING)
     known = curves.known
     edge = rattling_below(known)
@@ -371,7 +371,7 @@ def rattling_below(known: dict[float, AtPreload]) -> float:
 
 
 def _status(row: AtPreload | None, preload: float, edge: float, why: str) -> str:
-    """Return the status at a preload."""
+    """Return the status of a preload: not found up to ``edge`` (N), below which the damper rattles, because of ``why``."""
     if preload <= edge:
         return with_reason(NOT_FOUND, f"{NO_STEADY} below {edge:.6g} N: {why}")
     return with_reason(NOT_FOUND, "no curve was followed") if row is None else row.status

@@ -1,4 +1,4 @@
-"""A resonance peak as the solution of its equations.
+"""Resonance peak as the solution of its equations.
 
 On a response curve ``r(y) = 0``, ``y = (u, omega)``, with unit tangent ``t``, the squared amplitude of the response has a
 maximum where its slope

@@ -10,8 +10,8 @@ undetermined (then it has least norm), or may have no equilibrium; :func:`notes`
 **Rattling.**  Under a low preload the damper separates for most of the cycle and lands at different instants in each
 period. Harmonic balance then finds many periodic solutions, connected by folds, and time integration from the highest finds
 no steady amplitude.  :func:`rattles` detects curves with many folds and mostly open contacts.  It is an indication, not a
-proof, and appears only at low preloads (docs/measured.md, *Where a damper rattles*): the amplitude in time does not become
-steady within 250 periods on any of the 11 curves of 84 that show it, nor on 18 of the others.
+proof, and appears at low preloads only (docs/measured.md, *Where a damper rattles*).  On 84 curves :func:`rattles` detects
+11, and time integration of none of these becomes steady within 250 periods.  It misses 18 others that do not.
 
 **No preload.**  A damper that its load would press against its neighbours moves away from them.  With a mean position so
 far off that no contact point closes in a cycle, the free response satisfies all equations exactly
@@ -456,7 +456,17 @@ class SlowSweep:
 
 
 class _Landing(NamedTuple):
-    """Stable solution between two points of a curve, the next point along the sweep, and the step of the index."""
+    """Stable solution at which a jump of a slow sweep may end.
+
+    Parameters
+    ----------
+    amplitude : float, m
+        Amplitude, interpolated between two points of the curve.
+    point : int
+        Index of the next point along the sweep.
+    way : {1, -1}
+        Change of the index along the sweep; 0 without a solution.
+    """
 
     amplitude: float
     point: int
@@ -464,7 +474,7 @@ class _Landing(NamedTuple):
 
 
 class _Sweep:
-    """Points of a curve, with a coordinate that increases along the sweep."""
+    """Points of a response curve with a coordinate that increases along the sweep: plus or minus the frequency."""
 
     def __init__(self, sense: float, curve: ResponseCurve) -> None:
         self.x, self.amplitude, self.branch = sense * curve.frequency, curve.amplitude, curve.branch

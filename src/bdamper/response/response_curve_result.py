@@ -129,12 +129,12 @@ class ResponseCurve(Plottable, Comparable, FrequencySeries, Tabular, Recorded, S
 
     @property
     def phase(self) -> Radians:
-        """(n,) float, rad: phase of the first harmonic."""
+        """Phase (n,) of the first harmonic, rad."""
         return np.angle(self.harmonics[:, 1])
 
     @property
     def peak_to_peak(self) -> Metres:
-        """(n,) float, m: range of the response over a period, with all harmonics."""
+        """Difference (n,) of the highest and lowest response over a period with all harmonics, m."""
         l = np.arange(1, self.harmonics.shape[1])
         theta = np.linspace(0.0, 2.0 * np.pi, 64 * len(l), endpoint=False)
         x = (self.harmonics[:, 1:] @ np.exp(1j * np.outer(l, theta))).real
@@ -142,7 +142,7 @@ class ResponseCurve(Plottable, Comparable, FrequencySeries, Tabular, Recorded, S
 
     @property
     def folds(self) -> NDArray:
-        """(k,) int: indices of the turning points in frequency, in the order of the path."""
+        """Indices (k,) of the turning points in frequency, in the order of the path."""
         return np.flatnonzero([kind == "fold" for kind in self.point_kind])
 
     def point_text(self, i: int, kind: str) -> str:
@@ -162,8 +162,8 @@ class ResponseCurve(Plottable, Comparable, FrequencySeries, Tabular, Recorded, S
         return max(gaps, key=lambda gap: gap[1] - gap[0], default=None)
 
     def _jump(self, fold: int, reached: NDArray) -> tuple[float, float]:
-        """Return the distance (m) from a fold to the nearest other response at its frequency (0 without), and the
-        frequency.
+        """Return the difference (m) between the amplitude at a fold and the nearest other amplitude at its frequency (Hz),
+        and this frequency.  The difference is 0 without another solution.
         """
         away = np.abs(np.arange(len(self) - 1) - fold + 0.5) > 1.0
         joined = away & (np.diff(self.branch) == 0) & reached[1:]
@@ -171,18 +171,18 @@ class ResponseCurve(Plottable, Comparable, FrequencySeries, Tabular, Recorded, S
         return float(min(np.abs(met - self.amplitude[fold]), default=0.0)), float(self.frequency[fold])
 
     def _tops(self, numbers: Iterable[int]) -> NDArray:
-        """Return the index of the largest response of each of these branches."""
+        """Return the index of the largest response of each branch with a given number."""
         on = (np.flatnonzero(self.branch == number) for number in numbers)
         return np.array([i[np.argmax(self.amplitude[i])] for i in on], int)
 
     @property
     def detached(self) -> NDArray:
-        """(k,) int: index of the largest response of each closed branch; it does not count for the peak."""
+        """Index (k,) of the largest response of each closed branch; closed branches do not count for the peak."""
         return self._tops(self.closed)
 
     @property
     def separate(self) -> NDArray:
-        """(k,) int: index of the largest response of each branch that enters and leaves at the same end of the interval.
+        """Index (k,) of the largest response of each branch that enters and leaves at the same end of the interval.
 
         It does not count for the peak if another branch connects both ends, because a slow sweep within the interval stays
         on that branch.  A sweep from beyond the end may follow the separate branch; a wider interval shows it.
@@ -199,7 +199,7 @@ class ResponseCurve(Plottable, Comparable, FrequencySeries, Tabular, Recorded, S
 
     @property
     def apart(self) -> NDArray:
-        """(n,) bool: points on closed and separate branches, which do not count for the peak."""
+        """Whether each point (n,) is on a closed or separate branch, which does not count for the peak."""
         return np.isin(self.branch, (*self.closed, *self.branch[self.separate]))
 
     def higher(self, amplitude: float) -> str:
@@ -213,13 +213,13 @@ class ResponseCurve(Plottable, Comparable, FrequencySeries, Tabular, Recorded, S
 
     @property
     def out_of_reach(self) -> NDArray:
-        """(n,) bool: points on closed branches, and on separate branches that are higher than the peak."""
+        """Whether each point (n,) is on a closed branch, or on a separate branch that is higher than the peak."""
         above = self.separate[self.amplitude[self.separate] > self.amplitude[self.peak_index]]
         return np.isin(self.branch, (*self.closed, *self.branch[above]))
 
     @property
     def peak_index(self) -> int:
-        """Index of the largest response without closed and separate branches."""
+        """Index of the point of largest response; closed and separate branches do not count."""
         if not len(self):
             raise BdamperError(f"the curve has no points ({self.status}: {self.reason})")
         apart = self.apart
@@ -227,7 +227,7 @@ class ResponseCurve(Plottable, Comparable, FrequencySeries, Tabular, Recorded, S
 
     @property
     def peak(self) -> Peak:
-        """Largest response without closed and separate branches, even if it is no maximum (``peak_at_end``).
+        """Point of largest response, even if it is no maximum (``peak_at_end``); closed and separate branches do not count.
 
         It is the point ``peak_index`` of the curve, without further computation.  A maximum is exact to
         ``ContinuationOptions.locate_tolerance``.  The curve does not store its tangent, which is zero here; the analyses
@@ -270,8 +270,8 @@ class ResponseCurve(Plottable, Comparable, FrequencySeries, Tabular, Recorded, S
 
     @property
     def labels(self) -> NDArray:
-        """(n,) str: "stable" or "unstable" in time; "stable as far as N harmonics tell" or "unstable" by multipliers;
-        "unstable (det J < 0) with N harmonics" or "undecided (det J >= 0) with N harmonics"; "" if not examined.
+        """Stability of each point: "stable" or "unstable" in time; "stable as far as N harmonics tell" or "unstable" by
+        multipliers; "unstable (det J < 0) with N harmonics" or "undecided (det J >= 0) with N harmonics"; "" if unknown.
         """
         if self.unstable is None:
             return np.full(len(self), "", object)
@@ -329,13 +329,15 @@ class ResponseCurve(Plottable, Comparable, FrequencySeries, Tabular, Recorded, S
 
 
 def unstable_points(curve: ResponseCurve) -> NDArray:
-    """Return (n,) bool: ``curve.unstable`` if examined, otherwise where the frequency decreases along the curve."""
+    """Return the unstable points (n,) bool: those of a stability analysis, else those at which the frequency decreases."""
     return np.asarray(curve.backward if curve.unstable is None else curve.unstable, bool)
 
 
 def crossed(x: NDArray, height: NDArray, at: float, joined: NDArray) -> tuple[NDArray, NDArray]:
-    """Return the joined intervals in which a curve over x crosses an abscissa, by their first point, and the
-    interpolated heights.
+    """Find the intersections of a curve with the line ``x = at``.
+
+    Return the index of the first point of each segment that crosses the line, and the interpolated heights.  Only segments
+    with ``joined`` belong to the curve.
     """
     f = x - at
     across = np.flatnonzero((f[:-1] * f[1:] <= 0.0) & (f[:-1] != f[1:]) & joined)

@@ -50,7 +50,7 @@ NOISE = 1e-4
 
 
 class NoDerivative(SettingError, ArithmeticError):
-    """A peak has no derivative with respect to a parameter, or it cannot be computed."""
+    """Error: a peak has no derivative with respect to a parameter, or the derivative cannot be computed."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ class CurveSensitivity:
 
     @property
     def at_frequency(self) -> NDArray:
-        """(n,) complex, m per unit: derivative of the response at fixed frequency, infinite at a fold."""
+        """Derivative (n,) of the complex response at fixed frequency, m per unit; infinite at a fold."""
         onward = self.tangent[:, 0].real
         with np.errstate(divide="ignore", invalid="ignore"):
             return self.response - self.tangent[:, 1] * self.frequency / onward
@@ -199,7 +199,10 @@ class _Linear:
             raise NoDerivative(f"sensitivities: expected a curved peak, found a flat one at {peak.frequency:.6g} Hz")
 
     def move(self, r_p: NDArray) -> NDArray:
-        """Return the change of the solution with the residual, normal to the tangent, in scaled unknowns."""
+        """Return the derivative of the solution with respect to the parameter, in scaled unknowns, normal to the tangent.
+
+        ``r_p`` (n_unknowns,) is the derivative of the residual with respect to the parameter.
+        """
         peak = self.peak
         return self.system.solve_linear(peak.y, peak.tangent, peak.scale, np.append(-r_p, 0.0)[None])[0]
 
@@ -226,7 +229,10 @@ class _Linear:
         return whole
 
     def along(self, move: NDArray, high: _Neighbour, low: _Neighbour) -> NDArray:
-        """Return the derivatives from differences at the ends of the move, which do not cross contact events."""
+        """Return the derivatives from differences along the derivative of the solution.
+
+        The two points move with the parameter, so the contact states of both are nearly those of the peak.
+        """
         peak, t = self.peak, self.peak.tangent * self.peak.scale
         ends = [peak.y + side.step * move * peak.scale for side in (high, low)]
 
@@ -266,14 +272,14 @@ class _Neighbour:
         return slope_along(self.system, self.factors * y, peak.tangent, self.factors * peak.scale)
 
     def turn(self, y: NDArray, direction: NDArray) -> NDArray:
-        """Return the change of the residual along a direction."""
+        """Return the derivative of the residual along a direction (n_unknowns + 1,)."""
         _, J, C = self.system.evaluate_at(self.factors * y)
         out: NDArray = J @ (self.factors * direction)[:-1] + C * direction[-1]
         return out
 
 
 def _neighbours(family: Family, value: float, system: Equations) -> tuple[_Neighbour, _Neighbour]:
-    """Return the equations on both sides of a value; at the value if one side does not exist."""
+    """Return the equations above and below a value; at the value if it is the lower end of its range."""
     step = DIFFERENCE * (abs(value) if value != 0.0 else 1.0)
     above = family(value + step)
     high = _Neighbour(above, step, _factors(above, system))

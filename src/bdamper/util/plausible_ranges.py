@@ -27,12 +27,12 @@ def each(values: NDArray) -> tuple[float, float]:
 
 
 def some(values: NDArray) -> tuple[float, float]:
-    """Return the largest and the smallest value: a sweep is plausible if one of its values is."""
+    """Return the largest and the smallest value in this order, so that one plausible value of a sweep suffices."""
     return float(values.max()) or np.inf, float(values.min())
 
 
 def largest(values: NDArray) -> tuple[float, float]:
-    """Return the largest magnitude twice, for measured values that pass through 0."""
+    """Return the largest magnitude, as smallest and largest value, for measured values that pass through 0."""
     size = float(np.abs(values).max())
     return size or np.inf, size
 

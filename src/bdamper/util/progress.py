@@ -34,7 +34,7 @@ _passed_on: ContextVar[bool] = ContextVar("_passed_on", default=False)
 
 
 class ExecutorEnded(KeyboardInterrupt):
-    """The executor accepts no more tasks; the work ends as after Ctrl-C."""
+    """Interruption by an executor that accepts no more tasks; the work ends as after Ctrl-C."""
 
 
 @contextmanager
@@ -169,7 +169,7 @@ class Counted(Protocol):
 
     @property
     def work(self) -> NDArray:
-        """(4,) million operations of an evaluation, a Jacobian, a factorisation and a least-norm solution."""
+        """Million operations (4,) of an evaluation, a Jacobian, a factorisation and a least-norm solution."""
 
 
 @dataclass(frozen=True)

@@ -309,7 +309,7 @@ class FrequencySeries:
 
     @property
     def amplitude(self) -> Amplitude:
-        """(n,) float, m: amplitude of the harmonic of the excitation."""
+        """Amplitude (n,) of the first harmonic of the response, m; the excitation has its frequency."""
         return np.abs(self.harmonics[:, 1])
 
 

@@ -63,7 +63,7 @@ class Declared(NamedTuple):
 
 
 def declared(hint: object) -> Declared:
-    """Return the declaration in a type hint."""
+    """Separate a type hint into type, marks and optionality."""
     if get_origin(hint) is Annotated:
         inner, *marks = get_args(hint)
         return declared(inner)._replace(marks=(*declared(inner).marks, *marks))
@@ -75,7 +75,7 @@ def declared(hint: object) -> Declared:
 
 @cache
 def declarations(of: object) -> dict[str, Declared]:
-    """Return the declarations in the type hints of a class or function, by field or parameter."""
+    """Return type, marks and optionality of each field of a class or parameter of a function, from its type hints."""
     return {name: declared(hint) for name, hint in get_type_hints(cast(Any, of), include_extras=True).items()}
 
 
@@ -147,7 +147,7 @@ class Limits:
         return reduce(and_, (holds(values, limit) for holds, limit in limits if limit is not None), True)
 
     def __call__(self, name: str, value: object) -> float:
-        """Return a finite number within the bounds."""
+        """Check and return a finite number within the bounds."""
         return number(name, value, **asdict(self))
 
     def __str__(self) -> str:
@@ -159,7 +159,7 @@ class Limits:
 
 
 def number(name: str, value: Any, **limits: Any) -> float:
-    """Return a finite number within :class:`Limits`."""
+    """Check and return a finite number within :class:`Limits`."""
     out, within = _plain_number(value), Limits(**limits)
     if out is None or not within.hold(out):
         kind = "a number" if within.above is not None and within.below is not None else "a finite number"
@@ -168,7 +168,7 @@ def number(name: str, value: Any, **limits: Any) -> float:
 
 
 def integer(name: str, value: Any, least: int = 0, most: int | None = None) -> int:
-    """Return an integer from ``least`` to ``most``."""
+    """Check and return an integer from ``least`` to ``most``."""
     out = _plain_number(value)
     if out is None or out != int(out) or out < least or (most is not None and out > most):
         raise invalid(name, f"a whole number {f'>= {least}' if most is None else f'from {least} to {most}'}", value)
@@ -176,7 +176,7 @@ def integer(name: str, value: Any, least: int = 0, most: int | None = None) -> i
 
 
 def flag(name: str, value: Any) -> bool:
-    """Return True or False; other values are rejected."""
+    """Check and return True or False."""
     check_value(isinstance(value, bool | np.bool_), name, "True or False", value)
     return bool(value)
 
@@ -194,7 +194,7 @@ def suggest_name(found: object, choices: Iterable[str]) -> str:
 
 
 def choice(name: str, value: Any, choices: Iterable[str]) -> str:
-    """Return one of several names."""
+    """Check and return one of several names."""
     choices = tuple(choices)
     if not isinstance(value, str) or value not in choices:
         near = suggest_name(value, choices)
@@ -258,7 +258,7 @@ def _doubt(name: str, bound: inspect.BoundArguments) -> None:
 
 
 def names(name: str, value: Any, choices: Iterable[str], least: int = 0) -> tuple[str, ...]:
-    """Return a sequence of different names."""
+    """Check a sequence of different names, and return it as a tuple."""
     choices = tuple(choices)
     several = isinstance(value, Iterable) and not isinstance(value, str | bytes)
     given = tuple(choice(name, item, choices) for item in value) if several else ()
@@ -268,7 +268,7 @@ def names(name: str, value: Any, choices: Iterable[str], least: int = 0) -> tupl
 
 
 def instance(name: str, value: T, kind: type | tuple[type, ...], words: str = "") -> T:
-    """Return an object of one of the given classes; ``words`` describe them in the error."""
+    """Check and return an object of one of the given classes; ``words`` describes the classes in the error."""
     if not isinstance(value, kind):
         kinds = kind if isinstance(kind, tuple) else (kind,)
         named = [f"{'an' if k.__name__[0] in 'AEIOU' else 'a'} {k.__name__}" for k in kinds]
@@ -277,7 +277,7 @@ def instance(name: str, value: T, kind: type | tuple[type, ...], words: str = ""
 
 
 def mapping(name: str, value: Any, keys: Iterable[str], words: str) -> Mapping[str, Any]:
-    """Return a mapping whose keys are among the given ones."""
+    """Check and return a mapping whose keys are among ``keys``; ``words`` describes the keys in the error."""
     keys = tuple(keys)
     check_value(isinstance(value, Mapping), name, f"a mapping of {words} out of {list(keys)} to values", value)
     unknown = [key for key in value if key not in keys]
@@ -287,7 +287,7 @@ def mapping(name: str, value: Any, keys: Iterable[str], words: str) -> Mapping[s
 
 
 def each(check: Callable[[str, Any], Any]) -> Callable[[str, Any], Any]:
-    """Return a check that applies to one value, or to each value of a mapping."""
+    """Extend a check of one value to mappings, whose values are checked one by one."""
 
     def checked(name: str, value: Any) -> Any:
         if not isinstance(value, Mapping):
@@ -298,7 +298,7 @@ def each(check: Callable[[str, Any], Any]) -> Callable[[str, Any], Any]:
 
 
 def numbers(name: str, value: Any, n: int | None = None, **limits: Any) -> NDArray:
-    """Return (n,) finite numbers within :class:`Limits`; at least one number if ``n`` is None."""
+    """Check and return finite numbers (n,) within :class:`Limits`; at least one number if ``n`` is None."""
     out, within = None, Limits(**limits)
     if isinstance(value, Sequence | np.ndarray) and not isinstance(value, str | bytes):
         given = [_plain_number(v) for v in value] if np.ndim(value) != 0 else [None]
@@ -312,7 +312,7 @@ def numbers(name: str, value: Any, n: int | None = None, **limits: Any) -> NDArr
 
 
 def integers(name: str, value: Any, least: int = 0, most: int | None = None) -> tuple[int, ...]:
-    """Return a sequence of different integers."""
+    """Check a sequence of different integers from ``least`` to ``most``, and return it as a tuple."""
     sequence = isinstance(value, Iterable) and not isinstance(value, str | bytes)
     check_value(sequence, name, "a sequence of whole numbers", value)
     given = tuple(integer(name, item, least, most) for item in value)
@@ -321,7 +321,7 @@ def integers(name: str, value: Any, least: int = 0, most: int | None = None) -> 
 
 
 def interval(name: str, value: Any, unit: str = "Hz") -> tuple[float, float]:
-    """Return the ends of an interval, 0 < low < high."""
+    """Check an interval with 0 < low < high, and return its ends."""
     given = value.tolist() if isinstance(value, np.ndarray) else value
     ends = [_plain_number(end) for end in given] if isinstance(given, Sequence) and len(given) == 2 else [None, None]
     low, high = ends
@@ -337,7 +337,10 @@ def check_attributes(record: Any, check: Callable[..., Any], *attributes: str, p
 
 
 def check_fields(record: object, prefix: str = "") -> None:
-    """Check the fields of a frozen dataclass as :class:`Checked`; errors have the prefix before the name."""
+    """Check the fields of a frozen dataclass by their annotated types (see :class:`Checked`).
+
+    Errors name a field with ``prefix`` before its name.
+    """
     cls: Callable[..., Any] = type(record)
     for name, check in _checks(cls).items():
         check_attributes(record, check, name, prefix=prefix)
@@ -357,7 +360,7 @@ class Checked:
 
 @cache
 def _checks(cls: Callable[..., Any]) -> dict[str, Callable[[str, Any], Any]]:
-    """Return the checks by field."""
+    """Return the check of each field of a class, by name."""
     found = {name: (_check_of(field), field.optional) for name, field in declarations(cls).items()}
     return {name: partial(_given, check, optional) for name, (check, optional) in found.items() if check is not None}
 
