@@ -1,4 +1,4 @@
-"""Contact laws as functions in studies: joints with known answers, statics, time integration, files, and what is refused."""
+"""Contact laws as functions in studies: joints with known answers, statics, time, files, and what is refused."""
 
 import ctypes
 import pickle

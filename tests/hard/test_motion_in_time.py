@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 from scipy.integrate import solve_ivp
 
 import bdamper as bd

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bdamper.time_domain.march import March
 
 import bdamper as bd
 from bdamper.mistuning import BladedDisk, DamperVariation, DiskPeakOptions, Mistuning
 from bdamper.mistuning.bladed_disk import OneStructure
-from bdamper.time_domain.march import March
 from tests.marches import fails_after
 from tests.mistuning.lumped import lumped_study, size, solution
 from tests.mistuning.test_symmetry import N, solved, study

@@ -6,6 +6,8 @@ from types import SimpleNamespace
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from tests.time_domain.test_march import structure
+from tests.time_domain.test_time_sweep import F0, W0, one_mass
 
 import bdamper as bd
 from bdamper.response.events import ContinuationOptions
@@ -14,8 +16,6 @@ from bdamper.time_domain.steady_amplitude import CurveAmplitudes
 from bdamper.util.progress import Cost
 from tests.each import each
 from tests.marches import fails_after
-from tests.time_domain.test_march import structure
-from tests.time_domain.test_time_sweep import F0, W0, one_mass
 
 
 @pytest.fixture(scope="module")
