@@ -1,5 +1,6 @@
 """Search for the highest steady amplitude: branches made up, and three masses beside sweeps by an own program."""
 
+import itertools
 from math import cos, hypot, sin, tau
 from types import SimpleNamespace
 from typing import NamedTuple
@@ -321,6 +322,16 @@ def test_one_of_both_motions_falls_at_once(search_of, falls):
     search = search_of(Branches(**{"tip" if falls == "flank" else "flank": lambda f: 1.0}))
     search.run()
     assert search.best.mean == 1.0 and search.best.transient.motion != falls and not search.failure
+
+
+def test_a_higher_motion_that_does_not_settle_is_no_failure(search_of):
+    """The first periods at the tip and those of both sweeps do not show that it falls."""
+    calls = itertools.count()
+    swept = {"tip": lambda f: 2.0, "flank": lambda f: 1.0}
+    search = search_of(Branches(swept, flank=lambda f: 1.0, tip=lambda f: 2.0 * (next(calls) < 3)))
+    search.run()
+    assert search.best.mean == 1.0 and not search.failure and np.isnan(search.below)
+    assert 100.0 in search.fell
 
 
 def test_the_sweep_turns_round_if_the_motion_is_higher_on_the_other_side(search_of):
