@@ -1,6 +1,6 @@
-"""Marches that start at the tip as well: drawn studies of three masses, compared with sweeps by an own program."""
+"""Search for the highest steady amplitude: branches made up, and three masses beside sweeps by an own program."""
 
-import re
+import itertools
 from math import cos, hypot, sin, tau
 from types import SimpleNamespace
 from typing import NamedTuple
@@ -10,8 +10,11 @@ import pytest
 import scipy.linalg
 
 import bdamper as bd
-from bdamper.time_domain import steady_amplitude as room
-from bdamper.time_domain.steady_amplitude import SteadyPoint, TipSearch
+from bdamper.time_domain import steady_amplitude
+from bdamper.time_domain.steady_amplitude import FINE, STRIDE, BalanceCurve, Place, SteadySearch
+from bdamper.time_domain.transient import CRITERIA, SteadyPoint
+from tests.each import each
+from tests.time_domain.test_frequency_sweep import W0, one_mass
 
 
 class Drawn(NamedTuple):
@@ -77,82 +80,342 @@ def swept(d, start, end, periods, held, steps=500):
     return np.array(out)
 
 
-@pytest.mark.parametrize(("seed", "before"), [(112, 0.81), (155, 0.27)])
-def test_a_motion_that_falls_on_the_way_to_a_tip_that_stays(seed, before, monkeypatch):
-    """Compare with a slow sweep to the tip; along the curve the march has less than ``before`` times its amplitude."""
+@pytest.mark.parametrize(("seed", "below"), [(112, None), (155, 0.27)])
+def test_three_masses_beside_an_own_program(seed, below):
+    """Compare with a slow sweep to the tip; from the flank the second comes to less than ``below`` times its amplitude."""
     d = random(seed)
     study, modes = study_of(d)
     curve = study.frequency_response(0.0, (0.5 * modes[0], min(1.4 * modes[0], 0.5 * modes[:2].sum())))
     found = study.time_response(curve)
     sweep = swept(d, 0.8 * found.frequency, found.frequency, 500, 300)[-50:]
     assert np.ptp(sweep) < 0.01 * sweep.mean() and found.mean == pytest.approx(sweep.mean(), rel=0.02)
-    assert found.mean == pytest.approx(curve.peak.amplitude, rel=0.02)
-    monkeypatch.setattr(TipSearch, "from_tip", lambda *_: None)
-    along = study.time_response(curve)
-    assert along.mean < before * found.mean and along.fall < found.frequency, "below the tip, to which the frequency rises"
-    said = r"complete: started at the peak of the balance; along the curve the motion comes to .* m"
-    assert re.fullmatch(said, found.status)
+    assert found.mean == pytest.approx(curve.peak.amplitude, rel=0.02) and found.settled
+    if below is None:
+        assert found.status == "complete"
+    else:
+        start, most = "complete: from the tip; a sweep from the flank has at most ", found.status.split()[-2]
+        assert found.status == f"{start}{most} m" and float(most) < below * found.mean
 
 
-class _Tip:
-    """A walk toward a tip of 2 m at 100 Hz, and motions from there that have given amplitudes."""
+# ---- curves ----
 
-    def __init__(self, monkeypatch, first, after, stays=True, places=(1.0,)):
-        levels = SimpleNamespace(frequency=np.array([90.0, 100.0]), amplitude=np.array([0.5, 2.0]), top=1)
-        self.search, self.asked = TipSearch(None, levels, 64), []
-        self.search.places = [SteadyPoint(99.0, np.array([mean]), True, None) for mean in places]
-        self.search.fall, self.search.failure = 99.5, "" if places else "falls"
-        march = SimpleNamespace(memory=1.0, run=lambda n: march.harmonics.extend(n * [0]), harmonics=[],
-                                amplitude=np.array([2.0, *[first] * 9]), motion="later")  # fmt: skip
-        monkeypatch.setattr(room, "March", lambda *given: march)
-        monkeypatch.setattr(self.search, "solution", lambda f: "tip")
-        monkeypatch.setattr(self.search, "integrate_at", lambda f, motion, own, limit: (
-            self.asked.append((f, motion, own, limit)) or SteadyPoint(f, np.array([after]), stays, None)))  # fmt: skip
-        monkeypatch.setattr(self.search, "follow_branch", lambda here, step: self.search.places.append(here))
-        monkeypatch.setattr(self.search, "refine", lambda: None)
-        self.search.from_tip(0.25)
+
+def made_up(*branches):
+    """Curve of branches (frequency, amplitude), with the unknowns "branch, point"."""
+    f, a, branch, names = [], [], [], []
+    for k, (frequency, amplitude) in enumerate(branches):
+        f.extend(frequency)
+        a.extend(amplitude)
+        branch += len(frequency) * [k]
+        names += [f"{k}, {i}" for i in range(len(frequency))]
+    return BalanceCurve(SimpleNamespace(
+        frequency=f, amplitude=a, branch=branch, unknowns=names, out_of_reach=np.zeros(len(f), bool)))  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def bent():
+    """A spring that is pressed on opens at large amplitudes: the resonance bends to lower frequencies and folds."""
+    return one_mass(normal=0, kn=0.5 * W0**2, preload=5.0).replace(harmonics=5).frequency_response(0.0, (9.0, 14.0))
+
+
+def test_amplitudes_and_flanks_of_a_curve(bent):
+    balance, (low, high) = BalanceCurve(bent), sorted(bent.frequency[bent.folds])
+    three = balance.at(0.5 * (low + high))
+    assert len(three) == 3 and list(three) == sorted(three, reverse=True) and len(balance.at(high + 0.1)) == 1
+    assert balance.tip == bent.peak.frequency and balance.flank > high
+    assert balance.at(balance.tip + balance.half_width)[0] == pytest.approx(bent.peak.amplitude / np.sqrt(2.0), rel=0.05)
+    assert np.isnan(balance.sides[-1.0]).all(), "to the other side the branch ends at its fold"
+    top = np.abs(bent.unknowns - balance.solution(0.5 * (low + high))).max(axis=1).argmin()
+    assert bent.amplitude[top] == pytest.approx(three[0], rel=0.05)
+
+
+def test_points_out_of_reach_are_no_peak():
+    curve = SimpleNamespace(
+        frequency=[99.0, 100.0, 101.0, 100.0], amplitude=[1.0, 2.0, 1.0, 9.0], branch=[0, 0, 0, 1], unknowns=[0, 1, 2, 3],
+        out_of_reach=np.array([False, False, False, True]),
+    )  # fmt: skip
+    balance = BalanceCurve(curve)
+    assert balance.tip == 100.0 and balance.at(100.5).tolist() == [1.5] and balance.solution(100.2) == 1
+
+
+def test_the_half_width_is_the_smaller_one_and_the_flank_the_nearer_one():
+    balance = made_up(([90.0, 100.0, 120.0], [0.0, 1.0, 0.0]))
+    share = 1.0 - np.sqrt(0.5)
+    assert balance.half_width == pytest.approx(10.0 * share, rel=0.02)
+    assert balance.flank == pytest.approx(100.0 - 5.0 * share, rel=1e-3)
+
+
+def test_a_flank_has_one_solution():
+    """Another one up to 112 Hz leaves those beyond; a ripple of less than a tenth is no other solution."""
+    other = [100.0, 112.0], [0.2, 0.2]
+    assert made_up(([99.0, 100.0, 120.0], [0.0, 1.0, 0.0]), other).sides[1.0][1] == pytest.approx(112.0, abs=0.05)
+    ripple = [100.0, 112.0], [0.93, 0.385]
+    start = made_up(([99.0, 100.0, 120.0], [0.0, 1.0, 0.0]), ripple).sides[1.0][1]
+    assert start == pytest.approx(100.0 + 10.0 * (1.0 - np.sqrt(0.5)), abs=0.1)
+    assert np.isnan(made_up(([90.0, 100.0, 120.0], [0.5, 1.0, 0.5]), ([90.0, 120.0], [0.2, 0.2])).flank)
+
+
+def test_a_response_so_flat_that_it_has_no_half_width():
+    """Ten per cent lower at the end of the curve: twice the distance to the first frequency with one solution."""
+    balance = made_up(([101.0, 106.0, 111.0], [1.0, 0.95, 0.9]), ([95.0, 103.0], [0.3, 0.5]))
+    width, start = balance.sides[1.0]
+    assert start == pytest.approx(103.0, abs=0.05) and width == pytest.approx(2.0 * (start - 101.0))
+    nearer = made_up(([101.0, 106.0, 111.0], [1.0, 0.95, 0.9]), ([95.0, 101.5], [0.3, 0.5]))
+    assert nearer.sides[1.0][1] == pytest.approx(101.0 * 1.01), "never nearer than that to the tip"
+
+
+# ---- searches ----
+
+
+class Branches:
+    """Structure of which the motion is the name of a branch; a branch gives an amplitude (m) at a frequency (Hz).
+
+    Where it gives 0 the motion falls to the lowest one, 0.1 m.  In a sweep it may be on others, ``swept``.
+    """
+
+    n, nodal_diameters = 1, (0,)
+
+    def __init__(self, swept=None, **branches):
+        self.branches, self.swept, self.seeds = branches, swept or branches, []
+
+    def start(self, u, *_):
+        return str(u)
+
+    def seeded(self, motion, share, seed):
+        self.seeds.append((motion, share, seed))
+        return motion
+
+    def departure(self, blades):
+        return np.zeros(len(blades))
+
+
+class OnBranches:
+    """Transient on branches."""
+
+    memory = 20.0
+
+    def __init__(self, ring, omega, motion, steps):
+        self.ring, self.omega, self.motion, self.steps, self.harmonics = ring, omega, motion, steps, []
+
+    def advance(self, periods, branches=None):
+        level = (branches or self.ring.branches).get(self.motion, lambda f: 0.0)(self.omega / tau)
+        self.motion = self.motion if level else "lowest"
+        self.harmonics += periods * [level or 0.1]
+
+    def sweep(self, end, periods):
+        self.omega = end
+        self.advance(periods, self.ring.swept)
 
     @property
-    def means(self):
-        return [p.mean for p in self.search.places]
+    def amplitude(self):
+        return np.array(self.harmonics)
+
+    @property
+    def blades(self):
+        return self.amplitude[:, None]
 
 
-def test_a_higher_motion_from_the_tip_is_a_place_and_its_fall_is_not_that_of_the_walk(monkeypatch):
-    tip = _Tip(monkeypatch, 1.8, 1.7)
-    assert tip.means == [1.0, 1.7] and tip.asked == [(100.0, "later", 2.0, pytest.approx(1.03))]
-    assert tip.search.below == 1.0 and np.isnan(tip.search.fall)
+class Balance(SimpleNamespace):
+    """Curve from 90 to 120 Hz with its tip at 100 Hz and a flank at 110 Hz, half a width of 8 Hz apart from it."""
+
+    def __init__(self, **more):
+        super().__init__(**{"tip": 100.0, "flank": 110.0, "half_width": 8.0, "frequency": np.array([90.0, 120.0])} | more)
+
+    def at(self, f):
+        return np.ones(1)
+
+    def solution(self, f):
+        return "tip" if f == self.tip else "flank"
 
 
-def test_a_walk_that_falls_at_once_has_the_motion_from_the_tip(monkeypatch):
-    tip = _Tip(monkeypatch, 1.8, 1.7, places=())
-    assert tip.means == [1.7] and not tip.search.failure and tip.search.below == 0.0
+@pytest.fixture
+def search_of(monkeypatch):
+    monkeypatch.setattr(steady_amplitude, "Transient", OnBranches)
+    monkeypatch.setattr(steady_amplitude, "transfer", lambda source, motion, target: motion)
+
+    def search_of(ring, **balance):
+        return SteadySearch(ring, ring, Balance(**balance), 64)
+
+    return search_of
 
 
-@pytest.mark.parametrize(("first", "stays", "visits", "periods"), [(1.02, True, 0, 20), (1.8, False, 1, 20)])
-def test_a_motion_that_falls_from_the_tip_changes_nothing(monkeypatch, first, stays, visits, periods):
-    """Twenty periods that are no higher than the walk end it, as its fall in a visit does."""
-    tip = _Tip(monkeypatch, first, 1.7, stays)
-    assert tip.means == [1.0] and len(tip.asked) == visits and tip.search.periods == periods
-    assert tip.search.fall == 99.5 and np.isnan(tip.search.below)
+def rises_to(end, slope=0.05):
+    """Branch that rises to lower frequencies, and ends."""
+    return lambda f: (1.0 + slope * (110.0 - f)) * (f > end)
 
 
-def test_nothing_is_started_where_the_walk_is_as_high_as_the_tip(monkeypatch):
-    tip = _Tip(monkeypatch, 1.99, 1.99, places=(1.0, 1.91))
-    assert tip.search.periods == 0 and not tip.asked and tip.means == [1.0, 1.91]
+class Still:
+    """Transient of one amplitude (m)."""
+
+    def __init__(self, frequency, mean):
+        self.omega, self.amplitude, self.motion = tau * frequency, np.full(4, mean), "flank"
 
 
-@pytest.mark.parametrize(("mean", "below", "said"), [
-    (1.7, 1.0, "complete: started at the peak of the balance; along the curve the motion comes to 1 m"),
-    (1.7, 0.0, "complete: started at the peak of the balance; along the curve the motion falls"),
-    (1.0, 1.0, "complete"), (1.0, np.nan, "complete"),
+def point(frequency, mean=1.0):
+    return SteadyPoint(Still(frequency, mean), True, 0.0)
+
+
+STEP = STRIDE * 8.0 / steady_amplitude.PACE  # Hz between two places
+
+
+@each("end", [97.0, 98.34, 103.4, 95.9])
+def test_a_sweep_ends_at_the_fall_and_the_fall_is_halved_to_a_thousandth(search_of, end):
+    search = search_of(Branches(flank=rises_to(end)))
+    places = search.sweep("flank", 110.0, -1.0)
+    np.testing.assert_allclose(np.diff([p.frequency for p in places]), -STEP)
+    assert [p.mean for p in places[-3:]] == [0.1] * 3 and places[-4].mean > 1.0 and places[-4].motion == "flank"
+    assert places[-3].frequency <= end < places[-4].frequency
+    search.run()
+    best = search.best
+    assert search.fall <= end < best.frequency <= search.fall + FINE * best.frequency
+    assert best.mean == pytest.approx(rises_to(end)(best.frequency)) and best.steady and not search.failure
+    assert np.isnan(search.below) and not search.at_end(best)
+
+
+def test_a_sweep_ends_below_a_smooth_maximum_or_at_the_end_of_the_curve(search_of):
+    search = search_of(Branches(flank=lambda f: 1.0 / (1.0 + ((f - 104.0) / 8.0) ** 2)))
+    places = search.sweep("flank", 110.0, -1.0)
+    low = 104.0 - 8.0 / 3.0  # nine tenths
+    assert places[-3].frequency < low <= places[-4].frequency
+    flat = search_of(Branches(flank=rises_to(0.0, 0.005)))
+    for way, end in ((1.0, 120.0), (-1.0, 90.0)):
+        assert 0.0 <= (end - flat.sweep("flank", 110.0, way)[-1].frequency) * way < STEP
+    flat.run()
+    assert flat.best.frequency == pytest.approx(90.0, abs=2.0) and np.isnan(flat.fall) and flat.at_end(flat.best)
+
+
+@each("top", [102.0, 103.3, 97.77])
+def test_a_smooth_maximum_is_found_by_a_parabola(search_of, top):
+    """Within the 1 % to which motions settle, from places up to 3 % apart."""
+    search = search_of(Branches(flank=lambda f: 1.0 / (1.0 + ((f - top) / 8.0) ** 2)), half_width=8.0)
+    search.pace *= 3.0
+    search.run()
+    assert search.best.mean > 0.99 and np.isnan(search.fall) and len(search.points) < 8
+
+
+def test_a_maximum_is_where_the_parabola_has_it(search_of):
+    search, parabola = search_of(Branches()), lambda f: 2.0 - 0.05 * (f - 103.3) ** 2
+    search.points = [point(f, parabola(f)) for f in (101.0, 102.0, 105.0)]
+    assert search._next(search.points[1], 1.0) == pytest.approx(103.3)
+    search.points = [point(101.0, 1.0), point(102.0, 1.001), point(105.0, 0.99)]
+    assert search._next(search.points[1], 1.0) is None, "it rises by less than 1 %"
+
+
+def test_a_higher_motion_from_the_tip_is_the_answer(search_of):
+    ring = Branches(flank=lambda f: 1.0 - 0.01 * abs(f - 106.0), tip=lambda f: (2.0 - 0.1 * abs(f - 98.3)) * (f > 98.3))
+    search = search_of(ring)
+    search.run()
+    assert search.best.transient.motion == "tip" and search.best.frequency == pytest.approx(98.3, abs=0.1)
+    assert search.below == pytest.approx(1.0, rel=0.02) and search.best.mean > 1.9
+    assert search.fall == pytest.approx(98.3, abs=0.1)
+
+
+@each(("height", "higher"), [(1.04, False), (1.06, True)])
+def test_a_motion_from_the_tip_is_another_one_from_a_twentieth_more(search_of, height, higher):
+    search = search_of(Branches(flank=lambda f: 1.0 * (f > 92.0), tip=lambda f: height * (95.0 < f < 105.0)))
+    search.run()
+    assert np.isfinite(search.below) == higher and search.best.mean == (height if higher else 1.0)
+
+
+@each("falls", ["flank", "tip"])
+def test_one_of_both_motions_falls_at_once(search_of, falls):
+    search = search_of(Branches(**{"tip" if falls == "flank" else "flank": lambda f: 1.0}))
+    search.run()
+    assert search.best.mean == 1.0 and search.best.transient.motion != falls and not search.failure
+
+
+def test_a_higher_motion_that_does_not_settle_is_no_failure(search_of):
+    """The first periods at the tip and those of both sweeps do not show that it falls."""
+    calls = itertools.count()
+    swept = {"tip": lambda f: 2.0, "flank": lambda f: 1.0}
+    search = search_of(Branches(swept, flank=lambda f: 1.0, tip=lambda f: 2.0 * (next(calls) < 3)))
+    search.run()
+    assert search.best.mean == 1.0 and not search.failure and np.isnan(search.below)
+    assert 100.0 in search.fell
+
+
+def test_the_sweep_turns_round_if_the_motion_is_higher_on_the_other_side(search_of):
+    search = search_of(Branches(flank=lambda f: 1.0 - 0.02 * abs(f - 113.0)))
+    search.run()
+    assert search.best.frequency == pytest.approx(113.0, abs=1.0) and search.best.mean > 0.98
+
+
+def test_a_motion_that_does_not_settle_at_its_highest_place_is_tried_at_places_before(search_of):
+    """A sweep passes the end by 9 Hz: the motion falls 0, 1 and 3 places before the highest one, and stays 7 before."""
+    ring = Branches(swept={"flank": rises_to(94.0)}, flank=rises_to(103.0))
+    search = search_of(ring)
+    places = search.sweep("flank", 110.0, -1.0)
+    top = int(np.argmax([p.mean for p in places]))
+    search.settle_back(places)
+    tried = [places[top - k].frequency for k in (0, 1, 3, 7)]
+    assert search.fell[:3] == tried[:3] and search.points[0].frequency == tried[3] > 103.0
+    assert set(ring.seeds) == {("flank", CRITERIA.seed, 0)}
+    assert search.fall <= 103.0 < search.best.frequency <= search.fall + FINE * search.fall
+
+
+def test_without_a_motion_that_stays_there_is_a_reason(search_of):
+    search = search_of(Branches())
+    search.settle_back([Place(f, 1.0 - 0.01 * abs(f - 99.0), "flank") for f in (102.0, 101.0, 100.0, 99.0, 98.0)])
+    assert search.fell == [99.0, 100.0, 101.0, 102.0] and search.best is None and search.fall == 100.0, "nearest to the tip"
+    said = "at 102 Hz, near the peak, harmonic balance gives 1 m, but the amplitude in time becomes 100 mm"
+    assert search.failure == said
+
+
+@each(("points", "fell", "fall"), [
+    ({100.0: 2.0, 101.0: 1.0}, [99.0, 97.0, 104.0], 99.0),
+    ({100.0: 2.0, 99.5: 1.0}, [99.0, 104.0], 104.0),  # a steady motion lies between
+    ({100.0: 2.0, 99.5: 1.0, 102.0: 1.0}, [99.0, 104.0], np.nan),
+    ({100.0: 2.0, 99.05: 1.0, 102.0: 1.0}, [99.0, 104.0], 99.0),  # it is at the fall itself, to a thousandth
+    ({100.0: 2.0}, [], np.nan), ({}, [99.0, 101.5], 99.0), ({}, [], np.nan),
 ])  # fmt: skip
-def test_the_status_says_if_the_answer_started_at_the_tip(mean, below, said, monkeypatch):
-    """Not if shorter steps have left the places along the curve alone."""
-    study, modes = study_of(random(112))
-    curve = study.frequency_response(0.0, (0.5 * modes[0], 1.4 * modes[0]))
-    monkeypatch.setattr(TipSearch, "approach", lambda search, *_: setattr(search, "below", below))
-    for name in ("from_tip", "verify"):
-        monkeypatch.setattr(TipSearch, name, lambda *_: None)
-    monkeypatch.setattr(TipSearch, "highest", lambda _: SteadyPoint(11.0, np.full(80, mean), True, None))
-    monkeypatch.setattr(TipSearch, "open_question", lambda *_: "")
-    assert study.time_response(curve).status == said
+def test_the_fall_is_the_next_one_to_the_highest_motion(points, fell, fall):
+    search = SteadySearch(None, None, Balance(), 64)
+    search.points, search.fell = [point(*p) for p in points.items()], fell
+    np.testing.assert_equal(search.fall, fall)
+
+
+def test_the_highest_motion_is_one_whose_blades_have_had_time_to_part(search_of, monkeypatch):
+    """The first one loses a fifth of its amplitude by that, the second one falls, the third one stays."""
+    search = search_of(Branches(flank=lambda f: 1.0))
+    search.points, asked = [point(100.0, 3.0), point(101.0, 2.9), point(102.0, 2.8), point(103.0, 2.7)], []
+
+    def parted(frequency, motion, expected, parting):
+        asked.append((frequency, expected, parting))
+        found = point(frequency, {100.0: 2.4, 102.0: 2.75}.get(frequency, 0.0))
+        search.points += [found] * (found.mean > 0.0)
+        return found
+
+    monkeypatch.setattr(search, "settle", parted)
+    monkeypatch.setattr(search, "sweep", lambda *_: [Place(110.0, 1.0, "flank")])
+    search.run()
+    assert asked == [(100.0, 3.0, True), (101.0, 2.9, True), (102.0, 2.8, True)]
+    assert search.best.frequency == 102.0 and search.best.mean == 2.75
+
+
+def test_the_end_of_the_curve_is_no_fall():
+    search = SteadySearch(None, None, Balance(), 64)
+    for frequency, ends in ((90.5, True), (92.5, False), (119.0, True)):
+        search.points, search.fell = [point(frequency)], []
+        assert search.at_end(search.points[0]) == ends
+        search.fell = [frequency - 0.1]
+        assert not search.at_end(search.points[0])
+
+
+def test_shorter_steps_and_other_structures_leave_the_points_alone(search_of):
+    search = search_of(Branches(flank=rises_to(97.0)))
+    found = [search.settle(f, "flank", 1.0, *more) for more in ((2,), (1, search.ring)) for f in (100.0, 90.0)]
+    assert [p.transient.steps for p in found] == [128, 128, 64, 64] and [p.stays for p in found] == 2 * [True, False]
+    assert not search.points and not search.fell and search.periods == 80
+
+
+def test_periods_are_counted(search_of):
+    """Of both sweeps, of the tip, and of motions that settle."""
+    search = search_of(Branches(flank=rises_to(97.0)))
+    marched = []
+    own = OnBranches.advance
+    OnBranches.advance = lambda self, periods, *more: marched.append(periods) or own(self, periods, *more)
+    try:
+        search.run()
+    finally:
+        OnBranches.advance = own
+    assert search.periods == sum(marched)

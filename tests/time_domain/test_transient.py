@@ -253,7 +253,7 @@ class Known:
     (lambda k: 1.0, 20.0, 20, True),
     (lambda k: 1.0 + 0.3 * (-1.0) ** k, 20.0, 40, True),
     (lambda k: 1.0 - 1e-3 * k, 20.0, 240, True),  # never steady, and never fallen: 24 % in all
-    (lambda k: np.where((k > 14.0) & (k < 20.0), 0.5, 1.0), 20.0, 80, True),  # a dip, until it is none of the last three quarters
+    (lambda k: np.where((k > 14.0) & (k < 20.0), 0.5, 1.0), 20.0, 80, True),  # a dip
     (lambda k: np.where(k < 12.0, 1.0, 0.2), 20.0, 20, False),
     (lambda k: np.where(k < 200.0, 1.0 - 1e-3 * k, 0.2), 20.0, 240, False),  # at the end the last quarter decides
     (lambda k: 0.69, 20.0, 20, False), (lambda k: 0.71, 20.0, 20, True),

@@ -231,6 +231,7 @@ class SteadySearch:
             place = places[k]
             point = self.settle(place.frequency, self.ring.seeded(place.motion, CRITERIA.seed, 0), place.mean)
             if point.stays:
+                self.failure = ""
                 self.look_around(point, float(np.sign(places[-1].frequency - places[0].frequency)) or 1.0)
                 return
             k, back = (k - back if k > back else k - 1), 2 * back
