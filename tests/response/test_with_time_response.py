@@ -151,7 +151,8 @@ def test_what_cannot_be_integrated_says_why_beside_what_can(found, monkeypatch):
 
     monkeypatch.setattr(in_time, "time_response", failing)
     out = study.with_time_response(curve, [80.0, 70.0])
-    assert [(k.preload, k.status) for k in out.time_response] == [(70.0, "not found: no structure in time"), (80.0, "complete")]
+    known = [(k.preload, k.status) for k in out.time_response]
+    assert known == [(70.0, "not found: no structure in time"), (80.0, "complete")]
     assert np.isnan(out.time_response[0].mean) and out.time_response[1].mean > 0.0
     best, above = study.with_time_response(curve).time_response
     assert above.preload == pytest.approx(1.35 * best.preload)
