@@ -28,8 +28,7 @@ def record(time_response: Any) -> dict[str, Any]:
     return {
         "mean": 1e6 * time_response.mean, "lowest": 1e6 * time_response.lowest, "highest": 1e6 * time_response.highest,
         "frequency": time_response.frequency,
-        "fall": time_response.fall, "balance": 1e6 * time_response.balance, "direction": time_response.direction,
-        "periods": time_response.periods,
+        "fall": time_response.fall, "balance": 1e6 * time_response.balance, "periods": time_response.periods,
         "status": time_response.status, "processor": time_response.cost.processor,
     }  # fmt: skip
 

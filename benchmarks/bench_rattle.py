@@ -1,13 +1,13 @@
-"""Where a damper rattles: the sign of harmonic balance beside marches in time.
+"""Where a damper rattles: the sign of harmonic balance beside time integration.
 
 ``python -m benchmarks rattle`` makes ``benchmarks/results/rattle.json`` and prints what it holds.
 
 * Optimal curves of the shipped disk (9 points, three harmonics, engine order 5, friction coefficient 0.4, 1 N) with
-  unit tractions and with residual modes: the band without a steady response, marched at three preloads in it and, with
+  unit tractions and with residual modes: the band without a steady response, integrated at three preloads in it and, with
   unit tractions, at one above.
 * Scenes: the shipped disk with unit tractions, mode, direction of the excitation, friction coefficient and harmonics
   drawn with a stored seed, and lumped wedges between a mass and the ground.  At each preload a response curve is
-  followed, which shows the sign or not, and the structure is marched from its highest solution.  The response *moves* if
+  followed, which shows the sign or not, and the structure is integrated from its highest solution.  The response *moves* if
   the amplitudes of the periods spread over more than 2 % of their mean in the second half of them.  An alarm is false if
   the response does not move, a miss is a response that moves without the sign.
 """
@@ -41,7 +41,7 @@ BAND_PERIODS = {"unit tractions": 600, "residual modes": 150}
 
 
 def bands(*names: str) -> Iterator[dict[str, Any]]:
-    """The band without a steady response of two optimal curves, and marches in it and above."""
+    """The band without a steady response of two optimal curves, and motions in time in it and above."""
     disk = bd.reference_model("bladed_disk", 9)
     stiffness: dict[str, dict[str, Any]] = {"unit tractions": PLAIN | {"harmonics": 3}, "residual modes": {"harmonics": 3}}
     for name in names or stiffness:
@@ -56,14 +56,14 @@ def bands(*names: str) -> Iterator[dict[str, Any]]:
         above = [ABOVE * curve.lowest_steady_preload] if name == "unit tractions" else []
         values = [settled(study, curve, p, BAND_PERIODS[name]) for p in (*low[[0, len(low) // 2, -1]], *above)]
         yield {"study": name, "below": curve.lowest_steady_preload, "seconds": middle - begin, "seconds_above": alone,
-               "optimum": str(curve.optimum), "marched": values}  # fmt: skip
+               "optimum": str(curve.optimum), "in_time": values}  # fmt: skip
 
 
 def settled(study: bd.Study, curve: bd.OptimalCurve, preload: float, periods: int) -> dict[str, Any]:
-    """Mean and range of a march from the highest solution at a preload, at its frequency."""
+    """Mean and range of a motion from the highest solution at a preload, at its frequency."""
     frequency = curve.settings["frequency"]
     tracked = study.frequency_response(float(preload), frequency, options=ContinuationOptions(budget=BUDGET))
-    found = study.settle(tracked, float(tracked.frequency[np.argmax(tracked.amplitude)]), periods=periods)
+    found = study.motion_in_time(tracked, frequency=float(tracked.frequency[np.argmax(tracked.amplitude)]), periods=periods)
     low, high = found.lowest, found.highest
     return {"preload": float(preload), "frequency": found.frequency, "mean": found.mean, "low": low, "high": high,
             "status": found.status}  # fmt: skip
@@ -98,13 +98,13 @@ def scenes() -> Iterator[tuple[str, bd.Study, int]]:
 
 
 def signs() -> Iterator[dict[str, Any]]:
-    """The sign at seven preloads of every scene, and how far the marched amplitudes spread."""
+    """The sign at seven preloads of every scene, and how far the amplitudes in time spread."""
     for name, study, mode in scenes():
         frequency = resonance_interval(study.problem.at(1.0), mode)
         for preload in np.geomspace(4.0, 200.0, 7):
             curve = study.frequency_response(float(preload), frequency, options=ContinuationOptions(budget=BUDGET))
             top = int(np.argmax(curve.amplitude))
-            settled = study.settle(curve, float(curve.frequency[top]), periods=PERIODS)
+            settled = study.motion_in_time(curve, frequency=float(curve.frequency[top]), periods=PERIODS)
             low, high = settled.lowest, settled.highest
             yield {"scene": name, "preload": float(preload), "sign": NO_STEADY in curve.reason,
                    "spread": (high - low) / settled.mean,
@@ -134,7 +134,7 @@ def main() -> None:
     for band in kept["bands"]:
         print(f"{band['study']}: {NO_STEADY} below {band['below']:.4g} N; {band['seconds']:.1f} s of processor time, "
               f"the curve above alone {band['seconds_above']:.1f} s; {band['optimum']}")  # fmt: skip
-        for m in band["marched"]:
+        for m in band["in_time"]:
             spread = 100.0 * (m["high"] - m["low"]) / m["mean"]
             print(f"  {m['preload']:.4g} N, {m['frequency']:.5g} Hz: {m['mean']:.4g} m, {m['low']:.4g} to "
                   f"{m['high']:.4g} m, spread {spread:.2g} %")  # fmt: skip
