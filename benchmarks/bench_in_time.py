@@ -1,10 +1,9 @@
-"""Labels of ``with_stability(in_time=True)`` against long integrations of 50 points that are
-drawn before any of them is integrated.
+"""Labels of ``with_stability(in_time=True)`` against long integrations of 50 points that are drawn before any of them.
 
 Three preloads, one and three harmonics, on the shipped disk with nine contact points, unit tractions and ten blade modes.
 Half of the points lie within 2 % of a peak or fold; two are those at 351.1 and 352.8 Hz on the upper branch at 2 kN with
-one harmonic.  The integrations have 512 steps a period, other phases of the disturbances, and last until the mean changes by
-less than 1 % from 80 periods to the next, at least 240 and at most 960 periods; the motion stays if the mean over the
+one harmonic.  The integrations have 512 steps a period, other phases of the disturbances, and last until the mean changes
+by less than 1 % from 80 periods to the next, at least 240 and at most 960 periods; the motion stays if the mean over the
 last 80 (of half the periods, where the drift never ends) is within 5 % of that of the point.  Beside it stands the verdict
 of ``study.motion_in_time``.
 """

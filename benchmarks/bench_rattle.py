@@ -3,8 +3,8 @@
 ``python -m benchmarks rattle`` makes ``benchmarks/results/rattle.json`` and prints what it holds.
 
 * Optimal curves of the shipped disk (9 points, three harmonics, engine order 5, friction coefficient 0.4, 1 N) with
-  unit tractions and with residual modes: the band without a steady response, with motions in time at three preloads in it and, with
-  unit tractions, at one above.
+  unit tractions and with residual modes: the band without a steady response, with motions in time at three preloads in it
+  and, with unit tractions, at one above.
 * Scenes: the shipped disk with unit tractions, mode, direction of the excitation, friction coefficient and harmonics
   drawn with a stored seed, and lumped wedges between a mass and the ground.  At each preload a response curve is
   followed, which shows the sign or not, and the motion is integrated from its highest solution.  The response *moves* if
