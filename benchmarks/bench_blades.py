@@ -1,14 +1,15 @@
-"""Scenes in which blades of a tuned wheel do not vibrate alike, integrated in time.
+"""Scenes in which blades of a tuned wheel do not vibrate alike, and the amplitudes in time.
 
 ``python -m benchmarks blades`` prints, in some ten minutes of the processor:
 
-* the hard disk at a friction coefficient of 0.23, engine order 5 and 78.6 N, integrated from 322 down to 310 Hz in steps
-  of one hertz: amplitudes of all blades at each frequency;
+* the hard disk at a friction coefficient of 0.23, engine order 5 and 78.6 N, integrated downward from 322 to 310 Hz in
+  steps of one hertz: amplitudes of all blades at each frequency;
 * the answers of ``study.time_response`` on the turbine blade at 0.496, engine order 10 and 38.5 N with rings of six and of
   twelve blades, and at 0.54, engine order 5 and 43.7 N: first lines, answers, waves and energies.
 
-``python -m benchmarks.bench_blades map`` integrates the turbine blade at five friction coefficients, four preloads and two
-engine orders, and draws by how much the highest blade exceeds the peak of the balance (``docs/images/in-time-map.png``).
+``python -m benchmarks.bench_blades map`` computes amplitudes in time of the turbine blade at five friction coefficients,
+four preloads and two engine orders, and draws by how much the highest blade exceeds the peak of the balance
+(``docs/images/in-time-map.png``).
 
 ``python -m benchmarks.bench_blades wheel`` makes the turbine blade with all its 31 nodal diameters and integrates a ring of
 twelve blades and the whole wheel of sixty at engine order 5, in a scene where blades part and in one where they do not.
@@ -29,7 +30,7 @@ import bdamper as bd
 from bdamper.plot import save_figure
 from bdamper.plot.axes import STYLE
 from bdamper.time_domain.integration import STEPS, ring_of
-from bdamper.time_domain.steady_amplitude import STRIDE, BalanceCurve
+from bdamper.time_domain.steady_amplitude import BalanceCurve
 from bdamper.time_domain.time_response import of_blades
 from bdamper.time_domain.transient import CRITERIA, Transient
 from bdamper.util.errors import BdamperError
@@ -59,9 +60,10 @@ def down() -> None:
     print(
         "| Hz | amplitudes of all blades, \u00b5m (last 40 periods) | waves, \u00b5m | missing energy |\n|---|---|---|---|"
     )
-    for f in DOWN:
-        moving = Transient(ring, transient.omega, transient.motion)
-        moving.sweep(tau * f, 2 * STRIDE)
+    for before, f in zip((DOWN[0], *DOWN), DOWN):
+        moving = Transient(ring, tau * before, transient.motion)
+        if f < before:
+            moving.sweep(tau * f, CRITERIA.fewest)
         transient = Transient(ring, tau * f, moving.motion)
         transient.run(80)
         said = of_blades(transient, CRITERIA.window)
@@ -73,7 +75,7 @@ def down() -> None:
 
 
 def highest(study: bd.Study, preload: float, **ring: int) -> tuple[float, bd.TimeResponse | None]:
-    """Peak of the balance (m), and the response in time from its curve; None where it is not found."""
+    """Peak of the balance (m), and the amplitude in time; None where it is not found."""
     curve = study.frequency_response(preload, (600.0, 720.0))
     try:
         found = study.time_response(curve, **ring)
@@ -83,7 +85,7 @@ def highest(study: bd.Study, preload: float, **ring: int) -> tuple[float, bd.Tim
 
 
 def said(balance: float, found: bd.TimeResponse | None) -> tuple[float, str]:
-    """Highest blade over the peak of the balance, and the words of a cell."""
+    """Highest blade over the peak of the balance, and the text of a cell."""
     if found is None:
         return np.nan, "not found"
     ratio = found.mean / balance

@@ -2,8 +2,9 @@
 
 ``python -m benchmarks.bench_reached [studies]`` draws that many studies (500 by default, ``tests/sweeps.py``) and asks each
 for a response curve and a peak with seven harmonics.  Plain NumPy integrates slow sweeps up and down the same band from
-rest.  It prints how many highest points lie more than 5 % above both sweeps, with their numbers, and how many lie below
-the higher sweep.  The latter leaves out curves whose highest response is at an end, which is no peak.
+rest.
+It prints how many highest points lie more than 5 % above both sweeps, with their numbers, and how many lie below the higher
+sweep.  The latter leaves out curves whose highest response is at an end, which is no peak.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
-"""Whether the time integration can be relied on: a thousand random starts, and twenty drawn scenes beside an explicit one.
+"""Whether the time integration can be relied on: random starts, and drawn scenes beside an explicit integration.
 
-``python -m benchmarks.bench_trust starts`` integrates a thousand random motions of both disks for four periods: coordinates
-and velocities of all modes drawn from a normal distribution and scaled so that the highest blade has 0.1 to 30 times the
-peak of the balance, sliders of each point anywhere within ten times that peak, frequency anywhere in the interval, 128 or
-256 steps a period.  Each must end finite, with no more energy than it had and was given, or by ``MarchFailed``.
+``python -m benchmarks.bench_trust starts`` integrates a thousand random motions of both disks over four periods:
+coordinates and velocities of all modes drawn from a normal distribution and scaled so that the highest blade has 0.1 to 30
+times the peak of the balance, sliders of each point anywhere within ten times that peak, frequency anywhere in the
+interval, 128 or 256 steps a period.  Each must end finite, with no more energy than it had and was given,
+or by ``MarchFailed``.
 
 ``python -m benchmarks.bench_trust scenes [first last]`` draws scenes as ``benchmarks.bench_labels`` does, with other
 numbers, and asks ``study.time_response`` for the highest blade.  Its motion goes on for 15 periods in the explicit
@@ -19,7 +20,7 @@ from math import tau
 
 import numpy as np
 
-from bdamper.time_domain import time_response as in_time
+from bdamper.time_domain import time_response
 from bdamper.time_domain.integration import MarchFailed, Motion, ring_of
 from bdamper.time_domain.transient import Transient
 from bdamper.util.errors import BdamperError
@@ -61,12 +62,12 @@ def random_starts(scenes: int = 20) -> None:
 
 
 def scenes(first: int, last: int) -> None:
-    said = in_time.of_blades
-    print("| scene | balance | highest blade in time (range), lowest | explicit | difference | status | s, explicit s |")
+    said = time_response.of_blades
+    print("| scene | balance | highest blade in time (error), lowest | explicit | difference | status | s, explicit s |")
     for number in range(first, last):
         made, name, preload, _ = random(number)
-        begin, seen = time.process_time(), []
-        in_time.of_blades = lambda transient, periods, seen=seen: seen.append(transient) or said(transient, periods)
+        begin, motions = time.process_time(), []
+        time_response.of_blades = lambda transient, n, motions=motions: motions.append(transient) or said(transient, n)
         curve = made.frequency_response(preload, BANDS[name])
         order, friction = made.problem.engine_order, made.settings.friction_coefficient
         scene = f"{name}, engine order {order}, mu {friction:.2f}, {preload:.1f} N"
@@ -77,9 +78,9 @@ def scenes(first: int, last: int) -> None:
             continue
         between = time.process_time()
         omega = tau * (found.frequency if found.frequency > 0.0 else curve.peak.frequency)
-        ring = seen[-1].ring if seen else ring_of(made.problem, preload)
-        start = seen[-1].motion if seen else ring.start(curve.peak.y[:-1], omega, 256)
-        periods, window = (100, 80) if found.highest_period > 1.05 * found.mean else (15, 8)  # beating, or not
+        ring = motions[-1].ring if motions else ring_of(made.problem, preload)
+        start = motions[-1].motion if motions else ring.start(curve.peak.y[:-1], omega, 256)
+        periods, window = (100, 80) if found.highest_period > 1.05 * found.mean else (15, 8)  # beats or not
         blades = 1e6 * np.abs(explicit(ring, Motion(*start[:3]), omega, periods, STEPS)[-window:]).mean(axis=0)
         own = f"{1e6 * found.mean:.1f} ({1e6 * found.lowest:.1f} to {1e6 * found.highest:.1f}), {1e6 * found.spread[0]:.1f}"
         own += f" at {found.frequency:.2f} Hz"
