@@ -283,12 +283,12 @@ def time_integration() -> str:
     q, v = ring.state(rest, omega, 0.0)
     w = np.tile(system.structure.points.slider, (ring.n, 1, 1)).astype(float)
     motion = Motion(q, v, w)
-    marched = []
+    in_time = []
     begin = time.process_time()
     for _ in range(14):
         motion, amplitudes, *_ = ring.integrate(motion, omega, steps, 25)
-        marched.append((float(abs(amplitudes[-1, 0, 1])), time.process_time() - begin))
-    settled = marched[-1][0]
+        in_time.append((float(abs(amplitudes[-1, 0, 1])), time.process_time() - begin))
+    settled = in_time[-1][0]
     rests = np.isfinite(slider_interval(resting, own[:-1])[..., 0])
     scale = resting.units(own, own[-1])
     given = []
@@ -303,7 +303,7 @@ def time_integration() -> str:
     lines += [f"| {_harmonics(n)} | {a / limit - 1.0:+.1e} | {1e3 * t:.3g} |" for n, a, t in balance]
     lines += ["", "| periods | error of amplitude | time (s) | as good | times slower |", "|---|---|---|---|---|"]
     for k in (1, 3, 5, 7, 9, 11):
-        a, spent = marched[k]
+        a, spent = in_time[k]
         error = abs(a / settled - 1.0)
         good = [(t, n) for n, b, t in balance if abs(b / limit - 1.0) <= error]
         t, n = min(good, default=(np.nan, 0))
@@ -314,10 +314,10 @@ def time_integration() -> str:
     return (
         f"At {omega / (2.0 * np.pi):.5g} Hz and {PRELOAD_9:g} N, {ring.n} sectors, {steps} steps a period (as few as are "
         f"stable, central differences; twice as many change the amplitude by {abs(step_error):.1e}). Errors of "
-        f"harmonic balance are those against 20 harmonics, errors in time those against {25 * len(marched)} periods. Both "
+        f"harmonic balance are those against 20 harmonics, errors in time those against {25 * len(in_time)} periods. Both "
         f"limits differ by {abs(settled / limit - 1.0):.1e}: points that never slip in the steady state keep the friction "
         f"force that the transient has left there. With the sliders of these points ({rests.sum()} of {rests.size} a "
-        f"sector) as the march has left them, harmonic balance gives {min(given) / limit - 1.0:+.1e} to "
+        f"sector) as the integration has left them, harmonic balance gives {min(given) / limit - 1.0:+.1e} to "
         f"{max(given) / limit - 1.0:+.1e}, depending on the sector whose sliders are taken.\n\n" + "\n".join(lines)
     )
 

@@ -1,17 +1,17 @@
-"""Scenes in which blades of a tuned wheel do not vibrate alike, and what the march in time says of them.
+"""Scenes in which blades of a tuned wheel do not vibrate alike, and the amplitudes in time.
 
 ``python -m benchmarks blades`` prints, in some ten minutes of the processor:
 
-* the hard disk at a friction coefficient of 0.23, engine order 5 and 78.6 N, marched down from 322 to 310 Hz in steps of
-  one hertz: amplitudes of all blades at each frequency;
+* the hard disk at a friction coefficient of 0.23, engine order 5 and 78.6 N, integrated downward from 322 to 310 Hz in
+  steps of one hertz: amplitudes of all blades at each frequency;
 * the answers of ``study.time_response`` on the turbine blade at 0.496, engine order 10 and 38.5 N with rings of six and of
-twelve
-  blades, and at 0.54, engine order 5 and 43.7 N: first lines, answers, waves and energies.
+  twelve blades, and at 0.54, engine order 5 and 43.7 N: first lines, answers, waves and energies.
 
-``python -m benchmarks.bench_blades map`` marches the turbine blade at five friction coefficients, four preloads and two
-engine orders, and draws by how much the highest blade exceeds the peak of the balance (``docs/images/in-time-map.png``).
+``python -m benchmarks.bench_blades map`` computes amplitudes in time of the turbine blade at five friction coefficients,
+four preloads and two engine orders, and draws by how much the highest blade exceeds the peak of the balance
+(``docs/images/in-time-map.png``).
 
-``python -m benchmarks.bench_blades wheel`` makes the turbine blade with all its 31 nodal diameters and marches a ring of
+``python -m benchmarks.bench_blades wheel`` makes the turbine blade with all its 31 nodal diameters and integrates a ring of
 twelve blades and the whole wheel of sixty at engine order 5, in a scene where blades part and in one where they do not.
 """
 
@@ -30,8 +30,9 @@ import bdamper as bd
 from bdamper.plot import save_figure
 from bdamper.plot.axes import STYLE
 from bdamper.time_domain.integration import STEPS, ring_of
-from bdamper.time_domain.march import March
-from bdamper.time_domain.steady_amplitude import CRITERIA, CurveAmplitudes, of_blades
+from bdamper.time_domain.steady_amplitude import BalanceCurve
+from bdamper.time_domain.time_response import of_blades
+from bdamper.time_domain.transient import CRITERIA, Transient
 from bdamper.util.errors import BdamperError
 
 IMAGE = Path(__file__).parents[1] / "docs" / "images" / "in-time-ring.png"
@@ -53,20 +54,19 @@ def down() -> None:
     study = bd.Study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), 5, friction_coefficient=0.23)
     curve = study.frequency_response(78.6, (285.0, 380.0))
     ring, begin = ring_of(study.problem, 78.6), time.process_time()
-    start = ring.start(CurveAmplitudes(curve).start(DOWN[0]), tau * DOWN[0], STEPS)
-    march = March(ring, tau * DOWN[0], ring.seeded(start, CRITERIA.seed, 0))
-    march.run(120)
+    start = ring.start(BalanceCurve(curve).solution(DOWN[0]), tau * DOWN[0], STEPS)
+    transient = Transient(ring, tau * DOWN[0], ring.seeded(start, CRITERIA.seed, 0))
+    transient.run(120)
     print(
         "| Hz | amplitudes of all blades, \u00b5m (last 40 periods) | waves, \u00b5m | missing energy |\n|---|---|---|---|"
     )
     for before, f in zip((DOWN[0], *DOWN), DOWN):
-        motion, march = march.motion, March(ring, tau * f, march.motion)
+        moving = Transient(ring, tau * before, transient.motion)
         if f < before:
-            march.sweep((tau * before, tau * f), CRITERIA.brief, lambda: None)
-            motion = march.motion
-        march = March(ring, tau * f, motion)
-        march.run(80)
-        said = of_blades(march, CRITERIA.window)
+            moving.sweep(tau * f, CRITERIA.fewest)
+        transient = Transient(ring, tau * f, moving.motion)
+        transient.run(80)
+        said = of_blades(transient, CRITERIA.window)
         blades = ", ".join(f"{1e6 * a:.1f}" for a in said["blades"].mean(axis=0))
         waves = ", ".join(f"{d:.0f}: {1e6 * a:.1f}" for d, a in said["waves"][:3])
         work, *losses = said["energy"]
@@ -75,7 +75,7 @@ def down() -> None:
 
 
 def highest(study: bd.Study, preload: float, **ring: int) -> tuple[float, bd.TimeResponse | None]:
-    """Peak of the balance (m), and the march from its curve; None where it is not found."""
+    """Peak of the balance (m), and the amplitude in time; None where it is not found."""
     curve = study.frequency_response(preload, (600.0, 720.0))
     try:
         found = study.time_response(curve, **ring)
@@ -85,7 +85,7 @@ def highest(study: bd.Study, preload: float, **ring: int) -> tuple[float, bd.Tim
 
 
 def said(balance: float, found: bd.TimeResponse | None) -> tuple[float, str]:
-    """Highest blade over the peak of the balance, and the words of a cell."""
+    """Highest blade over the peak of the balance, and the text of a cell."""
     if found is None:
         return np.nan, "not found"
     ratio = found.mean / balance

@@ -1,11 +1,11 @@
-"""Labels of ``with_stability(in_time=True)`` against long marches: 50 points that are drawn before any of them is marched.
+"""Labels of ``with_stability(in_time=True)`` against long integrations of 50 points that are drawn before any of them.
 
 Three preloads, one and three harmonics, on the shipped disk with nine contact points, unit tractions and ten blade modes.
 Half of the points lie within 2 % of a peak or fold; two are those at 351.1 and 352.8 Hz on the upper branch at 2 kN with
-one harmonic.  The marches have 512 steps a period, other phases of the disturbances, and last until the mean changes by
-less than 1 % from 80 periods to the next, at least 240 and at most 960 periods; the motion stays if the mean over the
+one harmonic.  The integrations have 512 steps a period, other phases of the disturbances, and last until the mean changes
+by less than 1 % from 80 periods to the next, at least 240 and at most 960 periods; the motion stays if the mean over the
 last 80 (of half the periods, where the drift never ends) is within 5 % of that of the point.  Beside it stands the verdict
-of ``study.verify``.
+of ``study.motion_in_time``.
 """
 
 from __future__ import annotations
@@ -18,8 +18,7 @@ import numpy as np
 
 import bdamper as bd
 from bdamper.time_domain.integration import STEPS, ring_of
-from bdamper.time_domain.march import LIMITS, March
-from bdamper.time_domain.steady_amplitude import CRITERIA
+from bdamper.time_domain.transient import CRITERIA, Transient
 
 SEED, POINTS = 20261121, 50
 BANDS = {200.0: (290.0, 345.0), 500.0: (310.0, 355.0), 2000.0: (340.0, 365.0)}
@@ -61,20 +60,20 @@ def random(curves: dict[tuple[float, int], bd.ResponseCurve]) -> list[tuple[floa
     return out
 
 
-def long_march(made: bd.Study, curve: bd.ResponseCurve, i: int) -> tuple[bool, float, int]:
-    """Whether the motion stays, its mean amplitude over that of the point, and the periods marched."""
+def long_integration(made: bd.Study, curve: bd.ResponseCurve, i: int) -> tuple[bool, float, int]:
+    """Whether the motion stays, its mean amplitude over that of the point, and the integrated periods."""
     omega, u = 2.0 * np.pi * float(curve.frequency[i]), curve.unknowns[i]
     ring = ring_of(made.problem, curve.preload)
-    march = March(ring, omega, ring.seeded(ring.start(u, omega, 2 * STEPS), CRITERIA.seed, SEED + i), 2 * STEPS)
+    transient = Transient(ring, omega, ring.seeded(ring.start(u, omega, 2 * STEPS), CRITERIA.seed, SEED + i), 2 * STEPS)
     ratios: list[float] = []
     while len(ratios) < MOST:
-        march.run(len(march.harmonics) + WINDOW)
-        ratios.append(float(march.amplitude[-WINDOW:].mean() / curve.amplitude[i]))
+        transient.run(len(transient.harmonics) + WINDOW)
+        ratios.append(float(transient.amplitude[-WINDOW:].mean() / curve.amplitude[i]))
         if len(ratios) >= FEWEST and abs(ratios[-1] - ratios[-2]) < DRIFT * ratios[-1]:
             break
     else:
         ratios.append(float(np.mean(ratios[MOST // 2 :])))
-    return abs(ratios[-1] - 1.0) <= LIMITS.tolerance, ratios[-1], WINDOW * min(len(ratios), MOST)
+    return abs(ratios[-1] - 1.0) <= CRITERIA.tolerance, ratios[-1], WINDOW * min(len(ratios), MOST)
 
 
 def main() -> None:
@@ -91,26 +90,26 @@ def main() -> None:
             if (p, n) != (preload, h):
                 continue
             watch = time.process_time()
-            stays, ratio, periods = long_march(studies[h], curve, i)
+            stays, ratio, periods = long_integration(studies[h], curve, i)
             row = {
                 "preload": preload, "harmonics": h, "frequency": round(float(curve.frequency[i]), 3),
                 "amplitude": float(curve.amplitude[i]), "label": str(curve.labels[i]),
-                "ratio": round(float(curve.in_time[i]), 4), "march": "stays" if stays else "leaves",
-                "march ratio": round(ratio, 4), "periods": periods, "seconds": round(time.process_time() - watch, 1),
+                "ratio": round(float(curve.in_time[i]), 4), "long": "stays" if stays else "leaves",
+                "long ratio": round(ratio, 4), "periods": periods, "seconds": round(time.process_time() - watch, 1),
             }  # fmt: skip
             watch = time.process_time()
-            quick = studies[h].verify(curve, i)
-            row |= {"verdict": quick.verdict, "verdict periods": quick.periods}
+            quick = studies[h].motion_in_time(curve, i)
+            row |= {"verdict": quick.verdict, "verdict periods": len(quick.period)}
             row |= {"verdict seconds": round(time.process_time() - watch, 2)}
             table.append(row)
             print(row, flush=True)
         STORED.write_text(json.dumps({"seed": SEED, "seconds of labels": seconds, "points": table}, indent=1) + "\n")
     decided = [row for row in table if row["label"] in ("stable", "unstable")]
-    agree = sum((row["label"] == "stable") == (row["march"] == "stays") for row in decided)
+    agree = sum((row["label"] == "stable") == (row["long"] == "stays") for row in decided)
     left = len(table) - len(decided)
-    same = sum(row["verdict"] == ("agrees" if row["march"] == "stays" else "does not agree") for row in table)
-    print(f"verify decides as the march at {same} of {len(table)} points")
-    print(f"{len(table)} points, {left} undecided, {agree} of {len(decided)} labels agree with the march")
+    same = sum(row["verdict"] == ("agrees" if row["long"] == "stays" else "does not agree") for row in table)
+    print(f"the verdict is that of the long integration at {same} of {len(table)} points")
+    print(f"{len(table)} points, {left} undecided, {agree} of {len(decided)} labels agree with the long integration")
 
 
 if __name__ == "__main__":

@@ -5,12 +5,13 @@ blade (even numbers, engine order 5 or 10) or the hard disk (odd ones, engine or
 tractions and three harmonics, a friction coefficient of 0.2 to 0.6 and a preload of 20 to 400 N per newton.  Five points
 are drawn from those with at least half the amplitude of the peak.
 
-The truth is a march of all blades and all nodal diameters from the point, with waves of 1 % of each nodal diameter, over
-120 or 200 periods of 256 steps: the point is kept if all blades have its amplitude in the mean of the last 40 periods, to
-5 % (and to 10 %, which counts less of what three harmonics cut off).
+The truth is an integration of all blades and all nodal diameters from the point, with waves of 1 % of each nodal diameter,
+over 120 or 200 periods of 256 steps: the point is kept if all blades have its amplitude in the mean of the last 40 periods,
+to 5 % (and to 10 %, which counts less of what three harmonics cut off).
 
 ``python -m benchmarks.bench_labels coupled`` asks the same of twenty test rigs under coupled friction, whose labels are
-signs of det J alone: up to four points each, the peak among them, against ``study.verify`` over at most 600 periods.
+signs of det J alone: up to four points each, the peak among them, against ``study.motion_in_time`` over at most 600
+periods.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ import numpy as np
 
 import bdamper as bd
 from bdamper.time_domain.integration import MarchFailed, Ring, ring_of
-from bdamper.time_domain.steady_amplitude import CRITERIA, growth
-from bdamper.time_domain.transients import march_from
+from bdamper.time_domain.time_response import disturbed
+from bdamper.time_domain.transient import CRITERIA, outside
 from benchmarks import PLAIN
 from tests.models import acyclic_model
 
@@ -44,13 +45,13 @@ def random(number: int) -> tuple[bd.Study, str, float, np.random.Generator]:
 
 
 def truth(ring: Ring, u: np.ndarray, omega: float, expected: float) -> tuple[float, float, int]:
-    """Lowest and highest mean of the blades relative to the point's amplitude, and periods; NaN where a march fails."""
-    march = march_from(ring, u, omega)
+    """Lowest and highest mean of the blades over the point's amplitude, and periods; NaN if an integration fails."""
+    transient = disturbed(ring, u, omega)
     try:
         for periods in (120, 200):
-            march.run(periods)
-            before, last = (np.abs(x).mean(axis=0) / expected for x in (march.blades[-80:-40], march.blades[-40:]))
-            if np.abs(last - before).max() < 0.01 and growth(march, CRITERIA.window)[0] < 1.1:
+            transient.run(periods)
+            before, last = (np.abs(x).mean(axis=0) / expected for x in (transient.blades[-80:-40], transient.blades[-40:]))
+            if np.abs(last - before).max() < 0.01 and outside(transient, CRITERIA.window)[0] < CRITERIA.rise:
                 break
     except MarchFailed:
         return np.nan, np.nan, 0
@@ -92,7 +93,7 @@ def coupled(scenes: int = 20) -> None:
         curve = made.with_stability(made.frequency_response(preload, (150.0, 500.0)))
         high = np.flatnonzero(curve.amplitude >= 0.3 * curve.amplitude.max())
         for i in sorted({curve.peak_index, *high[(places * len(high)).astype(int)]}):
-            key = curve.labels[i].partition(" with")[0], made.verify(curve, int(i), periods=600).verdict
+            key = curve.labels[i].partition(" with")[0], made.motion_in_time(curve, int(i), periods=600).verdict
             said[key] = said.get(key, 0) + 1
             print(f"{scene} {law} {preload:.3g} N, {curve.frequency[i]:.2f} Hz: {', in time '.join(key)}", flush=True)
     print(said)

@@ -1,13 +1,13 @@
-"""Where a damper rattles: the sign of harmonic balance beside marches in time.
+"""Where a damper rattles: the sign of harmonic balance beside time integration.
 
 ``python -m benchmarks rattle`` makes ``benchmarks/results/rattle.json`` and prints what it holds.
 
 * Optimal curves of the shipped disk (9 points, three harmonics, engine order 5, friction coefficient 0.4, 1 N) with
-  unit tractions and with residual modes: the band without a steady response, marched at three preloads in it and, with
-  unit tractions, at one above.
+  unit tractions and with residual modes: the band without a steady response, with motions in time at three preloads in it
+  and, with unit tractions, at one above.
 * Scenes: the shipped disk with unit tractions, mode, direction of the excitation, friction coefficient and harmonics
   drawn with a stored seed, and lumped wedges between a mass and the ground.  At each preload a response curve is
-  followed, which shows the sign or not, and the structure is marched from its highest solution.  The response *moves* if
+  followed, which shows the sign or not, and the motion is integrated from its highest solution.  The response *moves* if
   the amplitudes of the periods spread over more than 2 % of their mean in the second half of them.  An alarm is false if
   the response does not move, a miss is a response that moves without the sign.
 """
@@ -41,7 +41,7 @@ BAND_PERIODS = {"unit tractions": 600, "residual modes": 150}
 
 
 def bands(*names: str) -> Iterator[dict[str, Any]]:
-    """The band without a steady response of two optimal curves, and marches in it and above."""
+    """The band without a steady response of two optimal curves, and motions in it and above."""
     disk = bd.reference_model("bladed_disk", 9)
     stiffness: dict[str, dict[str, Any]] = {"unit tractions": PLAIN | {"harmonics": 3}, "residual modes": {"harmonics": 3}}
     for name in names or stiffness:
@@ -54,16 +54,17 @@ def bands(*names: str) -> Iterator[dict[str, Any]]:
         alone = time.process_time() - middle
         low = curve.preload[curve.preload <= curve.lowest_steady_preload]
         above = [ABOVE * curve.lowest_steady_preload] if name == "unit tractions" else []
-        values = [settled(study, curve, p, BAND_PERIODS[name]) for p in (*low[[0, len(low) // 2, -1]], *above)]
+        values = [motion_at(study, curve, p, BAND_PERIODS[name]) for p in (*low[[0, len(low) // 2, -1]], *above)]
         yield {"study": name, "below": curve.lowest_steady_preload, "seconds": middle - begin, "seconds_above": alone,
-               "optimum": str(curve.optimum), "marched": values}  # fmt: skip
+               "optimum": str(curve.optimum), "in time": values}  # fmt: skip
 
 
-def settled(study: bd.Study, curve: bd.OptimalCurve, preload: float, periods: int) -> dict[str, Any]:
-    """Mean and range of a march from the highest solution at a preload, at its frequency."""
+def motion_at(study: bd.Study, curve: bd.OptimalCurve, preload: float, periods: int) -> dict[str, Any]:
+    """Mean and range of a motion from the highest solution at a preload, at its frequency."""
     frequency = curve.settings["frequency"]
     tracked = study.frequency_response(float(preload), frequency, options=ContinuationOptions(budget=BUDGET))
-    found = study.settle(tracked, float(tracked.frequency[np.argmax(tracked.amplitude)]), periods=periods)
+    frequency = float(tracked.frequency[np.argmax(tracked.amplitude)])
+    found = study.motion_in_time(tracked, frequency=frequency, periods=periods)
     low, high = found.lowest, found.highest
     return {"preload": float(preload), "frequency": found.frequency, "mean": found.mean, "low": low, "high": high,
             "status": found.status}  # fmt: skip
@@ -98,17 +99,17 @@ def scenes() -> Iterator[tuple[str, bd.Study, int]]:
 
 
 def signs() -> Iterator[dict[str, Any]]:
-    """The sign at seven preloads of every scene, and how far the marched amplitudes spread."""
+    """The sign at seven preloads of every scene, and how far the amplitudes in time spread."""
     for name, study, mode in scenes():
         frequency = resonance_interval(study.problem.at(1.0), mode)
         for preload in np.geomspace(4.0, 200.0, 7):
             curve = study.frequency_response(float(preload), frequency, options=ContinuationOptions(budget=BUDGET))
             top = int(np.argmax(curve.amplitude))
-            settled = study.settle(curve, float(curve.frequency[top]), periods=PERIODS)
-            low, high = settled.lowest, settled.highest
+            motion = study.motion_in_time(curve, frequency=float(curve.frequency[top]), periods=PERIODS)
+            low, high = motion.lowest, motion.highest
             yield {"scene": name, "preload": float(preload), "sign": NO_STEADY in curve.reason,
-                   "spread": (high - low) / settled.mean,
-                   "time_response": settled.mean / float(curve.amplitude[top])}  # fmt: skip
+                   "spread": (high - low) / motion.mean,
+                   "time_response": motion.mean / float(curve.amplitude[top])}  # fmt: skip
 
 
 def counts(found: list[dict[str, Any]]) -> str:
@@ -134,7 +135,7 @@ def main() -> None:
     for band in kept["bands"]:
         print(f"{band['study']}: {NO_STEADY} below {band['below']:.4g} N; {band['seconds']:.1f} s of processor time, "
               f"the curve above alone {band['seconds_above']:.1f} s; {band['optimum']}")  # fmt: skip
-        for m in band["marched"]:
+        for m in band["in time"]:
             spread = 100.0 * (m["high"] - m["low"]) / m["mean"]
             print(f"  {m['preload']:.4g} N, {m['frequency']:.5g} Hz: {m['mean']:.4g} m, {m['low']:.4g} to "
                   f"{m['high']:.4g} m, spread {spread:.2g} %")  # fmt: skip

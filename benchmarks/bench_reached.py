@@ -1,7 +1,8 @@
 """Whether the highest points of random studies of a few masses are reached by slow sweeps of frequency in time.
 
 ``python -m benchmarks.bench_reached [studies]`` draws that many studies (500 by default, ``tests/sweeps.py``) and asks each
-for a response curve and a peak with seven harmonics.  Plain NumPy marches slow sweeps up and down the same band from rest.
+for a response curve and a peak with seven harmonics.  Plain NumPy integrates slow sweeps up and down the same band from
+rest.
 It prints how many highest points lie more than 5 % above both sweeps, with their numbers, and how many lie below the higher
 sweep.  The latter leaves out curves whose highest response is at an end, which is no peak.
 """
@@ -28,7 +29,7 @@ def report(name: str, heights: NDArray, swept: NDArray, flank: NDArray) -> None:
 
 
 def main() -> None:
-    """Draw, ask, march and print."""
+    """Draw, ask, integrate and print."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.bench_reached", description=__doc__)
     parser.add_argument("studies", nargs="?", type=int, default=STUDIES)
     drawn = [draw(number) for number in range(parser.parse_args().studies)]

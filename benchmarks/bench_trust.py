@@ -1,14 +1,15 @@
-"""Whether the march can be relied on: a thousand random starts, and twenty drawn scenes beside an explicit march.
+"""Whether the time integration can be relied on: random starts, and drawn scenes beside an explicit integration.
 
-``python -m benchmarks.bench_trust starts`` marches a thousand random motions of both disks for four periods: coordinates
-and velocities of all modes drawn from a normal distribution and scaled so that the highest blade has 0.1 to 30 times the
-peak of the balance, sliders of each point anywhere within ten times that peak, frequency anywhere in the interval, 128 or
-256 steps a period.  Each must end finite, with no more energy than it had and was given, or by ``MarchFailed``.
+``python -m benchmarks.bench_trust starts`` integrates a thousand random motions of both disks over four periods:
+coordinates and velocities of all modes drawn from a normal distribution and scaled so that the highest blade has 0.1 to 30
+times the peak of the balance, sliders of each point anywhere within ten times that peak, frequency anywhere in the
+interval, 128 or 256 steps a period.  Each must end finite, with no more energy than it had and was given,
+or by ``MarchFailed``.
 
 ``python -m benchmarks.bench_trust scenes [first last]`` draws scenes as ``benchmarks.bench_labels`` does, with other
-numbers, and asks ``study.time_response`` for the highest blade.  Its motion goes on for 15 periods in the explicit march
-of the tests, with 2,600 steps a period: the mean of the highest blade over the last 8 stands beside the answer.  Where
-amplitudes beat by more than 5 % it is 100 periods, and the mean over 80, as in the answer.
+numbers, and asks ``study.time_response`` for the highest blade.  Its motion goes on for 15 periods in the explicit
+integration of the tests, with 2,600 steps a period: the mean of the highest blade over the last 8 stands beside the answer.
+Where amplitudes beat by more than 5 % it is 100 periods, and the mean over 80, as in the answer.
 """
 
 from __future__ import annotations
@@ -19,9 +20,9 @@ from math import tau
 
 import numpy as np
 
-from bdamper.time_domain import steady_amplitude
+from bdamper.time_domain import time_response
 from bdamper.time_domain.integration import MarchFailed, Motion, ring_of
-from bdamper.time_domain.march import March
+from bdamper.time_domain.transient import Transient
 from bdamper.util.errors import BdamperError
 from benchmarks.bench_labels import BANDS, random
 from tests.time_domain.test_explicit_reference import STEPS, explicit
@@ -47,26 +48,26 @@ def random_starts(scenes: int = 20) -> None:
             q /= own
             size = peak * 10.0 ** rng.uniform(-1.0, 1.5) / np.abs(ring.rows @ q).max()
             w = like.w + 10.0 * peak * rng.uniform(-1.0, 1.0, like.w.shape)
-            march = March(ring, omega, Motion(size * q, size * v, w), int(rng.choice([128, 256])))
+            transient = Transient(ring, omega, Motion(size * q, size * v, w), int(rng.choice([128, 256])))
             try:
                 with np.errstate(all="ignore"):
-                    march.run(PERIODS)
+                    transient.run(PERIODS)
             except MarchFailed:
-                ended[f"MarchFailed, {march.steps} steps"] += 1
+                ended[f"MarchFailed, {transient.steps} steps"] += 1
                 continue
-            grown = np.abs(march.blades).max() / (np.abs(ring.rows @ (size * q)).max() + peak)
-            ended["finite" if np.isfinite(march.blades).all() and grown < 1e3 else "overflow"] += 1
+            grown = np.abs(transient.blades).max() / (np.abs(ring.rows @ (size * q)).max() + peak)
+            ended["finite" if np.isfinite(transient.blades).all() and grown < 1e3 else "overflow"] += 1
             most = max(most, float(grown))
         print(number, name, ended, f"{most:.3g} times the start at most, {time.process_time() - begin:.0f} s", flush=True)
 
 
 def scenes(first: int, last: int) -> None:
-    said = steady_amplitude.of_blades
-    print("| scene | balance | highest blade in time (range), lowest | explicit | difference | status | s, explicit s |")
+    said = time_response.of_blades
+    print("| scene | balance | highest blade in time (error), lowest | explicit | difference | status | s, explicit s |")
     for number in range(first, last):
         made, name, preload, _ = random(number)
-        begin, marches = time.process_time(), []
-        steady_amplitude.of_blades = lambda march, periods, marches=marches: marches.append(march) or said(march, periods)
+        begin, motions = time.process_time(), []
+        time_response.of_blades = lambda transient, n, motions=motions: motions.append(transient) or said(transient, n)
         curve = made.frequency_response(preload, BANDS[name])
         order, friction = made.problem.engine_order, made.settings.friction_coefficient
         scene = f"{name}, engine order {order}, mu {friction:.2f}, {preload:.1f} N"
@@ -77,9 +78,9 @@ def scenes(first: int, last: int) -> None:
             continue
         between = time.process_time()
         omega = tau * (found.frequency if found.frequency > 0.0 else curve.peak.frequency)
-        ring = marches[-1].ring if marches else ring_of(made.problem, preload)
-        start = marches[-1].motion if marches else ring.start(curve.peak.y[:-1], omega, 256)
-        periods, window = (100, 80) if found.highest > 1.05 * found.lowest else (15, 8)  # where amplitudes beat, or not
+        ring = motions[-1].ring if motions else ring_of(made.problem, preload)
+        start = motions[-1].motion if motions else ring.start(curve.peak.y[:-1], omega, 256)
+        periods, window = (100, 80) if found.highest_period > 1.05 * found.mean else (15, 8)  # beats or not
         blades = 1e6 * np.abs(explicit(ring, Motion(*start[:3]), omega, periods, STEPS)[-window:]).mean(axis=0)
         own = f"{1e6 * found.mean:.1f} ({1e6 * found.lowest:.1f} to {1e6 * found.highest:.1f}), {1e6 * found.spread[0]:.1f}"
         own += f" at {found.frequency:.2f} Hz"

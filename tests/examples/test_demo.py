@@ -17,7 +17,7 @@ def flat(value):
 
 @pytest.mark.slow
 def test_pictures_are_those_of_the_demonstration(tmp_path, capsys):
-    """By the numbers that they show, which stand beside them; the march in time and more harmonics are left out."""
+    """By the numbers that they show, which stand beside them; time integration and more harmonics are left out."""
     runpy.run_path(str(ROOT / "examples" / "demo.py"))["main"](tmp_path, check=False)
     assert "13 times below the free blade" in capsys.readouterr().out.replace("\n", " ")
     found, kept = (json.loads((folder / "optimum.json").read_text()) for folder in (tmp_path, ROOT / "docs/images"))

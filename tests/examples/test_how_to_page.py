@@ -36,7 +36,7 @@ def test_recipes(tmp_path, monkeypatch):
     assert not bd.load("curve.h5").diff(space["curve"]) and space["model"].hash == space["study"].model.hash
     assert space["designs"].curves[1].peak.amplitude < 0.9 * space["designs"].curves[0].peak.amplitude
     assert not space["short"].complete and space["short"].missing_ranges and space["further"].complete
-    assert len(space["settled"].harmonics) == 16
+    assert len(space["motion"].harmonics) == 16
     assert space["strongest"].best_margin >= np.nanmax(space["strongest"].margin) and space["margins"].least > 0.0
     assert space["optimal"].optimum.verified and space["richer"].peaks[-1].harmonics >= 3
     assert {path.suffix for path in tmp_path.iterdir()} >= {".vtu", ".png", ".csv", ".jsonl", ".h5"}
