@@ -8,7 +8,8 @@
   twelve blades, and at 0.54, engine order 5 and 43.7 N: first lines, answers, waves and energies.
 
 ``python -m benchmarks.bench_blades map`` computes amplitudes in time of the turbine blade at five friction coefficients,
-four preloads and two engine orders, and draws by how much the highest blade exceeds the peak of the balance (``docs/images/in-time-map.png``).
+four preloads and two engine orders, and draws by how much the highest blade exceeds the peak of the balance
+(``docs/images/in-time-map.png``).
 
 ``python -m benchmarks.bench_blades wheel`` makes the turbine blade with all its 31 nodal diameters and integrates a ring of
 twelve blades and the whole wheel of sixty at engine order 5, in a scene where blades part and in one where they do not.

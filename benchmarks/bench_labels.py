@@ -6,8 +6,8 @@ tractions and three harmonics, a friction coefficient of 0.2 to 0.6 and a preloa
 are drawn from those with at least half the amplitude of the peak.
 
 The truth is an integration of all blades and all nodal diameters from the point, with waves of 1 % of each nodal diameter,
-over 120 or 200 periods of 256 steps: the point is kept if all blades have its amplitude in the mean of the last 40 periods, to
-5 % (and to 10 %, which counts less of what three harmonics cut off).
+over 120 or 200 periods of 256 steps: the point is kept if all blades have its amplitude in the mean of the last 40 periods,
+to 5 % (and to 10 %, which counts less of what three harmonics cut off).
 
 ``python -m benchmarks.bench_labels coupled`` asks the same of twenty test rigs under coupled friction, whose labels are
 signs of det J alone: up to four points each, the peak among them, against ``study.motion_in_time`` over at most 600

@@ -1,14 +1,15 @@
 """Whether the time integration can be relied on: random starts, and drawn scenes beside an explicit integration.
 
 ``python -m benchmarks.bench_trust starts`` integrates a thousand random motions of both disks over four periods:
-coordinates and velocities of all modes drawn from a normal distribution and scaled so that the highest blade has 0.1 to 30 times the
-peak of the balance, sliders of each point anywhere within ten times that peak, frequency anywhere in the interval, 128 or
-256 steps a period.  Each must end finite, with no more energy than it had and was given, or by ``MarchFailed``.
+coordinates and velocities of all modes drawn from a normal distribution and scaled so that the highest blade has 0.1 to 30
+times the peak of the balance, sliders of each point anywhere within ten times that peak, frequency anywhere in the
+interval, 128 or 256 steps a period.  Each must end finite, with no more energy than it had and was given,
+or by ``MarchFailed``.
 
 ``python -m benchmarks.bench_trust scenes [first last]`` draws scenes as ``benchmarks.bench_labels`` does, with other
 numbers, and asks ``study.time_response`` for the highest blade.  Its motion goes on for 15 periods in the explicit
-integration of the tests, with 2,600 steps a period: the mean of the highest blade over the last 8 stands beside the answer.  Where
-amplitudes beat by more than 5 % it is 100 periods, and the mean over 80, as in the answer.
+integration of the tests, with 2,600 steps a period: the mean of the highest blade over the last 8 stands beside the answer.
+Where amplitudes beat by more than 5 % it is 100 periods, and the mean over 80, as in the answer.
 """
 
 from __future__ import annotations
