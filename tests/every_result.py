@@ -36,7 +36,7 @@ RESULTS = {
     "static": lambda s, c: s.static(500.0),
     "hysteresis": lambda s, c: s.hysteresis(c),
     "dissipation": lambda s, c: s.dissipation(c),
-    "verify": lambda s, c: s.verify(c, periods=2, steps_per_period=512),
+    "motion_in_time": lambda s, c: s.motion_in_time(c, periods=2, steps_per_period=512),
     "effect_significance": lambda s, c: s.effect_significance(2000.0, BAND),
     "compare": lambda s, c: bd.compare(
         {"now": s, "smooth": {"friction_coefficient": 0.2}}, lambda one: one.frequency_response(2000.0, BAND)

@@ -23,7 +23,7 @@ def test_errors_are_those_of_scenes_with_a_settled_reference():
     known = {}
     for n, high in ((0, 102.0), (2, 109.0), (4, 102.0)):
         known[f"{n} reference"] = {"um": 100.0, "low": 98.0, "high": high, "seconds": 50.0}
-        known[f"{n} answer"] = {"um": 110.0, "seconds": 10.0}
+        known[f"{n} answer"] = {"um": 110.0, "seconds": 10.0, "answers": {}}
         known[f"{n} curves"] = {what: {"um": 130.0, "seconds": 1.0} for what in scenes.CURVES}
     del known["4 answer"]["um"]
     errors, seconds = zip(*scenes.costs(known, 0).values())

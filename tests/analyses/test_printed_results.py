@@ -30,7 +30,7 @@ def of_study():
     yield from (curve, s.free(BAND), s.frequency_response(2.0, (0.1, 0.15)), peak, s.static(2.0))
     yield s.optimal_curve((0.5, 5.0), 6, frequency=BAND, check=False)
     yield from (s.hysteresis(curve), s.dissipation(curve), s.time_response(peak))
-    yield s.verify(curve, periods=2, steps_per_period=256)
+    yield s.motion_in_time(curve, periods=2, steps_per_period=256)
     yield from (s.harmonic_convergence(peak, harmonics=(3, 5)), s.estimate_errors(curve), s.effect_significance(2.0, BAND))
     cost = accuracy_cost(s, 2.0, BAND, vary={"harmonics": (1, 3)})
     yield replace(cost, runs=tuple(replace(run, seconds=1.0 + k) for k, run in enumerate(cost.runs)))

@@ -10,7 +10,7 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 
 from bdamper.fem.meshes import Geometry, Material, MeshDensity, damper_mesh, discretise, local_order
 from bdamper.fem.surface import twisted
-from bdamper.importers import ContactFaces, read_arrays
+from bdamper.importers import ContactFaces, Placement, Sector, read_arrays
 from bdamper.util.errors import ModelError
 from tests.imports import build
 
@@ -63,3 +63,9 @@ def test_only_the_symmetries_of_a_cube_are_in_order():
     cube = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]], float)
     orders = np.array([order for order in itertools.permutations(range(8)) if order[0] == 0])
     assert (~twisted(orders, cube)).sum() == 48 / 8
+
+
+def test_options_of_equal_values_are_equal():
+    """Arrays in them would make the comparison fail."""
+    assert Placement(radial=np.array([0, 2, 0])) == Placement(radial=(0.0, 2.0, 0.0))
+    assert Sector(elasticity=[2e11, 0.3]) == Sector(elasticity=(2e11, 0.3)) != Sector()

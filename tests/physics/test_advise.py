@@ -56,3 +56,8 @@ def test_an_estimate_that_is_far_off_says_so():
     e = estimate_change(leaner.problem.system(500.0), embed(rig.problem, leaner.problem, 500.0, peak.y))
     true = leaner.peak(500.0).amplitude / peak.amplitude - 1.0
     assert abs(e.amplitude - true) > 0.01 and e.uncertainty > 0.01
+
+
+def test_effects_are_settings_of_all_of_them():
+    with pytest.raises(bd.SettingError, match=r"effects: expected a value for each of .* found \['bias'\]"):
+        Effects({"bias": True})

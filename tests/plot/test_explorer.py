@@ -85,9 +85,9 @@ def test_a_question_is_answered_coarsely_then_in_full_and_kept(answering):
     answers = answering(study, queue.put)
     answers.ask(asked(damping_ratio=0.02))
     quick, full, in_time = until_done(queue)
-    assert not quick.full and full.full and full.marched is None and in_time.curve is full.curve
-    assert in_time.marched.balance == pytest.approx(full.curve.peak.amplitude)
-    np.testing.assert_equal(in_time.marched.mean, full.study.time_response(full.curve).mean)
+    assert not quick.full and full.full and full.time_response is None and in_time.curve is full.curve
+    assert in_time.time_response.balance == pytest.approx(full.curve.peak.amplitude)
+    np.testing.assert_equal(in_time.time_response.mean, full.study.time_response(full.curve).mean)
     given = vary(study, {"damping_ratio": 0.02})
     band = answers.band(asked())
     assert_array_equal(full.curve.amplitude, given.frequency_response(0.0, band).amplitude)
@@ -98,7 +98,7 @@ def test_a_question_is_answered_coarsely_then_in_full_and_kept(answering):
     assert full.point == full.curve.peak_index and full.loops.amplitude == full.curve.peak.amplitude
     answers.ask(asked(damping_ratio=0.02))
     again, again_in_time = until_done(queue)
-    assert again.curve is full.curve and again_in_time.marched is in_time.marched
+    assert again.curve is full.curve and again_in_time.time_response is in_time.time_response
     answers.ask(Question((("damping_ratio", 0.02),), 0.0, None, point=3))
     other, _ = until_done(queue)
     assert other.point == 3 and other.loops.frequency == full.curve.frequency[3]
@@ -155,7 +155,7 @@ def test_all_of_a_question_comes_in_four_steps_and_once(answering):
     answers.ask(question)
 
     def kinds():
-        return [(answer.marched and "time") or (answer.optimal and "peaks") or answer.full for answer in until_done(queue)]
+        return [(a.time_response and "time") or (a.optimal and "peaks") or a.full for a in until_done(queue)]
 
     assert kinds() == [False, True, "peaks", "time"]
     answers.ask(replace(question, preload=2.0))
@@ -207,7 +207,7 @@ def test_a_newer_question_ends_the_work_and_takes_the_place_of_what_waits(monkey
         answers.ask(asked(damping_ratio=ratio))
     go.set()
     found = until_done(queue)
-    known = [(dict(a.question.settings)["damping_ratio"], a.full) for a in found if not a.marched]
+    known = [(dict(a.question.settings)["damping_ratio"], a.full) for a in found if not a.time_response]
     assert known == [(0.05, False), (0.3, False), (0.3, True)]
     assert calls == begun_at_all, "the full answer to the first was ended or never begun, those between were not begun"
 
@@ -762,14 +762,14 @@ def test_every_control_at_both_sizes(browser, explorer, size):
 def test_the_amplitude_in_time_stands_beside_the_peak(browser, explorer, study):
     window = Window(browser, explorer)
     page = explorer.pages[-1]
-    window.type("preload", "2000")  # a march that the next move ends
+    window.type("preload", "2000")  # a time integration that the next move ends
     window.wait("return get('busy').text.includes('in time')")
     window.type("preload", "200")
     for _ in range(5):
         with suppress(AssertionError):
             window.wait("return !get('busy').visible")
             break
-    found = page.answers.time_response(page.question()).marched
+    found = page.answers.time_response(page.question()).time_response
     assert found.status.startswith("complete") and f"In time {found.text}" in window.text()
     assert window.data("time") == pytest.approx([found.frequency, 1e6 * found.mean])
     assert window.run("return [...get('range data').get_column('y')]") == pytest.approx(

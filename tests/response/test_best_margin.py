@@ -64,15 +64,15 @@ def test_what_a_blade_keeps_has_a_margin_of_its_own(study, curve, tmp_path):
     assert weak._headline().endswith("Below 1 the limit is exceeded.")
 
 
-def test_the_margin_is_asked_for_after_the_march(study, curve, monkeypatch):
-    """Not where the march was interrupted: then there is an end of it."""
+def test_the_margin_is_asked_for_after_the_time_integration(study, curve, monkeypatch):
+    """Not where it was interrupted: then there is an end of it."""
     monkeypatch.setattr(study_room.optimal, "optimal_curve", lambda *_, **__: replace(curve, margins=()))
     asked = SimpleNamespace(best_status="complete")
     monkeypatch.setattr(study_room.best_margin, "best_margin", lambda problem, curve, material: asked)
     for status, margins in (("complete", 1), ("interrupted", 0)):
         kept = TimeResponse(*(np.nan,) * 4, 90.0, 1e-6, status=status)
         monkeypatch.setattr(
-            study_room.optimum_in_time,
+            study_room.in_time,
             "with_time_response",
             lambda s, c, *_, time_response=kept, **__: replace(c, time_response=(time_response,)),
         )

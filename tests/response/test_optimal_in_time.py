@@ -1,4 +1,4 @@
-"""What a blade keeps at the optimum of an optimal curve: fields, prints, files, neighbours."""
+"""Amplitudes in time at the optimum of an optimal curve and beside it: fields, prints, files, neighbours."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.response.verification import TimeResponse
-from bdamper.time_domain import optimum_in_time
+from bdamper.time_domain import time_response as in_time
 from bdamper.util.formatting import amount
 from tests.plain import plain_study
 
@@ -24,19 +24,21 @@ def curve(study):
 
 
 def keeps(problem, tracked):
-    """In place of the march: nine tenths of the peak, more at lower preloads."""
+    """In place of the time integration: nine tenths of the peak, more at lower preloads."""
     top, p = tracked.peak.amplitude, tracked.preload
     mean = 0.9 * top * (1.0 + 1e-6 * (5000.0 - p))
-    return TimeResponse(mean, 0.95 * mean, 1.1 * mean, tracked.peak.frequency, p, top, 1.0, "down", 480, (0, 5), "complete")
+    return TimeResponse(mean, 0.95 * mean, 1.1 * mean, tracked.peak.frequency, p, top, 1.1 * mean, 1.0, periods=480,
+                        diameters=(0, 5))  # fmt: skip
 
 
 def test_by_default_it_is_asked_for_at_the_optimum(study, curve, monkeypatch, tmp_path):
-    monkeypatch.setattr(optimum_in_time.in_time, "time_response", keeps)
+    monkeypatch.setattr(in_time, "time_response", keeps)
     found = study.optimal_curve((1000.0, 5000.0), 3, frequency=(280.0, 370.0))
-    (one,) = found.time_response
+    one, above = found.time_response
+    assert above.preload == pytest.approx(1.35 * one.preload)
     assert found.convergence.preload == one.preload == curve.optimum.preload
     assert one.balance == pytest.approx(curve.optimum.amplitude, rel=1e-3)
-    assert f"Time integration gives {amount(one.mean, 'm')} (10 % less)." in found._headline()
+    assert f"Time integration gives {one.text}, 10 % less than harmonic balance." in found._headline()
     found.save(tmp_path / "optimal.h5")
     assert bd.load(tmp_path / "optimal.h5").time_response == found.time_response
     ax = found.plot()[0]
@@ -45,39 +47,35 @@ def test_by_default_it_is_asked_for_at_the_optimum(study, curve, monkeypatch, tm
 
 
 def test_neighbours_on_request(study, curve, monkeypatch):
-    monkeypatch.setattr(optimum_in_time.in_time, "time_response", keeps)
+    monkeypatch.setattr(in_time, "time_response", keeps)
     found = study.optimal_curve((1000.0, 5000.0), 3, frequency=(280.0, 370.0), check="neighbours")
     best = curve.optimum.preload
-    np.testing.assert_allclose([k.preload for k in found.time_response], [best / 1.2, best, best * 1.2])
+    np.testing.assert_allclose([k.preload for k in found.time_response], [best / 1.35, best, best * 1.35])
     said, least = found._headline(), found.optimum_in_time
     assert said.count("Time integration") == 3 and said.count("Time integration at ") == 2
-    assert least.mean == min(k.mean for k in found.time_response) and least in found.time_response
-    at = amount(least.preload, "N")
-    ends = least.preload != best
-    assert f"In time the amplitude is lowest at {at}{', the last preload on that side' * ends}" in said
+    assert least.highest == min(k.highest for k in found.time_response) and least in found.time_response
+    at, most = amount(least.preload, "N"), amount(least.highest, "m")
+    assert f"Recommended: {at}, where the amplitude in time is least, at most {most}" in said
+    assert ("it may be less at" in said) == (least.preload != best)
     assert ("optimum in time", least._headline()) in [fact[:2] for fact in found._facts()]
     assert "least in time" in found.plot()[0].get_legend_handles_labels()[1]
     plt.close("all")
     low, middle, high = found.time_response
-    lower = replace(found, time_response=(low, replace(middle, mean=0.5 * low.mean), high))
-    assert lower.optimum_in_time.preload == best and "the last preload on that side" not in lower._headline()
+    lower = replace(found, time_response=(low, replace(middle, highest=0.5 * low.highest), high))
+    assert lower.optimum_in_time.preload == best and "it may be less" not in lower._headline()
     lone = replace(found, time_response=(low, replace(middle, mean=np.nan), replace(high, mean=np.nan)))
-    assert lone.optimum_in_time is None and "is lowest at" not in lone._headline()
-    for i, doubt in ((1, "incomplete: its mean still changes"), (1, "interrupted"), (0, "not found: no motion stays")):
-        open_ = [low, replace(middle, mean=0.5 * low.mean), replace(high, mean=0.4 * low.mean)]
-        for least, last in ((2, open_), (1 - i, [*open_[:2], replace(high, mean=2.0 * low.mean)])):
-            kept = [replace(k, status=doubt) if j == i else k for j, k in enumerate(last)]
-            at = amount(kept[least].preload, "N")
-            assert (
-                f"is lowest at {at}, the last preload on that side: it"
-                in replace(found, time_response=tuple(kept))._headline()
-            )
+    assert lone.optimum_in_time is None and "No preload is recommended" in lone._headline()
+    wide = replace(middle, highest=0.5 * low.highest, status="incomplete: not settled")
+    said = replace(found, time_response=(low, wide, high))._headline()
+    assert f"at most {amount(wide.highest, 'm')} (incomplete: not settled)" in said
+    stopped = replace(found, time_response=(low, replace(wide, status="interrupted"), high))
+    assert stopped.optimum_in_time in (low, high)
 
 
-def test_what_cannot_be_marched_says_why(study, curve):
+def test_what_cannot_be_integrated_says_why(study, curve):
     """One basis for several nodal diameters is no structure in time."""
     shared = study.replace(fundamental_modes_only=True, harmonics=2)
-    (found,) = optimum_in_time.with_time_response(
+    found, _ = in_time.with_time_response(
         shared.problem, replace(curve, time_response=(), model_hash=shared.model.hash)
     ).time_response
     assert found.status.startswith("not found: ") and "fundamental_modes_only" in found.status and np.isnan(found.mean)

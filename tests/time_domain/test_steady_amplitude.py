@@ -10,8 +10,9 @@ import pytest
 import scipy.linalg
 
 import bdamper as bd
-from bdamper.time_domain import steady_amplitude
+from bdamper.time_domain import steady_amplitude, time_response
 from bdamper.time_domain.steady_amplitude import FINE, STRIDE, BalanceCurve, Place, SteadySearch
+from bdamper.time_domain.time_response import _at_fall, _other_starts, _refine
 from bdamper.time_domain.transient import CRITERIA, SteadyPoint
 from tests.each import each
 from tests.time_domain.test_frequency_sweep import W0, one_mass
@@ -167,19 +168,27 @@ def test_a_response_so_flat_that_it_has_no_half_width():
 # ---- searches ----
 
 
+class Motion(str):
+    """Name of a branch."""
+
+    def _replace(self, **changes):
+        return Motion(changes["w"]) if "w" in changes else self
+
+
 class Branches:
     """Structure of which the motion is the name of a branch; a branch gives an amplitude (m) at a frequency (Hz).
 
-    Where it gives 0 the motion falls to the lowest one, 0.1 m.  In a sweep it may be on others, ``swept``.
+    Where it gives 0 the motion falls to the lowest one, 0.1 m.  Branches may be others in a sweep, ``swept``, or
+    with more time steps, ``shorter``.
     """
 
     n, nodal_diameters = 1, (0,)
 
-    def __init__(self, swept=None, **branches):
-        self.branches, self.swept, self.seeds = branches, swept or branches, []
+    def __init__(self, swept=None, shorter=None, **branches):
+        self.branches, self.swept, self.shorter, self.seeds = branches, swept or branches, shorter or {}, []
 
     def start(self, u, *_):
-        return str(u)
+        return Motion(u)
 
     def seeded(self, motion, share, seed):
         self.seeds.append((motion, share, seed))
@@ -187,6 +196,9 @@ class Branches:
 
     def departure(self, blades):
         return np.zeros(len(blades))
+
+    def tractions(self, motion):
+        return {name: name for name in ("none", "forward", "backward")}
 
 
 class OnBranches:
@@ -198,8 +210,9 @@ class OnBranches:
         self.ring, self.omega, self.motion, self.steps, self.harmonics = ring, omega, motion, steps, []
 
     def advance(self, periods, branches=None):
-        level = (branches or self.ring.branches).get(self.motion, lambda f: 0.0)(self.omega / tau)
-        self.motion = self.motion if level else "lowest"
+        branches = branches or self.ring.shorter.get(self.steps, self.ring.branches)
+        level = branches.get(self.motion, lambda f: 0.0)(self.omega / tau)
+        self.motion = self.motion if level else Motion("lowest")
         self.harmonics += periods * [level or 0.1]
 
     def sweep(self, end, periods):
@@ -231,7 +244,8 @@ class Balance(SimpleNamespace):
 @pytest.fixture
 def search_of(monkeypatch):
     monkeypatch.setattr(steady_amplitude, "Transient", OnBranches)
-    monkeypatch.setattr(steady_amplitude, "transfer", lambda source, motion, target: motion)
+    for room in (steady_amplitude, time_response):
+        monkeypatch.setattr(room, "transfer", lambda source, motion, target: motion)
 
     def search_of(ring, **balance):
         return SteadySearch(ring, ring, Balance(**balance), 64)
@@ -248,7 +262,7 @@ class Still:
     """Transient of one amplitude (m)."""
 
     def __init__(self, frequency, mean):
-        self.omega, self.amplitude, self.motion = tau * frequency, np.full(4, mean), "flank"
+        self.omega, self.amplitude, self.motion = tau * frequency, np.full(4, mean), Motion("flank")
 
 
 def point(frequency, mean=1.0):
@@ -331,7 +345,7 @@ def test_a_higher_motion_that_does_not_settle_is_no_failure(search_of):
     search = search_of(Branches(swept, flank=lambda f: 1.0, tip=lambda f: 2.0 * (next(calls) < 3)))
     search.run()
     assert search.best.mean == 1.0 and not search.failure and np.isnan(search.below)
-    assert 100.0 in search.fell
+    assert not search.fell, "those of another motion"
 
 
 def test_the_sweep_turns_round_if_the_motion_is_higher_on_the_other_side(search_of):
@@ -363,7 +377,8 @@ def test_without_a_motion_that_stays_there_is_a_reason(search_of):
 
 @each(("points", "fell", "fall"), [
     ({100.0: 2.0, 101.0: 1.0}, [99.0, 97.0, 104.0], 99.0),
-    ({100.0: 2.0, 99.5: 1.0}, [99.0, 104.0], 104.0),  # a steady motion lies between
+    ({100.0: 2.0, 99.5: 1.0}, [99.0, 104.0], 104.0),  # a steady motion of another level lies between
+    ({100.0: 2.0, 99.5: 1.9}, [99.0, 104.0], 99.0),
     ({100.0: 2.0, 99.5: 1.0, 102.0: 1.0}, [99.0, 104.0], np.nan),
     ({100.0: 2.0, 99.05: 1.0, 102.0: 1.0}, [99.0, 104.0], 99.0),  # it is at the fall itself, to a thousandth
     ({100.0: 2.0}, [], np.nan), ({}, [99.0, 101.5], 99.0), ({}, [], np.nan),
@@ -401,21 +416,45 @@ def test_the_end_of_the_curve_is_no_fall():
         assert not search.at_end(search.points[0])
 
 
-def test_shorter_steps_and_other_structures_leave_the_points_alone(search_of):
-    search = search_of(Branches(flank=rises_to(97.0)))
-    found = [search.settle(f, "flank", 1.0, *more) for more in ((2,), (1, search.ring)) for f in (100.0, 90.0)]
-    assert [p.transient.steps for p in found] == [128, 128, 64, 64] and [p.stays for p in found] == 2 * [True, False]
-    assert not search.points and not search.fell and search.periods == 80
+def test_a_refinement_that_falls_is_repeated_from_the_next_highest_motion(search_of):
+    """With half the steps the branch ends at 100 Hz; what has fallen before is left out, and points and falls stay."""
+    search = search_of(Branches(flank=rises_to(90.0), shorter={128: {"flank": rises_to(100.0)}}))
+    points = [point(f, rises_to(0.0)(f)) for f in (98.0, 99.5, 101.0, 103.0)]
+    refined = _refine(search, points, search.ring, 2)
+    assert (refined.frequency, refined.stays, refined.transient.steps) == (101.0, True, 128)
+    assert _refine(search, [points[1]._replace(stays=False), points[3]], search.ring, 2).frequency == 103.0
+    fallen = _refine(search, points[:2], search.ring, 2)
+    assert not fallen.stays and fallen.mean == pytest.approx(0.1)
+    whole = Branches(flank=rises_to(98.5))
+    refined = _refine(search, points, whole, 1)
+    assert (refined.frequency, refined.transient.steps) == (99.5, 64) and refined.transient.ring is whole
+    assert not search.points and not search.fell and search.periods == 20 * 8
 
 
-def test_periods_are_counted(search_of):
+@each(("points", "fell", "mean"), [
+    ({100.0: 2.0, 102.0: 1.9}, [99.0], 2.05), ({100.0: 2.0, 102.0: 1.9, 101.0: 1.98}, [99.0], 2.02),
+    ({100.0: 2.0}, [99.0], 2.0), ({100.0: 2.0, 98.0: 1.9}, [101.0], 2.05),
+    ({100.0: 2.0, 102.0: 1.9, 99.5: 1.9}, [99.0], 2.0),  # beyond a maximum
+    ({100.0: 2.0, 102.0: 1.9, 99.05: 1.9}, [99.0], 2.05),
+])  # fmt: skip
+def test_the_amplitude_at_the_fall_is_extrapolated(points, fell, mean):
+    search = SteadySearch(None, None, Balance(), 64)
+    search.points, search.fell = [point(*p) for p in points.items()], fell
+    assert _at_fall(search) == pytest.approx(mean)
+
+
+def test_other_starts_have_other_disturbances_and_tractions(search_of):
+    ring = Branches(none=lambda f: 2.0, forward=lambda f: 1.9, backward=lambda f: 0.0)
+    found = _other_starts(search_of(ring), point(100.0, 2.0), 5)
+    names = {"start 1, none": 2.0, "start 2, forward": 1.9, "start 3, backward": 0.1, "start 4, none": 2.0}
+    assert found == pytest.approx(names) and list(found) == list(names)
+    assert [seed for _, _, seed in ring.seeds] == [1, 2, 3, 4]
+
+
+def test_periods_are_counted(search_of, monkeypatch):
     """Of both sweeps, of the tip, and of motions that settle."""
     search = search_of(Branches(flank=rises_to(97.0)))
-    marched = []
-    own = OnBranches.advance
-    OnBranches.advance = lambda self, periods, *more: marched.append(periods) or own(self, periods, *more)
-    try:
-        search.run()
-    finally:
-        OnBranches.advance = own
-    assert search.periods == sum(marched)
+    counted, own = [], OnBranches.advance
+    monkeypatch.setattr(OnBranches, "advance", lambda self, n, *more: counted.append(n) or own(self, n, *more))
+    search.run()
+    assert search.periods == sum(counted)

@@ -65,7 +65,7 @@ def test_no_part_counts_time_in_which_the_thread_waits(crowded):
 
 def test_integration_in_time_is_a_part_of_its_own(crowded):
     study = plain_study(models.wedge_model(1), bd.Excitation("tip", amplitude=5.0), engine_order=2)
-    cost = study.settle(study.frequency_response(200.0, (280.0, 320.0)), 300.0, periods=30).cost
+    cost = study.motion_in_time(study.frequency_response(200.0, (280.0, 320.0)), frequency=300.0, periods=30).cost
     assert cost.contact == cost.assembly == 0.0 < cost.time_integration <= cost.core < cost.processor < cost.seconds
     assert (
         cost.python == cost.processor - cost.core

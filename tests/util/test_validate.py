@@ -259,7 +259,7 @@ F = (270.0, 380.0)
         lambda s: s.optimal_curve((20.0, "x")),
         lambda s: s.effect_significance(9.0, F, against="all"), lambda s: s.effect_significance(9.0, F, tolerance="x"),
         lambda s: s.effect_significance("9", F),
-        lambda s: s.verify(None), lambda s: s.with_stability("curve"),
+        lambda s: s.motion_in_time(None), lambda s: s.with_stability("curve"),
         lambda s: s.estimate_errors(None), lambda s: s.peak_sensitivities("peak"),
         lambda s: bd.compare({}, len), lambda s: bd.compare({"a": s, "b": {"frictoin": 1}}, len),
         lambda s: bd.compare({"a": s}, str),
@@ -287,7 +287,7 @@ def test_calls_on_results_refuse_bad_arguments(study):
         lambda: study.peak_sensitivities(peak, "preload"),
         lambda: study.peak_sensitivities(curve),
         lambda: study.with_stability(curve, in_time="yes"),
-        lambda: study.verify(curve, index=10**6),
+        lambda: study.motion_in_time(curve, index=10**6),
         lambda: study.estimate_errors(curve, sources="harmonics"),
     ):
         with pytest.raises(bd.SettingError, match=r": .*(expected .*, found| argument )"):

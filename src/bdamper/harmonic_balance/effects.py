@@ -58,6 +58,8 @@ class Effects(dict[str, Any]):
     """
 
     def __init__(self, settings: Mapping[str, Any]) -> None:
+        validation.check_value(set(settings) == set(ASSUMED), "effects", f"a value for each of {sorted(ASSUMED)}",
+                               sorted(settings))  # fmt: skip
         super().__init__({name: tuple(v) if isinstance(v, list) else v for name, v in settings.items()})
         if not self["variable_normal_load"]:
             self["separation"] = False

@@ -43,7 +43,12 @@ def _frequencies(name: str, known: Any) -> Mapping[int, Sequence[float]]:
     return known
 
 
-Direction = Annotated[Any, partial(validation.numbers, n=3)]
+def _tuple(name: str, value: Any, n: int) -> tuple[float, ...]:
+    """Check ``n`` numbers and return them as a tuple, so that options compare."""
+    return tuple(validation.numbers(name, value, n).tolist())
+
+
+Direction = Annotated[Any, partial(_tuple, n=3)]
 Modes = Annotated[int, partial(validation.integer, least=1, most=BOUNDS.modes)]
 
 
@@ -78,7 +83,7 @@ class Sector(validation.Checked):
     fixed: NodeSet | None = None
     blade_nodes: NodeSet | None = None
     stress: NodeSet | Mapping[str, NodeSet] | None = None
-    elasticity: Annotated[Sequence[float], partial(validation.numbers, n=2)] | None = None
+    elasticity: Annotated[Sequence[float], partial(_tuple, n=2)] | None = None
 
 
 @validation.check_arguments
@@ -111,8 +116,8 @@ class Placement(validation.Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         lengths = np.linalg.norm(self.axis) * np.linalg.norm(self.radial)
-        perpendicular = lengths > 0.0 and abs(self.axis @ self.radial) <= BOUNDS.axes * lengths
-        found = f"{self.axis.tolist()} and {self.radial.tolist()}"
+        perpendicular = lengths > 0.0 and abs(np.dot(self.axis, self.radial)) <= BOUNDS.axes * lengths
+        found = f"{list(self.axis)} and {list(self.radial)}"
         validation.check(perpendicular, "axis and radial", "two directions at right angles", found)
 
     @cached_property

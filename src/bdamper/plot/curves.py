@@ -256,9 +256,9 @@ def with_optimum(result: OptimalCurve, quantity: str = "amplitude") -> tuple[NDA
 
 def _mark_checks(ax: Axes, result: OptimalCurve) -> None:
     """Mark results of time integration and of more harmonics."""
-    for march in result.time_response:
-        if np.isfinite(march.mean):
-            mark_time_response(march, ax, march.preload)
+    for response in result.time_response:
+        if np.isfinite(response.mean):
+            mark_time_response(response, ax, response.preload)
     if k := result.optimum_in_time:
         ax.plot(k.preload, k.mean, "D", color=IN_TIME, markersize=4.5, zorder=6.0, label="least in time")
     if result.convergence is not None and len(result.convergence.peaks) > 1:

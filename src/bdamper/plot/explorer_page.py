@@ -265,7 +265,7 @@ class Page:
             self.texts["optimal"] = "The optimum is being computed."
             self.glyphs["optimal"].line_dash = [6]
             self.notes["best"].text = "Dashed: before the last change of settings."
-        self.texts["march"] = "The amplitude in time is being computed."
+        self.texts["time"] = "The amplitude in time is being computed."
         for name in ("time", "range"):
             self._put(name)
         self.answers.ask(question)
@@ -375,15 +375,15 @@ class Page:
         for name in ("curve", "optimal"):
             if getattr(answer, name) is not None:
                 self.shown[name] = answer
-        if answer.marched is not None:
-            self._marched(answer.marched)
+        if answer.time_response is not None:
+            self._in_time(answer.time_response)
         elif answer.curve is not None:
             self._curve(answer, answer.curve)
         if answer.optimal is not None:
             self._optimal(answer.optimal)
         if answer.full:
             self.busy.text = f"computing the {'amplitude in time' if answer.optimal else 'optimum'} ..."
-        self.text.text = " ".join(self.texts[name] for name in ("curve", "march", "optimal") if self.texts.get(name))
+        self.text.text = " ".join(self.texts[name] for name in ("curve", "time", "optimal") if self.texts.get(name))
 
     def _put(self, name: str, *columns: Any) -> None:
         """Replace the columns of a data source; clear them if none are given."""
@@ -404,15 +404,15 @@ class Page:
         star = "★ " if np.isfinite(o.preload) else ""
         self.texts["optimal"] = star + html.escape(found._headline())
 
-    def _marched(self, found: TimeResponse) -> None:
+    def _in_time(self, found: TimeResponse) -> None:
         """Show the steady-state amplitude in time next to the peak."""
         if not np.isfinite(found.mean):
-            self.texts["march"] = f"In time: {html.escape(found.status)}."
+            self.texts["time"] = f"In time: {html.escape(found.status)}."
             return
         self._put("time", [found.frequency], [1e6 * found.mean])
         self._put("range", [found.frequency] * 2, [1e6 * found.lowest, 1e6 * found.highest])
         warning = "" if found.status.startswith("complete") else f", {html.escape(found.status)}"
-        self.texts["march"] = f"◇ In time {found.text}{warning}."
+        self.texts["time"] = f"◇ In time {found.text}{warning}."
 
     def _curve(self, answer: Answer, curve: ResponseCurve) -> None:
         """Show the response curve with its limits and the chosen point."""

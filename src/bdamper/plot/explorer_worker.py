@@ -81,7 +81,7 @@ class Answer:
         Drawing of the motion, or the reason why there is none.
     point : int
         Point of the curve to which ``contacts``, ``loops`` and ``drawing`` belong.
-    marched : TimeResponse, optional
+    time_response : TimeResponse, optional
         Steady-state amplitude in time at the peak of the curve.
     """
 
@@ -95,7 +95,7 @@ class Answer:
     loops: Hysteresis | None = None
     drawing: LineDrawing | str | None = None
     point: int = 0
-    marched: TimeResponse | None = None
+    time_response: TimeResponse | None = None
 
 
 class Answers:
@@ -233,7 +233,7 @@ class Answers:
             except BdamperError as error:
                 return replace(none, status=with_reason(NOT_FOUND, error))
 
-        return replace(answer, marched=self.once(self._key(self.time_response, question, None), computed))
+        return replace(answer, time_response=self.once(self._key(self.time_response, question, None), computed))
 
 
 def _whole(result: Any) -> Any:

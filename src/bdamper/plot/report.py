@@ -133,9 +133,9 @@ def lights(curve: OptimalCurve, fit: Fitted | None = None) -> list[Light]:
         Light("red" if missing else "green", "A value at every preload", f"{len(curve) - missing} of {len(curve)}",
               "red if a curve is incomplete"),
     ]  # fmt: skip
-    marched = [k for k in curve.time_response if np.isfinite(k.mean) and status_word(k.status) == COMPLETE]
-    if marched:
-        nearest = min(marched, key=lambda k: abs(np.log(k.preload / best.preload)))
+    known = [k for k in curve.time_response if np.isfinite(k.mean) and status_word(k.status) == COMPLETE]
+    if known:
+        nearest = min(known, key=lambda k: abs(np.log(k.preload / best.preload)))
         result = f"{nearest.text} in time, {amount(nearest.balance, 'm')} by harmonic balance"
         colour = _graded(abs(nearest.mean / nearest.balance - 1.0), GOOD, FAIR)
     else:

@@ -216,13 +216,13 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
 
     @property
     def optimum_in_time(self) -> TimeResponse | None:
-        """Time response of minimum amplitude among complete ones at two or more preloads; otherwise None."""
-        return min(self._known, key=lambda k: k.mean) if len(self._known) > 1 else None
+        """Time response with the least upper bound of the amplitude, of two or more preloads; otherwise None."""
+        return min(self._known, key=lambda k: k.highest) if len(self._known) > 1 else None
 
     @property
     def _known(self) -> list[TimeResponse]:
-        """Complete time responses."""
-        return [k for k in self.time_response if np.isfinite(k.mean) and status_word(k.status) == COMPLETE]
+        """Time responses with a range, even if it is wide."""
+        return [k for k in self.time_response if np.isfinite(k.mean) and k.status != INTERRUPTED]
 
     @property
     def detached(self) -> tuple[str, ...]:
@@ -289,7 +289,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
         return f"Time integration{at} gives {time_response.text}, {change} than harmonic balance.{alike}"
 
     def _recommended(self) -> str:
-        """Return a sentence with the preload of minimum amplitude in time and the rise at half of the optimum."""
+        """Return a sentence with the preload of least amplitude in time and the rise at half of the optimum."""
         best = float(f"{self.optimum.preload:.3g}")
         k = int(np.searchsorted(self.preload, 0.5 * best))
         rise = self.amplitude[k - 1 : k + 1] / self.optimum.amplitude if k else np.full(1, np.nan)
@@ -297,11 +297,12 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
         if rise.min() > 1.0:
             lower = f"at half the optimum the amplitude is {rise.min():.2g} to {rise.max():.2g} times higher"
         if not (least := self.optimum_in_time):
-            why = "no preload is recommended, as the amplitude in time is not settled at two"
+            why = "no preload is recommended, as the amplitude in time is not known at two"
             said = "; ".join(filter(None, (why if self.time_response else "", lower)))
             return f"{said[0].upper()}{said[1:]}." if said else ""
         beyond = {self._known[0].preload: "lower", self._known[-1].preload: "higher"}.get(least.preload, "")
-        said = f"Recommended: {amount(least.preload, 'N')}, where the amplitude in time is least"
+        said = f"Recommended: {amount(least.preload, 'N')}, where the amplitude in time is least, at most "
+        said += amount(least.highest, "m") + ("" if least.settled else f" ({least.status})")
         said += f"; it may be less at {beyond} preloads" if beyond else ""
         if not np.isclose(least.preload, self.optimum.preload):
             said += f"; harmonic balance alone has its minimum at {amount(self.optimum.preload, 'N')}"

@@ -102,7 +102,7 @@ class Peak(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
     y, tangent, scale : (n_unknowns + 1,) float
         Point, tangent and units; the tangent has unit length in unknowns divided by ``scale``, and is zero if unknown.
     slope, curvature : float
-        First and second derivative of ln(amplitude) along the curve in scaled unknowns.
+        First and second derivative of ln(amplitude) along the curve in scaled unknowns; NaN if unknown.
     shares : (3,) float
         Fractions of the cycle in stick, slip and separation.
     residual : float

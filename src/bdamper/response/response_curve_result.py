@@ -237,7 +237,8 @@ class ResponseCurve(Plottable, Comparable, FrequencySeries, Tabular, Recorded, S
         frequency = float(self.frequency[i])
         y = np.append(self.unknowns[i], 2.0 * np.pi * frequency)
         ends = [*self.frequency, *(f for part in self.missing_ranges for f in (part.low, part.high))]
-        search = COMPLETE if self.complete else with_reason(INCOMPLETE, f"{self.status}: {self.reason}")
+        why = self.reason if self.status == INCOMPLETE else f"{self.status}: {self.reason}"
+        search = COMPLETE if self.complete else with_reason(INCOMPLETE, why)
         return Peak(
             parameter=self.preload,
             frequency=frequency,
@@ -245,8 +246,8 @@ class ResponseCurve(Plottable, Comparable, FrequencySeries, Tabular, Recorded, S
             y=y,
             tangent=np.zeros(len(y)),
             scale=np.ones(len(y)),
-            slope=0.0,
-            curvature=-np.inf,
+            slope=np.nan,
+            curvature=np.nan,
             shares=self.shares[i],
             residual=float(self.residual[i]),
             iterations=0,
@@ -261,11 +262,12 @@ class ResponseCurve(Plottable, Comparable, FrequencySeries, Tabular, Recorded, S
 
     @property
     def peak_at_end(self) -> bool:
-        """Whether the largest response is at the lowest or highest frequency of the curve and is no maximum."""
+        """Whether the largest response is at an end of the curve or at a gap in it, and is no maximum."""
         i = self.peak_index
         if self.kind in ("response", "run-up") and self.point_kind[i] in ("maximum", "fold"):
             return False
-        ends = self.frequency.min(), self.frequency.max()
+        gaps = [f for part in self.missing_ranges if part.why == NO_SOLUTION for f in (part.low, part.high)]
+        ends = self.frequency.min(), self.frequency.max(), *gaps
         return bool(np.isclose(self.frequency[i], ends, rtol=1e-6, atol=0.0).any())
 
     @property

@@ -169,15 +169,18 @@ class SteadySearch:
 
     @property
     def fall(self) -> float:
-        """Frequency next to the highest motion at which it falls, Hz; NaN if it does not."""
+        """Frequency next to the highest motion at which it falls, Hz; NaN if it does not, or first to another level."""
         best = self.best
         if best is None:
             return min(self.fell, key=lambda f: abs(f - self.balance.tip), default=float("nan"))
-        between = [
-            f for f in self.fell for p in self.points
-            if (p.frequency - f) * (best.frequency - p.frequency) > 0.0 and abs(p.frequency - f) > FINE * f
-        ]  # fmt: skip
-        return min(set(self.fell) - set(between), key=lambda f: abs(f - best.frequency), default=float("nan"))
+        other = [f for f in self.fell if any(p.mean < LEVEL * best.mean for p in self.between(f))]
+        return min(set(self.fell) - set(other), key=lambda f: abs(f - best.frequency), default=float("nan"))
+
+    def between(self, fall: float) -> list[SteadyPoint]:
+        """Return the steady motions between the highest one and a fall (Hz), without those at the fall itself."""
+        best = self.best
+        side = (p for p in self.points if best is not None and (p.frequency - fall) * (best.frequency - p.frequency) > 0.0)
+        return [p for p in side if abs(p.frequency - fall) > FINE * fall]
 
     def run(self) -> None:
         """Search from the flank and from the tip."""
@@ -227,6 +230,8 @@ class SteadySearch:
     def settle_back(self, places: list[Place]) -> None:
         """Settle at the highest place of a sweep or, where the motion falls, at one before, and look around it."""
         k, back = _top(places), 1
+        if not self.points:
+            self.fell.clear()  # those of another motion
         while k >= 0:
             place = places[k]
             point = self.settle(place.frequency, self.ring.seeded(place.motion, CRITERIA.seed, 0), place.mean)

@@ -258,7 +258,7 @@ def _at_fall(search: SteadySearch) -> float:
     best, *others = sorted(search.points, key=lambda p: -p.mean)
     gap = search.fall - best.frequency
     behind = [p for p in others if (p.frequency - best.frequency) * gap < 0.0]
-    if not behind:
+    if not behind or search.between(search.fall):
         return best.mean
     near = min(behind, key=lambda p: abs(p.frequency - best.frequency))
     return best.mean + max(0.0, (best.mean - near.mean) * gap / (best.frequency - near.frequency))

@@ -1,4 +1,4 @@
-"""Beside an optimal curve: marches in time of a wedge between an oscillator and the ground."""
+"""Amplitudes in time beside an optimal curve, of a wedge between an oscillator and the ground."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.response.optimal_curve import BUDGET
-from bdamper.time_domain import optimum_in_time
+from bdamper.time_domain import time_response as in_time
 
 
 def wedge(harmonics=1, mass=0.1):
@@ -35,7 +35,7 @@ def test_what_is_kept_is_that_of_the_curve_at_the_preload(found, tmp_path):
     assert [k.preload for k in out.time_response] == [60.0, 90.0]
     own = study.time_response(study.frequency_response(60.0, (300.0, 380.0)))
     there = out.time_response[0]
-    plain = {"cost": own.cost, "fall": 0.0}  # NaN, as nothing had to be marched
+    plain = {"cost": own.cost, "fall": 0.0}  # NaN, as the motion does not fall
     assert replace(there, **plain) == replace(own, **plain) and there.model_hash == curve.model_hash and there.settings
     assert there.status == "complete" and there._headline() in out.summary()
     coarse = bd.ContinuationOptions(budget=BUDGET)
@@ -51,13 +51,13 @@ def test_what_is_kept_is_that_of_the_curve_at_the_preload(found, tmp_path):
         assert replace(read, **plain) == replace(own, **plain) and read.made_with == own.made_with
 
 
-def test_an_interruption_of_the_march_keeps_the_curve_and_says_so(found, monkeypatch):
+def test_an_interruption_keeps_the_curve_and_says_so(found, monkeypatch):
     study, curve = found
 
     def stopped(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(optimum_in_time.in_time, "time_response", stopped)
+    monkeypatch.setattr(in_time, "time_response", stopped)
     out = study.with_time_response(curve, [60.0, 90.0])
     assert [(k.preload, k.status) for k in out.time_response] == [(60.0, "interrupted"), (90.0, "interrupted")]
     assert np.isnan(out.time_response[0].mean)
@@ -65,17 +65,15 @@ def test_an_interruption_of_the_march_keeps_the_curve_and_says_so(found, monkeyp
     assert said in out._headline()
     monkeypatch.undo()
     known = study.with_time_response(curve, [60.0])
-    monkeypatch.setattr(optimum_in_time.in_time, "time_response", stopped)
+    monkeypatch.setattr(in_time, "time_response", stopped)
     assert study.with_time_response(known, [60.0]).time_response == known.time_response
     with pytest.raises(bd.SettingError, match=r"preload: expected .*, found 60\.0"):
         study.with_time_response(curve, 60.0)
 
 
-def test_a_peak_keeps_what_its_curve_keeps(found, monkeypatch):
+def test_a_peak_of_another_study_is_refused(found):
     study, _ = found
-    monkeypatch.setattr(optimum_in_time.in_time, "time_response", lambda problem, curve, **_: curve.peak)
     peak = study.peak(60.0, frequency=(300.0, 380.0))
-    assert study.time_response(peak).amplitude == pytest.approx(peak.amplitude, rel=1e-4)
     with pytest.raises(bd.SettingError, match="result: expected a peak at a preload, found 'not found"):
         study.time_response(replace(peak, status="not found: nothing"))
     for other in (wedge(harmonics=3), wedge(mass=0.2)):
@@ -107,7 +105,7 @@ def test_the_band_without_a_steady_response_is_drawn(found):
 
 @pytest.mark.slow
 def test_no_steady_amplitude_where_the_shipped_disk_shows_the_sign():
-    """At 42 N the reason says so and the marched amplitude never rests; at 59 N it says nothing and the march settles."""
+    """At 42 N the reason says so and the amplitude in time never rests; at 59 N it says nothing and the motion settles."""
     study = bd.Study(
         bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), 5, friction_coefficient=0.4, harmonics=3,
         contact_stiffness="unit_traction", blade_modes=10,
@@ -116,41 +114,47 @@ def test_no_steady_amplitude_where_the_shipped_disk_shows_the_sign():
     assert "no steady periodic response is expected" in low.reason
     assert "no steady" not in high.reason
     for curve, rests in ((low, False), (high, True)):
-        last = study.settle(curve, curve.peak.frequency, periods=600).amplitude[-150:]
+        last = study.motion_in_time(curve, frequency=curve.peak.frequency, periods=600).amplitude[-150:]
         assert (np.ptp(last) < 0.02 * last.mean()) == rests
 
 
-def test_steps_and_curve_are_handed_to_the_march(found, monkeypatch):
+def test_steps_and_curve_are_those_of_the_search(found, monkeypatch):
     study, asked = found[0], []
-    monkeypatch.setattr(
-        optimum_in_time.in_time, "time_response", lambda problem, curve, **more: asked.append((curve.peak.amplitude, more))
-    )
+
+    class Search(in_time.SteadySearch):
+        def run(self):
+            asked.append((self.balance.amplitude[self.balance.top], self.steps))
+            raise in_time.MarchFailed("asked")
+
+    monkeypatch.setattr(in_time, "SteadySearch", Search)
     curve, peak = study.frequency_response(60.0, (300.0, 380.0)), study.peak(60.0, frequency=(300.0, 380.0))
     for result in (curve, curve.peak, peak):
-        study.time_response(result, steps_per_period=512, blades=6, starts=2)
-    assert asked == 3 * [(pytest.approx(peak.amplitude, rel=1e-4), {"steps_per_period": 512, "blades": 6, "starts": 2})]
+        assert study.time_response(result, steps_per_period=512, starts=2).status == "not found: asked"
+    assert asked == 3 * [(pytest.approx(peak.amplitude, rel=1e-4), 512)]
     others = [replace(peak, amplitude=off * peak.amplitude) for off in (0.99, 1.01)]
     for other in (*others, replace(peak, model_hash="another")):
         with pytest.raises(bd.SettingError, match="result: expected the highest peak of this study at its preload"):
             study.time_response(other)
 
 
-def test_what_cannot_be_marched_says_why_beside_what_can(found, monkeypatch):
-    """By rising preload; without preloads the optimum is marched."""
+def test_what_cannot_be_integrated_says_why_beside_what_can(found, monkeypatch):
+    """By rising preload; without preloads at the optimum and at 1.35 times its preload."""
     study, curve = found
-    own, options = optimum_in_time.in_time.time_response, bd.ContinuationOptions(budget=optimum_in_time.BUDGET)
+    own, options = in_time.time_response, bd.ContinuationOptions(budget=BUDGET)
     at_optimum = study.frequency_response(curve.optimum.preload, curve.settings["frequency"], options=options)
     expected = study.time_response(at_optimum).mean
 
     def failing(problem, tracked):
         if tracked.preload == 70.0:
-            raise bd.SettingError("nothing to march")
+            raise bd.SettingError("no structure in time")
         return own(problem, tracked)
 
-    monkeypatch.setattr(optimum_in_time.in_time, "time_response", failing)
+    monkeypatch.setattr(in_time, "time_response", failing)
     out = study.with_time_response(curve, [80.0, 70.0])
-    assert [(k.preload, k.status) for k in out.time_response] == [(70.0, "not found: nothing to march"), (80.0, "complete")]
+    known = [(k.preload, k.status) for k in out.time_response]
+    assert known == [(70.0, "not found: no structure in time"), (80.0, "complete")]
     assert np.isnan(out.time_response[0].mean) and out.time_response[1].mean > 0.0
-    (best,) = study.with_time_response(curve).time_response
+    best, above = study.with_time_response(curve).time_response
+    assert above.preload == pytest.approx(1.35 * best.preload)
     assert best.preload == curve.optimum.preload and best.balance == pytest.approx(curve.optimum.amplitude, rel=1e-9)
     assert best.mean == pytest.approx(expected, rel=1e-9)

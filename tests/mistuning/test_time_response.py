@@ -1,14 +1,14 @@
-"""A wheel as one structure in time: its equations are those of the harmonic balance, and which wheels are marched."""
+"""A wheel as one structure in time: its equations are those of the harmonic balance, and which are integrated in time."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from bdamper.time_domain.march import March
 
 import bdamper as bd
 from bdamper.mistuning import BladedDisk, DamperVariation, DiskPeakOptions, Mistuning
 from bdamper.mistuning.bladed_disk import OneStructure
+from bdamper.time_domain.transient import Transient
 from tests.marches import fails_after
 from tests.mistuning.lumped import lumped_study, size, solution
 from tests.mistuning.test_symmetry import N, solved, study
@@ -35,10 +35,10 @@ def test_amplitudes_of_all_blades_are_those_of_the_response():
     u, found = system.structure.flat(X), []
     for blade in (2, 4):
         one = OneStructure(system, blade)
-        march = March(one.ring, OMEGA, one.start(u), 64, blade)
-        march.run(3)
-        np.testing.assert_array_equal(march.amplitude, np.abs(march.blades[:, blade]))
-        found.append(march.blades)
+        transient = Transient(one.ring, OMEGA, one.start(u), 64, blade)
+        transient.run(3)
+        np.testing.assert_array_equal(transient.amplitude, np.abs(transient.blades[:, blade]))
+        found.append(transient.blades)
     np.testing.assert_allclose(found[0], found[1], rtol=1e-9)
     at = one.ring.rows @ one.ring.state(one.start(u), OMEGA, 0.0)[0]
     np.testing.assert_allclose(at, system.structure.responses(u).sum(axis=1).real, rtol=1e-9)
@@ -56,7 +56,7 @@ def test_a_blade_keeps_a_peak_without_folds():
 
 def test_what_is_not_kept_has_no_amplitude(monkeypatch):
     """A peak said to be of half its preload falls to what the wheel has under this one, within what a harmonic is off; and
-    a march that fails."""
+    a time integration that fails."""
     wheel = BladedDisk(study(), Mistuning.random(N, 0.03, seed=0))
     peak = wheel.peak(2000.0, options=DiskPeakOptions(least=12, most=12, climbs=2))
     fallen = wheel.time_response(replace(peak, preload=1000.0), steps_per_period=32)
@@ -74,7 +74,7 @@ def test_what_is_not_kept_has_no_amplitude(monkeypatch):
     assert np.isnan(failed.blades).all() and failed.blades.shape == (1, N) and failed.plot().patches
 
 
-def test_what_cannot_be_marched_is_refused():
+def test_what_cannot_be_integrated_is_refused():
     wheel = BladedDisk(study(), Mistuning.random(N, 0.03, seed=0))
     peak = wheel.peak(2000.0, options=DiskPeakOptions(least=12, most=12, climbs=2))
     with pytest.raises(bd.SettingError, match="peak of this bladed disk"):
