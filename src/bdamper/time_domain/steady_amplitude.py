@@ -303,7 +303,8 @@ class SteadySearch:
         if len(sides) < 2:
             return None
         (a, b), (ma, mb) = (p.frequency - f for p in sides), (p.mean - best.mean for p in sides)
-        slope, curvature = np.linalg.solve([[a, a * a], [b, b * b]], [ma, mb])
-        at = -0.5 * float(slope / curvature) if curvature < 0.0 else 0.0
+        curvature = (mb / b - ma / a) / (b - a)
+        slope = ma / a - curvature * a
+        at = -0.5 * slope / curvature if curvature < 0.0 else 0.0
         rises = slope * at + curvature * at * at > max(CRITERIA.drift, abs(best.change)) * best.mean
         return f + at if rises and abs(at) > 0.5 * min(near, step) else None

@@ -409,18 +409,24 @@ def compare_with_solution(
     return (*verdict_so_far(), stopped)
 
 
+def _point(curve: ResponseCurve, index: int | None, frequency: float | None) -> tuple[int, float]:
+    """Return the index of a point and its frequency (Hz), or the given frequency and the index of the closest point."""
+    if frequency is None:
+        ends = -len(curve), len(curve) - 1
+        i = curve.peak_index if index is None else validation.integer("index of a point", index, *ends)
+        return i, float(curve.frequency[i])
+    frequency = validation.number("frequency", frequency, above=0.0, unit="Hz")
+    if index is not None:
+        raise validation.invalid("index", "none, since a frequency is given", index)
+    return int(np.abs(curve.frequency - frequency).argmin()), frequency
+
+
 @one_thread
 def motion_in_time(
-    problem: Problem,
-    curve: ResponseCurve,
-    index: int | None = None,
-    *,
-    frequency: float | None = None,
-    periods: int | None = None,
-    tolerance: float = CRITERIA.tolerance,
-    steps_per_period: int | None = None,
+    problem: Problem, curve: ResponseCurve, index: int | None = None, *, frequency: float | None = None,
+    periods: int | None = None, tolerance: float = CRITERIA.tolerance, steps_per_period: int | None = None,
     progress: bool = False,
-) -> MotionInTime:
+) -> MotionInTime:  # fmt: skip
     """Integrate in time from a point of a response curve, and decide whether the motion agrees with it.
 
     All sectors are included, each with its contacts, and every nodal diameter is disturbed; there is no truncated Fourier
@@ -466,18 +472,7 @@ def motion_in_time(
     validation.check_value(len(curve), "curve", "a curve with points", f"no points ({curve.status}: {curve.reason})")
     tolerance = validation.number("tolerance", tolerance, above=0.0, most=1.0)
     free = frequency is not None
-    if frequency is not None:
-        frequency = validation.number("frequency", frequency, above=0.0, unit="Hz")
-        if index is not None:
-            raise validation.invalid("index", "none, since a frequency is given", index)
-        i = int(np.abs(curve.frequency - frequency).argmin())
-    else:
-        i = (
-            curve.peak_index
-            if index is None
-            else validation.integer("index of a point", index, -len(curve), len(curve) - 1)
-        )
-        frequency = float(curve.frequency[i])
+    i, frequency = _point(curve, index, frequency)
     default = (200, STEPS) if free else (CRITERIA.longest, CRITERIA.steps)
     periods = default[0] if periods is None else validation.integer("periods", periods, least=CRITERIA.look if free else 1)
     watch, ring = CostMeter(), ring_of(problem, curve.preload)
