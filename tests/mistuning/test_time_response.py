@@ -1,5 +1,6 @@
 """A wheel as one structure in time: its equations are those of the harmonic balance, and which are integrated in time."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -51,7 +52,7 @@ def test_a_blade_keeps_a_peak_without_folds():
     kept = wheel.time_response(peak, steps_per_period=32)
     assert kept.status == "complete" and kept.blade == peak.blade and kept.periods
     assert kept.mean == pytest.approx(peak.amplitude, rel=0.15) and kept.blades.mean(axis=0).argmax() == peak.blade
-    assert f"blade      {peak.blade}" in str(kept) and "vibrate alike" not in str(kept)
+    assert re.search(rf"blade +{peak.blade}\n", str(kept)) and "vibrate alike" not in str(kept)
 
 
 def test_what_is_not_kept_has_no_amplitude(monkeypatch):

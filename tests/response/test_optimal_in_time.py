@@ -31,7 +31,7 @@ def keeps(problem, tracked):
                         diameters=(0, 5))  # fmt: skip
 
 
-def test_by_default_it_is_asked_for_at_the_optimum(study, curve, monkeypatch, tmp_path):
+def test_by_default_it_is_computed_at_the_optimum_and_above(study, curve, monkeypatch, tmp_path):
     monkeypatch.setattr(in_time, "time_response", keeps)
     found = study.optimal_curve((1000.0, 5000.0), 3, frequency=(280.0, 370.0))
     one, above = found.time_response
