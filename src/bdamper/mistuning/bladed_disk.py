@@ -270,11 +270,11 @@ def time_response(disk: DiskProblem, peak: DiskPeak, *, steps_per_period: int | 
     )  # fmt: skip
     try:
         start, omega = one.start(system.structure.flat(peak.unknowns)), tau * peak.frequency
-        coarse = steady = settle(Transient(one.ring, omega, start, steps, peak.blade), peak.amplitude)
+        coarse = steady = settle(Transient(one.ring, omega, start, steps), peak.amplitude)
         periods = len(steady.transient.harmonics)
         if steady.stays:
             motion = steady.transient.motion._replace(a=None)
-            steady = settle(Transient(one.ring, omega, motion, 2 * steps, peak.blade), peak.amplitude)
+            steady = settle(Transient(one.ring, omega, motion, 2 * steps), peak.amplitude)
             periods += len(steady.transient.harmonics)
         if not steady.stays:  # the integration stops when the motion falls: continue to its final amplitude
             steady.transient.advance(window)
@@ -282,7 +282,7 @@ def time_response(disk: DiskProblem, peak: DiskPeak, *, steps_per_period: int | 
     except MarchFailed as error:
         return replace(none, status=with_reason(NOT_FOUND, error), cost=watch.read(one.ring.cost))
     blades = np.abs(steady.transient.blades[-window:])
-    result = replace(none, periods=periods, blades=blades, cost=watch.read(one.ring.cost))
+    result = replace(none, blade=steady.transient.blade, periods=periods, blades=blades, cost=watch.read(one.ring.cost))
     if steady.stays:
         answers = {f"{steps} steps": coarse.mean, f"{2 * steps} steps": steady.mean}
         lowest, highest, doubt = error_range(answers, (coarse, steady))
@@ -290,8 +290,8 @@ def time_response(disk: DiskProblem, peak: DiskPeak, *, steps_per_period: int | 
             result, mean=steady.mean, lowest=lowest, highest=highest, highest_period=float(steady.amplitude.max()),
             answers=answers, status=with_reason(INCOMPLETE, doubt) if doubt else COMPLETE,
         )  # fmt: skip
-    in_time, balance = amount(float(blades[:, peak.blade].mean()), "m"), amount(peak.amplitude, "m")
-    text = f"blade {peak.blade} reaches {in_time} in time, {balance} by harmonic balance"
+    in_time, balance = amount(float(blades[:, result.blade].mean()), "m"), amount(peak.amplitude, "m")
+    text = f"blade {result.blade} reaches {in_time} in time, {balance} by harmonic balance"
     return replace(result, status=with_reason(NOT_FOUND, text))
 
 

@@ -120,7 +120,7 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
         two of the ``answers`` differ by more than 5 %.
     cost : Cost
     blade : int
-        Highest blade; for a mistuned wheel the blade of the peak.
+        Highest blade.
     blades : (n_periods, n_blades) float, m
         Amplitudes of all blades in the last periods.
     waves : (n_blades, 2) float
