@@ -157,7 +157,7 @@ def cubic(x, kt):
 
 
 def contact_sampled(x, kt, kn, mu, n0, w, n_time, interpolate, periods=2):
-    """The clip law at n_time samples, marched over two periods."""
+    """The clip law at n_time samples, followed over two periods."""
     h = x.shape[1] // 2
     b = basis(2 * np.pi * np.arange(n_time) / n_time, h)
     u, v = b @ x[:2].T, b @ x[2]
@@ -387,7 +387,7 @@ def residuals(u, omega, arrays):
 def coupled(x, kt, mu, load, w, n_time, periods=3):
     """Force of in-plane coupled friction by the projection method: at every instant the slider is drawn to the disk.
 
-    Of first order in time; two step sizes together give second order.  States are marched side by side.
+    Of first order in time; two step sizes together give second order.  States advance side by side.
 
     Parameters
     ----------
@@ -416,10 +416,10 @@ def coupled(x, kt, mu, load, w, n_time, periods=3):
 
 
 def settled_under_constant_load(x, limit, n_time, tolerance=1e-11):
-    """Force (2, n_coef) of the projection method under a constant limit and unit stiffness, marched until it is settled.
+    """Force (2, n_coef) of the projection method under a constant limit and unit stiffness, followed until it is settled.
 
     Thousands of periods, of which most are jumped: when the movement over a period shrinks by a steady factor, the slider
-    is moved on by the sum of the geometric series, and marching goes on from there.
+    is moved on by the sum of the geometric series, and it goes on from there.
     """
     h = x.shape[1] // 2
     b = basis(2 * np.pi * np.arange(n_time) / n_time, h)

@@ -263,7 +263,7 @@ def test_tests_mirror_the_rooms():
 
 # ---- what is counted, and what stands in one place ----
 
-CODE, CONSTANTS = 22_280, 276
+CODE, CONSTANTS = 22_000, 276
 """Lines with code and numeric constants of modules that the package may have."""
 
 
@@ -495,7 +495,7 @@ def test_public_functions_say_what_they_take():
 LONGEST_DOCSTRING = 30
 LONG = {
     "ResponseCurve", "FEBody", "Fitted", "Hysteresis", "MarginCurve", "MistunedSample", "OptimalCurve", "Settings",
-    "DiskPeak", "analyses.error_estimates", "bladed_disk", "build_model", "contact.laws", "fatigue.criteria",
+    "DiskPeak", "analyses.error_estimates", "bladed_disk", "contact.laws",
     "fem.generated_models", "fem.meshes", "TimeResponse", "lumped", "mistuned_sample", "time_domain.floquet",
     "frequency_sweep", "accuracy_cost", "SteadyCriteria", "motion_in_time",
 }  # fmt: skip

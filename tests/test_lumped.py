@@ -125,7 +125,7 @@ def test_a_model_comes_back_from_its_file(tmp_path):
 
 
 def test_a_cubic_spring_in_time():
-    """One period marched from a solution ends where it began; between the folds the middle solution is unstable."""
+    """One period integrated from a solution ends where it began; between the folds the middle solution is unstable."""
     study = bd.lumped(1.0, 0.1, 1.0, cubic={0: 1.0}, forces={0: 0.3}, harmonics=7)
     curve = study.frequency_response(0.0, (0.15, 0.35))
     back = np.flatnonzero(np.diff(curve.frequency) < 0.0)  # the curve runs back from fold to fold

@@ -273,7 +273,7 @@ def limit_cycles() -> Problem:
     for factor in (0.9, 1.1):
         start = np.array([factor * a])
         matrices, faces = (one[0], np.array([0.02 - 0.2 * omega]), one), (one, 0.0 * one, 1.0, 0.0, 1.0, 1.0)
-        height = jenkins.marched(matrices, faces, 0.0 * start, omega, start, 0.0 * start, start - 1.0, 40)
+        height = jenkins.integrated(matrices, faces, 0.0 * start, omega, start, 0.0 * start, start - 1.0, 40)
         rows.append(Row(f"time integration from {factor} of a stable cycle", float(height[-1]), a, 0.01))
 
     def draw(ax):
@@ -439,13 +439,13 @@ def _harmonics(n):
     return f"{n} harmonic{'s' if n > 1 else ''}"
 
 
-def _marched_wedge(force):
+def _integrated_wedge(force):
     """Mean amplitude (µm) of the last 40 of 200 periods from rest."""
     rest = wedge.Program(0.5, 1)
     (slide, close), at, k = wedge.rows().swapaxes(0, 1), np.eye(6), wedge.STIFFNESS
     matrices, faces = (wedge.MASS, wedge.DAMPING, wedge.stiffness()), (slide, close, k, k, 0.5, 0.0)
     start = rest.q, 0.0 * rest.q, rest.slider
-    seen = jenkins.marched(matrices, faces, wedge.LOAD * at[5], TWO_PI * DRIVEN, *start, 200, force * at[0])
+    seen = jenkins.integrated(matrices, faces, wedge.LOAD * at[5], TWO_PI * DRIVEN, *start, 200, force * at[0])
     return 1e6 * float(np.mean(seen[-40:]))
 
 
@@ -472,7 +472,7 @@ def forced_wedge() -> Problem:
     why = "the periodic motion is not stable; in time the amplitude varies between 231 and 236 µm"
     half = wedge.Program(0.5, 9).forced(TWO_PI * DRIVEN, 0.5 * FORCE)
     for force, found, known in ((0.5 * FORCE, 1e6 * np.hypot(*half[0, 1:3]), ""), (FORCE, rows[-1].ours, why)):
-        rows.append(Row(f"time integration under {force:g} N, 9 harmonics", _marched_wedge(force), found, 1e-3, known))
+        rows.append(Row(f"time integration under {force:g} N, 9 harmonics", _integrated_wedge(force), found, 1e-3, known))
 
     def draw(ax):
         inset = ax.inset_axes((0.05, 0.56, 0.36, 0.4))

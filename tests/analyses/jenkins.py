@@ -57,7 +57,7 @@ def exact(amplitude):
     return np.pi / found[1], found[2] * found[1] / (2.0 * np.pi)
 
 
-def marched(matrices, contacts, load, omega, x, v, slider, periods, swing=0.0):
+def integrated(matrices, contacts, load, omega, x, v, slider, periods, swing=0.0):
     """(periods,) first harmonic of the first freedom: Runge-Kutta with friction sliders, 120 steps in a period.
 
     Given are M, C and K, and contacts as rows of sliding and closing with kt, kn, mu and a constant normal load.  ``load``

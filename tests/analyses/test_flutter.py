@@ -50,7 +50,7 @@ def test_a_branch_from_above_has_the_same_cycles():
 
 
 @pytest.mark.parametrize(("cycle", "ends"), [(1, (1, 1)), pytest.param(2, (1, np.inf), marks=pytest.mark.slow)])
-def test_marches_go_to_stable_cycles_and_away_from_unstable_ones(cycle, ends):
+def test_motions_go_to_stable_cycles_and_away_from_unstable_ones(cycle, ends):
     """One mass: from 0.9 and 1.1 of each cycle."""
     found = oscillator((1, 3, 5, 7)).flutter(0.0, EXCITES, amplitude=(0.1, 30.0))
     a, omega = found.amplitude[cycle], TWO_PI * found.frequency[cycle]
@@ -59,7 +59,7 @@ def test_marches_go_to_stable_cycles_and_away_from_unstable_ones(cycle, ends):
     for factor, end in zip((0.9, 1.1), ends):
         start = np.array([factor * a])
         contacts = one, 0.0 * one, 1.0, 0.0, 1.0, 1.0
-        height = jenkins.marched(matrices, contacts, np.zeros(1), omega, start, np.zeros(1), start - 1.0, 40)
+        height = jenkins.integrated(matrices, contacts, np.zeros(1), omega, start, np.zeros(1), start - 1.0, 40)
         if end == cycle:
             assert height[-5:] == pytest.approx(a, rel=0.01)
         elif np.isinf(end):
@@ -69,7 +69,7 @@ def test_marches_go_to_stable_cycles_and_away_from_unstable_ones(cycle, ends):
 
 
 @pytest.mark.slow
-def test_cycles_with_a_free_mass_are_those_of_marches():
+def test_cycles_with_a_free_mass_are_those_in_time():
     """A mass between the blade and the ground, held by friction alone; its own mode is damped enough for the flow."""
     mass, damping, flow = np.array([1.0, 0.1]), np.array([0.02, 0.1]), -0.08
     faces = [bd.Contact((1, 0), kt=1.0, mu=1.0, preload=1.0), bd.Contact(1, kt=2.0, mu=1.0, preload=1.3)]
@@ -82,7 +82,7 @@ def test_cycles_with_a_free_mass_are_those_of_marches():
     contacts = slide, np.zeros((2, 2)), np.array([1.0, 2.0]), 0.0, 1.0, np.array([1.0, 1.3])
     for factor in (0.9, 1.1):
         x = factor * a * np.array([1.0, 0.3])
-        height = jenkins.marched(matrices, contacts, np.zeros(2), omega, x, np.zeros(2), slide @ x * 0.5, 40)
+        height = jenkins.integrated(matrices, contacts, np.zeros(2), omega, x, np.zeros(2), slide @ x * 0.5, 40)
         assert height[-5:] == pytest.approx(a, rel=0.01)
 
 

@@ -135,17 +135,17 @@ numbers = st.floats(-4.0, 4.0).map(lambda v: round(v, 3))
     n0=st.floats(-4.0, 4.0),
     w=arrays(float, 2, elements=numbers),
 )
-def test_any_input_gives_the_marched_force(x, kt, kn, mu, n0, w):
+def test_any_input_gives_the_force_in_time(x, kt, kn, mu, n0, w):
     """Zeros, equal numbers, contacts that never close: compared with the law on a fine grid."""
     kt, kn, mu, n0 = np.round(kt, 2), round(kn, 2), round(mu, 2), round(n0, 2)
     result = evaluate(x, Point(kt, kn, mu, n0, w))
     assert np.isfinite(result.force).all()
     assert np.isfinite(result.tangent).all()
     n_time = 4096
-    marched = oracle.contact_sampled(x, kt, kn, mu, n0, w, n_time, True)
+    in_time = oracle.contact_sampled(x, kt, kn, mu, n0, w, n_time, True)
     size = (kt.max() + kn * (1 + mu)) * np.abs(x).max() + abs(n0) * (1 + mu)
-    # a contact of a few samples may be missed by the march: its impulse is below size * its share of the period
-    assert_near(result.force, marched, 2e-4 * size + 1e-14)
+    # a contact of a few samples may be missed in time: its impulse is below size * its share of the period
+    assert_near(result.force, in_time, 2e-4 * size + 1e-14)
 
 
 @each("evaluation", [EXACT, SAMPLED, PLAIN])

@@ -129,7 +129,7 @@ class TestOursAsAFunction:
 
 
 def jenkins_forces(x, p, memory):
-    """(n_time, 3) forces of independent sliders at motions x (n_time, 3), marched until nothing changes."""
+    """(n_time, 3) forces of independent sliders at motions x (n_time, 3), followed until nothing changes."""
     k, f = np.array(p[2:]).reshape(-1, 3)[:, :2].T
     s = np.array(memory[3:]).reshape(2, -1)
     F = np.zeros((len(x), 3))
@@ -187,7 +187,7 @@ class TestShipped:
         x[2, 0] += 6.0  # closed
         return x
 
-    def test_the_periodic_state_is_that_of_the_plain_march(self, name):
+    def test_the_periodic_state_is_that_of_plain_sliders(self, name):
         function, p, n_state, forces = LAWS[name]
         x, n_time = self.motion(3), 32
         b = oracle.basis(2 * np.pi * np.arange(n_time) / n_time, 2)

@@ -31,14 +31,14 @@ def fe():
     [
         (36, 4, None, {0, 4, 8, 12, 16}),  # 9 sectors, all of theirs
         (65, 5, None, {0, 5, 10, 15, 20, 25, 30}),
-        (31, 3, None, set(range(16))),  # 31 sectors: a march needs all
+        (31, 3, None, set(range(16))),  # 31 sectors: time integration needs all
         (36, 5, None, {0, 5, 10, 15, 16, 11, 6, 1, 4, 9}),  # 36 sectors: nine harmonics alone
         (36, 5, 3, {0, 5, 10, 15}),
         (36, [4, 5], 2, {0, 4, 8, 5, 10}),
         (36, (6, 9, 12), None, {0, 6, 12, 18, 9}),
     ],
 )
-def test_those_of_nine_harmonics_and_a_march(bodies, n_blades, order, harmonics, expected):
+def test_those_of_nine_harmonics_and_of_time_integration(bodies, n_blades, order, harmonics, expected):
     found, excited, reason = _diameters(n_blades, Reduction(order, harmonics), bodies[0])
     assert set(found) == expected
     orders = (order,) if isinstance(order, int) else order

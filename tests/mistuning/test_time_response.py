@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.mistuning import BladedDisk, DamperVariation, DiskPeakOptions, Mistuning
+from bdamper.mistuning import BladedDisk, DamperVariation, DiskPeakOptions, Mistuning, bladed_disk
 from bdamper.mistuning.bladed_disk import OneStructure
-from bdamper.time_domain.transient import Transient
+from bdamper.time_domain.transient import Transient, settle
 from tests.marches import fails_after
 from tests.mistuning.lumped import lumped_study, size, solution
 from tests.mistuning.test_symmetry import N, solved, study
@@ -54,6 +54,17 @@ def test_a_blade_keeps_a_peak_without_folds():
     assert kept.mean == pytest.approx(peak.amplitude, rel=0.15)
     np.testing.assert_allclose(kept.blades.mean(axis=0), peak.amplitudes, rtol=0.15)
     assert re.search(rf"blade +{peak.blade}\n", str(kept)) and "vibrate alike" not in str(kept)
+
+
+def test_a_mean_that_changes_widens_the_range(monkeypatch):
+    wheel = BladedDisk(study(), Mistuning.random(N, 0.03, seed=0))
+    peak = wheel.peak(2000.0, options=DiskPeakOptions(least=12, most=12, climbs=2))
+    changes = iter((0.002, -0.06))
+    monkeypatch.setattr(bladed_disk, "settle", lambda *asked: settle(*asked)._replace(change=next(changes)))
+    found = wheel.time_response(peak, steps_per_period=32)
+    assert found.status == "incomplete: its mean is uncertain by 6 %"
+    assert found.lowest == pytest.approx(0.94 * min(found.answers.values()))
+    assert found.highest == pytest.approx(1.06 * max(found.answers.values()))
 
 
 def test_what_is_not_kept_has_no_amplitude(monkeypatch):

@@ -16,7 +16,7 @@ from PIL import Image
 import bdamper as bd
 from bdamper.analyses.accuracy import AccuracyCost, Run
 from bdamper.analyses.effect_significance import EffectRow, EffectSignificance
-from bdamper.harmonic_balance.effects import Effects
+from bdamper.harmonic_balance.effects import ASSUMED, Effects
 from bdamper.importers import BuiltModel, Measurement
 from bdamper.plot import draw_table, plot_accuracy, plot_curves, plot_surfaces, save_figure
 from bdamper.plot.axes import drawing, limit_line
@@ -131,7 +131,7 @@ def test_advice_legend_shows_what_is_drawn():
         EffectRow(name, True, change, 0.5 * change, 0.0, "computed", 0.5, significant)
         for name, change, significant in (("harmonics beyond 1", 0.5, True), ("damper modes beyond 0", 0.001, False))
     )
-    sets = [Effects({"variable_normal_load": True})] * 2
+    sets = [Effects(ASSUMED | {"variable_normal_load": True})] * 2
     ax = EffectSignificance(500.0, (300.0, 400.0), 0.01, 1e-4, 350.0, effects, *sets, 0.0, 0.0, 1.0).plot()
     patches = dict(zip(legend_texts(ax), ax.get_legend().get_patches()))
     said = ["black names: needed", "grey: may be left\nout together"]

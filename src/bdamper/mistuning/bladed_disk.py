@@ -36,6 +36,7 @@ from bdamper.response.response_curve import as_curve
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import TimeResponse
 from bdamper.time_domain.integration import STEPS, MarchFailed, Ring
+from bdamper.time_domain.time_response import error_range
 from bdamper.time_domain.transient import CRITERIA, Transient, settle
 from bdamper.util import validation
 from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, BdamperError, SettingError, with_reason
@@ -269,8 +270,8 @@ def time_response(disk: DiskProblem, peak: DiskPeak, *, steps_per_period: int | 
     )  # fmt: skip
     try:
         start, omega = one.start(system.structure.flat(peak.unknowns)), tau * peak.frequency
-        steady = settle(Transient(one.ring, omega, start, steps, peak.blade), peak.amplitude)
-        periods, coarse = len(steady.transient.harmonics), steady.mean
+        coarse = steady = settle(Transient(one.ring, omega, start, steps, peak.blade), peak.amplitude)
+        periods = len(steady.transient.harmonics)
         if steady.stays:
             motion = steady.transient.motion._replace(a=None)
             steady = settle(Transient(one.ring, omega, motion, 2 * steps, peak.blade), peak.amplitude)
@@ -283,12 +284,11 @@ def time_response(disk: DiskProblem, peak: DiskPeak, *, steps_per_period: int | 
     blades = np.abs(steady.transient.blades[-window:])
     result = replace(none, periods=periods, blades=blades, cost=watch.read(one.ring.cost))
     if steady.stays:
-        answers = {f"{steps} steps": coarse, f"{2 * steps} steps": steady.mean}
-        apart = max(answers.values()) > (1.0 + CRITERIA.tolerance) * min(answers.values())
+        answers = {f"{steps} steps": coarse.mean, f"{2 * steps} steps": steady.mean}
+        lowest, highest, doubt = error_range(answers, (coarse, steady))
         return replace(
-            result, mean=steady.mean, lowest=(1.0 - CRITERIA.drift) * min(answers.values()),
-            highest=(1.0 + CRITERIA.drift) * max(answers.values()), highest_period=float(steady.amplitude.max()),
-            answers=answers, status=with_reason(INCOMPLETE, "not settled") if apart else COMPLETE,
+            result, mean=steady.mean, lowest=lowest, highest=highest, highest_period=float(steady.amplitude.max()),
+            answers=answers, status=with_reason(INCOMPLETE, doubt) if doubt else COMPLETE,
         )  # fmt: skip
     in_time, balance = amount(float(blades[:, peak.blade].mean()), "m"), amount(peak.amplitude, "m")
     text = f"blade {peak.blade} reaches {in_time} in time, {balance} by harmonic balance"

@@ -19,7 +19,7 @@ all of these settings.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -287,16 +287,9 @@ def _stated(
     answers = {name: run.mean for name, run in runs.items()}
     if search.fall == search.fall:
         answers["at the fall"] = _at_fall(search)
-    low, high = min(answers.values()), max(answers.values())
-    change = max(CRITERIA.drift, *(abs(run.change) for run in runs.values() if run.stays))
-    doubts = [
-        "not settled" if high > (1.0 + CRITERIA.tolerance) * low else "",
-        search.failure,
-        f"its mean is uncertain by {100.0 * change:.2g} %" if change > CRITERIA.tolerance else "",
-        "the curve ends before the motion falls; widen the interval" if search.at_end(best) else "",
-        omitted,
-    ]
-    left = "; ".join(filter(None, doubts))
+    lowest, highest, doubt = error_range(answers, runs.values())
+    end = "the curve ends before the motion falls; widen the interval" if search.at_end(best) else ""
+    left = "; ".join(filter(None, (doubt, search.failure, end, omitted)))
     carried, all_ = len(search.ring.nodal_diameters), search.ring.n // 2 + 1
     said = "; ".join(filter(None, (
         f"from the tip; a sweep from the flank has at most {amount(search.below, 'm')}"
@@ -304,11 +297,22 @@ def _stated(
         f"{carried} of {all_} nodal diameters were integrated" if carried < all_ else "",
     )))  # fmt: skip
     return replace(
-        none, mean=best.mean, lowest=(1.0 - change) * low, highest=(1.0 + change) * high,
+        none, mean=best.mean, lowest=lowest, highest=highest,
         highest_period=float(best.amplitude.max()), frequency=best.frequency, answers=answers, starts=others,
         status=INTERRUPTED if interrupted else with_reason(INCOMPLETE, left) if left else with_reason(COMPLETE, said),
         **of_blades(best.transient, len(best.amplitude)),
     )  # fmt: skip
+
+
+def error_range(answers: Mapping[str, float], runs: Iterable[SteadyPoint]) -> tuple[float, float, str]:
+    """Return the range of amplitudes (m) by the answers and the uncertainty of the means, and why it is wide, or ""."""
+    low, high = min(answers.values()), max(answers.values())
+    change = max(CRITERIA.drift, *(abs(run.change) for run in runs if run.stays))
+    doubts = [
+        "not settled" if high > (1.0 + CRITERIA.tolerance) * low else "",
+        f"its mean is uncertain by {100.0 * change:.2g} %" if change > CRITERIA.tolerance else "",
+    ]
+    return (1.0 - change) * low, (1.0 + change) * high, "; ".join(filter(None, doubts))
 
 
 def of_blades(transient: Transient, periods: int) -> dict[str, Any]:
