@@ -263,7 +263,7 @@ def test_tests_mirror_the_rooms():
 
 # ---- what is counted, and what stands in one place ----
 
-CODE, CONSTANTS = 22_000, 283
+CODE, CONSTANTS = 22_000, 276
 """Lines with code and numeric constants of modules that the package may have."""
 
 

@@ -122,7 +122,7 @@ def test_a_blade_keeps_the_first_maximum_of_a_curve_with_many_folds_and_falls_fr
     tops = np.flatnonzero((height[1:-1] > height[:-2]) & (height[1:-1] > height[2:])) + 1
     places = tops[0], next(i for i in tops if height[i] > 5e-3)
     assert height[places[0]] == pytest.approx(2.25e-3, rel=0.01)
-    peak, kept = wheel.peak(PRELOAD), []
+    peak, kept, highest = wheel.peak(PRELOAD), [], []
     assert peak.amplitude == pytest.approx(height[places[0]], rel=0.01)
     for i in places:
         X, omega = system.structure.array(points[i].y[:-1]), points[i].y[-1]
@@ -130,8 +130,9 @@ def test_a_blade_keeps_the_first_maximum_of_a_curve_with_many_folds_and_falls_fr
         blade = int(in_time[0].argmax())
         at = replace(peak, unknowns=X, frequency=omega / (2.0 * np.pi), amplitude=float(height[i]), blade=blade)
         kept.append(wheel.time_response(at))
+        highest.append(in_time[-40:].mean(axis=0).argmax())
         assert kept[-1].blades[-40:].mean() == pytest.approx(in_time[-40:].mean(), rel=0.05)
         assert (in_time[-1].max() > 0.85 * height[i]) == (i == places[0])
     first, later = kept
-    assert first.status == "complete" and 0.8 < first.mean / first.balance < 0.9 and first.blade == peak.blade
+    assert first.status == "complete" and 0.8 < first.mean / first.balance < 0.9 and first.blade == highest[0]
     assert later.status.startswith("not found") and np.isnan(later.mean) and later.blades.max() < 0.3 * later.balance
