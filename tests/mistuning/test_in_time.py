@@ -130,9 +130,9 @@ def test_a_blade_keeps_the_first_maximum_of_a_curve_with_many_folds_and_falls_fr
         blade = int(in_time[0].argmax())
         at = replace(peak, unknowns=X, frequency=omega / (2.0 * np.pi), amplitude=float(height[i]), blade=blade)
         kept.append(wheel.time_response(at))
-        highest.append(in_time[-40:].mean(axis=0).argmax())
+        highest.append(in_time[-40:].mean(axis=0).max())
         assert kept[-1].blades[-40:].mean() == pytest.approx(in_time[-40:].mean(), rel=0.05)
         assert (in_time[-1].max() > 0.85 * height[i]) == (i == places[0])
     first, later = kept
-    assert first.status == "complete" and 0.8 < first.mean / first.balance < 0.9 and first.blade == highest[0]
+    assert first.status == "complete" and 0.8 < first.mean / first.balance < 0.9 and first.mean == pytest.approx(highest[0], rel=0.05)
     assert later.status.startswith("not found") and np.isnan(later.mean) and later.blades.max() < 0.3 * later.balance
