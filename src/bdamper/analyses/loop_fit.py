@@ -48,7 +48,7 @@ DIFFERENCE = 5e-3
 """Step of the finite differences; it smooths the corners of the sliders, which would stop the search."""
 ITERATIONS = 40
 """Maximum number of evaluations of a search."""
-NEARLY = 0.98
+FULL_WAY = 0.98
 """Part of the largest way from which a period counts for the drift."""
 DRIFT = 0.01
 """Drift over a record, relative to the range, from which it is removed."""
@@ -83,13 +83,9 @@ class FittedLoop(Plottable):
     sliders : int
     displacement, force, model : (n,) float, m, N, N
         Fitted points without drift, and force of the model at these displacements.
-    energy : (n_cycles,) float, J
-        Measured area of each cycle.
-    friction : (n_cycles, 2) float, N
-        Measured friction of each cycle, left and right: median force over the second half of the way to this side.
-    stiffness : (n_cycles, 2) float, N/m
-        Measured stiffness of each cycle after its left and right turning point: slope over the first quarter of the change
-        of the force, with errors in both axes.
+    energy, friction, stiffness : (n_cycles,), (n_cycles, 2), (n_cycles, 2) float, J, N, N/m
+        Measured area of each cycle; friction to the left and right: median force over the second half of the way; stiffness
+        after the left and right turning point: slope over the first quarter of the change of force.
     status : str
         "complete", or "incomplete: ..." with the reason for doubt.
     notes : tuple of str
@@ -210,7 +206,7 @@ def _without_drift(x: NDArray, y: NDArray, turns: NDArray) -> tuple[NDArray, NDA
     """Remove linear drift found from the means over periods of nearly full amplitude, and name it."""
     rise, notes = np.abs(np.diff(x[turns])), tuple[str, ...]()
     both = rise[1:] + rise[:-1]  # the way of each period
-    full = np.flatnonzero(both > NEARLY * both.max(initial=0.0))
+    full = np.flatnonzero(both > FULL_WAY * both.max(initial=0.0))
     if len(full) < 3:
         return x, y, notes
     out, time = [], np.arange(len(x)) - (len(x) - 1) / 2.0
