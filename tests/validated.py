@@ -145,6 +145,46 @@ def griffin() -> Problem:
     )  # fmt: skip
 
 
+def _den_hartog(b, ratio):
+    """Amplitude of the first harmonic of the motion without stops: each half period is one linear solution."""
+    V, C, S = 1.0 / (1.0 - b**2), np.cos(np.pi / b), np.sin(np.pi / b)
+    top = np.sqrt(V**2 - (ratio * S / (b * (1.0 + C))) ** 2)
+    matrix = [[V, 0.0, 1.0, 0.0], [0.0, -V * b, 0.0, 1.0], [-V, 0.0, C, S], [0.0, V * b, -S, C]]
+    c, s, cosine, sine = np.linalg.solve(matrix, [top - ratio, 0.0, -top - ratio, 0.0])
+    nodes, weights = np.polynomial.legendre.leggauss(60)
+    t = 0.5 * np.pi / b * (nodes + 1.0)
+    x = V * (c * np.cos(b * t) - s * np.sin(b * t)) + ratio + cosine * np.cos(t) + sine * np.sin(t)
+    return abs((weights * x) @ np.exp(-1j * b * t))
+
+
+def den_hartog() -> Problem:
+    rows, seen, steps = [], [], np.array([100.0, 400.0, 1600.0]) ** -0.5
+    for b, ratio in ((0.8, 0.3), (0.8, 0.5), (1.25, 0.3), (1.25, 0.5)):
+        found = []
+        for step in steps:
+            contact = bd.Contact(0, kt=step**-2, mu=0.5, preload=2.0 * ratio)
+            study = bd.lumped(1.0, 0.0, 1.0, contacts=[contact], forces={0: 1.0}, harmonics=tuple(range(1, 64, 2)))
+            curve = study.frequency_response(0.0, (b / TWO_PI, 1.02 * b / TWO_PI))
+            found.append(curve.amplitude[np.argmin(curve.frequency)])
+        rigid, reference = float(np.polyfit(steps, found, 2)[2]), _den_hartog(b, ratio)
+        rows.append(Row(f"frequency {b}, friction {ratio}: first harmonic", reference, rigid, 4e-3))
+        seen.append((np.array(found), reference))
+
+    def draw(ax):
+        for (found, reference), row, colour in zip(seen, rows, colours(4)):
+            ax.plot(steps, found, "o-", color=colour, label=row.quantity.partition(":")[0])
+            _circles(ax, 0.0, reference, None)
+        _circles(ax, [], [], "closed form, rigid")
+        ax.set(xlabel="(contact stiffness / stiffness)$^{-1/2}$", ylabel="Amplitude of the first harmonic")
+
+    return Problem(
+        'J. P. Den Hartog, "Forced vibrations with combined Coulomb and viscous friction", Trans. ASME 53 (1931)',
+        "one mass with rigid friction: amplitude of the first harmonic, extrapolated from 32 odd harmonics and three "
+        "contact stiffnesses",
+        tuple(rows), draw,
+    )  # fmt: skip
+
+
 DUFFING = {"hardening": (1.0, 0.1, 0.2), "softening": (-0.1, 0.05, 0.06), "NLvib, example 1": (0.1, 0.05, 0.18)}
 """Cubic stiffness, damping, force."""
 
@@ -683,6 +723,7 @@ def available(name: str) -> bool:
 
 PROBLEMS: dict[str, Callable[[], Problem]] = {
     "Griffin's oscillator": griffin,
+    "Den Hartog's oscillator": den_hartog,
     "Duffing": duffing,
     "Shaw and Holmes' impact oscillator": shaw_and_holmes,
     "Nonlinear mode of the Jenkins element": jenkins_mode,

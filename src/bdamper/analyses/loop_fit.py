@@ -9,10 +9,13 @@ By Masing's rule the loop between the displacements :math:`x_-` and :math:`x_+` 
 
 .. math:: f = f_0 \pm \Big(\tfrac12 H - \sum_i \tfrac{k_t}{n} \min(|x_\pm - x|, 2 \mu_i N / k_t)\Big)
 
-with the upper sign for decreasing x, and H the sum at :math:`|x_\pm - x| = x_+ - x_-`. Displacement and force both have
-errors. The fit minimises the sum of squared distances from the points to their branch, each axis in units of its noise. The
-noise follows from third differences, which are otherwise small in a smooth record. Standard deviations follow from fits
-without one block of successive points each (jackknife), which allows for correlated errors.
+with the upper sign for decreasing x, and H the sum at :math:`|x_\pm - x| = x_+ - x_-`. Friction limits that differ between
+left and right only change :math:`f_0`. A backlash b, a tangential clearance in series with the sliders, interrupts both
+branches at the force zero by a distance b without change of force; the sliders then move by :math:`x_+ - x_- - b`. The
+zero of the force is a parameter, since load cells have offsets. Displacement and force both have errors. The fit minimises
+the sum of squared distances from the points to their branch, each axis in units of its noise. The noise follows from third
+differences, which are otherwise small in a smooth record. Standard deviations follow from fits without one block of
+successive points each (jackknife), which allows for correlated errors.
 """
 
 from __future__ import annotations
@@ -45,6 +48,10 @@ DIFFERENCE = 5e-3
 """Step of the finite differences; it smooths the corners of the sliders, which would stop the search."""
 ITERATIONS = 40
 """Maximum number of evaluations of a search."""
+FULL_WAY = 0.98
+"""Part of the largest way from which a period counts for the drift."""
+DRIFT = 0.01
+"""Drift over a record, relative to the range, from which it is removed."""
 POOR = 0.05
 """Misfit above which the model does not describe a loop."""
 
@@ -64,8 +71,10 @@ class FittedLoop(Plottable):
         Mean friction coefficient of the sliders.
     spread : float
         Half width of the uniform distribution of the friction limits over their mean, s above.
-    deviation : (3,) float
-        Standard deviations of kt, mu and spread.
+    backlash : float, m
+        Tangential clearance; 0 if it was not fitted.
+    deviation : (4,) float
+        Standard deviations of kt, mu, spread and backlash.
     misfit : float
         Root mean square distance from the points to the loop in excess of the noise; each axis relative to its root mean
         square.
@@ -73,7 +82,10 @@ class FittedLoop(Plottable):
         Standard deviations of the noise of displacement (m) and force (N).
     sliders : int
     displacement, force, model : (n,) float, m, N, N
-        Fitted points, and force of the model at these displacements.
+        Fitted points without drift, and force of the model at these displacements.
+    energy, friction, stiffness : (n_cycles,), (n_cycles, 2), (n_cycles, 2) float, J, N, N/m
+        Measured area of each cycle; friction to the left and right: median force over the second half of the way; stiffness
+        after the left and right turning point: slope over the first quarter of the change of force.
     status : str
         "complete", or "incomplete: ..." with the reason for doubt.
     notes : tuple of str
@@ -82,6 +94,7 @@ class FittedLoop(Plottable):
     kt: float
     mu: float
     spread: float
+    backlash: float
     deviation: NDArray
     misfit: float
     noise: NDArray
@@ -89,36 +102,44 @@ class FittedLoop(Plottable):
     displacement: NDArray
     force: NDArray
     model: NDArray
+    energy: NDArray
+    friction: NDArray
+    stiffness: NDArray
     status: str = COMPLETE
     notes: tuple[str, ...] = ()
-    _summary_fields = ("kt", "mu", "spread", "misfit", "status", "notes")
+    _summary_fields = ("kt", "mu", "spread", "backlash", "misfit", "status", "notes")
 
     def _headline(self) -> str:
-        kt, mu, spread = self.deviation
+        kt, mu, spread, play = self.deviation
+        clearance = f", backlash {amount(self.backlash, 'm')} ({amount(play, 'm')})" if self.backlash else ""
         doubt = self.status.partition(": ")[2]
         return (
             f"{doubt[:1].upper()}{doubt[1:]}{doubt and '. '}"
             f"Tangential stiffness {amount(self.kt, 'N/m')} (deviation {amount(kt, 'N/m')}), friction coefficient "
-            f"{self.mu:.3g} ({mu:.2g}), spread of the limits {self.spread:.2g} ({spread:.2g}); misfit "
+            f"{self.mu:.3g} ({mu:.2g}), spread of the limits {self.spread:.2g} ({spread:.2g}){clearance}; misfit "
             f"{percent(self.misfit)} beyond the noise."
         )
 
 
 @validation.check_arguments
-def fit_loop(displacement: NDArray, force: NDArray, *, normal: float, sliders: int = 20) -> FittedLoop:
-    """Identify contact stiffness, friction coefficient and its spread from a measured loop.
+def fit_loop(
+    displacement: NDArray, force: NDArray, *, normal: float, sliders: int = 20, backlash: bool = False
+) -> FittedLoop:
+    """Identify contact stiffness, friction coefficient, its spread and backlash from a measured loop.
 
     Parameters
     ----------
     displacement : (n,) float, m
         Relative displacement in chronological order over one period or more. In a longer record only periods with full
-        amplitude are fitted, without start and end.
+        amplitude are fitted, without start and end, and linear drift of displacement and force is removed.
     force : (n,) float, N
         Tangential force, positive if it resists a positive displacement.
     normal : float, N
         Constant normal load.
     sliders : int
         Number of sliders; 1 for an element that changes from stick to slip at once.
+    backlash : bool
+        Whether to identify a tangential clearance.
 
     Returns
     -------
@@ -136,22 +157,34 @@ def fit_loop(displacement: NDArray, force: NDArray, *, normal: float, sliders: i
     normal = validation.number("normal", normal, above=0.0, unit="N")
     sliders = validation.integer("sliders", sliders, least=1)
     noise = np.array([_noise(x), _noise(y)])
-    sense = _senses(x, y, max(REVERSAL * noise[0], CLOSED * float(np.ptp(x))))
+    apart = max(REVERSAL * noise[0], CLOSED * float(np.ptp(x)))
+    turns = _turns(x, apart)
+    x, y, notes = _without_drift(x, y, turns)
+    sense = _senses(x, y, turns, apart)
+    if len(turns) <= 2:  # the period begins where a branch does
+        x, y, sense = (np.roll(values, -turns[0]) for values in (x, y, sense))
     used = sense != 0.0
-    notes = () if used.all() else (f"fitted to {used.sum()} of {len(x)} points, those of periods of full amplitude",)
+    if not used.all():
+        notes += (f"fitted to {used.sum()} of {len(x)} points, those of periods of full amplitude",)
+    cycles = _cycles(x, y, sense, noise)
     x, y, sense = x[used], y[used], sense[used]
     _check_signs(x, y, sense)
-    loop = _Loop(x, y, sense, noise, normal, sliders)
+    if len(cycles["energy"]) > 1 and np.ptp(cycles["energy"]) > CLOSED * np.median(cycles["energy"]):
+        change = percent(np.ptp(cycles["energy"]) / np.median(cycles["energy"]))
+        notes += (f"the energy differs by {change} between cycles: no steady state",)
+    loop = _Loop(x, y, sense, noise, normal, sliders, backlash)
     p, r, J = loop.fitted()
     relative = r / [np.std(x), np.std(y)] * noise
     beyond = (relative**2).sum(axis=1) * (1.0 - 1.0 / np.maximum((r**2).sum(axis=1), 1e-12))
     misfit = float(np.sqrt(max(beyond.mean(), 0.0)))
     blocks = np.array_split(np.arange(r.size), max(int(np.sqrt(len(x))), 3))
-    deviation = left_out(r.ravel(), J, blocks)[:3] * [np.exp(p[0]), np.exp(p[1]), float(sliders > 1)]
+    scale = [np.exp(p[0]), np.exp(p[1]), float(sliders > 1), 1.0, 1.0, 1.0, np.ptp(x), 1.0]
+    deviation = np.append(left_out(r.ravel(), J, blocks) * scale[: len(p)], 0.0)[[0, 1, 2, 6]]
     wrong = f"the model does not describe this loop (misfit {percent(misfit)} beyond the noise)"
     return FittedLoop(
-        kt=float(np.exp(p[0])), mu=float(np.exp(p[1])), spread=float(p[2]), deviation=deviation, misfit=misfit, noise=noise,
-        sliders=sliders, displacement=x, force=y, model=loop.force(p), notes=notes,
+        kt=float(np.exp(p[0])), mu=float(np.exp(p[1])), spread=float(p[2]) if sliders > 1 else 0.0,
+        backlash=float(p[6] * np.ptp(x)) if backlash else 0.0, deviation=deviation, misfit=misfit, noise=noise,
+        sliders=sliders, displacement=x, force=y, model=loop.force(p), **cycles, notes=notes,
         status=with_reason(INCOMPLETE, wrong) if misfit > POOR else COMPLETE,
     )  # fmt: skip
 
@@ -162,14 +195,33 @@ def _noise(values: NDArray) -> float:
     return max(third, RESOLVED * float(np.ptp(values)))
 
 
-def _senses(x: NDArray, y: NDArray, apart: float) -> NDArray:
-    """Return 1 at points of increasing displacement, -1 at points of decreasing displacement and 0 outside of periods.
-
-    At a turning point the displacement reverses by at least ``apart``.
-    """
+def _turns(x: NDArray, apart: float) -> NDArray:
+    """Return the indices of turning points, at which the displacement reverses by at least ``apart``."""
     kinds = {int(i): way for way in (1.0, -1.0) for i in scipy.signal.find_peaks(way * x, prominence=apart)[0]}
     # of successive turning points of the same kind only the first counts
-    turns = [i for before, i in itertools.pairwise([-1, *sorted(kinds)]) if kinds[i] != kinds.get(before)]
+    return np.array([i for before, i in itertools.pairwise([-1, *sorted(kinds)]) if kinds[i] != kinds.get(before)], int)
+
+
+def _without_drift(x: NDArray, y: NDArray, turns: NDArray) -> tuple[NDArray, NDArray, tuple[str, ...]]:
+    """Remove linear drift found from the means over periods of nearly full amplitude, and name it."""
+    rise, notes = np.abs(np.diff(x[turns])), tuple[str, ...]()
+    both = rise[1:] + rise[:-1]  # the way of each period
+    full = np.flatnonzero(both > FULL_WAY * both.max(initial=0.0))
+    if len(full) < 3:
+        return x, y, notes
+    out, time = [], np.arange(len(x)) - (len(x) - 1) / 2.0
+    middle = [(time[turns[i]] + time[turns[i + 2] - 1]) / 2.0 for i in full]
+    for name, values in (("displacement", x), ("force", y)):
+        slope = float(np.polyfit(middle, [values[turns[i] : turns[i + 2]].mean() for i in full], 1)[0])
+        share = slope * len(x) / np.ptp(values)
+        drifts = abs(share) > DRIFT
+        notes += (f"drift of the {name} by {percent(abs(share))} of its range over the record removed",) if drifts else ()
+        out.append(values - slope * time if drifts else values)
+    return out[0], out[1], notes
+
+
+def _senses(x: NDArray, y: NDArray, turns: NDArray, apart: float) -> NDArray:
+    """Return 1 at points of increasing displacement, -1 at points of decreasing displacement and 0 outside of periods."""
     ends = np.array([0, *turns, len(x)])
     rise = np.diff(x[np.minimum(ends, len(x) - 1)])
     sense = np.sign(rise)
@@ -178,9 +230,7 @@ def _senses(x: NDArray, y: NDArray, apart: float) -> NDArray:
         full[[0, -1]] = False
         sense = sense * full
     expected = "a closed period or more; remove drift, or give whole periods of constant amplitude"
-    validation.check(
-        {-1.0, 1.0} <= set(sense), "displacement", expected, f"{len(turns)} turning points and no full period"
-    )
+    validation.check({-1.0, 1.0} <= set(sense), "displacement", expected, f"{len(turns)} turning points and no full period")
     if len(turns) <= 2:
         for name, values in (("displacement", x), ("force", y)):
             span, step = float(np.ptp(values)), float(np.abs(np.diff(values)).max())
@@ -188,6 +238,36 @@ def _senses(x: NDArray, y: NDArray, apart: float) -> NDArray:
             found = f"{percent(gap / span)} of its range between the first and the last point"
             validation.check(gap <= max(2.0 * step, CLOSED * span), name, expected, found)
     return np.repeat(sense, np.diff(ends))
+
+
+def _cycles(x: NDArray, y: NDArray, sense: NDArray, noise: NDArray) -> dict[str, NDArray]:
+    """Return energy, friction and stiffness of each cycle of two successive branches; columns are left and right."""
+    parts = [part for part in np.split(np.arange(len(x)), np.flatnonzero(np.diff(sense)) + 1) if sense[part[0]] != 0.0]
+    energy, friction, stiffness, after = [], [], [], 0
+    for pair in itertools.pairwise(parts):
+        if pair[0][0] < after or pair[1][0] > pair[0][-1] + 1:
+            continue
+        whole, after = np.concatenate(pair), pair[1][-1] + 1
+        energy.append(0.5 * float((y[whole] + np.roll(y[whole], -1)) @ (np.roll(x[whole], -1) - x[whole])))
+        fall, rise = sorted(pair, key=lambda part: sense[part[0]])
+        friction.append([-_late(x[fall], y[fall]), _late(x[rise], y[rise])])
+        stiffness.append([_slope(x[part], y[part], noise) for part in (rise, fall)])
+    return {"energy": np.array(energy), "friction": np.array(friction), "stiffness": np.array(stiffness)}
+
+
+def _late(x: NDArray, y: NDArray) -> float:
+    """Return the median force over the second half of the way of a branch."""
+    return float(np.median(y[np.abs(x - x[0]) > 0.5 * abs(x[-1] - x[0])]))
+
+
+def _slope(x: NDArray, y: NDArray, noise: NDArray) -> float:
+    """Return the slope of a branch over the first quarter of the change of its force, by orthogonal regression."""
+    n = int(np.argmax(np.abs(y - y[0]) > 0.25 * np.ptp(y)))
+    if n < 3:
+        return float("nan")
+    points = np.column_stack([x[:n], y[:n]]) / noise
+    dx, dy = np.linalg.svd(points - points.mean(axis=0))[2][0] * noise
+    return float(dy / dx)
 
 
 def _check_signs(x: NDArray, y: NDArray, sense: NDArray) -> None:
@@ -207,7 +287,7 @@ class _Loop:
     """Branches of the slider model and their distances from measured points.
 
     The parameters p are the logarithms of kt and mu, the spread, and mean force and both turning points of the
-    displacement, each relative to its measured range.
+    displacement, each relative to its measured range; with backlash also this and the zero of the force.
     """
 
     x: NDArray
@@ -216,21 +296,30 @@ class _Loop:
     noise: NDArray
     normal: float
     sliders: int
+    backlash: bool
 
     def branches(self, p: NDArray) -> dict[float, NDArray]:
-        """Return the corners (sliders + 2, 2) of both branches by the sign of the velocity."""
+        """Return the corners (sliders + 4, 2) of both branches by the sign of the velocity."""
         places = (2.0 * np.arange(self.sliders) + 1.0) / self.sliders - 1.0
         low, high = p[4:6] * np.ptp(self.x) + self.x.min()
+        play = p[6] * np.ptp(self.x) if self.backlash else 0.0
         slip = 2.0 * np.exp(p[1] - p[0]) * self.normal * (1.0 + p[2] * places)  # from stick to full slip of each slider
-        way = np.minimum(np.concatenate([[0.0], slip, [np.inf]]), max(high - low, 0.0))
+        way = np.minimum(np.concatenate([[0.0], slip, [np.inf]]), max(high - low - play, 0.0))
         drop = np.exp(p[0]) / self.sliders * np.minimum(way[:, None], slip).sum(axis=1)
-        middle = self.y.min() + p[3] * np.ptp(self.y)
-        fall = np.column_stack([high - way, middle + drop[-1] / 2.0 - drop])
-        return {-1.0: fall, 1.0: [low + high, 2.0 * middle] - fall}
+        middle, zero = self.y.min() + np.array([p[3], p[7] if self.backlash else p[3]]) * np.ptp(self.y)
+        out = {}
+        for sense, turn in ((-1.0, high), (1.0, low)):
+            before = float(np.clip(drop[-1] / 2.0 + sense * (zero - middle), 0.0, drop[-1]))  # change of force up to zero
+            at = int(np.searchsorted(drop, before))
+            # the clearance is crossed at zero force
+            ways = np.insert(way + play * (np.arange(len(way)) >= at), at, np.interp(before, drop, way) + [0.0, play])
+            drops = np.insert(drop, at, [before, before])
+            out[sense] = np.column_stack([turn + sense * ways, middle + sense * (drops - drop[-1] / 2.0)])
+        return out
 
     def force(self, p: NDArray) -> NDArray:
         """Return the force (n,) of the model at the measured displacements."""
-        up, down = self.branches(p)[1.0], self.branches(p)[-1.0][::-1]
+        up, down = (self.branches(p)[sense][:: int(sense)] for sense in (1.0, -1.0))
         return np.where(self.sense > 0.0, np.interp(self.x, *up.T), np.interp(self.x, *down.T))
 
     def residual(self, p: NDArray) -> NDArray:
@@ -241,15 +330,18 @@ class _Loop:
         return out.view(float)
 
     def fitted(self) -> tuple[NDArray, NDArray, NDArray]:
-        """Return the best parameters, the residuals (n, 2) and their derivatives (2 n, 6)."""
+        """Return the best parameters, the residuals (n, 2) and their derivatives (2 n, 6 or 8)."""
         limit = np.log(0.5 * np.ptp(np.quantile(self.y, [0.02, 0.98])) / self.normal)
         soft = np.log(np.ptp(self.y) / np.ptp(self.x))
+        size, zero = 8 if self.backlash else 6, -self.y.min() / np.ptp(self.y)
         steps = itertools.product(soft + np.linspace(0.0, 4.0, 9), limit + np.array([0.0, 0.3, 0.7]))
-        grid = [np.array([*step, 0.0, 0.5, 0.0, 1.0]) for step in steps]
-        bounds = np.array([[-np.inf, -np.inf, 0.0, -1.0, -1.0, 0.5], [np.inf, np.inf, 1.0, 2.0, 0.5, 2.0]])
+        grid = [np.array([*step, 0.0, 0.5, 0.0, 1.0, 0.0, np.clip(zero, 0.0, 1.0)])[:size] for step in steps]
+        lower, upper = [-np.inf, -np.inf, 0.0, -1.0, -1.0, 0.5, 0.0, -1.0], [np.inf, np.inf, 1.0, 2.0, 0.5, 2.0, 1.0, 2.0]
+        bounds = np.array([lower, upper])[:, :size]
         tries = []
-        for spread in (0.1, 0.5, 0.9) if self.sliders > 1 else (0.0,):
-            starts = [p + spread * np.eye(6)[2] for p in grid]
+        spreads, plays = (0.1, 0.5, 0.9) if self.sliders > 1 else (0.0,), (0.03, 0.1, 0.3) if self.backlash else (0.0,)
+        for spread, play in itertools.product(spreads, plays):
+            starts = [p + np.array([0.0, 0.0, spread, 0.0, 0.0, 0.0, play, 0.0])[:size] for p in grid]
             start = min(starts, key=lambda p: float((self.residual(p) ** 2).sum()))
             origin = start - 1.0  # shifts the parameters to about 1, since difference steps are relative
             solution = least_squares(

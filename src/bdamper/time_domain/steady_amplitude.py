@@ -182,16 +182,20 @@ class SteadySearch:
         start = Place(tip, float(here.amplitude[-CRITERIA.stride:].mean()), here.motion)
         higher = 1.0 + CRITERIA.tolerance
         from_tip = [self.sweep(start.motion, tip, sign) for sign in (1.0, -1.0) if start.mean > higher * nearest.mean]
-        for places in sorted((*sweeps, *from_tip), key=lambda places: -places[_top(places)].mean):
-            best = self.best
-            if best is None or places[_top(places)].mean > higher * best.mean:
-                self.settle_back(places)
-                if self.best is not best:
-                    self.below = along if any(places is way for way in from_tip) else np.nan
-        parted: list[SteadyPoint] = []
-        while (best := self.best) is not None and best not in parted:
-            self.points.remove(best)
-            parted.append(self.settle(best.frequency, best.transient.motion, best.mean, parting=True))
+        ordered = sorted((*sweeps, *from_tip), key=lambda places: -places[_top(places)].mean)
+        for parting in (False, True):  # if no steady motion lasts, the second time each has to last at once
+            for places in ordered:
+                best = self.best
+                if best is None or places[_top(places)].mean > higher * best.mean:
+                    self.settle_back(places, parting)
+                    if self.best is not best:
+                        self.below = along if any(places is way for way in from_tip) else np.nan
+            parted: list[SteadyPoint] = []
+            while (best := self.best) is not None and best not in parted:
+                self.points.remove(best)
+                parted.append(self.settle(best.frequency, best.transient.motion, best.mean, parting=True))
+            if self.points:
+                return
 
     def start(self, frequency: float) -> Motion:
         """Return the highest solution of the balance closest to a frequency, with disturbances of all blades."""
@@ -213,14 +217,15 @@ class SteadySearch:
             here.sweep(TWO_PI * frequency, CRITERIA.stride)
             places.append(Place(frequency, float(here.amplitude.mean()), here.motion))
 
-    def settle_back(self, places: list[Place]) -> None:
+    def settle_back(self, places: list[Place], parting: bool = False) -> None:
         """Settle at the highest place of a sweep or, where the motion falls, at one before, and look around it."""
         k, back = _top(places), 1
         if not self.points:
             self.fell.clear()  # those of another motion
         while k >= 0:
             place = places[k]
-            point = self.settle(place.frequency, self.ring.seeded(place.motion, CRITERIA.seed, 0), place.mean)
+            motion = self.ring.seeded(place.motion, CRITERIA.seed, 0)
+            point = self.settle(place.frequency, motion, place.mean, parting=parting)
             if point.stays:
                 self.failure = ""
                 self.look_around(point, float(np.sign(places[-1].frequency - places[0].frequency)) or 1.0)

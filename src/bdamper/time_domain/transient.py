@@ -62,6 +62,9 @@ class SteadyCriteria:
         Half of the periods over which a verdict requires a settled amplitude; periods of a stated mean.
     fewest, most : int
         Least and most periods of :func:`settle`.
+    lasting : int
+        Least periods of the motion that a search states.  Near an unstable solution a motion may look steady for 20
+        periods, and then fall to half.
     longest : int
         Most periods until a verdict; the 50 points take at most 336.
     tolerance : float
@@ -101,6 +104,7 @@ class SteadyCriteria:
     window: int = 40
     fewest: int = 20
     most: int = 240
+    lasting: int = 100
     longest: int = 1000
     tolerance: float = 0.05
     drift: float = 0.01
@@ -293,7 +297,8 @@ def settle(transient: Transient, expected: float, parting: bool = False) -> Stea
     expected : float, m
         Amplitude near which the motion may stay.
     parting : bool
-        Whether to continue while the motion outside the wave of the excitation grows.
+        Whether to continue for :attr:`SteadyCriteria.lasting` periods, and while the motion outside the wave of the
+        excitation grows.
     """
     while True:
         transient.advance(CRITERIA.fewest // 2)
@@ -305,7 +310,8 @@ def settle(transient: Transient, expected: float, parting: bool = False) -> Stea
         fallen = (last if over else max(before, last)) < CRITERIA.jump * expected
         gone = fallen or min(before, last) > CRITERIA.gain * expected
         grows = parting and outside(transient, n // 4)[0] > CRITERIA.rise
-        if gone or over or (abs(change) <= CRITERIA.drift and not grows):
+        enough = n >= (CRITERIA.lasting if parting else CRITERIA.fewest)
+        if gone or over or (enough and abs(change) <= CRITERIA.drift and not grows):
             return SteadyPoint(transient, not gone, change)
 
 
