@@ -70,8 +70,6 @@ RIGID_BEYOND = 3.0
 """A free body is rigid in time if its first elastic frequency over that of the highest harmonic exceeds this."""
 VECTORS = 24
 """Residual modes per harmonic of the richer structure."""
-TRIES = 3
-"""Number of motions from which a refinement is tried."""
 
 # ---- structures in time ----
 
@@ -211,7 +209,7 @@ def time_response(
             search.run()
             if (best := search.best) is not None:
                 runs[f"{steps} steps"] = best
-                points = sorted(search.points, key=lambda p: -p.mean)[:TRIES]
+                points = sorted(search.points, key=lambda p: -p.mean)[:3]  # refinements are tried from three motions
                 shorter = runs[f"{2 * steps} steps"] = _refine(search, points, ring, 2)
                 runs[f"{4 * steps} steps"] = _refine(search, [shorter, *points], ring, 4)
                 if (richer := richer_structure(structure)) is not None:
