@@ -1,4 +1,4 @@
-"""Three wheels of eight blades marched in time: all sectors as one ring, integrator and contact law of their own."""
+"""Three wheels of eight blades integrated in time: all sectors as one ring, integrator and contact law of their own."""
 
 from dataclasses import replace
 
@@ -17,7 +17,7 @@ N, H, PRELOAD, STEPS = 8, 7, 300.0, 600
 """Blades, harmonics, preload (N) and steps of time in a period."""
 
 
-class March:
+class Integration:
     """Blades on their disk and free dampers, real matrices in the coordinates of all sectors, stepped explicitly.
 
     Points press with ``kn v + n0`` where that is positive; along each tangential axis a slider follows once its
@@ -90,7 +90,7 @@ class March:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_a_marched_ring_has_the_amplitudes_of_the_wheel(seed):
+def test_a_ring_in_time_has_the_amplitudes_of_the_wheel(seed):
     """Undamped dampers rattle more, and seven harmonics are up to 1.9 % off; here it is 0.5 %."""
     study = lumped_study(N, 2, harmonics=H, n_c=2, r=2, zeta=1e-2)
     study = study.replace(
@@ -105,10 +105,10 @@ def test_a_marched_ring_has_the_amplitudes_of_the_wheel(seed):
     assert 0.5 * shares[..., [1, 3]].sum(axis=-1).mean() > 0.2
     amplitude = np.abs(system.structure.responses(found.y[:-1])[:, 1])
     assert amplitude.max() > 1.2 * amplitude.min()
-    marched = np.abs(March(system, omega).run(system.structure.array(found.y[:-1]), 40) @ wheel.response_row)
-    assert abs(marched[0] / amplitude - 1.0).max() > 0.05, "sliders at rest are not those of the vibration"
-    assert np.ptp(marched[-10:], axis=0).max() < 1e-3 * amplitude.max(), "steady"
-    np.testing.assert_allclose(marched[-1], amplitude, rtol=0.01)
+    in_time = np.abs(Integration(system, omega).run(system.structure.array(found.y[:-1]), 40) @ wheel.response_row)
+    assert abs(in_time[0] / amplitude - 1.0).max() > 0.05, "sliders at rest are not those of the vibration"
+    assert np.ptp(in_time[-10:], axis=0).max() < 1e-3 * amplitude.max(), "steady"
+    np.testing.assert_allclose(in_time[-1], amplitude, rtol=0.01)
 
 
 @pytest.mark.slow
@@ -126,12 +126,12 @@ def test_a_blade_keeps_the_first_maximum_of_a_curve_with_many_folds_and_falls_fr
     assert peak.amplitude == pytest.approx(height[places[0]], rel=0.01)
     for i in places:
         X, omega = system.structure.array(points[i].y[:-1]), points[i].y[-1]
-        marched = np.abs(March(system, omega).run(X, 120) @ wheel.response_row)
-        blade = int(marched[0].argmax())
+        in_time = np.abs(Integration(system, omega).run(X, 120) @ wheel.response_row)
+        blade = int(in_time[0].argmax())
         at = replace(peak, unknowns=X, frequency=omega / (2.0 * np.pi), amplitude=float(height[i]), blade=blade)
         kept.append(wheel.time_response(at))
-        assert kept[-1].blades[-40:].mean() == pytest.approx(marched[-40:].mean(), rel=0.05)
-        assert (marched[-1].max() > 0.85 * height[i]) == (i == places[0])
+        assert kept[-1].blades[-40:].mean() == pytest.approx(in_time[-40:].mean(), rel=0.05)
+        assert (in_time[-1].max() > 0.85 * height[i]) == (i == places[0])
     first, later = kept
     assert first.status == "complete" and 0.8 < first.mean / first.balance < 0.9 and first.blade == peak.blade
     assert later.status.startswith("not found") and np.isnan(later.mean) and later.blades.max() < 0.3 * later.balance

@@ -126,12 +126,12 @@ class TestOptimalCurves:
         assert not any("N" in text for text in legend_texts(ax))
 
 
-def test_advice_legend_shows_what_is_drawn():
+def test_advice_legend_shows_what_is_drawn(study):
     effects = tuple(
         EffectRow(name, True, change, 0.5 * change, 0.0, "computed", 0.5, significant)
         for name, change, significant in (("harmonics beyond 1", 0.5, True), ("damper modes beyond 0", 0.001, False))
     )
-    sets = [Effects({"variable_normal_load": True})] * 2
+    sets = [Effects.of(study)] * 2
     ax = EffectSignificance(500.0, (300.0, 400.0), 0.01, 1e-4, 350.0, effects, *sets, 0.0, 0.0, 1.0).plot()
     patches = dict(zip(legend_texts(ax), ax.get_legend().get_patches()))
     said = ["black names: needed", "grey: may be left\nout together"]
