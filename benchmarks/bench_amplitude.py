@@ -79,40 +79,40 @@ def flanks(curve: bd.ResponseCurve) -> tuple[float, list[float]]:
     return min(out), [tip + out[0], tip - out[1]]
 
 
-def mean(march: Transient, periods: int) -> float:
-    return float(march.amplitude[-periods:].mean())
+def mean(transient: Transient, periods: int) -> float:
+    return float(transient.amplitude[-periods:].mean())
 
 
 def hold(ring: Ring, frequency: float, motion: Motion) -> tuple[float, float, float, Motion, bool]:
     """Mean, lowest and highest mean of a window, final motion, and whether the motion keeps its amplitude."""
-    march = Transient(ring, 2.0 * np.pi * frequency, ring.seeded(motion, 0.01, 0))
+    transient = Transient(ring, 2.0 * np.pi * frequency, ring.seeded(motion, 0.01, 0))
     before = np.inf
     for _ in range(4):
-        march.run(len(march.harmonics) + HOLD)
-        windows = np.abs(march.blades[-HOLD:]).reshape(-1, WINDOW, march.ring.n).mean(axis=1)
+        transient.run(len(transient.harmonics) + HOLD)
+        windows = np.abs(transient.blades[-HOLD:]).reshape(-1, WINDOW, transient.ring.n).mean(axis=1)
         best = windows[:, windows[-1].argmax()]
         if np.ptp(best) <= AWAY * best[-1] or best[-1] < 0.7 * before:
             break
         before = best[0]
     steady = bool(np.ptp(best) <= AWAY * best[-1])
-    if not steady and len(march.harmonics) >= 4 * HOLD:  # a motion that beats
-        windows = np.abs(march.blades[-2 * HOLD :]).reshape(-1, WINDOW, march.ring.n).mean(axis=1)
+    if not steady and len(transient.harmonics) >= 4 * HOLD:  # a motion that beats
+        windows = np.abs(transient.blades[-2 * HOLD :]).reshape(-1, WINDOW, transient.ring.n).mean(axis=1)
         best = windows[:, windows.mean(axis=0).argmax()]
-    return float(best.mean()), float(best.min()), float(best.max()), march.motion, steady
+    return float(best.mean()), float(best.min()), float(best.max()), transient.motion, steady
 
 
 def swept(
     ring: Ring, begin: float, end: float, pace: float, motion: Motion
 ) -> tuple[list[tuple[float, float, Motion]], int]:
     """Frequency, mean amplitude and motion every 8 periods of a slow sweep until the motion falls, and its periods."""
-    march = Transient(ring, 2.0 * np.pi * begin, ring.seeded(motion, 0.01, 0))
-    march.run(60)
-    places, periods, frequency = [(begin, mean(march, 8), march.motion)], 60, begin
+    transient = Transient(ring, 2.0 * np.pi * begin, ring.seeded(motion, 0.01, 0))
+    transient.run(60)
+    places, periods, frequency = [(begin, mean(transient, 8), transient.motion)], 60, begin
     step = np.sign(end - begin) * 8.0 * pace
     while (end - frequency) * step > 0.0:
-        moving = Transient(ring, 2.0 * np.pi * frequency, march.motion)
+        moving = Transient(ring, 2.0 * np.pi * frequency, transient.motion)
         moving.advance(8, (2.0 * np.pi * frequency, 2.0 * np.pi * (frequency + step)))
-        march, frequency, periods = moving, frequency + step, periods + 8
+        transient, frequency, periods = moving, frequency + step, periods + 8
         places.append((frequency, float(np.abs(moving.blades).mean(axis=0).max()), moving.motion))
         if places[-1][1] < 0.5 * max(p[1] for p in places):
             break
@@ -169,14 +169,14 @@ def reference(number: int, preload: float) -> dict[str, Any]:
     for where, first in (("down", sides[0]), ("up", sides[1]), ("tip", tip)):
         try:
             if where == "tip":
-                march = Transient(ring, 2.0 * np.pi * tip, ring.seeded(balance(tip), 0.01, 0))
-                march.run(60)
-                places = [(tip, mean(march, 20), march.motion)]
+                transient = Transient(ring, 2.0 * np.pi * tip, ring.seeded(balance(tip), 0.01, 0))
+                transient.run(60)
+                places = [(tip, mean(transient, 20), transient.motion)]
                 others = [p for way in sweeps for p in way]
                 nearest = min(others, key=lambda p: abs(p[0] - tip))[1] if others else 0.0
                 if places[0][1] > 1.05 * nearest:  # another branch than those from the flanks
                     for end in (tip - 1.5 * width, tip + 1.5 * width):
-                        more, _ = swept(ring, tip, end, width / PACE, march.motion)
+                        more, _ = swept(ring, tip, end, width / PACE, transient.motion)
                         if max(p[1] for p in more) > 1.02 * max(p[1] for p in places):
                             places = more
             else:
@@ -346,7 +346,7 @@ def preload_of(number: int, known: Known) -> float:
 
 
 def main() -> None:
-    what, *numbers = sys.argv[1:]
+    what, *numbers = sys.argv[1:] or ["show"]
     warnings.simplefilter("ignore", BdamperWarning)
     known = read()
     if what == "show":

@@ -497,7 +497,7 @@ LONG = {
     "ResponseCurve", "FEBody", "Fitted", "Hysteresis", "MarginCurve", "MistunedSample", "OptimalCurve", "Settings",
     "DiskPeak", "analyses.error_estimates", "bladed_disk", "build_model", "contact.laws", "fatigue.criteria",
     "fem.generated_models", "fem.meshes", "TimeResponse", "lumped", "mistuned_sample", "time_domain.floquet",
-    "frequency_sweep", "accuracy_cost",
+    "frequency_sweep", "accuracy_cost", "SteadyCriteria", "motion_in_time",
 }  # fmt: skip
 """Names with longer docstrings, which shall become fewer."""
 NAMED = re.compile(

@@ -52,7 +52,8 @@ def test_a_blade_keeps_a_peak_without_folds():
     peak = wheel.peak(2000.0, options=DiskPeakOptions(least=12, most=12, climbs=2))
     kept = wheel.time_response(peak, steps_per_period=32)
     assert kept.status == "complete" and kept.blade == peak.blade and kept.periods
-    assert kept.mean == pytest.approx(peak.amplitude, rel=0.15) and kept.blades.mean(axis=0).argmax() == peak.blade
+    assert kept.mean == pytest.approx(peak.amplitude, rel=0.15)
+    np.testing.assert_allclose(kept.blades.mean(axis=0), peak.amplitudes, rtol=0.15)
     assert re.search(rf"blade +{peak.blade}\n", str(kept)) and "vibrate alike" not in str(kept)
 
 

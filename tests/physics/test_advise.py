@@ -58,6 +58,8 @@ def test_an_estimate_that_is_far_off_says_so():
     assert abs(e.amplitude - true) > 0.01 and e.uncertainty > 0.01
 
 
-def test_effects_are_settings_of_all_of_them():
-    with pytest.raises(bd.SettingError, match=r"effects: expected a value for each of .* found \['bias'\]"):
-        Effects({"bias": True})
+def test_effects_may_be_some_of_all():
+    effects = Effects({"variable_normal_load": False})
+    assert dict(effects) == {"variable_normal_load": False, "separation": False} and "separation" in str(effects)
+    with pytest.raises(bd.SettingError, match=r"effects: expected names out of .* found \['bais'\]"):
+        Effects({"bais": True})

@@ -11,7 +11,7 @@ import scipy.linalg
 
 import bdamper as bd
 from bdamper.time_domain import steady_amplitude, time_response
-from bdamper.time_domain.steady_amplitude import FINE, STRIDE, BalanceCurve, Place, SteadySearch
+from bdamper.time_domain.steady_amplitude import BalanceCurve, Place, SteadySearch
 from bdamper.time_domain.time_response import _at_fall, _other_starts, _refine
 from bdamper.time_domain.transient import CRITERIA, SteadyPoint
 from tests.each import each
@@ -269,7 +269,7 @@ def point(frequency, mean=1.0):
     return SteadyPoint(Still(frequency, mean), True, 0.0)
 
 
-STEP = STRIDE * 8.0 / steady_amplitude.PACE  # Hz between two places
+STEP = CRITERIA.stride * 8.0 / CRITERIA.pace  # Hz between two places
 
 
 @each("end", [97.0, 98.34, 103.4, 95.9])
@@ -281,7 +281,7 @@ def test_a_sweep_ends_at_the_fall_and_the_fall_is_halved_to_a_thousandth(search_
     assert places[-3].frequency <= end < places[-4].frequency
     search.run()
     best = search.best
-    assert search.fall <= end < best.frequency <= search.fall + FINE * best.frequency
+    assert search.fall <= end < best.frequency <= search.fall + CRITERIA.fine * best.frequency
     assert best.mean == pytest.approx(rises_to(end)(best.frequency)) and best.steady and not search.failure
     assert np.isnan(search.below) and not search.at_end(best)
 
@@ -364,7 +364,7 @@ def test_a_motion_that_does_not_settle_at_its_highest_place_is_tried_at_places_b
     tried = [places[top - k].frequency for k in (0, 1, 3, 7)]
     assert search.fell[:3] == tried[:3] and search.points[0].frequency == tried[3] > 103.0
     assert set(ring.seeds) == {("flank", CRITERIA.seed, 0)}
-    assert search.fall <= 103.0 < search.best.frequency <= search.fall + FINE * search.fall
+    assert search.fall <= 103.0 < search.best.frequency <= search.fall + CRITERIA.fine * search.fall
 
 
 def test_without_a_motion_that_stays_there_is_a_reason(search_of):

@@ -58,10 +58,10 @@ class Effects(dict[str, Any]):
     """
 
     def __init__(self, settings: Mapping[str, Any]) -> None:
-        validation.check_value(set(settings) == set(ASSUMED), "effects", f"a value for each of {sorted(ASSUMED)}",
-                               sorted(settings))  # fmt: skip
+        known = f"names out of {sorted(ASSUMED)}"
+        validation.check_value(set(settings) <= set(ASSUMED), "effects", known, sorted(settings))
         super().__init__({name: tuple(v) if isinstance(v, list) else v for name, v in settings.items()})
-        if not self["variable_normal_load"]:
+        if not self.get("variable_normal_load", True):
             self["separation"] = False
 
     @classmethod
@@ -98,11 +98,11 @@ class Effects(dict[str, Any]):
         return Effects({**self, **changed})
 
     def __str__(self) -> str:
-        rows = [(spaced(name), _text(self[name]), assumed) for name, assumed in ASSUMED.items()]
+        rows = [(spaced(name), _text(self[name]), assumed) for name, assumed in ASSUMED.items() if name in self]
         lines = aligned([("effect", "setting", "assumed where off or reduced"), *rows])
-        numbers = harmonic_numbers(self["harmonics"])
+        numbers = harmonic_numbers(self.get("harmonics", 1))
         evens = [l for l in range(2, max(numbers), 2) if l not in numbers]
-        if evens and self["variable_normal_load"]:
+        if evens and self.get("variable_normal_load", True):
             lines.append(f"harmonics {evens} are left out although the variable normal load excites them")
         return "\n".join(lines)
 

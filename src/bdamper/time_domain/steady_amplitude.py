@@ -7,15 +7,16 @@ another may be higher.  The search therefore follows motions in time, from two p
 * **from the tip**, with the solution of the harmonic balance.  If its motion is higher than the sweep there, it is followed
   by sweeps in both directions.
 
-A sweep is continuous: the frequency changes by the half width of the resonance in :data:`PACE` periods.  It ends where the
-amplitude remains below :data:`LOW` of its highest value, as it does after the motion has jumped.
+A sweep is continuous: the frequency changes by the half width of the resonance in a given number of periods.  It ends where
+the amplitude remains below a fraction of its highest value, as it does after the motion has jumped.  All numbers are those
+of :class:`bdamper.time_domain.transient.SteadyCriteria`.
 
 **Settled points.**  The motion of the highest place of a sweep is disturbed by waves of every nodal diameter, because a
 sweep gives the blades no time to part, and settles at this frequency (``bdamper.time_domain.transient.settle``).  If it
 falls, the place before is tried, and so on in growing steps.  From the settled motion the frequency changes slowly to
-other points, until the highest one is known: where the motion falls on one side, the interval is halved down to
-:data:`FINE` of the frequency; between two lower points a parabola through three points gives the maximum.  The highest
-motion continues until the blades do not part further.
+other points, until the highest one is known: where the motion falls on one side, the interval is halved; between two lower
+points a parabola through three points gives the maximum.  The highest motion continues until the blades do not part
+further.
 """
 
 from __future__ import annotations
@@ -31,24 +32,8 @@ from bdamper.time_domain.integration import Motion, Ring, transfer
 from bdamper.time_domain.transient import CRITERIA, SteadyPoint, Transient, settle
 from bdamper.util.formatting import amount
 
-PACE = 40
-"""Periods in which a sweep covers the half width of the resonance.  With 15 to 20 periods a motion of the difficult disk
-falls at 68 µm that is followed to 108 µm with 40.
-"""
-STRIDE = 8
-"""Periods between two places of a sweep."""
-LOW, LOW_PLACES = 0.9, 3
-"""A sweep ends when so many places are below this fraction of its highest amplitude."""
-FINE = 1e-3
-"""Relative width of the interval in which a motion falls."""
 APART = 0.01
 """Relative distance of the start from a tip without half width."""
-LEVEL = 0.9
-"""Solutions below this fraction of the highest one are another level, not a ripple of the branch."""
-HIGHER = 1.05
-"""Ratio of amplitudes from which a motion is another, higher one."""
-MOST_POINTS = 16
-"""Largest number of motions that settle around one."""
 
 
 class BalanceCurve:
@@ -73,7 +58,7 @@ class BalanceCurve:
 
     def solution(self, frequency: float) -> NDArray:
         """Return the unknowns of the highest solution closest to a frequency, of any solution in a gap of the curve."""
-        high = np.flatnonzero(self.amplitude >= LEVEL * max(self.at(frequency), default=0.0))
+        high = np.flatnonzero(self.amplitude >= CRITERIA.low * max(self.at(frequency), default=0.0))
         return np.asarray(self.unknowns[high[np.abs(self.frequency[high] - frequency).argmin()]])
 
     @property
@@ -107,7 +92,7 @@ class BalanceCurve:
                 break
         apart = sign * APART * tip if np.isnan(width) else 0.5 * width
         away = np.linspace(tip + apart, end, 400)[:-1] if abs(end - tip) > abs(apart) else np.zeros(0)
-        alone = (x for x in away if len(a := self.at(x)) and a[-1] >= LEVEL * a[0])
+        alone = (x for x in away if len(a := self.at(x)) and a[-1] >= CRITERIA.low * a[0])
         start = float(next(alone, np.nan))
         return 2.0 * (start - tip) if np.isnan(width) else width, start
 
@@ -159,7 +144,7 @@ class SteadySearch:
         self.below = float("nan")
         self.periods = 0
         self.failure = ""
-        self.pace = balance.half_width / PACE  # Hz in a period
+        self.pace = balance.half_width / CRITERIA.pace  # Hz in a period
         self.ends = float(balance.frequency.min()), float(balance.frequency.max())
 
     @property
@@ -173,14 +158,14 @@ class SteadySearch:
         best = self.best
         if best is None:
             return min(self.fell, key=lambda f: abs(f - self.balance.tip), default=float("nan"))
-        other = [f for f in self.fell if any(p.mean < LEVEL * best.mean for p in self.between(f))]
+        other = [f for f in self.fell if any(p.mean < CRITERIA.low * best.mean for p in self.between(f))]
         return min(set(self.fell) - set(other), key=lambda f: abs(f - best.frequency), default=float("nan"))
 
     def between(self, fall: float) -> list[SteadyPoint]:
         """Return the steady motions between the highest one and a fall (Hz), without those at the fall itself."""
         best = self.best
         side = (p for p in self.points if best is not None and (p.frequency - fall) * (best.frequency - p.frequency) > 0.0)
-        return [p for p in side if abs(p.frequency - fall) > FINE * fall]
+        return [p for p in side if abs(p.frequency - fall) > CRITERIA.fine * fall]
 
     def run(self) -> None:
         """Search from the flank and from the tip."""
@@ -194,11 +179,12 @@ class SteadySearch:
         here = Transient(self.ring, TWO_PI * tip, self.start(tip), self.steps)
         here.advance(CRITERIA.fewest)
         self.periods += CRITERIA.fewest
-        start = Place(tip, float(here.amplitude[-STRIDE:].mean()), here.motion)
-        from_tip = [self.sweep(start.motion, tip, sign) for sign in (1.0, -1.0) if start.mean > HIGHER * nearest.mean]
+        start = Place(tip, float(here.amplitude[-CRITERIA.stride:].mean()), here.motion)
+        higher = 1.0 + CRITERIA.tolerance
+        from_tip = [self.sweep(start.motion, tip, sign) for sign in (1.0, -1.0) if start.mean > higher * nearest.mean]
         for places in sorted((*sweeps, *from_tip), key=lambda places: -places[_top(places)].mean):
             best = self.best
-            if best is None or places[_top(places)].mean > HIGHER * best.mean:
+            if best is None or places[_top(places)].mean > higher * best.mean:
                 self.settle_back(places)
                 if self.best is not best:
                     self.below = along if any(places is way for way in from_tip) else np.nan
@@ -213,18 +199,18 @@ class SteadySearch:
         return self.ring.seeded(transfer(self.source, motion, self.ring), CRITERIA.seed, 0)
 
     def sweep(self, motion: Motion, frequency: float, way: float) -> list[Place]:
-        """Return the places of a slow sweep (``way`` is 1 upward, -1 downward), every :data:`STRIDE` periods."""
+        """Return the places of a slow sweep (``way`` is 1 upward, -1 downward) at equal numbers of periods."""
         here = Transient(self.ring, TWO_PI * frequency, motion, self.steps)
         here.advance(CRITERIA.fewest)
-        places = [Place(frequency, float(here.amplitude[-STRIDE:].mean()), here.motion)]
+        places = [Place(frequency, float(here.amplitude[-CRITERIA.stride:].mean()), here.motion)]
         while True:
-            frequency += way * STRIDE * self.pace
-            latest, top = places[-LOW_PLACES:], max(p.mean for p in places)
-            if all(p.mean < LOW * top for p in latest) or not self.ends[0] <= frequency <= self.ends[1]:
-                self.periods += CRITERIA.fewest + STRIDE * (len(places) - 1)
+            frequency += way * CRITERIA.stride * self.pace
+            latest, top = places[-CRITERIA.low_places:], max(p.mean for p in places)
+            if all(p.mean < CRITERIA.low * top for p in latest) or not self.ends[0] <= frequency <= self.ends[1]:
+                self.periods += CRITERIA.fewest + CRITERIA.stride * (len(places) - 1)
                 return places
             here = Transient(self.ring, here.omega, here.motion, self.steps)
-            here.sweep(TWO_PI * frequency, STRIDE)
+            here.sweep(TWO_PI * frequency, CRITERIA.stride)
             places.append(Place(frequency, float(here.amplitude.mean()), here.motion))
 
     def settle_back(self, places: list[Place]) -> None:
@@ -269,14 +255,14 @@ class SteadySearch:
     def follow(self, point: SteadyPoint, frequency: float) -> SteadyPoint:
         """Change the frequency of a steady motion slowly, and settle there."""
         moving = Transient(self.ring, point.transient.omega, point.transient.motion, self.steps)
-        periods = max(STRIDE, round(abs(frequency - point.frequency) / self.pace))
+        periods = max(CRITERIA.stride, round(abs(frequency - point.frequency) / self.pace))
         moving.sweep(TWO_PI * frequency, periods)
         self.periods += periods
         return self.settle(frequency, moving.motion, point.mean)
 
     def look_around(self, best: SteadyPoint, way: float) -> None:
         """Settle around a steady motion until the highest one is known, beginning on the side ``way`` (1 or -1)."""
-        for _ in range(MOST_POINTS):
+        for _ in range(CRITERIA.most_points):
             frequency = self._next(best, way)
             if frequency is None:
                 return
@@ -285,7 +271,7 @@ class SteadySearch:
 
     def _next(self, best: SteadyPoint, way: float) -> float | None:
         """Return the next frequency (Hz) to settle at, or None if the highest motion is known."""
-        f, step, near = best.frequency, 0.25 * self.balance.half_width, FINE * best.frequency
+        f, step, near = best.frequency, 0.25 * self.balance.half_width, CRITERIA.fine * best.frequency
         sides: list[SteadyPoint] = []
         for sign in (way, -way):
             steady = min(
@@ -303,7 +289,7 @@ class SteadySearch:
         if len(sides) < 2:
             return None
         (a, b), (ma, mb) = (p.frequency - f for p in sides), (p.mean - best.mean for p in sides)
-        slope, curvature = np.linalg.solve([[a, a * a], [b, b * b]], [ma, mb])
+        curvature, slope, _ = np.polyfit([a, 0.0, b], [ma, 0.0, mb], 2)
         at = -0.5 * float(slope / curvature) if curvature < 0.0 else 0.0
         rises = slope * at + curvature * at * at > max(CRITERIA.drift, abs(best.change)) * best.mean
         return f + at if rises and abs(at) > 0.5 * min(near, step) else None

@@ -423,11 +423,9 @@ def motion_in_time(
 ) -> MotionInTime:
     """Integrate in time from a point of a response curve, and decide whether the motion agrees with it.
 
-    All sectors are included, each with its contacts, and every nodal diameter is disturbed; there is no truncated Fourier
-    series and no assumption of a travelling wave.  The modes are those of the curve.  The integration ends with the
-    decision, usually after 96 to 200 periods.  With ``frequency`` it starts from the closest solution and has a given
-    number of periods without a decision.  This applies to frequencies without a solution, or without a stable one: a
-    rattling damper may have no periodic response, and mean and range of the amplitude describe it.
+    All sectors are included, each with its contacts and disturbances of every nodal diameter; the modes are those of the
+    curve.  The integration ends with the decision, usually after 96 to 200 periods.  With ``frequency`` it starts from the
+    closest solution and has a given number of periods without a decision, as where no stable solution exists.
 
     Parameters
     ----------
@@ -439,32 +437,29 @@ def motion_in_time(
     frequency : float, Hz, optional
         Frequency of the excitation, instead of a point.
     periods : int, optional
-        Periods of the excitation: the largest number until a decision, 1,000 by default, or with ``frequency`` the number,
-        200 by default.  A transient of a mode with damping ratio ``zeta`` takes about ``1/(2 zeta)`` periods.
+        Largest number of periods until a decision, 1,000 by default; with ``frequency`` their number, 200 by default.
     tolerance : float
         Largest relative difference of the amplitude for the decision.
     steps_per_period : int, optional
         1,024 by default, 256 with ``frequency``.
     progress : bool
-        Show a progress bar of the periods, with the remaining time.
+        Show a progress bar.
 
     Returns
     -------
     MotionInTime
-        ``verdict`` is "agrees", "does not agree" or "undecided"; it is empty with ``frequency``, and the status is
-        "incomplete" while the mean changes.  After Ctrl-C the result of the periods so far.
+        With ``frequency`` it has no verdict, and is incomplete while the mean changes.  After Ctrl-C the periods so far.
 
     Raises
     ------
     SettingError
-        If a number is not valid, both a point and a frequency are given, the curve has no points, or the settings do not
-        describe a structure in time.
+        If a number is not valid, both a point and a frequency are given, or the curve has no points.
     MarchFailed
         If the time integration fails.
     """
     check_curve(problem, curve)
     validation.check_value(len(curve), "curve", "a curve with points", f"no points ({curve.status}: {curve.reason})")
-    tolerance = validation.number("tolerance", tolerance, above=0.0, most=1.0)
+    tolerance, n = validation.number("tolerance", tolerance, above=0.0, most=1.0), len(curve)
     free = frequency is not None
     if frequency is not None:
         frequency = validation.number("frequency", frequency, above=0.0, unit="Hz")
@@ -472,36 +467,43 @@ def motion_in_time(
             raise validation.invalid("index", "none, since a frequency is given", index)
         i = int(np.abs(curve.frequency - frequency).argmin())
     else:
-        i = (
-            curve.peak_index
-            if index is None
-            else validation.integer("index of a point", index, -len(curve), len(curve) - 1)
-        )
+        i = curve.peak_index if index is None else validation.integer("index of a point", index, -n, n - 1)
         frequency = float(curve.frequency[i])
-    default = (200, STEPS) if free else (CRITERIA.longest, CRITERIA.steps)
-    periods = default[0] if periods is None else validation.integer("periods", periods, least=CRITERIA.look if free else 1)
+    least, default, steps = (CRITERIA.look, 200, STEPS) if free else (1, CRITERIA.longest, CRITERIA.steps)
+    periods = default if periods is None else validation.integer("periods", periods, least=least)
+    steps = steps if steps_per_period is None else steps_per_period
     watch, ring = CostMeter(), ring_of(problem, curve.preload)
-    steps = default[1] if steps_per_period is None else steps_per_period
     transient = disturbed(ring, curve.unknowns[i], TWO_PI * frequency, steps)
-    expected = problem.system(curve.preload).response(curve.unknowns[i])
     more: dict[str, Any] = {}
     if free:
-        interrupted = transient.run(periods, progress)
-        if interrupted and len(transient.harmonics) < CRITERIA.look:
-            raise KeyboardInterrupt
-        change = to_come(transient.amplitude, transient.memory)
-        moving = f"the mean changes by another {100.0 * change:+.2g} % by estimate; use more periods"
-        status = with_reason(INCOMPLETE, moving) if abs(change) > CRITERIA.drift else COMPLETE
+        status = _without_decision(transient, periods, progress)
     else:
-        verdict, reason, interrupted = compare_with_solution(transient, expected, tolerance, periods, progress)
-        apart, size = (float(np.linalg.norm(x[1:])) for x in (transient.response[-1] - expected, expected))
-        more = {"balance": float(abs(expected[1])), "distance": apart / max(size, 1e-300)}
-        more |= {"verdict": verdict, "reason": reason}
-        status = with_reason(INCOMPLETE, UNDECIDED) if verdict == UNDECIDED else COMPLETE
+        expected = problem.system(curve.preload).response(curve.unknowns[i])
+        status, more = _with_decision(transient, expected, tolerance, periods, progress)
     amplitude = second_half(transient.amplitude)
     return MotionInTime(
         float(amplitude.mean()), float(amplitude.min()), float(amplitude.max()), frequency, curve.preload,
         transient.response, repeats_after=repeats_after(transient.response), diameters=ring.nodal_diameters,
-        status=INTERRUPTED if interrupted else status, cost=watch.read(ring.cost),
-        **of_blades(transient, len(amplitude)), **more, **problem.recorded(),
+        status=status, cost=watch.read(ring.cost), **of_blades(transient, len(amplitude)), **more, **problem.recorded(),
     )  # fmt: skip
+
+
+def _without_decision(transient: Transient, periods: int, progress: bool) -> str:
+    """Integrate a number of periods and return the status, incomplete while the mean changes."""
+    interrupted = transient.run(periods, progress)
+    if interrupted and len(transient.harmonics) < CRITERIA.look:
+        raise KeyboardInterrupt
+    change = to_come(transient.amplitude, transient.memory)
+    moving = f"the mean changes by another {100.0 * change:+.2g} % by estimate; use more periods"
+    return INTERRUPTED if interrupted else with_reason(INCOMPLETE, moving) if abs(change) > CRITERIA.drift else COMPLETE
+
+
+def _with_decision(
+    transient: Transient, expected: NDArray, tolerance: float, periods: int, progress: bool
+) -> tuple[str, dict[str, Any]]:
+    """Integrate until a decision and return the status, and the fields of the result on it."""
+    verdict, reason, interrupted = compare_with_solution(transient, expected, tolerance, periods, progress)
+    apart, size = (float(np.linalg.norm(x[1:])) for x in (transient.response[-1] - expected, expected))
+    status = INTERRUPTED if interrupted else with_reason(INCOMPLETE, UNDECIDED) if verdict == UNDECIDED else COMPLETE
+    distance = apart / max(size, 1e-300)
+    return status, {"balance": float(abs(expected[1])), "distance": distance, "verdict": verdict, "reason": reason}
