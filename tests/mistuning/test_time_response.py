@@ -46,8 +46,9 @@ def test_amplitudes_of_all_blades_are_those_of_the_response():
 
 
 def test_a_blade_keeps_a_peak_without_folds():
-    """Long steps will do to see that it stays: one harmonic is a tenth too high."""
-    wheel = BladedDisk(study(), Mistuning.random(N, 0.03, seed=0))
+    """Long steps will do to see that it stays: one harmonic is a tenth too high.  In time, too, this blade is the highest,
+    by 2.5 %."""
+    wheel = BladedDisk(study(), Mistuning.random(N, 0.03, seed=3))
     peak = wheel.peak(2000.0, options=DiskPeakOptions(least=12, most=12, climbs=2))
     kept = wheel.time_response(peak, steps_per_period=32)
     assert kept.status == "complete" and kept.blade == peak.blade and kept.periods
