@@ -8,7 +8,7 @@ import pytest
 import bdamper as bd
 from bdamper.analyses import response_residuals
 from bdamper.analyses.fit import UNLOADED, Objective, _profile, _stage, covariance, fit
-from bdamper.analyses.response_residuals import Separation, _Swept
+from bdamper.analyses.response_residuals import Separation, Variations, _Swept
 from bdamper.harmonic_balance.parameters import vary
 from bdamper.importers.measurements import Measured
 from bdamper.response.response_curve import sweep_of
@@ -31,12 +31,11 @@ def jenkins():
 def measured(study, test, noise=0.0, seed=0):
     """A test with the response of a study at its frequencies, found by the equations alone, and noise."""
     f = test.data.frequency
-    study = study if test.force is None else vary(study, {"excitation.amplitude": test.force})
-    swept = _Swept(study.problem, test, (f[0] * (1.0 - 1e-6), f[-1] * (1.0 + 1e-6)))
+    swept = _Swept(Variations(lambda _: study.problem, {}), test, (f[0] * (1.0 - 1e-6), f[-1] * (1.0 + 1e-6)))
     noise_of = np.random.default_rng(seed).standard_normal((2, len(f))) * noise
-    response = np.array([swept.first(swept.at(at)) for at in f]) * np.exp(noise_of[0] + 1j * noise_of[1])
+    response = np.array([swept.first(swept.at(at, factor)[1]) for at, factor in zip(f, test.factors)]) * np.exp(noise_of[0] + 1j * noise_of[1])
     response = response if test.data.response.imag.any() else np.abs(response) + 0j
-    return bd.MeasuredResponse(bd.importers.Measurement(test.data.name, f, response), test.preload, test.force, test.sweep)
+    return replace(test, data=replace(test.data, response=response))
 
 
 def blank(preload, band, n=20, phase=True, **how):

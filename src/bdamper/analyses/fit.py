@@ -23,6 +23,7 @@ outside the interval; :meth:`Fitted.widen` widens it by comparison with a more d
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -44,9 +45,10 @@ from bdamper.analyses.response_residuals import (
 )
 from bdamper.harmonic_balance.parameters import setting_names, vary
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.result_checks import A, asked, check_result, problem_of
+from bdamper.harmonic_balance.result_checks import check_result, problem_of
 from bdamper.importers.measurements import Measured, Measurement
 from bdamper.response.sensitivity import setting_value
+from bdamper.study import Study
 from bdamper.util import validation
 from bdamper.util.display import Plottable
 from bdamper.util.errors import COMPLETE, INCOMPLETE, BdamperError, SettingError, with_reason
@@ -150,8 +152,13 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
         """Return the estimate of a parameter."""
         return float(self.values[self.names.index(validation.choice("parameter", name, self.names))])
 
-    def apply(self, study: A) -> A:
+    def apply(self, study: Any) -> Any:
         """Return a study with the identified parameters, without the force gain of the rig.
+
+        Parameters
+        ----------
+        study : Study or callable
+            That of the fit.
 
         Raises
         ------
@@ -159,6 +166,8 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
             If the study has another model or other settings than the fit. Contact parameters compensate for
             omitted modes, contact points and harmonics, and are wrong with other settings.
         """
+        if callable(study):
+            return study(**{name: float(v) for name, v in zip(self.names, self.values) if name != FORCE})
         check_result(problem_of(study), self, f"study (the constants belong to {self._belong()})")
         return vary(study, {name: float(v) for name, v in zip(self.names, self.values) if name != FORCE})
 
@@ -239,7 +248,8 @@ class Objective:
 
     Parameters
     ----------
-    problem : Problem
+    problem : Problem or callable
+        Study with settings to vary, or a function that returns the study for parameters given as keywords.
     data : sequence of MeasuredResponse or Measured
     ranges : mapping of name to (low, high)
     noise : float
@@ -248,14 +258,14 @@ class Objective:
         Constant parameters.
     """
 
-    problem: Problem
+    problem: Problem | Callable[..., Study]
     data: Sequence[MeasuredResponse | Measured]
     ranges: Mapping[str, tuple[float, float]]
     noise: float
     held: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.problem = problem_of(self.problem)
+        self.problem = self.problem if callable(self.problem) else problem_of(self.problem)
         self._last: tuple[NDArray, list[Separation]] | None = None
 
     @property
@@ -263,13 +273,32 @@ class Objective:
         """Logarithms of the ranges (2, k)."""
         return np.log(np.array(list(self.ranges.values()))).T
 
+    def made(self, values: Mapping[str, float]) -> Problem:
+        """Return the problem at values of the parameters, without the force gain."""
+        values = {name: float(value) for name, value in values.items() if name != FORCE}
+        return problem_of(self.problem(**values)) if callable(self.problem) else vary(self.problem, values)
+
+    @property
+    def start(self) -> NDArray:
+        """Logarithms (k,) of the initial values: those of the study or of the function, or the middles of the ranges."""
+        middle = dict(zip(self.ranges, np.exp(self.bounds.mean(axis=0)).tolist()))
+        if callable(self.problem):
+            given = inspect.signature(self.problem).parameters
+            known = {name: given[name].default for name in middle if name in given}
+            values = {name: value for name, value in known.items() if value is not inspect.Parameter.empty}
+        else:
+            values = {name: setting_value(self.problem, name) for name in middle if name != FORCE}
+        values = middle | ({FORCE: 1.0} if FORCE in middle else {}) | values
+        return np.clip(np.log([values[name] or 1e-300 for name in middle]), *self.bounds)
+
     def parts(self, x: NDArray) -> list[Separation]:
         """Return the residuals of each data set; the last result is stored."""
         if self._last is None or not np.array_equal(self._last[0], x):
             held = dict(self.held)
             gain = {FORCE: held.pop(FORCE)} if FORCE in held else {}  # jacobian() omits its derivatives
             values = dict(zip(self.ranges, np.exp(x).tolist()))
-            varied = Variations(vary(self.problem, held), values | {n: v for n, v in gain.items() if n not in values})
+            given = values | {n: v for n, v in gain.items() if n not in values}
+            varied = Variations(lambda at: self.made(held | at), given)
             how: dict[type, Callable[..., Separation]] = {MeasuredResponse: of_test, Measured: of_resonances}
             self._last = x.copy(), [how[type(each)](varied, each, self.noise) for each in self.data]
         return self._last[1]
@@ -343,11 +372,10 @@ def left_out(r: NDArray, J: NDArray, rows: Sequence[slice | NDArray]) -> NDArray
     return np.asarray(np.sqrt((1.0 - 1.0 / len(rows)) * ((moved - moved.mean(axis=0)) ** 2).sum(axis=0)))
 
 
-@asked
 @validation.check_arguments
 @one_thread
 def fit(
-    problem: Problem,
+    problem: Study | Problem | Callable[..., Study],
     data: MeasuredResponse | Measured | Sequence[MeasuredResponse | Measured],
     vary: Mapping[str, tuple[float, float]],
     *,
@@ -358,14 +386,16 @@ def fit(
 
     Parameters
     ----------
-    problem : Problem
-        Study with the initial values.
+    problem : Study or callable
+        Study with the initial values, or a function that returns the study for parameters given as keywords, such as
+        :func:`bdamper.joint`. Defaults of the function are the initial values; for others it is the middle of the range.
     data : MeasuredResponse, Measured, or a sequence of these
         Swept responses, or resonances over load relative to the one without load.
     vary : mapping of name to (low, high)
         Positive ranges of the parameters. Names are settings of :mod:`bdamper.harmonic_balance.parameters`, such as
         "friction_coefficient", "friction_coefficient.left", "contact_stiffness_factor", "contact_stiffness_factor.normal",
-        "damping_factor", "frequency_factor" or "gap_factor", and "force_factor", the gain of all forces.
+        "damping_factor", "frequency_factor" or "gap_factor", or keywords of the function; and "force_factor", the gain of
+        all forces.
     free : Measurement or MeasuredResponse, optional
         Response without damper. Damping, frequency and force gain are fitted to it first and then held constant; ``vary``
         may give their ranges.
@@ -389,22 +419,25 @@ def fit(
     for each in data:
         validation.instance("data", each, (MeasuredResponse, Measured))
     noise = validation.number("noise", noise, above=0.0, below=1.0)
-    names = (*setting_names(problem), FORCE)
+    own = problem if callable(problem) else problem_of(problem)
+    names = (*(inspect.signature(own).parameters if callable(own) else setting_names(own)), FORCE)
     ranges = {}
     for name, ends in validation.mapping("vary", vary, names, "parameters").items():
         ranges[name] = validation.interval(f"range of {name}", ends, "the unit of the parameter")
     first = None
+    validation.check(free is None or not callable(own), "free", "none for a function, whose parameters are all fitted", "one")
     if free is not None:
         unloaded = {name: ranges.pop(name, ends) for name, ends in UNLOADED.items()}
         first = _stage(
             Objective(
-                problem, [free if isinstance(free, MeasuredResponse) else MeasuredResponse(free, 0.0)], unloaded, noise
+                own, [free if isinstance(free, MeasuredResponse) else MeasuredResponse(free, 0.0)], unloaded, noise
             )
         )
     validation.check(ranges, "vary", "parameters that the free response does not determine", list(vary))
     stiff = [name for name in ranges if name.startswith("contact_stiffness")]
     if (
-        "frequency_factor" in ranges
+        not callable(own)
+        and "frequency_factor" in ranges
         and stiff
         and not any(isinstance(t, MeasuredResponse) and t.preload == 0.0 for t in data)
     ):
@@ -412,7 +445,7 @@ def fit(
             f"vary: frequency_factor and {stiff[0]} need a test without load (free=), found none: a stiffer contact and a "
             "stiffer structure have the same resonances"
         )
-    last = _stage(Objective(problem, data, ranges, noise), first)
+    last = _stage(Objective(own, data, ranges, noise), first)
     return last[0] if first is None else _joined(first[0], last[0])
 
 
@@ -420,10 +453,8 @@ def _stage(objective: Objective, before: tuple[Fitted, NDArray] | None = None) -
     """Fit one stage with the parameters of the previous stage held constant; return the result and its covariance."""
     if before is not None:
         objective.held = dict(zip(before[0].names, before[0].values.tolist()))
-    problem, names = objective.problem, tuple(objective.ranges)
-    start = np.log([1.0 if name == FORCE else setting_value(problem, name) or 1e-300 for name in names])
-    low, high = objective.bounds
-    x = objective.least(np.clip(start, low, high), np.ones(len(names), bool))
+    names, (low, high) = tuple(objective.ranges), objective.bounds
+    x = objective.least(objective.start, np.ones(len(names), bool))
     parts = objective.parts(x)
     labels = tuple(
         str(each) if isinstance(each, MeasuredResponse) else each.source or "resonances" for each in objective.data
@@ -460,7 +491,7 @@ def _stage(objective: Objective, before: tuple[Fitted, NDArray] | None = None) -
         deviation=np.where(unknown, np.inf, np.sqrt(np.diag(C))), left_out=left,
         information=information / np.maximum(information.sum(axis=1, keepdims=True), 1e-300), tests=labels,
         noise=objective.noise, test=np.repeat(np.arange(len(parts)), [len(part.place) for part in parts]), **of_points,
-        **problem.recorded(),
+        **(objective.made(dict(zip(names, np.exp(x)))) if callable(objective.problem) else objective.problem).recorded(),
     )  # fmt: skip
     return _with_status(result, doubts), C
 
@@ -508,9 +539,14 @@ def _profile(objective: Objective, x: NDArray, j: int, rise: float, half: float)
             at[j] += sense * reach
             at[free] += sense * reach * others
             at = np.clip(at, low, high)
-            at = objective.least(at, free, ROUGH) if free.any() else at
-            more = float((objective.residual(at) ** 2).sum()) - least
-            gap = min(np.sqrt(max(more, 0.0) / rise) - 1.0, 1.0)
+
+            def gap_at(at: NDArray) -> float:
+                more = float((objective.residual(at) ** 2).sum()) - least
+                return min(np.sqrt(max(more, 0.0) / rise) - 1.0, 1.0)
+
+            gap = gap_at(at)
+            if free.any() and abs(gap) >= NEARLY:
+                gap = gap_at(objective.least(at, free, ROUGH))
             if abs(gap) < NEARLY or (gap < 0.0 and reach >= limit):
                 break
             inner, outer = ((reach, gap), outer) if gap < 0.0 else (inner, (reach, gap))
