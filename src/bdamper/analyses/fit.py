@@ -26,7 +26,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import scipy  # scipy.stats loads on first use; it takes half a second
@@ -63,6 +63,8 @@ TAKEN_UP = 3.0
 """Accepted rise of the sum of squares relative to its excess at the best point: the misfit doubles."""
 ROUGH = 1e-4
 """Relative tolerance of the sum of squares along a profile."""
+LEAST = 1e-4
+"""Relative change of the sum of squares at which a fit ends: Gauss-Newton steps to a right model make far larger ones."""
 MOST = 60
 """Maximum number of evaluations of a fit."""
 ALIKE = 1e4
@@ -71,6 +73,8 @@ NO_EFFECT = 1e-9
 """Singular value of the derivatives, relative to the largest, below which a combination of parameters has no effect."""
 WRONG = 30.0
 """Misfit of a test in units of the noise above which the model does not describe the data."""
+CORRELATED = 0.95
+"""Correlation of two parameters above which the result names it."""
 UNKNOWN = "not determined by these data"
 SEARCH = 12
 """Maximum number of evaluations on each side of a profile."""
@@ -228,12 +232,12 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
             f"{spaced(name)} {f'{v:.3g}' if np.isfinite(d) else UNKNOWN} ({a:.3g} to {b:.3g})" for name, v, a, b, d in rows
         )
         worst = int(np.argmax(self.misfits))
-        out = [f"{estimates[:1].upper()}{estimates[1:]}, with intervals for 95 %."]
-        if self.wrong:
-            out.insert(0, f"{self.wrong[:1].upper()}{self.wrong[1:]}.")
+        out = [f"{self.wrong[:1].upper()}{self.wrong[1:]}."] if self.wrong else []
         wrong = ": the model is wrong by more than the noise" if self.misfit > 1.5 else ""
         most = f"most in {self.tests[worst]} ({self.misfits[worst]:.2g})"
         out.append(f"Misfit {self.misfit:.2g} times the noise{wrong}, {most}.")
+        out.append(f"{estimates[:1].upper()}{estimates[1:]}, with intervals for 95 %.")
+        out += [f"{note[:1].upper()}{note[1:]}." for note in self.notes if note.startswith("correlated")]
         if wrong:
             out.append("True constants may lie outside of the intervals: compare a fit with richer settings (widen).")
         out.append(f"The constants belong to {self._belong()}, and to no other settings.")
@@ -256,6 +260,8 @@ class Objective:
         Relative standard deviation of the measured amplitudes.
     held : mapping of name to float
         Constant parameters.
+    profiles : bool
+        Whether intervals are profiles, not those of the covariance.
     """
 
     problem: Problem | Callable[..., Study]
@@ -263,6 +269,7 @@ class Objective:
     ranges: Mapping[str, tuple[float, float]]
     noise: float
     held: dict[str, float] = field(default_factory=dict)
+    profiles: bool = True
 
     def __post_init__(self) -> None:
         self.problem = self.problem if callable(self.problem) else problem_of(self.problem)
@@ -322,7 +329,7 @@ class Objective:
         low, high = self.bounds
         return -0.5 * float((self.residual(x) ** 2).sum()) if ((x >= low) & (x <= high)).all() else -np.inf
 
-    def least(self, x: NDArray, free: NDArray, tolerance: float = 1e-12) -> NDArray:
+    def least(self, x: NDArray, free: NDArray, tolerance: float = LEAST) -> NDArray:
         """Minimise the sum of squares from a point x over the free coordinates."""
         low, high = self.bounds
 
@@ -333,7 +340,8 @@ class Objective:
 
         margin = 1e-6 * (high - low)[free]
         start = np.clip(x[free], low[free] + margin, high[free] - margin)
-        ways: dict[str, Any] = {"xtol": np.sqrt(tolerance) * 1e-4, "ftol": tolerance, "gtol": tolerance, "max_nfev": MOST}
+        ways: dict[str, Any] = {"xtol": 1e-9, "ftol": tolerance, "gtol": 1e-9, "max_nfev": MOST}
+        ways["x_scale"] = "jac"
         solution = least_squares(
             lambda part: self.residual(whole(part)), start, lambda part: self.jacobian(whole(part))[:, free],
             (low[free], high[free]), **ways,
@@ -381,6 +389,7 @@ def fit(
     *,
     free: Measurement | MeasuredResponse | None = None,
     noise: float = 0.02,
+    intervals: Literal["profile", "linear"] = "profile",
 ) -> Fitted:
     """Identify parameters of a study from measured responses.
 
@@ -402,6 +411,9 @@ def fit(
     noise : float
         Relative standard deviation of a measured amplitude, and standard deviation of a phase in radians.
 
+    intervals : {"profile", "linear"}
+        Profiles, or intervals of the same rise of the sum of squares from the covariance, without further responses.
+
     Returns
     -------
     Fitted
@@ -420,17 +432,19 @@ def fit(
         validation.instance("data", each, (MeasuredResponse, Measured))
     noise = validation.number("noise", noise, above=0.0, below=1.0)
     own = problem if callable(problem) else problem_of(problem)
+    profiles = validation.choice("intervals", intervals, ("profile", "linear")) == "profile"
     names = (*(inspect.signature(own).parameters if callable(own) else setting_names(own)), FORCE)
     ranges = {}
     for name, ends in validation.mapping("vary", vary, names, "parameters").items():
         ranges[name] = validation.interval(f"range of {name}", ends, "the unit of the parameter")
     first = None
-    validation.check(free is None or not callable(own), "free", "none for a function, whose parameters are all fitted", "one")
+    validation.check(free is None or not callable(own), "free", "none for a function of all parameters", "one")
     if free is not None:
         unloaded = {name: ranges.pop(name, ends) for name, ends in UNLOADED.items()}
         first = _stage(
             Objective(
-                own, [free if isinstance(free, MeasuredResponse) else MeasuredResponse(free, 0.0)], unloaded, noise
+                own, [free if isinstance(free, MeasuredResponse) else MeasuredResponse(free, 0.0)], unloaded, noise, {},
+                profiles,
             )
         )
     validation.check(ranges, "vary", "parameters that the free response does not determine", list(vary))
@@ -445,7 +459,7 @@ def fit(
             f"vary: frequency_factor and {stiff[0]} need a test without load (free=), found none: a stiffer contact and a "
             "stiffer structure have the same resonances"
         )
-    last = _stage(Objective(own, data, ranges, noise), first)
+    last = _stage(Objective(own, data, ranges, noise, {}, profiles), first)
     return last[0] if first is None else _joined(first[0], last[0])
 
 
@@ -472,6 +486,11 @@ def _stage(objective: Objective, before: tuple[Fitted, NDArray] | None = None) -
     ends = np.clip([x - half[0], x + half[1]], low, high)
     unknown = (ends[0] <= low + EDGE) & (ends[1] >= high - EDGE)
     _, singular, ways = np.linalg.svd(J, full_matrices=False)
+    deviation = np.sqrt(np.diag(C))
+    related = np.abs(C) / np.outer(deviation, deviation)
+    pairs = [f"{spaced(names[i])} and {spaced(names[j])} ({C[i, j] / deviation[i] / deviation[j]:+.3f})"
+             for i, j in zip(*np.nonzero(np.triu(related > CORRELATED, 1)))]  # fmt: skip
+    notes = (f"correlated: {', '.join(pairs)}",) if pairs and not unknown.any() else ()
     doubts = [f"{spaced(name)} {UNKNOWN}" for name, whole in zip(names, unknown) if whole]
     if singular[-1] * ALIKE < singular[0] and not unknown.any():
         parts_of = " ".join(f"{c:+.2f} ln {name}" for c, name in zip(ways[-1], names) if abs(c) > 0.1)
@@ -486,12 +505,14 @@ def _stage(objective: Objective, before: tuple[Fitted, NDArray] | None = None) -
     of_points: dict[str, Any] = {
         name: np.concatenate([getattr(part, name) for part in parts]) for name in ("place", "measured", "model", "residual")
     }
+    own = objective.made(dict(zip(names, np.exp(x)))) if callable(objective.problem) else objective.problem
     result = Fitted(
         names=names, values=np.exp(x), low=np.exp(ends[0]), high=np.exp(ends[1]),
         deviation=np.where(unknown, np.inf, np.sqrt(np.diag(C))), left_out=left,
         information=information / np.maximum(information.sum(axis=1, keepdims=True), 1e-300), tests=labels,
-        noise=objective.noise, test=np.repeat(np.arange(len(parts)), [len(part.place) for part in parts]), **of_points,
-        **(objective.made(dict(zip(names, np.exp(x)))) if callable(objective.problem) else objective.problem).recorded(),
+        notes=notes, noise=objective.noise,
+        test=np.repeat(np.arange(len(parts)), [len(part.place) for part in parts]), **of_points,
+        **own.recorded(),
     )  # fmt: skip
     return _with_status(result, doubts), C
 
@@ -508,7 +529,10 @@ def _uncertainty(
     excess = max(float(r @ r) - float(scipy.stats.chi2.ppf(P95, spare)), 0.0)
     rise = max(scale * quantile**2, TAKEN_UP * excess)
     C = scale * covariance(J)
-    half = np.array([_profile(objective, x, j, rise, np.sqrt(rise / scale * C[j, j])) for j in range(k)]).T
+    linear = np.sqrt(rise / scale * np.diag(C))
+    half = np.array([linear, linear])
+    if objective.profiles:
+        half = np.array([_profile(objective, x, j, rise, linear[j]) for j in range(k)]).T
     left = np.full(k, np.nan)
     if n > 1:
         left = left_out(r, J, rows)
@@ -570,7 +594,7 @@ def _joined(first: Fitted, last: Fitted) -> Fitted:
     whole: dict[str, Any] = {name: np.concatenate([getattr(first, name), getattr(last, name)]) for name in arrays}
     joined = replace(
         last, names=first.names + last.names, tests=first.tests + last.tests,
-        **whole, information=information,
+        **whole, information=information, notes=first.notes + last.notes,
         test=np.append(first.test, last.test + len(first.tests)),
     )  # fmt: skip
     return _with_status(joined, (first.doubts, last.doubts))

@@ -160,13 +160,13 @@ class Variations:
         """Return the equations at one preload under the force amplitude of a test."""
         return forced(self.own.system(preload), self.ratio(force))
 
-    def families(self, force: float | None, preload: float, factor: float = 1.0) -> dict[str, tuple[Family, float]]:
-        """Return the equations at one preload as functions of each parameter, under ``factor`` times the force."""
+    def families(self, force: float | None, preload: float) -> dict[str, tuple[Family, float]]:
+        """Return the equations at one preload as functions of each parameter."""
 
         def family(name: str) -> Callable[[float], Equations]:
             def at(value: float) -> Equations:
                 gain = value if name == FORCE else None
-                return forced(self.neighbour(name, value).system(preload), factor * self.ratio(force, gain))
+                return forced(self.neighbour(name, value).system(preload), self.ratio(force, gain))
 
             return at
 
@@ -222,7 +222,7 @@ def of_test(varied: Variations, test: MeasuredResponse, noise: float) -> Separat
     phase = bool(np.any(test.data.response.imag))
     model, residual, lost = np.full(n, np.nan + 0j), np.zeros((n, 2)), np.ones(n, bool)
     normal = np.full((n, 2), np.nan)
-    points: dict[int, tuple[Equations, Correction]] = {}
+    points: dict[int, Correction] = {}
     residual[:, 0] = LOST
     step = float(np.median(np.diff(np.unique(np.log(f)))))
     band = f.min() * (1.0 - EDGE), f.max() * (1.0 + EDGE)
@@ -231,7 +231,7 @@ def of_test(varied: Variations, test: MeasuredResponse, noise: float) -> Separat
         reason = reason if search is None else search.curve.reason
         return Separation(f, measured, model, residual, lambda: np.zeros((n, 2, len(varied.values))), lost, reason)
     for i in range(n):
-        found = None
+        solution = None
         target = np.array([np.log(f[i]) / step, np.log(abs(measured[i]) / factors[i]) / noise])
         if search.jumps(f[i], NEAR_JUMP * step):
             solution = search.nearest(target, np.array([step, noise]))
@@ -239,29 +239,28 @@ def of_test(varied: Variations, test: MeasuredResponse, noise: float) -> Separat
                 gap, way = search.away(solution, target, np.array([step, noise]))
                 normal[i] = np.array([-way[1], way[0]]) / norm2(way)
                 residual[i] = gap @ normal[i], 0.0
-                found = search.system, solution
-        if found is None and (found := search.at(f[i], factors[i])) is not None:
-            ratio = search.first(found[1]) / measured[i]
+        if solution is None and (solution := search.at(f[i], factors[i])) is not None:
+            ratio = search.first(solution) / measured[i]
             residual[i] = np.log(abs(ratio)) / noise, phase * 2.0 * np.sin(0.5 * np.angle(ratio)) / noise
-        if found is not None:
-            lost[i], model[i], points[i] = False, search.first(found[1]), found
+        if solution is not None:
+            lost[i], model[i], points[i] = False, search.first(solution), solution
 
     def slopes() -> NDArray:
         out = np.zeros((n, 2, len(varied.values)))
-        near = np.isfinite(normal[:, 0])
-        under = np.where(near, 1.0, factors)
-        for factor in np.unique(under[~lost]):
-            rows = np.flatnonzero((under == factor) & ~lost)
-            families = varied.families(force, test.preload, float(factor))
-            scale = np.tile(search.scale, (len(rows), 1))
-            turned = np.cos(0.5 * np.angle(model[rows] / measured[rows]))
-            found = across(points[rows[0]][0], [points[i][1] for i in rows], scale, families)
-            for j, s in enumerate(found.values()):
-                relative = s.at_frequency / model[rows]
-                vertical = np.array([relative.real, phase * turned * relative.imag]).T / noise
-                sideways = np.array([s.frequency / f[rows] / step, (s.response / model[rows]).real / noise]).T
-                distance = np.pad((sideways * normal[rows]).sum(axis=1)[:, None], ((0, 0), (0, 1)))
-                out[rows, :, j] = np.where(near[rows, None], distance, vertical)
+        rows = np.flatnonzero(~lost)
+        if not len(rows):
+            return out
+        near = np.isfinite(normal[rows, 0])
+        families = varied.families(force, test.preload)
+        scale = np.tile(search.scale, (len(rows), 1))
+        turned = np.cos(0.5 * np.angle(model[rows] / measured[rows]))
+        under = np.where(near, 1.0, factors[rows])
+        for j, s in enumerate(across(search.system, [points[int(i)] for i in rows], scale, families, under).values()):
+            relative = s.at_frequency / model[rows]
+            vertical = np.array([relative.real, phase * turned * relative.imag]).T / noise
+            sideways = np.array([s.frequency / f[rows] / step, (s.response / model[rows]).real / noise]).T
+            distance = np.pad((sideways * normal[rows]).sum(axis=1)[:, None], ((0, 0), (0, 1)))
+            out[rows, :, j] = np.where(near[:, None], distance, vertical)
         return np.nan_to_num(out, posinf=0.0, neginf=0.0)
 
     return Separation(f, measured, model, residual, slopes, lost)
@@ -288,15 +287,15 @@ class _Swept:
         """Return whether the sweep jumps or ends within a relative distance of a frequency."""
         return any(abs(np.log(frequency / jump.frequency)) <= within for jump in self.sweep.jumps)
 
-    def at(self, frequency: float, factor: float = 1.0) -> tuple[Equations, Correction] | None:
-        """Return equations and solution at a frequency (Hz) on the branch of the sweep under ``factor`` times the force.
+    def at(self, frequency: float, factor: float = 1.0) -> Correction | None:
+        """Return the solution at a frequency (Hz) on the branch of the sweep under ``factor`` times the force.
 
         The force changes from the nominal one in equal ratios, in more of them if Newton's method fails.  None without
         success.
         """
         c = self._nominal(frequency)
         if c is None or factor == 1.0:
-            return None if c is None else (self.system, c)
+            return c
         omega, n = 2.0 * np.pi * frequency, self.system.n_mean
         for steps in (1, 2, 8):
             at, u = c, c.y[:-1]
@@ -308,7 +307,7 @@ class _Swept:
                 if at.status != OK:
                     break
             else:
-                return system, at
+                return at
         return None
 
     def _nominal(self, frequency: float) -> Correction | None:

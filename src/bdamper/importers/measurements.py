@@ -348,7 +348,7 @@ def read_response(
     unit: str | None = None,
     name: str | None = None,
     columns: Mapping[str, str] | None = None,
-    phase_of: Literal["response", "displacement"] = "response",
+    phase_of: Literal["response", "displacement", "none"] = "response",
 ) -> Measurement:
     """Read a measured response over frequency from a text file, a pandas frame or a mapping of header to values.
 
@@ -367,8 +367,8 @@ def read_response(
         Name in legends; by default the name of the file.
     columns : mapping of name to name in the file, optional
         Columns with other names: ``{"amplitude": "Acc 3"}``.
-    phase_of : {"response", "displacement"}
-        Motion whose phase the file contains: that of the column, or the displacement in any case.
+    phase_of : {"response", "displacement", "none"}
+        Motion whose phase the file contains: that of the column, or the displacement in any case.  "none" ignores phases.
 
     Returns
     -------
@@ -389,7 +389,7 @@ def read_responses(
     *,
     unit: str | None = None,
     columns: Mapping[str, str] | None = None,
-    phase_of: Literal["response", "displacement"] = "response",
+    phase_of: Literal["response", "displacement", "none"] = "response",
 ) -> tuple[Measurement, ...]:
     """Read several responses from one file, separated by the numbers in a column.
 
@@ -440,6 +440,9 @@ def _responses(
         response = size * np.exp(1j * table.get("phase", 0.0))
         stated, unit = (level[1].strip(), None) if level else (stated, unit)
     stated = stated if unit is None else unit
+    validation.choice("phase_of", phase_of, ("response", "displacement", "none"))
+    if phase_of == "none":
+        response = np.abs(response) + 0j
     if phase_of == "displacement":
         response = response * 1j ** _motion(source, stated or "m")[1]
     title = name or Path(source).stem
