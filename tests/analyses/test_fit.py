@@ -202,7 +202,7 @@ def test_two_parameters_cost_less_than_twenty_curves(jenkins, tests, monkeypatch
     assert len(calls) <= 20 * len(tests)
 
 
-BEAM = Path("../shared/fixtures/measured/brb_force_controlled.csv")
+BEAM = Path(__file__).resolve().parents[3] / "shared" / "fixtures" / "measured" / "brb_force_controlled.csv"
 
 
 @pytest.mark.slow

@@ -45,10 +45,9 @@ from bdamper.analyses.response_residuals import (
 )
 from bdamper.harmonic_balance.parameters import setting_names, vary
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.result_checks import check_result, problem_of
+from bdamper.harmonic_balance.result_checks import Asking, check_result, problem_of
 from bdamper.importers.measurements import Measured, Measurement
 from bdamper.response.sensitivity import setting_value
-from bdamper.study import Study
 from bdamper.util import validation
 from bdamper.util.display import Plottable
 from bdamper.util.errors import COMPLETE, INCOMPLETE, BdamperError, SettingError, with_reason
@@ -162,7 +161,7 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
         Parameters
         ----------
         study : Study or callable
-            That of the fit.
+            Study or function of the fit.
 
         Raises
         ------
@@ -264,7 +263,7 @@ class Objective:
         Whether intervals are profiles, not those of the covariance.
     """
 
-    problem: Problem | Callable[..., Study]
+    problem: Asking | Problem | Callable[..., Asking]
     data: Sequence[MeasuredResponse | Measured]
     ranges: Mapping[str, tuple[float, float]]
     noise: float
@@ -283,7 +282,7 @@ class Objective:
     def made(self, values: Mapping[str, float]) -> Problem:
         """Return the problem at values of the parameters, without the force gain."""
         values = {name: float(value) for name, value in values.items() if name != FORCE}
-        return problem_of(self.problem(**values)) if callable(self.problem) else vary(self.problem, values)
+        return problem_of(self.problem(**values)) if callable(self.problem) else vary(problem_of(self.problem), values)
 
     @property
     def start(self) -> NDArray:
@@ -294,7 +293,7 @@ class Objective:
             known = {name: given[name].default for name in middle if name in given}
             values = {name: value for name, value in known.items() if value is not inspect.Parameter.empty}
         else:
-            values = {name: setting_value(self.problem, name) for name in middle if name != FORCE}
+            values = {name: setting_value(problem_of(self.problem), name) for name in middle if name != FORCE}
         values = middle | ({FORCE: 1.0} if FORCE in middle else {}) | values
         return np.clip(np.log([values[name] or 1e-300 for name in middle]), *self.bounds)
 
@@ -383,7 +382,7 @@ def left_out(r: NDArray, J: NDArray, rows: Sequence[slice | NDArray]) -> NDArray
 @validation.check_arguments
 @one_thread
 def fit(
-    problem: Study | Problem | Callable[..., Study],
+    problem: Asking | Problem | Callable[..., Asking],
     data: MeasuredResponse | Measured | Sequence[MeasuredResponse | Measured],
     vary: Mapping[str, tuple[float, float]],
     *,
@@ -443,7 +442,11 @@ def fit(
         unloaded = {name: ranges.pop(name, ends) for name, ends in UNLOADED.items()}
         first = _stage(
             Objective(
-                own, [free if isinstance(free, MeasuredResponse) else MeasuredResponse(free, 0.0)], unloaded, noise, {},
+                own,
+                [free if isinstance(free, MeasuredResponse) else MeasuredResponse(free, 0.0)],
+                unloaded,
+                noise,
+                {},
                 profiles,
             )
         )
@@ -505,7 +508,7 @@ def _stage(objective: Objective, before: tuple[Fitted, NDArray] | None = None) -
     of_points: dict[str, Any] = {
         name: np.concatenate([getattr(part, name) for part in parts]) for name in ("place", "measured", "model", "residual")
     }
-    own = objective.made(dict(zip(names, np.exp(x)))) if callable(objective.problem) else objective.problem
+    own = objective.made(dict(zip(names, np.exp(x)))) if callable(objective.problem) else problem_of(objective.problem)
     result = Fitted(
         names=names, values=np.exp(x), low=np.exp(ends[0]), high=np.exp(ends[1]),
         deviation=np.where(unknown, np.inf, np.sqrt(np.diag(C))), left_out=left,
