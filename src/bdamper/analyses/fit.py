@@ -45,7 +45,7 @@ from bdamper.analyses.response_residuals import (
 )
 from bdamper.harmonic_balance.parameters import setting_names, vary
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.result_checks import Asking, check_result, problem_of
+from bdamper.harmonic_balance.result_checks import A, Asking, check_result, problem_of
 from bdamper.importers.measurements import Measured, Measurement
 from bdamper.response.sensitivity import setting_value
 from bdamper.util import validation
@@ -155,7 +155,7 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
         """Return the estimate of a parameter."""
         return float(self.values[self.names.index(validation.choice("parameter", name, self.names))])
 
-    def apply(self, study: Any) -> Any:
+    def apply(self, study: A | Callable[..., A]) -> A:
         """Return a study with the identified parameters, without the force gain of the rig.
 
         Parameters
@@ -395,8 +395,8 @@ def fit(
     Parameters
     ----------
     problem : Study or callable
-        Study with the initial values, or a function that returns the study for parameters given as keywords, such as
-        :func:`bdamper.joint`. Defaults of the function are the initial values; for others it is the middle of the range.
+        Study with the initial values, or a function that returns the study for parameters given as keywords. Its defaults
+        are the initial values; for others it is the middle of the range.
     data : MeasuredResponse, Measured, or a sequence of these
         Swept responses, or resonances over load relative to the one without load.
     vary : mapping of name to (low, high)
@@ -439,17 +439,9 @@ def fit(
     first = None
     validation.check(free is None or not callable(own), "free", "none for a function of all parameters", "one")
     if free is not None:
+        unladen = free if isinstance(free, MeasuredResponse) else MeasuredResponse(free, 0.0)
         unloaded = {name: ranges.pop(name, ends) for name, ends in UNLOADED.items()}
-        first = _stage(
-            Objective(
-                own,
-                [free if isinstance(free, MeasuredResponse) else MeasuredResponse(free, 0.0)],
-                unloaded,
-                noise,
-                {},
-                profiles,
-            )
-        )
+        first = _stage(Objective(own, [unladen], unloaded, noise, {}, profiles))
     validation.check(ranges, "vary", "parameters that the free response does not determine", list(vary))
     stiff = [name for name in ranges if name.startswith("contact_stiffness")]
     if (
