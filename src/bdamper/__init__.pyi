@@ -39,6 +39,7 @@ from .model.structure import Model as Model
 from .fem.reference_models import reference_model as reference_model
 from .model.model_file import load_model as load_model
 from .model.model_file import save_model as save_model
+from .lumped_masses import joint as joint
 from .lumped_masses import lumped as lumped
 from .lumped_masses import Contact as Contact
 from .model.contact_points import face_gap as face_gap

@@ -177,6 +177,53 @@ def lumped(
     )
 
 
+@validation.check_arguments
+def joint(
+    frequency: float,
+    damping_ratio: float,
+    stiffness: float,
+    friction: float,
+    exponent: float = 1.0,
+    mass: float = 1.0,
+    sliders: int = 8,
+    **settings: Any,
+) -> Study:
+    """Return a study of one mode with a joint of parallel sliders; its reference is the stuck joint.
+
+    The sliders have equal stiffness and the friction limits ``(friction / sliders) ((i + 1/4) / sliders) ** exponent`` with
+    i from 0.
+
+    Parameters
+    ----------
+    frequency : float, Hz
+        Natural frequency of the mode with stuck joint.
+    damping_ratio : float
+        Damping ratio of that mode without friction.
+    stiffness : float, N/m
+        Stiffness of the joint, a part of that of the mode.
+    friction : float, N
+        Sum of the friction limits for exponent 0.
+    exponent : float
+        Distribution of the limits: 0 if all are equal, more small ones for larger exponents.
+    mass : float, kg
+        Modal mass for a unit displacement at the point of the force, where the response is measured.
+    sliders : int
+    **settings
+        Other settings of the study; ``harmonics`` is 1 by default.
+
+    Returns
+    -------
+    Study
+    """
+    stiff = mass * (2.0 * np.pi * frequency) ** 2
+    validation.check(stiffness < stiff, "stiffness", f"one below {stiff:.6g} N/m, that of the mode", f"{stiffness:.6g} N/m")
+    limits = friction / sliders * ((np.arange(sliders) + 0.25) / sliders) ** exponent
+    contacts = [Contact(0, kt=stiffness / sliders, mu=1.0, preload=float(limit)) for limit in limits]
+    damping = 2.0 * damping_ratio * np.sqrt(stiff * mass)
+    settings = {"harmonics": 1} | settings
+    return lumped(mass, damping, stiff - stiffness, contacts=contacts, forces={0: 1.0}, **settings)
+
+
 class _Face(NamedTuple):
     """Interface of one point: two tangential motions and closing, stiffness of each, kind, contact."""
 

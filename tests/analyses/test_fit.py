@@ -1,6 +1,7 @@
 """Parameters from synthetic measurements: recovered where the model is right, bracketed where it is not."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 import bdamper as bd
 from bdamper.analyses import response_residuals
 from bdamper.analyses.fit import UNLOADED, Objective, _profile, _stage, covariance, fit
-from bdamper.analyses.response_residuals import Separation, _Swept
+from bdamper.analyses.response_residuals import Separation, Variations, _Swept
 from bdamper.harmonic_balance.parameters import vary
 from bdamper.importers.measurements import Measured
 from bdamper.response.response_curve import sweep_of
@@ -31,12 +32,12 @@ def jenkins():
 def measured(study, test, noise=0.0, seed=0):
     """A test with the response of a study at its frequencies, found by the equations alone, and noise."""
     f = test.data.frequency
-    study = study if test.force is None else vary(study, {"excitation.amplitude": test.force})
-    swept = _Swept(study.problem, test, (f[0] * (1.0 - 1e-6), f[-1] * (1.0 + 1e-6)))
+    swept = _Swept(Variations(lambda _: study.problem, {}), test, (f[0] * (1.0 - 1e-6), f[-1] * (1.0 + 1e-6)))
     noise_of = np.random.default_rng(seed).standard_normal((2, len(f))) * noise
-    response = np.array([swept.first(swept.at(at)) for at in f]) * np.exp(noise_of[0] + 1j * noise_of[1])
+    exact = np.array([swept.first(swept.at(at, factor)) for at, factor in zip(f, test.factors)])
+    response = exact * np.exp(noise_of[0] + 1j * noise_of[1])
     response = response if test.data.response.imag.any() else np.abs(response) + 0j
-    return bd.MeasuredResponse(bd.importers.Measurement(test.data.name, f, response), test.preload, test.force, test.sweep)
+    return replace(test, data=replace(test.data, response=response))
 
 
 def blank(preload, band, n=20, phase=True, **how):
@@ -151,6 +152,78 @@ def test_intervals_beside_a_richer_fit(jenkins, tests):
         assert both.values == found.values and "harmonics 1" in both.notes[-1]
     with pytest.raises(bd.SettingError, match="richer: expected a fit of"):
         found.widen(replace(found, names=("damping_factor",)))
+
+
+def oscillator(frequency=0.2, stiffness=0.5, friction=1.0, exponent=0.8):
+    return bd.joint(frequency, 0.01, stiffness, friction, exponent, sliders=4)
+
+
+def test_a_joint_is_recovered_from_forces_that_differ_between_points():
+    """The stuck frequency, stiffness and friction limits of a function, without noise and from other initial values."""
+    true = {"frequency": 0.204, "stiffness": 0.4, "friction": 1.3}
+    runs = []
+    for k, level in enumerate((0.02, 0.06, 0.2)):
+        plan = blank(0.0, (0.17, 0.23), 12)
+        force = level * (1.0 + 0.4 * np.sin(np.arange(12.0) + k))
+        runs.append(measured(oscillator(**true), replace(plan, data=replace(plan.data, force=force))))
+    ranges = {"frequency": (0.15, 0.25), "stiffness": (0.1, 1.0), "friction": (0.1, 1.5)}
+    found = fit(oscillator, runs, ranges)
+    assert found.values == pytest.approx(list(true.values()), rel=1e-5) and found.misfit < 1e-3
+    assert found.apply(oscillator).problem.model.hash == oscillator(**dict(zip(found.names, found.values))).model.hash
+    at, factor = runs[0].data.frequency[3], runs[0].factors[3]
+    alone = measured(oscillator(**true), blank(0.0, (0.17, 0.23), 12, force=factor * runs[0].nominal))
+    assert runs[0].data.response[3] == pytest.approx(alone.data.response[3], rel=1e-8) and at == alone.data.frequency[3]
+
+
+def test_derivatives_under_forces_that_differ_between_points():
+    plan = blank(0.0, (0.17, 0.23), 8)
+    run = measured(oscillator(), replace(plan, data=replace(plan.data, force=0.1 * (1.0 + 0.1 * np.arange(8.0)))))
+    ranges = {"frequency": (0.1, 0.3), "friction": (0.1, 10.0), "force_factor": (0.5, 2.0)}
+    objective = Objective(oscillator, [run], ranges, 0.02)
+    x, step = np.log([0.201, 1.1, 1.05]), 1e-5
+    exact = objective.jacobian(x)
+    for j, away in enumerate(step * np.eye(3)):
+        difference = (objective.residual(x + away) - objective.residual(x - away)) / (2.0 * step)
+        assert np.abs(exact[:, j] - difference).max() < 1e-4 * np.abs(difference).max()
+
+
+def test_two_parameters_cost_less_than_twenty_curves(jenkins, tests, monkeypatch):
+    """Curves of the whole fit with its profiles, for each test."""
+    calls, frequency_response = [], response_residuals.frequency_response
+
+    def counted(problem, preload, band):
+        calls.append(preload)
+        return frequency_response(problem, preload, band)
+
+    monkeypatch.setattr(response_residuals, "frequency_response", counted)
+    noisy = [measured(vary(jenkins, TRUE), test, 0.02, i) for i, test in enumerate(tests)]
+    found = fit(jenkins, noisy, RANGES)
+    assert 0.6 < found.misfit < 1.4
+    assert len(calls) <= 20 * len(tests)
+
+
+BEAM = Path(__file__).resolve().parents[3] / "shared" / "fixtures" / "measured" / "brb_force_controlled.csv"
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not BEAM.exists(), reason="the measurements are not part of the project")
+def test_a_measured_joint_is_fitted_and_predicts_the_damping_of_a_sweep_left_out():
+    def beam(frequency=80.4, damping_ratio=1.5e-3, stiffness=2e4, friction=5.0, exponent=1.0):
+        return bd.joint(frequency, damping_ratio, stiffness, friction, exponent, mass=1.9505)
+
+    runs = [bd.MeasuredResponse(each) for each in bd.importers.read_responses(BEAM, "level", phase_of="none")]
+    ranges = {"frequency": (79.0, 82.0), "damping_ratio": (1e-4, 1e-2), "stiffness": (1e3, 4e5)}
+    ranges |= {"friction": (0.1, 500.0), "exponent": (0.1, 4.0)}
+    for left in (None, 0, 3):
+        kept = [run for k, run in enumerate(runs) if k != left]
+        found = fit(beam, kept, ranges, noise=0.05, intervals="linear")
+        if left is None:
+            assert np.sqrt((np.log(np.abs(found.model / found.measured)) ** 2).mean()) < 0.12
+            continue
+        data = runs[left].data
+        k, amplitude = int(data.amplitude.argmax()), np.abs(data.displacement)
+        mode = found.apply(beam).nonlinear_mode(0.0, 1, (0.5 * amplitude.min(), 1.3 * amplitude.max()))
+        assert mode.at(amplitude[k])[0][1] == pytest.approx(data.force[k] / (2.0 * 1.9505 * data.amplitude[k]), rel=0.3)
 
 
 class Linear(Objective):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bdamper.analyses.loop_fit import read_loop
-from bdamper.importers.measurements import Measurement, load_measured, read_response
+from bdamper.importers.measurements import Measurement, load_measured, read_response, read_responses
 from bdamper.util.errors import BdamperError
 from tests.each import each
 
@@ -48,21 +48,59 @@ def test_a_byte_order_mark_is_no_part_of_the_header(tmp_path):
     assert load_measured(path).load.tolist() == [0.0, 10.0]
 
 
-@pytest.mark.parametrize("encoding", ["latin-1", "utf-16"])
-def test_other_encodings_are_named(tmp_path, encoding):
+@pytest.mark.parametrize("encoding", ["latin-1", "utf-16", "utf-8"])
+def test_encodings_are_found(tmp_path, encoding):
     path = tmp_path / "points.csv"
-    path.write_bytes("# Prüfstand\nload,amplitude\n0,2\n".encode(encoding))
-    with pytest.raises(BdamperError, match=r"points\.csv: expected text in UTF-8, found another encoding"):
-        load_measured(path)
+    path.write_bytes("# Prüfstand\nfrequency (Hz),amplitude (µm)\n1,2\n".encode(encoding))
+    assert read_response(path).displacement == pytest.approx([2e-6])
+
+
+@each(
+    ("text", "displacement", "frequency"),
+    [
+        ("Freq [Hz];Amplitude [mm]\n1,5;2,25\n", 2.25e-3, 1.5),
+        ("frequency (kHz)\tdisplacement (mil)\n1,5\t2\n", 5.08e-5, 1500.0),
+        ("frequency (rad/s),velocity (mm/s)\n10,2\n", 2e-4, 10.0 / 2.0 / np.pi),
+        ("frequency (Hz),acceleration (g)\n10,2\n", 2.0 * 9.80665 / (20.0 * np.pi) ** 2, 10.0),
+        ("frequency (Hz),amplitude (dB re 1 um)\n10,40\n", 1e-4, 10.0),
+        ("frequency (Hz),acceleration (m/s^2),phase (deg)\n10,,3\n20,1,\n10,4,180\n", 4.0 / (20.0 * np.pi) ** 2, 10.0),
+    ],
+)
+def test_laboratory_files_become_displacements(tmp_path, text, displacement, frequency):
+    found = read_response(write(tmp_path, text))
+    assert np.abs(found.displacement) == pytest.approx([displacement]) and found.frequency == pytest.approx([frequency])
+
+
+def test_phases_of_motions(tmp_path):
+    """An acceleration of phase 180 degrees is a displacement of phase 0, unless the phase is that of the displacement."""
+    text = "frequency (Hz),acceleration (m/s^2),phase (deg)\n1,4,180\n"
+    assert np.angle(read_response(write(tmp_path, text)).displacement) == pytest.approx([0.0])
+    found = read_response(write(tmp_path, text), phase_of="displacement")
+    assert np.abs(np.angle(found.displacement)) == pytest.approx([np.pi])
+
+
+def test_tests_of_one_file_and_forces(tmp_path):
+    text = "control,Run,frequency (Hz),Load cell,amplitude (mm),force (lbf)\na,2,1,9,3,1\nb,1,2,9,4,2\na,2,3,9,5,3\n"
+    first, second = read_responses(write(tmp_path, text), "run")
+    assert first.frequency.tolist() == [2.0] and second.displacement == pytest.approx([3e-3, 5e-3])
+    assert second.force == pytest.approx(4.4482216 * np.array([1.0, 3.0]))
+    named = read_response(write(tmp_path, text.replace("amplitude", "Acc 3")), columns={"amplitude": "Acc 3"})
+    assert named.amplitude.tolist() == [3.0, 4.0, 5.0]
+
+
+def test_tables_are_read_like_files():
+    """A mapping stands for a pandas frame."""
+    table = {"frequency (Hz)": np.array([1.0, 2.0]), "amplitude (mm)": np.array([3.0, np.nan])}
+    assert read_response(table).displacement == pytest.approx([3e-3])
 
 
 def test_a_response_with_units_and_phase(tmp_path):
     path = write(tmp_path, "# rig 7\nPoint,Frequency (Hz),Amplitude [µm],Phase (deg)\na,340,20,90\nb,341,30,-180\n")
     found = read_response(path)
     assert found.response == pytest.approx([20j, -30.0]) and found.frequency.tolist() == [340.0, 341.0]
-    assert found.metres == 1e-6 and found.name == path.stem
+    assert found.displacement == pytest.approx([20e-6j, -30e-6]) and found.name == path.stem
     plain = read_response(write(tmp_path, "real,imag,frequency (Hz)\n3,4,100\n"), unit="mm", name="rig")
-    assert plain.amplitude.tolist() == [5.0] and (plain.metres, plain.name) == (1e-3, "rig")
+    assert np.abs(plain.displacement) == pytest.approx([5e-3]) and plain.name == "rig"
 
 
 def test_a_response_that_was_written_is_read(tmp_path):
@@ -75,10 +113,13 @@ def test_a_response_that_was_written_is_read(tmp_path):
     ("text", "message"),
     [
         ("amplitude\n1\n", "line 1: expected the columns frequency, real, imag; or .*; or frequency, amplitude, found"),
-        ("frequency (rpm),amplitude (m)\n1,2\n", r"points.csv, line 1, column 'frequency': .* \['Hz', 'kHz'\], .* 'rpm'"),
+        (
+            "frequency (rpm),amplitude (m)\n1,2\n",
+            r"line 1, column 'frequency': .* \['Hz', 'kHz', 'rad/s'\], .* 'rpm'",
+        ),
         ("frequency (Hz),real (m),imag (mm)\n1,2,3\n", "points.csv: expected real and imag in the same unit, found 'm'"),
         ("frequency (Hz),amplitude (m)\n1,2\n2,x\n", "line 3: expected a finite number in column 'amplitude', found 'x'"),
-        ("frequency (Hz),amplitude (m)\n1\n", "line 2: expected a finite number in column 'amplitude', found ''"),
+        ("frequency (Hz),amplitude (m)\n1\n", "expected rows of numbers after the header, found none"),
         ("frequency (Hz),amplitude (m)\n1,2,3\n", "line 2: expected 2 values separated by commas"),
         ("frequency (Hz),amplitude (m)\n", "expected rows of numbers after the header, found none"),
     ],

@@ -9,7 +9,7 @@ import pytest
 import bdamper as bd
 from bdamper.mistuning import BladedDisk, DamperVariation, DiskPeakOptions, Mistuning, bladed_disk
 from bdamper.mistuning.bladed_disk import OneStructure
-from bdamper.time_domain.transient import Transient, settle
+from bdamper.time_domain.transient import Transient, second_half, settle
 from tests.marches import fails_after
 from tests.mistuning.lumped import lumped_study, size, solution
 from tests.mistuning.test_symmetry import N, solved, study
@@ -46,17 +46,19 @@ def test_amplitudes_of_all_blades_are_those_of_the_response():
 
 
 def test_a_blade_keeps_a_peak_without_folds():
-    """Long steps will do to see that it stays: one harmonic is a tenth too high, and two blades are within 2 %."""
-    wheel = BladedDisk(study(), Mistuning.random(N, 0.03, seed=0))
+    """Long steps will do to see that it stays: one harmonic is a tenth too high.  In time, too, this blade is the highest,
+    by 2.5 %."""
+    wheel = BladedDisk(study(), Mistuning.random(N, 0.03, seed=3))
     peak = wheel.peak(2000.0, options=DiskPeakOptions(least=12, most=12, climbs=2))
     kept = wheel.time_response(peak, steps_per_period=32)
-    assert kept.status == "complete" and kept.blade == kept.blades.mean(axis=0).argmax() and kept.periods
-    assert kept.mean == pytest.approx(peak.amplitude, rel=0.15) and kept.blades[:, peak.blade].mean() > 0.98 * kept.mean
+    assert kept.status == "complete" and kept.blade == peak.blade and kept.periods
+    assert kept.mean == pytest.approx(peak.amplitude, rel=0.15)
     np.testing.assert_allclose(kept.blades.mean(axis=0), peak.amplitudes, rtol=0.15)
-    assert re.search(rf"blade +{kept.blade}\n", str(kept)) and "vibrate alike" not in str(kept)
+    assert re.search(rf"blade +{peak.blade}\n", str(kept)) and "vibrate alike" not in str(kept)
 
 
 def test_a_mean_that_changes_widens_the_range(monkeypatch):
+    """The mean is that of the highest blade in time, which is another one than at the peak."""
     wheel = BladedDisk(study(), Mistuning.random(N, 0.03, seed=0))
     peak = wheel.peak(2000.0, options=DiskPeakOptions(least=12, most=12, climbs=2))
     changes = iter((0.002, -0.06))
@@ -65,6 +67,7 @@ def test_a_mean_that_changes_widens_the_range(monkeypatch):
     assert found.status == "incomplete: its mean is uncertain by 6 %"
     assert found.lowest == pytest.approx(0.94 * min(found.answers.values()))
     assert found.highest == pytest.approx(1.06 * max(found.answers.values()))
+    assert found.mean == pytest.approx(second_half(found.blades).mean(axis=0).max(), rel=1e-9) and found.blade != peak.blade
 
 
 def test_what_is_not_kept_has_no_amplitude(monkeypatch):
@@ -73,7 +76,7 @@ def test_what_is_not_kept_has_no_amplitude(monkeypatch):
     wheel = BladedDisk(study(), Mistuning.random(N, 0.03, seed=0))
     peak = wheel.peak(2000.0, options=DiskPeakOptions(least=12, most=12, climbs=2))
     fallen = wheel.time_response(replace(peak, preload=1000.0), steps_per_period=32)
-    assert fallen.status.startswith(f"not found: blade {fallen.blade} reaches ") and np.isnan(fallen.mean)
+    assert fallen.status.startswith(f"not found: blade {peak.blade} reaches ") and np.isnan(fallen.mean)
     system = wheel.system(1000.0)
     balance = np.abs(system.structure.responses(solution(system, 2.0 * np.pi * peak.frequency).y[:-1])[:, 1])
     assert balance[peak.blade] < 0.85 * peak.amplitude

@@ -23,9 +23,10 @@ outside the interval; :meth:`Fitted.widen` widens it by comparison with a more d
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import scipy  # scipy.stats loads on first use; it takes half a second
@@ -44,7 +45,7 @@ from bdamper.analyses.response_residuals import (
 )
 from bdamper.harmonic_balance.parameters import setting_names, vary
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.result_checks import A, asked, check_result, problem_of
+from bdamper.harmonic_balance.result_checks import A, Asking, check_result, problem_of
 from bdamper.importers.measurements import Measured, Measurement
 from bdamper.response.sensitivity import setting_value
 from bdamper.util import validation
@@ -61,6 +62,8 @@ TAKEN_UP = 3.0
 """Accepted rise of the sum of squares relative to its excess at the best point: the misfit doubles."""
 ROUGH = 1e-4
 """Relative tolerance of the sum of squares along a profile."""
+LEAST = 1e-4
+"""Relative change of the sum of squares at which a fit ends: Gauss-Newton steps to a right model make far larger ones."""
 MOST = 60
 """Maximum number of evaluations of a fit."""
 ALIKE = 1e4
@@ -69,6 +72,8 @@ NO_EFFECT = 1e-9
 """Singular value of the derivatives, relative to the largest, below which a combination of parameters has no effect."""
 WRONG = 30.0
 """Misfit of a test in units of the noise above which the model does not describe the data."""
+CORRELATED = 0.95
+"""Correlation of two parameters above which the result names it."""
 UNKNOWN = "not determined by these data"
 SEARCH = 12
 """Maximum number of evaluations on each side of a profile."""
@@ -150,8 +155,13 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
         """Return the estimate of a parameter."""
         return float(self.values[self.names.index(validation.choice("parameter", name, self.names))])
 
-    def apply(self, study: A) -> A:
+    def apply(self, study: A | Callable[..., A]) -> A:
         """Return a study with the identified parameters, without the force gain of the rig.
+
+        Parameters
+        ----------
+        study : Study or callable
+            Study or function of the fit.
 
         Raises
         ------
@@ -159,6 +169,8 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
             If the study has another model or other settings than the fit. Contact parameters compensate for
             omitted modes, contact points and harmonics, and are wrong with other settings.
         """
+        if callable(study):
+            return study(**{name: float(v) for name, v in zip(self.names, self.values) if name != FORCE})
         check_result(problem_of(study), self, f"study (the constants belong to {self._belong()})")
         return vary(study, {name: float(v) for name, v in zip(self.names, self.values) if name != FORCE})
 
@@ -219,12 +231,12 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
             f"{spaced(name)} {f'{v:.3g}' if np.isfinite(d) else UNKNOWN} ({a:.3g} to {b:.3g})" for name, v, a, b, d in rows
         )
         worst = int(np.argmax(self.misfits))
-        out = [f"{estimates[:1].upper()}{estimates[1:]}, with intervals for 95 %."]
-        if self.wrong:
-            out.insert(0, f"{self.wrong[:1].upper()}{self.wrong[1:]}.")
+        out = [f"{self.wrong[:1].upper()}{self.wrong[1:]}."] if self.wrong else []
         wrong = ": the model is wrong by more than the noise" if self.misfit > 1.5 else ""
         most = f"most in {self.tests[worst]} ({self.misfits[worst]:.2g})"
         out.append(f"Misfit {self.misfit:.2g} times the noise{wrong}, {most}.")
+        out.append(f"{estimates[:1].upper()}{estimates[1:]}, with intervals for 95 %.")
+        out += [f"{note[:1].upper()}{note[1:]}." for note in self.notes if note.startswith("correlated")]
         if wrong:
             out.append("True constants may lie outside of the intervals: compare a fit with richer settings (widen).")
         out.append(f"The constants belong to {self._belong()}, and to no other settings.")
@@ -239,23 +251,27 @@ class Objective:
 
     Parameters
     ----------
-    problem : Problem
+    problem : Problem or callable
+        Study with settings to vary, or a function that returns the study for parameters given as keywords.
     data : sequence of MeasuredResponse or Measured
     ranges : mapping of name to (low, high)
     noise : float
         Relative standard deviation of the measured amplitudes.
     held : mapping of name to float
         Constant parameters.
+    profiles : bool
+        Whether intervals are profiles, not those of the covariance.
     """
 
-    problem: Problem
+    problem: Asking | Problem | Callable[..., Asking]
     data: Sequence[MeasuredResponse | Measured]
     ranges: Mapping[str, tuple[float, float]]
     noise: float
     held: dict[str, float] = field(default_factory=dict)
+    profiles: bool = True
 
     def __post_init__(self) -> None:
-        self.problem = problem_of(self.problem)
+        self.problem = self.problem if callable(self.problem) else problem_of(self.problem)
         self._last: tuple[NDArray, list[Separation]] | None = None
 
     @property
@@ -263,13 +279,32 @@ class Objective:
         """Logarithms of the ranges (2, k)."""
         return np.log(np.array(list(self.ranges.values()))).T
 
+    def made(self, values: Mapping[str, float]) -> Problem:
+        """Return the problem at values of the parameters, without the force gain."""
+        values = {name: float(value) for name, value in values.items() if name != FORCE}
+        return problem_of(self.problem(**values)) if callable(self.problem) else vary(problem_of(self.problem), values)
+
+    @property
+    def start(self) -> NDArray:
+        """Logarithms (k,) of the initial values: those of the study or of the function, or the middles of the ranges."""
+        middle = dict(zip(self.ranges, np.exp(self.bounds.mean(axis=0)).tolist()))
+        if callable(self.problem):
+            given = inspect.signature(self.problem).parameters
+            known = {name: given[name].default for name in middle if name in given}
+            values = {name: value for name, value in known.items() if value is not inspect.Parameter.empty}
+        else:
+            values = {name: setting_value(problem_of(self.problem), name) for name in middle if name != FORCE}
+        values = middle | ({FORCE: 1.0} if FORCE in middle else {}) | values
+        return np.clip(np.log([values[name] or 1e-300 for name in middle]), *self.bounds)
+
     def parts(self, x: NDArray) -> list[Separation]:
         """Return the residuals of each data set; the last result is stored."""
         if self._last is None or not np.array_equal(self._last[0], x):
             held = dict(self.held)
             gain = {FORCE: held.pop(FORCE)} if FORCE in held else {}  # jacobian() omits its derivatives
             values = dict(zip(self.ranges, np.exp(x).tolist()))
-            varied = Variations(vary(self.problem, held), values | {n: v for n, v in gain.items() if n not in values})
+            given = values | {n: v for n, v in gain.items() if n not in values}
+            varied = Variations(lambda at: self.made(held | at), given)
             how: dict[type, Callable[..., Separation]] = {MeasuredResponse: of_test, Measured: of_resonances}
             self._last = x.copy(), [how[type(each)](varied, each, self.noise) for each in self.data]
         return self._last[1]
@@ -293,7 +328,7 @@ class Objective:
         low, high = self.bounds
         return -0.5 * float((self.residual(x) ** 2).sum()) if ((x >= low) & (x <= high)).all() else -np.inf
 
-    def least(self, x: NDArray, free: NDArray, tolerance: float = 1e-12) -> NDArray:
+    def least(self, x: NDArray, free: NDArray, tolerance: float = LEAST) -> NDArray:
         """Minimise the sum of squares from a point x over the free coordinates."""
         low, high = self.bounds
 
@@ -304,7 +339,8 @@ class Objective:
 
         margin = 1e-6 * (high - low)[free]
         start = np.clip(x[free], low[free] + margin, high[free] - margin)
-        ways: dict[str, Any] = {"xtol": np.sqrt(tolerance) * 1e-4, "ftol": tolerance, "gtol": tolerance, "max_nfev": MOST}
+        ways: dict[str, Any] = {"xtol": 1e-9, "ftol": tolerance, "gtol": 1e-9, "max_nfev": MOST}
+        ways["x_scale"] = "jac"
         solution = least_squares(
             lambda part: self.residual(whole(part)), start, lambda part: self.jacobian(whole(part))[:, free],
             (low[free], high[free]), **ways,
@@ -343,34 +379,39 @@ def left_out(r: NDArray, J: NDArray, rows: Sequence[slice | NDArray]) -> NDArray
     return np.asarray(np.sqrt((1.0 - 1.0 / len(rows)) * ((moved - moved.mean(axis=0)) ** 2).sum(axis=0)))
 
 
-@asked
 @validation.check_arguments
 @one_thread
 def fit(
-    problem: Problem,
+    problem: Asking | Problem | Callable[..., Asking],
     data: MeasuredResponse | Measured | Sequence[MeasuredResponse | Measured],
     vary: Mapping[str, tuple[float, float]],
     *,
     free: Measurement | MeasuredResponse | None = None,
     noise: float = 0.02,
+    intervals: Literal["profile", "linear"] = "profile",
 ) -> Fitted:
     """Identify parameters of a study from measured responses.
 
     Parameters
     ----------
-    problem : Problem
-        Study with the initial values.
+    problem : Study or callable
+        Study with the initial values, or a function that returns the study for parameters given as keywords. Its defaults
+        are the initial values; for others it is the middle of the range.
     data : MeasuredResponse, Measured, or a sequence of these
         Swept responses, or resonances over load relative to the one without load.
     vary : mapping of name to (low, high)
         Positive ranges of the parameters. Names are settings of :mod:`bdamper.harmonic_balance.parameters`, such as
         "friction_coefficient", "friction_coefficient.left", "contact_stiffness_factor", "contact_stiffness_factor.normal",
-        "damping_factor", "frequency_factor" or "gap_factor", and "force_factor", the gain of all forces.
+        "damping_factor", "frequency_factor" or "gap_factor", or keywords of the function; and "force_factor", the gain of
+        all forces.
     free : Measurement or MeasuredResponse, optional
         Response without damper. Damping, frequency and force gain are fitted to it first and then held constant; ``vary``
         may give their ranges.
     noise : float
         Relative standard deviation of a measured amplitude, and standard deviation of a phase in radians.
+
+    intervals : {"profile", "linear"}
+        Profiles, or intervals of the same rise of the sum of squares from the covariance, without further responses.
 
     Returns
     -------
@@ -389,22 +430,23 @@ def fit(
     for each in data:
         validation.instance("data", each, (MeasuredResponse, Measured))
     noise = validation.number("noise", noise, above=0.0, below=1.0)
-    names = (*setting_names(problem), FORCE)
+    own = problem if callable(problem) else problem_of(problem)
+    profiles = validation.choice("intervals", intervals, ("profile", "linear")) == "profile"
+    names = (*(inspect.signature(own).parameters if callable(own) else setting_names(own)), FORCE)
     ranges = {}
     for name, ends in validation.mapping("vary", vary, names, "parameters").items():
         ranges[name] = validation.interval(f"range of {name}", ends, "the unit of the parameter")
     first = None
+    validation.check(free is None or not callable(own), "free", "none for a function of all parameters", "one")
     if free is not None:
+        unladen = free if isinstance(free, MeasuredResponse) else MeasuredResponse(free, 0.0)
         unloaded = {name: ranges.pop(name, ends) for name, ends in UNLOADED.items()}
-        first = _stage(
-            Objective(
-                problem, [free if isinstance(free, MeasuredResponse) else MeasuredResponse(free, 0.0)], unloaded, noise
-            )
-        )
+        first = _stage(Objective(own, [unladen], unloaded, noise, {}, profiles))
     validation.check(ranges, "vary", "parameters that the free response does not determine", list(vary))
     stiff = [name for name in ranges if name.startswith("contact_stiffness")]
     if (
-        "frequency_factor" in ranges
+        not callable(own)
+        and "frequency_factor" in ranges
         and stiff
         and not any(isinstance(t, MeasuredResponse) and t.preload == 0.0 for t in data)
     ):
@@ -412,7 +454,7 @@ def fit(
             f"vary: frequency_factor and {stiff[0]} need a test without load (free=), found none: a stiffer contact and a "
             "stiffer structure have the same resonances"
         )
-    last = _stage(Objective(problem, data, ranges, noise), first)
+    last = _stage(Objective(own, data, ranges, noise, {}, profiles), first)
     return last[0] if first is None else _joined(first[0], last[0])
 
 
@@ -420,10 +462,8 @@ def _stage(objective: Objective, before: tuple[Fitted, NDArray] | None = None) -
     """Fit one stage with the parameters of the previous stage held constant; return the result and its covariance."""
     if before is not None:
         objective.held = dict(zip(before[0].names, before[0].values.tolist()))
-    problem, names = objective.problem, tuple(objective.ranges)
-    start = np.log([1.0 if name == FORCE else setting_value(problem, name) or 1e-300 for name in names])
-    low, high = objective.bounds
-    x = objective.least(np.clip(start, low, high), np.ones(len(names), bool))
+    names, (low, high) = tuple(objective.ranges), objective.bounds
+    x = objective.least(objective.start, np.ones(len(names), bool))
     parts = objective.parts(x)
     labels = tuple(
         str(each) if isinstance(each, MeasuredResponse) else each.source or "resonances" for each in objective.data
@@ -441,6 +481,11 @@ def _stage(objective: Objective, before: tuple[Fitted, NDArray] | None = None) -
     ends = np.clip([x - half[0], x + half[1]], low, high)
     unknown = (ends[0] <= low + EDGE) & (ends[1] >= high - EDGE)
     _, singular, ways = np.linalg.svd(J, full_matrices=False)
+    deviation = np.sqrt(np.diag(C))
+    related = np.abs(C) / np.outer(deviation, deviation)
+    pairs = [f"{spaced(names[i])} and {spaced(names[j])} ({C[i, j] / deviation[i] / deviation[j]:+.3f})"
+             for i, j in zip(*np.nonzero(np.triu(related > CORRELATED, 1)))]  # fmt: skip
+    notes = (f"correlated: {', '.join(pairs)}",) if pairs and not unknown.any() else ()
     doubts = [f"{spaced(name)} {UNKNOWN}" for name, whole in zip(names, unknown) if whole]
     if singular[-1] * ALIKE < singular[0] and not unknown.any():
         parts_of = " ".join(f"{c:+.2f} ln {name}" for c, name in zip(ways[-1], names) if abs(c) > 0.1)
@@ -455,12 +500,14 @@ def _stage(objective: Objective, before: tuple[Fitted, NDArray] | None = None) -
     of_points: dict[str, Any] = {
         name: np.concatenate([getattr(part, name) for part in parts]) for name in ("place", "measured", "model", "residual")
     }
+    own = objective.made(dict(zip(names, np.exp(x)))) if callable(objective.problem) else problem_of(objective.problem)
     result = Fitted(
         names=names, values=np.exp(x), low=np.exp(ends[0]), high=np.exp(ends[1]),
         deviation=np.where(unknown, np.inf, np.sqrt(np.diag(C))), left_out=left,
         information=information / np.maximum(information.sum(axis=1, keepdims=True), 1e-300), tests=labels,
-        noise=objective.noise, test=np.repeat(np.arange(len(parts)), [len(part.place) for part in parts]), **of_points,
-        **problem.recorded(),
+        notes=notes, noise=objective.noise,
+        test=np.repeat(np.arange(len(parts)), [len(part.place) for part in parts]), **of_points,
+        **own.recorded(),
     )  # fmt: skip
     return _with_status(result, doubts), C
 
@@ -477,7 +524,10 @@ def _uncertainty(
     excess = max(float(r @ r) - float(scipy.stats.chi2.ppf(P95, spare)), 0.0)
     rise = max(scale * quantile**2, TAKEN_UP * excess)
     C = scale * covariance(J)
-    half = np.array([_profile(objective, x, j, rise, np.sqrt(rise / scale * C[j, j])) for j in range(k)]).T
+    linear = np.sqrt(rise / scale * np.diag(C))
+    half = np.array([linear, linear])
+    if objective.profiles:
+        half = np.array([_profile(objective, x, j, rise, linear[j]) for j in range(k)]).T
     left = np.full(k, np.nan)
     if n > 1:
         left = left_out(r, J, rows)
@@ -508,9 +558,14 @@ def _profile(objective: Objective, x: NDArray, j: int, rise: float, half: float)
             at[j] += sense * reach
             at[free] += sense * reach * others
             at = np.clip(at, low, high)
-            at = objective.least(at, free, ROUGH) if free.any() else at
-            more = float((objective.residual(at) ** 2).sum()) - least
-            gap = min(np.sqrt(max(more, 0.0) / rise) - 1.0, 1.0)
+
+            def gap_at(at: NDArray) -> float:
+                more = float((objective.residual(at) ** 2).sum()) - least
+                return min(np.sqrt(max(more, 0.0) / rise) - 1.0, 1.0)
+
+            gap = gap_at(at)
+            if free.any() and abs(gap) >= NEARLY:
+                gap = gap_at(objective.least(at, free, ROUGH))
             if abs(gap) < NEARLY or (gap < 0.0 and reach >= limit):
                 break
             inner, outer = ((reach, gap), outer) if gap < 0.0 else (inner, (reach, gap))
@@ -534,7 +589,7 @@ def _joined(first: Fitted, last: Fitted) -> Fitted:
     whole: dict[str, Any] = {name: np.concatenate([getattr(first, name), getattr(last, name)]) for name in arrays}
     joined = replace(
         last, names=first.names + last.names, tests=first.tests + last.tests,
-        **whole, information=information,
+        **whole, information=information, notes=first.notes + last.notes,
         test=np.append(first.test, last.test + len(first.tests)),
     )  # fmt: skip
     return _with_status(joined, (first.doubts, last.doubts))

@@ -17,7 +17,7 @@ spike between two measured frequencies would not contribute.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Annotated, Literal, TypeVar
 
@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from bdamper.harmonic_balance.equations import OK, Correction, Equations, Plane, norm2
 from bdamper.harmonic_balance.parameters import like, vary
 from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.sector import Sector
 from bdamper.importers.measurements import Measured, Measurement
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.highest_peak import highest_peak
@@ -58,12 +59,12 @@ class MeasuredResponse(validation.Checked):
     Parameters
     ----------
     data : Measurement
-        Response in a unit of length at the response location of the study. If it has a phase, it is relative to the
-        excitation: ``x(t) = Re(X exp(i omega t))`` under ``Re(F exp(i omega t))``.
+        Displacement, velocity or acceleration at the response location of the study. If it has a phase, it is relative to
+        the excitation: ``x(t) = Re(X exp(i omega t))`` under ``Re(F exp(i omega t))``.
     preload : float, N
         Preload of the damper.
     force : float, N, optional
-        Amplitude of the excitation; by default that of the study.
+        Nominal amplitude of the excitation; by default the force of the data at each point, or else that of the study.
     sweep : {"up", "down"}
         Direction of the frequency sweep.
 
@@ -75,7 +76,7 @@ class MeasuredResponse(validation.Checked):
 
     __test__ = False  # pytest ignores this class
     data: Measurement
-    preload: validation.Force
+    preload: validation.Force = 0.0
     force: Annotated[float, validation.Limits(above=0.0, unit="N")] | None = None
     sweep: Literal["up", "down"] = "up"
 
@@ -83,12 +84,36 @@ class MeasuredResponse(validation.Checked):
         super().__post_init__()
         validation.instance("data", self.data, Measurement, "a Measurement, as bdamper.importers.read_response reads it")
         name, least = self.data.name, min(self.data.frequency.min(), self.data.amplitude.min())
+        _ = self.data.displacement  # raises for an unknown unit
         validation.check(len(np.unique(self.data.frequency)) > 2, name, "three frequencies or more", "fewer")
-        validation.check(least > 0.0 < self.data.metres, name, "frequencies and amplitudes above 0", f"{least:g}")
+        validation.check(least > 0.0, name, "frequencies and amplitudes above 0", f"{least:g}")
+
+    @property
+    def nominal(self) -> float | None:
+        """Nominal force (N): the median if it was measured at each point; None for that of the study."""
+        measured = self.force is None and self.data.force is not None
+        return float(np.median(self.data.force)) if measured else self.force  # type: ignore[arg-type]
+
+    @property
+    def factors(self) -> NDArray:
+        """Force at each point over the nominal force, (n,)."""
+        if self.force is not None or self.data.force is None:
+            return np.ones(len(self.data.frequency))
+        return np.asarray(self.data.force) / self.nominal
 
     def __str__(self) -> str:
         force = "" if self.force is None else f", {self.force:g} N"
         return f"{self.data.name} ({self.preload:g} N{force}, {self.sweep})"
+
+
+def forced(system: Equations[Sector], factor: float) -> Equations[Sector]:
+    """Return the equations with the excitation multiplied by a factor, under the same static load."""
+    if factor == 1.0:
+        return system
+    sector = system.structure
+    force = np.array(sector.force)
+    force[system.n_mean :] *= factor
+    return replace(sector, force=force, force_scale=(sector.force_scale[0], factor * sector.force_scale[1])).equations
 
 
 class Variations:
@@ -96,19 +121,20 @@ class Variations:
 
     Parameters
     ----------
-    problem : Problem
+    make : callable
+        Returns the problem at a mapping of parameters to values.
     values : mapping of name to float
-        Parameters. ``"force_factor"`` is not a setting; it multiplies the excitation of every test.
+        Parameters. ``"force_factor"`` is not passed to ``make``; it multiplies the excitation of every test.
     """
 
-    def __init__(self, problem: Problem, values: dict[str, float]) -> None:
-        self.problem, self.values = problem, values
+    def __init__(self, make: Callable[[dict[str, float]], Problem], values: dict[str, float]) -> None:
+        self.make, self.values = make, values
         self.own = self._at(values)
         _ = self.own.bases, self.own.static_states  # computed once for all tests
         self._neighbours: dict[tuple[str, float], Problem] = {}
 
     def _at(self, values: dict[str, float]) -> Problem:
-        return vary(self.problem, {name: value for name, value in values.items() if name != FORCE})
+        return self.make({name: value for name, value in values.items() if name != FORCE})
 
     def neighbour(self, name: str, value: float) -> Problem:
         """Return the problem with another value of one parameter."""
@@ -120,11 +146,19 @@ class Variations:
             self._neighbours[name, value] = problem
         return self._neighbours[name, value]
 
-    def under(self, force: float | None, problem: Problem | None = None, gain: float | None = None) -> Problem:
-        """Return the problem under the force amplitude of a test (N; None for the study's), multiplied by ``gain``."""
+    def ratio(self, force: float | None, gain: float | None = None) -> float:
+        """Return the force amplitude of a test (N; None for the study's) times ``gain``, over that of the study."""
         gain = self.values.get(FORCE, 1.0) if gain is None else gain
-        amplitude = self.problem.settings.excitation.amplitude if force is None else force
-        return vary(problem or self.own, {"excitation.amplitude": gain * amplitude})
+        return gain * (1.0 if force is None else force / self.own.settings.excitation.amplitude)
+
+    def under(self, force: float | None, problem: Problem | None = None) -> Problem:
+        """Return the problem under the force amplitude of a test (N; None for the study's)."""
+        amplitude = self.ratio(force) * self.own.settings.excitation.amplitude
+        return vary(problem or self.own, {"excitation.amplitude": amplitude})
+
+    def system(self, force: float | None, preload: float) -> Equations[Sector]:
+        """Return the equations at one preload under the force amplitude of a test."""
+        return forced(self.own.system(preload), self.ratio(force))
 
     def families(self, force: float | None, preload: float) -> dict[str, tuple[Family, float]]:
         """Return the equations at one preload as functions of each parameter."""
@@ -132,7 +166,7 @@ class Variations:
         def family(name: str) -> Callable[[float], Equations]:
             def at(value: float) -> Equations:
                 gain = value if name == FORCE else None
-                return self.under(force, self.neighbour(name, value), gain).system(preload)
+                return forced(self.neighbour(name, value).system(preload), self.ratio(force, gain))
 
             return at
 
@@ -183,47 +217,50 @@ def attempt(compute: Callable[[], T]) -> tuple[T | None, str]:
 
 def of_test(varied: Variations, test: MeasuredResponse, noise: float) -> Separation:
     """Return the residuals of a swept response; points without computed response have the residual ``LOST``."""
-    f, measured = test.data.frequency, test.data.metres * test.data.response
-    problem, n = varied.under(test.force), len(f)
+    f, measured = test.data.frequency, test.data.displacement
+    force, factors, n = test.nominal, test.factors, len(f)
     phase = bool(np.any(test.data.response.imag))
     model, residual, lost = np.full(n, np.nan + 0j), np.zeros((n, 2)), np.ones(n, bool)
-    normal, points, scale = np.full((n, 2), np.nan), [], []
+    normal = np.full((n, 2), np.nan)
+    points: dict[int, Correction] = {}
     residual[:, 0] = LOST
     step = float(np.median(np.diff(np.unique(np.log(f)))))
     band = f.min() * (1.0 - EDGE), f.max() * (1.0 + EDGE)
-    search, reason = attempt(lambda: _Swept(problem, test, band))
+    search, reason = attempt(lambda: _Swept(varied, test, band))
     if search is None or not len(search.curve):
         reason = reason if search is None else search.curve.reason
         return Separation(f, measured, model, residual, lambda: np.zeros((n, 2, len(varied.values))), lost, reason)
     for i in range(n):
-        solution, target = None, np.array([np.log(f[i]) / step, np.log(abs(measured[i])) / noise])
+        solution = None
+        target = np.array([np.log(f[i]) / step, np.log(abs(measured[i]) / factors[i]) / noise])
         if search.jumps(f[i], NEAR_JUMP * step):
             solution = search.nearest(target, np.array([step, noise]))
             if solution is not None:
                 gap, way = search.away(solution, target, np.array([step, noise]))
                 normal[i] = np.array([-way[1], way[0]]) / norm2(way)
                 residual[i] = gap @ normal[i], 0.0
-        if solution is None and (solution := search.at(f[i])) is not None:
+        if solution is None and (solution := search.at(f[i], factors[i])) is not None:
             ratio = search.first(solution) / measured[i]
             residual[i] = np.log(abs(ratio)) / noise, phase * 2.0 * np.sin(0.5 * np.angle(ratio)) / noise
         if solution is not None:
-            lost[i], model[i] = False, search.first(solution)
-            points.append(solution)
-            scale.append(search.scale)
+            lost[i], model[i], points[i] = False, search.first(solution), solution
 
     def slopes() -> NDArray:
         out = np.zeros((n, 2, len(varied.values)))
-        if not points:
+        rows = np.flatnonzero(~lost)
+        if not len(rows):
             return out
-        families = varied.families(test.force, test.preload)
-        for j, s in enumerate(across(search.system, points, np.array(scale), families).values()):
-            relative = s.at_frequency / model[~lost]
-            turned = np.cos(0.5 * np.angle(model[~lost] / measured[~lost]))
+        near = np.isfinite(normal[rows, 0])
+        families = varied.families(force, test.preload)
+        scale = np.tile(search.scale, (len(rows), 1))
+        turned = np.cos(0.5 * np.angle(model[rows] / measured[rows]))
+        under = np.where(near, 1.0, factors[rows])
+        for j, s in enumerate(across(search.system, [points[int(i)] for i in rows], scale, families, under).values()):
+            relative = s.at_frequency / model[rows]
             vertical = np.array([relative.real, phase * turned * relative.imag]).T / noise
-            sideways = np.array([s.frequency / f[~lost] / step, (s.response / model[~lost]).real / noise]).T
-            distance = (sideways * normal[~lost]).sum(axis=1)
-            near = np.isfinite(normal[~lost, 0])
-            out[~lost, :, j] = np.where(near[:, None], np.pad(distance[:, None], ((0, 0), (0, 1))), vertical)
+            sideways = np.array([s.frequency / f[rows] / step, (s.response / model[rows]).real / noise]).T
+            distance = np.pad((sideways * normal[rows]).sum(axis=1)[:, None], ((0, 0), (0, 1)))
+            out[rows, :, j] = np.where(near[:, None], distance, vertical)
         return np.nan_to_num(out, posinf=0.0, neginf=0.0)
 
     return Separation(f, measured, model, residual, slopes, lost)
@@ -232,11 +269,9 @@ def of_test(varied: Variations, test: MeasuredResponse, noise: float) -> Separat
 class _Swept:
     """Solutions near the points of a response curve: on the branch of a sweep, and nearest to a measured point."""
 
-    def __init__(self, problem: Problem, test: MeasuredResponse, band: tuple[float, float]) -> None:
-        self.system, self.curve = system, curve = (
-            problem.system(test.preload),
-            frequency_response(problem, test.preload, band),
-        )
+    def __init__(self, varied: Variations, test: MeasuredResponse, band: tuple[float, float]) -> None:
+        self.curve = curve = frequency_response(varied.under(test.nominal), test.preload, band)
+        self.system = system = varied.system(test.nominal, test.preload)
         self.sense = 1.0 if test.sweep == "up" else -1.0
         self.sweep = sweep_of(curve, test.sweep)
         self.y = np.column_stack([curve.unknowns, 2.0 * np.pi * curve.frequency])
@@ -252,8 +287,31 @@ class _Swept:
         """Return whether the sweep jumps or ends within a relative distance of a frequency."""
         return any(abs(np.log(frequency / jump.frequency)) <= within for jump in self.sweep.jumps)
 
-    def at(self, frequency: float) -> Correction | None:
-        """Return the solution at a frequency (Hz) on the branch of the sweep; None without success."""
+    def at(self, frequency: float, factor: float = 1.0) -> Correction | None:
+        """Return the solution at a frequency (Hz) on the branch of the sweep under ``factor`` times the force.
+
+        The force changes from the nominal one in equal ratios, in more of them if Newton's method fails.  None without
+        success.
+        """
+        c = self._nominal(frequency)
+        if c is None or factor == 1.0:
+            return c
+        omega, n = 2.0 * np.pi * frequency, self.system.n_mean
+        for steps in (1, 2, 8):
+            at, u = c, c.y[:-1]
+            for k in range(1, steps + 1):
+                system = forced(self.system, factor ** (k / steps))
+                u = np.append(u[:n], factor ** (1.0 / steps) * u[n:])
+                at = system.correct_at(u, omega, self.scale, self.tolerance, self.most, 1)
+                u = at.y[:-1]
+                if at.status != OK:
+                    break
+            else:
+                return at
+        return None
+
+    def _nominal(self, frequency: float) -> Correction | None:
+        """Return the solution at a frequency (Hz) on the branch of the sweep under the nominal force."""
         k = int(np.searchsorted(self.sense * self.sweep.frequency, self.sense * frequency))
         if not 0 < k < len(self.sweep.point):
             return None

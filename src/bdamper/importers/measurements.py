@@ -19,6 +19,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,12 +39,23 @@ LENGTHS = {
     "mil": 2.54e-5, "mils": 2.54e-5,
 }  # fmt: skip
 """Units of length in metres."""
-FORCES = {"N": 1.0, "kN": 1e3}
+VELOCITIES = {"m/s": 1.0, "mm/s": 1e-3, "um/s": 1e-6, "in/s": 0.0254}
+"""Units of velocity in metres per second."""
+ACCELERATIONS = {"m/s^2": 1.0, "m/s2": 1.0, "m/s²": 1.0, "mm/s^2": 1e-3, "mm/s2": 1e-3, "g": 9.80665, "in/s^2": 0.0254}
+"""Units of acceleration in metres per second squared."""
+FORCES = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "lbf": 4.4482216152605, "kip": 4448.2216152605}
 """Units of force in newtons."""
-HERTZ = {"Hz": 1.0, "kHz": 1e3}
+HERTZ = {"Hz": 1.0, "kHz": 1e3, "rad/s": 0.5 / np.pi}
 """Units of frequency in hertz."""
 ANGLES = {"rad": 1.0, "deg": np.pi / 180.0, "°": np.pi / 180.0}
 """Units of phase in radians."""
+OTHER_NAMES = {
+    "freq": "frequency", "amp": "amplitude", "magnitude": "amplitude", "displacement": "amplitude", "disp": "amplitude",
+    "velocity": "amplitude", "vel": "amplitude", "acceleration": "amplitude", "acc": "amplitude", "angle": "phase",
+}  # fmt: skip
+"""Names of columns that mean another name, unless the file has a column of that name."""
+DECIBEL = re.compile(r"dB(?: re\.?)? ?(?:1 ?)?(.+)", re.IGNORECASE)
+"""Unit of a level: decibel relative to 1 of a unit."""
 FREQUENCY = 18
 """Number of the data type "frequency" in universal files."""
 
@@ -58,13 +70,15 @@ class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
     name : str
     frequency : (n,) float, Hz
     response : (n,) complex
-        Response in ``unit``.
+        Response in ``unit``: displacement, velocity or acceleration.
     node, direction : int
         Measured node, and axis (±1, ±2, ±3 for X, Y, Z).
     unit : str
         Unit in the file; an empty text means metres.
     source : str
         File, for messages.
+    force : (n,) float, N, optional
+        Amplitude of the measured force at each point.
 
     Raises
     ------
@@ -83,11 +97,15 @@ class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
     direction: int = 0
     unit: str = ""
     source: str = ""
+    force: NDArray | None = None
 
     def __post_init__(self) -> None:
         item, n = self.source or self.name, len(self.frequency)
         if np.shape(self.response) != (n,) or n == 0:
             raise mismatch(item, "as many responses as frequencies, at least one", np.shape(self.response))
+        if self.force is not None:
+            check(np.shape(self.force) == (n,), item, "a force for each frequency", str(np.shape(self.force)))
+            check_all(np.asarray(self.force) > 0.0, np.asarray(self.force), "forces above 0", item)
         for values in (np.asarray(self.frequency), np.asarray(self.response)):
             check_all(np.isfinite(values), values, "finite frequencies and responses", item)
 
@@ -106,18 +124,16 @@ class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
         return super().columns() | {"amplitude": Column(self.amplitude, self.unit or "m")}
 
     @property
-    def metres(self) -> float:
-        """Metres per unit of the response.
+    def displacement(self) -> NDArray:
+        """Complex displacement (n,), m; velocity and acceleration are divided by powers of ``i omega``.
 
         Raises
         ------
         SettingError
-            If the unit is not a known unit of length.
+            If the unit is not a known unit of displacement, velocity or acceleration.
         """
-        unit = _plain(self.unit) or "m"
-        expected = f"displacements in one of {tuple(LENGTHS)} or a scale to metres (scale=...)"
-        validation.check(unit in LENGTHS, f"measurement '{self.name}'", expected, f"the unit '{self.unit}'")
-        return LENGTHS[unit]
+        factor, order = _motion(f"measurement '{self.name}'", self.unit or "m")
+        return np.asarray(factor * self.response / (2j * np.pi * np.asarray(self.frequency)) ** order)
 
     def __str__(self) -> str:
         k = int(np.argmax(self.amplitude))
@@ -125,6 +141,17 @@ class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
             f"{self.name}: {len(self.frequency)} points from {self.frequency.min():.6g} to {self.frequency.max():.6g} Hz, "
             f"largest {self.amplitude[k]:.6g} {self.unit} at {self.frequency[k]:.6g} Hz ({self.source})"
         )
+
+
+def _motion(where: str, unit: str) -> tuple[float, int]:
+    """Return the factor of a unit to SI, and its order: 0 for displacement, 1 for velocity, 2 for acceleration."""
+    kinds = LENGTHS, VELOCITIES, ACCELERATIONS
+    order = next((k for k, units in enumerate(kinds) if _plain(unit) in units), None)
+    shown = [name for units in kinds for name in units]
+    expected = f"a displacement, velocity or acceleration in one of {shown} or a scale to metres (scale=...)"
+    if order is None:
+        raise validation.invalid(where, expected, f"the unit '{unit}'")
+    return kinds[order][_plain(unit)], order
 
 
 COLUMNS: dict[str, Mapping[str, float] | None] = {"load": FORCES, "amplitude": None, "frequency": HERTZ}
@@ -177,19 +204,24 @@ def load_measured(path: str | PathLike[str]) -> Measured:
 
 
 def read_columns(
-    path: str | PathLike[str],
+    path: str | PathLike[str] | Mapping[str, Any],
     *sets: tuple[str, ...],
     units: Mapping[str, Mapping[str, float] | None],
     signed: bool = True,
     blank: tuple[str, ...] = (),
+    optional: tuple[str, ...] = (),
+    columns: Mapping[str, str] | None = None,
 ) -> dict[str, tuple[NDArray, str]]:
-    """Read columns of a CSV file by name, with the unit in brackets after each name in the header.
+    """Read columns of a text file or table by name, with the unit in brackets after each name in the header.
 
     Names and units are compared in lower case.  Lines that start with ``#``, empty lines and other columns are ignored.
+    Values are separated by semicolons or tabs if the header contains them, otherwise by commas.  A comma in a number is a
+    decimal comma.  The text is UTF-8, UTF-16 with a byte order mark, or Latin-1.
 
     Parameters
     ----------
-    path : path-like
+    path : path-like, or mapping of header to values
+        A pandas frame is also such a mapping.
     *sets : tuple of str
         Alternative groups of columns.  The first group that the file contains completely is read.
     units : mapping of name to mapping of unit to factor, or None
@@ -198,6 +230,10 @@ def read_columns(
         Whether negative numbers are permitted.
     blank : tuple of str
         Columns in which a value may be missing; it becomes NaN.
+    optional : tuple of str
+        Columns that are read if the file has them.
+    columns : mapping of name to name in the file, optional
+        Names of columns in the file, without unit, where they differ.
 
     Returns
     -------
@@ -209,32 +245,59 @@ def read_columns(
         If no group is complete, a unit is missing or unknown, or a value is not a finite number.  The message
         names the line.
     """
-    check(not Path(path).is_dir(), str(path), "a CSV file", "a folder")
-    try:
-        lines = data_lines(Path(path).read_text(encoding="utf-8-sig"), "#")
-    except UnicodeDecodeError as error:
-        raise mismatch(str(path), "text in UTF-8", f"another encoding ({error})") from error
-    check(bool(lines), str(path), "a header and rows of numbers", "nothing")
-    (first, header), *lines = lines
-    names = [name.strip().lower() for name in next(csv.reader([header]))]
+    path, first, names, lines = _cells(path)
+    renamed = {there.strip().lower(): name for name, there in (columns or {}).items()}
     head: dict[str, tuple[int, str]] = {}
     for k, text in enumerate(names):
-        if found := HEADER.fullmatch(text):
-            head.setdefault(found[1], (k, (found[2] or "").strip()))
+        if (found := HEADER.fullmatch(text)) and (text not in renamed):
+            head.setdefault(renamed.get(found[1].lower(), found[1].lower()), (k, (found[2] or "").strip()))
+        else:
+            head.setdefault(renamed[text], (k, ""))
+    for name, meaning in OTHER_NAMES.items():
+        if name in head:
+            head.setdefault(meaning, head[name])
+    names = [name.lower() for name in names]
     group = next((each for each in sets if set(each) <= head.keys()), None)
     at = f"{path}, line {first}"
     if group is None:
         raise mismatch(at, f"the columns {'; or '.join(', '.join(each) for each in sets)}", names)
+    group = (*group, *(name for name in optional if name in head))
     factors = [check_unit(at, name, head[name][1], units[name]) for name in group]
     rows = []
-    for k, line in lines:
-        where, row = f"{path}, line {k}", next(csv.reader([line]))
+    for k, row in lines:
+        where = f"{path}, line {k}"
         expected = f"{len(names)} values separated by commas, as the header has, with points in numbers"
-        check(len(row) <= len(names), where, expected, f"{len(row)}: '{line[:60]}'")
-        row += [""] * (len(names) - len(row))
+        check(len(row) <= len(names), where, expected, f"{len(row)}: '{','.join(row)[:60]}'")
+        row = row + [""] * (len(names) - len(row))
         rows.append([_number(row[head[name][0]].strip(), where, name, signed, name in blank) for name in group])
     check(bool(rows), str(path), "rows of numbers after the header", "none")
     return {name: (factor * column, head[name][1]) for name, factor, column in zip(group, factors, np.array(rows).T)}
+
+
+def _cells(path: Any) -> tuple[str, int, list[str], list[tuple[int, list[str]]]]:
+    """Return name, number of the header line, header, and numbered rows of texts of a file or table."""
+    if hasattr(path, "keys"):
+        names = list(path.keys())
+        table = [(k, [str(value) for value in row]) for k, row in enumerate(zip(*(path[n] for n in names)), 2)]
+        return "table", 1, [str(name).strip() for name in names], table
+    check(not Path(path).is_dir(), str(path), "a CSV file", "a folder")
+    raw = Path(path).read_bytes()
+    encodings = ["utf-16"] if raw[:2] in (b"\xff\xfe", b"\xfe\xff") else ["utf-8-sig", "latin-1"]
+    for encoding in encodings:
+        try:
+            text = raw.decode(encoding)
+            break
+        except UnicodeDecodeError as error:
+            if encoding == encodings[-1]:
+                raise mismatch(str(path), "text in UTF-8, UTF-16 or Latin-1", f"another encoding ({error})") from error
+    lines = data_lines(text, "#")
+    check(bool(lines), str(path), "a header and rows of numbers", "nothing")
+    (first, header), *rest = lines
+    mark = next((mark for mark in ";\t" if mark in header), ",")
+    rows = [(k, next(csv.reader([line], delimiter=mark))) for k, line in rest]
+    if mark != ",":
+        rows = [(k, [cell.replace(",", ".") for cell in row]) for k, row in rows]
+    return str(path), first, [name.strip() for name in next(csv.reader([header], delimiter=mark))], rows
 
 
 HEADER = re.compile(r"(.*?)\s*(?:[(\[](.*)[)\]])?")
@@ -279,20 +342,33 @@ def _number(text: str, where: str, column: str, signed: bool, blank: bool) -> fl
     return value
 
 
-def read_response(path: str | PathLike[str], *, unit: str | None = None, name: str | None = None) -> Measurement:
-    """Read a measured response over frequency from a CSV file.
+def read_response(
+    path: str | PathLike[str] | Mapping[str, Any],
+    *,
+    unit: str | None = None,
+    name: str | None = None,
+    columns: Mapping[str, str] | None = None,
+    phase_of: Literal["response", "displacement", "none"] = "response",
+) -> Measurement:
+    """Read a measured response over frequency from a text file, a pandas frame or a mapping of header to values.
 
     The header names the columns with their units in brackets: ``frequency (Hz)``, and ``amplitude (mm)`` with or without
-    ``phase (deg)``, or ``real (m)`` and ``imag (m)``.  Other columns and lines that start with ``#`` are ignored.
-    Files of ``curve.to_csv`` can be read.
+    ``phase (deg)``, or ``real (m)`` and ``imag (m)``.  ``displacement``, ``velocity`` and ``acceleration`` are other names
+    of the amplitude; its unit tells which it is, and ``dB re 1 mm/s`` is a level.  A column ``force (N)`` has the force at
+    each point.  Rows with an empty value, other columns and lines that start with ``#`` are ignored.  Separators, decimal
+    commas and encodings are found out.  Files of ``curve.to_csv`` can be read.
 
     Parameters
     ----------
-    path : path-like
+    path : path-like, or mapping of header to values
     unit : str, optional
         Unit of the amplitude, which replaces the unit in the header.
     name : str, optional
         Name in legends; by default the name of the file.
+    columns : mapping of name to name in the file, optional
+        Columns with other names: ``{"amplitude": "Acc 3"}``.
+    phase_of : {"response", "displacement", "none"}
+        Motion whose phase the file contains: that of the column, or the displacement in any case.  "none" ignores phases.
 
     Returns
     -------
@@ -304,20 +380,83 @@ def read_response(path: str | PathLike[str], *, unit: str | None = None, name: s
     BdamperError
         If a column or its unit is missing, or a value is not a finite number.  The message names the line.
     """
-    sets = ("frequency", "real", "imag"), ("frequency", "amplitude", "phase"), ("frequency", "amplitude")
+    return _responses(path, unit, name, columns, phase_of, None)[0]
+
+
+def read_responses(
+    path: str | PathLike[str] | Mapping[str, Any],
+    by: str,
+    *,
+    unit: str | None = None,
+    columns: Mapping[str, str] | None = None,
+    phase_of: Literal["response", "displacement", "none"] = "response",
+) -> tuple[Measurement, ...]:
+    """Read several responses from one file, separated by the numbers in a column.
+
+    Parameters
+    ----------
+    path, unit, columns, phase_of
+        As in :func:`read_response`.
+    by : str
+        Column with the number of the test.
+
+    Returns
+    -------
+    tuple of Measurement
+        One for each number in the column, in ascending order.
+
+    Raises
+    ------
+    BdamperError
+        As in :func:`read_response`.
+    """
+    return _responses(path, unit, None, columns, phase_of, by.strip().lower())
+
+
+def _responses(
+    path: Any, unit: str | None, name: str | None, columns: Mapping[str, str] | None, phase_of: str, by: str | None
+) -> tuple[Measurement, ...]:
+    """Return one measurement, or one for each number in the column ``by``."""
+    sets: Any = ("frequency", "real", "imag"), ("frequency", "amplitude", "phase"), ("frequency", "amplitude")
+    sets = sets if by is None else tuple((*each, by) for each in sets)
     sizes = dict.fromkeys(("amplitude", "real", "imag"), None if unit is None else dict.fromkeys(("", unit), 1.0))
-    found = read_columns(path, *sets, units={"frequency": HERTZ, "phase": ANGLES, **sizes})
-    frequency, size, *rest = (values for values, _ in found.values())
-    _, stated, *others = (text for _, text in found.values())
+    units: dict[str, Any] = {"frequency": HERTZ, "phase": ANGLES, "force": FORCES, **sizes}
+    units |= {} if by is None else {by: {"": 1.0, "-": 1.0}}
+    every = tuple(units)
+    found = read_columns(path, *sets, units=units, blank=every, optional=("force",), columns=columns)
+    table = {column: values for column, (values, _) in found.items()}
+    source = "table" if hasattr(path, "keys") else str(path)
+    whole = np.isfinite(np.array(list(table.values()))).all(axis=0)
+    check(bool(whole.any()), source, "rows of numbers after the header", "none without an empty value")
+    table = {column: values[whole] for column, values in table.items()}
+    stated = found["real" if "imag" in found else "amplitude"][1]
     if "imag" in found:
-        check(others == [stated], str(path), "real and imag in the same unit", f"'{stated}' and '{others[0]}'")
-    response = size.astype(complex)
-    if "imag" in found:
-        response = size + 1j * rest[0]
-    elif rest:
-        response = size * np.exp(1j * rest[0])
+        other = found["imag"][1]
+        check(other == stated, source, "real and imag in the same unit", f"'{stated}' and '{other}'")
+        response: NDArray = table["real"] + 1j * table["imag"]
+    else:
+        level = DECIBEL.fullmatch(stated if unit is None else unit)
+        size = 10.0 ** (table["amplitude"] / 20.0) if level else table["amplitude"]
+        response = size * np.exp(1j * table.get("phase", 0.0))
+        stated, unit = (level[1].strip(), None) if level else (stated, unit)
     stated = stated if unit is None else unit
-    return Measurement(name or Path(path).stem, frequency, response, unit=stated, source=str(path))
+    validation.choice("phase_of", phase_of, ("response", "displacement", "none"))
+    if phase_of == "none":
+        response = np.abs(response) + 0j
+    if phase_of == "displacement":
+        response = response * 1j ** _motion(source, stated or "m")[1]
+    title = name or Path(source).stem
+    force = table.get("force")
+    if by is None:
+        return (Measurement(title, table["frequency"], response, unit=stated, source=source, force=force),)
+    parts = [(value, table[by] == value) for value in np.unique(table[by])]
+    return tuple(
+        Measurement(
+            f"{title}, {by} {value:g}", table["frequency"][rows], response[rows], unit=stated, source=source,
+            force=None if force is None else force[rows],
+        )
+        for value, rows in parts
+    )  # fmt: skip
 
 
 @reader("a universal file", library=True)

@@ -179,11 +179,11 @@ def plot_measurement(measurement: Measurement, ax: Axes = NEW, scale: float | No
     Raises
     ------
     SettingError
-        If the unit is not a length and no scale is given.
+        If the unit is not one of a motion and no scale is given.
     """
-    factor = measurement.metres if scale is None else float(scale)
+    size = np.abs(measurement.displacement) if scale is None else float(scale) * measurement.amplitude
     look = {"linestyle": "none", "marker": "o", "markersize": 3.0, "markerfacecolor": "none", "color": "0.3"}
-    ax.plot(measurement.frequency, factor * measurement.amplitude, **{**look, "label": measurement.name, **style})
+    ax.plot(measurement.frequency, size, **{**look, "label": measurement.name, **style})
     if not ax.get_ylabel():
         ax.set(xlabel=FREQUENCY, ylabel=AMPLITUDE)
 
@@ -326,6 +326,7 @@ def plot_frequency_sweep(sweep: TimeSweep, ax: Axes = NEW, *, label: str = "", *
 
 
 # ---- Response map ----
+
 
 @picture(OptimalCurve, "map")
 def plot_response_map(result: OptimalCurve, ax: Axes = NEW) -> None:

@@ -114,7 +114,11 @@ class CurveSensitivity:
 
 
 def across(
-    system: Equations, points: Sequence[Correction], scale: NDArray, families: Mapping[str, tuple[Family, float]]
+    system: Equations,
+    points: Sequence[Correction],
+    scale: NDArray,
+    families: Mapping[str, tuple[Family, float]],
+    factors: NDArray | float = 1.0,
 ) -> dict[str, CurveSensitivity]:
     """Compute the derivatives of points of a response curve, with one bordered matrix for each point.
 
@@ -127,6 +131,8 @@ def across(
         Units in which each tangent has unit length.
     families : mapping of name to (family, value)
         At its value each family gives the equations of ``system``.
+    factors : float or (n,) float
+        Excitation at each point over that of ``system``.  The residual is linear in the excitation.
 
     Raises
     ------
@@ -136,12 +142,17 @@ def across(
     sides = [_neighbours(family, value, system) for family, value in families.values()]
     moves = np.empty((len(sides), len(points), 2), complex)
     tangent = np.empty((len(points), 2), complex)
+    loads = [tuple(side.load for side in ends) for ends in sides]
+    excess = np.broadcast_to(factors, len(points)) - 1.0
     for i, (point, unit) in enumerate(zip(points, scale)):
         y, first = point.y, system.rows.value(point.y)
         dy = np.zeros((len(sides), len(y)))
         for _ in range(2):  # the second pass at the ends of the first: changing modes do not cross a contact event
             ends = [(y + high.step * d * unit, y + low.step * d * unit) for (high, low), d in zip(sides, dy)]
-            right = [_rate(h, l, h.residual(a), l.residual(b)) for (h, l), (a, b) in zip(sides, ends)]
+            right = [
+                _rate(h, l, h.residual(a) - excess[i] * up, l.residual(b) - excess[i] * down)
+                for (h, l), (a, b), (up, down) in zip(sides, ends, loads)
+            ]
             dy = dy + system.solve_linear(y, point.tangent, unit, np.pad(-np.array(right), ((0, 0), (0, 1))))
         for j, ((high, low), d) in enumerate(zip(sides, dy * unit)):
             explicit = _rate(high, low, high.first(y), low.first(y))
@@ -261,6 +272,13 @@ class _Neighbour:
 
     def residual(self, y: NDArray) -> NDArray:
         return self.system.residual(self.factors * y)
+
+    @property
+    def load(self) -> NDArray:
+        """Negative residual of the excitation (n_unknowns,)."""
+        force = np.array(self.system.structure.force)
+        force[: self.system.n_mean] = 0.0
+        return force
 
     def first(self, y: NDArray) -> complex:
         return complex(self.system.rows.value(self.factors * y))

@@ -286,8 +286,12 @@ class MotionInTime(AllBlades, Plottable, Tabular, Recorded, Storable, kind="bdam
         at = f"At {amount(self.preload, 'N')}"
         if not self.verdict:
             return f"{at} {comes}; {self.status}.{self._unlike()}"
-        solution = f"time {self.verdict} with the solution of {amount(self.balance, 'm')}"
-        return f"{at} {solution}: {comes} ({self.reason}).{self._unlike()}"
+        solution = f"the solution of {amount(self.balance, 'm')}"
+        verdict = (
+            f"it is undecided whether time integration agrees with {solution}" if self.verdict == "undecided"
+            else f"time integration {self.verdict} with {solution}"
+        )  # fmt: skip
+        return f"{at} {verdict}: {comes} ({self.reason}).{self._unlike()}"
 
 
 # ---- convergence with harmonics ----

@@ -291,7 +291,7 @@ def _stated(
     carried, all_ = len(search.ring.nodal_diameters), search.ring.n // 2 + 1
     said = "; ".join(filter(None, (
         f"from the tip; a sweep from the flank has at most {amount(search.below, 'm')}"
-        if search.below == search.below else "",
+        if search.below < best.mean else "",
         f"{carried} of {all_} nodal diameters were integrated" if carried < all_ else "",
     )))  # fmt: skip
     return replace(
