@@ -291,7 +291,7 @@ def time_response(disk: DiskProblem, peak: DiskPeak, *, steps_per_period: int | 
             answers=answers, status=with_reason(INCOMPLETE, doubt) if doubt else COMPLETE,
         )  # fmt: skip
     in_time, balance = amount(float(blades[:, result.blade].mean()), "m"), amount(peak.amplitude, "m")
-    text = f"blade {result.blade} reaches {in_time} in time, {balance} by harmonic balance"
+    text = f"the highest blade reaches {in_time} in time, {balance} by harmonic balance"
     return replace(result, status=with_reason(NOT_FOUND, text))
 
 
