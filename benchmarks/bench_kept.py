@@ -46,7 +46,7 @@ def main() -> None:
             begin = time.process_time()
             known[str(modes)] = {**on_the_ground(modes), "seconds": round(time.process_time() - begin, 1)}
             RESULTS.write_text(json.dumps(known, indent=1) + "\n")
-    print("\n| blade modes | 3 harmonics (mm) | 5 | 7 | 9 | 13 | in time | falls at |\n" + "|---" * 8 + "|")
+    print("\n| blade modes | 3 harmonics (mm) | 5 | 7 | 9 | 13 | in time | jumps at |\n" + "|---" * 8 + "|")
     for modes in MODES:
         r = known[str(modes)]
         peaks = " | ".join(f"{peak / 1e3:.2f}" for peak in r["peaks"].values())
