@@ -108,10 +108,13 @@ class TestCurves:
         assert np.allclose(ax.lines[-1].get_ydata(), [factor, 2.0 * factor], rtol=1e-15)
 
     def test_measured_points_in_other_units_are_refused(self):
-        measurement = Measurement("shaker", np.array([280.0]), np.array([1.0]), unit="m/s2")
-        with pytest.raises(bd.SettingError, match=r"shaker.*scale to metres .*found the unit 'm/s2'"):
+        """Accelerations are drawn as displacements."""
+        measurement = Measurement("shaker", np.array([280.0]), np.array([1.0]), unit="V")
+        with pytest.raises(bd.SettingError, match=r"shaker.*expected a displacement, velocity or acceleration"):
             measurement.plot()
         assert measurement.plot(scale=0.5).lines[-1].get_ydata() == [0.5]
+        shown = replace(measurement, unit="m/s2").plot().lines[-1].get_ydata()
+        assert shown == pytest.approx([1.0 / (2.0 * np.pi * 280.0) ** 2], rel=1e-12)
 
 
 class TestOptimalCurves:

@@ -143,9 +143,9 @@ def test_the_range_is_an_error(found):
     low, high = min(found.answers.values()), max(found.answers.values())
     assert found.answers["256 steps"] == found.mean and found.answers["at the fall"] == high > found.mean
     assert (found.lowest, found.highest) == (pytest.approx(0.99 * low), pytest.approx(1.01 * high))
-    assert found.text == "11 mm (10.8 to 11.2)"
+    assert found.text == "10.9 mm (10.8 to 11.1)"
     beats = replace(found, highest_period=1.2 * found.mean)
-    assert "Single periods reach 13.2 mm." in beats._headline() and "Single periods" not in found._headline()
+    assert "Single periods reach 13.1 mm." in beats._headline() and "Single periods" not in found._headline()
     assert beats.factor == beats.highest_period / found.balance and found.factor == found.highest / found.balance
 
 
