@@ -152,7 +152,7 @@ class Search:
     def sweep(self, omega: NDArray) -> list[NDArray | None]:
         """Solve approximately, with holding springs, at ascending frequencies (rad/s); None if Newton iteration fails.
 
-        Each solution starts from the previous one.  The first Newton step is then the response of the linearised disk with
+        Each solution starts from the previous solution.  The first Newton step is then the response of the linearised disk with
         the contact states of that solution, which reveals resonances between two frequencies.  Extrapolation would pass
         over them.
         """
