@@ -216,7 +216,8 @@ def joint(
     Study
     """
     stiff = mass * (2.0 * np.pi * frequency) ** 2
-    validation.check(stiffness < stiff, "stiffness", f"a value below the modal stiffness, {stiff:.6g} N/m", f"{stiffness:.6g} N/m")
+    expected = f"a value below the modal stiffness, {stiff:.6g} N/m"
+    validation.check(stiffness < stiff, "stiffness", expected, f"{stiffness:.6g} N/m")
     limits = friction / sliders * ((np.arange(sliders) + 0.25) / sliders) ** exponent
     contacts = [Contact(0, kt=stiffness / sliders, mu=1.0, preload=float(limit)) for limit in limits]
     damping = 2.0 * damping_ratio * np.sqrt(stiff * mass)
