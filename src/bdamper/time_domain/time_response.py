@@ -428,8 +428,8 @@ def motion_in_time(
     """Integrate in time from a point of a response curve, and decide whether the motion agrees with it.
 
     All sectors are included, each with its contacts and disturbances of every nodal diameter; the modes of the curve
-    are used.  The integration ends with the decision, usually after 96 to 200 periods.  With ``frequency`` it starts from the
-    closest solution and has a given number of periods without a decision, as where no stable solution exists.
+    are used.  The integration ends with the decision, usually after 96 to 200 periods.  With ``frequency`` it starts from
+    the closest solution and has a given number of periods without a decision, as where no stable solution exists.
 
     Parameters
     ----------
