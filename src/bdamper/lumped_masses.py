@@ -200,7 +200,7 @@ def joint(
     damping_ratio : float
         Damping ratio of that mode without friction.
     stiffness : float, N/m
-        Stiffness of the joint, a part of that of the mode.
+        Stiffness of the joint, a part of the modal stiffness.
     friction : float, N
         Sum of the friction limits for exponent 0.
     exponent : float
@@ -216,7 +216,8 @@ def joint(
     Study
     """
     stiff = mass * (2.0 * np.pi * frequency) ** 2
-    validation.check(stiffness < stiff, "stiffness", f"one below {stiff:.6g} N/m, that of the mode", f"{stiffness:.6g} N/m")
+    expected = f"a value below the modal stiffness, {stiff:.6g} N/m"
+    validation.check(stiffness < stiff, "stiffness", expected, f"{stiffness:.6g} N/m")
     limits = friction / sliders * ((np.arange(sliders) + 0.25) / sliders) ** exponent
     contacts = [Contact(0, kt=stiffness / sliders, mu=1.0, preload=float(limit)) for limit in limits]
     damping = 2.0 * damping_ratio * np.sqrt(stiff * mass)

@@ -256,9 +256,7 @@ def test_without_a_mean_the_wave_alone_is_integrated():
 def test_modal_coordinates_may_have_any_mass():
     """The same structure in other units of its modal coordinates: the same motion in time and the same multipliers."""
     system, size = two_oscillators(5), np.array([3.0, 0.2])
-    bases = [
-        replace(b, omega2=b.omega2 * size**2, mass=b.mass * size**2, G=b.G * size) for b in system.structure.bases
-    ]
+    bases = [replace(b, omega2=b.omega2 * size**2, mass=b.mass * size**2, G=b.G * size) for b in system.structure.bases]
     u_size = np.tile(size, system.n_unknowns // 2)
     rows = [r * size for r in system.response_rows]
     scaled = Sector(bases, system.structure.points, system.structure.force * u_size, rows).equations

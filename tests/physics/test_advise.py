@@ -61,5 +61,5 @@ def test_an_estimate_that_is_far_off_says_so():
 def test_effects_may_be_some_of_all():
     effects = Effects({"variable_normal_load": False})
     assert dict(effects) == {"variable_normal_load": False, "separation": False} and "separation" in str(effects)
-    with pytest.raises(bd.SettingError, match=r"effects: expected names out of .* found \['bais'\]"):
-        Effects({"bais": True})
+    with pytest.raises(bd.SettingError, match=r"effects: expected names out of .* found \['prestress'\]"):
+        Effects({"prestress": True})

@@ -152,9 +152,9 @@ class Search:
     def sweep(self, omega: NDArray) -> list[NDArray | None]:
         """Solve approximately, with holding springs, at ascending frequencies (rad/s); None if Newton iteration fails.
 
-        Each solution starts from the previous one.  The first Newton step is then the response of the linearised disk with
-        the contact states of that solution, which reveals resonances between two frequencies.  Extrapolation would pass
-        over them.
+        Each solution starts from the previous solution.  The first Newton step is then the response of the linearised
+        disk with the contact states of that solution, which reveals resonances between two frequencies.  Extrapolation
+        would pass over them.
         """
         system, out = self.held(self.springs), []
         at_rest = last = system.structure.at_rest

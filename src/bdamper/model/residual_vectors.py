@@ -80,7 +80,7 @@ def _energies(basis: ModalBasis, n: int, places: Sequence[Place]) -> tuple[NDArr
 
 
 def _with_vectors(basis: ModalBasis, n: int, energies: NDArray) -> tuple[ModalBasis, NDArray]:
-    """Append k residual vectors to a basis; return it and the matrix from its coordinates to the old ones."""
+    """Append k residual vectors to a basis; return it and the matrix to the previous coordinates."""
     root = np.sqrt(basis.omega2[n:])[:, None]
     shapes = energies / root
     square, V = np.linalg.eigh(shapes.conj().T @ shapes)

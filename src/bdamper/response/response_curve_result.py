@@ -331,7 +331,7 @@ class ResponseCurve(Plottable, Comparable, FrequencySeries, Tabular, Recorded, S
 
 
 def unstable_points(curve: ResponseCurve) -> NDArray:
-    """Return the unstable points (n,) bool: those of a stability analysis, else those at which the frequency decreases."""
+    """Return the unstable points (n,) bool: by a stability analysis, otherwise by a decreasing frequency."""
     return np.asarray(curve.backward if curve.unstable is None else curve.unstable, bool)
 
 

@@ -92,7 +92,7 @@ class AllBlades(Summarised):
 @short_repr
 @dataclass(frozen=True)
 class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-response"):
-    """Highest steady-state amplitude in time near the tip of the response at one preload, with its error.
+    """Highest steady-state amplitude in time near a resonance at one preload, with its error.
 
     ``plot`` draws the amplitudes of all blades (:func:`bdamper.plot.plot_blades`).
 

@@ -8,8 +8,8 @@ another may be higher.  The search therefore follows motions in time, from two p
   by sweeps in both directions.
 
 A sweep is continuous: the frequency changes by the half width of the resonance in a given number of periods.  It ends where
-the amplitude remains below a fraction of its highest value, as it does after the motion has jumped.  All numbers are those
-of :class:`bdamper.time_domain.transient.SteadyCriteria`.
+the amplitude remains below a fraction of its highest value, as it does after the motion has jumped.  The criteria are
+in :class:`bdamper.time_domain.transient.SteadyCriteria`.
 
 **Settled points.**  The motion of the highest place of a sweep is disturbed by waves of every nodal diameter, because a
 sweep gives the blades no time to part, and settles at this frequency (``bdamper.time_domain.transient.settle``).  If it

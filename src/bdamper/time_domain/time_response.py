@@ -7,7 +7,7 @@ elastic frequency is below :data:`RIGID_BEYOND` times the frequency of the highe
 **Error.**  The search (``bdamper.time_domain.steady_amplitude``) uses n time steps per period.  From its highest motion
 
 * 2n and, from there, 4n time steps are used, because contacts may chatter only with shorter steps;
-* the motion is carried over to a richer structure: all elastic modes of the free bodies, and :data:`VECTORS` residual modes
+* the motion continues in a richer structure: all elastic modes of the free bodies, and :data:`VECTORS` residual modes
   for the flexibility of the contact faces;
 * its amplitude is extrapolated up to the frequency at which it falls.
 
@@ -241,7 +241,7 @@ def _curve_of_peak(problem: Problem, peak: Peak) -> ResponseCurve:
 def _refine(search: SteadySearch, points: list[SteadyPoint], ring: Ring, finer: int) -> SteadyPoint:
     """Return the highest motion with ``finer`` times the steps, or in a richer structure.
 
-    Where it falls, the next highest of ``points`` is tried.
+    If it falls, the next highest of ``points`` follows.
     """
     for point in filter(lambda p: p.stays, points):
         motion = transfer(search.ring, point.transient.motion, ring) if ring is not search.ring else point.transient.motion
@@ -276,7 +276,7 @@ def _stated(
     none: TimeResponse, search: SteadySearch, runs: dict[str, SteadyPoint], others: dict[str, float], omitted: str,
     interrupted: bool,
 ) -> TimeResponse:  # fmt: skip
-    """Return the result of a search from a result without amplitudes; ``omitted`` is what the curve may not contain."""
+    """Return the result of a search from a result without amplitudes; ``omitted`` is a doubt about the curve."""
     best = search.best
     if best is None:
         why = search.failure or "no motion stays near the peak"
@@ -425,9 +425,9 @@ def motion_in_time(
 ) -> MotionInTime:
     """Integrate in time from a point of a response curve, and decide whether the motion agrees with it.
 
-    All sectors are included, each with its contacts and disturbances of every nodal diameter; the modes are those of the
-    curve.  The integration ends with the decision, usually after 96 to 200 periods.  With ``frequency`` it starts from the
-    closest solution and has a given number of periods without a decision, as where no stable solution exists.
+    All sectors are included, each with its contacts and disturbances of every nodal diameter; the modes of the curve
+    are used.  The integration ends with the decision, usually after 96 to 200 periods.  With ``frequency`` it starts from
+    the closest solution and has a given number of periods without a decision, as where no stable solution exists.
 
     Parameters
     ----------

@@ -51,8 +51,8 @@ AGREES, DIFFERS, UNDECIDED = "agrees", "does not agree", "undecided"
 class SteadyCriteria:
     """Criteria for motions in time.
 
-    Those of the verdict classify 50 points (docs/measured.md, *Labels in time and long integrations*) as integrations of up
-    to 960 periods end.
+    The criteria of the verdict classify 50 points (docs/measured.md, *Labels in time and long integrations*) as
+    integrations of up to 960 periods end.
 
     Parameters
     ----------
@@ -89,8 +89,8 @@ class SteadyCriteria:
     stride : int
         Periods between two places of a sweep.
     low, low_places : float, int
-        A sweep ends when so many places are below this fraction of its highest amplitude; solutions below this fraction of
-        the highest one are another level, not a ripple of the branch.
+        A sweep ends when ``low_places`` places are below the fraction ``low`` of its highest amplitude.  Solutions below
+        this fraction of the highest solution are another level, not a ripple of the branch.
     fine : float
         Relative width of the interval in which a motion falls.
     most_points : int
