@@ -132,8 +132,8 @@ NO_RANGE = {
         Study.hysteresis.n_theta ResidualModes.n_vectors AFT.n_time ContinuationOptions.max_points
         ContinuationOptions.patience ContinuationOptions.budget ContinuationOptions.max_iterations
         PeakOptions.max_iterations PeakOptions.max_trials DiskPeakOptions.climbs DiskPeakOptions.least
-        DiskPeakOptions.most n_blades n_modes disks fit_loop.sliders Reduction.engine_order Reduction.nodal_diameters
-        Reduction.n_damper_modes ContactFaces.points LocalSizes.cantilever LocalSizes.attachment LocalSizes.interface
+        DiskPeakOptions.most n_blades n_modes disks fit_loop.sliders joint.sliders Reduction.engine_order
+        Reduction.nodal_diameters Reduction.n_damper_modes ContactFaces.points LocalSizes.cantilever LocalSizes.attachment LocalSizes.interface
     """,
     LIMITED: """
         Excitation.phase tolerance engine_orders Study.static.history ContactLaw.iwan.chi ContactLaw.iwan.decades
@@ -250,6 +250,11 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "lumped.forces": Range(1e-9, 1e7, "N", "mN suspected", "MN suspected"),
     "lumped.load_per_preload": Range(1e-3, 100.0, "newtons per newton of preload",
         "newtons suspected, where shares are expected"),
+    "joint.damping_ratio": DAMPING,
+    "joint.stiffness": STIFFNESS,
+    "joint.friction": Range(1e-9, 1e8, "N", "mN suspected"),
+    "joint.exponent": Range(0.0, 20.0),
+    "joint.mass": Range(1e-9, 1e7, "kg", GRAMS, "tonnes suspected"),
     "Contact.kt": STIFFNESS,
     "Contact.kn": STIFFNESS,
     "Contact.preload": Range(1e-9, 1e7, "N", "mN suspected", "MN suspected"),
