@@ -133,7 +133,8 @@ NO_RANGE = {
         ContinuationOptions.patience ContinuationOptions.budget ContinuationOptions.max_iterations
         PeakOptions.max_iterations PeakOptions.max_trials DiskPeakOptions.climbs DiskPeakOptions.least
         DiskPeakOptions.most n_blades n_modes disks fit_loop.sliders joint.sliders Reduction.engine_order
-        Reduction.nodal_diameters Reduction.n_damper_modes ContactFaces.points LocalSizes.cantilever LocalSizes.attachment LocalSizes.interface
+        Reduction.nodal_diameters Reduction.n_damper_modes ContactFaces.points
+        LocalSizes.cantilever LocalSizes.attachment LocalSizes.interface
     """,
     LIMITED: """
         Excitation.phase tolerance engine_orders Study.static.history ContactLaw.iwan.chi ContactLaw.iwan.decades
