@@ -201,7 +201,7 @@ def test_the_flanks_carry_the_centrifugal_force_of_the_blade(rooted, mu):
 
 def test_friction_in_the_root_damps_a_large_motion_but_no_small_one(rooted):
     """A small force leaves what is closed stuck, but for points that the static load leaves at their friction limit: which
-    ones is not determined, and hangs on rounding (0.968 to 1 of the stuck amplitude).  A large one makes the flanks slip."""
+    ones is not determined, and hangs on rounding (0.968 to 1 of the stuck amplitude).  A large one makes flanks slip."""
     study = at_speed(rooted[0])
     stuck = study.stuck((300.0, 450.0)).peak
     with pytest.warns(bd.PlausibilityWarning, match="preload"):
