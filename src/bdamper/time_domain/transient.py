@@ -12,7 +12,7 @@ periods so far is divided into two quarters, the quarter before is the third; th
 and d2 = m3 - m2.  A transient that falls by the factor p = d2/d1 from one quarter to the next changes the mean by another
 p/(1 - p) d2.  The motion is steady if d1, d2 and this change are below :attr:`SteadyCriteria.drift`.  The quarters grow
 with n, so the scatter of a beating motion averages out.  If it does not within :attr:`SteadyCriteria.most` periods, the
-larger of d1 and d2 is the uncertainty of the mean.
+largest of the three changes is the uncertainty of the mean.
 
 **Verdict.**  Every 16 periods :func:`judged` compares a motion with the solution at which it began:
 
@@ -306,7 +306,7 @@ def settle(transient: Transient, expected: float, parting: bool = False) -> Stea
         if n < CRITERIA.fewest:
             continue
         over = n >= CRITERIA.most
-        change, (before, last) = _change(transient, to_come=not over)
+        change, (before, last) = _change(transient, over)
         fallen = (last if over else max(before, last)) < CRITERIA.jump * expected
         gone = fallen or min(before, last) > CRITERIA.gain * expected
         grows = parting and outside(transient, n // 4)[0] > CRITERIA.rise
@@ -315,14 +315,19 @@ def settle(transient: Transient, expected: float, parting: bool = False) -> Stea
             return SteadyPoint(transient, not gone, change)
 
 
-def _change(transient: Transient, to_come: bool) -> tuple[float, NDArray]:
-    """Return the largest relative change of the mean over the last three quarters and to come, and the last two means."""
+def _change(transient: Transient, over: bool) -> tuple[float, NDArray]:
+    """Return the largest relative change of the mean over the last three quarters and to come, and the last two means.
+
+    At the end (``over``) a change that grows from one quarter to the next counts as a beat, without a change to come.
+    """
     amplitude, k = transient.amplitude, len(transient.harmonics) // 4
     m = amplitude[-3 * k :].reshape(3, k).mean(axis=1)
     d1, d2 = np.diff(m) / max(m[2], 1e-300)
     slowest = np.exp(-k / transient.memory)
-    p = min(max(d2 / d1, 0.0), slowest) if d1 and to_come else 0.0
-    return float(max(d1, d2, d2 * p / (1.0 - p), key=abs)), m[1:]
+    ratio = max(d2 / d1, 0.0) if d1 else 0.0
+    p = 0.0 if over and ratio >= 1.0 else min(ratio, slowest)
+    ahead = d2 * (p / (1.0 - p) + 0.5 * (over and p > 0.0))  # at the end from the mean of the last two quarters
+    return float(max(d1, d2, ahead, key=abs)), m[1:]
 
 
 def outside(transient: Transient, periods: int) -> tuple[float, float]:
