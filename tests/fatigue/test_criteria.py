@@ -9,7 +9,6 @@ from bdamper.fatigue import AISI_1050, Material
 from bdamper.fatigue.criteria import amplitude_and_mean, angles, findley, largest_von_mises, smallest_circle, von_mises
 from bdamper.util.errors import SettingError
 
-RNG = np.random.default_rng(3)
 STEEL = Material(300e6, 900e6, 800e6)
 
 
@@ -19,7 +18,8 @@ def cycle(mean, *harmonics):
 
 
 def random_cycles(n, n_harmonics):
-    c = RNG.standard_normal((n, 6, n_harmonics + 1)) + 1j * RNG.standard_normal((n, 6, n_harmonics + 1))
+    rng = np.random.default_rng(3)
+    c = rng.standard_normal((n, 6, n_harmonics + 1)) + 1j * rng.standard_normal((n, 6, n_harmonics + 1))
     c[..., 0] = c[..., 0].real
     return c / (1.0 + np.arange(n_harmonics + 1)) ** 2
 
@@ -69,7 +69,7 @@ def test_findley_on_the_amplitude_alone_finds_the_factor_at_which_the_whole_crit
 
 def test_amplitudes_do_not_depend_on_axes():
     c = random_cycles(20, 3)
-    rotation = np.linalg.qr(RNG.standard_normal((3, 3)))[0]
+    rotation = np.linalg.qr(np.random.default_rng(4).standard_normal((3, 3)))[0]
     rotation *= np.linalg.det(rotation)
     for a, b in zip(amplitude_and_mean(c), amplitude_and_mean(turned(c, rotation))):
         np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12)
@@ -86,11 +86,11 @@ def test_amplitudes_do_not_depend_on_when_the_cycle_starts():
 
 def test_von_mises_amplitude_is_no_less_than_of_any_two_instants():
     c = random_cycles(5, 3)
-    theta = np.sort(RNG.uniform(0.0, 2.0 * np.pi, 60))
+    theta = np.linspace(0.0, 2.0 * np.pi, 240, endpoint=False) + 0.01
     path = np.einsum("nil,lt->nit", c, np.exp(1j * np.arange(4)[:, None] * theta)).real.transpose(0, 2, 1)
     pairs = 0.5 * von_mises(path[:, :, None] - path[:, None]).reshape(5, -1).max(axis=1)
     amplitude = amplitude_and_mean(c).amplitude
-    assert (amplitude >= pairs).all() and (amplitude < 1.01 * pairs).all()
+    assert (amplitude >= pairs).all() and (amplitude < 1.001 * pairs).all()
     assert len(angles(3)) == 128 and len(angles(8)) == 256
 
 
