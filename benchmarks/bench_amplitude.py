@@ -33,7 +33,7 @@ import bdamper as bd
 from bdamper.contact.residual_flexibility import RESIDUAL
 from bdamper.plot import save_figure
 from bdamper.plot.axes import STYLE
-from bdamper.time_domain.integration import MarchFailed, Motion, Ring, ring_of
+from bdamper.time_domain.integration import IntegrationFailed, Motion, Ring, ring_of
 from bdamper.time_domain.transient import Transient
 from bdamper.util.errors import BdamperError, BdamperWarning
 
@@ -186,7 +186,7 @@ def reference(number: int, preload: float) -> dict[str, Any]:
                 sweeps.append(places)
             found = settled(ring, places)
             found["last"] = float(places[-1][0])
-        except (MarchFailed, BdamperError) as error:
+        except (IntegrationFailed, BdamperError) as error:
             found = {"um": np.nan, "failed": str(error)}
         starts[where] = found
     good = {w: s for w, s in starts.items() if np.isfinite(s["um"])}

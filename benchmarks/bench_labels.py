@@ -22,7 +22,7 @@ from math import tau
 import numpy as np
 
 import bdamper as bd
-from bdamper.time_domain.integration import MarchFailed, Ring, ring_of
+from bdamper.time_domain.integration import IntegrationFailed, Ring, ring_of
 from bdamper.time_domain.time_response import disturbed
 from bdamper.time_domain.transient import CRITERIA, outside
 from benchmarks import PLAIN
@@ -53,7 +53,7 @@ def truth(ring: Ring, u: np.ndarray, omega: float, expected: float) -> tuple[flo
             before, last = (np.abs(x).mean(axis=0) / expected for x in (transient.blades[-80:-40], transient.blades[-40:]))
             if np.abs(last - before).max() < 0.01 and outside(transient, CRITERIA.window)[0] < CRITERIA.rise:
                 break
-    except MarchFailed:
+    except IntegrationFailed:
         return np.nan, np.nan, 0
     return float(last.min()), float(last.max()), periods
 

@@ -4,7 +4,7 @@
 coordinates and velocities of all modes drawn from a normal distribution and scaled so that the highest blade has 0.1 to 30
 times the peak of the balance, sliders of each point anywhere within ten times that peak, frequency anywhere in the
 interval, 128 or 256 steps a period.  Each must end finite, with no more energy than it had and was given,
-or by ``MarchFailed``.
+or by ``IntegrationFailed``.
 
 ``python -m benchmarks.bench_trust scenes [first last]`` draws scenes as ``benchmarks.bench_labels`` does, with other
 numbers, and asks ``study.time_response`` for the highest blade.  Its motion goes on for 15 periods in the explicit
@@ -21,7 +21,7 @@ from math import tau
 import numpy as np
 
 from bdamper.time_domain import time_response
-from bdamper.time_domain.integration import MarchFailed, Motion, ring_of
+from bdamper.time_domain.integration import IntegrationFailed, Motion, ring_of
 from bdamper.time_domain.transient import Transient
 from bdamper.util.errors import BdamperError
 from benchmarks.bench_labels import BANDS, random
@@ -33,7 +33,7 @@ STARTS, PERIODS = 1000, 4
 
 
 def random_starts(scenes: int = 20) -> None:
-    ended = {"finite": 0, "MarchFailed, 128 steps": 0, "MarchFailed, 256 steps": 0, "overflow": 0}
+    ended = {"finite": 0, "IntegrationFailed, 128 steps": 0, "IntegrationFailed, 256 steps": 0, "overflow": 0}
     most, begin = 0.0, time.process_time()
     for number in range(FIRST, FIRST + scenes):
         made, name, preload, rng = random(number)
@@ -52,8 +52,8 @@ def random_starts(scenes: int = 20) -> None:
             try:
                 with np.errstate(all="ignore"):
                     transient.run(PERIODS)
-            except MarchFailed:
-                ended[f"MarchFailed, {transient.steps} steps"] += 1
+            except IntegrationFailed:
+                ended[f"IntegrationFailed, {transient.steps} steps"] += 1
                 continue
             grown = np.abs(transient.blades).max() / (np.abs(ring.rows @ (size * q)).max() + peak)
             ended["finite" if np.isfinite(transient.blades).all() and grown < 1e3 else "overflow"] += 1

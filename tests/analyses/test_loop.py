@@ -15,7 +15,7 @@ KT, MU, NORMAL = 4e7, 0.45, 100.0
 REACH = MU * NORMAL / KT
 
 
-def marched(x, spread, kt=KT, mu=MU, sliders=400):
+def parallel_sliders(x, spread, kt=KT, mu=MU, sliders=400):
     """Force of sliders in parallel over a history of displacement that begins at rest."""
     limits = mu * NORMAL / sliders * (1.0 + spread * np.linspace(-1.0, 1.0, sliders))
     stretch, before, out = np.zeros(sliders), 0.0, np.empty(len(x))
@@ -28,7 +28,7 @@ def marched(x, spread, kt=KT, mu=MU, sliders=400):
 def loop(spread, swing, n=200, kt=KT, mu=MU):
     """One period of a settled loop: the second of two."""
     x = swing * np.cos(2.0 * np.pi * np.arange(n) / n)
-    return x, marched(np.tile(x, 2), spread, kt, mu)[n:]
+    return x, parallel_sliders(np.tile(x, 2), spread, kt, mu)[n:]
 
 
 @pytest.mark.parametrize("slip", [1.3, 3.0])
@@ -90,7 +90,7 @@ def test_backlash_and_drift_are_found_again(drift):
 def test_cycles():
     """Figures of each cycle, measured: steady ones agree with the loop, friction that grows is named."""
     swing, turns = 4.0 * REACH, np.sin(2.0 * np.pi * np.arange(1200) / 300)
-    x, force = swing * turns, marched(swing * turns, 0.0)
+    x, force = swing * turns, parallel_sliders(swing * turns, 0.0)
     found = bd.fit_loop(x, force + 0.1 * MU * NORMAL, normal=NORMAL)
     area = 4.0 * MU * NORMAL * (swing - REACH)
     assert found.energy == pytest.approx(np.full(3, area), rel=2e-3) and found.notes[0].startswith("fitted to")
@@ -149,12 +149,12 @@ class TestRecords:
         """Ten periods whose amplitude rises and falls, and three that begin at rest with the full amplitude."""
         t = np.linspace(0.0, 20.0 * np.pi, 3000)
         x = 3.0 * REACH * np.clip(np.minimum(t, t[-1] - t) / (4.0 * np.pi), 0.0, 1.0) * np.sin(t)
-        found = bd.fit_loop(x, marched(x, 0.3), normal=NORMAL)
+        found = bd.fit_loop(x, parallel_sliders(x, 0.3), normal=NORMAL)
         assert [found.kt, found.mu, found.spread] == pytest.approx([KT, MU, 0.3], rel=0.02)
         assert found.status == "complete" and len(found.force) < 2000
         assert re.match(rf"fitted to {len(found.force)} of 3000 points, those of periods of full", found.notes[0])
         x = 3.0 * REACH * np.sin(np.linspace(0.0, 6.0 * np.pi, 600))
-        found = bd.fit_loop(x, marched(x, 0.3), normal=NORMAL)
+        found = bd.fit_loop(x, parallel_sliders(x, 0.3), normal=NORMAL)
         assert [found.kt, found.mu, found.spread] == pytest.approx([KT, MU, 0.3], rel=0.01)
 
     def test_a_coarse_converter(self):
@@ -192,9 +192,9 @@ class TestRecords:
             bd.fit_loop(self.x[:150], self.force[:150], normal=NORMAL)
         x = 3.0 * REACH * np.sin(np.linspace(0.0, 2.0 * np.pi, 200))
         with pytest.raises(bd.SettingError, match=r"force: expected a closed period"):
-            bd.fit_loop(x, marched(x, 0.3), normal=NORMAL)
+            bd.fit_loop(x, parallel_sliders(x, 0.3), normal=NORMAL)
         with pytest.raises(bd.SettingError, match="0 turning points and no full period"):
-            bd.fit_loop(x[:50], marched(x[:50], 0.3), normal=NORMAL)
+            bd.fit_loop(x[:50], parallel_sliders(x[:50], 0.3), normal=NORMAL)
 
     def test_a_loop_that_sticks_is_refused(self):
         x = 1e-7 * np.cos(np.linspace(0.0, 2.0 * np.pi, 50))

@@ -124,7 +124,7 @@ def test_case_10_stuck_with_a_biased_slider():
 @pytest.mark.parametrize("limit", [0.9, 0.99, 0.999])
 def test_case_11_the_ellipse_settles(limit):
     """Half a turn of the ellipse reverses the settled force, from wherever the slider starts; thousands of periods of
-    plain marching lead to the same."""
+    plain time integration lead to the same."""
     x = np.zeros((3, 3))
     x[0, 1], x[1, 2] = 1.0, 0.5
     results = [evaluate(x, [1.0, 1.0], 0.0, 1.0, limit, w, COUPLED, SAMPLED, 64)[0] for w in ([0, 0], [0.3, -0.2])]

@@ -8,7 +8,7 @@ import bdamper as bd
 from bdamper.time_domain.transient import CRITERIA, repeats_after, to_come
 from tests.each import each
 from tests.hard.test_time_domain import rig
-from tests.marches import interrupted_at
+from tests.integrations import interrupted_at
 
 TAU = 2.0 * np.pi
 DAMPING = 0.04

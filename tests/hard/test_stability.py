@@ -10,10 +10,10 @@ from bdamper.contact.laws import LAW_COUPLED
 from bdamper.harmonic_balance.sector import segments
 from bdamper.time_domain.floquet import monodromy, multipliers, unstable_solutions
 from bdamper.time_domain.integration import Motion, Ring
-from tests.event_march import Marcher
+from tests.event_integration import EventIntegrator
 from tests.following import slider_interval
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
-from tests.marches import compared
+from tests.integrations import compared
 from tests.models import acyclic_model
 from tests.plain import plain_study
 
@@ -24,18 +24,18 @@ def path():
 
 
 def prepared(system, y, n_steps=96):
-    """A marcher, the state at angle 0, contact and friction there, and the sliders that have a say."""
+    """An integrator, the state at angle 0, contact and friction there, and the sliders that can move."""
     u, omega = y[:-1], y[-1]
-    marcher = Marcher(system, omega, n_steps)
+    integrator = EventIntegrator(system, omega, n_steps)
     x, _, _ = system.contact(u)
     p = system.structure.points
-    cycles = [segments(x[i], p.kt[i], p.kn[i], p.mu[i], p.n0[i], p.slider[i], p.law[i])[d] for i, d in marcher.pairs]
+    cycles = [segments(x[i], p.kt[i], p.kn[i], p.mu[i], p.n0[i], p.slider[i], p.law[i])[d] for i, d in integrator.pairs]
     closed = system.structure.points.n0 + system.structure.points.kn * (x[:, 2, 0] + x[:, 2, 1::2].sum(axis=1)) > 0.0
     states = [next(s for a, b, s in parts if -a % (2.0 * np.pi) < b - a) for parts in cycles]
     sliders = Ring(system, 1, 0).initial_slider(u, omega, 4096)[0]
-    z = marcher.start(u, states, np.array([sliders[pair] for pair in marcher.pairs]))
+    z = integrator.start(u, states, np.array([sliders[pair] for pair in integrator.pairs]))
     moving = [any(s for *_, s in parts) for parts in cycles]
-    return marcher, z, closed, states, [j for j, state in enumerate(states) if state == 0 and moving[j]]
+    return integrator, z, closed, states, [j for j, state in enumerate(states) if state == 0 and moving[j]]
 
 
 @pytest.mark.slow
@@ -47,8 +47,8 @@ def test_multipliers_against_time_integration(path):
     verdicts = set()
     for p in points:
         found = multipliers(system, p.y[:-1], p.y[-1])
-        marcher, *rest = prepared(system, p.y)
-        expected = marcher.multipliers(*rest)
+        integrator, *rest = prepared(system, p.y)
+        expected = integrator.multipliers(*rest)
         for value in found[:4]:  # harmonic balance with 15 harmonics is no exact motion
             assert np.abs(expected - value).min() < 1e-3
         verdicts.add(bool(np.abs(found[0]) > 1.0))
@@ -85,8 +85,8 @@ def test_multipliers_of_a_stiff_rig_with_a_free_damper():
         assert found.status == 0
         u = found.y[:-1]
     values = multipliers(system, u, omega)
-    marcher, *rest = prepared(system, np.append(u, omega), 512)
-    expected = marcher.multipliers(*rest)
+    integrator, *rest = prepared(system, np.append(u, omega), 512)
+    expected = integrator.multipliers(*rest)
     np.testing.assert_allclose(np.abs(values[:4]), np.abs(expected[:4]), atol=2.5e-2)
     assert np.abs(values[0]) > 1.05
 

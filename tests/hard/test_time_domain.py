@@ -9,10 +9,10 @@ import bdamper as bd
 from bdamper.contact.laws import LAW_BONDED
 from bdamper.harmonic_balance.sector import Sector
 from bdamper.time_domain.floquet import multipliers, unstable_solutions
-from bdamper.time_domain.integration import MarchFailed, Ring
+from bdamper.time_domain.integration import IntegrationFailed, Ring
 from bdamper.time_domain.transient import AGREES, CRITERIA, DIFFERS, UNDECIDED, judged
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
-from tests.marches import compared, fails_after, integrated, interrupted_at
+from tests.integrations import compared, fails_after, integrated, interrupted_at
 from tests.models import acyclic_model, wedge_model
 from tests.plain import plain_study
 
@@ -161,7 +161,7 @@ def test_an_integration_that_fails_is_no_response(monkeypatch):
         lambda: integrated(system, omega, 1, 0, u, 100, 256),
     ):
         fails_after(monkeypatch, 20)
-        with pytest.raises(MarchFailed, match="the time integration fails near "):
+        with pytest.raises(IntegrationFailed, match="the time integration fails near "):
             ask()
         monkeypatch.undo()
 

@@ -10,7 +10,7 @@ import bdamper as bd
 from bdamper.mistuning import BladedDisk, DamperVariation, DiskPeakOptions, Mistuning, bladed_disk
 from bdamper.mistuning.bladed_disk import OneStructure
 from bdamper.time_domain.transient import Transient, second_half, settle
-from tests.marches import fails_after
+from tests.integrations import fails_after
 from tests.mistuning.lumped import lumped_study, size, solution
 from tests.mistuning.test_symmetry import N, solved, study
 

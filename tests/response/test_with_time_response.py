@@ -124,7 +124,7 @@ def test_steps_and_curve_are_those_of_the_search(found, monkeypatch):
     class Search(in_time.SteadySearch):
         def run(self):
             asked.append((self.balance.amplitude[self.balance.top], self.steps))
-            raise in_time.MarchFailed("asked")
+            raise in_time.IntegrationFailed("asked")
 
     monkeypatch.setattr(in_time, "SteadySearch", Search)
     curve, peak = study.frequency_response(60.0, (300.0, 380.0)), study.peak(60.0, frequency=(300.0, 380.0))

@@ -7,9 +7,9 @@ import pytest
 
 import bdamper as bd
 from bdamper.time_domain import frequency_sweep
-from bdamper.time_domain.integration import MarchFailed
+from bdamper.time_domain.integration import IntegrationFailed
 from bdamper.time_domain.transient import CRITERIA
-from tests.marches import fails_after, interrupted_at
+from tests.integrations import fails_after, interrupted_at
 
 F0, ZETA = 10.0, 0.01
 W0 = 2.0 * np.pi * F0
@@ -106,7 +106,7 @@ def test_periods_before_an_interruption_are_the_result(linear, monkeypatch):
 
 def test_an_integration_that_fails_is_no_sweep(linear, monkeypatch):
     fails_after(monkeypatch, 4)
-    with pytest.raises(MarchFailed, match="the time integration fails near "):
+    with pytest.raises(IntegrationFailed, match="the time integration fails near "):
         linear.frequency_sweep(0.0, BAND, rate=usual(1.0))
 
 

@@ -13,7 +13,7 @@ from bdamper.time_domain.integration import Ring, every_diameter, ring_of, trans
 from bdamper.time_domain.steady_amplitude import BalanceCurve, SteadySearch
 from bdamper.time_domain.time_response import VECTORS, richer_structure, structure_in_time
 from tests.each import each
-from tests.marches import fails_after, interrupted_at
+from tests.integrations import fails_after, interrupted_at
 from tests.time_domain import plain_transient
 from tests.time_domain.test_frequency_sweep import F0, W0, one_mass
 from tests.time_domain.test_steady_amplitude import Still

@@ -35,7 +35,7 @@ from bdamper.response.events import ContinuationOptions
 from bdamper.response.response_curve import as_curve
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import TimeResponse
-from bdamper.time_domain.integration import STEPS, MarchFailed, Ring
+from bdamper.time_domain.integration import STEPS, IntegrationFailed, Ring
 from bdamper.time_domain.time_response import error_range
 from bdamper.time_domain.transient import CRITERIA, Transient, settle
 from bdamper.util import validation
@@ -279,7 +279,7 @@ def time_response(disk: DiskProblem, peak: DiskPeak, *, steps_per_period: int | 
         if not steady.stays:  # the integration stops when the motion falls: continue to its final amplitude
             steady.transient.advance(window)
             periods += window
-    except MarchFailed as error:
+    except IntegrationFailed as error:
         return replace(none, status=with_reason(NOT_FOUND, error), cost=watch.read(one.ring.cost))
     blades = np.abs(steady.transient.blades[-window:])
     result = replace(none, blade=steady.transient.blade, periods=periods, blades=blades, cost=watch.read(one.ring.cost))

@@ -57,7 +57,7 @@ from bdamper.model.kinematics import HarmonicBasis
 from bdamper.response.continuation import TWO_PI
 from bdamper.response.response_curve import check_curve
 from bdamper.response.response_curve_result import ResponseCurve
-from bdamper.time_domain.integration import MarchFailed, Ring, ring_of
+from bdamper.time_domain.integration import IntegrationFailed, Ring, ring_of
 from bdamper.time_domain.time_response import compare_with_solution, disturbed
 from bdamper.time_domain.transient import AGREES, CRITERIA, UNDECIDED
 from bdamper.util import validation
@@ -279,7 +279,7 @@ def judged_at(ring: Ring, u: NDArray, omega: float) -> tuple[str, float]:
     try:
         transient = disturbed(ring, u, omega, CRITERIA.steps)
         verdict, *_ = compare_with_solution(transient, expected)
-    except MarchFailed:
+    except IntegrationFailed:
         return UNDECIDED, np.nan
     return verdict, float(transient.amplitude[-2 * CRITERIA.window :].mean() / abs(expected[1]))
 

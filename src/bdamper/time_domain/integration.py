@@ -62,7 +62,7 @@ MOST_PERIODS = 100
 """Largest number of periods of a given motion until sliders are periodic: two, but many under the coupled laws."""
 
 
-class MarchFailed(BdamperError):
+class IntegrationFailed(BdamperError):
     """The contact forces of a time step were not found, even in short parts of it, or the time integration gains energy."""
 
 
@@ -327,7 +327,7 @@ class Ring:
 
         Raises
         ------
-        MarchFailed
+        IntegrationFailed
             If the contact forces of a time step are not found, even after six bisections.
         """
         count = n_steps * periods if steps is None else steps
@@ -349,7 +349,7 @@ class Ring:
             evaluations=cost.evaluations + count + 1,
         )
         if status:
-            raise MarchFailed(
+            raise IntegrationFailed(
                 f"the time integration fails near {omega / TWO_PI:.6g} Hz: contact forces are not found in a time step of "
                 f"1/{n_steps} of a period, nor in parts of it; raise steps_per_period"
             )

@@ -37,7 +37,7 @@ from bdamper.response.peak import Peak
 from bdamper.response.response_curve import check_curve, frequency_response
 from bdamper.response.response_curve_result import ResponseCurve, uninterrupted
 from bdamper.response.verification import MotionInTime, TimeResponse
-from bdamper.time_domain.integration import STEPS, MarchFailed, Ring, ring_of, transfer
+from bdamper.time_domain.integration import STEPS, IntegrationFailed, Ring, ring_of, transfer
 from bdamper.time_domain.steady_amplitude import BalanceCurve, SteadySearch
 from bdamper.time_domain.transient import (
     CRITERIA,
@@ -217,7 +217,7 @@ def time_response(
                     runs[richer[1]] = _refine(search, points, whole, 1)
                     cost = whole.cost
                 others = _other_starts(search, best, starts)
-        except MarchFailed as error:
+        except IntegrationFailed as error:
             search.failure = str(error)
     cost = watch.read(ring.cost + cost)
     none = replace(none, periods=search.periods, diameters=ring.nodal_diameters, cost=cost, fall=search.fall)
@@ -398,7 +398,7 @@ def compare_with_solution(
 
     Raises
     ------
-    MarchFailed
+    IntegrationFailed
         If the time integration fails.
     """
 
@@ -456,7 +456,7 @@ def motion_in_time(
     ------
     SettingError
         If a number is not valid, both a point and a frequency are given, or the curve has no points.
-    MarchFailed
+    IntegrationFailed
         If the time integration fails.
     """
     check_curve(problem, curve)

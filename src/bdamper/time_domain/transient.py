@@ -39,7 +39,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.response.continuation import TWO_PI
-from bdamper.time_domain.integration import STEPS, MarchFailed, Motion, Ring
+from bdamper.time_domain.integration import STEPS, IntegrationFailed, Motion, Ring
 from bdamper.util import validation
 from bdamper.util.errors import SettingError
 from bdamper.util.progress import LongWork, progress_counter, raise_if_stopped
@@ -206,7 +206,7 @@ class Transient:
 
         Raises
         ------
-        MarchFailed
+        IntegrationFailed
             If the contact forces of a time step are not found, or the energy exceeds its bound.
         """
         raise_if_stopped()
@@ -218,7 +218,7 @@ class Transient:
         for work, damping, _, rise in path.energy:
             self._held, self._given = self._held + rise, self._given + abs(work) + abs(damping)
             if not self._held <= CRITERIA.gain * self._given:
-                raise MarchFailed(
+                raise IntegrationFailed(
                     f"the time integration gains energy near {begin / TWO_PI:.6g} Hz, an error of its time steps: "
                     f"raise steps_per_period, {self.steps} now"
                 )

@@ -1,4 +1,4 @@
-"""Time integration of equations, beside that of studies."""
+"""Time integration of a system of equations without a study."""
 
 import itertools
 from typing import NamedTuple

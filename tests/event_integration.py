@@ -13,7 +13,7 @@ STICK, PLUS, MINUS, OPEN = range(4)
 TOLERANCE = 1e-11
 
 
-class Marcher:
+class EventIntegrator:
     """One structure under its excitation at one frequency; ``z`` holds q, q', the sliders, cos and sin of harmonics, 1."""
 
     def __init__(self, system, omega, n_steps=1024):
