@@ -7,7 +7,7 @@ Harmonic convergence
     sign of det J of the first peak. This sign changes at every fold, so another sign indicates another part of the curve.
     If this fails, half of the new harmonics are added first.
 
-    A few equal results do not prove convergence, since single harmonics become resonant. At its optimum the turbine blade
+    A few equal results do not prove convergence, since a higher harmonic may be resonant. At its optimum the turbine blade
     has 75.3, 75.0, 75.0, 75.2 and 74.2 um with 3, 5, 7, 9 and 12 harmonics, and 69.4 um with 16. The sequence therefore
     continues to the highest requested number. It stops earlier only
 
@@ -313,7 +313,7 @@ class Run:
     seconds : float
         Processor time; NaN if the study does not allow these settings.
     reason : str
-        Reason why there is no result.
+        Reason of a failure; empty otherwise.
     """
 
     part: str
@@ -495,7 +495,7 @@ def accuracy_cost(
 ) -> AccuracyCost:
     """Find the cheapest combination of settings within a tolerance of the most detailed one.
 
-    The most detailed combination takes most of the time, above all if a damper is nearly loose.
+    The most detailed combination takes most of the time, especially if a damper is nearly loose.
 
     Parameters
     ----------

@@ -51,7 +51,7 @@ class Campbell(Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
     nodal_diameter : (k,) int
         Nodal diameters of the model.
     free, stuck : (k, n, modes) float, Hz
-        Frequencies without contact, and with all points stuck that the preload of the speed closes.
+        Frequencies without contact, and with stuck contacts at all points that the preload at the speed closes.
     n_blades : int
     engine_order : (m,) int
         Requested engine orders.
@@ -86,7 +86,7 @@ class Campbell(Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
         Raises
         ------
         SettingError
-            If the model does not have it.
+            If the diagram does not contain it.
         """
         known = self.nodal_diameter.tolist()
         validation.check(nodal_diameter in known, "nodal_diameter", f"one of {known}", nodal_diameter)

@@ -1,9 +1,8 @@
 """Crossings of a resonance with engine orders, over rotor speed and damper mass.
 
 Crossing
-    A crossing is the highest point of the response along the line of an engine order at the preload of each speed, as in a
-    slow run-up. Each crossing is a point of a sweep over damper mass and engine order (:func:`bdamper.sweep`), with its
-    progress, interruption, files and executors.
+    A crossing is the highest point of the response along the line of an engine order, as in a slow run-up; the preload
+    depends on the speed. Each crossing is a point of a sweep over damper mass and engine order (:func:`bdamper.sweep`).
 
 Response along the line
     With the excitation frequency ``omega = EO Omega`` as an unknown, a run-up is a response curve of equations that depend
@@ -307,7 +306,7 @@ def exact(family: SpeedFamily, top: Peak) -> tuple[Peak, float]:
 AROUND = (0.03, 0.01, 0.003)
 """Successive relative half-widths of the range around a highest point with too large an interpolation error.
 
-Tables over speed have corners.
+The error is large if a table over speed has a corner in the range.
 """
 NUMBERS = (
     "amplitude", "speed", "frequency", "preload", "mass", "stick", "slip", "open", "fixed_speed", "fixed_speed_amplitude",
@@ -363,7 +362,7 @@ def refined(
 
 @dataclass(frozen=True)
 class CrossingTask:
-    """Crossing of a mode with the engine order of a problem, as the evaluation of a sweep.
+    """Function of a sweep that computes the crossing of a mode with the engine order of a problem.
 
     Results are :data:`NUMBERS` in SI units, NaN without a crossing. ``mass`` is the mass of the loaded damper.
     ``fixed_speed`` and ``fixed_speed_amplitude`` describe the peak at fixed speed near the highest point.

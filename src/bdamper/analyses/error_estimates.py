@@ -190,7 +190,7 @@ NEARLY_HIGHEST = 0.7
 """Relative height from which lower peaks are followed along with the highest.
 
 A peak that changes by more than 30 % may fall below a peak that is not followed; the complete curve is computed then. In
-the scenes of ``benchmarks.estimate_scenes`` Newton's method finds changes of at most 6 %, which agree with the complete
+the cases of ``benchmarks.estimate_scenes`` Newton's method finds changes of at most 6 %, which agree with the complete
 curves to 1e-4.
 """
 WIDER = 1.05, 1.1, 1.2
@@ -374,8 +374,9 @@ def _solved(system: Equations, embedded: list[NDArray], tops: Tops) -> Change | 
 
 
 def _at_frequency(system: Equations, embedded: list[NDArray], peak: Peak) -> Change | None:
-    """Return the change of the response at the frequency of a point; None if it fails or another peak may become the
-    highest.
+    """Return the change of the response at the frequency of ``embedded``, for a highest point at an end of the interval.
+
+    The result is None if Newton's method fails, or if another peak may become the highest.
     """
     y = embedded[0]
     for search in (False, True) if len(embedded) == 1 else ():

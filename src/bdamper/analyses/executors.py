@@ -81,7 +81,7 @@ def _run(job: Job | _Packed, settings: Mapping[str, Any]) -> Record | None:
 
 
 def _pack(job: Job, executor: Executor, stack: ExitStack) -> tuple[Job | _Packed, Job | _Packed]:
-    """Return the job as tasks contain it, and as tasks contain it whose worker could not read it."""
+    """Return the job as the tasks contain it, and as the tasks for workers that cannot read its file contain it."""
     if isinstance(executor, ThreadPoolExecutor):
         return job, job
     try:
@@ -98,7 +98,7 @@ def _pack(job: Job, executor: Executor, stack: ExitStack) -> tuple[Job | _Packed
 
 
 TASKS, WORKERS = 4, 32
-"""Number of submitted tasks for each worker, and number of workers if the executor has no attribute with it."""
+"""Number of submitted tasks for each worker, and assumed number of workers if the executor does not have this attribute."""
 
 
 def run_points(

@@ -63,7 +63,7 @@ TAKEN_UP = 3.0
 ROUGH = 1e-4
 """Relative tolerance of the sum of squares along a profile."""
 LEAST = 1e-4
-"""Relative change of the sum of squares at which a fit ends: Gauss-Newton steps to a right model make far larger ones."""
+"""Relative change of the sum of squares below which a fit ends; Gauss-Newton steps toward the data change it much more."""
 MOST = 60
 """Maximum number of evaluations of a fit."""
 ALIKE = 1e4
@@ -108,8 +108,8 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
     place : (n,) float, Hz
         Frequencies of the points.
     measured, model : (n,) complex, m
-        Measured and computed responses. For resonances over load: the ratio to the value without load times that of the
-        model.
+        Measured and computed responses. For resonances over load, the measured amplitude is scaled by the ratio of the
+        computed to the measured amplitude without load.
     residual : (n, 2) float
         Residuals in units of the noise.
     test : (n,) int
@@ -210,7 +210,7 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
 
     @property
     def wrong(self) -> str:
-        """Statement that the model does not describe the test of largest misfit, or empty; with a hint at wrong units."""
+        """Statement that the model does not describe the test of largest misfit, with a hint at wrong units; or empty."""
         worst = int(np.argmax(self.misfits))
         if not self.misfits[worst] > WRONG:
             return ""
@@ -260,7 +260,7 @@ class Objective:
     held : mapping of name to float
         Constant parameters.
     profiles : bool
-        Whether intervals are profiles, not those of the covariance.
+        Whether intervals follow from profiles; otherwise they follow from the covariance.
     """
 
     problem: Asking | Problem | Callable[..., Asking]
@@ -395,10 +395,10 @@ def fit(
     Parameters
     ----------
     problem : Study or callable
-        Study with the initial values, or a function that returns the study for parameters given as keywords. Its defaults
-        are the initial values; for others it is the middle of the range.
+        Study with the initial values, or a function that returns the study for parameters given as keywords. Default values
+        of the function are the initial values; other parameters start at the middle of their range.
     data : MeasuredResponse, Measured, or a sequence of these
-        Swept responses, or resonances over load relative to the one without load.
+        Swept responses, or resonances over load, which are compared relative to the resonance without load.
     vary : mapping of name to (low, high)
         Positive ranges of the parameters. Names are settings of :mod:`bdamper.harmonic_balance.parameters`, such as
         "friction_coefficient", "friction_coefficient.left", "contact_stiffness_factor", "contact_stiffness_factor.normal",
@@ -409,9 +409,8 @@ def fit(
         may give their ranges.
     noise : float
         Relative standard deviation of a measured amplitude, and standard deviation of a phase in radians.
-
     intervals : {"profile", "linear"}
-        Profiles, or intervals of the same rise of the sum of squares from the covariance, without further responses.
+        Profiles of the sum of squares, or its quadratic approximation by the covariance, which needs no further responses.
 
     Returns
     -------

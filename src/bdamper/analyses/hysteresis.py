@@ -284,8 +284,8 @@ def dissipation(problem: Problem, result: Solved) -> Hysteresis:
     ----------
     problem : Problem
     result : ResponseCurve, Peak or OptimalCurve
-        Result of this problem. An optimal curve gives them over the amplitude at resonance, since the response depends on
-        the ratio of preload and excitation only if there are no gaps.
+        Result of this problem. An optimal curve gives these quantities over the amplitude at resonance: without gaps they
+        depend on the ratio of preload and excitation only.
 
     Returns
     -------

@@ -3,7 +3,7 @@ r"""Identification of contact stiffness and friction from measured hysteresis lo
 The contact model consists of n sliders in parallel, each with the stiffness :math:`k_t/n` and the friction limit
 :math:`\mu_i N/n`. The coefficients :math:`\mu_i` are the midpoints of n equal parts between :math:`\mu(1-s)` and
 :math:`\mu(1+s)`. A spread s > 0 rounds the corners of the loop. A single slider underestimates the stiffness of a contact
-that slips point after point.
+whose points slip one after the other.
 
 By Masing's rule the loop between the displacements :math:`x_-` and :math:`x_+` has two piecewise linear branches
 
@@ -37,7 +37,7 @@ from bdamper.util.errors import COMPLETE, INCOMPLETE, with_reason
 from bdamper.util.formatting import amount, percent, short_repr
 
 REVERSAL = 10.0
-"""Least reversal of the displacement as a multiple of its noise; the least part of its range is ``CLOSED``."""
+"""Least reversal of the displacement as a multiple of its noise; as a fraction of its range it is ``CLOSED``."""
 CLOSED = 0.05
 """Relative difference up to which a loop is closed and turning points coincide."""
 STICKS = 0.01
@@ -49,7 +49,7 @@ DIFFERENCE = 5e-3
 ITERATIONS = 40
 """Maximum number of evaluations of a search."""
 FULL_WAY = 0.98
-"""Part of the largest way from which a period counts for the drift."""
+"""Fraction of the largest travel in a period.  Only periods with more travel determine the drift."""
 DRIFT = 0.01
 """Drift over a record, relative to the range, from which it is removed."""
 POOR = 0.05
@@ -84,8 +84,8 @@ class FittedLoop(Plottable):
     displacement, force, model : (n,) float, m, N, N
         Fitted points without drift, and force of the model at these displacements.
     energy, friction, stiffness : (n_cycles,), (n_cycles, 2), (n_cycles, 2) float, J, N, N/m
-        Measured area of each cycle; friction to the left and right: median force over the second half of the way; stiffness
-        after the left and right turning point: slope over the first quarter of the change of force.
+        Measured area of each cycle; friction to the left and right: median force over the second half of a branch;
+        stiffness after the left and right turning point: slope over the first quarter of the change of force.
     status : str
         "complete", or "incomplete: ..." with the reason for doubt.
     notes : tuple of str
@@ -203,9 +203,12 @@ def _turns(x: NDArray, apart: float) -> NDArray:
 
 
 def _without_drift(x: NDArray, y: NDArray, turns: NDArray) -> tuple[NDArray, NDArray, tuple[str, ...]]:
-    """Remove linear drift found from the means over periods of nearly full amplitude, and name it."""
+    """Return displacement and force without linear drift, and notes about removed drift.
+
+    The drift is determined from the means over the periods of nearly full amplitude.
+    """
     rise, notes = np.abs(np.diff(x[turns])), tuple[str, ...]()
-    both = rise[1:] + rise[:-1]  # the way of each period
+    both = rise[1:] + rise[:-1]  # travel in each period
     full = np.flatnonzero(both > FULL_WAY * both.max(initial=0.0))
     if len(full) < 3:
         return x, y, notes
@@ -256,7 +259,7 @@ def _cycles(x: NDArray, y: NDArray, sense: NDArray, noise: NDArray) -> dict[str,
 
 
 def _late(x: NDArray, y: NDArray) -> float:
-    """Return the median force over the second half of the way of a branch."""
+    """Return the median force over the second half of the displacement of a branch."""
     return float(np.median(y[np.abs(x - x[0]) > 0.5 * abs(x[-1] - x[0])]))
 
 

@@ -207,7 +207,7 @@ class Mode:
         return np.append(u, [omega, zeta, np.log(amplitude / self.reference)])
 
     def point(self, u: NDArray, omega: float, zeta: float) -> NDArray:
-        """Return the point of a motion whose response has phase zero.
+        """Return the point ``y`` of a motion whose response has phase zero.
 
         Parameters
         ----------
@@ -370,7 +370,7 @@ class _Branch:
         self.linear_to = np.nan
 
     def run(self, state: PreloadState, omega: float) -> None:
-        """Follow the branch from its start, and from the upper amplitude if it does not get there."""
+        """Follow the branch from its start, and from the upper amplitude if the branch does not reach it."""
         start = self._start(state, omega)
         if start is None:
             self.pieces.append(Piece(Path((), NOT_FOUND, "no motion at the lowest amplitude", 0, 0), True))
@@ -398,8 +398,9 @@ class _Branch:
         return self.system.correct_at(y[:-1], parameter, self._scale(y), self.options.tolerance, 40, True)
 
     def _start(self, state: PreloadState, omega: float) -> Correction | None:
-        """Return the motion at the lowest amplitude, or at a smaller one if Newton's method fails there; None without
-        success.
+        """Return the motion at the lowest amplitude, or at a smaller amplitude if Newton's method fails there.
+
+        The result is None if it fails at all amplitudes.
         """
         guess = self.system.structure.start(state.q, omega, self.system.structure.reference * float(np.exp(self.low)))
         for lower in np.log([1.0, 0.1, 0.01, 0.002]):

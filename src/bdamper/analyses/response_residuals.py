@@ -64,7 +64,8 @@ class MeasuredResponse(validation.Checked):
     preload : float, N
         Preload of the damper.
     force : float, N, optional
-        Nominal amplitude of the excitation; by default the force of the data at each point, or else that of the study.
+        Nominal amplitude of the excitation; by default the force of the data at each point, otherwise the amplitude in the
+        settings of the study.
     sweep : {"up", "down"}
         Direction of the frequency sweep.
 
@@ -90,7 +91,7 @@ class MeasuredResponse(validation.Checked):
 
     @property
     def nominal(self) -> float | None:
-        """Nominal force (N): the median if it was measured at each point; None for that of the study."""
+        """Nominal force (N): the median if it was measured at each point; None if the amplitude of the study applies."""
         measured = self.force is None and self.data.force is not None
         return float(np.median(self.data.force)) if measured else self.force  # type: ignore[arg-type]
 
@@ -147,12 +148,12 @@ class Variations:
         return self._neighbours[name, value]
 
     def ratio(self, force: float | None, gain: float | None = None) -> float:
-        """Return the force amplitude of a test (N; None for the study's) times ``gain``, over that of the study."""
+        """Return ``gain`` times the ratio of a force amplitude (N) to the amplitude of the study; ``gain`` for None."""
         gain = self.values.get(FORCE, 1.0) if gain is None else gain
         return gain * (1.0 if force is None else force / self.own.settings.excitation.amplitude)
 
     def under(self, force: float | None, problem: Problem | None = None) -> Problem:
-        """Return the problem under the force amplitude of a test (N; None for the study's)."""
+        """Return the problem under the force amplitude of a test (N), or under the amplitude of the study for None."""
         amplitude = self.ratio(force) * self.own.settings.excitation.amplitude
         return vary(problem or self.own, {"excitation.amplitude": amplitude})
 
@@ -290,8 +291,8 @@ class _Swept:
     def at(self, frequency: float, factor: float = 1.0) -> Correction | None:
         """Return the solution at a frequency (Hz) on the branch of the sweep under ``factor`` times the force.
 
-        The force changes from the nominal one in equal ratios, in more of them if Newton's method fails.  None without
-        success.
+        The force changes from the nominal force in steps of equal ratio, in more steps if Newton's method fails.  The
+        result is None if it fails with all of them.
         """
         c = self._nominal(frequency)
         if c is None or factor == 1.0:

@@ -7,10 +7,11 @@ Uncertainty
     which a percentile of the amplitude is least.
 
 Largest fatigue margin
-    More preload changes position and shape of the bending and adds to the mean stress. The preload with the largest margin
-    may therefore differ from the preload with the least amplitude. The margin at a preload is that of the highest point of
-    the complete response curve. Between the preloads of an optimal curve its maximum is refined as the least amplitude is
-    (:mod:`bdamper.response.minimum_search`). The derivatives are finite differences of peaks at neighbouring preloads.
+    A higher preload changes position and shape of the bending and increases the mean stress. The preload with the largest
+    margin may therefore differ from the preload with the least amplitude. The margin at a preload is the margin of the
+    highest point of the complete response curve. Its maximum between the preloads of an optimal curve is refined in the
+    same way as the least amplitude (:mod:`bdamper.response.minimum_search`). The derivatives are finite differences of
+    peaks at neighbouring preloads.
 """
 
 from __future__ import annotations
@@ -224,7 +225,7 @@ def optimal_curve_uncertainty(
     ----------
     study : Study
     samples : mapping of setting to (n_draws,) float
-        Sample from :func:`sample` or from elsewhere.
+        Sample, for example from :func:`sample`.
     preload, n, frequency, mode
         See :func:`bdamper.response.optimal_curve.optimal_curve`; all draws use the same preloads.
     executor, resume, progress
@@ -288,7 +289,7 @@ def robust_optimum(
     Returns
     -------
     RobustOptimum
-        After Ctrl-C the result of the last complete grid.
+        After Ctrl-C it describes the last complete grid.
 
     Raises
     ------
@@ -362,7 +363,7 @@ def best_margin(
     Returns
     -------
     MarginCurve
-        ``best_value`` is the preload, ``best_status`` its accuracy. After Ctrl-C the best preload of the curve.
+        ``best_value`` is the preload, ``best_status`` its accuracy. After Ctrl-C it is the best preload of the curve.
 
     Raises
     ------

@@ -138,7 +138,7 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
         Settings of the varied problem.
     model_hash : str
     cost : tuple of Cost
-        Cost of each point: that of the evaluation, otherwise the time only.
+        Cost of each point as returned by the evaluation; otherwise its elapsed time only.
     """
 
     names: tuple[str, ...]
@@ -160,7 +160,7 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
 
     @property
     def complete(self) -> bool:
-        """Whether every point has a result; ``warnings`` contains doubts about them."""
+        """Whether every point has a result; see ``warnings`` for doubts about the results."""
         return all_complete(self.status)
 
     @property

@@ -329,7 +329,7 @@ class StressRows:
         self._spread: NDArray | None = None
 
     def add(self, sector: CyclicSector, contact: sp.spmatrix, omega2: NDArray, shapes: NDArray) -> None:
-        """Add the vectors of one nodal diameter; at 0 also the centrifugal load.
+        """Add the stress of modes and contact forces at one nodal diameter, at 0 also the stress of the centrifugal load.
 
         Parameters
         ----------
@@ -360,7 +360,7 @@ class StressRows:
         return out.astype(single).astype(out.dtype)
 
     def set(self, body: str, source: str) -> StressSet:
-        """Return the stress set for the body of this name."""
+        """Return the stress set of the added nodal diameters for the named body of the model."""
         return StressSet(
             name=self.name, body=body, points=self.points, modes=self._modes, contact=self._contact, static=self._static,
             spread=self._spread, near_contact=self._near, source=source,

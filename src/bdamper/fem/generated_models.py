@@ -309,14 +309,16 @@ def bladed_disk(
     points : int or (int, int)
         Number of contact points on each face, or numbers along slope and axis.  With more points than nodes on the face the
         static receptance is singular.
-    mesh : {"coarse", "reference"}, ignored if ``fe`` is given
+    mesh : {"coarse", "reference"}
+        Density of the mesh; ignored if ``fe`` is given.
     n_modes : int
         Modes of the blade at each nodal diameter.
     n_damper_modes : int
         Modes of the damper including six rigid-body modes.
     engine_order, harmonics : int
         Determine the nodal diameters, unless ``nodal_diameters`` is given.
-    damping_ratio : float, of all elastic modes
+    damping_ratio : float
+        Damping ratio of all elastic modes.
     nodal_diameters : tuple of int, optional
         0 to N/2; 0 is always added for the mean position.
     pictures : tuple of int
@@ -420,7 +422,13 @@ def blade_to_ground(
     n_modes : int
     damping_ratio : float
         Damping ratio of all modes.
-    geometry, material : optional
+    geometry : Geometry, optional
+    material : Material, optional
+
+    Returns
+    -------
+    Model
+        Bodies "blade" and "ground" with the interface "platform" between them.
     """
     g = geometry or Geometry()
     body, structure = blade_structure(g, MeshDensity.preset(mesh), material or Material())

@@ -5,8 +5,7 @@ for the rest of the disk, the coordinates of :mod:`bdamper.model.modal_basis` ha
 
 * cantilever modes U: modes of :math:`K_{ff}, M_{ff}`;
 * attachment modes X: static shapes :math:`K_{ff}^{-1} P^T q` of loads q on the contact points, without their part in U.
-The
-  loads are the principal contact forces in the lowest modes with sticking dampers (:func:`stuck_loads`);
+  The loads are the principal contact forces in the lowest modes with sticking dampers (:func:`stuck_loads`);
 * if requested, static shapes of forces at the locations, without their part in U and X, counted as attachment modes;
 * root shapes V with the static shapes of blade, :math:`-K_{ff}^{-1} K_{fr} V`, and disk, at each nodal diameter.  V are the
   principal shapes (singular vectors) of the motion of the root, divided by the frequency, in the lowest modes of the sector
@@ -86,8 +85,8 @@ class BladePart:
         Fixed components.
     stiffness : (3 n_nodes, 3 n_nodes) sparse, optional
         Stiffness of the elements of the blade alone, N/m.
-    step : function of a text
-        Called before each nodal diameter, to show progress.
+    step : callable
+        Called with a text before each nodal diameter is computed, to show progress.
     """
 
     body: Structure
@@ -119,6 +118,7 @@ class BladePart:
         Raises
         ------
         ValueError
+            If a contact point or location is not on the blade, or a node of the blade is on a cut face.
         """
         check(self.inside[wanted.contact.indices // 3].all(), "contact points that are not on the blade")
         for name, place in wanted.locations.items():
@@ -156,7 +156,7 @@ class BladePart:
         return np.asarray(shapes @ eigh(k, m)[1])
 
     def carried(self, shapes: NDArray) -> NDArray:
-        """Return static shapes (3 n_nodes, n) of the blade for motions (n_root_dofs, n) of its root."""
+        """Return the static shapes (3 n_nodes, n) of the blade for displacements (n_root_dofs, n) of its root."""
         out = -self._spread(self.solver.solve(self.body.stiffness[self.own_dofs][:, self.root_dofs] @ shapes))
         out[self.root_dofs] = shapes
         return out
@@ -253,8 +253,9 @@ def stuck_loads(
         With the static shapes of all loads as attachment modes.
     loads : (3 n_points, n_attachment) float
         Loads on the contact points, orthogonal in the flexibility without cantilever modes.
-    dampers, n_sectors, sizes
+    dampers, sizes
         See :func:`local_basis`.
+    n_sectors : int
     """
     found, root = [], np.linalg.pinv(loads)  # the flexibility is root.T @ root
     spring = len(loads) / float(np.square(root).sum())
@@ -321,8 +322,8 @@ def local_basis(
     Parameters
     ----------
     blade : BladePart
-    sector : function of the nodal diameter
-        Returns a sector with cyclic symmetry.
+    sector : callable
+        Returns the sector with cyclic symmetry at a nodal diameter.
     wanted : Wanted
         Contact points and locations on the blade; ``sizes`` determines the number of modes.
     dampers : (3 n_points, 6) float, (3 n_points,) int
@@ -349,7 +350,7 @@ def local_basis(
 def _made_of(
     blade: BladePart, wanted: Wanted, omega2: NDArray, shapes: NDArray, stiffness: NDArray, mass: NDArray
 ) -> LocalBasis:
-    """Return the local basis for the shapes of :func:`local_shapes`."""
+    """Return the local basis with the shapes and matrices of :func:`local_shapes`."""
     body, n, r = blade.body, shapes.shape[1], stiffness.shape[1]
     clamped, root_rows, strain = slice(0, n - r), slice(n - r, n), np.zeros((r, r))
     carried = shapes[:, root_rows]

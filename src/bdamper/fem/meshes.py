@@ -256,7 +256,11 @@ def _layers(bottom: NDArray, top: NDArray, n: int) -> NDArray:
 
 
 def airfoil_points(g: Geometry, zeta: ArrayLike, xi: ArrayLike, eta: float, root: float) -> NDArray:
-    """Return points (..., 3) of the airfoil at the height fraction ``eta`` above its ``root`` (m), by broadcasting, m."""
+    """Return points (..., 3) of the airfoil in m.
+
+    The height above ``root`` (m) is the fraction ``eta`` of the airfoil height.  The coordinates ``zeta`` and ``xi`` are
+    broadcast.
+    """
     zeta, xi = np.broadcast_arrays(zeta, xi)
     chord = g.root_chord + eta * (g.tip_chord - g.root_chord)
     thickness = g.root_thickness + eta * (g.tip_thickness - g.root_thickness)

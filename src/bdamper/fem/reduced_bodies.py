@@ -1,7 +1,7 @@
 r"""Bodies of a model from finite element structures: modes, receptances and loads at contact points.
 
 The displacement of a free body is the sum of a rigid-body motion and an elastic deformation (paper, Eqs 5 to 7).  The
-rigid- body modes are three translations and three rotations about the centre of mass, orthonormal in the mass matrix:
+rigid-body modes are three translations and three rotations about the centre of mass, orthonormal in the mass matrix:
 :math:`\Psi^T M \Psi = I`.  A load accelerates the body.  Load and inertia forces together are self-equilibrated,
 
 .. math:: P^T f, \qquad P = I - \Psi\Psi^T M,
@@ -47,7 +47,7 @@ def isostatic_dofs(nodes: NDArray, corner: int = 0) -> NDArray:
     ----------
     nodes : (n, 3) float, m
     corner : int
-        First node; every choice is valid.
+        Index of the first of the three nodes; any node may be chosen.
     """
     a = corner
     b = int(np.argmax(np.linalg.norm(nodes - nodes[a], axis=1)))
@@ -67,7 +67,7 @@ S = TypeVar("S", bound=Structure)
 
 @dataclass
 class FreeBody(Generic[S]):
-    """Free body in its position in the model.
+    """Free body at its position in the model.
 
     Parameters
     ----------
@@ -286,12 +286,13 @@ def constrained_body(
     ----------
     name : str
     wanted : Wanted
-    sector : function of the nodal diameter
+    sector : callable
+        Returns the `CyclicSector` at a nodal diameter.
     nodal_diameters : iterable of int
     rotation : Rotation, optional
         Change of the stiffness with rotor speed.
-    seen : function of a sector, squared frequencies (n,) and shapes (3 n_nodes, n), optional
-        Called at each nodal diameter.
+    seen : callable, optional
+        Called at each nodal diameter with the sector, the squared frequencies (n,) and the shapes (3 n_nodes, n).
     """
     bases = {}
     for d in nodal_diameters:

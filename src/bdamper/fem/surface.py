@@ -127,7 +127,7 @@ class Facets:
         return np.unique(np.concatenate([g.ravel() for g in self.groups])) if self.groups else np.empty(0, int)
 
     def each(self) -> list[NDArray]:
-        """Iterate over the facets."""
+        """Return the facets one by one, each as the array of its nodes."""
         return [row for group in self.groups for row in group]
 
     @property

@@ -3,7 +3,7 @@
 Each ``read_...`` function reads files of Abaqus, Ansys, CalculiX, Nastran, MATLAB or plain arrays; most return an
 `FEBody`.  `build_model` checks units, axes and sector faces, computes the contact points of `ContactFaces`, reduces the
 bodies and returns a `BuiltModel`, which prints its report.  Its options are `Sector`, `Placement`, `Reduction`, `Checks`.
-`load_measured`, `read_response`, `read_responses` and `read_measurements` read measurements.
+`load_measured`, `read_response`, `read_responses` and `read_measurements` read measured data.
 """
 
 from bdamper.importers.abaqus import read_calculix, read_frd, read_inp

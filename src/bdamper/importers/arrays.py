@@ -310,7 +310,7 @@ def read_nodes(path: Path) -> tuple[NDArray, NDArray]:
     Raises
     ------
     FileNotFoundError, ModelError
-        If the file does not exist, or a line does not contain four numbers, the first of them whole.
+        If the file does not exist, or a line does not contain an integer and three numbers.
     """
     table = number_table(path, 4)
     return as_integers(table[:, 0], f"{path}: column 1"), table[:, 1:]
@@ -344,7 +344,7 @@ def read_set(path: Path) -> NDArray:
     Raises
     ------
     FileNotFoundError, ModelError
-        If the file does not exist, or lines do not contain 1, 3, 4, 6 or 8 whole numbers, the same in all lines.
+        If the file does not exist, or its lines do not all contain the same number of integers, 1, 3, 4, 6 or 8.
     """
     whole: Any = as_integers(number_table(path, 1, 3, 4, 6, 8), str(path))
     return whole[:, 0] if whole.shape[1] == 1 else whole
@@ -364,7 +364,7 @@ def read_elements(path: Path) -> tuple[NDArray, ...]:
     Raises
     ------
     FileNotFoundError, ModelError
-        If the file does not exist, or the whole numbers in a line are not as many as the nodes of an element.
+        If the file does not exist, or a line does not contain 4, 6, 8, 10, 15 or 20 integers.
     """
     rows = number_rows(path, *N_CORNER, mixed=True)
     return tuple(by_kind(as_integers(np.array(row), str(path)) for row in rows)["elements"])

@@ -123,7 +123,7 @@ class BuiltModel(Plottable):
     faces : tuple of str
         Area, overlap and normal of each interface.
     checks : tuple of str
-        Passed checks, with figures.
+        Passed checks with their numerical results.
     missing : tuple of str
         Quantities that the model lacks, each with a remedy or a consequence.
     failed : tuple of str
@@ -214,14 +214,15 @@ def build_model(
         Units and axes of the files.
     reduction : Reduction
         Nodal diameters, or engine orders that determine them, and numbers of modes.
-    locations : mapping of name to node number, to position, or to (name of a body, either)
-        Points of excitation and response.
+    locations : mapping of name to location
+        Points of excitation and response: a node number, a position (3,), or a tuple of the name of a body and one of
+        these.
     forces : mapping of name to (node numbers, forces) or to a CSV file
         Fields of nodal forces (:func:`force_fields`).
     checks : Checks
         Frequencies of another program for comparison, and the treatment of failures.
     progress : bool, optional
-        Whether progress is shown; by default on a terminal.
+        Whether to show a progress bar; by default only on a terminal.
 
     Raises
     ------
@@ -293,7 +294,7 @@ def _checked_contacts(contacts: Sequence[ContactFaces]) -> tuple[ContactFaces, .
 def _diameters(
     n_blades: int, reduction: Reduction, blade: FEBody
 ) -> tuple[tuple[int, ...], tuple[int, ...], str]:
-    """Return the nodal diameters of a model, the excited ones among them, and the reason for the choice."""
+    """Return the nodal diameters of a model, the excited nodal diameters, and the reason for the choice."""
     given, harmonics = reduction.nodal_diameters, reduction.harmonics
     orders: Sequence[int] = reduction.engine_order or ()  # type: ignore[assignment]  # checked by the class
     excited = tuple(sorted({min(order % n_blades, -order % n_blades) for order in orders}))

@@ -38,9 +38,10 @@ class ContactFaces:
     faces_a : str, (n,) int, (n, 3 | 4 | 6 | 8) int, or tuple of such two-dimensional arrays
         Face of body a: name of a set, node numbers that include whole element faces, or element faces by their node
         numbers, counter-clockwise as seen from outside.
-    faces_b : as faces_a, optional
-        Face of body b; None for a contact with the ground.
-    body_a, body_b : {"damper", "blade", "ground"} or the name of one of several free bodies
+    faces_b : str, int array or tuple of int arrays, optional
+        Face of body b in the same form; None for a contact with the ground.
+    body_a, body_b : str
+        "damper", "blade", "ground", or the name of one of several free bodies.
     points : int or (int, int)
         Number of contact points, in total or along t1 and t2.
     kind : {"friction", "constraint"}
@@ -159,7 +160,7 @@ def from_first_sector(
 def _sector_drawn(
     name: str, contacts: Sequence[ContactFaces], bodies: Mapping[str, PreparedBody], n_blades: int
 ) -> int:
-    """Return the position of a free body in the mesh, in sectors from its nominal place between blades 0 and 1."""
+    """Return the position of a free body in the mesh, in sectors from its nominal position between blades 0 and 1."""
     damper, blade, sectors = bodies[name], bodies["blade"], set()
     for contact in contacts:
         if (contact.body_a, contact.body_b) == (name, "blade") and contact.faces_b is not None:

@@ -1,7 +1,8 @@
 """Keywords of mesh files, grouped by their effect on nodes, elements and sets.
 
-A reader knows three groups.  It reads some keywords.  Others do not change the mesh.  A third group adds stiffness or mass
-that only the matrices contain.  Any other keyword is an error, since it could create, move or tie nodes, elements or sets.
+Readers accept three groups of keywords: keywords of the mesh, keywords without effect on the mesh, and keywords that add
+stiffness or mass, which only the matrices contain.  Any other keyword is an error, since it could create, move or tie
+nodes, elements or sets.
 
 References
 ----------
@@ -23,7 +24,7 @@ def _table(text: str) -> frozenset[str]:
 
 
 def refuse(found: str, item: str, read: Iterable[str]) -> NoReturn:
-    """Raise the error for a keyword in none of the groups.
+    """Raise a ModelError for a keyword that belongs to none of the groups.
 
     Parameters
     ----------

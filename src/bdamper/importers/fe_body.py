@@ -492,7 +492,7 @@ class Lines:
         return f"{self.source}: line {self._read}"
 
     def require(self, good: object, expected: str, found: object) -> None:
-        """Raise the error for the line read last unless ``good``."""
+        """Raise a ModelError for the line read last unless ``good``."""
         check(good, self.item, expected, found)
 
 
@@ -527,8 +527,8 @@ class Bounds:
     a micrometre.  With rows in the order of components it is at least 0.1, with a median of 0.4 to 0.8.  Stress stiffening
     contributes about stress divided by modulus."""
     odd_ones: float = 0.5
-    """Fraction of nodes with such forces, and fraction of twisted elements, above which the model is rejected.  Springs to
-    the ground act on few nodes, and a good mesh has few sliver elements."""
+    """Fraction of nodes with forces above ``rigid_force``, and fraction of twisted elements, above which the model is
+    rejected.  Springs to the ground act on few nodes, and a good mesh has few sliver elements."""
 
     # Quantities that should agree.
     same_place: float = 1e-9

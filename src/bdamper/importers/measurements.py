@@ -233,7 +233,7 @@ def read_columns(
     optional : tuple of str
         Columns that are read if the file has them.
     columns : mapping of name to name in the file, optional
-        Names of columns in the file, without unit, where they differ.
+        Names of columns in the file, without unit, if they differ from the names above.
 
     Returns
     -------
@@ -354,9 +354,9 @@ def read_response(
 
     The header names the columns with their units in brackets: ``frequency (Hz)``, and ``amplitude (mm)`` with or without
     ``phase (deg)``, or ``real (m)`` and ``imag (m)``.  ``displacement``, ``velocity`` and ``acceleration`` are other names
-    of the amplitude; its unit tells which it is, and ``dB re 1 mm/s`` is a level.  A column ``force (N)`` has the force at
-    each point.  Rows with an empty value, other columns and lines that start with ``#`` are ignored.  Separators, decimal
-    commas and encodings are found out.  Files of ``curve.to_csv`` can be read.
+    of the amplitude; its unit determines which of these it is, and ``dB re 1 mm/s`` is a level.  A column ``force (N)``
+    contains the force at each point.  Rows with an empty value, other columns and lines that start with ``#`` are ignored.
+    Separators, decimal commas and encodings are detected.  Files of ``curve.to_csv`` can be read.
 
     Parameters
     ----------
@@ -368,7 +368,7 @@ def read_response(
     columns : mapping of name to name in the file, optional
         Columns with other names: ``{"amplitude": "Acc 3"}``.
     phase_of : {"response", "displacement", "none"}
-        Motion whose phase the file contains: that of the column, or the displacement in any case.  "none" ignores phases.
+        Motion to which the phase belongs: the motion in the amplitude column, or the displacement.  "none" ignores phases.
 
     Returns
     -------

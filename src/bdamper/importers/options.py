@@ -44,7 +44,7 @@ def _frequencies(name: str, known: Any) -> Mapping[int, Sequence[float]]:
 
 
 def _tuple(name: str, value: Any, n: int) -> tuple[float, ...]:
-    """Check ``n`` numbers and return them as a tuple, so that options compare."""
+    """Check ``n`` numbers and return them as a tuple, so that options can be compared."""
     return tuple(validation.numbers(name, value, n).tolist())
 
 
@@ -137,7 +137,8 @@ class Reduction(validation.Checked):
     engine_order : int or sequence of int, optional
         Engine orders, which determine the nodal diameters with ``harmonics``.
     harmonics : int, optional
-        Number of harmonics; by default 9, and the nodal diameters of a time integration.
+        Number of harmonics of the engine orders.  By default the model has the nodal diameters of nine harmonics and of a
+        time integration.
     nodal_diameters : sequence of int, optional
         Nodal diameters (0 to N/2, 0 is added), which replace the nodal diameters of the engine orders.
     n_modes : int

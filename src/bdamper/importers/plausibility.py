@@ -232,7 +232,7 @@ def check_lowest(body: PreparedBody, reduced: Body) -> None:
 
 
 def check_bodies(bodies: Mapping[str, PreparedBody], n_blades: int, check_units: bool) -> None:
-    """Check the bodies of an import before the work, with sizes and material if ``check_units``."""
+    """Check the bodies of an import before their reduction; if ``check_units``, also their sizes and material."""
     check_radial(bodies["blade"], n_blades)
     for body in bodies.values():
         body.check_repeated()

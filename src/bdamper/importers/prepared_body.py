@@ -61,10 +61,10 @@ class ImportReport:
     ----------
     strict : bool
         Whether a failed comparison with another program raises its error.  Otherwise it warns.
-    step : function of a text
-        Called as each step of the work begins.
+    step : callable
+        Called with a text when a step of the work begins.
     checks : list of str
-        Passed checks, with figures.
+        Passed checks with their numerical results.
     missing : list of str
         Quantities that the model lacks, each with a remedy or a consequence.
     failed : list of str
@@ -142,15 +142,15 @@ class PreparedBody:
         self.report.checks.append(text)
 
     def error(self, item: str, expected: str, found: object) -> ModelError:
-        """Return the error for an unexpected value of a quantity of this body."""
+        """Return the ModelError for an unexpected value of a quantity of this body."""
         return mismatch(f"{self.where}: {item}", expected, found)
 
     def require(self, good: object, item: str, expected: str, found: object) -> None:
-        """Raise the error for a quantity of this body unless ``good``."""
+        """Raise a ModelError for a quantity of this body unless ``good``."""
         check(good, f"{self.where}: {item}", expected, found)
 
     def refusing(self, item: str, expected: str) -> AbstractContextManager[None]:
-        """Turn numerical errors in the block into the error for a quantity of this body."""
+        """Convert numerical errors in the block to a ModelError for a quantity of this body."""
         return parsing(f"{self.where}: {item}", expected)
 
     # ---- numbers, sets and faces ----

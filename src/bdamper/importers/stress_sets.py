@@ -1,4 +1,4 @@
-"""Stress of an imported blade at sets of nodes: which elements, constants and nodes take part."""
+"""Stress of an imported blade at sets of nodes: selection of nodes, elements and elastic constants."""
 
 from __future__ import annotations
 
