@@ -311,10 +311,8 @@ def bladed_disk(
         static receptance is singular.
     mesh : {"coarse", "reference"}
         Density of the mesh; ignored if ``fe`` is given.
-    n_modes : int
-        Modes of the blade at each nodal diameter.
-    n_damper_modes : int
-        Modes of the damper including six rigid-body modes.
+    n_modes, n_damper_modes : int
+        Modes of the blade at each nodal diameter, and modes of the damper including six rigid-body modes.
     engine_order, harmonics : int
         Determine the nodal diameters, unless ``nodal_diameters`` is given.
     damping_ratio : float

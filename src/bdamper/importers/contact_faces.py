@@ -40,8 +40,7 @@ class ContactFaces:
         numbers, counter-clockwise as seen from outside.
     faces_b : str, int array or tuple of int arrays, optional
         Face of body b in the same form; None for a contact with the ground.
-    body_a, body_b : str
-        "damper", "blade", "ground", or the name of one of several free bodies.
+    body_a, body_b : {"damper", "blade", "ground"}, or the name of one of several free bodies
     points : int or (int, int)
         Number of contact points, in total or along t1 and t2.
     kind : {"friction", "constraint"}

@@ -75,6 +75,7 @@ class LeftOut(NamedTuple):
     low, high : float, Hz
         Bounds of the part; equal if a path ended at a point.
     why : str
+        Reason of the omission.
     """
 
     low: float

@@ -277,7 +277,7 @@ class Events:
         Returns
         -------
         Correction or None
-            With slope and curvature of the condition; None if no corrector converges.
+            Fold or maximum, with the slope and curvature of its condition; None if no corrector converges.
         """
         a, b, end = step
         values = self._value(kind, a.y, a.tangent, a.scale), self._value(kind, b.y, b.tangent, a.scale)

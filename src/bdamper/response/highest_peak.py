@@ -146,7 +146,7 @@ def _tops(amplitude: NDArray, kinds: Sequence[str], branch: NDArray) -> list[int
 
 @dataclass(frozen=True)
 class _Refined:
-    """Refinement of points of one curve; parameters as in :func:`highest_of_curve`."""
+    """Refinement of points of one curve; for the parameters see :func:`highest_of_curve`."""
 
     system: Equations
     curve: ResponseCurve
@@ -158,7 +158,10 @@ class _Refined:
         return np.column_stack([self.curve.unknowns, 2.0 * np.pi * self.curve.frequency])
 
     def at_end(self, i: int) -> bool:
-        """Return whether the branch leaves the interval at this point or at its frequency (drift)."""
+        """Return whether an end of its branch, at the frequency of point i, is at an end of the interval.
+
+        Along a drift several points have the frequency of the end.
+        """
         omega, branch = self.y[:, -1], self.curve.branch
         on = np.flatnonzero(branch == branch[i])[[0, -1]]
         leaves = [j for j in on if omega[j] - omega.min() <= LEVEL * omega[j] or omega.max() - omega[j] <= LEVEL * omega[j]]
@@ -194,7 +197,10 @@ class _Refined:
         return (chord / size, scale) if size > 0.0 else (np.eye(len(y))[-1], scale)
 
     def _point(self, y: NDArray, normal: NDArray, scale: NDArray) -> Peak:
-        """Return a point of the curve as a peak without slope, corrected to the tolerance if possible."""
+        """Return a point of the curve as a :class:`Peak` with zero slope and tangent.
+
+        The point is corrected to the tolerance in the plane normal to ``normal``, if the corrector converges.
+        """
         c = self.system.solve(y, Plane(normal), scale, max(self.options.tolerance, LOOSEST), self.options.max_iterations)
         good = c.status == OK and float(np.linalg.norm(((c.y - y) / scale)[self.system.n_mean :])) < REACH
         at = c.y if good else y

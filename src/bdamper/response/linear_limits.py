@@ -157,7 +157,7 @@ def free_and_stuck(case: LoadCase, modes: int) -> tuple[NDArray, NDArray]:
     Raises
     ------
     SettingError
-        If there are fewer modes.
+        If the bodies have fewer modes.
     """
     sector = case.problem.at(0.0).sector
     basis = sector.bases[1]

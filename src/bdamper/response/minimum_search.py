@@ -118,20 +118,20 @@ def _minimum_of_cubic(first: float, last: float, rise: float) -> float:
 Candidate = tuple[tuple[Sample, Sample], LowerBound]
 """Two neighbouring samples and the lower bound between them."""
 Evaluate = Callable[[Sequence[float]], Sequence[Sample]]
-"""Evaluates the function at several abscissae."""
+"""Callable that evaluates the function at several abscissae."""
 Refine = Callable[[Sample, Sample, float], float | None]
-"""Returns the minimum of the smooth branch between two samples, from a guess; None if it fails."""
+"""Callable that returns the minimum of the smooth branch between two samples from a guess; None if it fails."""
 
 
 def find_minimum(known: Sequence[Sample], evaluate: Evaluate, refine: Refine) -> tuple[list[Sample], Minimum]:
     """Find the minimum from known samples and further evaluations.
 
-    This function chooses the optimal preload.
+    The optimal curve calls it with ln(amplitude) as a function of ln(preload).
 
     Parameters
     ----------
     known : sequence of Sample
-        At least one has a value.
+        Known samples, of which at least one has a value.
     evaluate : callable
         Evaluates the function at several abscissae.
     refine : callable
@@ -140,9 +140,9 @@ def find_minimum(known: Sequence[Sample], evaluate: Evaluate, refine: Refine) ->
     Returns
     -------
     list of Sample
-        All samples, ascending.
+        All samples in ascending order of the abscissa.
     Minimum
-        Minimum among them.
+        Minimum of the samples.
     """
     samples, refined, tried = sorted(known), set[float](), set[tuple[float, float]]()
     # two concurrent evaluations use two cores; the number is fixed so that the result does not depend on the machine

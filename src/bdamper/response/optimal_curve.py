@@ -47,7 +47,7 @@ from bdamper.util.storage import INSTALLED, ResultsFile
 
 
 LOST = (ArithmeticError, np.linalg.LinAlgError)
-"""Errors of a computation that fails at one preload, as by overflow; they do not end the optimal curve."""
+"""Errors of a computation that fails at one preload, for example by overflow; they do not end the optimal curve."""
 
 
 @one_thread
@@ -111,7 +111,7 @@ def optimal_curve(
     ----------
     problem : Problem
     preload : (low, high) or sequence of more than two values, N
-        Two values: ``n`` preloads between them in geometric progression.
+        Two limits give ``n`` preloads in geometric progression.
     n : int
     frequency : (low, high), Hz, optional
         Interval of the peaks; around the free and the stuck resonance of ``mode`` by default.
@@ -127,7 +127,7 @@ def optimal_curve(
     Returns
     -------
     OptimalCurve
-        After Ctrl-C, or the end of the executor, the part computed so far.
+        After Ctrl-C, or the end of the executor, it contains the part computed so far.
 
     Raises
     ------
@@ -323,7 +323,10 @@ def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
 def smooth_minimum(
     family: Family, ends: Sequence[Peak], a: Sample, b: Sample, options: PeakOptions | None = None
 ) -> float | None:
-    """Return ln(parameter) of the minimum amplitude of the peak that two samples share, by a root of its derivative."""
+    """Return ln(parameter) of the minimum amplitude of a peak between two samples of it, or None.
+
+    The minimum is found as a root of the derivative of the amplitude with respect to the parameter.
+    """
     near = dict(zip((a.x, b.x), ends))
 
     def slope(x: float) -> float:
@@ -408,7 +411,7 @@ def preload_values(preload: Any, n: int) -> NDArray:
     Raises
     ------
     SettingError
-        If they are not positive and increasing.
+        If the preloads are not positive and increasing.
     """
     validation.check_value(np.ndim(n) == 0, "n", "a whole number, and an interval by its name as frequency=(low, high)", n)
     values = validation.numbers("preload", preload, above=0.0, unit="N")

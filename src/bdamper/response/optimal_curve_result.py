@@ -46,7 +46,7 @@ class OptimumPoint:
         - "crossing": two peaks of equal height;
         - "jump": end of a higher peak; the amplitude is the limit from the side without it;
         - "end": end of the range of preloads, or of the preloads with a value;
-        - "edge": edge below which no response is steady;
+        - "edge": preload below which no response is steady;
         - "unknown": not determined, as after an interruption;
         - "flat": the preload has no effect (no slip, or bonded contact);
         - "none": no preload has a value.

@@ -5,8 +5,8 @@ maximum where its slope
 
     phi = grad(|X_1|^2/2) . t / |X_1|^2
 
-falls through zero.  With the adjoint ``J^T lambda = grad(|X_1|^2/2)`` the slope is ``-lambda^T r_omega`` times the
-frequency component of ``t``.  In terms of ``t`` the condition remains regular at folds.
+changes from positive to negative.  With the adjoint ``J^T lambda = grad(|X_1|^2/2)`` the slope is ``-lambda^T r_omega``
+times the frequency component of ``t``.  In terms of ``t`` the condition remains regular at folds.
 
 From a close guess Newton's method on the curve, with a secant along it, converges to the peak
 (:class:`~bdamper.harmonic_balance.equations.Peak`).  If it fails, :func:`find_peak` follows the curve uphill
@@ -95,7 +95,7 @@ class Peak(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
     Parameters
     ----------
     parameter : float
-        Preload (N) of the equations; NaN if they depend on none.
+        Preload (N) of the equations; NaN if they do not depend on a preload.
     frequency : float, Hz
     amplitude : float, m
         Amplitude of the first harmonic of the response.
@@ -108,7 +108,7 @@ class Peak(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
     residual : float
     iterations, trials, rank_deficiency : int
     corner : bool
-        Whether the peak is no smooth maximum: at a corner the slopes on both sides differ in sign but do not vanish.
+        Whether the peak is not a smooth maximum: at a corner the slopes on either side differ in sign but do not vanish.
     status : str
         "complete"; "incomplete: ..." at the end of an interval without a maximum, or if ``search_status`` is incomplete;
         "not found: ..." with the reason.
@@ -311,7 +311,7 @@ def find_peak(
         Estimated second derivative of ln(amplitude) along the curve in scaled unknowns.
     options : PeakOptions
     parameter : float
-        Stored in the result.
+        Value of the parameter of the equations, stored in the result.
     reach : float
         Largest distance along the curve, relative to the vibration.
 
@@ -352,7 +352,7 @@ def find_peak(
 def with_tangent(system: Equations, peak: Peak) -> Peak:
     """Return a smooth peak with its tangent, to the tolerances of :class:`PeakOptions`.
 
-    The peak of a response curve has no tangent; Newton's method from its point takes about five evaluations.
+    The peak of a response curve does not contain its tangent; Newton's method from its point takes about five evaluations.
     """
     if peak.tangent.any() or peak.corner:
         return peak
@@ -381,7 +381,7 @@ def peak_of_sign(
     Parameters
     ----------
     system, guess, options, parameter
-        As in :func:`find_peak`.
+        See :func:`find_peak`.
     sign : int
         Required sign of det J, at the frequency of the guess and at the peak.
 

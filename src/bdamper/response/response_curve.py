@@ -11,7 +11,8 @@ undetermined (then it has least norm), or may have no equilibrium; :func:`notes`
 period. Harmonic balance then finds many periodic solutions, connected by folds, and time integration from the highest finds
 no steady amplitude.  :func:`rattles` detects curves with many folds and mostly open contacts.  It is an indication, not a
 proof, and appears at low preloads only (docs/measured.md, *Where a damper rattles*).  On 84 curves :func:`rattles` detects
-11, and time integration of none of these becomes steady within 250 periods.  It misses 18 others that do not.
+11, and time integration of none of these becomes steady within 250 periods.  It misses 18 other curves on which it does not
+become steady.
 
 **No preload.**  A damper that its load would press against its neighbours moves away from them.  With a mean position so
 far off that no contact point closes in a cycle, the free response satisfies all equations exactly
@@ -19,8 +20,8 @@ far off that no contact point closes in a cycle, the free response satisfies all
 
 **Slow sweep of frequency.**  :func:`sweep_of` starts at one end of the interval on the lowest stable solution and follows
 stable points.  Where the branch turns or loses stability the response jumps to a stable solution at that frequency: the
-nearest lower one, or else the nearest higher one.  The motion during a jump is not computed, so among several stable
-solutions the response may end on another one.
+nearest lower one, or the nearest higher one if there is none.  The motion during a jump is not computed, so among several
+stable solutions the response may end on another one.
 """
 
 from __future__ import annotations
@@ -174,7 +175,7 @@ NOTE = "without a preload nothing holds the damper: this is the free response (s
 
 
 def free_of_contact(problem: Problem, frequency: tuple[float, float], options: Any) -> ResponseCurve | None:
-    """Return the free response as a response curve at zero preload, with the dampers away from their seats.
+    """Return the free response as a response curve at zero preload, with the dampers out of contact.
 
     Parameters
     ----------
@@ -216,7 +217,7 @@ def free_of_contact(problem: Problem, frequency: tuple[float, float], options: A
 
 
 ELASTIC = 1e-3
-"""Relative to the lowest frequency of a curve; resonances below it are rigid-body motions or too distant."""
+"""Frequency over the lowest frequency of a curve, below which resonances are rigid-body motions or too distant."""
 
 
 def frequency_response(

@@ -84,7 +84,7 @@ class ResponseCurve(Plottable, Comparable, FrequencySeries, Tabular, Recorded, S
     notes : tuple of str
         Further observations: drifting or undetermined mean positions.
     unstable : (n,) bool or None
-        Whether a small disturbance is known to grow; ``labels`` tells which other points are known to be stable
+        Whether a small disturbance is known to grow; ``labels`` shows which other points are known to be stable
         (:mod:`bdamper.time_domain.floquet`).
     stability_note : str
         Criterion, disturbances considered, and the cost.
@@ -146,7 +146,7 @@ class ResponseCurve(Plottable, Comparable, FrequencySeries, Tabular, Recorded, S
         return np.flatnonzero([kind == "fold" for kind in self.point_kind])
 
     def point_text(self, i: int, kind: str) -> str:
-        """Return a text on a point with a name for it."""
+        """Return a text about a point, such as a fold or a peak (``kind``), with its frequency and amplitude."""
         return f"{kind}: {peak_text(self.amplitude[i], self.frequency[i], 6)} (point {i})"
 
     @property

@@ -130,9 +130,9 @@ def across(
     scale : (n, n_unknowns + 1) float
         Units in which each tangent has unit length.
     families : mapping of name to (family, value)
-        At its value each family gives the equations of ``system``.
+        Equations as a function of each parameter, and the value at which they are the equations of ``system``.
     factors : float or (n,) float
-        Excitation at each point over that of ``system``.  The residual is linear in the excitation.
+        Excitation at each point relative to the excitation of ``system``.  The residual is linear in the excitation.
 
     Raises
     ------
@@ -167,13 +167,16 @@ def across(
 
 
 def sensitivities(peak: Peak, families: dict[str, tuple[Family, float]]) -> dict[str, PeakSensitivity]:
-    """Compute the derivatives of a peak: amplitude by one adjoint solution, frequency by one direction for each parameter.
+    """Compute the derivatives of amplitude and frequency of a peak.
+
+    One adjoint solution serves the amplitude for all parameters.  The frequency needs the derivative of the solution with
+    respect to each parameter.
 
     Parameters
     ----------
     peak : Peak
     families : mapping of name to (family, value)
-        At their values all families give the equations of the peak.
+        Equations as a function of each parameter, and the value at which they are the equations of the peak.
 
     Returns
     -------

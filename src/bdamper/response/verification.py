@@ -40,7 +40,7 @@ BEATS = 0.1
 
 
 class AllBlades(Summarised):
-    """Motion of all blades in time: how they differ, energy of a period, and waves."""
+    """Base class of motions in time: differences between the blades, energy of a period, and travelling waves."""
 
     blade: int
     blades: NDArray
@@ -108,7 +108,7 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
     highest_period : float, m
         Highest amplitude of a single period.
     fall : float, Hz
-        Frequency next to the highest motion at which it falls to another amplitude; NaN if it does not.
+        Frequency closest to the highest motion at which the motion changes to another amplitude; NaN if there is none.
     structure : str
         Modes in the response curve and in time.
     periods : int
@@ -234,7 +234,7 @@ class MotionInTime(AllBlades, Plottable, Tabular, Recorded, Storable, kind="bdam
     repeats_after : int or None
         Number of periods after which the motion repeats: 1 if periodic, None if irregular.
     diameters, status, cost, blade, blades, waves, energy, growth, settings, model_hash
-        As in :class:`TimeResponse`.
+            See :class:`TimeResponse`.
     """
 
     mean: Metre
