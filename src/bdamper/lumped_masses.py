@@ -61,8 +61,8 @@ class Contact:
         the displacement at rest is zero before the loads of the model act.
     gap : float, m
         Distance at zero displacement, instead of a preload.
-    tangential2 : as ``tangential``, optional
-        Second direction in the contact plane, with the same ``kt``.
+    tangential2 : int, str, tuple of two or mapping, optional
+        Second tangential direction, with the same ``kt``.
 
     Raises
     ------

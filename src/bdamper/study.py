@@ -66,7 +66,7 @@ R = TypeVar("R")
 class analysis(Generic[P, R]):
     """Descriptor that turns a function of a problem into a method of a study.
 
-    An access on the class returns the function itself.
+    Access through the class returns the function itself.
     """
 
     def __init__(self, function: Callable[Concatenate[Problem, P], R]) -> None:
@@ -292,7 +292,7 @@ class Study(Comparable):
         n : int
             Number of preloads between two values.
         frequency, mode, options
-            As in :meth:`peak`.
+            See :meth:`peak`.
         executor : concurrent.futures.Executor, optional
             Executor of the curves; threads by default.
         check : {"time", "neighbours", False}

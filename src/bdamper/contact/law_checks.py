@@ -2,7 +2,7 @@ r"""Check of a compiled contact law on short random paths, before an analysis us
 
 The solvers rely on three properties of a law :math:`s_k = g(x_k, x_{k-1}, s_{k-1})`, :math:`F_k = f(x_k, s_k)`: forces and
 states are finite, a step without motion leaves the state unchanged, and the four matrices are the derivatives.  The total
-derivative of the last force by the motions of a path contains all four,
+derivative of the last force with respect to the motions of a path contains all four,
 
 .. math:: \frac{dF_m}{dx_j} = f_x \delta_{jm} + f_s \frac{ds_m}{dx_j}, \qquad
     \frac{ds_k}{dx_j} = g_s \frac{ds_{k-1}}{dx_j} + g_x \delta_{jk} + g_{x'} \delta_{j,k-1}.

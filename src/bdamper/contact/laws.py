@@ -294,13 +294,13 @@ class ContactLaw:
         Parameters
         ----------
         stiffness : float, N/m
-            k.
+            Stiffness k in stick.
         alpha : float
             Fraction of the stiffness in macroslip, 0 to 1.
         beta, gamma : float, 1/m^n
-            -beta <= gamma <= beta; the law would generate energy otherwise.
+            Parameters with -beta <= gamma <= beta; the law would generate energy otherwise.
         n : float
-            At least 1.
+            Exponent, at least 1.
         kn : float, N/m
             Normal spring in compression only, without effect on T.
         """
@@ -411,7 +411,7 @@ class OwnLaws:
             Rows of the interface among all points.
         kn, gap : (n_points,) float, N/m and m
         length : float, m
-            Typical relative motion, for :func:`check` of user-defined functions.
+            Typical relative motion, for the check of user-defined functions (``law_checks.check_law``).
         """
         points: list[Any] = [None] * len(kn)
         for rows, name, law in laws:
@@ -458,7 +458,9 @@ class OwnLaws:
         )
 
     def step(self, x: NDArray, memory: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-        """Evaluate one step to the motions x (n_points, 3), m; points without compiled law have zeros and unchanged memory.
+        """Evaluate one step of the laws to the motions x (n_points, 3), m.
+
+        The force is zero and the memory unchanged at points without a compiled law.
 
         Returns
         -------

@@ -12,8 +12,8 @@ modal columns :math:`E W` with the modal stiffness :math:`S`.
 
 The omitted modes also have inertia.  To second order in frequency their flexibility is :math:`R + \omega^2 R_2` with
 :math:`R_2 = \sum \phi\,\Omega^{-4} \phi^H` over the omitted modes in the model.  The modal mass :math:`W^H R_2 W`
-represents it.  Coordinates are massless if the model has no omitted modes, and as far as their number exceeds that number
-of modes.  Stiffness and mass are made diagonal together.
+represents it.  If the model has fewer omitted modes than there are coordinates, the remaining coordinates are massless.
+Stiffness and mass are made diagonal together.
 
 The vectors of a harmonic are the contact forces of its stuck modes in ascending order of frequency,
 :math:`W = R^{-1} G Q` with :math:`(\Omega^2 + G^H R^{-1} G) Q = Q \Lambda`.  The stuck frequencies are then exact.

@@ -1,8 +1,9 @@
 r"""Static contact with friction of the full model, condensed to the contact points.
 
-The contact forces :math:`F = (T_1, T_2, N)` are those of Eqs (4) and (10) of the paper, there from a finite element contact
-analysis.  With the flexibility :math:`R` of both sides, the rigid-body motion :math:`\Psi\eta` of free bodies and the
-motion :math:`x_0` under the load without contact, the relative motion :math:`x = (u_1, u_2, v)` of the surfaces satisfies
+This problem determines the contact forces :math:`F = (T_1, T_2, N)` of Eqs (4) and (10), for which the paper uses a finite
+element contact analysis.  With the flexibility :math:`R` of both sides, the rigid-body motion :math:`\Psi\eta` of free
+bodies and the motion :math:`x_0` under the load without contact, the relative motion :math:`x = (u_1, u_2, v)` of the
+surfaces satisfies
 
 .. math:: x = \Psi\eta + x_0 - R F,\qquad \Psi^T F = f,
 
@@ -99,7 +100,10 @@ class StaticContactSolution:
 
 
 class _Solver:
-    """Newton iteration for F and eta, with an overdamped motion as fallback.  Residuals have the unit of a force."""
+    """Newton iteration for F and eta, with an overdamped motion as fallback.  Residuals have the unit of a force.
+
+    The methods return F (3 n,) and eta (n_rigid,) as in :class:`StaticContactSolution`.
+    """
 
     def __init__(self, problem: StaticContactProblem) -> None:
         self.problem = problem

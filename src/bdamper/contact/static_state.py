@@ -227,7 +227,10 @@ def limited_forces(level: NDArray, trial: NDArray, mu: NDArray) -> tuple[NDArray
 
 
 def law_tangent(kt: NDArray, kn: NDArray, mu: NDArray, status: NDArray) -> NDArray:
-    """Return the derivative (n_points, 3, 3) of the contact forces by the motion in the states ``status`` (n_points, 2)."""
+    """Return the derivative (n_points, 3, 3) of the contact forces with respect to the motion.
+
+    ``status`` (n_points, 2) contains the states of the points.
+    """
     tangent = np.zeros((len(status), 3, 3))
     closed = ~(status == OPEN).any(axis=1)
     tangent[closed, 2, 2] = kn[closed]

@@ -82,7 +82,7 @@ class Contact:
     method : name, ResidualModes, float, PerArea or mapping
         Method or values from which the stiffness was computed.
     note : str
-        Reason for another method than the default, if the model determined the method.
+        Reason why another method than the default was used, if the model determined the method.
     """
 
     stiffness: dict[str, ContactStiffness]

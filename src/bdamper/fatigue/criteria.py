@@ -275,9 +275,10 @@ def _refine_plane(c: NDArray, normal: NDArray, k: float, limit: float | None) ->
 
 
 def smallest_circle(path: NDArray) -> NDArray:
-    """Radius (n,) of the smallest circle around each path (n, m, 2).
+    """Return the radius (n,) of the smallest circle around each path (n, m, 2).
 
-    The farthest point joins the two or three that hold the circle until none lies outside; the radius rises at each step.
+    Two or three support points define a circle.  The farthest point outside replaces one of them, or is added to two of
+    them, until no point lies outside.  The radius increases in each step.
     """
     n = len(path)
     rows = np.arange(n)

@@ -313,7 +313,7 @@ class StressRows:
     Raises
     ------
     ValueError
-        As in :func:`bdamper.fem.element_stress.element_rows`.
+        See :func:`bdamper.fem.element_stress.element_rows`.
     """
 
     def __init__(

@@ -111,7 +111,7 @@ def histories(system: Equations[Sector], u: NDArray, theta: NDArray) -> tuple[ND
 
     Returns
     -------
-    two (n_points, 3, n_theta) float
+    motion, force : (n_points, 3, n_theta) float, m and N
         Along the two friction axes and the normal; approach and pressure are positive.
     """
     coefficients, forces, share = system.contact(u)
@@ -123,7 +123,7 @@ def histories(system: Equations[Sector], u: NDArray, theta: NDArray) -> tuple[ND
     coupled = np.isin(p["law"], (LAW_COUPLED, LAW_COUPLED_CONSTANT))
     for i in np.flatnonzero(~coupled & (p["law"] != LAW_USER)).tolist():
         F[i, :2] = _uncoupled(p, i, coefficients[i], forces[i], theta)
-    # a point in permanent stick has a range of admissible sliders: use the one of the equations
+    # a point in permanent stick has a range of admissible sliders: use the slider of the equations
     stuck = coupled & (share[:, 0] > 1.0 - 1e-9)
     F[stuck, :2] = at_angles(forces[stuck, :2], theta)
     if (slides := coupled & ~stuck).any():

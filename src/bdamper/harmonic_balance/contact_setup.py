@@ -70,7 +70,7 @@ def at_points(
     face, whole : Interface
         Interface in the study and in the model.
     united : callable
-        Maps values from the points of the model to those of the study: ``united(whole, n_points, values)``.
+        ``united(whole, n_points, values)`` converts values at the points of the model to values at the points of the study.
 
     Raises
     ------
@@ -166,7 +166,8 @@ def gaps(coupling: Coupling, settings: Settings) -> NDArray:
 def carried(coupling: Coupling, settings: Settings, shares: Mapping[str, float] | None) -> bool:
     """Return whether the modes of a study can carry its preload.
 
-    The generalised load on the rigid-body modes of the study must be at least `SMALLEST_SHARE` of the load on all six.
+    The generalised load on the rigid-body modes of the study must be at least `SMALLEST_SHARE` of the load on all six
+    rigid-body modes.
     Motions across the load carry only rounding errors.
 
     Parameters
@@ -201,7 +202,8 @@ def assembly_offsets(spread: float, seed: int, friction: NDArray) -> NDArray:
 def contact_of(settings: Settings, coupling: Coupling, friction: NDArray) -> Contact:
     """Compute the contact stiffness by the method of the settings, with residual modes if the method has them.
 
-    The default is residual modes.  If the model lacks the data, its stored stiffness is used, or else unit tractions.
+    The default is residual modes.  If the model lacks the data for them, the stiffness in the model is used, or unit
+    tractions if the model has no stiffness.
     """
     if settings.contact_stiffness is not None:
         return _contact_by(settings, coupling, friction, settings.contact_stiffness)

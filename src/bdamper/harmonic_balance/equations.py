@@ -226,7 +226,7 @@ class Rows:
     Parameters
     ----------
     coefficients : (n, 2, n_unknowns) float
-        Coefficients of Chebyshev polynomials in the squared rotor speed.  One if the rows are constant.
+        Coefficients of Chebyshev polynomials in the squared rotor speed; n is 1 if the rows are constant.
     squares : (middle, half) float
         Interval of the squared speed, rad2/s2.
     engine_order : int
@@ -325,7 +325,7 @@ class Equations(Generic[S]):
     core
         Object of the C core.
     structure
-        Subject of the equations: a sector, a family over rotor speed, a mode or a wheel.
+        Structure that the equations describe: a sector, a family over rotor speed, a mode or a bladed disk.
     layout : Layout
     response_rows : sequence of (n_modes,) complex
         For each harmonic, the row of modal amplitudes that gives the response.
@@ -484,11 +484,10 @@ class Equations(Generic[S]):
             the next step with the same factorisation would not be shorter.
         reach : float
             Largest length of a Newton step in scaled unknowns.  A longer step ends the iteration without convergence; 0
-            disables.
-        loose : float
-            Only for ``Plane`` and ``Fixed``.  A full Newton step shorter than this counts as convergence ...
-        rough : float
-            ... if the residual is then below this value; 0 accepts any residual.
+            is no limit.
+        loose, rough : float
+            Only for ``Plane`` and ``Fixed``.  A full Newton step shorter than ``loose`` counts as convergence if the
+            residual is then below ``rough``; 0 for ``rough`` accepts any residual.
 
         Returns
         -------

@@ -225,6 +225,6 @@ def aligned(basis: HarmonicBasis, reference: HarmonicBasis) -> HarmonicBasis:
 
 
 def like(problem: Problem, reference: Problem) -> Problem:
-    """Return the problem with its unknowns rotated onto those of another problem."""
+    """Return the problem with its residual modes rotated onto the residual modes of another problem."""
     bases = [aligned(b, other) for b, other in zip(problem.bases, reference.bases)]
     return problem.given(bases=bases, **({"static_basis": bases[0]} if bases[0].n_modes else {}))

@@ -307,7 +307,7 @@ class Problem:
 
     @made_once
     def damper_load(self) -> tuple[NDArray, NDArray]:
-        """Modal force (n_modes,) and motion (n_points, 3) outside the modes, per newton of preload."""
+        """Modal force (n_modes,), and displacement (n_points, 3) that the modes do not contain, per newton of preload."""
         force, shift = self.coupling.load(self.body_loads)
         arms = centrifugal_arms(self.model)
         if self.settings.speed is not None and arms:
@@ -317,7 +317,7 @@ class Problem:
 
     @made_once
     def fixed_load(self) -> tuple[NDArray, NDArray]:
-        """Modal force (n_modes,) and motion (n_points, 3) outside the modes that are independent of the preload."""
+        """Modal force (n_modes,), N kg^-1/2, and displacement (n_points, 3), m, without preload; see ``damper_load``."""
         constant_loads = self.settings.constant_loads or {}
         force, shift = self.coupling.load({name: float(np.sum(load)) for name, load in constant_loads.items()})
         if self.settings.speed is not None and not centrifugal_arms(self.model):
@@ -472,7 +472,7 @@ class Problem:
         return {}
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return all attributes but the load cases, which other processes compute again."""
+        """Return all attributes except the load cases, which other processes compute again."""
         return {name: value for name, value in self.__dict__.items() if name != "_load_cases"}
 
     def at(self, preload: float) -> LoadCase:

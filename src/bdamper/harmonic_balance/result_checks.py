@@ -38,14 +38,15 @@ def check_result(problem: Problem, result: SomeResult, name: str = "result") -> 
     Parameters
     ----------
     problem : Problem
-    result
-        Has ``model_hash`` and ``settings``; settings added in a later version may be missing.
+    result : SomeResult
+        Its settings may lack the settings that a later version has added.
     name : str
         Name in error messages.
 
     Raises
     ------
     SettingError
+        If the result belongs to another problem.
     """
     recorded, current = result.settings, problem.record()
     other = [key for key in current if key in recorded and recorded[key] != current[key] and key != "stability"]
@@ -108,7 +109,13 @@ class Solutions(NamedTuple):
 
 
 def solutions_of(problem: Problem, result: SomeResult) -> Solutions:
-    """Return the solutions of a peak or a curve with their preloads; errors as for :func:`unknowns_of`."""
+    """Return the solutions of a peak or a curve with their preloads.
+
+    Raises
+    ------
+    SettingError
+        See :func:`unknowns_of`.
+    """
     given: Any = result
     unknowns = unknowns_of(problem, result)
     preload = np.asarray(given.parameter if hasattr(given, "y") else given.preload, float)
@@ -188,7 +195,7 @@ def asked(function: Callable[Concatenate[Problem, P], Problem]) -> Callable[Conc
 @overload
 def asked(function: Callable[Concatenate[Problem, P], R]) -> Callable[Concatenate[Asking | Problem, P], R]: ...
 def asked(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Decorate a function of a problem to accept a study too; a returned problem becomes a study."""
+    """Decorate a function of a problem so that it also accepts a study; a returned problem becomes a study."""
 
     @wraps(function)
     def of_study(study: Any, /, *given: Any, **named: Any) -> Any:

@@ -25,7 +25,7 @@ from bdamper.util.formatting import short_text
 RPM = 60.0 / (2.0 * np.pi)
 """Revolutions per minute in one rad/s."""
 Table = Mapping[float, float] | Callable[[float], float]
-"""Function of one number, or its values: interpolated linearly, an error outside."""
+"""Function of one number, or a table of its values for linear interpolation, which is an error outside the table."""
 Excitations = Callable[[float, int], float] | Mapping[int, Any]
 
 
@@ -96,8 +96,9 @@ class Conditions:
         return f"Conditions({', '.join(f'{name}={named(v)}' for name, v in given.items() if v is not None)})"
 
     def values(self, speeds: Iterable[float], engine_orders: Iterable[int]) -> tuple[tuple[float | None, ...], ...]:
-        """Return friction and excitation of each order at speeds; they identify functions, which have no comparable
-        value.
+        """Return friction coefficient and excitation of each order at speeds.
+
+        These values identify the conditions in results files, since callables cannot be compared.
         """
         orders = list(engine_orders)
         return tuple((self.friction_at(w), *(self.excitation_at(w, order) for order in orders)) for w in speeds)
@@ -151,7 +152,7 @@ def asked_speeds(
     Raises
     ------
     SettingError
-        Unless exactly one of the two is given, and positive.
+        If none or both are given, or a speed is not positive.
     """
     if (speeds is None) == (rpm is None):
         raise SettingError(f"rotor speed: expected a value in rad/s or rpm=, found {'none' if rpm is None else 'both'}")

@@ -87,7 +87,8 @@ class Settings:
         ``n_blades - d`` (or ``-d``) travel in opposite directions.  Other nodal diameters and the mean have none.
         :func:`bdamper.influence_coefficients` computes them from a few blades.
     damper_drag : float or mapping of body name to float, N s/m
-        Viscous force on the translation of free bodies over its velocity; proportional to mass for all their motions.
+        Viscous damping constant of free bodies: force on the translation divided by its velocity.  The force on all their
+        motions is proportional to mass.
     contact_forces : {"event_driven"} or AFT
         Evaluation of the contact forces over a cycle.
     friction_law : {"uncoupled", "coupled", "bonded"}, ContactLaw or mapping of interface to these
@@ -257,7 +258,7 @@ class Settings:
 
     @property
     def places(self) -> tuple[tuple[str, NDArray], ...]:
-        """Locations and directions (3,) of the response and of all forces but modal ones."""
+        """Locations and directions (3,) of the response and of all forces except modal forces."""
         forces = [(at, along) for group in self.excited.values() for at, along, _ in group if at in self.model.locations]
         response = self.response_location
         return (*forces, (response.location, direction_vector(response.direction, "response direction")))
@@ -419,7 +420,7 @@ class Settings:
 
     @property
     def active_harmonics(self) -> set[int]:
-        """Active harmonics; 0 is the mean."""
+        """Harmonics with unknowns, including 0 for the mean if it can move."""
         return {*self.harmonic_numbers, *([0] if self.bias else [])}
 
     @property

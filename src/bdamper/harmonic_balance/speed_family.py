@@ -61,7 +61,7 @@ class Family:
         return self.sectors[len(self.sectors) // 2].bases
 
     def at(self, omega: float) -> Equations[Sector]:
-        """Return the equations at the speed of a frequency (rad/s), with the frequency as a free parameter."""
+        """Return the equations at the speed that belongs to a frequency (rad/s), with the frequency as a free parameter."""
         weights = self.rows.basis(omega, len(self.speeds)) @ self.weights
         middle = self.sectors[len(self.sectors) // 2]
 

@@ -396,7 +396,7 @@ def read_responses(
     Parameters
     ----------
     path, unit, columns, phase_of
-        As in :func:`read_response`.
+        See :func:`read_response`.
     by : str
         Column with the number of the test.
 
@@ -408,7 +408,7 @@ def read_responses(
     Raises
     ------
     BdamperError
-        As in :func:`read_response`.
+        See :func:`read_response`.
     """
     return _responses(path, unit, None, columns, phase_of, by.strip().lower())
 

@@ -1,10 +1,10 @@
 """Analyses of a mistuned bladed disk: peaks over the preload, response curves, and steady-state amplitudes in time.
 
-Response curves are continued as those of one sector; the result has the response of all blades.
+Response curves are computed by the same continuation as for one sector; the result has the response of all blades.
 
 **Time integration** uses the method of one sector (:mod:`bdamper.time_domain.integration`), with the whole disk as a single
 sector.  Its coordinates are the mistuned modes of blades and disk, and the coordinates of all dampers.  It starts at the
-peak, with free dampers.  The criteria of a steady amplitude are those of a sector
+peak, with free dampers.  The criteria of a steady amplitude are the same as for a sector
 (:mod:`bdamper.time_domain.steady_amplitude`).  Damping is modal: the coupling between modes is at most 2.1 % of it for
 lumped blades with deviations of 5 %.
 """
@@ -63,7 +63,7 @@ def answers(peak: DiskPeak) -> dict[str, Any]:
 
 
 def _highest(_: Any, preload: Any, *, disk: DiskProblem, options: DiskPeakOptions | None) -> dict[str, Any]:
-    """Return the highest peak of a bladed disk as the task of a sweep."""
+    """Return the quantities of the highest peak of a bladed disk; this is the function of a sweep over the preload."""
     highest = peak(disk, preload, options=options)
     return answers(highest) | {"tuned_amplitude": highest.tuned_amplitude}
 
@@ -85,7 +85,7 @@ def optimal_curve(
     preloads : sequence of float, N
     options : DiskPeakOptions
     executor, progress
-        As in :func:`bdamper.sweep`.
+        See :func:`bdamper.sweep`.
 
     Returns
     -------
@@ -218,7 +218,7 @@ class OneStructure:
         return np.asarray(np.tensordot(self.system.structure.array(u).transpose(1, 0, 2), rows, 2).ravel())
 
     def start(self, u: NDArray) -> NDArray:
-        """Return the unknowns of the one structure from those of the bladed disk."""
+        """Return the unknowns of this structure for unknowns ``u`` of the bladed disk."""
         return self._projected(u, self.inverse)
 
 
@@ -227,7 +227,7 @@ class OneStructure:
 def time_response(disk: DiskProblem, peak: DiskPeak, *, steps_per_period: int | None = None) -> TimeResponse:
     """Compute the steady-state amplitude of the highest blade by time integration of all blades from the peak.
 
-    Ctrl-C leaves no result.
+    After Ctrl-C there is no result.
 
     Parameters
     ----------
@@ -235,7 +235,7 @@ def time_response(disk: DiskProblem, peak: DiskPeak, *, steps_per_period: int | 
     peak : DiskPeak
         Peak of this disk.  Its dampers are free in time, even if springs held them in the search.
     steps_per_period : int, optional
-        256 by default; a steady motion is integrated again with twice as many.
+        256 by default; a steady motion is integrated again with twice this number.
 
     Returns
     -------

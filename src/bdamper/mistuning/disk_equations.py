@@ -20,7 +20,8 @@ Unknowns have the same layout as for one sector, the mean of all sectors first, 
 accept a bladed disk.
 
 **Holding springs** hold the mean of dampers at its static position.  A damper in full slip is free along its axis, and the
-springs make the equations easier to solve.  The solutions lead to those without springs (:mod:`bdamper.mistuning.peak`).
+springs make the equations easier to solve.  Their solutions are initial guesses for the solutions without springs
+(:mod:`bdamper.mistuning.peak`).
 """
 
 from __future__ import annotations
@@ -81,8 +82,8 @@ KEPT = 8
 """Number of root shapes, the most important ones, whose coupling to neighbours the elimination includes.  On the shipped
 disk (9 points, 16 shapes) with one harmonic 16, 8, 6 and 4 take 3, 3, 3 and 4 iterations to 1e-2.  With three harmonics
 16, 8 and 6 take 29, 36 and 104 to 1e-4.  The cost of the ring grows with the third power of this number.  The reduced disk
-(:mod:`bdamper.mistuning.peak_search`) includes only the family's shape with one harmonic, with as many evaluations in all;
-with three harmonics that leaves 1e-3 after 80 iterations, while eight shapes leave 1e-7 after 17."""
+(:mod:`bdamper.mistuning.peak_search`) includes only the family's shape with one harmonic, with the same total number of
+evaluations; with three harmonics that leaves 1e-3 after 80 iterations, while eight shapes leave 1e-7 after 17."""
 
 
 @short_repr

@@ -250,7 +250,7 @@ def disk_system(structure: Structure, state: Loaded, excitation: NDArray, respon
 @short_repr
 @dataclass(frozen=True, eq=False)
 class DiskProblem:
-    """Bladed disk and its equations; parameters as in :class:`~bdamper.mistuning.BladedDisk`."""
+    """Bladed disk and its equations; for the parameters see :class:`~bdamper.mistuning.BladedDisk`."""
 
     study: Asking | Problem
     mistuning: Mistuning | ArrayLike | None = None

@@ -102,11 +102,12 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
             ``blade,first mode (Hz)``.  A column "blade" numbers the blades from 0 or 1, in any order.  Lines that begin
             with ``#`` are comments.
         reference : float or (n_modes,) float, Hz, optional
-            As in :meth:`from_frequencies`.
+            See :meth:`from_frequencies`.
 
         Raises
         ------
         FileNotFoundError
+            If the file does not exist.
         BdamperError
             If the file is invalid; the message names the row and the column.
         """
@@ -202,7 +203,7 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
 @short_repr
 @dataclass(frozen=True)
 class DamperVariation(Storable, kind="bdamper-damper-variation"):
-    """Differences of the dampers of a bladed disk from the nominal one.
+    """Differences of the dampers of a bladed disk from the nominal damper.
 
     Damper ``n`` lies between blades ``n`` and ``n + 1``.
 
@@ -249,7 +250,7 @@ class DamperVariation(Storable, kind="bdamper-damper-variation"):
         missing : sequence of int
             Numbers of the missing dampers, from 0.
         **properties : float or (n_blades,) float
-            mass, friction_coefficient, contact_stiffness and gap as in the class; nominal by default.
+            mass, friction_coefficient, contact_stiffness and gap, see the class; nominal by default.
         """
         n = validation.integer("n_blades", n_blades, least=1)
         full: dict[str, Any] = dict.fromkeys(_LIMITS, np.ones(n)) | {"gap": np.zeros(n)}
@@ -269,6 +270,7 @@ class DamperVariation(Storable, kind="bdamper-damper-variation"):
         ----------
         n_blades : int
         missing : sequence of int
+            Numbers of the missing dampers, from 0.
         seed : int or sequence of int
             Equal seeds give equal draws of a property, whether or not other properties vary.
         **spread : float

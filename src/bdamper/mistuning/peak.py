@@ -4,7 +4,7 @@ Continuation of the tuned peak into mistuning loses the highest blade's peak too
 (:mod:`bdamper.mistuning.peak_search`) takes four steps.
 
 1. Sweep the frequency band of the tuned disk's waves, with springs that hold the dampers.
-2. Climb from the highest maxima to the peaks of single blades.
+2. Follow the response uphill from the highest maxima to the peaks of single blades.
 3. Weaken the springs to zero for all peaks that may be the highest.
 4. If large blades were reduced to a few shapes, correct the peaks that may be the highest on the full disk.  The change
    is part of the error estimate.
@@ -51,7 +51,7 @@ class DiskPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
     amplitude : float, m
         Amplitude of the first harmonic; NaN if no peak was found.
     blade : int
-        The highest blade; -1 if no peak was found.
+        Number of the highest blade; -1 if no peak was found.
     tuned_amplitude : float, m
         Highest peak of the tuned disk at the same preload and engine order.
     response : (n_blades, n_harmonics + 1) complex, m

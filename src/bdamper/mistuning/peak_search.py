@@ -245,7 +245,7 @@ class Search:
         return out
 
     def freed(self, peaks: list[Climbed]) -> list[Climbed]:
-        """Follow peaks to weaker springs until no other peak may be the highest.
+        """Follow peaks to weaker springs until no peak that may become the highest has springs left to weaken.
 
         Peaks with the strongest springs come first, since a high peak with weaker springs excludes others. This order takes
         5 % fewer evaluations than the order by height with twelve candidates (nine searches on 65 blades), 2 % fewer with

@@ -459,7 +459,7 @@ def mistuned_sample(
     disks : int or sequence of int
         Number of disks, or their numbers.  Disk ``k`` does not depend on the others.
     distribution : {"normal", "uniform"} or Mistuning
-        As in :meth:`bdamper.mistuning.Mistuning.random`; a measured pattern is resampled with repetition.
+        See :meth:`bdamper.mistuning.Mistuning.random`; a measured pattern is resampled with repetition.
     dampers : mapping, optional
         Arguments of :meth:`bdamper.mistuning.DamperVariation.random`: relative standard deviations of "mass",
         "friction_coefficient" and "contact_stiffness", mean of "gap" (m), and numbers of "missing" dampers.  Equal dampers
@@ -471,7 +471,7 @@ def mistuned_sample(
     seed : int
         Equal seeds give equal disks.
     executor, resume, progress
-        As in :func:`bdamper.sweep`.  The results file can be resumed with more disks.
+        See :func:`bdamper.sweep`.  The results file can be resumed with more disks.
 
     Returns
     -------

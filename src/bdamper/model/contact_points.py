@@ -98,7 +98,10 @@ def unite_contact_points(model: Model, n_points: int) -> Model:
 
 
 def _united(record: Any, body: Body, groups: dict[str, _Groups]) -> Any:
-    """Return a record of a body with united contact points, by the shapes in its annotated types."""
+    """Return a record of a body with united contact points.
+
+    The annotated types of its class define which axes of its arrays are contact points.
+    """
     if not body.ports:
         return record
     A = scipy.linalg.block_diag(*(groups[name].vectors for name, _ in body.ports))

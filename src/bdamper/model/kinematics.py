@@ -273,7 +273,7 @@ class Coupling:
         return body.bases[d].conjugate() if conjugate else body.bases[d]
 
     def placed(self, body: Body, array: NDArray, harmonic: int, sectors: Collection[int] = (-1, 0, 1)) -> NDArray:
-        """Return the relative motion of all contact points for a motion of the ports of one body, Eq. (14).
+        """Return the relative motion at all contact points that a motion at the ports of one body causes, Eq. (14).
 
         Parameters
         ----------
@@ -518,7 +518,7 @@ def in_flow(basis: HarmonicBasis, model: Model, flow: Mapping[int, complex], wav
     basis : HarmonicBasis
     model : Model
     flow : mapping of wave (0 to n_blades - 1) to complex
-        z: relative frequency shift and damping ratio.
+        Values z: the real part is a relative frequency shift, the imaginary part a damping ratio.
     wave : int
         Number of nodal diameters of the harmonic, a multiple of the engine order.
 

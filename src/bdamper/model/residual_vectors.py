@@ -49,7 +49,7 @@ def completed(
     model : Model
         Residual vectors are the last coordinates of each basis.
     modes : mapping of body name to (n,) int
-        Retained modes and residual vectors, equally many at every nodal diameter.
+        Retained modes and residual vectors, the same number at every nodal diameter.
     """
     modes = retained_modes(model, blade_modes, damper_modes, rigid)
     bodies, retained, stress = dict(model.bodies), dict(modes), dict(model.stress)

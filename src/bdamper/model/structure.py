@@ -143,7 +143,7 @@ class Body(Record):
     bases : mapping of nodal diameter to ModalBasis
         Nodal diameters from 0 to ``n_blades // 2``; empty for the ground.
     mass, centre, inertia : float, (3,) float, (3, 3) float; kg, m, kg m2, optional
-        Mass, centre of mass and inertia about it, of a free body.
+        Mass, centre of mass, and inertia about the centre of mass, of a free body.
     load : BodyLoad, optional
     constant_force : (n_modes,) float, N kg^-1/2, optional
         Modal static force independent of the load, for a body without static flexibility.
@@ -404,7 +404,7 @@ class Model(Plottable, Record):
         digest = hashlib.sha256()
         for name in ("n_blades", "bodies", "interfaces", "locations", "contact", "static"):
             feed_digest(digest, name, getattr(self, name))
-        if self.stress:  # without stress the fingerprint is the one of earlier versions
+        if self.stress:  # without stress the fingerprint is the same as in earlier versions
             feed_digest(digest, "stress", self.stress)
         return digest.hexdigest()[:16]
 
@@ -429,7 +429,7 @@ def feed_digest(digest: Digest, key: str, value: object) -> None:
     elif is_dataclass(value) and not isinstance(value, type):
         for item in fields(value):
             part = getattr(value, item.name)
-            # without these fields the fingerprint is the one of earlier versions
+            # without these fields the fingerprint is the same as in earlier versions
             later = ("constant_force", "drag", "kind", "local", "speed", "spin", "static_shapes")
             if isinstance(value, ModalBasis) and isinstance(part, SpeedBasis) and value.flexibility is not None:
                 part = replace(part, residual0=None)

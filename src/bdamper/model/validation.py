@@ -134,7 +134,7 @@ def _check_frame(frame: NDArray, item: str) -> None:
 
 
 def _check_ports(body: Body, model: Model, item: str) -> None:
-    """Check that the ports of a body are the sides of its interfaces, each once; the ground may omit them."""
+    """Check that the ports of a body are the sides of its interfaces, each of them once; the ground may omit ports."""
     kinds = ["constrained", "free", "lumped", "ground"]
     check(body.kind in kinds, f"{item}/@kind", f"one of {kinds}", repr(body.kind))
     item = f"{item}/@ports"
@@ -269,7 +269,7 @@ def _check_residual(rest: NDArray, flexibility: NDArray, item: str, what: str) -
 
 
 def _check_speed(basis: ModalBasis, speed: SpeedBasis, item: str) -> None:
-    """Check that the data over speed agree with the basis at its speed."""
+    """Check that the matrices over rotor speed agree with the frequencies and the flexibility of the basis at its speed."""
     size = np.sqrt(np.maximum(basis.omega2, 1e-8 * basis.omega2.max(initial=0.0)))
     difference = np.abs(speed.stiffness(speed.omega_ref) - np.diag(basis.omega2)) / (size[:, None] * size)
     error, found = difference.max(initial=0.0), "a relative difference of {:.3g}"

@@ -45,7 +45,7 @@ OPTIMUM = "#c0392b"
 IN_TIME = "#1a7a3e"
 """Colour of amplitudes in time (diamonds with bars)."""
 STYLES = ("-", "-.", (0, (6, 1, 1, 1, 1, 1)), (0, (10, 2)), (0, (1, 0.6)), (0, (3, 1, 1, 1)))
-"""Line styles that are distinct in grey print; plain dashed and dotted lines have a meaning of their own."""
+"""Line styles that are distinct in grey print; plain dashed and dotted lines have other meanings."""
 DASHED = (0, (3, 1.5))
 """Line style of unstable solutions."""
 SUBS = {12.0: (1.0, 1.5, 2.0, 3.0, 5.0, 7.0), 100.0: (1.0, 2.0, 5.0), 1e4: (1.0, 3.0), np.inf: (1.0,)}
@@ -114,7 +114,7 @@ def picture(
 ) -> Callable[[Callable[..., None]], Callable[..., Any]]:  # fmt: skip
     """Return a decorator that registers a plot function for a type of result and provides its axes.
 
-    The decorated function accepts ``ax`` (new axes if omitted) and ``title``, and returns the axes.  Arguments as in
+    The decorated function accepts ``ax`` (new axes if omitted) and ``title``, and returns the axes.  For the arguments see
     :func:`bdamper.util.display.register_plot` and :func:`drawing`.
     """
 
@@ -196,7 +196,7 @@ def plain_number(value: float) -> str:
 
 
 def save_figure(target: Axes | Figure | Sequence[Axes] | NDArray, path: Any, **options: Any) -> None:
-    """Save a figure, or the figure of axes, to a file, and close it; ``options`` are those of matplotlib's ``savefig``."""
+    """Save a figure, or the figure of axes, to a file, and close it; ``options`` are passed to ``Figure.savefig``."""
     first = np.ravel(np.asarray(target, object))[0]
     figure = first if isinstance(first, Figure) else first.figure
     with file_errors(path), plt.rc_context(STYLE):
@@ -226,7 +226,7 @@ def looks(n: int) -> list[dict[str, Any]]:
 
 
 def runs(values: NDArray) -> list[tuple[int, int]]:
-    """Return the (first, last) indices of stretches of equal value."""
+    """Return the (first, last) indices of all sequences of two or more equal values."""
     cuts = np.concatenate([[0], np.flatnonzero(np.diff(values.astype(int))) + 1, [len(values)]])
     return [(int(a), int(b) - 1) for a, b in pairwise(cuts) if b > a]
 
@@ -235,8 +235,8 @@ def highest_on(grid: NDArray, x: NDArray, y: NDArray, branch: NDArray) -> tuple[
     """Interpolate curves y (n, m) over x on a grid; return the values (n_grid, m) and how often the curve passes each grid
     point.
 
-    If the curve passes a grid point more than once, the passage with the highest value is used.  Values are NaN where
-    there is no curve.
+    If the curve passes a grid point more than once, the passage with the highest value is used.  Values are NaN at grid
+    points that the curve does not pass.
     """
     best, count = np.full((len(grid), y.shape[1]), np.nan), np.zeros(len(grid), int)
     for i in np.flatnonzero((np.diff(branch) == 0) & (np.diff(x) != 0.0)):

@@ -138,7 +138,7 @@ def plot_surfaces(surfaces: Sequence[Surface], ax: Axes | None = None, *, title:
     ----------
     surfaces : sequence of Surface
     ax : matplotlib axes, optional
-        Surfaces of one call cover those of earlier calls.
+        The surfaces cover everything that earlier calls have drawn in these axes.
     title : str
     """
     top = max((float(np.max(v)) for _, _, v in surfaces if isinstance(v, np.ndarray)), default=1.0) or 1.0
@@ -213,8 +213,10 @@ def plot_mode(model: Model, mode: int = 1, *, body: str | None = None, nodal_dia
     model : Model
     mode : int
         Number of the mode, from 1.
-    body, nodal_diameter : optional
-        By default the first with mode shapes.
+    body : str, optional
+        By default the first body with mode shapes.
+    nodal_diameter : int, optional
+        By default the first nodal diameter with mode shapes.
 
     Returns
     -------

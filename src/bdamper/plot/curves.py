@@ -99,7 +99,7 @@ def plot_curves(curves: Sequence[ResponseCurve], ax: Axes = NEW, *, labels: Sequ
     curves : sequence of ResponseCurve
         Response curves, with free and stuck limits as thin grey lines; or run-ups alone.
     labels : sequence of str, optional
-        One for each response curve; the preload by default.
+        One label for each response curve; the preload by default.
     """
     validation.check_value(
         isinstance(curves, Iterable), "curves", "a sequence of ResponseCurve (plot_curve draws one)", curves
@@ -136,7 +136,7 @@ def plot_curves(curves: Sequence[ResponseCurve], ax: Axes = NEW, *, labels: Sequ
 
 @register_plot(ResponseCurve)
 def plot_curve(curve: ResponseCurve, *arguments: Any, **options: Any) -> Axes:
-    """Plot the amplitude over frequency of one curve, or over speed of a run-up; options as in :func:`plot_curves`."""
+    """Plot the amplitude over frequency of a curve, or over speed of a run-up; for the options see :func:`plot_curves`."""
     return cast(Axes, plot_curves([curve], *arguments, **options))
 
 
@@ -179,7 +179,7 @@ def plot_measurement(measurement: Measurement, ax: Axes = NEW, scale: float | No
     Raises
     ------
     SettingError
-        If the unit is not one of a motion and no scale is given.
+        If the unit is not a unit of displacement, velocity or acceleration, and no scale is given.
     """
     size = np.abs(measurement.displacement) if scale is None else float(scale) * measurement.amplitude
     look = {"linestyle": "none", "marker": "o", "markersize": 3.0, "markerfacecolor": "none", "color": "0.3"}
@@ -244,7 +244,7 @@ def plot_optimal(
 
 
 def with_optimum(result: OptimalCurve, quantity: str = "amplitude") -> tuple[NDArray, NDArray, NDArray]:
-    """Return preloads, values, and whether each continues the branch of the one before, with the optimum inserted."""
+    """Return preloads and values with the optimum inserted, and whether each continues the branch of the previous point."""
     o, values, best = result.optimum, result.amplitude, result.optimum.amplitude
     if quantity == "shift":
         values, best = result.shift_percent, 100.0 * (o.frequency / result.free.frequency - 1.0)
@@ -375,7 +375,7 @@ def plot_together(
 ) -> None:  # fmt: skip
     """Plot several results of one type on the same axes.
 
-    Stars mark optima, filled if verified by whole response curves.  Lines end where there is no value.
+    Stars mark optima, filled if verified by whole response curves.  Lines are interrupted at points without a value.
 
     Parameters
     ----------

@@ -41,7 +41,7 @@ PANELS = {
     "motion": "Motion over one cycle",
 }
 SIZE = "12px"
-"""Font size of all texts but the title and the answer."""
+"""Font size of all texts except the title and the answer."""
 FACES = {"damper": ("#e8b563", "#c08a2e"), "": ("#f6f8f9", "#a3aeb4")}
 """Fill and line colours of free bodies, and of all others."""
 MOVE = """
@@ -211,7 +211,10 @@ class Page:
         return float(np.log10(value) if name in self.logarithmic else value)
 
     def moved(self, name: str, attr: str, old: object, new: object) -> None:
-        """Handle a changed value; at speed the preload is the centrifugal load, at rest the former value again."""
+        """Handle a changed value.
+
+        With rotation the preload is set to the centrifugal load; without rotation it is set to its former value.
+        """
         if new is None:  # an empty field
             self.numbers[name].value = old
             return

@@ -7,7 +7,7 @@ A question is answered in four steps:
 3. the optimal curve;
 4. the steady-state amplitude in time at the peak.
 
-A newer question cancels every step but the first; at most one question waits.
+A newer question cancels every step except the first one; at most one question waits.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Question:
     Parameters
     ----------
     settings : tuple of (name, value)
-        Settings that differ from the study, as in :func:`bdamper.harmonic_balance.parameters.vary`.
+        Settings that differ from the study, with the names of :func:`bdamper.harmonic_balance.parameters.vary`.
     preload : float, N
     preloads : (low, high), N, optional
         Range of the optimal curve; None if the model has no preload.
@@ -107,7 +107,7 @@ class Answers:
     deliver : callable
         Called in the thread with an :class:`Answer`, with an error text, or with None at the end of a question.
     most : int
-        Size of the cache; a curve of the typical blade takes some 100 kB.
+        Largest number of cached results; a curve of the typical blade takes some 100 kB.
     preloads : int
         Number of preloads of an optimal curve, before the optimum is refined.
     """

@@ -299,7 +299,9 @@ def sectors_shown(model: Model) -> list[tuple[str, int, NDArray]]:
 @short_repr
 @dataclass(frozen=True)
 class LineDrawing:
-    """Moving surfaces in a view from one side; faces drawn in their order hide the lines behind them.
+    """Drawing of vibrating surfaces in a view from one side.
+
+    The faces are sorted from the farthest to the nearest, so that each face hides the lines behind it.
 
     Parameters
     ----------
@@ -308,7 +310,7 @@ class LineDrawing:
     amplitude : (n_nodes, 2) complex, m
         Vibration ``Re A exp(i omega t)`` in the drawing plane, not magnified.
     quads : (n_faces, 4) int
-        Nodes of each face, the farthest face first.
+        Nodes of each face.
     body : tuple of str
         Body of each face.
     magnification : float

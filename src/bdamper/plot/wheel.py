@@ -30,7 +30,7 @@ _FACTOR = "Amplification of the highest blade"
 
 @picture(Mistuning)
 def plot_mistuning(mistuning: Mistuning, ax: Axes = NEW) -> None:
-    """Plot the frequency deviation of every blade as bars, side by side for several modes."""
+    """Plot the frequency deviation of every blade as bars, with adjacent bars for several modes."""
     values = 100.0 * mistuning.deviation.reshape(mistuning.n_blades, -1)
     n = values.shape[1]
     for k, (column, colour) in enumerate(zip(values.T, colours(n))):
@@ -121,8 +121,9 @@ def plot_periods(found: MotionInTime, ax: Axes = NEW) -> None:
 
 @picture(DiskPeak, "plot_wheel", size=(5.6, 4.4))
 def plot_wheel(peak: DiskPeak, model: Model, ax: Axes = NEW) -> None:
-    """Plot the bladed disk from the front, blades coloured by their amplitude at the highest peak; bold number: the
-    highest.
+    """Plot the bladed disk from the front, with the blades coloured by their amplitude at the highest peak.
+
+    The number of the highest blade is bold.
 
     Parameters
     ----------
@@ -231,7 +232,7 @@ def plot_sample_tail(
     ----------
     sample : MistunedSample
     standard_deviation, preload : float, optional
-        The cell; the last ones by default.
+        Cell of the sample; by default the last standard deviation and the last preload.
     tail : float
         Fraction of the disks in the fit.
     """

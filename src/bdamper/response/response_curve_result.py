@@ -146,7 +146,7 @@ class ResponseCurve(Plottable, Comparable, FrequencySeries, Tabular, Recorded, S
         return np.flatnonzero([kind == "fold" for kind in self.point_kind])
 
     def point_text(self, i: int, kind: str) -> str:
-        """Return a text about a point, such as a fold or a peak (``kind``), with its frequency and amplitude."""
+        """Return the text for a point: its kind, such as "fold", with amplitude, frequency and index."""
         return f"{kind}: {peak_text(self.amplitude[i], self.frequency[i], 6)} (point {i})"
 
     @property

@@ -63,9 +63,9 @@ class PeakSensitivity:
     value : float
         Value of the parameter at the peak.
     amplitude : float
-        m per unit.
+        Derivative of the amplitude, m per unit.
     frequency : float
-        Hz per unit.
+        Derivative of the frequency, Hz per unit.
     y : (n_unknowns + 1,) float
         Derivatives of all unknowns and of the frequency in rad/s.
     reason : str
@@ -92,9 +92,9 @@ class CurveSensitivity:
     value : float
         Value of the parameter on the curve.
     frequency : (n,) float
-        Hz per unit.
+        Derivative of the frequency, Hz per unit.
     response : (n,) complex
-        m per unit, of the first harmonic.
+        Derivative of the first harmonic of the response, m per unit.
     tangent : (n, 2) complex
         Change of frequency (Hz) and response (m) along the curve.
     """
@@ -362,7 +362,7 @@ def amplitude_sensitivity(peak: Peak, family: Family, value: float) -> float:
     Raises
     ------
     SettingError
-        As in :func:`sensitivities`.
+        See :func:`sensitivities`.
     """
     _check(peak)
     system, y = family(value), peak.y
@@ -435,7 +435,7 @@ def curve_sensitivities(
     curve : ResponseCurve
         Response curve of this problem.
     parameters : sequence of str
-        As in :func:`peak_sensitivities`.
+        See :func:`peak_sensitivities`.
 
     Returns
     -------

@@ -134,7 +134,7 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
         In a period, all blades: work of the excitation, loss in damping, loss in contacts, and rise of kinetic and strain
         energy.
     growth : float
-        Growth rate per period of the motion outside the wave of the excitation; negative if it decays, NaN if too small.
+        Growth rate per period of the motion in other waves than the excited wave; negative if it decays, NaN if too small.
     settings : mapping
     model_hash : str
     """

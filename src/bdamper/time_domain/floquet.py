@@ -241,7 +241,7 @@ def _negative_determinant(system: Equations[Sector], u: NDArray, omega: float) -
 
 
 def judged_in_time(ring: Ring, curve: ResponseCurve, progress: bool) -> ResponseCurve:
-    """Return a curve with stability by time integration in addition to the harmonics.
+    """Return a curve with stability by time integration in addition to the stability by the harmonics.
 
     Undecided points, and all points after Ctrl-C, keep the stability by the harmonics.
 
@@ -272,7 +272,7 @@ def judged_in_time(ring: Ring, curve: ResponseCurve, progress: bool) -> Response
 
 
 def judged_at(ring: Ring, u: NDArray, omega: float) -> tuple[str, float]:
-    """Return the verdict on a solution, and its mean amplitude in time over the amplitude of the solution."""
+    """Return the verdict on a solution, and the ratio of the mean amplitude in time to the amplitude of the solution."""
     expected = ring.system.response(u)
     if not abs(expected[1]) > 0.0:
         return UNDECIDED, np.nan

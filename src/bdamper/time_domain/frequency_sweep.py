@@ -95,11 +95,10 @@ class TimeSweep(Plottable, FrequencySeries, Tabular, Recorded, Storable, kind="b
 
     @property
     def jumps(self) -> tuple[Jump, ...]:
-        """Changes of the amplitude by more than a fifth within the decay time of a transient that last, in the order of
-        time.
+        """Jumps in the order of time: lasting changes of the amplitude by more than a fifth within the decay time.
 
-        Amplitudes before and after are means over a decay time, the latter after the transient has decayed.  Scatter, as of
-        a rattling damper, is no jump.
+        The amplitudes before and after a jump are means over a decay time; the second mean begins when the transient has
+        decayed.  Scatter, for example of a rattling damper, does not count as a jump.
         """
         a, m, jumps = self.amplitude, self._turns(1.0), []
         log = np.log(np.maximum(a, 1e-300))
@@ -162,7 +161,7 @@ def frequency_sweep(
     Returns
     -------
     TimeSweep
-        After Ctrl-C the periods so far.
+        After Ctrl-C it contains the periods computed so far.
 
     Raises
     ------
@@ -211,9 +210,7 @@ def _start(problem: Problem, preload: float, first: float) -> tuple[NDArray, flo
 
 
 def _integrated(transient: Transient, ends: tuple[float, float], settling: int, turns: int, progress: bool) -> NDArray:
-    """Return the harmonics of the highest blade in each period of the sweep, after the motion has settled at its first
-    frequency.
-    """
+    """Let the motion settle at the first frequency, then sweep; return the harmonics of the highest blade by period."""
     first, last = TWO_PI * ends[0], TWO_PI * ends[1]
     harmonics: list[NDArray] = []
     with LongWork(), progress_counter(progress, settling + turns, 0, "time integration", "period") as count:

@@ -15,7 +15,7 @@ points have a fixed slider.
 The time step is implicit (generalised alpha), with the contact forces of all sectors at its end from one Newton iteration
 (``csrc/time/generalised_alpha.c``).  Its length is set by the motion, not by the stiffest contact: :data:`STEPS` per
 period.  The error is of second order.  The integration starts at a harmonic-balance solution.  The nodal diameters are
-those of the study's harmonics, or all that the model contains (:func:`every_diameter`).
+the nodal diameters of the study's harmonics, or all that the model contains (:func:`every_diameter`).
 """
 
 from __future__ import annotations
@@ -54,8 +54,9 @@ period of 312 Hz) gain up to thousands of times the work of the excitation at th
 RADIUS_WITHOUT_MASS = 0.5
 """Spectral radius with massless coordinates: no gain of energy, at a loss of 0.02 to 0.1 % per period."""
 MOST_SECTORS = 33
-"""Largest number of sectors with all nodal diameters; beyond, those of the study's harmonics and up to
-:data:`MOST_HARMONIC`.
+"""Largest number of sectors for which all nodal diameters are integrated by default.
+
+With more sectors they are the nodal diameters of the harmonics up to :data:`MOST_HARMONIC` and of the study's harmonics.
 """
 MOST_HARMONIC = 6
 MOST_PERIODS = 100
@@ -101,7 +102,7 @@ class Trajectory(NamedTuple):
     trace : (n_steps, 2 n_coordinates) float
         Coordinates at the start of each time step, if requested; ``Ring.rows`` gives their responses.
     first : int
-        Time step of the period at the end.
+        Time step within the period at which the integration ended.
     """
 
     motion: Motion
@@ -133,6 +134,7 @@ class Ring:
     Attributes
     ----------
     rows : (n_blades, 2 n_coordinates) float
+        Rows whose products with the coordinates are the responses of all blades.
 
     Raises
     ------
@@ -314,6 +316,7 @@ class Ring:
         steps : int, optional
             Number of time steps, instead of periods.
         first : int
+            Number of the first time step within its period.
         omega_end : float, rad/s, optional
             Final frequency, reached linearly in time.
         trace : bool
@@ -391,7 +394,7 @@ class Ring:
         return out
 
     def departure(self, response: NDArray) -> NDArray:
-        """Return the fraction (n_periods,) of the responses (n_periods, n_blades) outside the wave of the excitation."""
+        """Return the fraction (n_periods,) of the responses (n_periods, n_blades) in other waves than the excited wave."""
         size = np.abs(np.fft.fft(response, axis=1)) ** 2
         away = 1.0 - size[:, self.wave % self.n] / np.maximum(size.sum(axis=1), 1e-300)
         return np.sqrt(np.maximum(away, 0.0))
@@ -456,7 +459,9 @@ class Ring:
 
 
 def _turn(family: HarmonicBasis, basis: HarmonicBasis, conjugate: bool) -> NDArray:
-    """Return the coordinates (m, n) of a family from those of a harmonic of the same nodal diameter, or its conjugate.
+    """Return the matrix (m, n) from the coordinates of a harmonic to the coordinates of a family of its nodal diameter.
+
+    The nodal diameters may also be conjugate to each other (``conjugate``).
 
     Residual modes of the two are rotated against each other and span the same flexibility; all other modes are equal.
     """
@@ -480,7 +485,7 @@ def _turn(family: HarmonicBasis, basis: HarmonicBasis, conjugate: bool) -> NDArr
 def transfer(source: Ring, motion: Motion, target: Ring) -> Motion:
     """Return a motion in the coordinates of another structure with the same contact points.
 
-    Modes that the source does not have are at rest, and so are the residual modes, which differ between structures.
+    Modes that the source does not have are at rest, and also the residual modes, which differ between structures.
     """
     n, m = source.n_coordinates, target.n_coordinates
     blocks = {d: (l, s) for d, (l, s, *_) in zip(source.families, source.blocks)}
@@ -502,7 +507,8 @@ def transfer(source: Ring, motion: Motion, target: Ring) -> Motion:
 def every_diameter(problem: Problem) -> Problem:
     """Return the problem with harmonics of all nodal diameters of its sectors that the model contains.
 
-    Beyond :data:`MOST_SECTORS` sectors these are the harmonics of the study and those up to :data:`MOST_HARMONIC`.
+    With more than :data:`MOST_SECTORS` sectors it has the harmonics of the study and all harmonics up to
+    :data:`MOST_HARMONIC`.
     """
     order, blades = int(problem.engine_order), problem.model.n_blades
     n, base = (blades // gcd(blades, order) if order else 1), set(problem.harmonic_numbers)
@@ -526,19 +532,20 @@ def every_diameter(problem: Problem) -> Problem:
 
 
 def ring_of(problem: Problem, preload: float, blades: int | None = None) -> Ring:
-    """Return all sectors of a problem at a preload (N), with every nodal diameter of the model.
+    """Return the equations of motion of all sectors at a preload (N), with every nodal diameter of the model.
 
     Parameters
     ----------
     problem : Problem
     preload : float, N
     blades : int, optional
-        Number of blades of the ring; by default the number that the engine order distinguishes.
+        Number of blades of the ring; by default the smallest number after which the excitation repeats.
 
     Raises
     ------
     SettingError
-        If the ring does not repeat on the wheel or under the excitation, or the model lacks its nodal diameters.
+        If the number of blades of the disk is not a multiple of ``blades``, if ``blades`` is not a multiple of the period
+        of the excitation, or if the model lacks nodal diameters of the ring.
     """
     N, order, system = problem.model.n_blades, int(problem.engine_order), problem.system(preload)
     least = N // gcd(N, order) if order else 1

@@ -7,16 +7,17 @@ another may be higher.  The search therefore follows motions in time, from two p
 * **from the tip**, with the solution of the harmonic balance.  If its motion is higher than the sweep there, it is followed
   by sweeps in both directions.
 
-A sweep is continuous: the frequency changes by the half width of the resonance in a given number of periods.  It ends where
-the amplitude remains below a fraction of its highest value, as it does after the motion has jumped.  The criteria are
+A sweep is continuous: the frequency changes by the half width of the resonance in a given number of periods.  The motion is
+stored at equal numbers of periods (:class:`Place`).  A sweep ends if the amplitude remains below a fraction of its highest
+value, for example after a jump.  The criteria are
 in :class:`bdamper.time_domain.transient.SteadyCriteria`.
 
-**Settled points.**  The motion of the highest place of a sweep is disturbed by waves of every nodal diameter, because a
-sweep gives the blades no time to part, and settles at this frequency (``bdamper.time_domain.transient.settle``).  If it
-falls, the place before is tried, and so on in growing steps.  From the settled motion the frequency changes slowly to
-other points, until the highest one is known: where the motion falls on one side, the interval is halved; between two lower
-points a parabola through three points gives the maximum.  The highest motion continues until the blades do not part
-further.
+**Settled points.**  The stored motion of highest amplitude is disturbed by waves of every nodal diameter, because the
+amplitudes of the blades have no time to diverge in a sweep, and settles at its frequency
+(``bdamper.time_domain.transient.settle``).  If its amplitude falls to another level, an earlier motion of the sweep is
+tried, in growing steps.  From the settled motion the frequency changes slowly to other points, until the highest one is
+known: if the motion falls on one side, the interval is halved; between two lower points a parabola through three points
+gives the maximum.  The highest motion continues until the amplitudes of the blades do not diverge further.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from bdamper.time_domain.transient import CRITERIA, SteadyPoint, Transient, sett
 from bdamper.util.formatting import amount
 
 APART = 0.01
-"""Relative distance of the start from a tip without half width."""
+"""Smallest distance of the flank from the tip, relative to the frequency, if the half width is unknown."""
 
 
 class BalanceCurve:
@@ -63,12 +64,12 @@ class BalanceCurve:
 
     @property
     def half_width(self) -> float:
-        """Half width of the resonance, Hz: the smaller of both sides."""
+        """Half width of the resonance, Hz: the smaller one of the two sides."""
         return float(np.nanmin(np.abs([width for width, _ in self.sides.values()])))
 
     @property
     def flank(self) -> float:
-        """Frequency (Hz) nearest to the tip, beyond half of the half width, with one solution; NaN without any."""
+        """Frequency (Hz) nearest to the tip, beyond half of the half width, with one solution; NaN if there is none."""
         flanks = [flank for _, flank in self.sides.values() if np.isfinite(flank)]
         return min(flanks, key=lambda f: abs(f - self.tip), default=float("nan"))
 
@@ -76,8 +77,8 @@ class BalanceCurve:
         """Return the signed half width (Hz) on one side of the tip, and the first frequency beyond half of it with one
         solution.
 
-        It is NaN if the branch ends before.  If the response does not fall by this much, the width is twice the distance to
-        that frequency.
+        A value is NaN if the branch ends before it.  If the response does not decrease to half its power, the width is
+        twice the distance to that frequency.
         """
         tip, height = self.tip, self.amplitude[self.top]
         end = float(self.frequency.max() if sign > 0.0 else self.frequency.min())
@@ -98,7 +99,7 @@ class BalanceCurve:
 
 
 class Place(NamedTuple):
-    """Motion on a sweep: frequency (Hz), mean amplitude (m) of the last periods, and state."""
+    """Motion at one instant of a sweep: frequency (Hz), mean amplitude (m) of the last periods, and state."""
 
     frequency: float
     mean: float
@@ -106,7 +107,7 @@ class Place(NamedTuple):
 
 
 def _top(places: list[Place]) -> int:
-    """Return the index of the highest place."""
+    """Return the index of the place with the highest amplitude."""
     return int(np.argmax([p.mean for p in places]))
 
 
@@ -128,9 +129,9 @@ class SteadySearch:
     points : list of SteadyPoint
         Steady motions.
     fell : list of float, Hz
-        Frequencies at which a motion fell.
+        Frequencies at which a motion did not stay.
     below : float, m
-        Highest amplitude of the sweep from the flank if the one from the tip is higher, otherwise NaN.
+        Highest amplitude of the sweep from the flank if the sweep from the tip is higher, otherwise NaN.
     periods : int
         Total number of periods.
     failure : str
@@ -154,7 +155,10 @@ class SteadySearch:
 
     @property
     def fall(self) -> float:
-        """Frequency next to the highest motion at which it falls, Hz; NaN if it does not, or first to another level."""
+        """Frequency (Hz) closest to the highest motion at which it does not stay; NaN if there is none.
+
+        Frequencies beyond a motion of a lower level do not count.
+        """
         best = self.best
         if best is None:
             return min(self.fell, key=lambda f: abs(f - self.balance.tip), default=float("nan"))
@@ -203,7 +207,7 @@ class SteadySearch:
         return self.ring.seeded(transfer(self.source, motion, self.ring), CRITERIA.seed, 0)
 
     def sweep(self, motion: Motion, frequency: float, way: float) -> list[Place]:
-        """Return the places of a slow sweep (``way`` is 1 upward, -1 downward) at equal numbers of periods."""
+        """Sweep slowly from a frequency (Hz), upward if ``way`` is 1 or downward if it is -1; return the stored motions."""
         here = Transient(self.ring, TWO_PI * frequency, motion, self.steps)
         here.advance(CRITERIA.fewest)
         places = [Place(frequency, float(here.amplitude[-CRITERIA.stride:].mean()), here.motion)]
@@ -218,10 +222,13 @@ class SteadySearch:
             places.append(Place(frequency, float(here.amplitude.mean()), here.motion))
 
     def settle_back(self, places: list[Place], parting: bool = False) -> None:
-        """Settle at the highest place of a sweep or, where the motion falls, at one before, and look around it."""
+        """Settle at the highest place of a sweep, or at an earlier place if the motion does not stay; search around it.
+
+        ``parting`` is passed to :func:`bdamper.time_domain.transient.settle`.
+        """
         k, back = _top(places), 1
         if not self.points:
-            self.fell.clear()  # those of another motion
+            self.fell.clear()  # they belong to another motion
         while k >= 0:
             place = places[k]
             motion = self.ring.seeded(place.motion, CRITERIA.seed, 0)
@@ -242,7 +249,10 @@ class SteadySearch:
         self, frequency: float, motion: Motion, expected: float, finer: int = 0, ring: Ring | None = None,
         parting: bool = False,
     ) -> SteadyPoint:  # fmt: skip
-        """Settle at a frequency and keep the point; with ``finer`` times the time steps or another ring only return it."""
+        """Integrate a motion at a frequency (Hz) until it settles near the amplitude ``expected`` (m) or leaves it.
+
+        The result enters ``points`` or ``fell``, except with ``finer``, a factor on the number of time steps.
+        """
         transient = Transient(ring or self.ring, TWO_PI * frequency, motion, max(finer, 1) * self.steps)
         point = settle(transient, expected, parting)
         self.periods += len(transient.harmonics)
@@ -253,7 +263,7 @@ class SteadySearch:
         return point
 
     def at_end(self, point: SteadyPoint) -> bool:
-        """Return whether a point is at an end of the curve, without a fall."""
+        """Return whether a point is at an end of the curve, and the motion stays up to there."""
         near = min(abs(end - point.frequency) for end in self.ends)
         return self.fall != self.fall and near < 0.25 * self.balance.half_width
 

@@ -67,7 +67,7 @@ from bdamper.util.progress import Cost, CostMeter, LongWork, one_thread, with_pr
 NEIGHBOUR = 1.35
 """Ratio of the preloads at which an optimum is checked in time: the amplitude rises steeply below it and slowly above."""
 RIGID_BEYOND = 3.0
-"""A free body is rigid in time if its first elastic frequency over that of the highest harmonic exceeds this."""
+"""Ratio of the first elastic frequency of a free body to the highest harmonic above which the body is rigid in time."""
 VECTORS = 24
 """Residual modes per harmonic of the richer structure."""
 
@@ -156,7 +156,7 @@ def time_response(
 ) -> TimeResponse:  # fmt: skip
     """Compute the highest steady amplitude in time at the preload of a response curve or of a peak, with its error.
 
-    Amplitudes are those of the highest blade (:mod:`bdamper.time_domain.time_response`).
+    All amplitudes belong to the highest blade (:mod:`bdamper.time_domain.time_response`).
 
     Parameters
     ----------
@@ -165,10 +165,10 @@ def time_response(
         Response curve of this study, from one flank of the resonance to the other.  For a peak the response curve is
         computed in its interval.
     steps_per_period : int, optional
-        256 by default; the highest motion is integrated again with twice and four times as many.
+        256 by default; the highest motion is integrated again with 2 and 4 times this number.
     blades : int, optional
-        Number of blades of the ring; by default the number that the engine order distinguishes.  More blades have more
-        nodal diameters and patterns.
+        Number of blades of the ring; by default the smallest number after which the excitation repeats.  More blades allow
+        more nodal diameters and patterns.
     starts : int
         Number of initial states at the highest point.  Further ones have other disturbances (their numbers are the seeds of
         the phases) and friction without traction, or at its limit in either direction.
@@ -177,7 +177,7 @@ def time_response(
     -------
     TimeResponse
         "not found" if no motion stays or the integration fails; "incomplete" if the error exceeds 5 %, the mean drifts, or
-        the curve ends before the motion falls.  After Ctrl-C the highest steady motion so far.
+        the curve ends before the motion falls.  After Ctrl-C it describes the highest steady motion so far.
 
     Raises
     ------
@@ -276,7 +276,10 @@ def _stated(
     none: TimeResponse, search: SteadySearch, runs: dict[str, SteadyPoint], others: dict[str, float], omitted: str,
     interrupted: bool,
 ) -> TimeResponse:  # fmt: skip
-    """Return the result of a search from a result without amplitudes; ``omitted`` is a doubt about the curve."""
+    """Return the result of a search: ``none``, a result without amplitudes, completed by the motions found.
+
+    ``omitted`` is a doubt about the response curve, or empty.
+    """
     best = search.best
     if best is None:
         why = search.failure or "no motion stays near the peak"
@@ -303,7 +306,7 @@ def _stated(
 
 
 def error_range(answers: Mapping[str, float], runs: Iterable[SteadyPoint]) -> tuple[float, float, str]:
-    """Return the range of amplitudes (m) by the answers and the uncertainty of the means, and why it is wide, or ""."""
+    """Return the range (m) of the answers, widened by the uncertainty of the means, and the reason if it is wide, or ""."""
     low, high = min(answers.values()), max(answers.values())
     change = max(CRITERIA.drift, *(abs(run.change) for run in runs if run.stays))
     doubts = [
@@ -450,7 +453,8 @@ def motion_in_time(
     Returns
     -------
     MotionInTime
-        With ``frequency`` it has no verdict, and is incomplete while the mean changes.  After Ctrl-C the periods so far.
+        With ``frequency`` it has no verdict, and is incomplete while the mean changes.  After Ctrl-C it contains the
+        periods computed so far.
 
     Raises
     ------

@@ -78,7 +78,7 @@ class SteadyCriteria:
     seed : float
         Relative amplitude of the waves that disturb a motion.
     rise : float
-        Growth of these waves between two quarters above which the blades part.
+        Growth of these waves between two quarters above which the amplitudes of the blades diverge.
     repeats : float
         Relative change over a period below which a motion repeats: 1e-4 to 3e-4 for periodic motions between folds.
     most_repeated : int
@@ -87,10 +87,10 @@ class SteadyCriteria:
         Periods in which a sweep covers the half width of the resonance.  With 15 to 20 periods a motion of the difficult
         disk falls at 68 µm that is followed to 108 µm with 40.
     stride : int
-        Periods between two places of a sweep.
+        Periods between two stored motions of a sweep.
     low, low_places : float, int
-        A sweep ends when ``low_places`` places are below the fraction ``low`` of its highest amplitude.  Solutions below
-        this fraction of the highest solution are another level, not a ripple of the branch.
+        A sweep ends when ``low_places`` stored motions are below the fraction ``low`` of its highest amplitude.  Solutions
+        below this fraction of the highest solution are another level, not a ripple of the branch.
     fine : float
         Relative width of the interval in which a motion falls.
     most_points : int
@@ -260,7 +260,7 @@ class SteadyPoint(NamedTuple):
     stays : bool
         Whether the motion stays near the expected amplitude.
     change : float
-        Relative change of its mean, past or to come.
+        Relative change of its mean, past or expected.
     """
 
     transient: Transient
@@ -297,8 +297,8 @@ def settle(transient: Transient, expected: float, parting: bool = False) -> Stea
     expected : float, m
         Amplitude near which the motion may stay.
     parting : bool
-        Whether to continue for :attr:`SteadyCriteria.lasting` periods, and while the motion outside the wave of the
-        excitation grows.
+        Whether to continue for :attr:`SteadyCriteria.lasting` periods, and while the motion in other waves than the excited
+        wave grows.
     """
     while True:
         transient.advance(CRITERIA.fewest // 2)
@@ -316,9 +316,9 @@ def settle(transient: Transient, expected: float, parting: bool = False) -> Stea
 
 
 def _change(transient: Transient, over: bool) -> tuple[float, NDArray]:
-    """Return the largest relative change of the mean over the last three quarters and to come, and the last two means.
+    """Return the largest relative change of the mean, over the last three quarters or expected, and the last two means.
 
-    At the end (``over``) a change that grows from one quarter to the next counts as a beat, without a change to come.
+    At the end (``over``) a change that grows from one quarter to the next counts as a beat, without an expected change.
     """
     amplitude, k = transient.amplitude, len(transient.harmonics) // 4
     m = amplitude[-3 * k :].reshape(3, k).mean(axis=1)
@@ -331,10 +331,10 @@ def _change(transient: Transient, over: bool) -> tuple[float, NDArray]:
 
 
 def outside(transient: Transient, periods: int) -> tuple[float, float]:
-    """Return the growth of the motion outside the wave of the excitation from some periods to the next, and its last
-    fraction.
+    """Return the growth and the size of the motion in other waves than the excited wave, in the last periods.
 
-    A fraction below a tenth of the disturbances does not count as growing.
+    The size is the root mean square over the last ``periods`` of the fraction of the motion in other waves.  The growth is
+    its ratio to the size in the same number of periods before, or 0 if the size is below a tenth of the disturbances.
     """
     away = transient.ring.departure(transient.blades[-2 * periods :])
     before, last = (float(np.sqrt((half**2).mean())) for half in np.array_split(away, 2))
@@ -387,7 +387,7 @@ def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float)
 
 
 def second_half(x: NDArray) -> NDArray:
-    """Return the second half of the periods, from which means and ranges are taken."""
+    """Return the second half of the periods, from which means and ranges are computed."""
     return x[len(x) // 2 :]
 
 

@@ -2,20 +2,13 @@
 
 A status is one of the words below, followed by a colon and the reason if the result has no field for it.
 
-"complete"
-    The result answers the whole question.
-"incomplete"
-    The result is a part or a lower bound; there may be more or a higher one.
-"held"
-    The equations were relaxed; the result contains an estimate of the error.
-"not found"
-    There is no solution, for the given reason; numbers are NaN.
-"interrupted"
-    Ctrl-C ended the work; the result contains everything computed until then.
-"failed"
-    An error ended the work; the reason is its message.
-"not run"
-    The work ended before this part began.
+* "complete": the result contains everything that was requested.
+* "incomplete": the result is a part or a lower bound; there may be more or a higher one.
+* "held": the equations were relaxed; the result contains an estimate of the error.
+* "not found": there is no solution, for the given reason; numbers are NaN.
+* "interrupted": Ctrl-C ended the work; the result contains everything computed until then.
+* "failed": an error ended the work; the reason is its message.
+* "not run": the work ended before this part began.
 
 The end of a followed path has a status of its type (:class:`bdamper.response.events.Path`).
 """

@@ -278,7 +278,7 @@ class CostMeter:
         return float(total)
 
     def read(self, *parts: Cost) -> Cost:
-        """Return the cost so far, including the given parts."""
+        """Return the cost so far, including the parts of :meth:`add`."""
         own: dict[str, Any] = {
             name: sum(getattr(system.core.cost, name) - getattr(before, name) for system, before in self.systems)
             for name in ("contact", "assembly", "algebra", *WEIGHED)

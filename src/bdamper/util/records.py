@@ -65,7 +65,7 @@ class Data:
     shape : tuple of int, str or None
         A named size has one value within a record; None is any size.
     kind : {"real", "field", "picture", "integer", "bool"}
-        Type of the numbers.  A field is real or complex.  So is a picture, in single precision in files.
+        Type of the numbers.  "field" and "picture" are real or complex; a file contains a picture in single precision.
     file : str
         Path in a file, by default the name of the field.  A star is replaced by the key of a mapping, "nd000" for the
         number 0.

@@ -2,7 +2,7 @@
 
 The next trial is the zero of the inverse interpolation polynomial through the last four points at most.  If their values
 are not monotonic, or the zero lies outside the bracket, the trial is the secant through the ends of the bracket.  The value
-at an end that remains twice is then reduced, so that the bracket shrinks from both sides [1]_.  If a trial is not below
+at an end that remains twice is then reduced, so that both ends of the bracket move [1]_.  If a trial is not below
 half the value that it replaces, the next trial is the midpoint.  If the function jumps through zero, the root is the jump.
 
 The search stops if the secant step through the last two trials on one side is within the tolerance, regardless of the

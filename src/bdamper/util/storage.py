@@ -169,7 +169,7 @@ def check_folder(path: FilePath) -> None:
 
 
 def check_regular(path: FilePath) -> None:
-    """Raise BdamperError as :func:`check_folder`, and for a device or a pipe."""
+    """Raise BdamperError if the folder of a path does not exist, or the path is a folder, a device or a pipe."""
     check_folder(path)
     if Path(path).exists() and not Path(path).is_file():
         raise BdamperError(f"{path}: expected a regular file, found a device or a pipe")

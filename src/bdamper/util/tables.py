@@ -298,7 +298,7 @@ class FrequencySeries:
     def complete(self) -> bool:
         """Whether the solutions cover the requested interval.
 
-        Gaps of a thousandth of a curve are ignored; see ``left_out``.
+        Gaps up to a thousandth of the interval are ignored.
         """
         return self.status == COMPLETE
 
