@@ -96,7 +96,7 @@ def harmonic_convergence(
     peak : Peak
         Converged peak of this study (:meth:`bdamper.Study.peak`).
     harmonics : sequence of int
-        Increasing numbers of the highest harmonic. All lower harmonics are included, or the odd ones alone if even
+        Increasing numbers of the highest harmonic. All lower harmonics are included, or only odd harmonics if even
         harmonics vanish.
     tolerance : float
         Relative change of the amplitude up to which the sequence counts as converged.
@@ -234,7 +234,7 @@ def _most(problem: Problem, frequency: float, top: int) -> tuple[int, str]:
 def _end(problem: Problem, harmonic: int) -> float:
     """Return the highest frequency (Hz) in the equations of the reduced bodies at the nodal diameter of a harmonic.
 
-    With residual modes all modes of the model count, otherwise the retained ones.
+    With residual modes all modes of the model count, otherwise only the retained modes.
     """
     d, ends = nodal_diameter(problem, harmonic), [np.inf]
     for name, body in problem.model.bodies.items():
@@ -384,7 +384,7 @@ class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy"):
 
     @property
     def uncertainty(self) -> float:
-        """Sum of the last steps, an estimate of the error of the most detailed run; NaN if one is unknown."""
+        """Sum of ``last_steps``, an estimate of the error of the most detailed run; NaN if one of them is unknown."""
         return float(sum(self.last_steps.values()))
 
     def _headline(self) -> str:

@@ -100,7 +100,7 @@ class EffectSignificance(Plottable, Tabular, Storable, kind="bdamper-effect-sign
     effects : tuple of EffectRow
         The largest change first.
     reference, significant : Effects
-        All effects, and only the significant ones.
+        All effects, and only the significant effects.
     amplitude_change, frequency_change : float
         Computed relative change of the peak with the significant effects only.
     work : float

@@ -3,9 +3,9 @@
 A study with other settings is compared in one of three ways.
 
 Complete curve
-    The response curve of the other study is computed and its highest point taken (:func:`whole_curve`). If the response is
-    highest at an end of the interval and the first curve is not, the resonance has left the interval. The interval is then
-    widened there by up to 39 % of the frequency.
+    The response curve of the other study is computed, and its highest point is used (:func:`whole_curve`). If the response
+    is highest at an end of the interval and the first curve is not, the resonance has left the interval. The interval is
+    then widened there by up to 39 % of the frequency.
 
 Newton iteration
     The converged peak is embedded in the other study, and Newton's method continues to the peak there, or to the response

@@ -278,7 +278,7 @@ def robust_optimum(
     samples : mapping of setting to (n_draws,) float
     preload : (low, high), N
     percentile : float
-        From 0 to 100.
+        Percentile from 0 to 100.
     n : int
         Number of preloads in a grid, at least 5.
     tolerance : float

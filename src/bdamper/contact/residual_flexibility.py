@@ -279,7 +279,7 @@ class ResidualSet:
         columns = (R - np.diag(D))[:, active] @ W
         S = W.conj().T @ columns[active]
         fraction, V = scipy.linalg.eigh(0.5 * (S + S.conj().T), whole)
-        # at higher harmonics the diagonal may contain the whole flexibility under a force vector
+        # at higher harmonics the diagonal may contain the complete flexibility under a force vector
         V = V[:, fraction > 0.5 * MARGIN] / np.sqrt(fraction[fraction > 0.5 * MARGIN])
         bodies, n = self.coupling.basis(harmonic), V.shape[1]
         reference = float(bodies.omega2.max())

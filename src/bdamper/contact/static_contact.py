@@ -305,7 +305,7 @@ def static_contact_problem(coupling: Coupling, friction: NDArray | None = None) 
         if body.kind != "ground":
             retained = np.asarray(coupling.modes[body.name])
             modes[body.name] = retained[body.bases[0].omega2[retained] == 0.0]
-    # without elastic modes the residual flexibility is the whole one
+    # without elastic modes the residual flexibility is the complete flexibility
     rigid = replace(coupling, modes=modes)
     load, offset = rigid.load()
     n = coupling.n_points

@@ -22,8 +22,8 @@ direction: :func:`paper_equations`.  The deformation of the damper under its loa
 this stiffness.  It enters the analysis as an initial distance of the surfaces.  :func:`paper_contact` gives the forces and
 displacements, from the condensed contact problem (:mod:`bdamper.contact.static_contact`) or from the model file.
 
-:func:`contact_stiffness` lists all methods.  A new one needs a name in :data:`METHODS`, a function that returns
-``ContactStiffness``, and a branch there.
+:func:`contact_stiffness` lists all methods.  A new method needs a name in :data:`METHODS`, a function that returns
+``ContactStiffness``, and a branch in :func:`contact_stiffness`.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class PerArea:
     Parameters
     ----------
     stiffness : float or tuple of three float, N/m3
-        One value for all directions, or one each for t1, t2 and n.
+        One value for all directions, or a value each for t1, t2 and n.
     """
 
     stiffness: float | tuple[float, float, float]

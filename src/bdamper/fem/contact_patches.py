@@ -347,7 +347,7 @@ def patches_on_rectangles(
     Parameters
     ----------
     patches : Patches
-        In one plane, with one frame.
+        Patches in one plane, with one frame.
     nodes : (n_nodes, 3) float, m
     facets : Facets
         Part of the surface that contains the patches; facets outside the plane have no effect.

@@ -170,7 +170,7 @@ class CyclicSector:
         -------
         omega2 : (n_modes,) float, rad2/s2
         shapes : (3 n_nodes, n_modes) float or complex, kg^-1/2
-            On all nodes of the sector.
+            Mode shapes on all nodes of the sector.
         """
         if self._modes is None or len(self._modes[0]) < n_modes:
             omega2, reduced = lowest_modes(self.stiffness, self.mass, self.solver.solve, n_modes)
@@ -215,7 +215,7 @@ class Waves:
     index : (n,) int
         Number of the (first) shape in the file for each wave.
     shapes : (3 n_nodes, n) complex, or float for d = 0 and N/2
-        With the normalisation of the file.
+        Wave shapes with the normalisation of the file.
     mismatch : (n,) float
         Largest violation of the phase condition, relative to the size on the faces.
     turned : int
@@ -246,7 +246,7 @@ def travelling_waves(frequency: NDArray, shapes: NDArray, faces: SectorFaces, no
     ----------
     frequency : (m,) float, Hz
     shapes : (3 n_nodes, m) float or complex
-        In the axes of a model.
+        Mode shapes in the axes of the model.
     faces : SectorFaces
     nodal_diameter : int
 

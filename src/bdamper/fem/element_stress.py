@@ -335,9 +335,9 @@ class StressRows:
         ----------
         sector : CyclicSector
         contact : (3 n_points, 3 n_nodes) sparse
-            From nodal displacements to the contact points of all ports.
+            Matrix from nodal displacements to the contact points of all ports.
         omega2, shapes : (n,), (3 n_nodes, n)
-            Basis of the body.
+            Squared frequencies (rad2/s2) and shapes of the basis of the body.
         """
         d = sector.nodal_diameter
         S = self._rows @ shapes

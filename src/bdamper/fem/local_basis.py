@@ -15,8 +15,8 @@ for the rest of the disk, the coordinates of :mod:`bdamper.model.modal_basis` ha
 Only V moves the root.  All shapes are modes or static, so U, X and V do not couple in the stiffness (Craig and Bampton,
 AIAA Journal 6, 1968, p. 1313).
 
-The stiffness of the blade is assembled from its elements.  Matrices of a whole sector contain sums of blade and disk at the
-root; the whole stiffness of the root shapes then counts as part of the disk.  This has no effect on identical blades or on
+The stiffness of the blade is assembled from its elements.  Matrices of a sector contain sums of blade and disk at the root;
+the complete stiffness of the root shapes then counts as part of the disk.  This has no effect on identical blades or on
 frequencies of different blades clamped at the root.  It neglects the change of the strain energy of the blade by
 deformation of its root: a deviation of 5 % changes family 1 of a coarse disk with a soft rim by 0.05 % too little.
 """
@@ -167,7 +167,7 @@ def disk_matrices(blade: BladePart, sector: CyclicSector, carried: NDArray) -> t
 
     ``sector`` is the sector at any of the nodal diameters.  The disk between its cut faces and the roots is real and
     factorised once; only the stiffness of the faces depends on the nodal diameter.  With a factorisation at each of 19
-    nodal diameters the whole import of a sector of 2,865 nodes takes 1.4 times as long.
+    nodal diameters the import of a sector of 2,865 nodes takes 1.4 times as long.
     """
     body, held = blade.body, blade.fixed.copy()
     held.ravel()[blade.own_dofs] = True
@@ -250,7 +250,7 @@ def stuck_loads(
     Parameters
     ----------
     wheel : LocalBasis
-        With the static shapes of all loads as attachment modes.
+        Local basis with the static shapes of all loads as attachment modes.
     loads : (3 n_points, n_attachment) float
         Loads on the contact points, orthogonal in the flexibility without cantilever modes.
     dampers, sizes
@@ -293,7 +293,7 @@ def local_shapes(
     n_sectors = first.faces.n_sectors
     carried = blade.carried(root_shapes(blade, sector, n_sectors, sizes))
     disk = disk_matrices(blade, first, carried)
-    # shapes of unit mass on the average over all waves, for numbers of one size
+    # shapes of unit mass on the average over all waves, so that all matrices have similar entries
     scale = eigh(*(mean_over_waves(matrices, n_sectors) for matrices in disk))[1]
     k, m = (hermitian(scale.T @ matrices @ scale) for matrices in disk)
     carried = carried @ scale

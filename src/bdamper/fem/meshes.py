@@ -104,7 +104,7 @@ class Geometry:
         Contact face of the damper along the slope and along the axis.
     ridge_radius, ridge_width : float
     damper_body_height : float
-        From the eaves to the flat bottom of the damper.
+        Height from the eaves to the flat bottom of the damper.
     platform_clearance, platform_edge_thickness : float
     airfoil_height, root_chord, tip_chord, root_thickness, tip_thickness, camber, twist : float
         The chord is axial at the root and rotated by ``twist`` about Y at the tip.

@@ -205,7 +205,7 @@ class Wanted:
     ----------
     ports : tuple of Port
     contact : (3 n_points, 3 n_nodes) sparse
-        From nodal displacements to the contact points of all ports.
+        Matrix from nodal displacements to the contact points of all ports.
     locations : mapping of name to node index, or to a field (n_nodes, 3) complex of forces (N)
     n_modes : int
     damping_ratio : float

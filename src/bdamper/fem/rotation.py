@@ -105,11 +105,11 @@ class Rotation:
         basis : ModalBasis
             Modes of ``sector`` and its flexibility.
         sector : CyclicSector
-            With the stiffness at the speed ``omega_ref``.
+            Sector with the stiffness at the speed ``omega_ref``.
         shapes : (3 n_nodes, n_modes)
             Modes of the basis on all nodes.
         contact : (3 n_points, 3 n_nodes) sparse
-            From nodal displacements to contact points.
+            Matrix from nodal displacements to contact points.
         """
         stiffness2 = hermitian(shapes.conj().T @ (self.per_squared_speed @ shapes))
         turning = shapes.conj().T @ (coriolis_matrix(sector.body) @ shapes)

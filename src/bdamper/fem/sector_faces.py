@@ -5,10 +5,10 @@ the dependent face (+1 toward +X),
 
 .. math:: u_{dep} = e^{i s \varphi} R^s\, W u_{ind} .
 
-If node i of the dependent face is the image of a node of the independent face, row i of W has a single one.  If the meshes
-differ, the row contains the shape functions of the facet of the independent face at node i.  The finer face is the
-dependent one, since each of its nodes is then constrained.  Nodes on the axis of rotation are images of themselves, with
-the condition :math:`u = e^{i \varphi} R\, u`.
+Row i of W has a single entry 1 if node i of the dependent face is the image of a node of the independent face.  If the
+meshes differ, the row contains the shape functions of the facet of the independent face at node i.  The finer face is
+dependent, since each of its nodes is then constrained.  Nodes on the axis of rotation are images of themselves, with the
+condition :math:`u = e^{i \varphi} R\, u`.
 """
 
 from __future__ import annotations
@@ -216,7 +216,7 @@ def find_faces(nodes: NDArray, surface: Facets, n_sectors: int | None, tolerance
     Returns
     -------
     SectorFaces or None
-        None if no rotation maps a whole element face onto another one.
+        None if no rotation maps an element face onto another element face.
     """
     outer = surface.nodes
     tree = cKDTree(nodes[outer])

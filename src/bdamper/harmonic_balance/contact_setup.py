@@ -268,7 +268,7 @@ def without_separation(
     Returns
     -------
     bases, points
-        Retained points in their order, then the additional ones.
+        Retained points in their order, then the additional points.
     """
     closed = ~(state.status == OPEN).any(axis=1)
     bonded = points.law == LAW_BONDED

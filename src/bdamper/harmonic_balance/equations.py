@@ -15,7 +15,7 @@ its sine amplitudes ``s_l``, ``q_l = c_l - i s_l`` (:class:`Layout`).  A point i
 - :class:`Fixed`: the parameter is fixed;
 - :class:`Fold` and :class:`Peak`: a quantity is stationary along the curve (``csrc/solver/newton.c``).
 
-The same class :class:`Equations` serves one sector, a curve along an engine order line, a nonlinear mode and a whole wheel.
+The same class :class:`Equations` serves one sector, a curve along an engine order line, a nonlinear mode and a bladed disk.
 They differ in the core object, in the rows that give the response (:class:`Rows`) and in the units of a point
 (:class:`Measure`).
 """
@@ -113,7 +113,7 @@ STATUS_TEXT = {
 }
 Core = _core.Sector | _core.Eased | _core.Modes | _core.Wheel
 WheelCore = _core.Wheel
-"""Core object of all sectors of a wheel (``csrc/bladed_disk/wheel_equations.h``), for
+"""Core object of all sectors of a bladed disk (``csrc/bladed_disk/wheel_equations.h``), for
 :mod:`bdamper.mistuning.disk_equations`."""
 LINE_SEARCH_TRIALS = 15
 """Largest number of evaluations in one iteration with line search."""
@@ -187,7 +187,7 @@ class Layout:
         return int(self.n_mode[0] + 2 * self.n_mode[1:].sum())
 
     def slices(self, harmonic: int) -> tuple[slice, slice]:
-        """Return the slices of the cosine and sine amplitudes of a harmonic; for the mean the second one is empty."""
+        """Return the slices of the cosine and sine amplitudes of a harmonic; for the mean the second slice is empty."""
         n = self.n_mode
         if harmonic == 0:
             return slice(0, n[0]), slice(0, 0)
@@ -371,7 +371,7 @@ class Equations(Generic[S]):
 
     @property
     def n_mean(self) -> int:
-        """Number of unknowns of the mean, which are the first ones."""
+        """Number of unknowns of the mean, which are the first unknowns."""
         return int(self.layout.n_mode[0])
 
     @property

@@ -38,7 +38,7 @@ class Sizes:
 
     @property
     def least_order(self) -> float:
-        """Smallest plausible engine order: 1 for a wheel, 0 for a structure without sectors."""
+        """Smallest plausible engine order: 1 for a bladed disk, 0 for a structure without sectors."""
         return float(self.problem.model.n_blades > 1)
 
     @property

@@ -62,7 +62,8 @@ class Settings:
         Default: residual modes if the model contains their static flexibility, otherwise the values of the model or unit
         tractions, with a note in ``stiffness_report`` and a :class:`~bdamper.util.errors.BdamperWarning`.
     contact_stiffness_factor : float
-        Factor on the contact stiffness of any method.  For residual modes it divides the flexibility of the whole contact.
+        Factor on the contact stiffness of any method.  For residual modes it divides the complete flexibility of the
+        contact.
     blade_modes : int
         Number of modes of each constrained body, limited by the model; the default is accepted for a smaller model.
     damper_modes : int or mapping of body name to int

@@ -251,7 +251,7 @@ def number_table(source: Path, *columns: int, **options: Any) -> NDArray:
 
 
 def as_integers(values: NDArray, item: str) -> NDArray:
-    """Convert an array of floats to integers; raise ModelError if a number is not whole."""
+    """Convert an array of floats to integers; raise ModelError if a number is not an integer."""
     for wrong in values[(values != np.round(values)) | (np.abs(values) > 2**53)][:1]:
         raise mismatch(item, "whole numbers", wrong)
     return values.astype(np.int64)
@@ -327,7 +327,7 @@ def read_dofs(path: Path) -> NDArray:
     Raises
     ------
     FileNotFoundError, ModelError
-        If the file does not exist, or a line does not contain two whole numbers.
+        If the file does not exist, or a line does not contain two integers.
     """
     return as_integers(number_table(path, 2, separators=",;."), str(path))
 

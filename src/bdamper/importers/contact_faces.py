@@ -36,7 +36,7 @@ class ContactFaces:
     name : str
         Name of the interface.
     faces_a : str, (n,) int, (n, 3 | 4 | 6 | 8) int, or tuple of such two-dimensional arrays
-        Face of body a: name of a set, node numbers that include whole element faces, or element faces by their node
+        Face of body a: name of a set, node numbers that include complete element faces, or element faces by their node
         numbers, counter-clockwise as seen from outside.
     faces_b : str, int array or tuple of int arrays, optional
         Face of body b in the same form; None for a contact with the ground.

@@ -229,7 +229,7 @@ class PreparedBody:
         Raises
         ------
         ModelError
-            If a set or node does not exist, or the nodes contain no whole face of an element.
+            If a set or node does not exist, or the nodes do not contain all nodes of any element face.
         """
         if isinstance(faces, str) and faces in self.raw.face_sets:
             groups: tuple[NDArray, ...] = tuple(self.raw.face_sets[faces])

@@ -2,7 +2,7 @@
 
 Response curves are computed by the same continuation as for one sector; the result has the response of all blades.
 
-**Time integration** uses the method of one sector (:mod:`bdamper.time_domain.integration`), with the whole disk as a single
+**Time integration** uses the method of one sector (:mod:`bdamper.time_domain.integration`), with the disk as a single
 sector.  Its coordinates are the mistuned modes of blades and disk, and the coordinates of all dampers.  It starts at the
 peak, with free dampers.  The criteria of a steady amplitude are the same as for a sector
 (:mod:`bdamper.time_domain.steady_amplitude`).  Damping is modal: the coupling between modes is at most 2.1 % of it for

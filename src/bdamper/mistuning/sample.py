@@ -129,7 +129,8 @@ class BestPreload:
     amplitude : Interval, m
         The percentile at this preload, with its 95 % interval, which includes the errors of the amplitudes.
     low, high : float, N
-        Range of the best preload in 95 % of the bootstrap samples (whole disks), with amplitudes anywhere in their errors.
+        Range of the best preload in 95 % of the bootstrap samples, which resample disks, for amplitudes within their
+        errors.
     kind : {"interior", "end"}
         Whether the preload is inside the range of the sample or at one of its ends.
     tuned_preload, tuned_amplitude : float, N and m
@@ -365,7 +366,7 @@ class _Sample:
     Parameters
     ----------
     disk : BladedDisk
-        Without mistuning.
+        Bladed disk without mistuning.
     mistuning : callable
         Returns the mistuning for a standard deviation and a seed.
     random : mapping

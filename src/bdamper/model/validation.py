@@ -78,7 +78,7 @@ def check_model(model: Model, *, where: str = "model") -> None:
     Raises
     ------
     ModelError
-        At the first violation.
+        If a condition is violated; the message describes the first violation.
     """
     check(isinstance(model, Model), where, "a Model", type(model).__name__)
     with np.errstate(all="ignore"):  # numbers out of range cause an error, not also a warning

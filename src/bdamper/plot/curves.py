@@ -375,7 +375,7 @@ def plot_together(
 ) -> None:  # fmt: skip
     """Plot several results of one type on the same axes.
 
-    Stars mark optima, filled if verified by whole response curves.  Lines are interrupted at points without a value.
+    Stars mark optima, filled if verified by complete response curves.  Lines are interrupted at points without a value.
 
     Parameters
     ----------

@@ -226,7 +226,7 @@ class AtPreload:
     ----------
     preload : float, N
     curve : ResponseCurve
-        Without its unknowns in an optimal curve.
+        Response curve; it has no unknowns in an optimal curve.
     top : Highest, optional
         Highest point, None if nothing was found.
     slope : float
@@ -307,7 +307,7 @@ def found_at(
     Raises
     ------
     InterruptedCurve
-        On Ctrl-C.
+        After Ctrl-C.
     """
     meter = CostMeter()
     case, before = problem.at(preload), None

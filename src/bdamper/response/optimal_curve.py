@@ -2,13 +2,13 @@
 
 The optimum is chosen in these steps:
 
-1. the whole response over frequency is followed at each preload, concurrently; its highest point is the value at this
+1. the complete response curve is computed at each preload, concurrently; its highest point is the value at this
    preload (``bdamper.response.highest_peak``), and an adjoint solution gives its slope d ln(amplitude)/d ln(preload);
 2. :func:`bdamper.response.minimum_search.find_minimum` chooses further preloads at which the value may be smaller;
 3. on a smooth branch of peaks :func:`smooth_minimum` first solves for the preload of zero slope.
 
-Every value, including the optimum, is the highest point of a whole curve at its preload.  :class:`Curves` stores finished
-curves in a file and resumes from it.
+Every value, including the optimum, is the highest point of a complete curve at its preload.  :class:`Curves` stores
+finished curves in a file and resumes from it.
 """
 
 from __future__ import annotations

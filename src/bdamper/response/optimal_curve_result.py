@@ -113,7 +113,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
     convergence : Convergence or None
         Peak at the optimum with more harmonics.
     curves : tuple of ResponseCurve
-        Whole curves of all values and of the search for the optimum, by ascending preload; coarse, and without unknowns.
+        Complete curves of all values and of the search for the optimum, by ascending preload; coarse, and without unknowns.
     lowest_steady_preload : float, N
         Up to this preload the damper rattles and no steady periodic response is expected
         (:mod:`bdamper.response.response_curve`).  There are no values there, and no search below.  0 if there is no sign of

@@ -442,7 +442,7 @@ class SlowSweep:
     Parameters
     ----------
     frequency : (n,) float, Hz
-        In the order of the sweep; a jump has two entries.
+        Frequencies in the order of the sweep; a jump has two entries.
     amplitude : (n,) float, m
         Amplitude of the first harmonic.
     jumps : tuple of Jump

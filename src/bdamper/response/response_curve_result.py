@@ -96,7 +96,7 @@ class ResponseCurve(Plottable, Comparable, FrequencySeries, Tabular, Recorded, S
     speed : (n,) float, rad/s, or None
         Rotor speed of a run-up.
     blades : (n, n_blades, n_harmonics + 1) complex, m, or None
-        Response of every blade of a wheel in its local axes; ``harmonics`` is the response of the highest blade.
+        Response of every blade of a bladed disk in its local axes; ``harmonics`` is the response of the highest blade.
     """
 
     kind: str

@@ -42,8 +42,8 @@ from bdamper.util.progress import one_thread
 
 
 SIDES = 0.3
-"""Largest relative difference of the one-sided derivatives: at a flat peak with 771 and 671 Hz whole peaks confirm the
-mean, 720.6.
+"""Largest relative difference of the one-sided derivatives.  At a flat peak they are 771 and 671 Hz per unit, and
+differences of computed peaks confirm the mean, 720.6 Hz.
 """
 NOISE = 1e-4
 """Difference of the relative one-sided derivatives that counts as curvature over the step, as at an optimum."""

@@ -95,10 +95,10 @@ class Trajectory(NamedTuple):
     motion : Motion
         Final state.
     harmonics : (n_periods, n_blades, n_harmonics + 1) complex, m
-        Response amplitudes of all blades in each whole period; the first column is the mean.
+        Response amplitudes of all blades in each complete period; the first column is the mean.
     energy : (n_periods, 4) float, J
-        In each whole period, all sectors: work of the excitation, loss in damping, work on the contacts, and rise of
-        kinetic and strain energy.  The remainder of their balance is the numerical loss.
+        Energies of all sectors in each complete period: work of the excitation, loss in damping, work on the contacts, and
+        rise of kinetic and strain energy.  The remainder of their balance is the numerical loss.
     trace : (n_steps, 2 n_coordinates) float
         Coordinates at the start of each time step, if requested; ``Ring.rows`` gives their responses.
     first : int
@@ -158,7 +158,7 @@ class Ring:
         self.cost = Cost()
         across = engine_order if wide_order is None else wide_order
         self.n = n_blades // gcd(n_blades, across) if across else 1
-        self.step = n_blades // self.n  # nodal diameters of the whole wheel by those on self.n sectors
+        self.step = n_blades // self.n  # ratio of nodal diameters of the disk to nodal diameters of self.n sectors
         self.wave = engine_order // self.step if engine_order else 0  # nodal diameter on self.n sectors
         self.families: dict[int, int] = {}  # signed nodal diameter on self.n sectors -> harmonic that describes it
         self._turns: dict[int, NDArray] = {}  # harmonic -> its coordinates in those of its family
@@ -302,7 +302,7 @@ class Ring:
         trace: bool = False,
         tolerance: float = TOLERANCE,
     ) -> Trajectory:
-        """Integrate a state over whole periods of the excitation, or over a number of time steps.
+        """Integrate a state over complete periods of the excitation, or over a number of time steps.
 
         The time steps are equal in the angle of the excitation; the first begins at ``2 pi first/n_steps``.
 
@@ -422,7 +422,7 @@ class Ring:
         Returns
         -------
         (n_blades, 2) float
-            Nodal diameter on the whole wheel, negative against the direction of the excitation, and amplitude (m), the root
+            Nodal diameter of the disk, negative against the direction of the excitation, and amplitude (m), the root
             mean square over the periods; in descending order of amplitude.
         """
         amplitude = np.sqrt((np.abs(np.fft.fft(response, axis=1) / self.n) ** 2).mean(axis=0))

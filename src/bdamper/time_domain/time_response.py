@@ -106,7 +106,7 @@ def richer_structure(problem: Problem) -> tuple[Problem, str] | None:
 
 
 def _residual_method(problem: Problem) -> ResidualModes | None:
-    """Return the settings of residual modes with fewer vectors than the richer structure; None without any."""
+    """Return the settings of residual modes with fewer vectors than in the richer structure; None if there are none."""
     method = problem.stiffness_method
     method = ResidualModes() if method == "residual_modes" else method
     fewer = isinstance(method, ResidualModes) and method.n_vectors != "all" and method.n_vectors < VECTORS

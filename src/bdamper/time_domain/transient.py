@@ -1,7 +1,7 @@
 """Time integration period by period, and the criteria for a steady motion.
 
 A :class:`Transient` starts from a harmonic-balance solution or from the end of another time integration, and continues in
-whole periods of the excitation.  Period ``k`` has the response amplitudes
+complete periods of the excitation.  Period ``k`` has the response amplitudes
 
     X_l(k) = 2/T int_kT^(k+1)T x(t) exp(-i l omega t) dt        (half of this for l = 0).
 
@@ -22,7 +22,7 @@ largest of the three changes is the uncertainty of the mean.
   The motion agrees if the mean of these 80 periods is within the tolerance, and nine of ten periods within twice the
   tolerance.  The remaining transient must not change the verdict.
 * *Wanders*: nine of ten periods are not within twice the tolerance in the last 80, and the largest distance and the range
-  exceed the decayed ones of the 80 periods before.  The motion does not agree.
+  exceed the values of the previous 80 periods after their decay.  The motion does not agree.
 
 **Energy.**  Friction and closed contacts return no more energy than their springs store, so the energy of a motion is
 bounded by its initial energy and the work of the excitation.  Time steps that are too long for the contacts violate this
@@ -94,7 +94,7 @@ class SteadyCriteria:
     fine : float
         Relative width of the interval in which a motion falls.
     most_points : int
-        Largest number of motions that settle around one.
+        Largest number of motions that settle in the search around one motion.
     steps : int
         Time steps per period of a verdict.  With 256 chatter in slip is damped, and a motion that falls to 0.855 of a
         solution stays at it; with 512 it falls to 0.89, with 1,024 to 0.860.

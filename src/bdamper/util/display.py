@@ -96,7 +96,7 @@ class Summarised:
     """Mixin of results that print a summary.
 
     The text begins with :meth:`_headline`, followed by a few lines from :meth:`_facts` or :meth:`summary`.  A notebook
-    shows the same lines, a figure, and the whole summary in a collapsed section.
+    shows the same lines, a figure, and the complete summary in a collapsed section.
     """
 
     _summary_fields: tuple[str, ...] = ()
