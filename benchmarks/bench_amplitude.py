@@ -38,7 +38,7 @@ from bdamper.time_domain.transient import Transient
 from bdamper.util.errors import BdamperError, BdamperWarning
 
 RESULTS = Path(__file__).parent / "results" / "amplitude.jsonl"
-SEED, SCENES = 20261125, 36
+SEED, SCENES = 20261125, 48
 BANDS = {"turbine_blade": (600.0, 720.0), "bladed_disk": (285.0, 380.0)}
 WHOLE: dict[str, dict[str, Any]] = {
     "turbine_blade": {"blade_modes": 20, "damper_modes": 4, "contact_stiffness": bd.ResidualModes(24)},
