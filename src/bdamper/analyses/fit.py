@@ -31,7 +31,6 @@ from typing import Any, Literal
 import numpy as np
 import scipy  # scipy.stats loads on first use; it takes half a second
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from bdamper.analyses.response_residuals import (
     EDGE,
@@ -341,7 +340,7 @@ class Objective:
         start = np.clip(x[free], low[free] + margin, high[free] - margin)
         ways: dict[str, Any] = {"xtol": 1e-9, "ftol": tolerance, "gtol": 1e-9, "max_nfev": MOST}
         ways["x_scale"] = "jac"
-        solution = least_squares(
+        solution = scipy.optimize.least_squares(
             lambda part: self.residual(whole(part)), start, lambda part: self.jacobian(whole(part))[:, free],
             (low[free], high[free]), **ways,
         )  # fmt: skip

@@ -27,7 +27,6 @@ from pathlib import Path
 import numpy as np
 import scipy
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from bdamper.analyses.fit import left_out
 from bdamper.importers.measurements import FORCES, LENGTHS, read_columns
@@ -347,7 +346,7 @@ class _Loop:
             starts = [p + np.array([0.0, 0.0, spread, 0.0, 0.0, 0.0, play, 0.0])[:size] for p in grid]
             start = min(starts, key=lambda p: float((self.residual(p) ** 2).sum()))
             origin = start - 1.0  # shifts the parameters to about 1, since difference steps are relative
-            solution = least_squares(
+            solution = scipy.optimize.least_squares(
                 lambda q, origin=origin: self.residual(origin + q), start - origin, "3-point", bounds - origin,
                 xtol=1e-8, ftol=1e-10, diff_step=DIFFERENCE, max_nfev=ITERATIONS,
             )  # fmt: skip

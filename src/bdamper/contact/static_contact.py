@@ -32,9 +32,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.optimize
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 from bdamper.contact.static_state import STICK, law_tangent, limited_forces
 from bdamper.model.fields import check
@@ -367,8 +366,8 @@ def _corners(coupling: Coupling, name: str, friction: NDArray) -> NDArray:
     if not plane or np.ptp(friction[rows]) > 0.0:
         return rows
     try:
-        return rows[np.sort(ConvexHull(relative @ face.frame[0, :2].T / size).vertices)]
-    except (QhullError, ValueError):  # fewer than three points, or all on a line
+        return rows[np.sort(scipy.spatial.ConvexHull(relative @ face.frame[0, :2].T / size).vertices)]
+    except (scipy.spatial.QhullError, ValueError):  # fewer than three points, or all on a line
         return rows
 
 

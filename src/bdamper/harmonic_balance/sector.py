@@ -21,9 +21,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import scipy.linalg
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from bdamper import _core
 from bdamper.contact.laws import (
@@ -130,7 +129,7 @@ class Linear:
 
         ends = (omega - 3.0 * width, omega + 3.0 * width)
         options = {"xatol": 1e-9 * omega, "maxiter": 200}
-        minimum = minimize_scalar(negative, bounds=ends, method="bounded", options=options)
+        minimum = scipy.optimize.minimize_scalar(negative, bounds=ends, method="bounded", options=options)
         return float(minimum.x), -float(minimum.fun)
 
 

@@ -32,8 +32,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from bdamper.model.modal_basis import rigid_motions
 from bdamper.model.structure import Body, ModalBasis, Model
@@ -118,7 +118,7 @@ def principal_axes(body: Body) -> tuple[NDArray, NDArray]:
     axes = body_axes(body)
     moments, principal = np.linalg.eigh(body.inertia)
     along = axes @ principal
-    order = linear_sum_assignment(-np.abs(along))[1]
+    order = scipy.optimize.linear_sum_assignment(-np.abs(along))[1]
     return moments[order], (principal[:, order] * np.sign(along[range(3), order])).T
 
 

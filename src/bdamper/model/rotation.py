@@ -25,9 +25,9 @@ from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
+import scipy  # scipy.optimize loads on first use; it takes a tenth of a second
 from numpy.typing import NDArray
 from scipy.linalg import eigh
-from scipy.optimize import linear_sum_assignment
 
 from bdamper.util import validation
 from bdamper.util.errors import SettingError
@@ -101,7 +101,7 @@ class SpeedBasis(Record):
         omega2, shapes = eigh(self.stiffness(omega))
         found = f"a negative squared frequency at {omega:.6g} rad/s"
         validation.check(not omega2[0] < -1e-12 * omega2[-1], "rotor speed", "a stable structure", found)
-        order = linear_sum_assignment(-(np.abs(shapes) ** 2))[1]
+        order = scipy.optimize.linear_sum_assignment(-(np.abs(shapes) ** 2))[1]
         omega2, shapes = np.maximum(omega2[order], 0.0), shapes[:, order]
         overlap = np.diag(shapes)
         size = np.maximum(np.abs(overlap), np.finfo(float).tiny)

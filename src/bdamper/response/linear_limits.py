@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from bdamper.harmonic_balance.plausibility import check_interval
 from bdamper.harmonic_balance.problem import LoadCase, Problem
@@ -127,7 +126,7 @@ def _maxima(height: Callable[[float], float], omega: NDArray) -> list[float]:
     found, out = scipy.signal.find_peaks(within, prominence=flat * within)[0] - 1, []
     for i in found[(found > 0) & (found < len(a) - 1)].tolist():
         ends = (float(omega[i - 1]), float(omega[i + 1]))
-        best = minimize_scalar(lambda w: -height(w), bounds=ends, method="bounded", options={"xatol": 1e-9 * ends[1]})
+        best = scipy.optimize.minimize_scalar(lambda w: -height(w), bounds=ends, method="bounded", options={"xatol": 1e-9 * ends[1]})
         out.append(float(best.x) if -best.fun > a[i] else float(omega[i]))
     return out
 
