@@ -126,7 +126,8 @@ def _maxima(height: Callable[[float], float], omega: NDArray) -> list[float]:
     found, out = scipy.signal.find_peaks(within, prominence=flat * within)[0] - 1, []
     for i in found[(found > 0) & (found < len(a) - 1)].tolist():
         ends = (float(omega[i - 1]), float(omega[i + 1]))
-        best = scipy.optimize.minimize_scalar(lambda w: -height(w), bounds=ends, method="bounded", options={"xatol": 1e-9 * ends[1]})
+        exact = {"xatol": 1e-9 * ends[1]}
+        best = scipy.optimize.minimize_scalar(lambda w: -height(w), bounds=ends, method="bounded", options=exact)
         out.append(float(best.x) if -best.fun > a[i] else float(omega[i]))
     return out
 
