@@ -130,7 +130,7 @@ bd_status bd_hbm_create(bd_hbm *hbm, const bd_hbm_input *in) {
     }
     const size_t n_unknown = (size_t)hbm->first_unknown[n_group];
     hbm->n_unknown = (int)n_unknown;
-    size_t n_column = 1; /* of G over all harmonics */
+    size_t n_column = 1; /* columns of G over all harmonics */
     for (int l = 0; l <= in->n_harm; ++l) n_column += (size_t)(n_row(l) * n_row(l) * in->n_mode[l]);
     /* some 256 kB of Z at a time */
     const size_t per_component = n_coef * bd_kernel_stride(n_unknown);

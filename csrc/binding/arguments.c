@@ -174,7 +174,7 @@ int core_check_slider(const double *w, int law) {
     return 1;
 }
 
-/* One of the arrays of a law. */
+/* Read one array of a law. */
 static const double *law_numbers(PyObject *object, const char *name, npy_intp least, int *n) {
     PyArrayObject *array = (PyArrayObject *)object;
     if (!PyArray_Check(object) || PyArray_TYPE(array) != NPY_DOUBLE || PyArray_NDIM(array) != 1 ||

@@ -261,7 +261,7 @@ static int eliminate_ring(bd_ring *w) {
     const size_t ss = (size_t)s * (size_t)s;
     double *end = w->diagonal + (size_t)(N - 1) * ss;
     memcpy(w->last_row, w->upper + (size_t)(N - 1) * ss, sizeof(double) * ss);
-    double *W = w->lower; /* of sector 0: its coupling to the last one */
+    double *W = w->lower; /* W of sector 0 is its coupling to the last sector */
     for (int n = 0; n < N - 1; ++n) {
         const size_t at = (size_t)n * ss;
         double *D = w->diagonal + at, *V = w->last_row + at, *fill = w->last_factor + at, *onward = w->next_factor + at;

@@ -17,12 +17,12 @@ typedef struct {
     const unsigned char *pinned;  /* (n_sector) 1: no damper */
 } bd_ring_input;
 
-/* The matrix at one point, partly for each harmonic l = 0 ... n_harm. */
+/* Parts of the matrix of the linear equations; some depend on the harmonic l = 0 ... n_harm. */
 typedef struct {
     const double *tangent;   /* (n_sector, n_point, 7, n_coef, n_coef) blocks in the order of bd_response */
     const double *blade;     /* (n_sector, n_blade, n_blade) */
     const double *common;    /* (n_harm + 1, n_blade, n_blade) common to all blades, added to `blade` */
-    const double *damping;   /* (n_harm + 1, n_blade, n_blade) times the frequency of the harmonic */
+    const double *damping;   /* (n_harm + 1, n_blade, n_blade) damping matrix times the frequency of the harmonic */
     const double *damper;    /* (n_harm + 1, n_sector, 2, n_damper) stiffness minus inertia, and damping times frequency */
     const double *springs;   /* (n_sector, n_damper) additional stiffness of the mean of dampers */
     const double *neighbour; /* (n_harm + 1, n_kept, n_kept) coupling to the previous sector */
@@ -32,13 +32,13 @@ typedef struct {
     bd_ring_input input;
     int sector_size, n_inner, n_ring,
         n_damper_unknown; /* coordinates of a sector; unknowns eliminated in it, remaining in the ring, of a damper */
-    int sign;             /* of the determinant of the latest factorisation */
+    int sign;             /* sign of the determinant of the latest factorisation */
     double *inverse, *inner_to_outer, *outer_to_inner; /* (n_sector) of (inner, inner), (inner, outer), (outer, inner) */
     /* (n_sector, n_ring, n_ring): D, L and U, with inverses on the diagonal; V, D^-1 U and D^-1 W */
     double *diagonal, *lower, *upper;
     double *last_row, *next_factor, *last_factor;
     double *own_side, *next_side, *Z, *columns, *outer, *product, *work; /* work */
-    double *rows;            /* rows of the points on the own blade, then on the next blade */
+    double *rows;            /* rows of the points on the blade of the sector, then of the points on the next blade */
     double *rows_transposed; /* the same transposed, (sector_size, 3 n) of either group */
     int n_group[2], *point;
     double *memory;

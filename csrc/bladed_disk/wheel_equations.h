@@ -14,7 +14,7 @@ typedef struct {
     /* root coordinates: the last ones of a blade, coupled by the disk to all other blades; n_kept of them are coupled to
      * the neighbours in the elimination */
     int n_root, n_kept;
-    int n_point;                              /* of a sector */
+    int n_point;                              /* contact points of a sector */
     const unsigned char *on_next;             /* (n_point) 1: the point lies on the next blade */
     const double *motion_rows;                /* (n_point, 3, n_blade + n_damper) motion (u1, u2, v) */
     const unsigned char *active;              /* (n_coef) coefficients that are unknowns; cosine and sine together */
@@ -24,10 +24,10 @@ typedef struct {
     const double *disk_stiffness, *disk_mass; /* wave matrices (n_root, n_root) */
     const double *damping;                    /* wave matrices (n_blade, n_blade) */
     const double *damper_stiffness, *damper_mass, *damper_damping; /* (n_damper), (n_sector, n_damper), (n_damper) */
-    const double *springs;                                         /* (n_sector, n_damper) on the mean of dampers */
-    const double *jacobian_springs;                                /* (n_sector, n_damper) the same in the Jacobian only */
+    const double *springs;                                         /* (n_sector, n_damper) springs on the mean of dampers */
+    const double *jacobian_springs;                                /* (n_sector, n_damper) springs in the Jacobian only */
     const double *spring_origin;                                   /* (n_sector, n_damper) position without spring force */
-    const double *kt, *kn, *mu, *n0, *w, *load, *shift;            /* as in bd_hbm_input, for n_sector n_point points */
+    const double *kt, *kn, *mu, *n0, *w, *load, *shift;            /* see bd_hbm_input; for n_sector n_point points */
     const int *law;
     const double *force, *row_scale; /* (n_unknown) */
     bd_evaluation evaluation;
@@ -45,7 +45,7 @@ typedef struct {
 typedef struct {
     bd_equations base;
     bd_cost cost;
-    bd_wheel_input input; /* with copies of its arrays */
+    bd_wheel_input input; /* input, with copies of its arrays */
     bd_ring ring;
     bd_evaluator evaluator;
     int n_coef, n_wave, sector_size, vector_size; /* waves; coordinates of a sector; entries of a vector */
@@ -55,13 +55,13 @@ typedef struct {
     double *cosine, *sine;     /* (n_wave, n_sector), the sine negative */
     bd_element *element;       /* (n_sector n_point) */
     bd_status_share *share;
-    /* of the latest evaluation: motion, force (n_coef), tangents (7, n_coef, n_coef) of the points */
+    /* motion, force (n_coef) and tangents (7, n_coef, n_coef) of the points in the latest evaluation */
     double *X, *F, *tangent;
     double *x;                      /* the current point */
     double *shifted, *motion;       /* vector with the blades of the next sectors; motion or force of one group of points */
     double *blade_motion, *inertia; /* blade coordinates and their inertia */
     double *wave_work;              /* (3, 2, n_wave, n_coef, n_blade) */
-    double *matrices, *springs;     /* of the elimination; springs plus jacobian_springs */
+    double *matrices, *springs;     /* matrices of the elimination; springs plus jacobian_springs */
     /* derivative with respect to omega, row of the border over scale, scale: vectors and one number */
     double *C, *border, *scale;
     double *column, *b, *product, *work; /* P^-1 C or its transposed counterpart; work */

@@ -28,7 +28,7 @@ typedef struct {
     /* m, slider position of a point that never slips; infinite: the corresponding end of the admissible interval */
     double w[2];
     double load;                   /* N, normal load in the friction limit of the constant-load laws */
-    const bd_point_law *point_law; /* of BD_LAW_USER, owned by the equations */
+    const bd_point_law *point_law; /* law of BD_LAW_USER, owned by the equations */
 } bd_element;
 
 static inline int bd_law_is_constant(bd_law law) { return law == BD_LAW_CONSTANT || law == BD_LAW_COUPLED_CONSTANT; }

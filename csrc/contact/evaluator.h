@@ -12,10 +12,10 @@ typedef enum { BD_EXACT = 0, BD_SAMPLED = 1, BD_SAMPLED_PLAIN = 2 } bd_evaluatio
 typedef struct {
     bd_evaluation evaluation;
     int n_harm;
-    bd_event_work event;     /* of BD_EXACT */
-    bd_sampled_work sampled; /* of the sampled evaluations */
-    bd_coulomb_work coulomb; /* of the sampled evaluations */
-    bd_user_work user;       /* of user laws, if there are any */
+    bd_event_work event;     /* workspace of BD_EXACT */
+    bd_sampled_work sampled; /* workspace of the sampled evaluations */
+    bd_coulomb_work coulomb; /* workspace of the sampled evaluations */
+    bd_user_work user;       /* workspace of user laws, if there are any */
     int latest_is_coupled;
 } bd_evaluator;
 

@@ -12,7 +12,7 @@
  *
  * With a constant normal load the bounds are u -+ mu load/kt, and the contact stays closed.
  *
- * Cheap bounds come first. The sum of the amplitudes limits a function; so do its samples, which it exceeds by at most
+ * Cheap bounds come first. A function is at most the sum of its amplitudes, and exceeds its samples by at most
  * h^2/8 max|f''|. These bounds identify most points that never slip or never open, without any root. */
 #include "contact/event_driven.h"
 

@@ -10,7 +10,7 @@ typedef struct {
     const bd_kernel *kernel;
 } bd_disks;
 
-/* A point of the plane and the disks on whose edges it lies, or from whose edges it has the same distance. */
+/* A point of the plane, and the disks that determine it: it lies on their edges, or at an equal distance from them. */
 typedef struct {
     int n, disk[3];
     double s[2];

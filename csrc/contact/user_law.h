@@ -27,7 +27,7 @@ typedef struct {
     void *data;
     int n_parameter, n_state;
     const double *parameter;
-    const double *memory; /* at the start */
+    const double *memory; /* memory at the start */
 } bd_point_law;
 
 typedef struct {

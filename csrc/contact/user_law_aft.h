@@ -14,7 +14,7 @@ typedef struct {
     double *motion_force_derivative;
     double *power_sum;                                     /* (n_power) */
     int has_motion_derivative[9], has_state_derivative[3]; /* whether an entry is nonzero */
-    double *motion, *force;                                /* (3, n_time) of each */
+    double *motion, *force;                                /* (3, n_time) each */
     double *states;                                        /* (n_time, n_state) of the latest period */
     double *law_memory[2];                                 /* (3 + n_state) before and after a step */
     double *start, *state_scale; /* (n_state) state at the start of the period; largest value in the period */

@@ -30,7 +30,7 @@
 
 /* Tolerances of iteratively solved linear equations: for a Newton step, a tangent, and the step after a trial. The
  * tolerance of a step is tightened if many steps do not halve the residual: near sharp resonances a loosely solved step
- * is useless. Below 1e-5 there is no gain. With 1e-12, six peaks of the shipped wheel (65 blades, 500 N to 2 kN) were
+ * is useless. Below 1e-5 there is no gain. With 1e-12, six peaks of the shipped disk (65 blades, 500 N to 2 kN) were
  * the same; at 2 kN the number of solutions by elimination was larger by a quarter. */
 static const double STEP_TOLERANCE = 1e-2, TANGENT_TOLERANCE = 1e-3, TRIAL_TOLERANCE = 1.0, TIGHTENING = 0.03,
                     TIGHTEST = 1e-5;
@@ -46,12 +46,12 @@ typedef struct {
     double *tangent; /* (n + 1), or NULL if not needed */
     bd_solver_report *report;
     double *step, *y_old;                                /* (n + 1) */
-    double first_residual, residual_before, step_before; /* of the first and of the previous iteration */
+    double first_residual, residual_before, step_before; /* residual or step of the first and of the previous iteration */
     int n_stall;
     double stall_residual; /* residual at the first of them */
     int arrived;
     double fraction;                   /* fraction of the latest step */
-    double linear_tolerance;           /* of the equations of a step */
+    double linear_tolerance;           /* tolerance of the linear equations of a step */
     double condition_residual;         /* of a linear condition: row . (z - z_predicted), updated in each step */
     double tangent_step, slope_before; /* of a stationary point: the latest step along the tangent, and phi before it */
     int n_wrong_sense;                 /* number of secants with the wrong sign */
@@ -183,7 +183,7 @@ static void search_step_length(newton_run *run) {
 
 /* Return whether more than three steps had a fraction of at most 1/32 while the residual was not halved. The check is
  * used if a loose residual suffices, in runs that begin near a loosely converged point. On the shipped disk (65 blades,
- * 500 N), such runs end without a solution after 25 steps, which on the whole wheel cost as much as the remainder of a
+ * 500 N), such runs end without a solution after 25 steps, which on the full disk cost as much as the remainder of a
  * search. Runs from a distant start sometimes converge. */
 static int oscillates(newton_run *run) {
     enum { MOST_BACK = 3 };

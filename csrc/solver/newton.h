@@ -9,12 +9,12 @@ typedef struct {
     const double *row;     /* BD_LINEAR: (n + 1), normal of the plane through the initial point, in scaled unknowns */
     const double *re, *im; /* BD_STATIONARY: (n), a peak of |x|, x = re . u + i im . u; NULL: a fold of the curve */
     double curvature;      /* of BD_STATIONARY: estimate of the derivative of phi along the curve, < 0 at a peak */
-    double tolerance;      /* on the distance to the stationary point, in scaled unknowns */
+    double tolerance;      /* tolerance of the distance to the stationary point, in scaled unknowns */
     double max_step;       /* largest step along the curve */
 } bd_condition;
 
 typedef struct {
-    double tolerance; /* on the largest scaled residual */
+    double tolerance; /* tolerance of the largest scaled residual */
     int max_iterations;
     /* of BD_LINEAR only: 1 halves a step until the residual decreases, 2 until the next step with the same factors is
      * shorter */
@@ -30,7 +30,7 @@ typedef struct {
     int iterations;
     double residual;              /* largest scaled residual at the returned point */
     double first_step, last_step; /* lengths of the first and last Newton step, in scaled unknowns */
-    bd_factored factored;         /* of the last factorisation */
+    bd_factored factored;         /* data of the last factorisation */
     double slope, curvature;      /* of BD_STATIONARY: phi at the returned point, and its latest secant */
 } bd_solver_report;
 

@@ -97,7 +97,7 @@ static size_t assign_arrays(bd_time *t) {
     return used;
 }
 
-/* Copy (2, n_total) into padded coordinates. */
+/* Copy coordinates x (2, n_total) into padded coordinates. */
 static void pad(const bd_time *t, const double *x, double *padded_x) {
     for (int j = 0; j < t->n_total; ++j) {
         padded_x[t->real_index[j]] = x[j];
@@ -143,7 +143,7 @@ static void set_coordinates(bd_time *t, const bd_time_input *in) {
     double *both = t->work;
     const double *values[] = {in->stiffness, in->mass, in->damping};
     double *stored[] = {t->stiffness, t->mass, t->damping};
-    for (size_t j = 0; j < t->n_coordinate; ++j) t->stiffness[j] = 1.0; /* of the padding */
+    for (size_t j = 0; j < t->n_coordinate; ++j) t->stiffness[j] = 1.0; /* value of the padding */
     for (size_t i = 0; i < 3; ++i) {
         for (size_t j = 0; j < 2 * n; ++j) both[j] = values[i][j % n];
         pad(t, both, stored[i]);

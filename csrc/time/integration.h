@@ -13,7 +13,7 @@ typedef struct {
     const int *diameter; /* (n_family) 0..n_sector-1; families of 0 and n_sector/2 have real coordinates */
     const double *stiffness, *mass, *damping; /* (n_total); coordinates with mass 0 follow from the contact condition */
     const double *G;                          /* complex, family after family (n_point, 3, n_mode) */
-    const double *kt, *kn, *mu, *n0, *load;   /* (n_point, 2), (n_point) four times */
+    const double *kt, *kn, *mu, *n0, *load;   /* kt (n_point, 2); the others (n_point) */
     const double *shift;                      /* (n_point, 3) */
     const int *law;                           /* (n_point) */
     const int *fixed_slider;                  /* (n_point, 2) 1: the slider does not move */
@@ -48,7 +48,7 @@ typedef struct bd_time {
     int *real_index, *imaginary_index;        /* (n_total) padded index of the real and imaginary part of a coordinate */
     int *force_order;
     size_t n_coordinate; /* padded: each family has a multiple of 8 modes, first real, then imaginary parts */
-    size_t stride, rows; /* points, padded to a multiple of 8; three times as many */
+    size_t stride, rows; /* number of points, padded to a multiple of 8; 3 stride */
     int has_coupled, has_cubic;
     int n_user_law, n_memory; /* points with user laws; numbers in the memory of each point, 0 without user laws */
     double *motion_modes, *force_modes; /* modes in the storage order of the products for motion and for forces */
@@ -77,8 +77,8 @@ typedef struct bd_time {
     double *pattern_force, *residual, *pattern_correction, *pattern_motion;
     double *krylov, *krylov_motion; /* (BD_TIME_VECTORS + 1, n_sector, max_rank) of GMRES; C times them */
     int *outdated;                  /* (n_sector) 1: recompute M */
-    bd_time_patterns patterns[2];   /* of an instant, and of a step */
-    double energy[4];               /* of the steps since the last reset, like bd_time_path.energy */
+    bd_time_patterns patterns[2];   /* patterns of an instant, and of a step */
+    double energy[4];               /* energies of the steps since the last reset, see bd_time_path.energy */
     double largest_force;           /* largest pattern force so far */
     bd_time_effort effort;
     double *work; /* (3 n_total) during creation, (rows (rows + max_rank + 4)) while patterns are computed */
@@ -129,11 +129,11 @@ typedef struct bd_time_path {
     int steps_per_period, n_harm;
     double omega, omega_end;
     double spectral_radius; /* spectral radius at infinite frequency, 0 to 1 */
-    double tolerance;       /* of the contact forces, relative */
+    double tolerance;       /* relative tolerance of the contact forces */
     int find_acceleration;  /* 1: compute the accelerations and the coordinates without mass from the remaining state */
-    /* complex (n_step/steps_per_period, n_row, n_harm + 1) of the responses in each whole period, or NULL */
+    /* complex harmonics (n_step/steps_per_period, n_row, n_harm + 1) of the responses in each period, or NULL */
     double *response_harmonics;
-    /* (n_step/steps_per_period, 4) J, of all sectors in each whole period: work of the excitation, losses in damping,
+    /* (n_step/steps_per_period, 4) J, of all sectors in each period: work of the excitation, losses in damping,
      * work on the contacts, and increase of kinetic and strain energy; or NULL */
     double *energy;
     double *coordinates; /* (n_step, 2, n_total) coordinates at the start of each step, or NULL */
