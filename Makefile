@@ -7,7 +7,7 @@
 #   make links     whether pages that the documentation names still exist (needs a network)
 # For developers: bench, accuracy, hard, fuzz, lint, sanitize, clean, and:
 #   make nightly   required before a release besides .ci/run: portability, nastran, others, browser, links, newest
-#   make validate  public problems and closed forms computed again, into docs/validated.md (needs CalculiX)
+#   make validate  public problems and closed forms computed again, into docs/evidence/validated.md (needs CalculiX)
 #   make kernels   tests of the core under each kernel of the core
 #   make portability  tests that rounding affects, under each kernel of the core and of OpenBLAS; more folders with the oldest dependencies
 #   make nastran   Nastran readers, with the NumPy that pyNastran asks for
@@ -129,10 +129,10 @@ cross: $(VENV)/dev.stamp
 	$(call step,the core for aarch64,PATH="$(CURDIR)/$(VENV)/bin:$$PATH" sh tools/cross_aarch64.sh)
 
 accuracy: $(VENV)/test.stamp
-	$(call step,ladders of accuracy against time into docs/measured.md,$(PY) -m benchmarks.bench_accuracy)
+	$(call step,ladders of accuracy against time into docs/evidence/measured.md,$(PY) -m benchmarks.bench_accuracy)
 
 validate: $(VENV)/dev.stamp $(VENV)-others/files.stamp
-	$(call step,public problems into docs/validated.md,$(PY) -m benchmarks.validate)
+	$(call step,public problems into docs/evidence/validated.md,$(PY) -m benchmarks.validate)
 
 hard: $(VENV)/test.stamp
 	$(call step,hard cases at full size,BDAMPER_HARD=10000 $(PY) -m pytest tests/hard tests/analyses/test_sensitivity.py)

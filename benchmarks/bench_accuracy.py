@@ -1,4 +1,4 @@
-"""What accuracy costs on the reference bladed disk: ladders into docs/measured.md with figures.
+"""What accuracy costs on the reference bladed disk: ladders into docs/evidence/measured.md with figures.
 
 ``python -m benchmarks.bench_accuracy`` runs all ladders (minutes); names of ladders as arguments run only these and print;
 ``--draw`` draws the figures anew from the tables of the page.
@@ -437,12 +437,12 @@ def draw(name: str, given: AccuracyCost) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", help=f"out of {', '.join([*LADDERS, *TABLES])}; all by default")
-    parser.add_argument("--write", action="store_true", help="write docs/measured.md and its figures also for some names")
+    parser.add_argument("--write", action="store_true", help="write measured.md and its figures also for some names")
     parser.add_argument("--draw", action="store_true", help="only draw the figures, from the tables of the page")
     given = parser.parse_args()
     if given.draw:
         for name in given.names or FIGURES:
-            draw(name, on_page((DOCS / "measured.md").read_text(), name))
+            draw(name, on_page((DOCS / "evidence" / "measured.md").read_text(), name))
         return
     names = given.names or [*LADDERS, *TABLES]
     for name in names:
@@ -458,7 +458,7 @@ def main() -> None:
             print(table, flush=True)
         print(f"({name}: {time.perf_counter() - begin:.0f} s)\n", flush=True)
         if given.write or not given.names:
-            page = DOCS / "measured.md"
+            page = DOCS / "evidence" / "measured.md"
             page.write_text(fill(page.read_text(), name, table))
             if f"accuracy_{name}.png" in page.read_text():
                 draw(name, result)

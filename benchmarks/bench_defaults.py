@@ -4,7 +4,7 @@
 preloads, three harmonics each, and prints a table with the errors against the two richest studies; ``python -m
 benchmarks.bench_defaults --first`` compares the first answer, optimum included, with the richest studies and prints whether
 it is within 10 % or its stated range contains them.  Curves that were run are kept in ``benchmarks/results/defaults.json``
-and not run again.  The tables are in docs/measured.md and, of the first answer, docs/accuracy.md.
+and not run again.  The tables are in docs/evidence/measured.md and, of the first answer, docs/accuracy.md.
 """
 
 from __future__ import annotations

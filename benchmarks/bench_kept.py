@@ -1,6 +1,6 @@
 """Amplitude in time of the blade on the ground beside peaks with more modes and harmonics.
 
-``python -m benchmarks kept`` computes the missing entries of ``results/kept.json`` and prints the table of docs/in-time.md.
+``python -m benchmarks kept`` computes the missing entries of ``results/kept.json`` and prints the table of in-time.md.
 """
 
 from __future__ import annotations

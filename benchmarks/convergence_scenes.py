@@ -1,7 +1,7 @@
 """How often a peak with more harmonics is said to be converged, and how often that holds, on random ordinary scenes.
 
 ``python -m benchmarks.convergence_scenes [first last]`` runs the scenes of these numbers (0 to 199 by default) and prints
-one line each and a summary; ``make accuracy`` writes the summary into docs/measured.md.
+one line each and a summary; ``make accuracy`` writes the summary into docs/evidence/measured.md.
 
 A scene is the shipped bladed disk with nine contact points a face (two of three scenes) or the test rig with 24, with unit
 tractions, one of the modes 1 to 4, an excitation along the circumference or the axis, a friction coefficient of 0.2 to 0.6,

@@ -1,7 +1,7 @@
 """How far estimated errors can be relied on, and what they cost, on random ordinary scenes.
 
 ``python -m benchmarks.estimate_scenes [first last]`` runs the scenes of these numbers (0 to 29 by default) and prints a
-line for each source of error and a summary; ``make accuracy`` writes the summary into docs/measured.md.
+line for each source of error and a summary; ``make accuracy`` writes the summary into docs/evidence/measured.md.
 
 A scene is one of :mod:`benchmarks.convergence_scenes` (models, modes, excitation, friction coefficient, preload) with one
 or three harmonics, residual modes (two of three scenes) or unit tractions, five or ten blade modes and contact points that

@@ -1,6 +1,6 @@
 """Public problems beside the answers of the package: ``make validate`` or ``python -m benchmarks.validate``.
 
-Computes the problems of ``tests/validated.py`` and writes ``docs/validated.md``, with a picture of each.
+Computes the problems of ``tests/validated.py`` and writes ``docs/evidence/validated.md``, with a picture of each.
 Ends with an error where a number is beyond its tolerance without the page saying why.
 """
 
@@ -44,7 +44,7 @@ def section(name: str, problem: Problem) -> str:
     for row in problem.rows:
         verdict = "" if row.agrees else f", **differs**: {row.differs}"
         lines.append(f"| {row.quantity} | {row.ours:.9g} | {row.error:.1e}{verdict} |")
-    return "\n".join([*lines, f"\n![{name}](images/validated-{slug(name)}.png)\n"])
+    return "\n".join([*lines, f"\n![{name}](../images/validated-{slug(name)}.png)\n"])
 
 
 def picture(name: str, problem: Problem) -> None:
@@ -74,8 +74,8 @@ def main() -> None:
             f"{name}: {row.quantity}, error {row.error:.1e}" for row in problem.rows if row.agrees == bool(row.differs)
         ]
         print(f"{name}: {sum(row.agrees for row in problem.rows)} of {len(problem.rows)} numbers agree", flush=True)
-    (DOCS / "validated.md").write_text("\n".join([*parts, TAIL]), encoding="utf-8")
-    print(f"bdamper {bd.__version__}: docs/validated.md")
+    (DOCS / "evidence" / "validated.md").write_text("\n".join([*parts, TAIL]), encoding="utf-8")
+    print(f"bdamper {bd.__version__}: docs/evidence/validated.md")
     if wrong:
         sys.exit("validate: " + "; ".join(wrong))
 

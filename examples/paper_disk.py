@@ -2,7 +2,7 @@
 
 The paper computes with stiffness equations (4) and (10), ten blade modes, six rigid modes of the damper and one harmonic.
 "Converged" stands for three harmonics, each with the modes of its own nodal diameter, and residual modes for what the ten
-blade modes leave out; ``docs/studies.md`` shows what each of these steps is worth, what more harmonics change (6 % from
+blade modes leave out; ``studies.md`` shows what each of these steps is worth, what more harmonics change (6 % from
 300 N on, a fifth at 135 N), and that neither is converged in the number of contact points at low load.
 """
 

@@ -504,7 +504,7 @@ NAMED = re.compile(
     r"\bshipped (?:disk|rig|model)|(?<!csrc/)\b(?:paper|bladed)_disk\b|\btest_rig\b"
     r"|(?<![\w.])\d[\d.,]* (?:ms|s|seconds?|minutes?)\b"
 )
-"""Shipped models and seconds: a measurement on one, which docs/measured.md holds."""
+"""Shipped models and seconds: a measurement on one, which docs/evidence/measured.md holds."""
 MEASURED = {"fem": 4, "harmonic_balance": 1, "mistuning": 3, "response": 2}
 """Docstrings with measurements, by room, which shall become fewer."""
 
@@ -532,7 +532,7 @@ def test_docstrings_stay_short():
 
 def test_measurements_stand_in_the_documents():
     more = above(MEASURED, lambda path: [text for _, text in docstrings(path) if NAMED.search(text)])
-    assert not more, f"to docs/measured.md: {more}"
+    assert not more, f"to docs/evidence/measured.md: {more}"
 
 
 def test_the_stub_of_the_core_names_all_of_it():
@@ -580,10 +580,15 @@ def defines(path: Path, name: str) -> bool:
     return all(re.search(rf"^(?:\s*(?:def|class) |\w[\w *]*\b){part}\b[(:\[]", text, re.M) for part in name.split("."))
 
 
+def pages() -> list[Path]:
+    """Pages of the manual, its evidence and the specification."""
+    return [*ROOT.glob("docs/*.md"), *ROOT.glob("docs/evidence/*.md"), *ROOT.glob("docs/specification/*.md")]
+
+
 def test_files_and_functions_that_the_documents_name_are_there():
     missing = []
     rooms = "bdamper|csrc|tests|tools|examples|benchmarks"
-    for path in [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")]:
+    for path in [*ROOT.glob("*.md"), *pages()]:
         if path.name != "CHANGELOG.md":
             for name, function in re.findall(rf"`((?:{rooms})/[\w/]+\.\w+)(?:::([\w.]+))?`", path.read_text()):
                 if not (ROOT / name).exists() or (function and not defines(ROOT / name, function)):
@@ -600,7 +605,7 @@ def test_tests_that_the_scripts_run_are_there():
 def test_modules_that_the_documents_name_are_there():
     import importlib
 
-    for path in [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *ROOT.glob("docs/*.md"), *python_files()]:
+    for path in [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *pages(), *python_files()]:
         for name in set(re.findall(r"(?<![\w./])bdamper(?:\.[a-z_][a-z_0-9]*)+", path.read_text())):
             parts = name.split(".")
             n = max(n for n in range(1, len(parts) + 1) if ".".join(parts[1:n]) in MODULES | {""})

@@ -5,7 +5,9 @@ import re
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), *(ROOT / "notebooks").glob("*.[mi]*")]
+DOCS = ROOT / "docs"
+PAGES = [*ROOT.glob("*.md"), *DOCS.glob("*.md"), *DOCS.glob("evidence/*.md"), *DOCS.glob("specification/*.md")]
+PAGES += (ROOT / "notebooks").glob("*.[mi]*")
 MADE = {"gallery/index", "gallery/index.md"}
 """Pages that ``make docs`` writes; it copies the notebooks to docs/tutorial as well."""
 

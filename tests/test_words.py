@@ -46,7 +46,8 @@ BETTER = {
 
 
 def pages() -> list[Path]:
-    found = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "notebooks").glob("*.[mi]*"))]
+    folders = ("docs/*.md", "docs/evidence/*.md", "docs/specification/*.md", "notebooks/*.[mi]*")
+    found = [ROOT / "README.md", *(page for folder in folders for page in sorted(ROOT.glob(folder)))]
     return [page for page in found if page.name not in RECORDS]
 
 

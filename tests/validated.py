@@ -1,7 +1,7 @@
 """Public problems and closed forms beside the answers of the package: one place for the page, its command and the tests.
 
 Every problem is a function that computes it anew: where it comes from, numbers beside each other with a tolerance, and a
-picture.  ``make validate`` writes them into ``docs/validated.md``.  A row that is known not to agree says why.
+picture.  ``make validate`` writes them into ``docs/evidence/validated.md``.  A row that is known not to agree says why.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ print(*(one.replace(">=", sys.argv[1]) for one in project["dependencies"] + proj
 "$venv/bin/python" -m pip list 2>/dev/null | grep -iE '^(numpy|scipy|h5py|matplotlib|scikit-fem) '
 rm -rf "$place" && mkdir -p "$place"
 cp -r tests pyproject.toml "$place/"
-mkdir "$place/docs" && cp docs/*.md "$place/docs/"
+mkdir "$place/docs" && cp -r docs/*.md docs/evidence docs/specification "$place/docs/"
 BDAMPER_MODELS=$PWD/models
 export BDAMPER_MODELS
 cd "$place"

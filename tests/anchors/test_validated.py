@@ -6,7 +6,7 @@ import pytest
 
 from tests.validated import NEEDS, PROBLEMS, available
 
-PAGE = Path(__file__).parents[2] / "docs" / "validated.md"
+PAGE = Path(__file__).parents[2] / "docs" / "evidence" / "validated.md"
 LONG = {"Planar wedge", "Planar wedge, forced", "The paper's four numbers", "CalculiX", "Limit cycles"}
 LONG |= {"Den Hartog's oscillator", "Finite element models by others"}
 

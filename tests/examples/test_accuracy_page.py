@@ -1,4 +1,4 @@
-"""The code of docs/accuracy.md runs, on quick settings, and its errors of contact points are those of docs/measured.md."""
+"""The code of docs/accuracy.md runs, on quick settings, and its errors of contact points are those of measured.md."""
 
 import re
 from pathlib import Path
@@ -25,7 +25,7 @@ def test_code_of_the_page(capsys):
 
 
 def test_errors_of_contact_points_are_those_measured():
-    page, measured = (DOCS / "accuracy.md").read_text(), (DOCS / "measured.md").read_text()
+    page, measured = (DOCS / "accuracy.md").read_text(), (DOCS / "evidence" / "measured.md").read_text()
     rows = {"contact_points": "unit tractions", "contact_points_residual": "six residual modes, points united"}
     for name, row in rows.items():
         table = re.search(rf"<!-- {name} -->.*?<!-- end -->", measured, re.S)[0]

@@ -163,8 +163,8 @@ def test_optimal_curves(tmp_path):
 
 
 def test_tables_of_the_approximations_have_what_was_stored():
-    """The three tables of docs/measured.md, each number of them."""
-    page = (EXAMPLES.parent / "docs" / "measured.md").read_text().split("## Approximations of the paper")[1]
+    """The three tables of docs/evidence/measured.md, each number of them."""
+    page = (EXAMPLES.parent / "docs" / "evidence" / "measured.md").read_text().split("## Approximations of the paper")[1]
     stored = json.loads((EXAMPLES.parent / "benchmarks" / "results" / "paper.json").read_text())
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in page.splitlines() if line.startswith("| ")]
     seen = 0

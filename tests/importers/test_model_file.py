@@ -278,7 +278,7 @@ def test_a_file_without_creation_order_is_read_alphabetically(copy, tmp_path):
 
 
 def test_the_example_in_the_documentation_works(tmp_path, monkeypatch):
-    text = (Path(__file__).parents[2] / "docs" / "model-file.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "docs" / "specification" / "model-file.md").read_text(encoding="utf-8")
     blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     assert len(blocks) == 2
     monkeypatch.chdir(tmp_path)
@@ -295,7 +295,7 @@ RECORDS += [StaticContact, StressSet, SurfaceMesh]
 
 
 def test_the_documentation_names_every_dataset_and_unit():
-    text = (Path(__file__).parents[2] / "docs" / "model-file.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "docs" / "specification" / "model-file.md").read_text(encoding="utf-8")
     text = text[text.index("## Layout") : text.index("## What each body needs")]
     for item in (item for kind in RECORDS for item in layout(kind) if not item.is_attribute and not item.is_record):
         assert item.data.units, item.name

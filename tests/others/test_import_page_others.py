@@ -1,4 +1,4 @@
-"""The examples of docs/import-examples.md, which read models by others."""
+"""The examples of docs/evidence/import-examples.md, which read models by others."""
 
 import re
 from pathlib import Path
@@ -8,7 +8,7 @@ import pytest
 
 from tests.others_files import ANSYS, deck, front, has_decks, held, read_calculix, sector
 
-PAGE = Path(__file__).parents[2] / "docs" / "import-examples.md"
+PAGE = Path(__file__).parents[2] / "docs" / "evidence" / "import-examples.md"
 
 if not (has_decks() and ANSYS.is_dir()):
     pytest.skip("CalculiX with its decks and the files that make others unpacks", allow_module_level=True)

@@ -19,9 +19,9 @@ from bdamper.util.formatting import aligned, spaced
 LAW_NAMES = ("uncoupled", "coupled", "bonded")
 MAX_HARMONIC = 64
 HARMONICS = 3
-"""Default number of harmonics.  With fewer the peak near the optimal preload differs (docs/measured.md)."""
+"""Default number of harmonics.  With fewer the peak near the optimal preload differs (docs/evidence/measured.md)."""
 BLADE_MODES = 10
-"""Default number of blade modes, or all modes of a smaller model.  Residual modes replace the others (docs/measured.md)."""
+"""Default number of blade modes, or all modes of a smaller model.  Residual modes replace the others (measured.md)."""
 ASSUMED = {
     "harmonics": "the response is sinusoidal, with or without a mean",
     "bias": "the mean stays at its static value",

@@ -249,7 +249,7 @@ def time_response(disk: DiskProblem, peak: DiskPeak, *, steps_per_period: int | 
         If the disk has more than thirteen blades, or the peak was not found or belongs to another disk.
     """
     watch, system = CostMeter(), disk.system(validation.instance("peak", peak, DiskPeak).preload)
-    # the time of a period grows with the third power of the number of blades (docs/measured.md, "Peaks of mistuned
+    # the time of a period grows with the third power of the number of blades (docs/evidence/measured.md, "Peaks of mistuned
     # disks")
     most_blades = 13
     if disk.n_blades > most_blades:

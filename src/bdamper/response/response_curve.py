@@ -10,7 +10,7 @@ undetermined (then it has least norm), or may have no equilibrium; :func:`notes`
 **Rattling.**  Under a low preload the damper separates for most of the cycle and lands at different instants in each
 period. Harmonic balance then finds many periodic solutions, connected by folds, and time integration from the highest finds
 no steady amplitude.  :func:`rattles` detects curves with many folds and mostly open contacts.  It is an indication, not a
-proof, and appears at low preloads only (docs/measured.md, *Where a damper rattles*).  On 84 curves :func:`rattles` detects
+proof, and appears at low preloads only (measured.md, *Where a damper rattles*).  On 84 curves :func:`rattles` detects
 11, and time integration of none of these becomes steady within 250 periods.  It misses 18 other curves on which it does not
 become steady.
 

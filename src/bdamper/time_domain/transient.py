@@ -51,7 +51,7 @@ AGREES, DIFFERS, UNDECIDED = "agrees", "does not agree", "undecided"
 class SteadyCriteria:
     """Criteria for motions in time.
 
-    The criteria of the verdict classify 50 points (docs/measured.md, *Labels in time and long integrations*) as
+    The criteria of the verdict classify 50 points (docs/evidence/measured.md, *Labels in time and long integrations*) as
     integrations of up to 960 periods end.
 
     Parameters
