@@ -157,7 +157,7 @@ CLOSE = 1e-3
 def interval(family: SpeedFamily, low: float, high: float, mode: int) -> tuple[float, float] | None:
     """Return the speeds (rad/s) in a range between which the resonance of a mode can cross the line; None if it cannot.
 
-    The margin beyond free and stuck resonance is half that of a curve over frequency. The full margin takes 10 % more
+    The margin beyond free and stuck resonance is half the margin of a curve over frequency. The full margin takes 10 % more
     evaluations on four crossings and gives the same highest points to 1e-8.
     """
     free, stuck = family.resonances(low, high, mode)
@@ -186,7 +186,7 @@ def follow_line(
     meter : CostMeter
         Counts the cost.
     options : ContinuationOptions, optional
-        Step sizes and tolerances; by default those of a coarse curve.
+        Step sizes and tolerances; by default the options of a coarse curve.
 
     Returns
     -------

@@ -285,7 +285,7 @@ class Objective:
 
     @property
     def start(self) -> NDArray:
-        """Logarithms (k,) of the initial values: those of the study or of the function, or the middles of the ranges."""
+        """Logarithms (k,) of the initial values: from the study or defaults of the function, or middles of the ranges."""
         middle = dict(zip(self.ranges, np.exp(self.bounds.mean(axis=0)).tolist()))
         if callable(self.problem):
             given = inspect.signature(self.problem).parameters

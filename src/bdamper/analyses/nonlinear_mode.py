@@ -4,7 +4,8 @@ The equations describe a sector without excitation, with frequency and damping a
 (``csrc/balance/nonlinear_mode.c``). A point ``y = (Q_0, P, omega, zeta, ln(A/A_0))`` contains the mean, the vibration ``P``
 scaled to the response amplitude ``A_0``, the angular frequency, the modal damping ratio and the response amplitude ``A``.
 
-At small amplitudes nothing slips or opens, and the mode is exactly that of stuck contact: this part needs no steps. From
+At small amplitudes nothing slips or opens, and the mode is exactly the linear mode of stuck contact: this part needs no
+steps. From
 there the branch is followed by arclength continuation, because the amplitude may decrease along it if a harmonic resonates
 with another mode. If the branch does not reach the upper amplitude, another branch is followed downward from there.
 """

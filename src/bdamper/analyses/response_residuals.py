@@ -148,7 +148,7 @@ class Variations:
         return self._neighbours[name, value]
 
     def ratio(self, force: float | None, gain: float | None = None) -> float:
-        """Return ``gain`` times the ratio of a force amplitude (N) to the amplitude of the study; ``gain`` for None."""
+        """Return ``gain`` times the ratio of a force amplitude (N), or 1 for None, to the force amplitude of the study."""
         gain = self.values.get(FORCE, 1.0) if gain is None else gain
         return gain * (1.0 if force is None else force / self.own.settings.excitation.amplitude)
 
@@ -185,7 +185,8 @@ class Separation:
     measured, model : (n,) complex
         Measured and computed responses.
     residual : (n, 2) float
-        Residuals of amplitude and phase, for resonances of amplitude and frequency; 0 without measured value.
+        Residuals of amplitude and phase of a swept response, or of amplitude and frequency of resonances; 0 without a
+        measured value.
     slopes : callable
         Returns the derivatives (n, 2, n_parameters).
     lost : (n,) bool

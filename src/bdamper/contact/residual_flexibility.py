@@ -250,7 +250,7 @@ class ResidualSet:
         W = np.concatenate([c.reshape(n_active, -1) for c in columns], axis=1)
         norm = np.linalg.norm(W, axis=0)
         W = W[:, norm > 0.0] / norm[norm > 0.0]
-        # in order, without vectors that depend on those before (Gram-Schmidt)
+        # in order, without vectors that depend on previous ones (Gram-Schmidt)
         chosen: list[int] = []
         remainder = W.copy()
         for k in range(W.shape[1]):

@@ -12,7 +12,7 @@ front      damper 0         ground (axial stop) constraint, with clearance
 back       damper 0         ground (axial stop) constraint, with clearance
 =========  ===============  ==================  ==========================
 
-Positions and axes of an interface are those on the damper of sector 0.  Modes and receptances of the blade at "right"
+Positions and axes of an interface belong to the damper of sector 0.  Modes and receptances of the blade at "right"
 belong to the left underside of blade 0, with axes rotated back by one pitch; :mod:`bdamper.model.kinematics` adds the
 phase.
 

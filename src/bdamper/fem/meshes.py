@@ -40,8 +40,8 @@ and 3 x 3 x 3 Gauss points; the geometric stiffness contains the stress :math:`\
           M_{ai,bj} &= \delta_{ij} \int \rho N_a N_b\,dV, \qquad
           K_{\sigma, ai,bj} = \delta_{ij} \int g_a \cdot \sigma\, g_b\,dV .
 
-Shape functions and numbering are those of the scalar element of scikit-fem: first the corners of the mesh, then the
-midpoints of its edges.  Node ``a`` has the degrees of freedom ``3 a``, ``3 a + 1``, ``3 a + 2``.
+Shape functions and numbering follow the scalar element of scikit-fem: first the corners of the mesh, then the midpoints of
+its edges.  Node ``a`` has the degrees of freedom ``3 a``, ``3 a + 1``, ``3 a + 2``.
 """
 
 from __future__ import annotations
@@ -157,7 +157,7 @@ class Geometry:
     def underside_range(self) -> tuple[float, float]:
         """Distances below the ridge of the edge of the platform and of the shank on the underside, m."""
         edge = 0.5 * (self.platform_clearance - self.ridge_width) / np.sin(self.face_angle)
-        # Along the slope the blade's x falls linearly with s, so one linear equation gives the shank's
+        # Along the slope the blade's x decreases linearly with s, so one linear equation gives the shank's
         # corner.
         x0, x1 = self.underside_points(np.array([0.0, 1.0]))[:, 0]
         shank = (0.5 * self.shank_width - x0) / (x1 - x0)

@@ -304,7 +304,7 @@ class InFrequency:
         return norm2(y[self.n_mean : -1])
 
     def units(self, y: NDArray, vibration: float, width: float) -> NDArray:
-        """Return the units; the mean has the unit of the vibration unless it is larger."""
+        """Return the units; the unit of the mean is the larger of the norms of mean and vibration."""
         scale = np.full(len(y), vibration)
         scale[: self.n_mean] = max(norm2(y[: self.n_mean]), vibration)
         scale[-1] = width

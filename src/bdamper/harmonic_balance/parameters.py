@@ -14,7 +14,8 @@ A dot selects one interface (``"friction_coefficient.left"``, ``"gap_factor.left
 (``"load_per_preload.rear"``, ``"constant_loads.shroud"``), or one free body (``"damper_mass_factor.rear"``,
 ``"damper_mass.rear"``; the latter scales its fraction of the preload).
 
-To compare solutions of two problems, :func:`like` rotates the residual modes of one onto those of the other.  Modes of
+To compare solutions of two problems, :func:`like` rotates the residual modes of one problem onto the residual modes of the
+other.  Modes of
 bodies have the phases of the model's basis.  Residual modes have arbitrary phases, and modes of equal mass may be combined
 arbitrarily: the unitary Procrustes rotation of each group of equal mass brings their motions closest.
 """
@@ -203,7 +204,7 @@ def denser(model: Model, factor: float, names: Sequence[str], whole: bool = Fals
 
 
 def aligned(basis: HarmonicBasis, reference: HarmonicBasis) -> HarmonicBasis:
-    """Return the basis with its residual modes rotated onto those of a reference basis.
+    """Return the basis with its residual modes rotated onto the residual modes of a reference basis.
 
     Raises
     ------

@@ -419,7 +419,7 @@ class _Frd:
             self.results["STRESS"] = []
 
     def _rows(self, head: str, n_values: int) -> tuple[NDArray, NDArray]:
-        """Read node numbers and values up to the end of a block, in the format at the end of its first line."""
+        """Read node numbers and values up to the end of a block; the last character of its head defines the format."""
         numbers, values = [], []
         start = 8 if head.rstrip().endswith("0") else 13
         while not (line := self.lines.take("the end of a block (-3)")).startswith(" -3"):

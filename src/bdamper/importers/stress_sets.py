@@ -74,7 +74,7 @@ def stress_rows(
 
 
 def _away_from_cuts(body: PreparedBody, nodes: NDArray, ring: Ring, item: str) -> NDArray:
-    """Return the nodes without those on the sector faces, some of whose elements belong to other sectors."""
+    """Return the nodes that are not on the sector faces, where elements of other sectors contribute to the stress."""
     inner = nodes[~np.isin(nodes, ring.faces.nodes)]
     body.require(len(inner) > 0, item, "nodes away from the faces at which the sector repeats", "none")
     if len(inner) < len(nodes):

@@ -304,7 +304,7 @@ def time_response(disk: DiskProblem, peak: DiskPeak, *, steps_per_period: int | 
 class BladedDisk(DiskProblem):
     """All blades and dampers of a mistuned bladed disk.
 
-    Contact laws, their evaluation and the preload are those of the study.  Blades and disk are described by the local
+    Contact laws, their evaluation and the preload follow from the study.  Blades and disk are described by the local
     basis of the model (``bdamper.model.modal_basis.LocalBasis``).  If the contact stiffness of the study is computed by a
     method, attachment modes contain the flexibility of the contacts, and the points have the stiffness of the remaining
     flexibility (``tuned_problem``).

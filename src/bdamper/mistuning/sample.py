@@ -393,7 +393,10 @@ class _Sample:
         return disk.replace(dampers=DamperVariation.random(disk.n_blades, **dampers, seed=seed)) if dampers else disk
 
     def audits(self, peaks: list[Record], share: float, drawn: NDArray) -> list[int]:
-        """Return the indices of the points to search again: disks drawn before, and the highest ones once all are known."""
+        """Return the indices of the points to search again: the disks ``drawn`` in advance and the highest disks.
+
+        Nothing is returned before all peaks are known.
+        """
         if any(status_word(r["status"]) == NOT_RUN for r in peaks):
             return []
         height = np.array([r["values"].get("amplitude", np.nan) for r in peaks]).reshape(self.shape)

@@ -3,7 +3,7 @@
 Intervals of percentiles are distribution-free: of n independent values the number below the percentile is binomial, so two
 order statistics enclose it with at least 95 %.  If values have errors, the lower end of the interval uses their lower
 bounds, the upper end their upper bounds.  The interval is open if the sample is too small for an upper end.  Intervals of
-probabilities are those of Clopper and Pearson (Biometrika 26, 1934), whose coverage is at least the nominal one.
+probabilities are Clopper-Pearson intervals (Biometrika 26, 1934), whose coverage is at least the nominal coverage.
 """
 
 from __future__ import annotations
@@ -59,7 +59,10 @@ def percentile(values: NDArray, q: float, error: NDArray | float = 0.0) -> Inter
         return Interval(np.nan, np.nan, np.nan)
 
     def bounds(side: float) -> Any:
-        """Return the interval with all values at one end of their errors and unknown values beyond all others."""
+        """Return the interval for all values at the lower (-1) or upper (1) end of their errors.
+
+        Unknown values are below or above all others.
+        """
         moved = values * (1.0 + side * error)
         return scipy.stats.quantile_test(np.where(np.isnan(moved), side * np.inf, moved), p=q).confidence_interval(0.95)
 

@@ -249,7 +249,7 @@ class LocalBasis(Record):
         return omega2, fix_phase(phi, self.mass(d).real)
 
     def damping(self, d: int, ratio: NDArray | float | None = None) -> NDArray:
-        """Return C(d), (n, n) Hermitian, 1/s, for damping ratios (n,) of the tuned disk; by default those of the basis."""
+        """Return C(d), (n, n) Hermitian, 1/s, for damping ratios (n,) of the tuned disk, by default ``damping_ratio``."""
         omega2, phi = self.modes(d)
         weighted = self.mass(d) @ phi
         ratio = self.damping_ratio if ratio is None else ratio

@@ -33,7 +33,7 @@ from bdamper.util.errors import INTERRUPTED, NOT_FOUND, BdamperError, SettingErr
 from bdamper.util.progress import LongWork, stopped_by
 
 MOVING = ContinuationOptions(tolerance=1e-6, step=0.1, max_step=0.3, max_turn=0.6, budget=2000, locate=False)
-"""Options of the curve that follows the sliders.  Its peaks are within 0.2 % of those with the default steps, in two
+"""Options of the curve that follows the sliders.  Its peaks are within 0.2 % of the peaks with the default steps, in two
 thirds of the time.  The budget stops the few curves with an open damper, which take up to twenty times as much."""
 FORCE = "excitation.amplitude"
 

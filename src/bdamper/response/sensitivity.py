@@ -245,7 +245,7 @@ class _Linear:
     def along(self, move: NDArray, high: _Neighbour, low: _Neighbour) -> NDArray:
         """Return the derivatives from differences along the derivative of the solution.
 
-        The two points move with the parameter, so the contact states of both are nearly those of the peak.
+        The two points move with the parameter, so the contact states of both are nearly the states at the peak.
         """
         peak, t = self.peak, self.peak.tangent * self.peak.scale
         ends = [peak.y + side.step * move * peak.scale for side in (high, low)]

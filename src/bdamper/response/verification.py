@@ -101,7 +101,7 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
     mean : float, m
         Amplitude of the first harmonic of the highest blade, mean over periods.
     lowest, highest : float, m
-        Range of the mean by its error: the amplitudes of ``answers``, each with the remaining change of a settled motion.
+        Range of the mean: all ``answers``, widened by the remaining change of a settled motion.
     frequency, preload : float, Hz, N
     balance : float, m
         Amplitude of the highest peak by harmonic balance.
@@ -127,7 +127,7 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
         Nodal diameters and amplitudes (m) of the travelling waves of the motion, in descending order.  A wave against the
         direction of the excitation has a negative nodal diameter.
     answers : dict of str to float, m
-        Mean amplitude of the highest blade with n, 2n and 4n time steps, in a richer structure, and at the fall.
+        Mean amplitude of the highest blade with n, 2n and 4n time steps, in a richer structure, and at ``fall``.
     starts : dict of str to float, m
         Mean amplitude that other initial states lead to.
     energy : tuple of four float, J

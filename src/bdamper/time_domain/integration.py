@@ -161,7 +161,7 @@ class Ring:
         self.step = n_blades // self.n  # ratio of nodal diameters of the disk to nodal diameters of self.n sectors
         self.wave = engine_order // self.step if engine_order else 0  # nodal diameter on self.n sectors
         self.families: dict[int, int] = {}  # signed nodal diameter on self.n sectors -> harmonic that describes it
-        self._turns: dict[int, NDArray] = {}  # harmonic -> its coordinates in those of its family
+        self._turns: dict[int, NDArray] = {}  # harmonic -> matrix from its coordinates to the coordinates of its family
         for l, basis in enumerate(self.wide.structure.bases):
             if len(basis.omega2):
                 d = (l * (across // self.step if across else 0)) % self.n

@@ -129,7 +129,7 @@ class SteadySearch:
     points : list of SteadyPoint
         Steady motions.
     fell : list of float, Hz
-        Frequencies at which a motion did not stay.
+        Frequencies at which a motion did not stay near the expected amplitude.
     below : float, m
         Highest amplitude of the sweep from the flank if the sweep from the tip is higher, otherwise NaN.
     periods : int
@@ -166,7 +166,7 @@ class SteadySearch:
         return min(set(self.fell) - set(other), key=lambda f: abs(f - best.frequency), default=float("nan"))
 
     def between(self, fall: float) -> list[SteadyPoint]:
-        """Return the steady motions between the highest one and a fall (Hz), without those at the fall itself."""
+        """Return the steady motions at frequencies between the highest motion and ``fall`` (Hz), excluding ``fall``."""
         best = self.best
         side = (p for p in self.points if best is not None and (p.frequency - fall) * (best.frequency - p.frequency) > 0.0)
         return [p for p in side if abs(p.frequency - fall) > CRITERIA.fine * fall]
@@ -249,9 +249,10 @@ class SteadySearch:
         self, frequency: float, motion: Motion, expected: float, finer: int = 0, ring: Ring | None = None,
         parting: bool = False,
     ) -> SteadyPoint:  # fmt: skip
-        """Integrate a motion at a frequency (Hz) until it settles near the amplitude ``expected`` (m) or leaves it.
+        """Integrate a motion at a frequency (Hz) until it settles near the amplitude ``expected`` (m), or falls.
 
-        The result enters ``points`` or ``fell``, except with ``finer``, a factor on the number of time steps.
+        The result is added to ``points``, or its frequency to ``fell``; with ``finer``, a factor on the number of time
+        steps, it is only returned.
         """
         transient = Transient(ring or self.ring, TWO_PI * frequency, motion, max(finer, 1) * self.steps)
         point = settle(transient, expected, parting)

@@ -241,7 +241,7 @@ def _curve_of_peak(problem: Problem, peak: Peak) -> ResponseCurve:
 def _refine(search: SteadySearch, points: list[SteadyPoint], ring: Ring, finer: int) -> SteadyPoint:
     """Return the highest motion with ``finer`` times the steps, or in a richer structure.
 
-    If it falls, the next highest of ``points`` follows.
+    If the motion falls, the next highest one of ``points`` is used.
     """
     for point in filter(lambda p: p.stays, points):
         motion = transfer(search.ring, point.transient.motion, ring) if ring is not search.ring else point.transient.motion

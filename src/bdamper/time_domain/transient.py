@@ -7,12 +7,13 @@ complete periods of the excitation.  Period ``k`` has the response amplitudes
 
 All statements on a motion in time use these amplitudes and the criteria :data:`CRITERIA`.
 
-**Steady.**  :func:`settle` integrates until the motion is steady or has fallen to another level.  The second half of the n
-periods so far is divided into two quarters, the quarter before is the third; their means m1, m2, m3 differ by d1 = m2 - m1
-and d2 = m3 - m2.  A transient that falls by the factor p = d2/d1 from one quarter to the next changes the mean by another
-p/(1 - p) d2.  The motion is steady if d1, d2 and this change are below :attr:`SteadyCriteria.drift`.  The quarters grow
-with n, so the scatter of a beating motion averages out.  If it does not within :attr:`SteadyCriteria.most` periods, the
-largest of the three changes is the uncertainty of the mean.
+**Steady.**  :func:`settle` integrates until the motion is steady or has fallen: a motion falls if its amplitude becomes
+less than the fraction :attr:`SteadyCriteria.jump` of the expected amplitude.  The second half of the n periods so far is
+divided into two quarters, the quarter before is the third; their means m1, m2, m3 differ by d1 = m2 - m1 and d2 = m3 - m2.
+A transient that falls by the factor p = d2/d1 from one quarter to the next changes the mean by another p/(1 - p) d2.  The
+motion is steady if d1, d2 and this change are below :attr:`SteadyCriteria.drift`.  The quarters grow with n, so the scatter
+of a beating motion averages out.  If it does not within :attr:`SteadyCriteria.most` periods, the largest of the three
+changes is the uncertainty of the mean.
 
 **Verdict.**  Every 16 periods :func:`judged` compares a motion with the solution at which it began:
 
@@ -51,28 +52,29 @@ AGREES, DIFFERS, UNDECIDED = "agrees", "does not agree", "undecided"
 class SteadyCriteria:
     """Criteria for motions in time.
 
-    The criteria of the verdict classify 50 points (docs/evidence/measured.md, *Labels in time and long integrations*) as
-    integrations of up to 960 periods end.
+    At 50 points the criteria give the same verdict as integrations of up to 960 periods (docs/evidence/measured.md,
+    *Labels in time and long integrations*).
 
     Parameters
     ----------
     look : int
         Periods between two checks of a verdict, and of its means.
     window : int
-        Half of the periods over which a verdict requires a settled amplitude; periods of a stated mean.
+        Half the number of periods over which a verdict requires a settled amplitude.  Means are also computed over this
+        number of periods.
     fewest, most : int
-        Least and most periods of :func:`settle`.
+        Smallest and largest number of periods of :func:`settle`.
     lasting : int
-        Least periods of the motion that a search states.  Near an unstable solution a motion may look steady for 20
-        periods, and then fall to half.
+        Smallest number of periods of the result of a search.  Near an unstable solution a motion may seem steady for 20
+        periods before it decreases to half.
     longest : int
-        Most periods until a verdict; the 50 points take at most 336.
+        Largest number of periods until a verdict; the 50 points take at most 336.
     tolerance : float
         Relative difference up to which two amplitudes agree.
     drift : float
         Relative change of a settled mean, past or remaining.
     jump : float
-        Fraction of the expected amplitude below which a motion has fallen to another level.
+        Fraction of the expected amplitude below which a motion has fallen.
     gain : float
         Amplitude, or energy, relative to its bound above which the time integration is wrong.
     seed : float
@@ -96,8 +98,8 @@ class SteadyCriteria:
     most_points : int
         Largest number of motions that settle in the search around one motion.
     steps : int
-        Time steps per period of a verdict.  With 256 chatter in slip is damped, and a motion that falls to 0.855 of a
-        solution stays at it; with 512 it falls to 0.89, with 1,024 to 0.860.
+        Time steps per period of a verdict.  The time steps damp chatter in slip: a motion that decreases to 0.855 of a
+        solution stays at the solution with 256 steps; it decreases to 0.89 with 512 and to 0.860 with 1,024 steps.
     """
 
     look: int = 16
@@ -258,7 +260,8 @@ class SteadyPoint(NamedTuple):
     transient : Transient
         Time integration with all periods.
     stays : bool
-        Whether the motion stays near the expected amplitude.
+        Whether the motion stays near the expected amplitude: it has neither fallen nor grown beyond
+        :attr:`SteadyCriteria.gain` times this amplitude.
     change : float
         Relative change of its mean, past or expected.
     """
@@ -289,7 +292,7 @@ class SteadyPoint(NamedTuple):
 
 
 def settle(transient: Transient, expected: float, parting: bool = False) -> SteadyPoint:
-    """Integrate until a motion is steady, has fallen, or :attr:`SteadyCriteria.most` periods are over.
+    """Integrate until a motion is steady or has fallen, for at most :attr:`SteadyCriteria.most` periods.
 
     Parameters
     ----------

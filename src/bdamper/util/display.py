@@ -288,7 +288,7 @@ class Comparable(Summarised):
     """Mixin of studies and results that can be compared."""
 
     def diff(self, other: Any) -> Differences:
-        """Compare settings, model and values with those of ``other``.
+        """Compare the settings, the model and the values with another study or result.
 
         Parameters
         ----------

@@ -268,7 +268,7 @@ class Tabular:
         Notes
         -----
         The harmonics are complex, and netCDF has no complex type.  ``data.to_netcdf(path, engine="h5netcdf",
-        invalid_netcdf=True)`` writes them in the way of HDF5, which xarray and h5py read.
+        invalid_netcdf=True)`` writes them as an HDF5 type that xarray and h5py read.
         """
         xarray = import_extra("xarray", "to_xarray", "table")
         own, grid = self._dimension(), self._grid()
