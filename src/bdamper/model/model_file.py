@@ -2,7 +2,8 @@
 
 The groups and datasets follow the annotated types of the classes (:mod:`bdamper.util.records`).
 ``docs/specification/model-file.md`` describes the format, with an example of a file written by h5py alone.  The reader
-checks names, types and units.  ``bdamper.model.validation.check_model`` checks shapes and numbers, for files and models in memory.
+checks names, types and units.  ``bdamper.model.validation.check_model`` checks shapes and numbers, for files and models in
+memory.
 """
 
 from __future__ import annotations
