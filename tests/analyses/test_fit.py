@@ -8,9 +8,10 @@ import pytest
 
 import bdamper as bd
 from bdamper.analyses import response_residuals
-from bdamper.analyses.fit import UNLOADED, Objective, _profile, _stage, covariance, fit
+from bdamper.analyses.fit import UNLOADED, Objective, _profile, _stage, covariance, fit, repetitions
 from bdamper.analyses.response_residuals import Separation, Variations, _Swept
 from bdamper.harmonic_balance.parameters import vary
+from bdamper.importers.measured_modes import MeasuredMode
 from bdamper.importers.measurements import Measured
 from bdamper.response.response_curve import sweep_of
 from bdamper.util.errors import StaticError
@@ -185,6 +186,130 @@ def test_derivatives_under_forces_that_differ_between_points():
     for j, away in enumerate(step * np.eye(3)):
         difference = (objective.residual(x + away) - objective.residual(x - away)) / (2.0 * step)
         assert np.abs(exact[:, j] - difference).max() < 1e-4 * np.abs(difference).max()
+
+
+JOINT = {"frequency": 0.204, "stiffness": 0.4, "friction": 1.3}
+WIDE = {"frequency": (0.15, 0.25), "stiffness": (0.1, 1.0), "friction": (0.1, 5.0)}
+
+
+def controlled(control, frequency, response, force):
+    data = bd.importers.Measurement(control, np.array(frequency), np.array(response) + 0j, force=np.array(force))
+    return bd.MeasuredResponse(data, control=control)
+
+
+def by_differences(objective, x, step=1e-5):
+    """Largest relative error of the derivatives with respect to each parameter."""
+    exact = objective.jacobian(x)
+    ways = (objective.residual(x + d) - objective.residual(x - d) for d in step * np.eye(len(x)))
+    return [np.abs(exact[:, j] - way / (2.0 * step)).max() / np.abs(exact[:, j]).max() for j, way in enumerate(ways)]
+
+
+def test_a_joint_is_recovered_from_its_nonlinear_mode():
+    """Amplitude, frequency and damping of free vibration, some of them not measured; force and damping ratio balance."""
+    mode = oscillator(**JOINT).nonlinear_mode(0.0, 1, (0.1, 3.0))
+    rows = np.arange(0, len(mode), len(mode) // 8)
+    data = MeasuredMode(mode.amplitude[rows], mode.frequency[rows].copy(), mode.damping_ratio[rows].copy())
+    data.frequency[1], data.damping_ratio[2] = np.nan, np.nan
+    objective = Objective(oscillator, [data], WIDE, 0.02)
+    assert np.abs(objective.residual(np.log(list(JOINT.values())))).max() < 1e-4
+    assert max(by_differences(objective, np.log([0.201, 0.45, 1.1]))) < 1e-5
+    found = fit(oscillator, data, WIDE, intervals="linear")
+    assert found.values == pytest.approx(list(JOINT.values()), rel=1e-5) and found.status == "complete"
+    wrong = MeasuredMode(data.amplitude, 1.01 * data.frequency, data.damping_ratio, noise=0.01)
+    residual = Objective(oscillator, [wrong], WIDE, 0.02).parts(np.log(list(JOINT.values())))[0].residual
+    assert residual[0] == pytest.approx([0.0, -np.log(1.01) / 0.01], abs=1e-4) and residual[1, 1] == residual[2, 0] == 0.0
+
+
+def test_response_control_has_one_force_where_the_curve_has_three_responses():
+    """Force of a Duffing oscillator at constant amplitude, in closed form, across the overhang of its curves."""
+
+    def duffing(damping=0.03, cubic=0.07):
+        return bd.lumped(1.0, damping, 1.0, cubic={0: cubic}, forces={0: 0.12}, harmonics=1)
+
+    f, size = np.linspace(0.15, 0.2, 11), 1.5
+    stiffness = 1.0 + 0.75 * 0.05 * size**2 - (2.0 * np.pi * f) ** 2 + 0.04j * 2.0 * np.pi * f
+    ranges = {"damping": (0.01, 0.1), "cubic": (0.01, 0.2), "force_factor": (0.5, 2.0)}
+    for phase in (0.0, 1.0):  # without phases, and with them
+        response = size * np.exp(-1j * phase * np.angle(stiffness))
+        test = controlled("response", f, response, size * np.abs(stiffness))
+        objective = Objective(duffing, [test], ranges, 0.02)
+        assert np.abs(objective.residual(np.log([0.04, 0.05, 1.0]))).max() < 1e-9
+        assert max(by_differences(objective, np.log([0.03, 0.06, 1.1]))) < 1e-6
+    found = fit(duffing, test, {name: ranges[name] for name in ("damping", "cubic")}, intervals="linear")
+    assert found.values == pytest.approx([0.04, 0.05], rel=1e-6)
+
+
+def test_phase_control_of_a_joint():
+    """Force and frequency at phase resonance and given amplitude: for one mode those of the nonlinear mode."""
+    mode = oscillator(**JOINT).nonlinear_mode(0.0, 1, (0.1, 3.0))
+    rows = np.arange(0, len(mode), len(mode) // 6)
+    f, size = mode.frequency[rows], mode.amplitude[rows]
+    force = 2.0 * mode.damping_ratio[rows] * (2.0 * np.pi * f) ** 2 * size
+    test = controlled("phase", f, size, force)
+    objective = Objective(oscillator, [test], WIDE | {"force_factor": (0.5, 2.0)}, 0.02)
+    assert np.abs(objective.residual(np.log([*JOINT.values(), 1.0]))).max() < 1e-4
+    assert max(by_differences(objective, np.log([0.202, 0.45, 1.1, 1.05]))) < 1e-6
+    assert objective.residual(np.log([*JOINT.values(), 1.1]))[::2] == pytest.approx(np.full(len(f), np.log(1.1) / 0.02))
+    found = fit(oscillator, test, WIDE, intervals="linear")
+    assert found.values == pytest.approx(list(JOINT.values()), rel=1e-5)
+
+
+def test_repeated_tests_give_the_noise_and_are_left_out_together(jenkins):
+    truth = vary(jenkins, TRUE)
+    plans = [blank(load, (0.2, 0.32), 40, phase=False) for load in (0.5, 2.0, 2.0, 2.0)]
+    runs = [measured(truth, plan, 0.03, i) for i, plan in enumerate(plans)]
+    groups, scatter = repetitions(runs)
+    logs = np.log([np.abs(run.data.response) for run in runs[1:]])
+    assert groups == [0, 1, 1, 1] and scatter == pytest.approx(np.sqrt(logs.var(axis=0, ddof=1).mean()), rel=1e-9)
+    assert scatter == pytest.approx(0.03, rel=0.2)
+    found = fit(jenkins, runs, {"friction_coefficient": (0.1, 0.9)})
+    assert found.noise == scatter and "the scatter of repeated tests" in found.notes[0]
+    alone = fit(jenkins, runs[:1], {"friction_coefficient": (0.1, 0.9)}, noise=scatter)
+    new = Objective(jenkins, runs, {"friction_coefficient": (0.1, 0.9)}, scatter).parts(np.log(alone.values))
+    expected = [np.sqrt((part.residual[:, 0] ** 2).mean()) for part in new]
+    assert found.predictions[1:] == pytest.approx(expected[1:], rel=2e-3)
+    assert fit(jenkins, runs[0], {"friction_coefficient": (0.1, 0.9)}).noise == 0.02
+    apart = [replace(runs[1], preload=3.0), replace(runs[1], sweep="down"), replace(runs[1], force=2.0), runs[1]]
+    assert repetitions(apart) == ([0, 1, 2, 3], 0.0)
+
+
+def test_predictions_are_those_of_fits_without_a_test(jenkins):
+    tests = drawn_tests(np.random.default_rng(6), 4, 6, 3.0)
+    found, _ = _stage(linear(jenkins, tests))
+    for i, (A, b) in enumerate(tests):
+        rest = [test for j, test in enumerate(tests) if j != i]
+        x = np.linalg.lstsq(np.concatenate([A for A, _ in rest]), np.concatenate([b for _, b in rest]), rcond=None)[0]
+        assert found.predictions[i] == pytest.approx(np.sqrt(((A @ x - b) ** 2).mean()), rel=1e-6)
+    assert "Tests left out of the fit are predicted within" in found._headline().replace("\n", " ")
+    only, _ = _stage(linear(jenkins, tests[:1]))
+    assert np.isnan(only.predictions).all() and "left out" not in only._headline()
+
+
+def test_priors_are_measurements_of_the_parameters(jenkins):
+    """Linear residuals with a narrow prior: the prior holds one parameter, the other is fitted beside it."""
+    tests = drawn_tests(np.random.default_rng(7), 2, 8, 0.5)
+    objective = linear(jenkins, tests)
+    objective.priors = {"friction_coefficient": (1.2, 1e-5)}
+    found, _ = _stage(objective)
+    A, b = np.concatenate([A for A, _ in tests]), np.concatenate([b for _, b in tests])
+    other = A[:, 1] @ (b - A[:, 0] * np.log(1.2)) / (A[:, 1] @ A[:, 1])
+    assert found.values == pytest.approx([1.2, np.exp(other)], rel=1e-4)
+    assert found.deviation[0] == pytest.approx(1e-5 / 1.2, rel=1e-2) and found.information[0].sum() < 1e-6
+    x = np.array([0.1, 0.2])
+    assert objective.residual(x)[-1] == pytest.approx((np.exp(0.1) - 1.2) / 1e-5)
+    assert max(by_differences(objective, x)) < 1e-6
+
+
+def test_a_prior_supplies_what_the_data_do_not_tell(jenkins):
+    free = measured(vary(jenkins, {"damping_factor": 1.2}), blank(0.0, (0.2, 0.25)), 0.02)
+    ranges = {"friction_coefficient": (0.1, 0.9), "damping_factor": (0.5, 2.0)}
+    found = fit(jenkins, free, ranges, priors={"friction_coefficient": (0.4, 0.02)})
+    assert found["friction_coefficient"] == pytest.approx(0.4, rel=1e-3) and found.status == "complete"
+    assert np.diff([found.low[0], 0.4, found.high[0]]) == pytest.approx([0.042, 0.042], rel=0.1)
+    with pytest.raises(bd.SettingError, match="priors"):
+        fit(jenkins, free, ranges, priors={"contact_stiffness_factor": (1.0, 0.1)})
+    with pytest.raises(bd.SettingError, match="prior of damping_factor: expected 2 finite numbers > 0"):
+        fit(jenkins, free, ranges, priors={"damping_factor": (1.0, 0.0)})
 
 
 def test_two_parameters_cost_less_than_twenty_curves(jenkins, tests, monkeypatch):
@@ -380,6 +505,8 @@ class TestMistakes:
             fit(jenkins, tests, {"friction_coefficient": (0.5, 0.1)})
         with pytest.raises(bd.SettingError, match="data: expected one test or more"):
             fit(jenkins, [], RANGES, free=tests[0])
+        with pytest.raises(bd.SettingError, match="a measured force at each point under response control"):
+            replace(tests[0], control="response")
         with pytest.raises(bd.BdamperError, match="amplitudes above 0, found 0"):
             bd.MeasuredResponse(bd.importers.Measurement("rig", np.array([1.0, 2.0, 3.0]), np.array([1.0, 0.0, 1.0])), 1.0)
 

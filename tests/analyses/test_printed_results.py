@@ -9,7 +9,7 @@ import numpy as np
 import bdamper as bd
 from bdamper.analyses.accuracy import accuracy_cost
 from bdamper.analyses.campbell import Campbell
-from bdamper.analyses.fit import Fitted
+from bdamper.analyses.fit_result import Fitted
 from bdamper.fatigue import AISI_1050, MarginCurve
 from bdamper.fatigue.margin import LeastMargin
 from bdamper.fatigue.stress_cycle import StressCycle

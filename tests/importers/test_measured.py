@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from bdamper.analyses.loop_fit import read_loop
+from bdamper.importers.measured_modes import MeasuredMode, read_mode, read_ring_down
 from bdamper.importers.measurements import Measurement, load_measured, read_response, read_responses
 from bdamper.util.errors import BdamperError
 from tests.each import each
@@ -170,3 +171,61 @@ def test_units_of_the_header_are_converted(tmp_path):
 def test_frequencies_and_responses_are_finite(values):
     with pytest.raises(BdamperError, match="expected finite frequencies and responses"):
         Measurement("rig", np.array(values[:1]), np.array(values[1:], complex))
+
+
+def test_a_mode_over_its_amplitude_is_read(tmp_path):
+    text = "acceleration (m/s^2);Frequency (Hz);damping ratio (%)\n4,0;10;0,5\n8;9;\n"
+    mode = read_mode(write(tmp_path, text), preload=3.0)
+    assert mode.amplitude == pytest.approx([4.0 / (20.0 * np.pi) ** 2, 8.0 / (18.0 * np.pi) ** 2])
+    assert mode.damping_ratio[0] == pytest.approx(5e-3) and np.isnan(mode.damping_ratio[1])
+    assert mode.preload == 3.0 and mode.source == "points"
+    assert np.isnan(read_mode({"amplitude (mm)": [1.0], "frequency (Hz)": [2.0]}, noise=1e-3).damping_ratio).all()
+    with pytest.raises(BdamperError, match="expected noise of the frequencies where no damping ratio is measured"):
+        read_mode({"amplitude (mm)": [1.0], "frequency (Hz)": [2.0]})
+    with pytest.raises(BdamperError, match="mode: expected damping_ratio above 0, found"):
+        MeasuredMode(np.ones(1), np.ones(1), -np.ones(1))
+    with pytest.raises(BdamperError, match="expected frequency of each point"):
+        MeasuredMode(np.ones(2), np.ones(1), np.ones(2))
+
+
+T = np.arange(0.0, 8.0, 1.0 / 2048.0)
+OMEGA = 100.0 * np.pi
+
+
+@pytest.mark.parametrize(("damping", "error"), [(1e-3, 1e-3), (1e-2, 6e-3), (3e-2, 2.5e-2)])
+def test_an_exponential_decay(damping, error):
+    """The closed form: frequency without damping and damping ratio are constant."""
+    t = T[min(8.0, 5.5 / (damping * OMEGA)) > T]
+    x = 2e-3 * np.exp(-damping * OMEGA * t) * np.cos(OMEGA * np.sqrt(1.0 - damping**2) * t + 0.3)
+    mode = read_ring_down({"time (s)": t, "displacement (mm)": 1e3 * x})
+    assert len(mode.amplitude) > 4 and np.abs(mode.damping_ratio / damping - 1.0).max() < error
+    assert mode.frequency == pytest.approx(np.full(len(mode.amplitude), 50.0), rel=0.02 * error)
+    middle = np.log(2e-3 / mode.amplitude) / (damping * OMEGA)  # times of the points
+    assert np.ptp(np.diff(middle)) < 0.02 * np.diff(middle).mean() and 0.0 < middle[0] < middle[-1] < t[-1]
+
+
+def coulomb(offset):
+    """Closed form of the free decay of m x'' + k x + F sign x' = 0 with F/k = offset, half period by half period."""
+    half = (OMEGA * T // np.pi).astype(int)
+    centre = np.where(half % 2 == 0, offset, -offset)
+    return (centre + (1e-3 - offset - 2.0 * offset * half) * np.cos(OMEGA * T))[T < 2.3]  # at rest after 2.5 s
+
+
+def test_a_decay_by_coulomb_friction():
+    """The damping ratio is 2 F / (pi k A), at the frequency without friction."""
+    x = coulomb(2e-6)
+    mode = read_ring_down({"time (s)": T[: len(x)], "displacement (m)": x})
+    assert len(mode.amplitude) > 10 and mode.amplitude[0] > 4.0 * mode.amplitude[-1]
+    assert mode.damping_ratio == pytest.approx(4e-6 / np.pi / mode.amplitude, rel=1e-2)
+    assert mode.frequency == pytest.approx(np.full(len(mode.amplitude), 50.0), rel=2e-4)
+
+
+def test_a_decay_ends_where_noise_begins():
+    x = 1e-3 * np.exp(-0.01 * OMEGA * T) * np.cos(OMEGA * T)
+    noisy = x + 1e-5 * np.random.default_rng(0).standard_normal(len(x))
+    mode = read_ring_down({"time (s)": T, "displacement (m)": noisy}, periods=8.0)
+    assert mode.amplitude.min() > 1e-5 and np.abs(mode.damping_ratio / 0.01 - 1.0).max() < 0.1
+    with pytest.raises(BdamperError, match="expected a decay over more than 24 periods, found none in 16384 samples"):
+        read_ring_down({"time (s)": T, "displacement (m)": np.exp(0.1 * T) * np.cos(OMEGA * T)}, periods=8.0)
+    with pytest.raises(BdamperError, match="times with a constant step"):
+        read_ring_down({"time (s)": T**2, "displacement (m)": x})

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.analyses.fit import Fitted
+from bdamper.analyses.fit_result import Fitted
 from bdamper.plot.report import lights
 from bdamper.response.verification import TimeResponse
 

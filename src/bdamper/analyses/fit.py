@@ -18,7 +18,10 @@ another is omitted,
 
 with the rows :math:`J_t` and :math:`r_t` of test t. Their jackknife standard error includes model errors that differ
 between loads. No residual shows an error that the parameters compensate under all loads. The true constants then lie
-outside the interval; :meth:`Fitted.widen` widens it by comparison with a more detailed model.
+outside the interval; :meth:`bdamper.analyses.fit_result.Fitted.widen` widens it by comparison with a more detailed model.
+
+A fit without one test predicts this test, and the residuals measure the error of the prediction. Tests repeated under the
+same conditions are omitted together. Their scatter is the noise unless another is given.
 """
 
 from __future__ import annotations
@@ -32,6 +35,7 @@ import numpy as np
 import scipy  # scipy.stats loads on first use; it takes half a second
 from numpy.typing import NDArray
 
+from bdamper.analyses.fit_result import UNKNOWN, Fitted
 from bdamper.analyses.response_residuals import (
     EDGE,
     FORCE,
@@ -39,21 +43,20 @@ from bdamper.analyses.response_residuals import (
     MeasuredResponse,
     Separation,
     Variations,
+    of_mode,
     of_resonances,
     of_test,
 )
 from bdamper.harmonic_balance.parameters import setting_names, vary
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.result_checks import A, Asking, check_result, problem_of
+from bdamper.harmonic_balance.result_checks import Asking, problem_of
+from bdamper.importers.measured_modes import MeasuredMode
 from bdamper.importers.measurements import Measured, Measurement
 from bdamper.response.sensitivity import setting_value
 from bdamper.util import validation
-from bdamper.util.display import Plottable
 from bdamper.util.errors import COMPLETE, INCOMPLETE, BdamperError, SettingError, with_reason
-from bdamper.util.formatting import short_repr, spaced
+from bdamper.util.formatting import spaced
 from bdamper.util.progress import one_thread
-from bdamper.util.storage import Recorded, Storable
-from bdamper.util.tables import Column, Tabular
 
 P95 = 0.975
 """Quantile of a two-sided 95 % interval."""
@@ -69,179 +72,24 @@ ALIKE = 1e4
 """Condition number of the derivatives above which a combination of parameters counts as unknown."""
 NO_EFFECT = 1e-9
 """Singular value of the derivatives, relative to the largest, below which a combination of parameters has no effect."""
-WRONG = 30.0
-"""Misfit of a test in units of the noise above which the model does not describe the data."""
 CORRELATED = 0.95
 """Correlation of two parameters above which the result names it."""
-UNKNOWN = "not determined by these data"
 SEARCH = 12
 """Maximum number of evaluations on each side of a profile."""
+PREDICTIONS = 5
+"""Maximum number of evaluations of a fit without one test."""
+ALIKE_FORCE = 0.05
+"""Relative difference of the nominal forces of repeated tests."""
+NOISE = 0.02
+"""Noise of tests without repetitions."""
 NEARLY = 0.05
 """Relative tolerance of the square root of a rise at the end of a profile."""
+HOW: dict[type, Callable[..., Separation]] = {
+    MeasuredResponse: of_test, Measured: of_resonances, MeasuredMode: of_mode
+}  # fmt: skip
+"""Functions that return the residuals of each kind of data."""
 UNLOADED = {"damping_factor": (0.05, 20.0), "frequency_factor": (0.8, 1.25), FORCE: (0.2, 5.0)}
 """Parameters fitted to the response without damper, with their ranges."""
-
-
-@short_repr
-@dataclass(frozen=True)
-class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="point"):
-    """Parameters identified from measured responses; they are valid for the settings of the fit only.
-
-    ``plot`` draws measured and computed responses with the residuals (:func:`bdamper.plot.plot_fit`).
-    :func:`bdamper.plot.plot_information` draws the contribution of each test.
-
-    Parameters
-    ----------
-    names : tuple of str
-    values, low, high : (k,) float
-        Estimates and their intervals within the ranges: 95 % intervals, or wider ones if the model error exceeds the noise.
-    deviation, left_out : (k,) float
-        Relative standard deviations. ``deviation`` follows from the covariance, scaled by the misfit if it exceeds 1;
-        infinite if the data do not determine the parameter. ``left_out`` follows from the omission of tests; NaN for fewer
-        than two tests.
-    information : (k, n_tests) float
-        Share of each test in the information about each parameter.
-    tests : tuple of str
-    noise : float
-        Relative standard deviation of the measured amplitudes.
-    place : (n,) float, Hz
-        Frequencies of the points.
-    measured, model : (n,) complex, m
-        Measured and computed responses. For resonances over load, the measured amplitude is scaled by the ratio of the
-        computed to the measured amplitude without load.
-    residual : (n, 2) float
-        Residuals in units of the noise.
-    test : (n,) int
-        Index of the test of each point.
-    status : str
-        "complete", or "incomplete: ..." with the reasons for doubt.
-    notes : tuple of str
-    settings, model_hash
-        Settings and model of the study before the fit.
-    """
-
-    names: tuple[str, ...]
-    values: NDArray
-    low: NDArray
-    high: NDArray
-    deviation: NDArray
-    left_out: NDArray
-    information: NDArray
-    tests: tuple[str, ...]
-    noise: float
-    place: NDArray
-    measured: NDArray
-    model: NDArray
-    residual: NDArray
-    test: NDArray
-    status: str = COMPLETE
-    notes: tuple[str, ...] = ()
-    _summary_fields = ("status", "notes")
-
-    @property
-    def misfits(self) -> NDArray:
-        """Root mean square of the residuals of each test (n_tests,), in units of the noise."""
-        n = len(self.tests)
-        sums = np.bincount(self.test, (self.residual**2).sum(axis=1), n)
-        return np.sqrt(sums / np.maximum(np.bincount(self.test, np.count_nonzero(self.residual, axis=1), n), 1))
-
-    @property
-    def misfit(self) -> float:
-        """Root mean square of all residuals, in units of the noise."""
-        return float(np.sqrt((self.residual**2).sum() / max(np.count_nonzero(self.residual), 1)))
-
-    def __getitem__(self, name: str) -> float:
-        """Return the estimate of a parameter."""
-        return float(self.values[self.names.index(validation.choice("parameter", name, self.names))])
-
-    def apply(self, study: A | Callable[..., A]) -> A:
-        """Return a study with the identified parameters, without the force gain of the rig.
-
-        Parameters
-        ----------
-        study : Study or callable
-            Study or function of the fit.
-
-        Raises
-        ------
-        SettingError
-            If the study has another model or other settings than the fit. Contact parameters compensate for
-            omitted modes, contact points and harmonics, and are wrong with other settings.
-        """
-        if callable(study):
-            return study(**{name: float(v) for name, v in zip(self.names, self.values) if name != FORCE})
-        check_result(problem_of(study), self, f"study (the constants belong to {self._belong()})")
-        return vary(study, {name: float(v) for name, v in zip(self.names, self.values) if name != FORCE})
-
-    def widen(self, richer: Fitted) -> Fitted:
-        """Widen the intervals by the distance to a fit with more detailed settings.
-
-        An interval of one model does not show an error that this model makes under all loads.
-
-        Parameters
-        ----------
-        richer : Fitted
-            Fit of the same parameters to the same data with more harmonics, modes or contact points.
-
-        Returns
-        -------
-        Fitted
-        """
-        validation.check(richer.names == self.names, "richer", f"a fit of {self.names}", f"one of {richer.names}")
-        away = np.exp(np.abs(np.log(richer.values / self.values)))
-        low, high = np.minimum(self.low / away, richer.low), np.maximum(self.high * away, richer.high)
-        return replace(self, low=low, high=high, notes=(*self.notes, f"intervals reach a fit with {richer._belong()}"))
-
-    def _belong(self) -> str:
-        s = self.settings
-        texts = {
-            "harmonics": " ".join(map(str, s["harmonics"])),
-            "blade modes": s["blade_modes"],
-            "contact points": s["contact_points"] or "all of the model",
-            "contact stiffness": s["contact_stiffness"] if isinstance(s["contact_stiffness"], str) else "given",
-        }
-        return ", ".join(f"{name} {value}" for name, value in texts.items())
-
-    def columns(self) -> dict[str, Column]:
-        """Return one row for each measured point."""
-        arrays = {"test": self.test, "place": self.place, "measured": np.abs(self.measured), "model": np.abs(self.model)}
-        return {name: Column(v) for name, v in arrays.items()} | {"residual": Column(self.residual[:, 0])}
-
-    @property
-    def wrong(self) -> str:
-        """Statement that the model does not describe the test of largest misfit, with a hint at wrong units; or empty."""
-        worst = int(np.argmax(self.misfits))
-        if not self.misfits[worst] > WRONG:
-            return ""
-        ratio = float(np.nanmedian(np.abs(self.measured / self.model)[self.test == worst]))
-        power = np.rint(np.log10(ratio) / 3.0) if np.isfinite(ratio) else 0.0  # of 1000, between m, mm and um
-        factor = f"{1e3**power:g} times those of the model"
-        hint = f"; measured amplitudes are about {factor}: check the units" if power else ""
-        return f"the model does not describe these data (misfit {self.misfits[worst]:.2g} times the noise{hint})"
-
-    @property
-    def doubts(self) -> str:
-        """Reasons why the fit is incomplete, without the statement of :attr:`wrong`; empty for a complete fit."""
-        return self.status.partition(": ")[2].removeprefix(self.wrong).removeprefix("; ")
-
-    def _headline(self) -> str:
-        rows = zip(self.names, self.values, self.low, self.high, self.deviation)
-        estimates = "; ".join(
-            f"{spaced(name)} {f'{v:.3g}' if np.isfinite(d) else UNKNOWN} ({a:.3g} to {b:.3g})" for name, v, a, b, d in rows
-        )
-        worst = int(np.argmax(self.misfits))
-        out = [f"{self.wrong[:1].upper()}{self.wrong[1:]}."] if self.wrong else []
-        wrong = ": the model is wrong by more than the noise" if self.misfit > 1.5 else ""
-        most = f"most in {self.tests[worst]} ({self.misfits[worst]:.2g})"
-        out.append(f"Misfit {self.misfit:.2g} times the noise{wrong}, {most}.")
-        out.append(f"{estimates[:1].upper()}{estimates[1:]}, with intervals for 95 %.")
-        out += [f"{note[:1].upper()}{note[1:]}." for note in self.notes if note.startswith("correlated")]
-        if wrong:
-            out.append("True constants may lie outside of the intervals: compare a fit with richer settings (widen).")
-        out.append(f"The constants belong to {self._belong()}, and to no other settings.")
-        if self.doubts:
-            out.append(f"The fit is incomplete: {self.doubts}.")
-        return " ".join(out)
 
 
 @dataclass(eq=False)
@@ -252,7 +100,7 @@ class Objective:
     ----------
     problem : Problem or callable
         Study with settings to vary, or a function that returns the study for parameters given as keywords.
-    data : sequence of MeasuredResponse or Measured
+    data : sequence of MeasuredResponse, Measured or MeasuredMode
     ranges : mapping of name to (low, high)
     noise : float
         Relative standard deviation of the measured amplitudes.
@@ -260,16 +108,19 @@ class Objective:
         Constant parameters.
     profiles : bool
         Whether intervals follow from profiles; otherwise they follow from the covariance.
+    priors : mapping of name to (mean, standard deviation)
     """
 
     problem: Asking | Problem | Callable[..., Asking]
-    data: Sequence[MeasuredResponse | Measured]
+    data: Sequence[MeasuredResponse | Measured | MeasuredMode]
     ranges: Mapping[str, tuple[float, float]]
     noise: float
     held: dict[str, float] = field(default_factory=dict)
     profiles: bool = True
+    priors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        self.priors = {name: pair for name, pair in self.priors.items() if name in self.ranges}
         self.problem = self.problem if callable(self.problem) else problem_of(self.problem)
         self._last: tuple[NDArray, list[Separation]] | None = None
 
@@ -304,31 +155,36 @@ class Objective:
             values = dict(zip(self.ranges, np.exp(x).tolist()))
             given = values | {n: v for n, v in gain.items() if n not in values}
             varied = Variations(lambda at: self.made(held | at), given)
-            how: dict[type, Callable[..., Separation]] = {MeasuredResponse: of_test, Measured: of_resonances}
-            self._last = x.copy(), [how[type(each)](varied, each, self.noise) for each in self.data]
+            self._last = x.copy(), [HOW[type(each)](varied, each, self.noise) for each in self.data]
         return self._last[1]
 
     def residual(self, x: NDArray) -> NDArray:
-        """Return the residuals (m,) of all data."""
-        return np.concatenate([part.residual.ravel() for part in self.parts(x)])
+        """Return the residuals (m,) of all data, then those of the priors."""
+        values = dict(zip(self.ranges, np.exp(x)))
+        prior = [(values[name] - mean) / deviation for name, (mean, deviation) in self.priors.items()]
+        return np.concatenate([*(part.residual.ravel() for part in self.parts(x)), prior])
 
     def jacobian(self, x: NDArray) -> NDArray:
         """Return the derivatives (m, k) with respect to the logarithms of the parameters."""
         k = len(self.ranges)
         slopes = [part.slopes()[..., :k].reshape(-1, k) for part in self.parts(x)]
-        return np.concatenate(slopes) * np.exp(x)
+        prior = np.eye(k)[[list(self.ranges).index(name) for name in self.priors]]
+        return np.concatenate([*slopes, *(row[None] / self.priors[n][1] for n, row in zip(self.priors, prior))]) * np.exp(x)
 
     def log_probability(self, values: Sequence[float] | NDArray) -> float:
         """Return the logarithm of the probability density of parameter values, up to a constant, for samplers.
 
-        Noise is normal. Within their ranges values are equally probable in their logarithm; outside they are impossible.
+        Noise and priors are normal. Without a prior, values within their range are equally probable in their logarithm;
+        outside they are impossible.
         """
         x = np.log(validation.numbers("values", values, len(self.ranges), above=0.0))
         low, high = self.bounds
         return -0.5 * float((self.residual(x) ** 2).sum()) if ((x >= low) & (x <= high)).all() else -np.inf
 
-    def least(self, x: NDArray, free: NDArray, tolerance: float = LEAST) -> NDArray:
-        """Minimise the sum of squares from a point x over the free coordinates."""
+    def least(
+        self, x: NDArray, free: NDArray, tolerance: float = LEAST, most: int = MOST, rows: NDArray | slice = slice(None)
+    ) -> NDArray:
+        """Minimise the sum of squares of some rows from a point x over the free coordinates."""
         low, high = self.bounds
 
         def whole(part: NDArray) -> NDArray:
@@ -338,10 +194,10 @@ class Objective:
 
         margin = 1e-6 * (high - low)[free]
         start = np.clip(x[free], low[free] + margin, high[free] - margin)
-        ways: dict[str, Any] = {"xtol": 1e-9, "ftol": tolerance, "gtol": 1e-9, "max_nfev": MOST}
+        ways: dict[str, Any] = {"xtol": 1e-9, "ftol": tolerance, "gtol": 1e-9, "max_nfev": most}
         ways["x_scale"] = "jac"
         solution = scipy.optimize.least_squares(
-            lambda part: self.residual(whole(part)), start, lambda part: self.jacobian(whole(part))[:, free],
+            lambda part: self.residual(whole(part))[rows], start, lambda part: self.jacobian(whole(part))[rows][:, free],
             (low[free], high[free]), **ways,
         )  # fmt: skip
         return whole(solution.x)
@@ -382,11 +238,12 @@ def left_out(r: NDArray, J: NDArray, rows: Sequence[slice | NDArray]) -> NDArray
 @one_thread
 def fit(
     problem: Asking | Problem | Callable[..., Asking],
-    data: MeasuredResponse | Measured | Sequence[MeasuredResponse | Measured],
+    data: MeasuredResponse | Measured | MeasuredMode | Sequence[MeasuredResponse | Measured | MeasuredMode],
     vary: Mapping[str, tuple[float, float]],
     *,
     free: Measurement | MeasuredResponse | None = None,
-    noise: float = 0.02,
+    noise: float | None = None,
+    priors: Mapping[str, tuple[float, float]] | None = None,
     intervals: Literal["profile", "linear"] = "profile",
 ) -> Fitted:
     """Identify parameters of a study from measured responses.
@@ -396,8 +253,9 @@ def fit(
     problem : Study or callable
         Study with the initial values, or a function that returns the study for parameters given as keywords. Default values
         of the function are the initial values; other parameters start at the middle of their range.
-    data : MeasuredResponse, Measured, or a sequence of these
-        Swept responses, or resonances over load, which are compared relative to the resonance without load.
+    data : MeasuredResponse, Measured, MeasuredMode, or a sequence of these
+        Responses over frequency, resonances over load relative to the resonance without load, or frequency and damping of a
+        mode over its amplitude.
     vary : mapping of name to (low, high)
         Positive ranges of the parameters. Names are settings of :mod:`bdamper.harmonic_balance.parameters`, such as
         "friction_coefficient", "friction_coefficient.left", "contact_stiffness_factor", "contact_stiffness_factor.normal",
@@ -406,8 +264,12 @@ def fit(
     free : Measurement or MeasuredResponse, optional
         Response without damper. Damping, frequency and force gain are fitted to it first and then held constant; ``vary``
         may give their ranges.
-    noise : float
-        Relative standard deviation of a measured amplitude, and standard deviation of a phase in radians.
+    noise : float, optional
+        Relative standard deviation of a measured amplitude, force or damping ratio, and standard deviation of a phase in
+        radians. By default the scatter of the amplitudes of tests repeated under the same conditions, or 0.02 without
+        repetitions.
+    priors : mapping of name to (mean, standard deviation), optional
+        Knowledge about parameters from other sources, in the units of the parameters. A prior counts like a measurement.
     intervals : {"profile", "linear"}
         Profiles of the sum of squares, or its quadratic approximation by the covariance, which needs no further responses.
 
@@ -423,23 +285,22 @@ def fit(
     BdamperError
         If no response can be computed at any measured point.
     """
-    data = [data] if isinstance(data, MeasuredResponse | Measured) else list(data)
+    data = [data] if isinstance(data, MeasuredResponse | Measured | MeasuredMode) else list(data)
     validation.check(data, "data", "one test or more", "none")
     for each in data:
-        validation.instance("data", each, (MeasuredResponse, Measured))
-    noise = validation.number("noise", noise, above=0.0, below=1.0)
+        validation.instance("data", each, (MeasuredResponse, Measured, MeasuredMode))
+    groups, scatter = repetitions(data)
+    notes = (f"noise {scatter:.3g}, the scatter of repeated tests",) if noise is None and scatter else ()
+    noise = validation.number("noise", (scatter or NOISE) if noise is None else noise, above=0.0, below=1.0)
     own = problem if callable(problem) else problem_of(problem)
     profiles = validation.choice("intervals", intervals, ("profile", "linear")) == "profile"
-    names = (*(inspect.signature(own).parameters if callable(own) else setting_names(own)), FORCE)
-    ranges = {}
-    for name, ends in validation.mapping("vary", vary, names, "parameters").items():
-        ranges[name] = validation.interval(f"range of {name}", ends, "the unit of the parameter")
+    ranges, known = _checked(own, vary, priors or {})
     first = None
     validation.check(free is None or not callable(own), "free", "none for a function of all parameters", "one")
     if free is not None:
         unladen = free if isinstance(free, MeasuredResponse) else MeasuredResponse(free, 0.0)
         unloaded = {name: ranges.pop(name, ends) for name, ends in UNLOADED.items()}
-        first = _stage(Objective(own, [unladen], unloaded, noise, {}, profiles))
+        first = _stage(Objective(own, [unladen], unloaded, noise, {}, profiles, known))
     validation.check(ranges, "vary", "parameters that the free response does not determine", list(vary))
     stiff = [name for name in ranges if name.startswith("contact_stiffness")]
     if (
@@ -452,12 +313,60 @@ def fit(
             f"vary: frequency_factor and {stiff[0]} need a test without load (free=), found none: a stiffer contact and a "
             "stiffer structure have the same resonances"
         )
-    last = _stage(Objective(own, data, ranges, noise, {}, profiles), first)
-    return last[0] if first is None else _joined(first[0], last[0])
+    last = _stage(Objective(own, data, ranges, noise, {}, profiles, known), first, groups)[0]
+    last = replace(last, notes=(*notes, *last.notes))
+    return last if first is None else _joined(first[0], last)
 
 
-def _stage(objective: Objective, before: tuple[Fitted, NDArray] | None = None) -> tuple[Fitted, NDArray]:
-    """Fit one stage with the parameters of the previous stage held constant; return the result and its covariance."""
+def _checked(
+    own: Problem | Callable[..., Asking], vary: Mapping[str, tuple[float, float]], priors: Mapping[str, tuple[float, float]]
+) -> tuple[dict[str, tuple[float, float]], dict[str, tuple[float, float]]]:
+    """Return the ranges of the parameters and their priors."""
+    names = (*(inspect.signature(own).parameters if callable(own) else setting_names(own)), FORCE)
+    ranges = {}
+    for name, ends in validation.mapping("vary", vary, names, "parameters").items():
+        ranges[name] = validation.interval(f"range of {name}", ends, "the unit of the parameter")
+    known = {}
+    for name, pair in validation.mapping("priors", priors, ranges, "parameters of vary").items():
+        mean, deviation = validation.numbers(f"prior of {name}", pair, 2, above=0.0)
+        known[name] = float(mean), float(deviation)
+    return ranges, known
+
+
+def repetitions(data: Sequence[MeasuredResponse | Measured | MeasuredMode]) -> tuple[list[int], float]:
+    """Return for each test the index of the first test under the same conditions, and the scatter of repeated tests.
+
+    The scatter is the standard deviation of the logarithm of amplitude over force, 0 without repetitions. Tests measured
+    at other frequencies are interpolated.
+    """
+    groups, squares = list(range(len(data))), []
+    tests = [(i, t) for i, t in enumerate(data) if isinstance(t, MeasuredResponse) and t.control == "force"]
+    for k, (i, one) in enumerate(tests):
+        for j, other in tests[:k]:
+            conditions = [(t.preload, t.sweep, t.nominal is None) for t in (one, other)]
+            alike = abs((one.nominal or 1.0) / (other.nominal or 1.0) - 1.0) < ALIKE_FORCE
+            if conditions[0] == conditions[1] and alike:
+                groups[i] = min(groups[i], groups[j])
+                (f, size), (g, known) = (_logarithms(one), _logarithms(other))
+                common = (f >= g[0]) & (f <= g[-1])
+                squares.append((size - np.interp(f, g, known))[common] ** 2 / 2.0)
+    return groups, float(np.sqrt(np.concatenate(squares or [np.zeros(1)]).mean()))
+
+
+def _logarithms(test: MeasuredResponse) -> tuple[NDArray, NDArray]:
+    """Return frequencies in ascending order and logarithms of amplitude over force."""
+    order = np.argsort(test.data.frequency)
+    ratio = np.abs(test.data.displacement) / test.factors / (test.nominal or 1.0)
+    return test.data.frequency[order], np.log(ratio)[order]
+
+
+def _stage(
+    objective: Objective, before: tuple[Fitted, NDArray] | None = None, groups: Sequence[int] | None = None
+) -> tuple[Fitted, NDArray]:
+    """Fit one stage with the parameters of the previous stage held constant; return the result and its covariance.
+
+    ``groups`` has the same number for tests that are left out together; by default each test is left out alone.
+    """
     if before is not None:
         objective.held = dict(zip(before[0].names, before[0].values.tolist()))
     names, (low, high) = tuple(objective.ranges), objective.bounds
@@ -476,6 +385,7 @@ def _stage(objective: Objective, before: tuple[Fitted, NDArray] | None = None) -
     half, C, left = _uncertainty(objective, x, rows, before)
     J = objective.jacobian(x)
     information = np.array([(J[s] ** 2).sum(axis=0) for s in rows]).T
+    prediction = _predictions(objective, x, np.repeat(groups or np.arange(len(parts)), np.diff(sizes)))
     ends = np.clip([x - half[0], x + half[1]], low, high)
     unknown = (ends[0] <= low + EDGE) & (ends[1] >= high - EDGE)
     _, singular, ways = np.linalg.svd(J, full_matrices=False)
@@ -502,12 +412,29 @@ def _stage(objective: Objective, before: tuple[Fitted, NDArray] | None = None) -
     result = Fitted(
         names=names, values=np.exp(x), low=np.exp(ends[0]), high=np.exp(ends[1]),
         deviation=np.where(unknown, np.inf, np.sqrt(np.diag(C))), left_out=left,
-        information=information / np.maximum(information.sum(axis=1, keepdims=True), 1e-300), tests=labels,
+        information=information / np.maximum((J**2).sum(axis=0)[:, None], 1e-300), tests=labels, prediction=prediction,
         notes=notes, noise=objective.noise,
         test=np.repeat(np.arange(len(parts)), [len(part.place) for part in parts]), **of_points,
         **own.recorded(),
     )  # fmt: skip
     return _with_status(result, doubts), C
+
+
+def _predictions(objective: Objective, x: NDArray, group: NDArray) -> NDArray:
+    """Return the residuals (n, 2) of each point in a fit without the tests of its group; NaN if there is only one group.
+
+    ``group`` (m,) is the group of each row of the residual, without those of the priors.
+    """
+    out = np.full(len(group), np.nan)
+    r, J = objective.residual(x), objective.jacobian(x)
+    for each in np.unique(group) if len(np.unique(group)) > 1 else ():
+        omitted = np.flatnonzero(group == each)
+        kept = np.setdiff1d(np.arange(len(r)), omitted)
+        step = -covariance(J[kept]) @ (J[kept].T @ r[kept])
+        start = np.clip(x + np.clip(step, -1.0, 1.0), *objective.bounds)
+        at = objective.least(start, np.ones(len(x), bool), LEAST, PREDICTIONS, kept)
+        out[omitted] = objective.residual(at)[omitted]
+    return out.reshape(-1, 2)
 
 
 def _uncertainty(
@@ -533,7 +460,8 @@ def _uncertainty(
         half = np.fmax(half, float(scipy.stats.t.ppf(P95, n - 1)) * left)
     if before is not None:  # errors of the held parameters propagate to the others
         held, held_covariance = before
-        joint = Objective(objective.problem, objective.data, UNLOADED | dict(objective.ranges), objective.noise)
+        ranges = UNLOADED | dict(objective.ranges)
+        joint = Objective(objective.problem, objective.data, ranges, objective.noise, priors=objective.priors)
         K = joint.jacobian(np.append(np.log(held.values), x))[:, : len(held.values)]
         move = covariance(J) @ J.T @ K
         carried = move @ held_covariance @ move.T
@@ -583,7 +511,7 @@ def _with_status(found: Fitted, doubts: Sequence[str]) -> Fitted:
 def _joined(first: Fitted, last: Fitted) -> Fitted:
     """Join parameters and tests of the results of two stages."""
     information = scipy.linalg.block_diag(first.information, last.information)
-    arrays = ("values", "low", "high", "deviation", "left_out", "place", "measured", "model", "residual")
+    arrays = ("values", "low", "high", "deviation", "left_out", "place", "measured", "model", "residual", "prediction")
     whole: dict[str, Any] = {name: np.concatenate([getattr(first, name), getattr(last, name)]) for name in arrays}
     joined = replace(
         last, names=first.names + last.names, tests=first.tests + last.tests,

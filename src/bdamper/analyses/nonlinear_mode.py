@@ -263,6 +263,8 @@ def mode_equations(driven: Equations[Sector], omega: float, shape: NDArray, refe
 
 RIGID = 1e-6
 """Relative frequency, with respect to the highest one without contact, below which motions are rigid."""
+REACH = 1e-6
+"""Relative margin of a branch beyond the highest of given amplitudes."""
 FLAT = 1e-6
 """Least relative height of a maximum of the damping above its neighbours."""
 
@@ -360,6 +362,25 @@ def mode_system(problem: Problem, preload: float, mode: int, low: float) -> tupl
     return mode_equations(driven, float(frequencies[k]), shape, descent * low), float(frequencies[k])
 
 
+def mode_points(
+    problem: Problem, preload: float, mode: int, amplitude: NDArray, low: float
+) -> tuple[Equations[Mode], list[Correction | None]]:
+    """Return the equations of a mode, and its motions at response amplitudes (m) above ``low``, or None without success."""
+    system, omega = mode_system(problem, preload, mode, low)
+    branch = _Branch(system, (low, (1.0 + REACH) * float(amplitude.max())), ContinuationOptions())
+    branch.run(problem.at(preload).equilibrium, omega)
+    y = np.array([p.y for p in branch.pieces[0].path.points]).reshape(-1, system.n_unknowns + 1)
+    out: list[Correction | None] = []
+    for parameter in np.log(amplitude / system.structure.reference):
+        k = np.flatnonzero((y[:-1, -1] - parameter) * (y[1:, -1] - parameter) <= 0.0)
+        c = None
+        if len(k):
+            before, after = y[k[0]], y[k[0] + 1]
+            c = branch.at(before + (parameter - before[-1]) / (after[-1] - before[-1]) * (after - before), float(parameter))
+        out.append(c if c is not None and c.status == OK else None)
+    return system, out
+
+
 class _Branch:
     """Branch through the stuck mode between two amplitudes (m)."""
 
@@ -378,7 +399,7 @@ class _Branch:
             return
         ahead = self._linear(start)
         if ahead.y[-1] >= self.high:
-            last = self._at(start.y, self.high)
+            last = self.at(start.y, self.high)
             points = [replace(c, kind="end") for c in (start, last)]
             reason = f"reached {self.system.measure.place(self.high)}, where nothing slips yet"
             self.pieces.append(Piece(Path(tuple(points), COMPLETE, reason, 0, 0), True))
@@ -393,7 +414,7 @@ class _Branch:
     def _scale(self, y: NDArray) -> NDArray:
         return self.system.units(y, 1.0)
 
-    def _at(self, y: NDArray, parameter: float) -> Correction:
+    def at(self, y: NDArray, parameter: float) -> Correction:
         """Solve by Newton's method with line search from a point at another amplitude."""
         y = np.append(y[:-1], parameter)
         return self.system.correct_at(y[:-1], parameter, self._scale(y), self.options.tolerance, 40, True)
@@ -405,7 +426,7 @@ class _Branch:
         """
         guess = self.system.structure.start(state.q, omega, self.system.structure.reference * float(np.exp(self.low)))
         for lower in np.log([1.0, 0.1, 0.01, 0.002]):
-            solution = self._at(guess, self.low + float(lower))
+            solution = self.at(guess, self.low + float(lower))
             if solution.status == OK:
                 return solution
         return None
@@ -429,11 +450,11 @@ class _Branch:
         self.linear_to = float(self.system.structure.reference * np.exp(most))
         stuck_part = 0.9  # continuation begins at this share of the amplitude of first slip
         begin = most if most == self.high else most + float(np.log(stuck_part))
-        return self._at(start.y, begin) if begin > start.y[-1] else start
+        return self.at(start.y, begin) if begin > start.y[-1] else start
 
     def _from_above(self, last: NDArray) -> None:
         """Follow the branch at the largest amplitude downward."""
-        solution = self._at(last, self.high)
+        solution = self.at(last, self.high)
         if solution.status == OK:
             path = follow(self.system, solution.y, (self.low, self.high), up=False, options=self.options)
             self.pieces.append(Piece(path, False, 1))

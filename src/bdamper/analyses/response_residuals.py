@@ -11,6 +11,15 @@ jump the residual is therefore the distance from the measured point to the curve
 ln(frequency) over the frequency step and ln(amplitude) over :math:`\sigma`. Elsewhere this distance is not used: a narrow
 spike between two measured frequencies would not contribute.
 
+If the rig controls the response, frequency and amplitude are settings and the force is the result. The residual is then
+:math:`\ln(F_i/F)/\sigma`, with the force F at which the computed response has the measured amplitude. If it controls the
+phase, the amplitude alone is a setting: F and the frequency are computed for the measured amplitude and phase. The second
+residual is the difference of the frequencies times the slope of the phase, so that :math:`\sigma` is the noise of a phase.
+Both remain unique where the response under a given force has several branches.
+
+For a point of a nonlinear mode, damping ratio and frequency are compared at the measured amplitude. An error
+of :math:`\sigma` in the phase of a resonance changes its frequency by the relative amount :math:`\zeta\sigma`.
+
 :func:`bdamper.response.sensitivity.across` gives the derivatives across the curve.
 """
 
@@ -24,10 +33,12 @@ from typing import Annotated, Literal, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.analyses.nonlinear_mode import mode_points, mode_system
 from bdamper.harmonic_balance.equations import OK, Correction, Equations, Plane, norm2
 from bdamper.harmonic_balance.parameters import like, vary
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.sector import Sector
+from bdamper.importers.measured_modes import MeasuredMode
 from bdamper.importers.measurements import Measured, Measurement
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.highest_peak import highest_peak
@@ -47,6 +58,8 @@ LOST = 10.0
 """Residual of a point without computed response."""
 STEP = 1e-5
 """Relative step of the finite differences of the resonance without damper."""
+BESIDE = 0.1
+"""Relative margin of the curves beyond the frequencies measured under phase control."""
 EDGE = 1e-6
 """Relative margin of the curves beyond the measured frequencies; also the step or distance that counts as zero."""
 
@@ -68,11 +81,16 @@ class MeasuredResponse(validation.Checked):
         settings of the study.
     sweep : {"up", "down"}
         Direction of the frequency sweep.
+    control : {"force", "response", "phase"}
+        Quantity that the rig controls. "response": the force, measured at each point, is compared at the measured
+        frequency and amplitude. "phase": force and frequency are compared at the measured amplitude and phase, of a
+        displacement 90 degrees behind the force if no phase was measured.
 
     Raises
     ------
     SettingError
-        If there are fewer than three frequencies, or frequencies or amplitudes are not positive.
+        If there are fewer than three frequencies (one under phase control), frequencies or amplitudes are not positive, or
+        forces are missing.
     """
 
     __test__ = False  # pytest ignores this class
@@ -80,13 +98,18 @@ class MeasuredResponse(validation.Checked):
     preload: validation.Force = 0.0
     force: Annotated[float, validation.Limits(above=0.0, unit="N")] | None = None
     sweep: Literal["up", "down"] = "up"
+    control: Literal["force", "response", "phase"] = "force"
 
     def __post_init__(self) -> None:
         super().__post_init__()
         validation.instance("data", self.data, Measurement, "a Measurement, as bdamper.importers.read_response reads it")
         name, least = self.data.name, min(self.data.frequency.min(), self.data.amplitude.min())
         _ = self.data.displacement  # raises for an unknown unit
-        validation.check(len(np.unique(self.data.frequency)) > 2, name, "three frequencies or more", "fewer")
+        if self.control != "phase":
+            validation.check(len(np.unique(self.data.frequency)) > 2, name, "three frequencies or more", "fewer")
+        if self.control != "force":
+            given = self.force is None and self.data.force is not None
+            validation.check(given, name, f"a measured force at each point under {self.control} control", "none")
         validation.check(least > 0.0, name, "frequencies and amplitudes above 0", f"{least:g}")
 
     @property
@@ -162,7 +185,7 @@ class Variations:
         return forced(self.own.system(preload), self.ratio(force))
 
     def families(self, force: float | None, preload: float) -> dict[str, tuple[Family, float]]:
-        """Return the equations at one preload as functions of each parameter."""
+        """Return the equations at one preload as functions of each parameter and of the force."""
 
         def family(name: str) -> Callable[[float], Equations]:
             def at(value: float) -> Equations:
@@ -171,7 +194,7 @@ class Variations:
 
             return at
 
-        return {name: (family(name), value) for name, value in self.values.items()}
+        return {name: (family(name), value) for name, value in ({FORCE: 1.0} | self.values).items()}
 
 
 @dataclass(frozen=True)
@@ -219,6 +242,8 @@ def attempt(compute: Callable[[], T]) -> tuple[T | None, str]:
 
 def of_test(varied: Variations, test: MeasuredResponse, noise: float) -> Separation:
     """Return the residuals of a swept response; points without computed response have the residual ``LOST``."""
+    if test.control != "force":
+        return _of_controlled(varied, test, noise)
     f, measured = test.data.frequency, test.data.displacement
     force, factors, n = test.nominal, test.factors, len(f)
     phase = bool(np.any(test.data.response.imag))
@@ -254,6 +279,7 @@ def of_test(varied: Variations, test: MeasuredResponse, noise: float) -> Separat
             return out
         near = np.isfinite(normal[rows, 0])
         families = varied.families(force, test.preload)
+        families = {name: families[name] for name in varied.values}
         scale = np.tile(search.scale, (len(rows), 1))
         turned = np.cos(0.5 * np.angle(model[rows] / measured[rows]))
         under = np.where(near, 1.0, factors[rows])
@@ -263,6 +289,60 @@ def of_test(varied: Variations, test: MeasuredResponse, noise: float) -> Separat
             sideways = np.array([s.frequency / f[rows] / step, (s.response / model[rows]).real / noise]).T
             distance = np.pad((sideways * normal[rows]).sum(axis=1)[:, None], ((0, 0), (0, 1)))
             out[rows, :, j] = np.where(near[:, None], distance, vertical)
+        return np.nan_to_num(out, posinf=0.0, neginf=0.0)
+
+    return Separation(f, measured, model, residual, slopes, lost)
+
+
+def _of_controlled(varied: Variations, test: MeasuredResponse, noise: float) -> Separation:
+    """Return the residuals of a response under response or phase control: of the force, and of the phase or frequency."""
+    f, measured, n = test.data.frequency, test.data.displacement, len(test.data.frequency)
+    phase, free = bool(np.any(test.data.response.imag)), test.control == "phase"
+    target = measured if phase or not free else -1j * measured
+    width, gain = BESIDE if free else EDGE, varied.values.get(FORCE, 1.0)
+    residual, lost, model = np.tile([LOST, 0.0], (n, 1)), np.ones(n, bool), np.full(n, np.nan + 0j)
+    search, reason = attempt(lambda: _Swept(varied, test, (f.min() * (1.0 - width), f.max() * (1.0 + width))))
+    if search is None or not len(search.curve):
+        reason = reason if search is None else search.curve.reason
+        return Separation(f, measured, model, residual, lambda: np.zeros((n, 2, len(varied.values))), lost, reason)
+    points: dict[int, tuple[Correction, float, complex, float]] = {}
+    for i in range(n):
+        if (found := search.held(f[i], target[i], free)) is None:
+            continue
+        c, factor, slope = found
+        along, ratio = c.tangent * search.scale, c.y[-1] / (2.0 * np.pi * f[i])
+        by_frequency = complex(search.system.rows.value(along)) / along[-1] / search.first(c) * c.y[-1]
+        slope *= gain * factor / test.factors[i] / ratio**2  # of one mode: by its mass and measured quantities alone
+        points[i] = c, factor, by_frequency, slope
+        if free:
+            second = np.log(ratio) * slope
+        else:
+            second = phase * 2.0 * np.sin(0.5 * np.angle(search.first(c) / measured[i]))
+        residual[i] = np.log(test.factors[i] / factor) / noise, second / noise
+        lost[i], model[i] = False, measured[i] * test.factors[i] / factor
+
+    def slopes() -> NDArray:
+        out = np.zeros((n, 2, len(varied.values)))
+        if not points:
+            return out
+        rows, scale = list(points), np.tile(search.scale, (len(points), 1))
+        families = varied.families(test.nominal, test.preload)
+        factors, by_frequency, slope = (np.array([points[i][k] for i in rows]) for k in (1, 2, 3))
+        rates = across(search.system, [points[i][0] for i in rows], scale, families, factors)
+        relative = {name: s.at_frequency / [search.first(points[i][0]) for i in rows] for name, s in rates.items()}
+        by_force = gain * relative[FORCE]
+        for j, name in enumerate(varied.values):
+            x = relative[name]
+            if free:  # ln F and ln f for constant amplitude and phase
+                whole = (by_force * by_frequency.conj()).imag
+                force = -(x * by_frequency.conj()).imag / whole
+                frequency = -(by_force * x.conj()).imag / whole
+                second = frequency * slope
+            else:
+                force = -x.real / by_force.real
+                turned = np.cos(0.5 * np.angle([search.first(points[i][0]) / measured[i] for i in rows]))
+                second = phase * turned * (x + by_force * force).imag
+            out[rows, :, j] = np.array([-force, second]).T / noise
         return np.nan_to_num(out, posinf=0.0, neginf=0.0)
 
     return Separation(f, measured, model, residual, slopes, lost)
@@ -312,6 +392,56 @@ class _Swept:
                 return at
         return None
 
+    def held(self, frequency: float, target: complex, free: bool) -> tuple[Correction, float, float] | None:
+        """Return the solution with a given response, its force over the nominal one, and the slope of its phase over the
+        logarithm of the frequency at constant amplitude; None without success.
+
+        With ``free`` the response equals the target (m) in amplitude and phase, and the frequency is unknown. Otherwise it
+        equals the target in amplitude at the given frequency (Hz), and the phase of the force is unknown, because the phase
+        of the response changes fast across a resonance. The search begins at the nearest point of the curve and changes the
+        amplitude in equal ratios, in more of them if Newton's method fails.
+        """
+        omega, scale, n, value = 2.0 * np.pi * frequency, self.scale, self.system.n_mean, self.system.rows.value
+        away = np.angle(value(self.y) / target) if free else np.log(self.y[:, -1] / omega)
+        near = self.y[int(np.argmin(np.abs(away)))]
+        direction = target / abs(target) if free else complex(value(near)) / abs(value(near))
+        load = np.append(self.system.structure.force, 0.0)
+        load[:n] = 0.0
+        frequency_step = np.append(0.0 * load[:-1], 1.0)
+        other = frequency_step / scale[-1] if free else self._turned(load, 0.5 * np.pi)
+        for steps in (1, 4, 16):
+            y, factors = np.array(near), np.array([1.0, 0.0])
+            y[-1] = y[-1] if free else omega
+            for size in np.geomspace(abs(value(near)), abs(target), steps + 1)[1:]:
+                for _ in range(self.most):
+                    excess = (factors[0] - 1.0) * load + (0.0 if free else factors[1] * other)
+                    right = np.array([excess - np.append(self.system.residual(y), 0.0), load, other])
+                    moves = self.system.solve_linear(y, frequency_step, scale, right) * scale
+                    here, first, second = (complex(value(move)) / complex(value(y)) for move in moves)
+                    gap = np.log(size * direction / complex(value(y))) - here
+                    whole = (first.conjugate() * second).imag
+                    more = np.array([(gap.conjugate() * second).imag, (first.conjugate() * gap).imag]) / whole
+                    step = moves[0] + more @ moves[1:]
+                    y, factors = y + step, factors + more
+                    if not norm2(step / scale) > self.tolerance:
+                        break
+            factor = float(factors[0]) if free else float(norm2(factors))
+            if factor > 0.0:
+                y = y if free else self._turned(y, -float(np.arctan2(factors[1], factors[0])))
+                c = forced(self.system, factor).correct_at(y[:-1], y[-1], scale, self.tolerance, self.most)
+                if c.status == OK and abs(abs(self.first(c) / target) - 1.0) < EDGE:
+                    return c, factor, abs(second.imag - first.imag * second.real / first.real) * c.y[-1]
+        return None
+
+    def _turned(self, y: NDArray, angle: float) -> NDArray:
+        """Return a point (n_unknowns + 1,) shifted in time by an angle of the first harmonic (rad)."""
+        y = np.array(y)
+        for l in range(1, self.system.n_harmonics + 1):
+            c, s = self.system.layout.slices(l)
+            q = self.system.layout.amplitudes(y[:-1], l) * np.exp(1j * l * angle)
+            y[c], y[s] = q.real, -q.imag
+        return y
+
     def _nominal(self, frequency: float) -> Correction | None:
         """Return the solution at a frequency (Hz) on the branch of the sweep under the nominal force."""
         k = int(np.searchsorted(self.sense * self.sweep.frequency, self.sense * frequency))
@@ -360,6 +490,39 @@ class _Swept:
             move = float(np.clip(step, -longest, longest)) * c.tangent * self.scale
             c = self.system.solve(c.y + move, Plane(c.tangent), self.scale, self.tolerance, self.most)
         return c if c.status == OK else None
+
+
+def of_mode(varied: Variations, data: MeasuredMode, noise: float) -> Separation:
+    """Return the residuals of damping ratio and frequency of a nonlinear mode at the measured amplitudes."""
+    n, amplitude = len(data.amplitude), np.asarray(data.amplitude)
+    measured = np.array([data.damping_ratio, data.frequency]).T
+    low = 0.5 * float(amplitude.min())
+    found, reason = attempt(lambda: mode_points(varied.own, data.preload, data.mode, amplitude, low))
+    system, points = found or (None, [None] * n)
+    lost = np.array([c is None for c in points])
+    model = np.array([[np.nan] * 2 if c is None else [c.y[-2], c.y[-3] / (2.0 * np.pi)] for c in points])
+    narrow = data.noise or noise * np.where(np.isnan(measured[:, 0]), np.nanmean(measured[:, 0]), measured[:, 0])
+    units = np.array([np.full(n, -noise), np.broadcast_to(narrow, n)]).T
+    residual = np.where(lost[:, None], [LOST, 0.0], np.nan_to_num(np.log(model / measured) / units))
+
+    def slopes() -> NDArray:
+        out = np.zeros((n, 2, len(varied.values)))
+        for j, (name, value) in enumerate(varied.values.items()):
+            if name == FORCE or system is None:
+                continue
+            sides = [varied.neighbour(name, value * s) for s in (1.0 + STEP, 1.0 - STEP)]
+            above, below = (mode_system(side, data.preload, data.mode, low)[0] for side in sides)
+            for i, c in enumerate(points):
+                if c is not None:
+                    rate = (above.residual(c.y) - below.residual(c.y)) / (2.0 * STEP * value)
+                    border = np.append(0.0 * rate, 1.0)
+                    move = system.solve_linear(c.y, border, c.scale, np.append(-rate, 0.0)[None])[0] * c.scale
+                    out[i, :, j] = [move[-2] / c.y[-2], move[-3] / c.y[-3]] / units[i]
+        return np.where(np.isfinite(measured)[..., None], out, 0.0)
+
+    frequency = np.where(np.isfinite(measured[:, 1]), measured[:, 1], model[:, 1])
+    ratio = np.where(np.isfinite(measured[:, 0]), measured[:, 0] / model[:, 0], 1.0)
+    return Separation(frequency, amplitude + 0j, amplitude * ratio + 0j, residual, slopes, lost, reason)
 
 
 def of_resonances(varied: Variations, data: Measured, noise: float) -> Separation:

@@ -259,7 +259,9 @@ class Rows:
 
     def value(self, y: NDArray) -> NDArray:
         """Return the complex response (...,) at points (..., n_unknowns + 1)."""
-        rows = np.tensordot(self.basis(y[..., -1], len(self.coefficients)), self.coefficients, 1)
+        rows = self.coefficients[0]
+        if self.moving:
+            rows = np.tensordot(self.basis(y[..., -1], len(self.coefficients)), self.coefficients, 1)
         return np.asarray(((rows[..., 0, :] + 1j * rows[..., 1, :]) * y[..., :-1]).sum(axis=-1))
 
     def squared_gradient(self, y: NDArray) -> tuple[NDArray, float]:

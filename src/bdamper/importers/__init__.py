@@ -3,7 +3,8 @@
 Each ``read_...`` function reads files of Abaqus, Ansys, CalculiX, Nastran, MATLAB or plain arrays; most return an
 `FEBody`.  `build_model` checks units, axes and sector faces, computes the contact points of `ContactFaces`, reduces the
 bodies and returns a `BuiltModel`, which prints its report.  Its options are `Sector`, `Placement`, `Reduction`, `Checks`.
-`load_measured`, `read_response`, `read_responses` and `read_measurements` read measured data.
+`load_measured`, `read_response`, `read_responses`, `read_mode`, `read_ring_down` and `read_measurements` read measured
+data.
 """
 
 from bdamper.importers.abaqus import read_calculix, read_frd, read_inp
@@ -21,14 +22,16 @@ from bdamper.importers.bodies import over_speed
 from bdamper.importers.build import BuiltModel, build_model
 from bdamper.importers.contact_faces import ContactFaces
 from bdamper.importers.fe_body import UNITS, FEBody, MassProperties, Modes, Units, read_body
+from bdamper.importers.measured_modes import MeasuredMode, read_mode, read_ring_down
 from bdamper.importers.measurements import Measurement, load_measured, read_measurements, read_response, read_responses
 from bdamper.importers.nastran import read_bdf, read_nastran, read_op2, read_op4
 from bdamper.importers.options import Checks, Placement, Reduction, Sector
 
 __all__ = [
-    "UNITS", "BuiltModel", "Checks", "ContactFaces", "FEBody", "MassProperties", "Measurement", "Modes", "Placement",
-    "Reduction", "Sector", "Units", "build_model", "load_measured", "over_speed", "read_abaqus_matrix", "read_ansys",
-    "read_arrays", "read_bdf", "read_body", "read_calculix", "read_cdb", "read_dofs", "read_elements", "read_frd",
-    "read_full", "read_inp", "read_matrix", "read_measurements", "read_nastran", "read_nodes", "read_op2", "read_op4",
-    "read_response", "read_responses", "read_rst", "read_set",
+    "UNITS", "BuiltModel", "Checks", "ContactFaces", "FEBody", "MassProperties", "MeasuredMode", "Measurement",
+    "Modes", "Placement", "Reduction", "Sector", "Units", "build_model", "load_measured", "over_speed",
+    "read_abaqus_matrix", "read_ansys", "read_arrays", "read_bdf", "read_body", "read_calculix", "read_cdb",
+    "read_dofs", "read_elements", "read_frd", "read_full", "read_inp", "read_matrix", "read_measurements", "read_mode",
+    "read_nastran", "read_nodes", "read_op2", "read_op4", "read_response", "read_responses", "read_ring_down",
+    "read_rst", "read_set",
 ]  # fmt: skip

@@ -132,7 +132,7 @@ class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
         SettingError
             If the unit is not a known unit of displacement, velocity or acceleration.
         """
-        factor, order = _motion(f"measurement '{self.name}'", self.unit or "m")
+        factor, order = motion_unit(f"measurement '{self.name}'", self.unit or "m")
         return np.asarray(factor * self.response / (2j * np.pi * np.asarray(self.frequency)) ** order)
 
     def __str__(self) -> str:
@@ -143,7 +143,7 @@ class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
         )
 
 
-def _motion(where: str, unit: str) -> tuple[float, int]:
+def motion_unit(where: str, unit: str) -> tuple[float, int]:
     """Return the factor of a unit to SI, and its order: 0 for displacement, 1 for velocity, 2 for acceleration."""
     kinds = LENGTHS, VELOCITIES, ACCELERATIONS
     order = next((k for k, units in enumerate(kinds) if _plain(unit) in units), None)
@@ -444,7 +444,7 @@ def _responses(
     if phase_of == "none":
         response = np.abs(response) + 0j
     if phase_of == "displacement":
-        response = response * 1j ** _motion(source, stated or "m")[1]
+        response = response * 1j ** motion_unit(source, stated or "m")[1]
     title = name or Path(source).stem
     force = table.get("force")
     if by is None:

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from bdamper.analyses.fit import Fitted
+from bdamper.analyses.fit_result import Fitted
 from bdamper.analyses.hysteresis import hysteresis
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.result_checks import Asking, check_result, problem_of

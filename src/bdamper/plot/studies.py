@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from bdamper.analyses.accuracy import COMBINED, AccuracyCost
 from bdamper.analyses.effect_significance import EffectSignificance
-from bdamper.analyses.fit import Fitted
+from bdamper.analyses.fit_result import Fitted
 from bdamper.analyses.flutter import Flutter
 from bdamper.analyses.loop_fit import FittedLoop
 from bdamper.analyses.nonlinear_mode import NonlinearMode

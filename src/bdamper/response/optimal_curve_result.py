@@ -240,7 +240,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
         study : Study, optional
             Study of this curve.  With it the report contains the response at the optimum with contact states, hysteresis
             loops and sensitivities.
-        fit : bdamper.analyses.fit.Fitted, optional
+        fit : bdamper.analyses.fit_result.Fitted, optional
             Source of friction coefficient and contact stiffness.
 
         Raises
