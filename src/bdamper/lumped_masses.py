@@ -50,8 +50,9 @@ class Contact:
     ----------
     tangential, normal : int, str, tuple of two or mapping, optional
         Sliding ``u`` and closing ``v`` (positive if the surfaces approach).  ``0`` is the motion of degree of freedom 0
-        relative to the ground, ``(1, 0)`` of 1 relative to 0, ``{0: 0.5, 1: 0.866}`` a sum.  Location names are accepted
-        as well.  Without ``normal`` the normal load is constant; without ``tangential`` there is no friction.
+        relative to the ground, ``(1, 0)`` the motion of 1 relative to 0, ``{0: 0.5, 1: 0.866}`` a weighted sum.  Location
+        names are accepted instead of numbers.  Without ``normal`` the normal load is constant; without ``tangential`` there
+        is no friction.
     kt, kn : float, N/m
         Tangential and normal contact stiffness.
     mu : float

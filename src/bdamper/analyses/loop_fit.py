@@ -288,8 +288,8 @@ def _check_signs(x: NDArray, y: NDArray, sense: NDArray) -> None:
 class _Loop:
     """Branches of the slider model and their distances from measured points.
 
-    The parameters p are the logarithms of kt and mu, the spread, and mean force and both turning points of the
-    displacement, each relative to its measured range; with backlash also this and the zero of the force.
+    The parameters p are the logarithms of kt and mu, the spread, and the mean force and both turning points of the
+    displacement, relative to the measured ranges.  A fit of the backlash also has the backlash and the zero of the force.
     """
 
     x: NDArray

@@ -356,7 +356,7 @@ def constrained_from_matrices(
 ) -> tuple[Body, dict[int, NDArray]]:  # fmt: skip
     """Make a sector from its matrices at each nodal diameter, with a local basis if the sector names its blade.
 
-    The objects ``stress`` collect the stress of each vector of the basis.
+    The stress of each mode and static shape is added to the objects ``stress``.
 
     Returns
     -------

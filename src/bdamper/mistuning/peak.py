@@ -332,7 +332,7 @@ def _status(top: Climbed, lower: bool, reduced: bool) -> str:
 
 
 def _tuned_higher(top: Climbed | None, tuned: Peak, low: float, high: float) -> str:
-    """Return a note if the tuned disk is higher than the highest peak found, or if none was found; else an empty text."""
+    """Return a note if the tuned disk has a higher peak than all peaks found, or if none was found; otherwise ""."""
     if top is not None and not (low <= tuned.frequency <= high and top.height * (1.0 + MISSED) < tuned.amplitude):
         return ""
     tuned_peak = f"{amount(tuned.amplitude, 'm')} at {amount(tuned.frequency, 'Hz', 6)}"

@@ -187,7 +187,7 @@ def contact_status(problem: Problem, unknowns: NDArray, preload: float) -> Conta
 
 
 def _joined(pieces: list[tuple[float, float, int]]) -> Parts:
-    """Return the parts of the period with the states of plots, adjacent parts of slip in both directions merged."""
+    """Return the parts of the period with the states of plots; adjacent parts with slip in either direction are merged."""
     runs = [list(run) for _, run in groupby(pieces, lambda part: PLAIN[part[2]])]
     return tuple((run[0][0], run[-1][1], PLAIN[run[0][2]]) for run in runs)
 

@@ -269,7 +269,7 @@ class Events:
         Parameters
         ----------
         step : Step
-            The function of the event has opposite signs at both ends.
+            Step with opposite signs, at its ends, of the quantity that vanishes at the event.
         kind : {"fold", "maximum"}
         tolerance : float
             Tolerance of the position, in scaled unknowns.

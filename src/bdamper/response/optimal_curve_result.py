@@ -177,7 +177,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
 
     @property
     def shift_percent(self) -> Annotated[NDArray, Quantity("%", name="frequency_shift")]:
-        """(n,) float: frequency relative to the free resonance, minus one, in per cent."""
+        """Frequency (n,) relative to the free resonance, minus one, in per cent."""
         return 100.0 * (self.frequency / self.free.frequency - 1.0)
 
     @property

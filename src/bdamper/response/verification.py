@@ -263,12 +263,12 @@ class MotionInTime(AllBlades, Plottable, Tabular, Recorded, Storable, kind="bdam
 
     @property
     def period(self) -> Numbers:
-        """(n_periods,) int: number of the period."""
+        """Number (n_periods,) of each period."""
         return np.arange(len(self.harmonics))
 
     @property
     def amplitude(self) -> Amplitude:
-        """(n_periods,) float, m: amplitude of the first harmonic of the highest blade."""
+        """Amplitude (n_periods,) of the first harmonic of the highest blade, m."""
         return np.abs(self.harmonics[:, 1])
 
     def columns(self) -> dict[str, Column]:

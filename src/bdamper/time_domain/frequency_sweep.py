@@ -84,7 +84,7 @@ class TimeSweep(Plottable, FrequencySeries, Tabular, Recorded, Storable, kind="b
 
     @property
     def mean(self) -> Metres:
-        """(n,) float, m: mean position."""
+        """Mean position (n,), m."""
         return self.harmonics[:, 0].real
 
     @property

@@ -181,12 +181,12 @@ class Transient:
 
     @property
     def blades(self) -> NDArray:
-        """(n_periods, n_blades) complex: first harmonic of all blades, m."""
+        """First harmonic (n_periods, n_blades) of all blades, complex, m."""
         return np.array(self.harmonics)[:, :, 1]
 
     @property
     def response(self) -> NDArray:
-        """(n_periods, n_harmonics + 1) complex: response of the blade, m, with the phases of the first blade."""
+        """Response (n_periods, n_harmonics + 1) of the blade with the phases of the first blade, complex, m."""
         turn = 2.0 * np.pi * self.blade * self.ring.wave / self.ring.n
         amplitudes = np.array(self.harmonics)[:, self.blade]
         return np.asarray(amplitudes * np.exp(-1j * turn * np.arange(amplitudes.shape[1])))
@@ -200,7 +200,7 @@ class Transient:
 
     @property
     def amplitude(self) -> NDArray:
-        """(n_periods,) float: amplitude of the first harmonic of the blade, m."""
+        """Amplitude (n_periods,) of the first harmonic of the blade, m."""
         return np.abs(self.response[:, 1])
 
     def advance(self, periods: int = 1, ends: tuple[float, float] | None = None) -> None:
@@ -277,7 +277,7 @@ class SteadyPoint(NamedTuple):
 
     @property
     def amplitude(self) -> NDArray:
-        """(n_periods,) float: amplitude of the highest blade in the second half of the periods, m."""
+        """Amplitude (n_periods,) of the highest blade in the second half of the periods, m."""
         return second_half(self.transient.amplitude)
 
     @property
