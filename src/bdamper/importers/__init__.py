@@ -7,7 +7,7 @@ bodies and returns a `BuiltModel`, which prints its report.  Its options are `Se
 data.
 """
 
-from bdamper.importers.abaqus import read_calculix, read_frd, read_inp
+from bdamper.importers.abaqus import read_abaqus, read_calculix, read_frd, read_inp
 from bdamper.importers.ansys import read_ansys, read_cdb, read_full, read_rst
 from bdamper.importers.arrays import (
     read_abaqus_matrix,
@@ -28,8 +28,8 @@ from bdamper.importers.nastran import read_bdf, read_nastran, read_op2, read_op4
 from bdamper.importers.options import Checks, Placement, Reduction, Sector
 
 __all__ = [
-    "UNITS", "BuiltModel", "Checks", "ContactFaces", "FEBody", "MassProperties", "MeasuredMode", "Measurement",
-    "Modes", "Placement", "Reduction", "Sector", "Units", "build_model", "load_measured", "over_speed",
+    "UNITS", "BuiltModel", "Checks", "ContactFaces", "FEBody", "MassProperties", "MeasuredMode", "Measurement", "Modes",
+    "Placement", "Reduction", "Sector", "Units", "build_model", "load_measured", "over_speed", "read_abaqus",
     "read_abaqus_matrix", "read_ansys", "read_arrays", "read_bdf", "read_body", "read_calculix", "read_cdb",
     "read_dofs", "read_elements", "read_frd", "read_full", "read_inp", "read_matrix", "read_measurements", "read_mode",
     "read_nastran", "read_nodes", "read_op2", "read_op4", "read_response", "read_responses", "read_ring_down",

@@ -17,8 +17,6 @@ K. Wittig, *CalculiX GraphiX User's Manual*, "Result format" (.frd).
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
-from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 
@@ -26,14 +24,11 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper.fem.surface import FACES, N_CORNER, oriented_facet
-from bdamper.importers.arrays import as_integers, read_dofs, triangle_to_full
-from bdamper.importers.deck_keywords import adds_to_matrices
+from bdamper.importers.arrays import as_integers, entries_by_node, number_table, read_dofs, reordered, triangle_to_full
 from bdamper.importers.fe_body import (
-    LARGEST_COUNT,
+    BOUNDS,
     ElementKind,
     FEBody,
-    Included,
     Lines,
     data_lines,
     mesh_body,
@@ -42,11 +37,11 @@ from bdamper.importers.fe_body import (
     read_body,
     reader,
 )
+from bdamper.importers.input_file import Deck
 from bdamper.model.fields import check, check_all
 from bdamper.util.errors import mismatch
 from bdamper.util.storage import FilePath
 
-_SOLIDS = {"C3D4": 4, "C3D10": 10, "C3D6": 6, "C3D15": 15, "C3D8": 8, "C3D20": 20}
 _FRD_SOLIDS = {1: 8, 2: 6, 3: 4, 4: 20, 5: 15, 6: 10}
 
 
@@ -54,202 +49,20 @@ _FRD_SOLIDS = {1: 8, 2: 6, 3: 4, 4: 20, 5: 15, 6: 10}
 # Input file
 
 
-def _plain(text: str) -> str:
-    """Return a keyword or parameter name in capitals without blanks, since both programs ignore case and blanks."""
-    return "".join(text.upper().split())
-
-
-Rows = list[tuple[int, list[str]]]
-"""Numbers of data lines, and their words between commas."""
-
-
-class _Deck:
-    """Parser of an input file: blocks of a keyword with parameters, followed by data lines."""
-
-    def __init__(self, source: Path) -> None:
-        self.source = source
-        self.nodes: dict[int, list[float]] = {}
-        self.element_of: dict[int, list[int]] = {}
-        self.type_of: dict[int, str] = {}
-        self.sections: dict[str, str] = {}
-        self.elastic: dict[str, tuple[float, float]] = {}
-        self.material = ""
-        self.node_sets: dict[str, list[int]] = {}
-        self.element_sets: dict[str, list[int]] = {}
-        self.surfaces: dict[str, list[list[str]]] = {}
-        self.node_surfaces: dict[str, list[str]] = {}
-        self.notes: list[str] = []
-        self.included = Included()
-
-    def read(self, source: Path, depth: int = 0) -> None:
-        """Read a file and the files that it includes."""
-        for at, keyword, parameters, rows in self._blocks(source.read_text(encoding="utf-8", errors="replace")):
-            item = f"{source}: {keyword} in line {at}"
-            if adds_to_matrices(keyword, parameters, item):
-                self.notes.append(f"{keyword} of the deck is not read: its stiffness or mass must be in the matrices")
-            elif keyword == "*INCLUDE":
-                self.read(self.included.path(parameters.get("INPUT", ""), source, depth, item), depth + 1)
-            else:
-                self._block(keyword, parameters, rows, item)
-
-    @staticmethod
-    def _blocks(deck: str) -> Iterator[tuple[int, str, dict[str, str], Rows]]:
-        """Iterate over line number, keyword, parameters and data lines of each block."""
-        block = None
-        for number, text in data_lines(deck, "**"):
-            words = [word.strip() for word in text.split(",")]
-            if text.startswith("*"):
-                if block:
-                    yield block
-                pairs = (word.partition("=")[::2] for word in words[1:] if word)
-                parameters = {_plain(key): value.strip().strip('"') for key, value in pairs}
-                block = number, _plain(words[0]), parameters, Rows()
-            elif block:
-                block[-1].append((number, words))
-        if block:
-            yield block
-
-    def _block(self, keyword: str, parameters: dict[str, str], rows: Rows, item: str) -> None:
-        if keyword == "*NODE":
-            self._nodes(parameters, rows)
-        elif keyword == "*ELEMENT":
-            self._elements(parameters, rows, item)
-        elif keyword in ("*NSET", "*ELSET"):
-            sets = self.node_sets if keyword == "*NSET" else self.element_sets
-            self._set(sets, parameters.get(keyword[1:], ""), "GENERATE" in parameters, rows, item)
-        elif keyword == "*SURFACE":
-            name, kind = parameters.get("NAME", "").upper(), parameters.get("TYPE", "ELEMENT").upper()
-            check(kind in ("NODE", "ELEMENT"), item, "TYPE=NODE or TYPE=ELEMENT", f"TYPE={kind}")
-            if kind == "NODE":
-                self.node_surfaces[name] = [words[0] for _, words in rows]
-            else:
-                good = all(len(words) > 1 for _, words in rows)
-                check(good, item, "an element or set and the label of a face in every line", "another line")
-                self.surfaces[name] = [words[:2] for _, words in rows]
-        elif keyword == "*MATERIAL":
-            self.material = parameters.get("NAME", "").upper()
-        elif keyword == "*ELASTIC" and rows and parameters.get("TYPE", "ISO").upper().startswith("ISO"):
-            with self._parsing(rows[0], "Young's modulus, Poisson's ratio"):
-                young, poisson = map(float, rows[0][1][:2])  # of the lowest temperature
-                self.elastic[self.material] = young, poisson
-        elif keyword == "*SOLIDSECTION":
-            self.sections[parameters.get("ELSET", "").upper()] = parameters.get("MATERIAL", "").upper()
-
-    def _parsing(self, row: tuple[int, list[str]], expected: str) -> AbstractContextManager[None]:
-        return parsing(f"{self.source}: line {row[0]}", expected, ", ".join(row[1]))
-
-    def _integers(self, rows: Rows) -> list[int]:
-        numbers: list[int] = []
-        for row in rows:
-            with self._parsing(row, "whole numbers"):
-                numbers += [int(word) for word in row[1] if word]
-        return numbers
-
-    def _kinds(self) -> list[ElementKind]:
-        elastic = {
-            element: self.elastic.get(material, ())
-            for name, material in self.sections.items()
-            for element in self.element_sets.get(name, ())
-        }
-        return [ElementKind(self.type_of[element], *elastic.get(element, ())) for element in self.element_of]
-
-    def _nodes(self, parameters: dict[str, str], rows: Rows) -> None:
-        added = []
-        for row in rows:
-            with self._parsing(row, "a node number and its position"):
-                number, *position = row[1]
-                if not position or len([word for word in row[1] if word]) > 4:
-                    raise ValueError
-                added.append(int(number))
-                # As in CalculiX, the last definition of a node is used.
-                self.nodes[added[-1]] = [float(word or 0.0) for word in [*position, "", ""][:3]]
-        if parameters.get("NSET"):
-            self.node_sets.setdefault(parameters["NSET"].upper(), []).extend(added)
-
-    def _elements(self, parameters: dict[str, str], rows: Rows, item: str) -> None:
-        kind = parameters.get("TYPE", "").upper()
-        plain = kind.rstrip("RIHM")
-        n = _SOLIDS.get(plain)
-        if n is None:
-            self.notes.append(f"elements of type {kind or '(none)'} are not read: solid elements only")
-            return
-        words = self._integers(rows)
-        expected = f"1 + {n} numbers for each element of type {kind}"
-        check(len(words) % (n + 1) == 0, item, expected, f"{len(words)} numbers")
-        for k in range(0, len(words), n + 1):
-            self.element_of[words[k]] = words[k + 1 : k + n + 1]
-            self.type_of[words[k]] = plain + next((letter for letter in "RI" if letter in kind[len(plain) :]), "")
-        if parameters.get("ELSET"):
-            self.element_sets.setdefault(parameters["ELSET"].upper(), []).extend(words[:: n + 1])
-
-    def _set(self, sets: dict[str, list[int]], name: str, generate: bool, rows: Rows, item: str) -> None:
-        check(bool(name), item, "a name of the set", "none")
-        members = sets.setdefault(name.upper(), [])
-        for row in rows:
-            if generate:
-                first, *more = self._integers([row]) or [0]
-                last, step = [*more, 1][:2] if more else (0, 0)
-                with self._parsing(row, "first, last and step"):
-                    if not (step > 0 and 0 <= (last - first) // step <= LARGEST_COUNT // 100):
-                        raise ValueError
-                members.extend(range(first, last + 1, step))
-                continue
-            for word in filter(None, row[1]):
-                if word.lstrip("+-").isdigit():
-                    members += self._integers([(row[0], [word])])
-                else:
-                    expected = f"a number or a set out of {sorted(sets)}"
-                    check(word.upper() in sets, f"{self.source}: line {row[0]}", expected, f"'{word[:30]}'")
-                    members.extend(sets[word.upper()])
-
-    def body(self) -> FEBody:
-        """Return the body of the deck, without matrices."""
-        sets = {name: np.unique(np.array(m, dtype=np.int64)) for name, m in self.node_sets.items() if m}
-        for name, members in self.node_surfaces.items():
-            known = [sets[m.upper()] for m in members if m.upper() in sets]
-            if known:
-                sets.setdefault(name, np.unique(np.concatenate(known)))
-        body = mesh_body(
-            str(self.source), "*NODE with at least one node", list(self.nodes), list(self.nodes.values()),
-            self.element_of.values(), self._kinds(), node_sets=sets, notes=tuple(dict.fromkeys(self.notes)),
-        )  # fmt: skip
-        return replace(body, face_sets=self._face_sets(body.numbers, body.nodes))
-
-    def _face_sets(self, numbers: NDArray, nodes: NDArray) -> dict[str, tuple[NDArray, ...]]:
-        index = {number: k for k, number in enumerate(numbers.tolist())}
-        out = {}
-        for name, pairs in self.surfaces.items():
-            item = f"{self.source}: *SURFACE, NAME={name}"
-            facets: dict[int, list[NDArray]] = {}
-            for who, label in pairs:
-                known = who.isdigit() or who.upper() in self.element_sets
-                check(known, item, f"an element or a set out of {sorted(self.element_sets)}", f"'{who[:30]}'")
-                members = [int(who)] if who.isdigit() else self.element_sets[who.upper()]
-                for element in members:
-                    check(element in self.element_of, item, "solid elements of this deck", f"element {element}")
-                    connected = self.element_of[element]
-                    faces = FACES[N_CORNER[len(connected)]]
-                    labels = [f"S{k}" for k in range(1, len(faces) + 1)]
-                    check(label.upper() in labels, item, f"faces S1 to {labels[-1]}", f"'{label[:30]}'")
-                    missing = [n for n in connected if n not in index]
-                    check(not missing, item, "elements with existing nodes", f"nodes {missing}")
-                    rows = np.array([index[n] for n in connected])
-                    facet = oriented_facet(rows[list(faces[labels.index(label.upper())])], rows, nodes)
-                    facets.setdefault(len(facet), []).append(numbers[facet])
-            if facets:
-                out[name] = tuple(np.array(f) for f in facets.values())
-        return out
-
-
 @reader("an input file of CalculiX", ".inp")
-def read_inp(path: Path) -> FEBody:
+def read_inp(path: Path, instance: str | None = None) -> FEBody:
     """Read nodes, solid elements, node sets and surfaces of an input file of CalculiX or Abaqus.
 
-    The names of sets are in capitals.  Elastic constants of isotropic materials are read; steps and loads are ignored.
+    The names of sets are in capitals, and the sets of a part are named ``INSTANCE.SET``.  If only one instance is read, its
+    nodes have the numbers of the part, and its sets are also known by the names in the part.  Nodes of several instances are numbered
+    1, 2, ... in the order of the instances and of the labels.  Elastic constants of isotropic materials are read; steps
+    and loads are ignored.
 
     Parameters
     ----------
     path : path-like
+    instance : str, optional
+        Instance to read; by default all.
 
     Returns
     -------
@@ -260,9 +73,12 @@ def read_inp(path: Path) -> FEBody:
     FileNotFoundError, ModelError
         If the file does not exist, is damaged, or has a keyword that could change the mesh.
     """
-    deck = _Deck(path)
-    deck.read(path)
-    return deck.body()
+    return Deck(path).body(instance)
+
+
+@reader("an input file of Abaqus")
+def _deck(path: Path) -> Deck:
+    return Deck(path)
 
 
 # -----------------------------------------------------------------------------------------------------------
@@ -345,6 +161,107 @@ def read_calculix(job: FilePath, mesh: FilePath | None = None, modes: FilePath |
     return replace(
         body, stiffness=stiffness, mass=mass, dofs=dofs, modes=compared, source=source, element_kinds=kinds
     )
+
+
+@reader("Abaqus matrix text of rows node, component, node, component, value")
+def _labelled(path: Path, deck: Deck) -> tuple[sp.csr_matrix, NDArray]:
+    """Read a matrix whose nodes are internal numbers or labels such as ``instance.label``.
+
+    Returns
+    -------
+    matrix : (n, n) sparse
+    dofs : (n, 2) int
+        Code of the node and component of each row.
+    """
+    rows = [(k, text.split(",")) for k, text in data_lines(path.read_text(encoding="ascii"), "*")]
+    if all(row[0].strip().lstrip("-").isdigit() for _, row in rows[:1]):
+        table = number_table(path, 5)
+        own = {number: code for code, number in deck.numbers().items()}
+        labels = as_integers(table[:, [0, 2]], str(path))
+        names = {label: own.get(label) for label in np.unique(labels).tolist()}
+    else:
+        words = [[word.strip().replace('"', "") for word in row] for _, row in rows]
+        for (k, _), row in zip(rows, words):
+            check(len(row) == 5, f"{path}: line {k}", "five values", len(row))
+        labels = np.array([[row[0], row[2]] for row in words])
+        names = {label: deck.code(label) for label in np.unique(labels).tolist()}
+        names = {label: code if code in deck.model.nodes else None for label, code in names.items()}
+        table = np.array([["0", row[1], "0", *row[3:]] for row in words], float)
+    unknown = [label for label, code in names.items() if code is None]
+    internal = [label for label in unknown if str(label).startswith("-")]
+    cure = "*MATRIX GENERATE, STIFFNESS, MASS, PUBLIC NODES without contact and constraints writes those of the deck alone"
+    check(not internal, str(path), f"nodes of the deck ({cure})", f"internal node {(internal or [0])[0]}")
+    cure = "a job with noPartsInputFile=ON, or one for each instance, writes the labels of its deck"
+    check(not unknown, str(path), f"nodes of {deck.source} ({cure})", f"node {(unknown or [0])[0]}")
+    known, inverse = np.unique(labels, return_inverse=True)
+    codes = np.array([names[label] for label in known.tolist()], np.int64)[inverse].reshape(-1, 2)
+    components = as_integers(table[:, [1, 3]], str(path))
+    return entries_by_node(np.stack([codes, components], axis=2), table[:, 4], path)
+
+
+def read_abaqus(job: FilePath, instance: str | None = None) -> FEBody:
+    """Read a body from a job with ``*MATRIX GENERATE`` and ``*MATRIX OUTPUT``, in the formats MATRIX INPUT or LABELS.
+
+    Parameters
+    ----------
+    job : path-like
+        Name of the job, with or without ending; ``job.inp`` and the only ``job_STIF*.mtx`` and ``job_MASS*.mtx`` are read.
+    instance : str, optional
+        Instance to read, which must not be coupled to others; by default all.  See :func:`read_inp` for the numbers of its
+        nodes and the names of its sets.
+
+    Returns
+    -------
+    FEBody
+
+    Raises
+    ------
+    FileNotFoundError, ModelError
+        If a file does not exist or is damaged, or the nodes of the matrices are not those of the deck.
+    """
+    path = Path(job).with_suffix(".inp") if Path(job).suffix.lower() in ("", ".inp", ".mtx") else Path(f"{job}.inp")
+    deck = _deck(path)
+    body = deck.body(instance)
+    number, matrices = deck.numbers(instance.upper() if instance else None), []
+    for kind in ("STIF", "MASS"):
+        found = sorted(path.parent.glob(f"{path.stem}_{kind}*.mtx"))
+        if not found:
+            raise FileNotFoundError(f"there is no file '{path.stem}_{kind}1.mtx' of *MATRIX OUTPUT, {kind} at '{path}'")
+        check(len(found) == 1, str(path), f"one file {path.stem}_{kind}*.mtx", ", ".join(file.name for file in found))
+        matrix, dofs = _labelled(found[0], deck)
+        held = dofs[matrix.diagonal() > 1e30][:1]
+        check(not len(held), str(found[0]), "a job without *BOUNDARY (Sector.fixed holds nodes)", f"held: {held}")
+        own = np.isin(dofs[:, 0], list(number))
+        coupled = matrix[own][:, ~own].nnz
+        check(coupled == 0, str(found[0]), f"instance {instance} without contact or ties", f"{coupled} entries with others")
+        table = np.array([[number[code], component] for code, component in dofs[own].tolist()])
+        matrices.append((matrix[own][:, own], table, found[0]))
+    (stiffness, table, file), (mass, others, second) = matrices
+    _check_numbering(stiffness, table, body, str(file))
+    mass = reordered(mass, others, table, str(second))
+    return replace(body, stiffness=stiffness, mass=mass, dofs=table, source=f"{file}, {second.name}, {path.name}")
+
+
+def _check_numbering(matrix: sp.csr_matrix, dofs: NDArray, body: FEBody, item: str) -> None:
+    """Raise ModelError unless most of the coupled nodes of a matrix belong to the same element."""
+    if not body.elements:
+        return
+    order = np.sort(body.numbers)
+    count = len(order)
+    elements = [np.searchsorted(order, nodes) for nodes in body.elements]
+    row = np.repeat(np.arange(sum(map(len, elements))), [nodes.shape[1] for nodes in elements for _ in nodes])
+    column = np.concatenate([nodes.ravel() for nodes in elements])
+    touching = sp.csr_matrix((np.ones(len(row)), (row, column)), shape=(row[-1] + 1, count))
+    entries = matrix.tocoo()
+    pairs = np.searchsorted(order, dofs[:, 0])[np.stack([entries.row, entries.col])]
+    joined = sp.csr_matrix((np.ones(len(pairs[0])), pairs), shape=(count, count))
+    joined.setdiag(0.0)
+    joined.eliminate_zeros()
+    together = touching.T @ touching
+    alone = joined.nnz - joined.multiply(together > 0).nnz
+    cure = "*MATRIX OUTPUT, FORMAT=LABELS or one job for each instance names them"
+    expected = f"coupled nodes that share an element of the deck ({cure})"
+    check(alone <= BOUNDS.odd_ones * joined.nnz, item, expected, f"{alone} of {joined.nnz} pairs that share none")
 
 
 # -----------------------------------------------------------------------------------------------------------

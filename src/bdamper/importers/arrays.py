@@ -277,17 +277,25 @@ def read_abaqus_matrix(path: Path) -> tuple[sp.csr_matrix, NDArray | None]:
     """
     market = path.read_bytes()[:14].lower() == b"%%matrixmarket"
     check(not market, str(path), "Abaqus coordinate text", "a Matrix Market file; pass the matrix of scipy.io.mmread")
-    table, dofs = number_table(path, 3, 5), None
-    if table.shape[1] == 3:
-        row, column = (as_integers(table[:, k], f"{path}: column {k + 1}") - 1 for k in (0, 1))
-    else:
-        pairs = as_integers(table[:, :4], str(path)).reshape(-1, 2)
-        dofs, inverse = np.unique(pairs, axis=0, return_inverse=True)
-        row, column = np.asarray(inverse).reshape(-1, 2).T
+    table = number_table(path, 3, 5)
+    if table.shape[1] == 5:
+        return entries_by_node(as_integers(table[:, :4], str(path)).reshape(-1, 2, 2), table[:, 4], path)
+    row, column = (as_integers(table[:, k], f"{path}: column {k + 1}") - 1 for k in (0, 1))
     n = int(max(row.max(), column.max())) + 1
     if min(row.min(), column.min()) < 0 or n > 10 * len(row) or n > LARGEST_COUNT:
         raise mismatch(str(path), "rows and columns counted from 1, all of them used", f"{n} from {len(row)} entries")
-    return triangle_to_full(row, column, table[:, -1], n), dofs
+    return triangle_to_full(row, column, table[:, -1], n), None
+
+
+def entries_by_node(pairs: NDArray, value: NDArray, path: Path) -> tuple[sp.csr_matrix, NDArray]:
+    """Return a matrix from node and component of the rows and columns (n, 2, 2) of its entries (n,), and its table."""
+    internal = pairs[pairs[:, :, 0] < 0][:1]
+    cure = "a job without contact and constraints, with *MATRIX GENERATE, PUBLIC NODES"
+    check(not len(internal), str(path), f"nodes of the mesh: {cure}", f"internal nodes {internal[:, 0].tolist()}")
+    dofs, inverse = np.unique(pairs.reshape(-1, 2), axis=0, return_inverse=True)
+    row, column = np.asarray(inverse).reshape(-1, 2).T
+    check(len(dofs) <= 10 * len(row), str(path), "entries of every row", len(row))
+    return triangle_to_full(row, column, value, len(dofs)), dofs
 
 
 def triangle_to_full(row: NDArray, column: NDArray, value: NDArray, n: int) -> sp.csr_matrix:
@@ -411,7 +419,7 @@ def read_arrays(
     k, k_dofs = _with_table(stiffness, f"{label}: stiffness matrix")
     m, m_dofs = _with_table(mass, f"{label}: mass matrix")
     if dofs is None and k_dofs is not None and m_dofs is not None:
-        m = _reordered(m, m_dofs, k_dofs, str(mass))
+        m = reordered(m, m_dofs, k_dofs, str(mass))
     dofs = k_dofs if dofs is None else np.asarray(_loaded(dofs, read_dofs))
     if isinstance(nodes, str | os.PathLike) and Path(nodes).suffix.lower() in BODIES:
         nodes = read_body(nodes)
@@ -446,7 +454,7 @@ def _with_table(matrix: FilePath | sp.spmatrix, item: str) -> tuple[sp.csr_matri
     return read_matrix(path), None
 
 
-def _reordered(matrix: sp.csr_matrix, dofs: NDArray, order: NDArray, item: str) -> sp.csr_matrix:
+def reordered(matrix: sp.csr_matrix, dofs: NDArray, order: NDArray, item: str) -> sp.csr_matrix:
     """Return the matrix with its rows in the order of another table of nodes and components."""
     index = {tuple(pair): k for k, pair in enumerate(order.tolist())}
     pairs = [tuple(pair) for pair in dofs.tolist()]

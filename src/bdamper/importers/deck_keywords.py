@@ -49,10 +49,20 @@ def refuse(found: str, item: str, read: Iterable[str]) -> NoReturn:
 
 INP_READ: Mapping[str, frozenset[str]] = {
     "*INCLUDE": _table("INPUT"),
-    "*NODE": _table("NSET"),
+    "*PART": _table("NAME"),
+    "*ENDPART": _table(""),
+    "*ASSEMBLY": _table("NAME"),
+    "*ENDASSEMBLY": _table(""),
+    "*INSTANCE": _table("NAME PART"),
+    "*ENDINSTANCE": _table(""),
+    "*SYSTEM": _table(""),
+    "*NODE": _table("NSET SYSTEM"),
+    "*NGEN": _table("NSET"),
+    "*NFILL": _table("NSET"),
     "*ELEMENT": _table("TYPE ELSET"),
-    "*NSET": _table("NSET GENERATE UNSORTED INTERNAL"),
-    "*ELSET": _table("ELSET GENERATE UNSORTED INTERNAL"),
+    "*ELGEN": _table("ELSET"),
+    "*NSET": _table("NSET ELSET INSTANCE GENERATE UNSORTED INTERNAL"),
+    "*ELSET": _table("ELSET INSTANCE GENERATE UNSORTED INTERNAL"),
     "*SURFACE": _table("NAME TYPE INTERNAL"),
 }
 """Keywords that define the mesh, with their permitted parameters."""
@@ -83,6 +93,22 @@ INP_HARMLESS = _table(
 """Materials, loads, supports, steps and output.  Elastic constants are read; nothing here changes the mesh."""
 
 
+_CURES = {
+    **dict.fromkeys(
+        ("*TIE", "*SHELLTOSOLIDCOUPLING"),
+        "merge the meshes at the tied faces, or make each side a body of its own and join both by ContactFaces",
+    ),
+    **dict.fromkeys(
+        ("*EQUATION", "*MPC"), "remove it before the matrices are written; Sector.faces ties the sector faces"
+    ),
+    **dict.fromkeys(
+        ("*COUPLING", "*KINEMATIC", "*DISTRIBUTING", "*KINEMATICCOUPLING", "*DISTRIBUTINGCOUPLING", "*RIGIDBODY"),
+        "remove it before the matrices are written; Sector.fixed holds a set of nodes, forces= load one",
+    ),
+}
+"""Cures for constraints between nodes, by keyword."""
+
+
 def adds_to_matrices(keyword: str, parameters: Mapping[str, str], item: str) -> bool:
     """Return whether a keyword of a deck adds stiffness or mass.
 
@@ -107,6 +133,8 @@ def adds_to_matrices(keyword: str, parameters: Mapping[str, str], item: str) -> 
     ties = keyword == "*CONTACTPAIR" and not parameters.keys().isdisjoint(("ADJUST", "TIED"))
     cyclic = keyword == "*TIE" and "CYCLICSYMMETRY" in parameters
     if ties or not (cyclic or keyword in INP_HARMLESS or keyword in INP_IN_MATRICES):
+        if keyword in _CURES:
+            raise mismatch(item, f"a mesh without constraints ({_CURES[keyword]})", keyword)
         refuse(", ".join([keyword, *parameters]), item, INP_READ)
     return keyword in INP_IN_MATRICES
 

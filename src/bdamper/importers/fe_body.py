@@ -417,7 +417,7 @@ def parsing(item: str, expected: str, found: object = None) -> Iterator[None]:
         yield
     except BdamperError:
         raise
-    except (ValueError, IndexError, RuntimeError, ArithmeticError, np.linalg.LinAlgError, MemoryError) as error:
+    except (ValueError, LookupError, RuntimeError, ArithmeticError, np.linalg.LinAlgError, MemoryError) as error:
         raise mismatch(item, expected, error if found is None else f"'{str(found).strip()[:60]}'") from error
 
 
