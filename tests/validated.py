@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 import bdamper as bd
@@ -181,6 +182,58 @@ def den_hartog() -> Problem:
         'J. P. Den Hartog, "Forced vibrations with combined Coulomb and viscous friction", Trans. ASME 53 (1931)',
         "one mass with rigid friction: amplitude of the first harmonic, extrapolated from 32 odd harmonics and three "
         "contact stiffnesses",
+        tuple(rows), draw,
+    )  # fmt: skip
+
+
+def _layers(n: int) -> NDArray:
+    """Stiffness over tip deflection and slip at n points of two equal layers: E, width, depth of a layer and length are 1.
+
+    The layers bend together (Hermite cubics) and stretch against each other (linear elements); the rest is condensed.
+    """
+    d, points = 1.0 / n, 3 * np.arange(n)
+    w, a, b = np.array([12.0, 6.0 * d, -12.0, 6.0 * d]), 4.0 * d**2, 2.0 * d**2
+    bend = np.array([w, [6.0 * d, a, -6.0 * d, b], -w, [6.0 * d, b, -6.0 * d, a]]) / 12.0 / d**3
+    K = np.zeros((3 * n + 3, 3 * n + 3))  # deflection, angle and stretch of each point
+    for first in points:
+        K[np.ix_(first + [0, 1, 3, 4], first + [0, 1, 3, 4])] += 2.0 * bend
+        K[np.ix_(first + [2, 5], first + [2, 5])] += 2.0 / d * np.array([[1, -1], [-1, 1]])
+    motions = np.zeros((n + 1, 3 * n))
+    motions[0, -3] = 1.0
+    motions[1:][np.arange(n), points + 1], motions[1:][np.arange(n), points + 2] = 1.0, 2.0  # slip h theta + 2 u
+    return np.linalg.inv(motions @ np.linalg.solve(K[3:, 3:], motions.T))
+
+
+def goodman_klumpp() -> Problem:
+    """Units: E, width, depth of a layer and length are 1; the force slips both layers when friction is 3/4 of it."""
+    n, shares, ours = 8, np.array([0.25, 0.5, 0.75]), []
+    K, lengths = _layers(n), np.append(np.full(n - 1, 1.0 / n), 0.5 / n)
+    slow = 1e-4 * np.sqrt(np.linalg.eigvalsh(K)[0]) / TWO_PI
+    for share in shares:
+        sliders = [bd.Contact(i + 1, kt=1e4 * l, mu=1.0, preload=0.75 * share * l) for i, l in enumerate(lengths)]
+        study = bd.lumped(
+            np.ones(n + 1), np.zeros(n + 1), K, contacts=sliders, forces={0: 1.0}, harmonics=tuple(range(1, 34, 2))
+        )
+        curve = study.frequency_response(0.0, (slow, 1.02 * slow))
+        ours.append(-np.pi * curve.harmonics[np.argmin(curve.frequency), 1].imag)
+
+    def energy(share):  # 8 q L^3 (P - 4 q h/3)/(E b h^2), with the friction q = mu p b
+        return 6.0 * share * (1.0 - share)
+
+    # the loop of force and deflection is a parallelogram between the stiffness of one beam and that of two
+    area = 4.0 * shares * (1.0 - shares) * (1.0 / (6.0 / 12.0) - 1.0 / (3.0 * 8.0 / 12.0))
+    assert np.allclose(area, energy(shares), rtol=1e-12)
+    rows = [Row(f"friction {a:g} of the limit: energy per cycle", energy(a), x, 0.015) for a, x in zip(shares, ours)]
+
+    def draw(ax):
+        x = np.linspace(0.0, 1.0, 101)
+        _over(ax, shares, (x, energy(x)), ours, "Friction over the friction at which nothing slips", "Energy per cycle")
+
+    return Problem(
+        'L. E. Goodman and J. H. Klumpp, "Analysis of slip damping with reference to turbine-blade vibration", J. Appl. '
+        "Mech. 23 (1956); derived again from the slip and from the stiffness of one beam and of two layers",
+        "cantilever of two layers under uniform pressure, with a force at the tip: dissipation in slow cycles, 8 points, "
+        "17 odd harmonics",
         tuple(rows), draw,
     )  # fmt: skip
 
@@ -724,6 +777,7 @@ def available(name: str) -> bool:
 PROBLEMS: dict[str, Callable[[], Problem]] = {
     "Griffin's oscillator": griffin,
     "Den Hartog's oscillator": den_hartog,
+    "Goodman and Klumpp's beam": goodman_klumpp,
     "Duffing": duffing,
     "Shaw and Holmes' impact oscillator": shaw_and_holmes,
     "Nonlinear mode of the Jenkins element": jenkins_mode,

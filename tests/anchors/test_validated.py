@@ -8,7 +8,7 @@ from tests.validated import NEEDS, PROBLEMS, available
 
 PAGE = Path(__file__).parents[2] / "docs" / "evidence" / "validated.md"
 LONG = {"Planar wedge", "Planar wedge, forced", "The paper's four numbers", "CalculiX", "Limit cycles"}
-LONG |= {"Den Hartog's oscillator", "Finite element models by others"}
+LONG |= {"Den Hartog's oscillator", "Goodman and Klumpp's beam", "Finite element models by others"}
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n in LONG else n for n in PROBLEMS])
