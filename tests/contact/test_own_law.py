@@ -18,7 +18,7 @@ from bdamper.contact.laws import OwnLaws
 from bdamper.harmonic_balance.contact_cycle import energies
 from bdamper.time_domain.integration import Ring
 
-PAGE = (Path(__file__).parents[2] / "docs" / "own-laws.md").read_text()
+PAGE = (Path(__file__).parents[2] / "docs" / "lumped.md").read_text()
 NUMBER = ctypes.POINTER(ctypes.c_double)
 
 
@@ -348,7 +348,7 @@ def test_the_example_in_c(tmp_path):
 
 def test_the_example_with_numba():
     pytest.importorskip("numba", reason="numba is not installed")
-    (code,) = [block for block in re.findall(r"```python\n(.*?)```", PAGE, re.S) if "numba" in block]
+    (code,) = [block for block in re.findall(r"```py\n(.*?)```", PAGE, re.S) if "numba" in block]
     names = {"bd": bd}
     exec(code, names)
     expected, found = own_curve(names["law"])

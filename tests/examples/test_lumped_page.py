@@ -12,7 +12,7 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "lumped.md"
 @pytest.fixture(scope="module")
 def page():
     blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.S)
-    assert len(blocks) == 6
+    assert len(blocks) == 7
     assert max(len(block.splitlines()) for block in blocks) <= 10
     space = {}
     for block in blocks:

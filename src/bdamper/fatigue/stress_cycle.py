@@ -232,7 +232,7 @@ def speeds(problem: Problem, frequency: NDArray, speed: float | None = None) -> 
 def chosen_sets(problem: Problem, sets: str | Sequence[str] | None = None) -> tuple[StressSet, ...]:
     """Return stress sets by name, at the contact points of the study."""
     known = problem.coupling.model.stress
-    validation.check(known, "stress", "a model with stress sets", "none (docs/fatigue.md explains how to add them)")
+    validation.check(known, "stress", "a model with stress sets", "none (docs/speed.md explains how to add them)")
     names = [sets] if isinstance(sets, str) else list(known if sets is None else sets)
     return tuple(known[validation.choice("stress set", name, list(known))] for name in names)
 
