@@ -10,7 +10,7 @@ README, PAGE = ((ROOT / name).read_text() for name in ("README.md", "docs/index.
 
 
 def test_the_readme_is_short():
-    assert len(README.split()) <= 500 and README.count("![") == 1
+    assert len(README.split()) <= 350 and README.count("![") == 1
     (code,) = re.findall(r"```python\n(.*?)```", README, re.S)
     assert len([line for line in code.splitlines() if line]) <= 9 and code in PAGE
 
