@@ -4,6 +4,7 @@
 #   make examples  all figures of the paper, with times, in figures/
 #   make docs      documentation with the gallery, in docs/_build/html (the first time some four minutes)
 #   make docs-check  the same pages without running notebooks and examples, half a minute
+#   make manual    the built manual as one archive, dist/bdamper-manual.tar.gz
 #   make links     whether pages that the documentation names still exist (needs a network)
 # For developers: bench, accuracy, hard, fuzz, lint, sanitize, clean, and:
 #   make nightly   required before a release besides .ci/run: portability, nastran, others, browser, links, newest
@@ -46,7 +47,7 @@ define step
 @echo "== $(1)"; { $(2); } || { status=$$?; echo "make: FAILED: $(1)"; exit $$status; }
 endef
 
-.PHONY: demo test test-slow test-all nightly portability bench examples docs docs-check links accuracy validate hard fuzz lint sanitize kernels nastran others oldest newest wheel readme browser cross peers clean prerequisites
+.PHONY: demo test test-slow test-all nightly portability bench examples docs docs-check manual links accuracy validate hard fuzz lint sanitize kernels nastran others oldest newest wheel readme browser cross peers clean prerequisites
 
 demo: $(VENV)/demo.stamp
 	$(call step,demonstration,$(PY) examples/demo.py)
@@ -87,6 +88,9 @@ docs: $(VENV)/docs.stamp
 docs-check: $(VENV)/docs.stamp
 	$(call step,documentation without its notebooks and examples,$(PY) -m sphinx -q -W --keep-going -b html -D nb_execution_mode=off -D plot_gallery=0 \
 	  -D suppress_warnings=image.not_readable docs docs/_build/check)
+
+manual: docs
+	@mkdir -p dist && tar -czf dist/bdamper-manual.tar.gz -C docs/_build html && echo dist/bdamper-manual.tar.gz
 
 links: $(VENV)/docs.stamp
 	$(call step,external links of the documentation,$(PY) -m sphinx -q -b linkcheck -D nb_execution_mode=off -D plot_gallery=0 docs docs/_build/linkcheck >/dev/null 2>&1 \
