@@ -22,6 +22,8 @@ matplotlib.use("Agg")
 DOCS = Path(__file__).parents[1] / "docs"
 HEAD = """# Validated against
 
+*Evidence: you do not need this page to use bdamper.*
+
 Which public problems and closed forms does bdamper reproduce? `make validate` computes them again and writes this page.
 Numbers agree within the tolerances of `tests/validated.py` (1e-10 to 5 %); where one does not, the reason is given.
 """

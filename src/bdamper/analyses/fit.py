@@ -108,7 +108,8 @@ class Objective:
         Constant parameters.
     profiles : bool
         Whether intervals follow from profiles; otherwise they follow from the covariance.
-    priors : mapping of name to (mean, standard deviation)
+    priors : mapping of str to pair of float
+        Mean and standard deviation of parameters that are known from other sources.
     """
 
     problem: Asking | Problem | Callable[..., Asking]
@@ -268,8 +269,8 @@ def fit(
         Relative standard deviation of a measured amplitude, force or damping ratio, and standard deviation of a phase in
         radians. By default the scatter of the amplitudes of tests repeated under the same conditions, or 0.02 without
         repetitions.
-    priors : mapping of name to (mean, standard deviation), optional
-        Knowledge about parameters from other sources, in the units of the parameters. A prior counts like a measurement.
+    priors : mapping of str to pair of float, optional
+        Mean and standard deviation of parameters that are known from other sources. A prior counts like a measurement.
     intervals : {"profile", "linear"}
         Profiles of the sum of squares, or its quadratic approximation by the covariance, which needs no further responses.
 

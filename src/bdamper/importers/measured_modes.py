@@ -42,7 +42,7 @@ class MeasuredMode:
         NaN if not measured. Under phase control the damping ratio is force over twice modal mass times acceleration.
     preload : float, N
     mode : int
-        Number of the mode, as in :func:`bdamper.analyses.nonlinear_mode.nonlinear_mode`.
+        Number of the mode, as in :meth:`bdamper.Study.nonlinear_mode`.
     noise : float, optional
         Relative standard deviation of the frequencies. By default the noise of a fit times the damping ratio; the mean of
         the damping ratios replaces missing values.
