@@ -19,6 +19,45 @@ from bdamper.fatigue.criteria import Material
 from bdamper.response.linear_limits import peak_interval
 
 
+def import_decks(given: argparse.Namespace) -> None:
+    """Build a model from decks; write model, report and picture."""
+    from bdamper import importers
+    from bdamper.plot import save_figure
+
+    def body(text: str) -> importers.FEBody:
+        deck, _, instance = text.rpartition(":") if Path(text).suffix.lower() not in (".inp", ".cdb") else (text, "", "")
+        return importers.read_job(deck or text, instance or None)
+
+    points = given.points[0] if len(given.points) == 1 else tuple(given.points)
+
+    def contact(text: str) -> importers.ContactFaces:
+        name, _, faces = text.partition("=")
+        sides = [side.rpartition("/")[::2] for side in faces.split(",")]
+        if not name or len(sides) != 2:
+            raise bd.SettingError(f"--contact: expected NAME=SET,SET, found {text!r}")
+        (body_a, a), (body_b, b) = sides
+        body_a = body_a or ("damper" if given.damper else "blade")
+        other = (None, "ground") if b == "ground" else (b, body_b or "blade")
+        return importers.ContactFaces(name, a, other[0], body_a, other[1], points=points)
+
+    dampers = [text.rpartition("=")[::2] for text in given.damper]
+    built = importers.build_model(
+        body(given.blade), {name or "damper": body(deck) for name, deck in dampers} or None,
+        contacts=[contact(text) for text in given.contact],
+        sector=importers.Sector(given.sectors, given.faces, given.fixed, given.blade_nodes, given.stress),
+        placement=importers.Placement(given.units, given.axis, given.radial),
+        reduction=importers.Reduction(given.engine_order, given.harmonics, n_modes=given.modes),
+        locations={"tip": int(given.tip[0]) if len(given.tip) == 1 else given.tip} if given.tip else None,
+        progress=False if given.quiet else None,
+    )  # fmt: skip
+    print(built)
+    stem = given.out or Path(given.blade.partition(":")[0]).stem
+    built.save(f"{stem}.h5")
+    Path(f"{stem}.txt").write_text(f"{built}\n", encoding="utf-8")
+    save_figure(built.plot(), f"{stem}.png")
+    print(f"wrote {stem}.h5, {stem}.txt, {stem}.png", file=sys.stderr)
+
+
 def frequency_response(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
     """Return the response curve, and whether it spans the frequency interval."""
     band = peak_interval(study.problem.at(given.preload), given.band and tuple(given.band), given.mode)
@@ -99,6 +138,7 @@ def parser() -> argparse.ArgumentParser:
     add("--at", default="tip", help="location of excitation and response, default %(default)s")
     add("--direction", default="tangential", help="of the excitation: tangential, radial or axial, default %(default)s")
 
+    some: dict[str, Any] = {"nargs": "+", "metavar": "N"}
     main = Parser("bdamper", description="Forced response of bladed disks with friction dampers.")
     main.add_argument("--version", action="version", version=bd.__version__)
     commands = main.add_subparsers(dest="command", required=True)
@@ -118,8 +158,29 @@ def parser() -> argparse.ArgumentParser:
     add("--check", action="store_true", help="compare with more harmonics and time integration, at five times the cost")
     add("--html", metavar="FILE", type=partial(file_to_write, (".html",)), help="write a report for a review")
     own["crossings"].add_argument("--speeds", default=(5000.0, 10000.0), help="in rpm, default 5000 10000", **two)
-    some: dict[str, Any] = {"nargs": "+", "type": int, "metavar": "N"}
-    own["crossings"].add_argument("--orders", default=(5,), help="engine orders, default 5", **some)
+    own["crossings"].add_argument("--orders", default=(5,), type=int, help="engine orders, default 5", **some)
+    decks = commands.add_parser("decks", help="write the files of an example of an import to this folder")
+    decks.add_argument("name", help="abaqus, calculix or shroud")
+    add = commands.add_parser("import", help="model, report and picture from decks and their matrices").add_argument
+    add("blade", metavar="DECK", help="deck of the sector, .inp or .cdb, beside its matrices; DECK:INSTANCE for one")
+    add("--damper", nargs="+", default=(), metavar="[NAME=]DECK", help="decks of free bodies")
+    contact = "pairs of faces: sets of a damper and of the blade, BODY/SET for those of another body, or ground"
+    add("--contact", nargs="+", required=True, metavar="NAME=SET,SET", help=contact)
+    add("--points", default=(2, 3), type=int, help="contact points of a pair, or two numbers, default 2 3", **some)
+    add("--units", default="m-kg-s", help="of the decks: m-kg-s, mm-t-s, mm-kg-s or in-lbf-s, default %(default)s")
+    for name, text, direction in (("axis", "of rotation", (0.0, 0.0, 1.0)), ("radial", "to the blade", (0.0, 1.0, 0.0))):
+        add(f"--{name}", nargs=3, type=float, default=direction, help=f"direction {text} in the decks, default {direction}")
+    add("--sectors", type=int, metavar="N", help="number of sectors, by default from the sector faces")
+    add("--faces", nargs=2, metavar="SET", help="sector faces, by default found in the mesh")
+    add("--fixed", metavar="SET", help="held nodes")
+    add("--blade-nodes", metavar="SET", help="nodes of the blade, for mistuned bladed disks")
+    add("--stress", metavar="SET", help="nodes with stress")
+    add("--engine-order", default=(5,), type=int, help="engine orders, default 5", **some)
+    add("--harmonics", type=int, metavar="H", help="harmonics of the engine orders, by default for all studies")
+    add("--modes", type=int, default=20, help="modes of the sector at each nodal diameter, default %(default)s")
+    add("--tip", nargs="+", type=float, metavar="X", help="node number or position of the location 'tip'")
+    add("--out", metavar="NAME", help="name of the files, by default that of the deck")
+    add("--quiet", action="store_true", help="do not show progress")
     for name, text in (
         ("endurance", "endurance limit"), ("ultimate", "ultimate strength"), ("yield", "yield strength"),
     ):  # fmt: skip
@@ -144,6 +205,12 @@ def explore(study: bd.Study, given: argparse.Namespace) -> int:
 def answer(given: argparse.Namespace) -> int:
     """Compute, print and write the result; return 1 if there is no result."""
     result: Any
+    if given.command == "decks":
+        print(*bd.importers.example_decks(given.name), sep="\n")
+        return 0
+    if given.command == "import":
+        import_decks(given)
+        return 0
     model = bd.reference_model("turbine_blade") if given.demo else bd.load_model(given.model)
     if given.command == "info":
         result, answered = model, True

@@ -21,6 +21,7 @@ from bdamper.importers.arrays import (
 from bdamper.importers.bodies import over_speed
 from bdamper.importers.build import BuiltModel, build_model
 from bdamper.importers.contact_faces import ContactFaces
+from bdamper.importers.example_decks import example_decks, read_job
 from bdamper.importers.fe_body import UNITS, FEBody, MassProperties, Modes, Units, read_body
 from bdamper.importers.measured_modes import MeasuredMode, read_mode, read_ring_down
 from bdamper.importers.measurements import Measurement, load_measured, read_measurements, read_response, read_responses
@@ -29,9 +30,9 @@ from bdamper.importers.options import Checks, Placement, Reduction, Sector
 
 __all__ = [
     "UNITS", "BuiltModel", "Checks", "ContactFaces", "FEBody", "MassProperties", "MeasuredMode", "Measurement", "Modes",
-    "Placement", "Reduction", "Sector", "Units", "build_model", "load_measured", "over_speed", "read_abaqus",
-    "read_abaqus_matrix", "read_ansys", "read_arrays", "read_bdf", "read_body", "read_calculix", "read_cdb",
-    "read_dofs", "read_elements", "read_frd", "read_full", "read_inp", "read_matrix", "read_measurements", "read_mode",
-    "read_nastran", "read_nodes", "read_op2", "read_op4", "read_response", "read_responses", "read_ring_down",
-    "read_rst", "read_set",
+    "Placement", "Reduction", "Sector", "Units", "build_model", "example_decks", "load_measured", "over_speed",
+    "read_abaqus", "read_abaqus_matrix", "read_ansys", "read_arrays", "read_bdf", "read_body", "read_calculix",
+    "read_cdb", "read_dofs", "read_elements", "read_frd", "read_full", "read_inp", "read_job", "read_matrix",
+    "read_measurements", "read_mode", "read_nastran", "read_nodes", "read_op2", "read_op4", "read_response",
+    "read_responses", "read_ring_down", "read_rst", "read_set",
 ]  # fmt: skip

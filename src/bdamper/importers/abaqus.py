@@ -54,9 +54,9 @@ def read_inp(path: Path, instance: str | None = None) -> FEBody:
     """Read nodes, solid elements, node sets and surfaces of an input file of CalculiX or Abaqus.
 
     The names of sets are in capitals, and the sets of a part are named ``INSTANCE.SET``.  If only one instance is read, its
-    nodes have the numbers of the part, and its sets are also known by the names in the part.  Nodes of several instances are numbered
-    1, 2, ... in the order of the instances and of the labels.  Elastic constants of isotropic materials are read; steps
-    and loads are ignored.
+    nodes have the numbers of the part, and its sets are also known by the names in the part.  Nodes of several instances
+    are numbered 1, 2, ... in the order of the instances and of the labels.  Elastic constants of isotropic materials are
+    read; steps and loads are ignored.
 
     Parameters
     ----------

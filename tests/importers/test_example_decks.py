@@ -1,0 +1,82 @@
+"""Example decks: their files, jobs read by the files beside a deck, and models from the command line."""
+
+import pytest
+
+import bdamper as bd
+from bdamper.__main__ import main
+from bdamper.importers import example_decks, read_job
+from bdamper.util.errors import ModelError, SettingError
+
+WEDGE = ["--units", "mm-t-s", "--axis", "1", "0", "0", "--faces", "LOW", "HIGH", "--engine-order", "4", "--harmonics", "1",
+         "--contact", "left=LEFT,RIGHT_UNDERSIDE", "right=RIGHT,LEFT_UNDERSIDE", "--modes", "8"]  # fmt: skip
+STRIPS = [f"{d}_{a}={d}/{a},UNDER_{b}" for d in ("front", "rear") for a, b in (("LEFT", "RIGHT"), ("RIGHT", "LEFT"))]
+
+
+def test_example_decks_are_small_and_never_replace_other_files(tmp_path):
+    written = [path for name in ("abaqus", "calculix", "shroud") for path in example_decks(name, tmp_path)]
+    assert len(written) == 3 + 8 + 12 and all(path.is_file() for path in written)
+    example_decks("shroud", tmp_path)
+    (tmp_path / "stage.inp").write_text("*NODE")
+    with pytest.raises(FileExistsError, match=r"stage\.inp' exists and is not the file of the example 'abaqus'"):
+        example_decks("abaqus", tmp_path)
+    assert (tmp_path / "stage.inp").read_text() == "*NODE"
+    with pytest.raises(SettingError, match="example: expected one of"):
+        example_decks("../abaqus", tmp_path)
+
+
+def test_a_job_is_read_by_the_files_beside_its_deck(tmp_path):
+    example_decks("calculix", tmp_path)
+    example_decks("abaqus", tmp_path)
+    ours, theirs = read_job(tmp_path / "damper.inp"), read_job(tmp_path / "stage.inp", "Strip-1")
+    assert ours.stiffness.shape == theirs.stiffness.shape == (180, 180)
+    assert abs(ours.nodes - theirs.nodes).max() < 1e-8
+    with pytest.raises(ModelError, match=r"a deck \.inp or \.cdb"):
+        read_job(tmp_path / "damper.sti")
+    with pytest.raises(FileNotFoundError):
+        read_job(tmp_path / "other.cdb")
+
+
+def test_decks_and_instances_give_the_same_model_on_the_command_line(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["decks", "calculix"]) == main(["decks", "abaqus"]) == 0
+    assert main(["import", "sector.inp", "--damper", "damper.inp", *WEDGE, "--tip", "0", "346.6", "0"]) == 0
+    stage = ["stage.inp:Sector-1", "--damper", "stage.inp:Strip-1", "--fixed", "BORE", "--out", "abaqus", "--tip", "117"]
+    assert main(["import", *stage, *WEDGE]) == 0
+    out = capsys.readouterr()
+    assert "wrote sector.h5, sector.txt, sector.png" in out.err
+    assert (tmp_path / "sector.txt").read_text() in out.out
+    assert (tmp_path / "sector.png").stat().st_size > 10_000
+    one, other = (bd.load_model(f"{name}.h5") for name in ("sector", "abaqus"))
+    for d, basis in one.bodies["blade"].bases.items():
+        assert other.bodies["blade"].bases[d].omega2[:8] == pytest.approx(basis.omega2[:8], rel=1e-6)
+    assert [face.n_points for face in one.interfaces.values()] == [6, 6]
+    assert one.locations["tip"].position == pytest.approx(other.locations["tip"].position)
+
+
+def test_a_shroud_and_two_dampers_on_the_command_line(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    main(["decks", "shroud"])
+    bodies = ["blade.inp", "--damper", "front=front.inp", "rear=rear.inp", "--faces", "LOW", "HIGH", "--points", "4"]
+    faces = ["--contact", "shroud=blade/SHROUD_HIGH,SHROUD_LOW", *STRIPS]
+    assert main(["import", *bodies, *faces, "--engine-order", "4", "--harmonics", "1", "--modes", "8"]) == 0
+    model = bd.load_model("blade.h5")
+    assert [*model.bodies] == ["blade", "front", "rear"] and len(model.interfaces) == 5
+    assert model.interfaces["shroud"].n_points == 4 and model.interfaces["shroud"].sector_b == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "text"),
+    [
+        (["decks", "nastran"], 2, "example: expected one of ('abaqus', 'calculix', 'shroud'), found 'nastran'"),
+        (["import", "nowhere.inp", "--contact", "a=A,B"], 1, "nowhere.inp"),
+        (["import", "sector.inp", "--contact", "A,B"], 2, "--contact: expected NAME=SET,SET, found 'A,B'"),
+        (["import", "sector.inp", "--contact", "a=A,ground", *WEDGE[:-5]], 1, "contact 'a'"),
+    ],
+)
+def test_a_failed_import_is_told_in_a_line(arguments, code, text, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    example_decks("calculix")
+    assert main(arguments) == code
+    told = capsys.readouterr().err
+    assert text in told and told.count("\n") == 1
+    assert not list(tmp_path.glob("*.h5"))
