@@ -76,7 +76,7 @@ def test_goes_on_from_any_curve_with_the_same_result(whole, tmp_path):
         kept.append(len(path.read_text().splitlines()) - 1)
         if not curve.interrupted:
             break
-        assert Fact("optimum status", "interrupted: by the user") in curve._facts()
+        assert Fact("optimum", "not located, interrupted: by the user") in curve._facts()
     assert kept[:2] == [3, 6] and kept[-1] == len(whole.curves)
     same(curve, whole)
     executor = Here()

@@ -528,7 +528,7 @@ def test_preloads_within_an_amplitude(result):
     best = replace(result.optimum, preload=100.0, amplitude=1e-4)
     amplitude = 1e-4 * np.maximum(preload / 100.0, 100.0 / preload)
     amplitude[-1] = np.nan
-    curve = replace(result, preload=preload, amplitude=amplitude, optimum=best)
+    curve = replace(result, preload=preload, amplitude=amplitude, optimum=best, curves=())
     assert curve.preloads_within(2e-4) == pytest.approx((50.0, 200.0), rel=1e-12)
     assert curve.preloads_within(2e-3) == pytest.approx((10.0, preload[-2]), rel=1e-12)
     assert curve.preloads_within(1e-4) == (100.0, 100.0)

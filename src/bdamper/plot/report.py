@@ -10,7 +10,7 @@ import base64
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -18,22 +18,19 @@ from bdamper.analyses.fit_result import Fitted
 from bdamper.analyses.hysteresis import hysteresis
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.result_checks import Asking, check_result, problem_of
+from bdamper.response.headline import NEAR_BEST, Check, checks, graded
 from bdamper.response.highest_peak import highest_peak
-from bdamper.response.optimal_curve_result import ENDS, NEAR_BEST, OptimalCurve
+from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.response_curve import frequency_response
 from bdamper.response.sensitivity import peak_sensitivities
 from bdamper.util import validation
 from bdamper.util.display import Plottable, draw, register_plot
-from bdamper.util.errors import COMPLETE, import_extra, status_word
-from bdamper.util.formatting import amount, percent, spaced, truncate
+from bdamper.util.errors import COMPLETE, import_extra
+from bdamper.util.formatting import amount, spaced, truncate
 from bdamper.util.storage import FilePath, check_folder, file_errors
 
-GOOD, FAIR = 0.05, 0.2
-"""Largest relative differences of a green and of an amber check."""
 NOISE = 1.5, 3.0
 """Largest misfits of a fit for green and for amber, in units of its noise."""
-SAFE = 1.5
-"""Smallest fatigue margin of a green check."""
 BELONG = "harmonics", "blade_modes", "contact_points", "friction_coefficient", "contact_stiffness_factor"
 """Settings that must agree between a curve and a fit."""
 NOT_MODELLED = (
@@ -44,15 +41,6 @@ NOT_MODELLED = (
     "Coriolis forces, large displacements, nonlinear material, and large sliding of contact points.",
     "Fluid forces other than modal damping, and transient responses.",
 )
-
-
-class Light(NamedTuple):
-    """Colour, subject, result and rule of one check."""
-
-    colour: str
-    name: str
-    found: str
-    rule: str
 
 
 @register_plot(OptimalCurve, "report")
@@ -114,45 +102,11 @@ def _has(settings: Mapping[str, Any], name: str, value: Any) -> bool:
     return all(v in (value, 0.0) if not part else v == value for key, v in actual.items() if part in ("", key))
 
 
-def _graded(value: float, good: float, fair: float) -> str:
-    """Return green up to ``good``, amber up to ``fair``, and red above."""
-    return "green" if value <= good else "amber" if value <= fair else "red"
-
-
-def lights(curve: OptimalCurve, fit: Fitted | None = None) -> list[Light]:
-    """Rate the quality of an optimal curve: one green, amber, red or white light for each check, with its rule."""
-    best = curve.optimum
-    time_rule = f"green below {percent(GOOD)} of difference, amber below {percent(FAIR)}, red above, white if not run"
-    inside = best.kind not in ENDS
-    missing = int(np.count_nonzero(~np.isfinite(curve.amplitude) & (curve.preload > curve.lowest_steady_preload)))
-    out = [
-        Light("green" if inside else "red", "Optimum within the range", ENDS.get(best.kind, f"inside, {best.kind}"),
-              "red at an end of the range of preloads"),
-        Light("green" if best.verified else "red", "Optimum verified", best.status,
-              "red if a lower value may exist at another preload"),
-        Light("red" if missing else "green", "A value at every preload", f"{len(curve) - missing} of {len(curve)}",
-              "red if a curve is incomplete"),
-    ]  # fmt: skip
-    known = [k for k in curve.time_response if np.isfinite(k.mean) and status_word(k.status) == COMPLETE]
-    if known:
-        nearest = min(known, key=lambda k: abs(np.log(k.preload / best.preload)))
-        result = f"{nearest.text} in time, {amount(nearest.balance, 'm')} by harmonic balance"
-        colour = _graded(abs(nearest.mean / nearest.balance - 1.0), GOOD, FAIR)
-    else:
-        result = curve.time_response[0].status if curve.time_response else "not run"
-        colour = "red" if curve.time_response else "white"
-    out.append(Light(colour, "Harmonic balance against time", result, time_rule))
-    more = curve.convergence
-    agrees = more is not None and len(more.settled) == len(more.peaks) > 1
-    colour = "white" if more is None else "green" if more.converged else "amber" if agrees else "red"
-    rule = "green if two larger numbers agree, amber if one does, red if they change the optimum, white if not run"
-    out.append(Light(colour, "More harmonics", more.note if more else "not run", rule))
-    for margins in curve.margins:
-        least = float(np.nanmax(margins.margin))
-        rule = f"red below 1, amber below {SAFE:g}"
-        out.append(Light(_graded(-least, -SAFE, -1.0), "Margin against fatigue", f"{least:.3g}", rule))
+def lights(curve: OptimalCurve, fit: Fitted | None = None) -> list[Check]:
+    """Return the checks of an optimal curve, with a check of the contact constants."""
+    out = checks(curve)
     if fit is None:
-        out.append(Light("white", "Contact constants", "assumed, not fitted", "white without a fit"))
+        out.append(Check("white", "Contact constants", "assumed, not fitted", "white without a fit"))
     else:
         fitted = fit.settings | dict(zip(fit.names, fit.values.tolist()))
         other = [name for name in fitted if name.split(".")[0] in BELONG and not _has(curve.settings, name, fitted[name])]
@@ -161,8 +115,8 @@ def lights(curve: OptimalCurve, fit: Fitted | None = None) -> list[Light]:
         )
         result = f"misfit {fit.misfit:.2g} times the noise, {fit.status}"
         result += f"; the curve has other values of {', '.join(map(spaced, other))}" * bool(other)
-        colour = "red" if fit.status != COMPLETE or other else _graded(fit.misfit, *NOISE)
-        out.append(Light(colour, "Contact constants", result, rule))
+        colour = "red" if fit.status != COMPLETE or other else graded(fit.misfit, *NOISE)
+        out.append(Check(colour, "Contact constants", result, rule))
     return out
 
 

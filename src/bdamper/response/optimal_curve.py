@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from bdamper.harmonic_balance.parameters import study_fingerprint
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response.events import ContinuationOptions
+from bdamper.response.headline import NEAR_BEST
 from bdamper.response.highest_peak import REACH, AtPreload, check_options, found_at, given_up
 from bdamper.response.linear_limits import linear_peak, peak_interval
 from bdamper.response.minimum_search import Sample, find_minimum, on_one_branch
@@ -300,6 +301,8 @@ def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
         return smooth_minimum(curves.problem.system, ends, a, b, curves.options)
 
     samples, best = find_minimum([sample(x) for x in by_log], evaluate, refine)
+    if best.kind not in ("end", "unknown"):  # the ends of the range of acceptable preloads are computed
+        evaluate(_near_best(samples, best.index))
     at, edge, kind = by_log[samples[best.index].x], rattling_below(known), best.kind
     assert at.top is not None
     if kind == "unknown" and not at.slope < 0.0 and by_log[samples[best.index - 1].x].preload <= edge:
@@ -318,6 +321,17 @@ def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
             INCOMPLETE, f"the response is {at.top.note}; another resonance may be highest, widen frequency"
         )
     return OptimumPoint(at.preload, at.top.peak.amplitude, at.top.peak.frequency, kind, best.uncertainty, status)
+
+
+def _near_best(samples: Sequence[Sample], best: int) -> list[float]:
+    """Return ln(preload) on both sides of the best sample where the amplitude is higher by NEAR_BEST, interpolated."""
+    limit, ends = samples[best].value + np.log(NEAR_BEST), []
+    for side in (samples[best::-1], samples[best:]):
+        for a, b in zip(side, side[1:]):
+            if not b.value <= limit:
+                ends += [a.x + (b.x - a.x) * (limit - a.value) / (b.value - a.value)] * bool(np.isfinite(b.value))
+                break
+    return ends
 
 
 def smooth_minimum(

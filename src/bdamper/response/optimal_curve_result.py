@@ -11,24 +11,23 @@ from numpy.typing import NDArray
 from bdamper.fatigue.margin import MarginCurve
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.result_checks import Asking
+from bdamper.response.headline import ENDS, headline, known_in_time
 from bdamper.response.linear_limits import Limit
-from bdamper.response.peak import NOT_IN_TIME
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import Convergence, TimeResponse
 from bdamper.util import validation
-from bdamper.util.display import Comparable, Plottable, draw
-from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, status_word
-from bdamper.util.formatting import amount, loads_text, peak_text, percent, short_repr, span
+from bdamper.util.display import Comparable, Fact, Plottable, draw
+from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED
+from bdamper.util.formatting import percent, short_repr
 from bdamper.util.progress import Cost
 from bdamper.util.storage import FilePath, Recorded, Storable
 from bdamper.util.tables import Hertz, Kinds, Metres, Newtons, Numbers, PerRow, Quantity, Resonance, Shares, Tabular
 
-ENDS = {
-    "end": "end of the range, the optimum may lie beyond",
-    "edge": "lowest preload with a steady response",
-}
-NEAR_BEST = 1.2
-"""Amplitude over the optimum that defines the printed range of acceptable preloads."""
+KINDS = {
+    "smooth": "zero slope", "crossing": "two peaks of equal height", "jump": "end of a higher peak",
+    "unknown": "not located", "flat": "none, the preload has no effect", "none": "none", **ENDS,
+}  # fmt: skip
+"""Words for the kinds of an optimum."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +73,12 @@ class OptimumPoint:
     def verified(self) -> bool:
         """Whether the status is complete: no information indicates a lower value elsewhere."""
         return self.status == COMPLETE
+
+    @property
+    def text(self) -> str:
+        """Kind, uncertainty of the preload if it is not negligible, and status unless it is complete."""
+        known = f", preload known to {percent(self.uncertainty)}" if 1e-5 < self.uncertainty < np.inf else ""
+        return f"{KINDS[self.kind]}{known}{'' if self.verified else f', {self.status}'}"
 
 
 @short_repr
@@ -144,8 +149,8 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
     margins: tuple[MarginCurve, ...] = ()
     time_response: tuple[TimeResponse, ...] = ()
     _summary_fields = (
-        "optimum", "time_response", "optimum_in_time", "convergence", "free", "stuck", "ratio", "stuck_shift_percent",
-        "margins", "detached",
+        "optimum.preload", "optimum.amplitude", "optimum.frequency", "time_response", "optimum_in_time", "convergence", "free",
+        "stuck", "ratio", "stuck_shift_percent", "margins", "detached",
     )  # fmt: skip
 
     def __len__(self) -> int:
@@ -201,11 +206,14 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
         best = self.optimum
         validation.check(np.isfinite(best.preload), "preloads_within", "a curve with an optimum", best)
         limit = validation.number("amplitude", amplitude, least=best.amplitude, unit="m")
+        computed = {c.preload: c.peak.amplitude for c in self.curves if len(c) and c.complete and not c.peak_at_end}
+        computed = {p: a for p, a in computed.items() if p > self.lowest_steady_preload}
+        computed |= dict(zip(self.preload.tolist(), self.amplitude.tolist()))
         ends = []
         for step in (-1, 1):
-            beyond = np.flatnonzero(step * (self.preload - best.preload) > 0.0)[::step]
             preload, before = best.preload, best.amplitude
-            for p, a in zip(self.preload[beyond], self.amplitude[beyond]):
+            for p in sorted((p for p in computed if step * (p - best.preload) > 0.0), reverse=step < 0):
+                a = computed[p]
                 if not a <= limit:  # also if unknown
                     share = np.log(limit / before) / np.log(a / before) if a > before else 0.0
                     preload *= (p / preload) ** share
@@ -222,7 +230,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
     @property
     def _known(self) -> list[TimeResponse]:
         """Time responses with a range, even if it is wide."""
-        return [k for k in self.time_response if np.isfinite(k.mean) and k.status != INTERRUPTED]
+        return [k for k in self.time_response if known_in_time(k)]
 
     @property
     def detached(self) -> tuple[str, ...]:
@@ -252,58 +260,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
         draw(self, "report", path, study, fit)
 
     def _headline(self) -> str:
-        o = self.optimum
-        if not np.isfinite(o.preload):
-            at = peak_text(o.amplitude, o.frequency)
-            failed = [
-                f"; at {amount(p, 'N')} {why}" for p, why in zip(self.preload, self.status) if status_word(why) != COMPLETE
-            ]
-            first = "".join(failed[:1])
-            return f"The preload does not matter: {at}." if o.kind == "flat" else f"No optimum: {o.status}{first}."
-        free = self.free.amplitude
-        gain = f", {free / o.amplitude:.3g} times below the free blade ({amount(free, 'm')})" if np.isfinite(free) else ""
-        force = self.settings.get("excitation", {}).get("amplitude", 0.0)
-        shares = loads_text(self.settings.get("load_per_preload"))
-        per = " per newton of excitation" if force == 1.0 else f" at {amount(force, 'N')} of excitation" if force else ""
-        per = f" ({shares}){per}" if shares else per
-        where = f"{amount(o.preload, 'N')} of preload{per}" + (f", {ENDS[o.kind]}" if o.kind in ENDS else "")
-        out = [f"Optimum: {where}. Peak {peak_text(o.amplitude, o.frequency)}{gain}."]
-        out += [self._in_time(response) for response in self.time_response] or [NOT_IN_TIME]
-        near = span(*self.preloads_within(NEAR_BEST * o.amplitude), "N")
-        out.append(f"Within {percent(NEAR_BEST - 1.0)} of the minimum from {near}.")
-        out.append(self._recommended() if o.verified else f"The search for the optimum is {o.status}.")
-        if self.convergence is not None:
-            out.append(f"More harmonics: {self.convergence.verdict}.")
-        return " ".join(filter(None, out))
+        return headline(self)
 
-    def _in_time(self, time_response: TimeResponse) -> str:
-        """Return a sentence on the steady-state amplitude in time, compared with the harmonic balance."""
-        at = "" if time_response.preload == self.optimum.preload else f" at {amount(time_response.preload, 'N')}"
-        if not np.isfinite(time_response.mean):
-            return time_response._headline()
-        if status_word(time_response.status) != COMPLETE:
-            return f"Time integration{at} gives {time_response.text}, {time_response.status}."
-        more = 100.0 * (time_response.mean / time_response.balance - 1.0)
-        change = f"{abs(more):.0f} % {'more' if more > 0.0 else 'less'}"
-        alike = f" Blades do not vibrate alike: {span(*time_response.spread, 'm')}." if time_response.parted else ""
-        return f"Time integration{at} gives {time_response.text}, {change} than harmonic balance.{alike}"
-
-    def _recommended(self) -> str:
-        """Return a sentence with the preload of least amplitude in time and the rise at half of the optimum."""
-        best = float(f"{self.optimum.preload:.3g}")
-        k = int(np.searchsorted(self.preload, 0.5 * best))
-        rise = self.amplitude[k - 1 : k + 1] / self.optimum.amplitude if k else np.full(1, np.nan)
-        lower = ""
-        if rise.min() > 1.0:
-            lower = f"at half the optimum the amplitude is {rise.min():.2g} to {rise.max():.2g} times higher"
-        if not (least := self.optimum_in_time):
-            why = "no preload is recommended, as the amplitude in time is not known at two"
-            said = "; ".join(filter(None, (why if self.time_response else "", lower)))
-            return f"{said[0].upper()}{said[1:]}." if said else ""
-        beyond = {self._known[0].preload: "lower", self._known[-1].preload: "higher"}.get(least.preload, "")
-        said = f"Recommended: {amount(least.preload, 'N')}, where the amplitude in time is least, at most "
-        said += amount(least.highest, "m") + ("" if least.settled else f" ({least.status})")
-        said += f"; it may be less at {beyond} preloads" if beyond else ""
-        if not np.isclose(least.preload, self.optimum.preload):
-            said += f"; harmonic balance alone has its minimum at {amount(self.optimum.preload, 'N')}"
-        return f"{said}; {lower}." if lower else f"{said}."
+    def _facts(self) -> tuple[Fact, ...]:
+        return (Fact("optimum", self.optimum.text), *super()._facts())

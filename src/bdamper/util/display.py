@@ -19,7 +19,7 @@ from typing import Any, NamedTuple, TypeVar, cast
 import numpy as np
 
 from bdamper.util import validation
-from bdamper.util.errors import FAILED, BdamperError, SettingError, not_run_lines, status_word
+from bdamper.util.errors import COMPLETE, FAILED, BdamperError, SettingError, not_run_lines, status_word
 from bdamper.util.formatting import UNITS, aligned, amount, percent, short_repr, spaced, text_of
 from bdamper.util.progress import Cost
 from bdamper.util.tables import FEW_ROWS, Quantity, Tabular, quantities
@@ -78,8 +78,8 @@ class Fact(NamedTuple):
 
     @property
     def known(self) -> bool:
-        """Whether the value is neither NaN nor an empty text."""
-        return str(self.value) not in ("", "nan")
+        """Whether the value is neither NaN nor an empty text, nor the status "complete", which needs no line."""
+        return str(self.value) not in ("", "nan", COMPLETE)
 
     @property
     def text(self) -> str:

@@ -1,0 +1,175 @@
+"""Checks of an optimal curve, and the headline that print, explorer, report and command line show.
+
+The headline gives the preload, the amplitude for the stress calculation with its bounds, and the effects that are not
+covered.  If a check has failed, it begins with the failure and a remedy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from bdamper.response.verification import TimeResponse
+from bdamper.util.errors import COMPLETE, INTERRUPTED, status_word
+from bdamper.util.formatting import amount, loads_text, peak_text, percent, span
+
+OptimalCurve = Any
+"""Optimal curve, whose module imports this one."""
+ENDS = {
+    "end": "end of the range, the optimum may lie beyond",
+    "edge": "lowest preload with a steady response",
+}
+NEAR_BEST = 1.2
+"""Amplitude over the optimum that defines the printed range of acceptable preloads."""
+GOOD, FAIR = 0.05, 0.2
+"""Largest relative differences of a green and of an amber check."""
+SAFE = 1.5
+"""Smallest fatigue margin of a green check."""
+
+
+class Check(NamedTuple):
+    """Colour, subject, result, rule and, if it failed, failure and remedy of one check."""
+
+    colour: str
+    name: str
+    found: str
+    rule: str
+    failure: str = ""
+    remedy: str = ""
+
+
+def graded(value: float, good: float, fair: float) -> str:
+    """Return green up to ``good``, amber up to ``fair``, and red above."""
+    return "green" if value <= good else "amber" if value <= fair else "red"
+
+
+def checks(curve: OptimalCurve) -> list[Check]:
+    """Rate an optimal curve by its checks: green if passed, amber if uncertain, red if failed, white if not computed."""
+    best = curve.optimum
+    inside = best.kind not in ENDS
+    missing = int(np.count_nonzero(~np.isfinite(curve.amplitude) & (curve.preload > curve.lowest_steady_preload)))
+    beyond = "above" if best.preload > np.median(curve.preload) else "below"
+    out = [
+        Check("green" if inside else "red", "Optimum within the range", ENDS.get(best.kind, "inside"),
+              "red at an end of the range of preloads",
+              f"the least amplitude is at the {ENDS.get(best.kind, '')}",
+              f"include preloads {beyond} {amount(best.preload, 'N')}" if best.kind == "end" else "add damping to the damper"),
+        Check("green" if best.verified else "red", "Optimum verified", best.status,
+              "red if a lower value may exist at another preload",
+              f"the search for the optimum is {best.status}",
+              "run it to its end" if INTERRUPTED in best.status else "compute more preloads, n="),
+        Check("amber" if missing else "green", "A value at every preload", f"{len(curve) - missing} of {len(curve)}",
+              "amber if a curve is incomplete"),
+        _in_time(curve),
+        _more_harmonics(curve),
+    ]  # fmt: skip
+    for margins in curve.margins:
+        least = float(np.nanmax(margins.margin))
+        colour = graded(-least, -SAFE, -1.0)
+        failure = f"the margin against fatigue is {least:.3g} at best"
+        out.append(
+            Check(colour, "Margin against fatigue", f"{least:.3g}", f"red below 1, amber below {SAFE:g}", failure,
+                  "reduce the excitation or the stress")
+        )  # fmt: skip
+    return out
+
+
+def _in_time(curve: OptimalCurve) -> Check:
+    """Compare the amplitudes of harmonic balance and of time integration at the preload nearest to the optimum."""
+    rule = f"green below {percent(GOOD)} of difference, amber below {percent(FAIR)}, red above, white if not run"
+    name, remedy = "Harmonic balance against time", "take the bounds in time"
+    if not curve.time_response:
+        return Check("white", name, "not run", rule)
+    nearest = min(curve.time_response, key=lambda k: abs(np.log(k.preload / curve.optimum.preload)))
+    if not known_in_time(nearest) or status_word(nearest.status) != COMPLETE:
+        failure = f"time integration at {amount(nearest.preload, 'N')} is {nearest.status}"
+        return Check("red", name, nearest.status, rule, failure, "integrate more periods, study.time_response(peak)")
+    found = f"{nearest.text} in time, {amount(nearest.balance, 'm')} by harmonic balance"
+    change = nearest.mean / nearest.balance - 1.0
+    failure = f"harmonic balance and time integration differ by {abs(100.0 * change):.0f} %"
+    return Check(graded(abs(change), GOOD, FAIR), name, found, rule, failure, remedy)
+
+
+def _more_harmonics(curve: OptimalCurve) -> Check:
+    """Compare the peaks with more harmonics."""
+    more = curve.convergence
+    rule = f"green if two larger numbers agree, amber below {percent(FAIR)} of difference, red above, white if not run"
+    if more is None:
+        return Check("white", "More harmonics", "not run", rule)
+    first, *others = more.peaks
+    change = max((abs(p.amplitude / first.amplitude - 1.0) for p in others), default=np.inf)
+    enough = (more.settled if len(more.settled) > 1 else more.peaks[-1:])[0].harmonics
+    failure = f"the number of harmonics does not suffice, {more.note}"
+    colour = "green" if more.converged else graded(change, 0.0, FAIR)
+    return Check(colour, "More harmonics", more.note, rule, failure, f"use harmonics={enough}")
+
+
+def known_in_time(response: TimeResponse) -> bool:
+    """Return whether a time integration gives a range of the amplitude, even if it is wide."""
+    return bool(np.isfinite(response.mean)) and response.status != INTERRUPTED
+
+
+def headline(curve: OptimalCurve) -> str:
+    """Return the headline of an optimal curve, with failed checks first."""
+    o = curve.optimum
+    if not np.isfinite(o.preload):
+        failed = [
+            f"; at {amount(p, 'N')} {why}" for p, why in zip(curve.preload, curve.status) if status_word(why) != COMPLETE
+        ]
+        if o.kind == "flat":
+            return f"The preload does not matter: {peak_text(o.amplitude, o.frequency)}."
+        return f"No optimum: {o.status}{''.join(failed[:1])}."
+    red = [check for check in checks(curve) if check.colour == "red"]
+    remedies = "; ".join(check.remedy for check in red)
+    doubt = f"Not for design: {'; '.join(check.failure for check in red)}. {remedies[:1].upper()}{remedies[1:]}."
+    return " ".join(filter(None, [doubt if red else "", _preload(curve), _amplitude(curve), _not_covered(curve)]))
+
+
+def _preload(curve: OptimalCurve) -> str:
+    """Return the recommended preload and the range of preloads around the optimum."""
+    o, least = curve.optimum, curve.optimum_in_time
+    best = o.preload if least is None else least.preload
+    force = curve.settings.get("excitation", {}).get("amplitude", 0.0)
+    shares = loads_text(curve.settings.get("load_per_preload"))
+    per = " per newton of excitation" if force == 1.0 else f" at {amount(force, 'N')} of excitation" if force else ""
+    where = f"Preload: {amount(best, 'N')}{f' ({shares})' if shares else ''}{per}"
+    if not np.isclose(best, o.preload):
+        where += f", least in time (harmonic balance alone: {amount(o.preload, 'N')})"
+    known = [k.preload for k in curve.time_response if known_in_time(k)]
+    if least is not None and best in (known[0], known[-1]):
+        where += f"; it may be less at {'lower' if best == known[0] else 'higher'} preloads"
+    near = span(*curve.preloads_within(NEAR_BEST * o.amplitude), "N")
+    return f"{where}; the amplitude is within {percent(NEAR_BEST - 1.0)} of the minimum from {near}."
+
+
+def _amplitude(curve: OptimalCurve) -> str:
+    """Return the amplitude for the stress calculation, which is the upper bound, and the bounds by each method."""
+    o, known = curve.optimum, [k for k in curve.time_response if known_in_time(k)]
+    shown = curve.optimum_in_time or next(iter(known), None)
+    free = curve.free.amplitude
+    gain = f", {free / o.amplitude:.3g} times below the free blade ({amount(free, 'm')})" if np.isfinite(free) else ""
+    if shown is None:
+        more = curve.convergence
+        low, high = more.range if more is not None else (o.amplitude, o.amplitude)
+        ends = f" ({span(low, high, 'm')} with more harmonics)" if more is not None else ""
+        top = peak_text(max(high, o.amplitude), o.frequency)
+        return f"Amplitude for the stress: {top}, by harmonic balance alone{ends}{gain}."
+    high = float(np.fmax(shown.highest, shown.highest_period))
+    at = "" if np.isclose(shown.preload, o.preload) else f" at {amount(shown.preload, 'N')}"
+    alike = f" Blades do not vibrate alike: {span(*shown.spread, 'm')}." if shown.parted else ""
+    return (
+        f"Amplitude for the stress: {amount(high, 'm')}; in time{at} {span(shown.lowest, high, 'm')}, by harmonic balance "
+        f"{peak_text(o.amplitude, o.frequency)}{gain}.{alike}"
+    )
+
+
+def _not_covered(curve: OptimalCurve) -> str:
+    """Return the effects that the amplitude does not contain."""
+    friction = curve.settings.get("friction_coefficient", 0.0)
+    every = np.atleast_1d(list(friction.values()) if isinstance(friction, Mapping) else friction)
+    values = ", ".join(f"{mu:g}" for mu in np.unique(every[every > 0.0]))
+    other = [f"friction coefficients other than {values}"] * bool(values)
+    left = [*["motion in time"] * (not any(map(known_in_time, curve.time_response))), "mistuning", "wear", *other]
+    return f"Not covered: {', '.join(left)}."
