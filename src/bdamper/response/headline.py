@@ -50,16 +50,16 @@ def checks(curve: OptimalCurve) -> list[Check]:
     best = curve.optimum
     inside = best.kind not in ENDS
     missing = int(np.count_nonzero(~np.isfinite(curve.amplitude) & (curve.preload > curve.lowest_steady_preload)))
-    beyond = "above" if best.preload > np.median(curve.preload) else "below"
+    beyond = f"{'above' if best.preload > np.median(curve.preload) else 'below'} {amount(best.preload, 'N')}"
     out = [
         Check("green" if inside else "red", "Optimum within the range", ENDS.get(best.kind, "inside"),
               "red at an end of the range of preloads",
               f"the least amplitude is at the {ENDS.get(best.kind, '')}",
-              f"include preloads {beyond} {amount(best.preload, 'N')}" if best.kind == "end" else "add damping to the damper"),
+              f"include preloads {beyond}" if best.kind == "end" else "add damping to the damper"),
         Check("green" if best.verified else "red", "Optimum verified", best.status,
               "red if a lower value may exist at another preload",
               f"the search for the optimum is {best.status}",
-              "run it to its end" if INTERRUPTED in best.status else "compute more preloads, n="),
+              "run it to its end" if INTERRUPTED in best.status else "compute other preloads near it"),
         Check("amber" if missing else "green", "A value at every preload", f"{len(curve) - missing} of {len(curve)}",
               "amber if a curve is incomplete"),
         _in_time(curve),
@@ -140,8 +140,8 @@ def _preload(curve: OptimalCurve) -> str:
     known = [k.preload for k in curve.time_response if known_in_time(k)]
     if least is not None and best in (known[0], known[-1]):
         where += f"; it may be less at {'lower' if best == known[0] else 'higher'} preloads"
-    near = span(*curve.preloads_within(NEAR_BEST * o.amplitude), "N")
-    return f"{where}; the amplitude is within {percent(NEAR_BEST - 1.0)} of the minimum from {near}."
+    low, high = curve.preloads_within(NEAR_BEST * o.amplitude)
+    return f"{where}; the amplitude is within {percent(NEAR_BEST - 1.0)} of the minimum from {span(low, high, 'N')}."
 
 
 def _amplitude(curve: OptimalCurve) -> str:
@@ -158,10 +158,9 @@ def _amplitude(curve: OptimalCurve) -> str:
         return f"Amplitude for the stress: {top}, by harmonic balance alone{ends}{gain}."
     high = float(np.fmax(shown.highest, shown.highest_period))
     at = "" if np.isclose(shown.preload, o.preload) else f" at {amount(shown.preload, 'N')}"
-    alike = f" Blades do not vibrate alike: {span(*shown.spread, 'm')}." if shown.parted else ""
     return (
         f"Amplitude for the stress: {amount(high, 'm')}; in time{at} {span(shown.lowest, high, 'm')}, by harmonic balance "
-        f"{peak_text(o.amplitude, o.frequency)}{gain}.{alike}"
+        f"{peak_text(o.amplitude, o.frequency)}{gain}.{shown._unlike()}"
     )
 
 

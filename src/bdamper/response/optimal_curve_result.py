@@ -149,8 +149,8 @@ class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bda
     margins: tuple[MarginCurve, ...] = ()
     time_response: tuple[TimeResponse, ...] = ()
     _summary_fields = (
-        "optimum.preload", "optimum.amplitude", "optimum.frequency", "time_response", "optimum_in_time", "convergence", "free",
-        "stuck", "ratio", "stuck_shift_percent", "margins", "detached",
+        "optimum.preload", "optimum.amplitude", "optimum.frequency", "time_response", "optimum_in_time", "convergence",
+        "free", "stuck", "ratio", "stuck_shift_percent", "margins", "detached",
     )  # fmt: skip
 
     def __len__(self) -> int:
