@@ -156,7 +156,7 @@ sanitize: $(VENV)/dev.stamp
 	$(call step,C tests and records of laws under sanitizers,PATH="$(CURDIR)/$(VENV)/bin:$$PATH" sh tools/sanitize.sh)
 
 clean:
-	rm -rf $(VENV) $(VENV)-nastran $(VENV)-oldest $(VENV)-newest $(VENV)-others $(VENV)-peers build builddir* dist figures docs/_build docs/gallery docs/reference docs/sg_execution_times.rst docs/tutorial .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks
+	rm -rf $(VENV) $(VENV)-nastran $(VENV)-oldest $(VENV)-newest $(VENV)-others $(VENV)-peers build builddir* dist figures docs/_build docs/gallery docs/reference docs/specification/reference docs/sg_execution_times.rst docs/tutorial .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks
 
 prerequisites:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \

@@ -50,7 +50,7 @@ html_static_path = ["_static"]
 html_css_files = ["wide.css"]
 
 # the tutorial: notebooks, whose links to pages are made those of this folder
-for made in ("tutorial", "reference"):  # nothing of what is gone from the package stays
+for made in ("tutorial", "reference", "specification/reference"):  # nothing of what is gone from the package stays
     shutil.rmtree(DOCS / made, ignore_errors=True)
 (DOCS / "tutorial").mkdir()
 for page in sorted((DOCS.parent / "notebooks").glob("*.[mi]*")):

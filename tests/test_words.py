@@ -13,7 +13,7 @@ import pytest
 from tests.each import each
 
 ROOT = Path(__file__).resolve().parents[1]
-RECORDS = {"measured.md", "api.md"}
+RECORDS = {"measured.md", "api.md", "classes.md"}
 """Tables of measurements and lists of names: no prose to read from the beginning."""
 BETTER = {
     r"\b(blades?|it|wheels?) keeps?\b|\bkeeps? to (a|its|them)\b|what is kept": "steady-state amplitude in time",
