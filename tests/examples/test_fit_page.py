@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bdamper.plot.report import lights
+
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "fit.md"
 
 
@@ -21,5 +23,11 @@ def test_from_files_to_a_report(tmp_path, monkeypatch):
     assert found["friction_coefficient"] == pytest.approx(0.42, rel=0.15)
     assert (found.low < found.values).all() and (found.values < found.high).all() and found.status == "complete"
     assert [loop.kt, loop.mu, loop.spread] == pytest.approx([1e8, 0.42, 0.5], rel=1e-3)
-    assert np.isfinite(space["best"].optimum.amplitude)
+    assert found.misfit < 1.5 and np.nanmax(found.predictions) < 2.5
+    truth = np.array([1.0, 1.0, 1.05, 0.42, 0.8])  # of the names in their order
+    assert (found.low < truth).all() and (truth < found.high).all()
+    optimum = space["best"].optimum
+    assert optimum.amplitude == pytest.approx(79.4e-6, rel=0.03) and optimum.preload == pytest.approx(67.2, rel=0.15)
+    colours = {light.name: light.colour for light in lights(space["best"], found)}
+    assert colours["Contact constants"] == "green" and colours["Harmonic balance against time"] in ("green", "amber")
     assert "Fit of measured responses" in (tmp_path / "review.html").read_text()
