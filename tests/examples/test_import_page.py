@@ -81,6 +81,19 @@ def test_page(tmp_path, monkeypatch, capsys):
     assert space["study"].model.n_blades == space["wheel"].n_blades == 36
 
 
+@pytest.mark.slow
+def test_the_example_with_a_shroud_and_two_dampers(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (code,) = re.findall(r"```python\n(.*?)```", (PAGE.parent / "evidence" / "import-examples.md").read_text(), re.S)
+    space = {}
+    exec(compile(code, "import-examples.md", "exec"), space)
+    curve, study = space["curve"], space["study"]
+    assert space["built"].failed == () and curve.complete and [*study.model.bodies] == ["blade", "front", "rear"]
+    assert curve.peak.amplitude < 0.1 * study.free((1000.0, 1700.0)).peak.amplitude
+    loads = study.static(300.0).normal_force
+    assert loads["rear_left"] == pytest.approx(0.6 * loads["front_left"], rel=0.05)
+
+
 PLAIN = {
     "blade": ("sector", {key: file for file, key in zip(list(SETS)[:4], ("low", "high", "under_right", "under_left"))}),
     "damper": ("damper", {side: f"damper_{side}" for side in ("left", "right", "front", "back")}),

@@ -339,6 +339,21 @@ def test_an_assembly_numbers_its_nodes_in_the_order_of_its_instances(tmp_path):
         read_inp(tmp_path / "a.inp", "K")
 
 
+def test_surfaces_and_quoted_names_of_an_assembly(tmp_path):
+    """As Abaqus/CAE writes them: sets of elements of an instance, named by a surface of the assembly."""
+    text = TWO.replace("NAME=I,", 'NAME="I 1",').replace("I.TIP", '"I 1".TIP').replace(
+        "*END ASSEMBLY", "*Elset, elset=_TOP_S1, internal, instance=J\n 1,\n*Surface, type=ELEMENT, name=Top\n_TOP_S1, S1\n"
+        '*Surface, type=NODE, name=Ends\n"I 1".TIP, 1.\nJ.TIP, 1.\n*End Assembly'
+    )  # fmt: skip
+    (tmp_path / "a.inp").write_text(text)
+    body = read_inp(tmp_path / "a.inp")
+    assert body.node_sets["TIPS"].tolist() == body.node_sets["ENDS"].tolist() == [4, 8]
+    assert sorted(body.face_sets["TOP"][0][0].tolist()) == [5, 6, 7]
+    first, second = (read_inp(tmp_path / "a.inp", name) for name in ("i 1", "J"))
+    assert "TOP" not in first.face_sets and sorted(second.face_sets["TOP"][0][0].tolist()) == [1, 2, 3]
+    assert first.node_sets["ENDS"].tolist() == [4]
+
+
 def written(folder, stiffness):
     """A job of the assembly ``TWO`` with these lines of its stiffness; the mass couples nothing."""
     (folder / "a.inp").write_text(TWO)

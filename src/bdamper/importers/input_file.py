@@ -30,6 +30,7 @@ from bdamper.fem.surface import FACES, N_CORNER, oriented_facet
 from bdamper.importers.deck_keywords import adds_to_matrices
 from bdamper.importers.fe_body import LARGEST_COUNT, ElementKind, FEBody, Included, data_lines, mesh_body, parsing
 from bdamper.model.fields import check
+from bdamper.util.errors import mismatch
 
 _SOLIDS = {"C3D4": 4, "C3D10": 10, "C3D6": 6, "C3D15": 15, "C3D8": 8, "C3D20": 20}
 _BITS = 30
@@ -109,7 +110,7 @@ class Deck:
                 block = number, _plain(words[0]), _parameters(words[1:]), Rows()
             elif block:
                 head = ""
-                block[-1].append((number, [word.strip() for word in text.split(",")]))
+                block[-1].append((number, [word.strip() for word in text.replace('"', "").split(",")]))
         if block:
             yield block
 
@@ -193,8 +194,8 @@ class Deck:
         """Return the codes of the members of a set, or of one node or element."""
         name = prefix + word.upper()
         code = self.code(name)
-        expected = f"{what} or a set out of {sorted(sets)}"
-        check(code is not None or name in sets, item, expected, f"'{word[:30]}'")
+        if code is None and name not in sets:
+            raise mismatch(item, f"{what} or a set out of {sorted(sets)}", f"'{word[:30]}'")
         return sets[name] if code is None else [code]
 
     # ---- Nodes and elements ----
