@@ -26,5 +26,5 @@ def test_first_page(capsys):
     for text in (README, PAGE):
         shown = re.search(r"```\n(Preload: .*?)(?:  |```)", text, re.S)[1].replace("\n", " ")
         near, balance = (re.search(what, shown)[0] for what in (r"the amplitude is within .*?N\.", r"\S+ µm at 661 Hz"))
-        assert near in found and balance in found and shown.strip().endswith(found[found.index("mistuning, wear") :][:53])
+        assert near in found and balance in found and shown.strip().endswith(found[found.index("mistuning, wear") :][:54])
         assert "in time 70.2 to 73.9 µm" in shown and shown.startswith("Preload: 104 N"), "left out here"
