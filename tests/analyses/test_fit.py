@@ -351,6 +351,23 @@ def test_a_measured_joint_is_fitted_and_predicts_the_damping_of_a_sweep_left_out
         assert mode.at(amplitude[k])[0][1] == pytest.approx(data.force[k] / (2.0 * 1.9505 * data.amplitude[k]), rel=0.3)
 
 
+@pytest.mark.skipif(not BEAM.exists(), reason="the measurements are not part of the project")
+def test_measured_resonances_predict_the_damping_of_each_other():
+    def beam(frequency=80.4, damping_ratio=1.5e-3, stiffness=2e4, friction=5.0):
+        return bd.joint(frequency, damping_ratio, stiffness, friction, mass=1.9505)
+
+    points = []
+    for data in bd.importers.read_responses(BEAM, "level", phase_of="none"):
+        k = [int(data.amplitude.argmax())]
+        damping = data.force[k] / (2.0 * 1.9505 * data.amplitude[k])
+        points.append(MeasuredMode(np.abs(data.displacement[k]), data.frequency[k], damping, noise=5e-3))
+    ranges = {"frequency": (79.0, 82.0), "damping_ratio": (1e-4, 1e-2), "stiffness": (1e3, 4e5), "friction": (0.1, 500.0)}
+    found = fit(beam, points, ranges, noise=0.1, intervals="linear")
+    print(found.prediction)
+    assert np.abs(np.exp(-0.1 * found.prediction[:, 0]) - 1.0).max() < 0.3
+    assert np.abs(5e-3 * found.prediction[:, 1]).max() < 0.01 and found.misfit < 1.0
+
+
 class Linear(Objective):
     """Residuals A x - b of several tests; x are the logarithms of the parameters, so statistics are closed forms."""
 
