@@ -31,6 +31,7 @@ from bdamper.importers import (
     Reduction,
     Sector,
     build_model,
+    read_abaqus,
     read_ansys,
     read_arrays,
     read_calculix,
@@ -47,6 +48,7 @@ from bdamper.model.validation import check_model
 from bdamper.util.errors import BdamperError
 from bdamper.util.storage import Versions, load
 from tests.ansys_files import write_cdb, write_full, write_rst
+from tests.importers.test_abaqus_parts import DIAGONAL, TWO
 from tests.models import wedge_model
 
 CASES = int(os.environ.get("BDAMPER_FUZZ", "150"))
@@ -163,6 +165,9 @@ def folder(tmp_path_factory):
     (path / "top.csv").write_text("\n".join(map(str, sets["TOP"])) + "\n")
     free = np.setdiff1d(np.arange(body.n_dof), (3 * (sets["HELD"][:, None] - 1) + np.arange(3)).ravel())
     (path / "job.inp").write_text(deck(numbers, body.nodes, elements, sets))
+    (path / "stage.inp").write_text(TWO)
+    for kind in ("STIF1", "MASS1"):
+        (path / f"stage_{kind}.mtx").write_text(DIAGONAL)
     (path / "job.dof").write_text("".join(f"{numbers[i // 3]}.{i % 3 + 1}\n" for i in free))
     (path / "job.sti").write_text(triplets(k[free][:, free]))
     (path / "job.mas").write_text(triplets(m[free][:, free]))
@@ -232,6 +237,7 @@ READERS: list[tuple[str, Callable[[Path], object]]] = [
     *((name, arrays) for name in ("ka.mtx", "ma.mtx", "nodes.csv", "top.csv")),
     *((f"job.{e}", lambda p: build(read_calculix(p / "job"))) for e in ("inp", "sti", "mas", "dof")),
     ("job.inp", lambda p: read_inp(p / "job.inp")),
+    *((f"stage{end}", lambda p: read_abaqus(p / "stage", "I")) for end in (".inp", "_STIF1.mtx", "_MASS1.mtx")),
     ("job.frd", lambda p: read_frd(p / "job.frd")),
     ("job.frd", lambda p: read_frd_stress(p / "job.frd")),
     ("a.full", lambda p: build(read_ansys(p / "a.full", p / "a.cdb"))),

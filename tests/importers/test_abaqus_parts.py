@@ -306,6 +306,7 @@ REFUSED = {
     "*SURFACE, NAME=S\nI.TOP, S1": "*SURFACE, NAME=S: expected an element or a set out of",
     "*PART, NAME=R\n*NODE, SYSTEM=S\n1, 1., 0., 0.": "*NODE in line 22: expected SYSTEM=R or SYSTEM=C",
     "*PART, NAME=R\n*NODE\n1, 1., 0., 0.": "expected *END PART or *END INSTANCE, found the end of the file",
+    "*INSTANCE, NAME=K, PART=P\n*NODE\n1073741824, 0., 0., 0.\n*END INSTANCE": "instance K: expected labels below 10737",
     "*PART, NAME=R\n*NGEN, LINE=C\n1, 2, 1": "*NGEN in line 22: expected no parameters of *NGEN but NSET, found LINE=C",
     "*PART, NAME=R\n*NGEN\n1, 2, 1": "line 23: expected *NGEN between two nodes or ascending sets",
     "*PART, NAME=R\n*ELGEN\n1, 2, 1": "line 23: expected *ELGEN of an element",
@@ -388,6 +389,10 @@ def test_nodes_that_are_numbered_in_another_order_are_refused(tmp_path):
     lines = "".join(f"{a},{c}, {b},{c}, {9.0 if a == b else 1.0}\n" for a, b in pairs for c in (1, 2, 3))
     with pytest.raises(ModelError, match=r"expected coupled nodes that share an element of the deck .*FORMAT=LABELS"):
         read_abaqus(written(tmp_path, lines))
+    written(tmp_path, DIAGONAL)
+    (tmp_path / "a.inp").write_text(TWO.replace("1, 1, 2, 3, 4", "1, 1, 2, 3, 9"))
+    with pytest.raises(ModelError, match="expected elements with existing nodes, found nodes"):
+        read_abaqus(tmp_path / "a", "I")
     (tmp_path / "a_STIF2.mtx").write_text(DIAGONAL)
     with pytest.raises(ModelError, match=r"expected one file a_STIF\*.mtx, found a_STIF1.mtx, a_STIF2.mtx"):
         read_abaqus(tmp_path / "a")

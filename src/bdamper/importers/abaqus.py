@@ -4,6 +4,9 @@ In CalculiX, ``*FREQUENCY, SOLVER=MATRIXSTORAGE`` writes the upper triangles of 
 with row, column, value).  The file ``.dof`` lists the free components of their rows as ``node.component``.  If the deck
 has ties of cyclic symmetry, ``CYCMPC=INACTIVE`` excludes them from the matrices.
 
+In Abaqus, ``*MATRIX OUTPUT`` writes lines of node, component, node, component and value.  The nodes are labels, or, for an
+assembly of several instances, numbers or labels with the name of their instance.
+
 In a cyclic ``.frd`` file each mode has the blocks DISP and DISPI: real and imaginary part of a travelling wave of either
 direction, with a modal mass of one over the sector.  Its positions have six digits, so that the mesh of the input file is
 preferable.
@@ -248,6 +251,8 @@ def _check_numbering(matrix: sp.csr_matrix, dofs: NDArray, body: FEBody, item: s
         return
     order = np.sort(body.numbers)
     count = len(order)
+    missing = np.setdiff1d(np.concatenate([nodes.ravel() for nodes in body.elements]), order)
+    check(not len(missing), body.source, "elements with existing nodes", f"nodes {missing[:3].tolist()}")
     elements = [np.searchsorted(order, nodes) for nodes in body.elements]
     row = np.repeat(np.arange(sum(map(len, elements))), [nodes.shape[1] for nodes in elements for _ in nodes])
     column = np.concatenate([nodes.ravel() for nodes in elements])

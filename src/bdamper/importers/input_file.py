@@ -345,6 +345,8 @@ class Deck:
     def _place(self) -> None:
         """Add the instance to the model, with its name before the names of its sets."""
         name, own, model = self.instance, self.scope, self.model
+        largest = max([*own.nodes, *own.element_of], default=0)
+        check(largest < 1 << _BITS, f"{self.source}: instance {name}", f"labels below {1 << _BITS}", largest)
         self.instances[name] = len(self.instances)
         shift, (rotation, moved) = self.instances[name] << _BITS, self.motion
         model.nodes |= {shift + k: rotation @ x + moved for k, x in own.nodes.items()}
