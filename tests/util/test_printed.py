@@ -1,5 +1,6 @@
 """What results print: short, and true of the result."""
 
+import copy
 import re
 import sys
 from dataclasses import replace
@@ -12,7 +13,7 @@ from bdamper.analyses.sweep import as_words
 from bdamper.response.headline import NEAR_BEST
 from bdamper.response.verification import Convergence, HarmonicPeak, TimeResponse
 from bdamper.util.display import Fact
-from bdamper.util.formatting import amount, percent, span
+from bdamper.util.formatting import amount, percent, span, table_lines
 from tests.plain import plain_study
 
 INTERVAL = (270.0, 380.0)
@@ -223,3 +224,21 @@ def test_places_close_together_are_told_apart():
     assert as_words({"preload": 1001.0}) == "preload 1.001 kN" and as_words({"mu": 0.46049}) == "mu 0.46049"
     kept = TimeResponse(1e-4, 1e-4, 1e-4, 354.17, 4e3, 2e-4, fall=354.24, periods=9)._headline()
     assert "at 354.17 Hz;" in kept and "jumps to a lower amplitude at 354.24 Hz" in kept
+
+
+def test_attributes_that_are_not_there_are_answered(peak, curve):
+    for result, name, answer in (
+        (peak, "amplitud", "Peak has no attribute 'amplitud'; did you mean amplitude?"),
+        (curve, "optimum", "ResponseCurve has no attribute 'optimum'; OptimalCurve has it"),
+        (peak, "not_a_thing", "Peak has no attribute 'not_a_thing'"),
+    ):
+        with pytest.raises(AttributeError, match=re.escape(answer) + "$"):
+            getattr(result, name)
+    assert copy.deepcopy(peak).amplitude == peak.amplitude
+
+
+def test_tables_are_at_most_120_wide():
+    rows = [("name", *(f"column {k}" for k in range(12)), "empty"), ("first", *("1.2345678" for _ in range(12)), "")]
+    lines = table_lines(rows, "  ")
+    assert max(map(len, lines)) <= 120 and lines[-1].startswith("  also: column 10") and "empty" not in lines[-1]
+    assert table_lines([("a", "b"), ("1", "2")]) == ["a  b", "1  2"]

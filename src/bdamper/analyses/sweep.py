@@ -220,15 +220,16 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
             (q for q in self.quantities if self.array(q).dtype.kind == "f" and self.array(q).ndim == len(self.shape)), ""
         )
         known = self.array(name).ravel() if name else np.empty(0)
-        failed = sum(status_word(s) == FAILED for s in self.status)
-        head = f"{len(self)} points over {', '.join(spaced(n) for n in self.names)}, {failed} failed"
-        if left := sum(status_word(s) == NOT_RUN for s in self.status):
-            head += f", {left} not run"
+        words = [status_word(s) for s in self.status]
+        missing = int(np.count_nonzero(~np.isfinite(known))) - words.count(FAILED) - words.count(NOT_RUN) if name else 0
+        counts = ((missing, "not found"), (words.count(FAILED), "failed"), (words.count(NOT_RUN), "not run"))
+        points = f"{len(self)} points over {', '.join(spaced(n) for n in self.names)}"
+        points = ", ".join([points, *(f"{n} {what}" for n, what in counts if n > 0)])
         if not np.isfinite(known).any():
-            return f"{head}."
+            return f"{points}."
         i, j = int(np.nanargmin(known)), int(np.nanargmax(known))
         ends = (f"{amount(known[k], UNITS.get(name, ''))} ({as_words(self.points[k])})" for k in (i, j))
-        return f"{head}. {spaced(name).capitalize()} from {' to '.join(ends)}."
+        return f"{spaced(name).capitalize()} from {' to '.join(ends)}; {points}."
 
 
 def as_words(point: Mapping[str, Any]) -> str:

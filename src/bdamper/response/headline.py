@@ -158,9 +158,11 @@ def _amplitude(curve: OptimalCurve) -> str:
         return f"Amplitude for the stress: {top}, by harmonic balance alone{ends}{gain}."
     high = float(np.fmax(shown.highest, shown.highest_period))
     at = "" if np.isclose(shown.preload, o.preload) else f" at {amount(shown.preload, 'N')}"
+    least, most = shown.spread
+    alike = f" Blades do not vibrate alike: {span(least, most, 'm')}." if shown.parted else ""
     return (
         f"Amplitude for the stress: {amount(high, 'm')}; in time{at} {span(shown.lowest, high, 'm')}, by harmonic balance "
-        f"{peak_text(o.amplitude, o.frequency)}{gain}.{shown._unlike()}"
+        f"{peak_text(o.amplitude, o.frequency)}{gain}.{alike}"
     )
 
 

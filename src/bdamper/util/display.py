@@ -14,13 +14,13 @@ import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass, fields, is_dataclass
 from functools import reduce, wraps
-from typing import Any, NamedTuple, TypeVar, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 
 from bdamper.util import validation
 from bdamper.util.errors import COMPLETE, FAILED, BdamperError, SettingError, not_run_lines, status_word
-from bdamper.util.formatting import UNITS, aligned, amount, percent, short_repr, spaced, text_of
+from bdamper.util.formatting import UNITS, aligned, amount, percent, short_repr, spaced, table_lines, text_of
 from bdamper.util.progress import Cost
 from bdamper.util.tables import FEW_ROWS, Quantity, Tabular, quantities
 
@@ -144,7 +144,7 @@ class Summarised:
         status, cost = getattr(self, "status", ""), getattr(self, "cost", "")
         if isinstance(status, tuple):
             texts += not_run_lines(status, "parts") + [s for s in dict.fromkeys(status) if status_word(s) == FAILED]
-        table = aligned(self._rows(), "  ")
+        table = table_lines(self._rows(), "  ")
         if isinstance(cost, tuple) and cost:  # one cost for each part
             cost = Cost(*map(sum, zip(*map(astuple, cost))))
         texts += [str(cost or "").strip()]
@@ -153,15 +153,28 @@ class Summarised:
 
     def __str__(self) -> str:
         rows = [row for row in self._table() if row]
-        lines = aligned(rows) if rows else [t for t in self.summary().split("\n")[1:] if " of the processor: " not in t]
+        shown = table_lines(rows) if rows and len(rows[0]) > 2 else aligned(rows)
+        lines = shown or [t for t in self.summary().split("\n")[1:] if " of the processor: " not in t]
         sentences = re.sub(r"(\d) (?=\S{1,2}\b)", "\\1\0", self._headline())  # no line break between a number and its unit
         first = textwrap.fill(sentences, width=100).replace("\0", " ").split("\n")
-        shown = lines[:9] + ["summary() has the rest"]
-        return "\n".join([*first, *(f"  {line.removeprefix('  ')}" for line in shown)])
+        lines = [*lines[:9], "summary() has the rest"]
+        return "\n".join([*first, *(f"  {line.removeprefix('  ')}" for line in lines)])
 
     def _rows(self) -> list[tuple[str, ...]]:
         """Return the header and rows of the table of a tabular result; otherwise an empty list."""
         return self.as_rows() if isinstance(self, Tabular) else []
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """Answer a misspelt attribute, or one of another result."""
+            if name.startswith("_"):
+                raise AttributeError(name)
+            near = validation.suggest_name(name, [*dir(type(self)), *getattr(type(self), "__dataclass_fields__", ())])
+            kinds = {k.__name__: (*dir(k), *getattr(k, "__dataclass_fields__", ())) for k in _kinds(Summarised)}
+            have = [owner for owner, names in kinds.items() if name in names]
+            also = f"; {' and '.join(have[:3])} {'has' if len(have) == 1 else 'have'} it" if have else ""
+            raise AttributeError(f"{type(self).__name__} has no attribute '{name}'{near or also}", name=name, obj=self)
 
     def _table(self) -> list[tuple[str, ...]]:
         """Return the header, which may be empty, and the rows of the short output."""
@@ -185,6 +198,13 @@ class Summarised:
         first = f"<p><b>{html.escape(self._headline())}</b></p>" if self._headline() else ""
         rest = f"<details><summary>details</summary><pre>{html.escape(self.summary())}</pre></details>" if first else ""
         return f"<div>{first}{text}{picture}{rest}</div>"
+
+
+def _kinds(of: type[Any]) -> Iterator[type[Any]]:
+    """Yield all subclasses, direct and indirect."""
+    for kind in of.__subclasses__():
+        yield kind
+        yield from _kinds(kind)
 
 
 def _facts_of(label: str, value: Any, unit: str, several: bool) -> Iterator[Fact]:

@@ -88,6 +88,19 @@ def aligned(rows: Sequence[Sequence[str]], indent: str = "") -> list[str]:
     return [f"{indent}{line}".rstrip() for line in lines]
 
 
+WIDEST = 118
+"""Characters of a printed row; two more may be its indentation."""
+
+
+def table_lines(rows: Sequence[Sequence[str]], indent: str = "") -> list[str]:
+    """Return the lines of a table without empty columns, with the first columns that fit and the names of the others."""
+    columns = [column for column in zip(*rows) if any(column[1:])]
+    width = np.cumsum([max(map(len, column)) + 2 for column in columns])
+    n = max(int(np.count_nonzero(width <= WIDEST + 2)), 1)
+    others = ", ".join(column[0] for column in columns[n:])
+    return aligned([*zip(*columns[:n])], indent) + [truncate(f"{indent}also: {others}", WIDEST)] * bool(others)
+
+
 def truncate(text: str, most: int) -> str:
     """Return a text with at most ``most`` characters."""
     return text if len(text) <= most else text[: most - 3] + "..."
