@@ -34,6 +34,7 @@ from numpy.typing import NDArray
 
 from bdamper.util import plausible_ranges
 from bdamper.util.errors import SettingError, called_by_user, one_line
+from bdamper.util.formatting import UNITS
 
 # ---- Annotated types of fields ----
 
@@ -238,12 +239,33 @@ def check_arguments(called: T, also: Iterable[str] = (), name: str = "") -> T:
             bound = signature.bind(*given, **keywords)
         except TypeError as error:
             raise SettingError(f"{name}: {error}; the required arguments are {', '.join(needed)}") from None
+        _convert(name, bound)
+        given, keywords = bound.args, bound.kwargs
         if called_by_user():
             _doubt(name, bound)
         return function(*given, **keywords)
 
     checked.doubts = name  # type: ignore[attr-defined]
     return checked  # type: ignore[return-value]
+
+
+def _convert(name: str, bound: inspect.BoundArguments) -> None:
+    """Replace arguments that are quantities, with ``to`` and ``magnitude`` as of pint, by numbers in the expected unit."""
+
+    def plain(word: str, value: Any) -> Any:
+        if type(value) in (list, tuple):
+            return type(value)(plain(word, item) for item in value)
+        if not (hasattr(value, "magnitude") and hasattr(value, "to")):
+            return value
+        unit = UNITS.get(f"{name.lower()}.{word}", UNITS.get(word, ""))
+        try:
+            return value.to(unit).magnitude
+        except Exception as error:  # the errors of a package that is not known
+            raise SettingError(f"{word}: expected {unit or 'a plain number'}, found {one_line(value)}") from error
+
+    for word, value in bound.arguments.items():
+        further = bound.signature.parameters[word].kind is inspect.Parameter.VAR_KEYWORD
+        bound.arguments[word] = {k: plain(k, v) for k, v in value.items()} if further else plain(word, value)
 
 
 def _doubt(name: str, bound: inspect.BoundArguments) -> None:
