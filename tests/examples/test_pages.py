@@ -1,0 +1,116 @@
+"""Every Python block of README and documentation runs as a reader pastes it, and what pages state of its results holds.
+
+Each page starts in an empty folder without any name defined, and its blocks run in their order.
+"""
+
+import re
+import time
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import bdamper as bd
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
+OWN = {"fit", "import", "lumped"}  # pages whose tests run their blocks themselves
+
+
+def blocks(page):
+    return re.findall(r"```python\n(.*?)```", page.read_text(), re.S)
+
+
+PAGES = [page for page in sorted(DOCS.rglob("*.md")) if "_build" not in page.parts and blocks(page) and page.stem not in OWN]
+
+
+def pasted(page, folder, monkeypatch):
+    """Run the blocks of a page; return the names after each block, and print the seconds of those above five."""
+    monkeypatch.chdir(folder)
+    space, seen = {"__name__": "__main__"}, []
+    for k, block in enumerate(blocks(page)):
+        begin = time.process_time()
+        exec(compile(block, f"{page.name}, block {k + 1}", "exec"), space)
+        plt.close("all")
+        if (seconds := time.process_time() - begin) > 5.0:
+            print(f"\n{page.name}, block {k + 1}: {seconds:.0f} s")
+        seen.append(dict(space))
+    return seen
+
+
+def how_to(seen, page, folder):
+    assert len(seen) == 10 and max(len(block.splitlines()) for block in blocks(page)) <= 10
+    chosen, mass, compared, swept, resumed = seen[1:6]
+    space = seen[-1]
+    assert chosen["best"].verified and chosen["low"] < chosen["best"].preload < chosen["high"]
+    assert 0.42 < mass["radius"] < 0.45 and mass["mass"] < mass["damper"].mass
+    assert "a damper of 6 g" in mass["change"]
+    assert compared["designs"].curves[1].peak.amplitude < 0.9 * compared["designs"].curves[0].peak.amplitude
+    assert swept["result"].complete and swept["result"].shape == (3, 2)
+    assert np.array_equal(resumed["result"].seconds, swept["result"].seconds), "points were computed again"
+    assert not bd.load("curve.h5").diff(space["curve"])
+    cycle = space["cycle"]
+    assert abs(cycle.imbalance) < 1e-9 and cycle.lost > 0.5 * cycle.excitation
+    assert {path.suffix for path in folder.iterdir()} >= {".png", ".csv", ".jsonl", ".h5"}
+    shown = set(re.findall(r"\(images/(\w+\.png)\)", page.read_text())) - {"designs.png", "explorer.png"}
+    assert len(shown) == 3 and shown <= {path.name for path in folder.glob("*.png")}
+
+
+def joints(seen, page, folder):
+    space = seen[-1]
+    heights = {load: curve.amplitude for load, curve in space["curves"].items()}
+    assert set(heights) == {50.0, 200.0} and all(np.isfinite(a).all() and (a > 0.0).all() for a in heights.values())
+    lowest = {load: a.min() for load, a in heights.items()}
+    assert lowest[space["best"]] == min(lowest.values()) and lowest[50.0] != lowest[200.0]
+    left = space["own"].static(4.0).normal_force["shroud"]
+    assert 0.0 <= left < 4.0, "the dampers take load off the shroud"
+
+
+def accuracy(seen, page, folder):
+    """Effects whose errors the page shows."""
+    assert seen[3]["result"].tolerance == 0.05 and seen[2]["curve"].complete
+    row = re.compile(r"^ *(translation X|contact points beyond 4|separation) +(\S+)", re.M)
+    shown, found = (dict(row.findall(text)) for text in (page.read_text(), seen[-1]["advice"].summary()))
+    assert len(shown) == 3
+    assert [float(found[name]) for name in shown] == pytest.approx([float(v) for v in shown.values()], rel=0.02)
+
+
+def index(seen, page, folder):
+    """The answer that README and first page show is the printed one."""
+    printed = " ".join(str(seen[0]["curve"]).split())
+    for text in ((ROOT / "README.md").read_text(), page.read_text()):
+        shown = " ".join(re.search(r"```\n(Optimum: .*?)(?:  |```)", text, re.S)[1].split())
+        assert all(sentence in printed for sentence in re.split(r"(?<=[a-z%N)]\.) ", shown))
+
+
+CHECKS = {"how-to": how_to, "joints": joints, "accuracy": accuracy, "index": index}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_blocks_run_as_pasted(page, tmp_path, monkeypatch):
+    seen = pasted(page, tmp_path, monkeypatch)
+    if check := CHECKS.get(page.stem):
+        check(seen, page, tmp_path)
+
+
+def test_the_readme_is_short():
+    readme = ROOT / "README.md"
+    assert len(readme.read_text().split()) <= 350 and readme.read_text().count("![") == 1
+    (code,) = blocks(readme)
+    assert len([line for line in code.splitlines() if line]) <= 9 and code in (DOCS / "index.md").read_text()
+
+
+def test_errors_of_contact_points_are_those_measured():
+    page, measured = (DOCS / "accuracy.md").read_text(), (DOCS / "evidence" / "measured.md").read_text()
+    rows = {"contact_points": "unit tractions", "contact_points_residual": "six residual modes, points united"}
+    for name, row in rows.items():
+        table = re.search(rf"<!-- {name} -->.*?<!-- end -->", measured, re.S)[0]
+        errors = {n: 100 * float(e) for n, e in re.findall(r"^\| (\d+) \| (\d\S+) \|", table, re.M)}
+        shown = re.search(rf"^\| {row} \|.*192 points \| (.*) \|$", page, re.M)[1].split(" | ")
+        assert [float(e) for e in shown] == pytest.approx([errors[n] for n in ("9", "24", "48", "96")], rel=0.01)
