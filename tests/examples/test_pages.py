@@ -84,7 +84,7 @@ def index(seen, page, folder):
     """The answer that README and first page show is the printed one."""
     printed = " ".join(str(seen[0]["curve"]).split())
     for text in ((ROOT / "README.md").read_text(), page.read_text()):
-        shown = " ".join(re.search(r"```\n(Optimum: .*?)(?:  |```)", text, re.S)[1].split())
+        shown = " ".join(re.search(r"```\n(Preload: .*?)(?:  |```)", text, re.S)[1].split())
         assert all(sentence in printed for sentence in re.split(r"(?<=[a-z%N)]\.) ", shown))
 
 
