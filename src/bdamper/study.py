@@ -7,6 +7,7 @@ The analyses are functions of other modules that take a :class:`bdamper.harmonic
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
@@ -14,7 +15,7 @@ from dataclasses import MISSING, dataclass, fields, replace
 from inspect import getdoc, signature
 from pathlib import Path
 from types import MethodType
-from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, overload
+from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, get_type_hints, overload
 
 from numpy.typing import NDArray
 
@@ -81,10 +82,15 @@ class analysis(Generic[P, R]):
 
 
 def signature_of(makes: Callable[S, Any]) -> Callable[[Callable[..., None]], Callable[Concatenate[Study, S], None]]:
-    """Decorate a constructor to have the signature of the constructor of ``makes``."""
+    """Decorate a constructor to have the signature of the constructor of ``makes``, with types but without their checks."""
 
     def signed(init: Callable[..., None]) -> Callable[..., None]:
-        init.__signature__ = signature(makes.__init__)  # type: ignore[attr-defined]
+        own, hints = signature(makes.__init__), get_type_hints(makes)
+        plain = [
+            p.replace(annotation=hints[p.name]) if re.search("validation|Annotated|ByBody", str(p.annotation)) else p
+            for p in own.parameters.values()
+        ]
+        init.__signature__ = own.replace(parameters=plain)  # type: ignore[attr-defined]
         return init
 
     return signed

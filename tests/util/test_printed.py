@@ -1,6 +1,7 @@
 """What results print: short, and true of the result."""
 
 import copy
+import inspect
 import re
 import sys
 from dataclasses import replace
@@ -10,10 +11,12 @@ import pytest
 
 import bdamper as bd
 from bdamper.analyses.sweep import as_words
+from bdamper.mistuning import BladedDisk, Mistuning
 from bdamper.response.headline import NEAR_BEST
 from bdamper.response.verification import Convergence, HarmonicPeak, TimeResponse
 from bdamper.util.display import Fact
 from bdamper.util.formatting import amount, percent, span, table_lines
+from tests.mistuning.lumped import lumped_study
 from tests.plain import plain_study
 
 INTERVAL = (270.0, 380.0)
@@ -242,3 +245,15 @@ def test_tables_are_at_most_120_wide():
     lines = table_lines(rows, "  ")
     assert max(map(len, lines)) <= 120 and lines[-1].startswith("  also: column 10") and "empty" not in lines[-1]
     assert table_lines([("a", "b"), ("1", "2")]) == ["a  b", "1  2"]
+
+
+def test_the_help_of_a_study_has_types_without_their_checks():
+    shown = str(inspect.signature(bd.Study))
+    assert "engine_order: int = None" in shown and "damper_drag: float | " in shown
+    assert "validation" not in shown and "Annotated" not in shown and "partial" not in shown
+
+
+def test_the_repr_of_a_bladed_disk_is_one_line():
+    disk = BladedDisk(lumped_study(), Mistuning.random(6, 0.02, seed=1))
+    assert repr(disk) == "bladed disk of 6 blades, 3 coordinates of each blade, 6 of each damper"
+    assert str(disk).startswith(repr(disk)) and len(str(disk).splitlines()) == 3

@@ -40,7 +40,7 @@ from bdamper.time_domain.time_response import error_range
 from bdamper.time_domain.transient import CRITERIA, Transient, settle
 from bdamper.util import validation
 from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, BdamperError, SettingError, with_reason
-from bdamper.util.formatting import amount, short_repr
+from bdamper.util.formatting import amount
 from bdamper.util.progress import CostMeter, one_thread
 
 # ---- Peaks over the preload ----
@@ -299,8 +299,7 @@ def time_response(disk: DiskProblem, peak: DiskPeak, *, steps_per_period: int | 
 
 
 @validation.check_arguments
-@short_repr
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class BladedDisk(DiskProblem):
     """All blades and dampers of a mistuned bladed disk.
 

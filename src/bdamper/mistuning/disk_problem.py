@@ -30,7 +30,6 @@ from bdamper.response.highest_peak import highest_peak
 from bdamper.response.peak import Peak
 from bdamper.util import validation
 from bdamper.util.errors import SettingError, StaticError
-from bdamper.util.formatting import short_repr
 from bdamper.util.progress import one_thread
 
 # ---- Static state ----
@@ -247,8 +246,7 @@ def disk_system(structure: Structure, state: Loaded, excitation: NDArray, respon
 
 # ---- Problem ----
 
-@short_repr
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class DiskProblem:
     """Bladed disk and its equations; for the parameters see :class:`~bdamper.mistuning.BladedDisk`."""
 
@@ -347,6 +345,8 @@ class DiskProblem:
             f"bladed disk of {self.n_blades} blades, {s.n} coordinates of each blade, {s.n_damper} of each damper",
             f"  {self.mistuning}",
             f"  {self.dampers or 'equal dampers'}",
-            *(f"  {line}" for line in str(s.tuned).split("\n")),
         ]
         return "\n".join(lines)
+
+    def __repr__(self) -> str:
+        return str(self).split("\n", 1)[0]
