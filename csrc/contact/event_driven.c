@@ -186,7 +186,8 @@ static int find_bounds(const bd_element *element, int d, const double *u, const 
     return most - shift + between_samples(work, lo) <= w && least + shift - between_samples(work, hi) >= w;
 }
 
-/* Extrema of lo and hi become events after the lift-offs and closings. */
+/* Extrema of lo and hi become events after the lift-offs and closings. There slip ends: slip to stick is a root of lo' or
+ * of hi'. */
 static void find_extrema(bd_direction *dir, int d) {
     bd_event_work *work = dir->work;
     const int n_time = work->grid.n_time, n_coef = dir->n_coef;

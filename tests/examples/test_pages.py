@@ -26,7 +26,8 @@ def blocks(page):
     return re.findall(r"```python\n(.*?)```", page.read_text(), re.S)
 
 
-PAGES = [page for page in sorted(DOCS.rglob("*.md")) if "_build" not in page.parts and blocks(page) and page.stem not in OWN]
+PAGES = [page for page in sorted(DOCS.rglob("*.md"))
+         if "_build" not in page.parts and page.stem not in OWN and blocks(page)]
 
 
 def pasted(page, folder, monkeypatch):

@@ -557,7 +557,7 @@ def test_swapped_matrices_are_named(bodies, which):
 def test_a_number_that_is_none_is_named_with_its_matrix_and_row(bodies):
     bad = bodies[0].mass.tocoo(copy=True)
     bad.data[7] = np.nan
-    found = rf"nan in row {bad.row[7] + 1}, column {bad.col[7] + 1} and 1 such in all"
+    found = rf"nan in row {bad.row[7] + 1}, column {bad.col[7] + 1}, one of 1 wrong values"
     with pytest.raises(ModelError, match=rf"blade \(sector arrays\): mass matrix: expected finite numbers, found {found}"):
         built_with(replace(bodies[0], mass=bad), bodies[1])
     numbers, nodes = bodies[0].numbers, bodies[0].nodes

@@ -124,7 +124,7 @@ CASES: list[tuple[Any, str]] = [
     ),
     (
         face("left", points=at(LEFT.points, (1, 2), np.nan)),
-        "left/points: expected finite numbers, found nan at (1, 2) and 1 such in all",
+        "left/points: expected finite numbers, found nan at (1, 2), one of 1 wrong values",
     ),
     (face("left", gap=LEFT.gap[:2]), "left/gap: expected shape (4,), found (2,)"),
     (face("left", gap=at(LEFT.gap, 0, np.inf)), "left/gap: expected finite numbers, found inf"),
@@ -370,7 +370,7 @@ CASES: list[tuple[Any, str]] = [
     (load(displacement=np.zeros((4, 3))), "/bodies/damper/load/displacement: expected shape (14, 3), found (4, 3)"),
     (
         load(displacement=np.full((14, 3), np.nan)),
-        "/bodies/damper/load/displacement: expected finite numbers, found nan at (0, 0) and 42 such in all",
+        "/bodies/damper/load/displacement: expected finite numbers, found nan at (0, 0), one of 42 wrong values",
     ),
     (
         replace(WEDGE, contact={"top": WEDGE.contact["left"]}),

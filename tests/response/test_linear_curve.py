@@ -14,7 +14,7 @@ from tests.plain import plain_study
 K0 = (2.0 * np.pi * 221.0) ** 2
 """Stiffness (N/m) of a blade of 1 kg."""
 SHROUD = {"kt": 7.0 * K0, "kn": 11.0 * K0, "mu": 0.3}
-TOUCHES = r"interface 'contact 1' touches without a normal load: it counts as stuck where it touches"
+TOUCHES = r"interface 'contact 1' touches without a normal load: its touching points count as stuck"
 
 
 def blade(**shroud):

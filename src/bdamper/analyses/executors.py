@@ -161,7 +161,8 @@ def run_points(
 def check_executor(executor: Any) -> None:
     """Raise SettingError unless the executor is None or has a method ``submit``."""
     if executor is not None and not callable(getattr(executor, "submit", None)):
-        raise validation.invalid("executor", "an executor with a method submit, as those of concurrent.futures", executor)
+        expected = "an executor with a method submit, such as those of concurrent.futures"
+        raise validation.invalid("executor", expected, executor)
 
 
 def run_stored(

@@ -531,8 +531,8 @@ class LoadCase:
             if touch.any() and not closed[rows].any() and not any(body.kind == "free" for body in bodies):
                 closed[rows] = touch
                 warn(
-                    f"interface '{name}' touches without a normal load: it counts as stuck where it touches, although it "
-                    "carries nothing at rest; load_per_preload=, constant_loads= or a negative gap press it"
+                    f"interface '{name}' touches without a normal load: its touching points count as stuck, although they "
+                    "carry no load at rest; load_per_preload=, constant_loads= or a negative gap press it"
                 )
         springs = np.concatenate([problem.tangential_stiffness, problem.point_stiffness[:, 2:]], axis=1)
         return springs * closed[:, None]

@@ -201,7 +201,7 @@ def square_matrix(matrix: sp.spmatrix | NDArray, item: str) -> sp.csr_matrix:
     wrong = np.flatnonzero(~np.isfinite(out.data))
     if len(wrong):
         k = wrong[0]
-        found = f"{out.data[k]} in row {out.row[k] + 1}, column {out.col[k] + 1} and {len(wrong)} such in all"
+        found = f"{out.data[k]} in row {out.row[k] + 1}, column {out.col[k] + 1}, one of {len(wrong)} wrong values"
         raise mismatch(item, "finite numbers", found)
     return out.astype(float).tocsr()
 

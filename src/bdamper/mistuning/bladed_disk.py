@@ -261,7 +261,7 @@ def time_response(disk: DiskProblem, peak: DiskPeak, *, steps_per_period: int | 
         raise SettingError(f"time_response: needs a peak that was found, this one is {peak.status!r}")
     settings, model_hash = disk.record()["settings"], disk.study.model.hash
     if (peak.unknowns.shape, peak.model_hash, peak.settings) != (system.structure.shape, model_hash, settings):
-        raise SettingError("time_response: needs a peak of this bladed disk, found a peak of another one")
+        raise SettingError("time_response: expected a peak of this bladed disk, found a peak of another bladed disk")
     one = OneStructure(system, peak.blade)
     steps, window = STEPS if steps_per_period is None else steps_per_period, 2 * CRITERIA.window
     none = TimeResponse(

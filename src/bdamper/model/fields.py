@@ -108,7 +108,7 @@ def check_all(good: NDArray, array: NDArray, expected: str, item: str) -> None:
     wrong = np.argwhere(~good)
     if len(wrong):
         at = tuple(int(i) for i in wrong[0])
-        raise mismatch(item, expected, f"{array[at]!s} at {at if len(at) > 1 else at[0]} and {len(wrong)} such in all")
+        raise mismatch(item, expected, f"{array[at]!s} at {at if len(at) > 1 else at[0]}, one of {len(wrong)} wrong values")
 
 
 def check_hermitian(matrix: NDArray, item: str, word: str = "Hermitian") -> None:

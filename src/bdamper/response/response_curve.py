@@ -308,7 +308,7 @@ def _reason(case: LoadCase, search: Coverage, curve: ResponseCurve) -> str:
     problem, reason = case.problem, curve.reason
     if curve.complete:
         bottom, top = (w / TWO_PI for w in search.outside)
-        broken = ", where a path broke off (left_out)" if search.lost else ""
+        broken = ", where a path broke off (missing_ranges)" if search.lost else ""
         reason += f"; folds looked for from {bottom:.4g} to {top:.4g} Hz{broken}, closed branches not"
     if why := rattles(curve, open_at_rest(case)):
         reason += f"; {NO_STEADY} is expected at this preload: {why}"

@@ -220,7 +220,7 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "sweep.over": Names("Study"),
     "optimal_curve_uncertainty.samples": Names("Study"),
     "robust_optimum.samples": Names("Study"),
-    "fit.vary": Names("Study"),
+    "fit.vary": Names("Study"), "fit.priors": Names("Study"),
     "compare.studies": Names("Study"),
     # arguments of analyses
     "preload": PRELOAD,
