@@ -55,6 +55,14 @@ def test_it_is_that_of_the_finite_element_model(fe, bodies, as_arrays):
     theirs, reference = model.stress["blade"], model.bodies["blade"]
     order = np.argsort(at)  # sets come in the order of the nodes
     np.testing.assert_allclose(ours.points, theirs.points[order], atol=1e-12)
+    text = str(built)
+    assert "damper: mass, centre and inertia from the mass matrix" in text
+    assert "stiffness and mass matrix of the files, not compared with those of the program" in text
+    normal, shear = ours.modes[0][:, :3, 0], ours.modes[0][:, 3:, 0]
+    square = 0.5 * np.square(normal - np.roll(normal, 1, axis=1)).sum(axis=1) + 3.0 * np.square(shear).sum(axis=1)
+    k = int(square.argmax())
+    place = ", ".join(f"{x:.6g}" for x in ours.points[k])
+    assert f"largest at node {FIRST_NUMBER + np.sort(at)[k]} at ({place}) in the file, lowest mode" in text
     for d in (0, 5):
         # the sign of a mode is free
         shapes = [body.bases[d].contact_modes.reshape(-1, 8) for body in (own, reference)]

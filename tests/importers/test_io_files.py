@@ -4,6 +4,7 @@ import shutil
 import sys
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 import scipy.io
@@ -16,6 +17,7 @@ from bdamper.fem.meshes import Geometry, Material, MeshDensity, damper_mesh, dis
 from bdamper.fem.surface import area_vectors, enclosed_volume
 from bdamper.importers import (
     Measurement,
+    arrays,
     read_abaqus_matrix,
     read_arrays,
     read_bdf,
@@ -33,6 +35,7 @@ from bdamper.importers import (
     read_set,
 )
 from bdamper.importers.abaqus import read_frd_stress
+from bdamper.importers.arrays import read_mat
 from bdamper.importers.fe_body import parsing
 from bdamper.importers.prepared_body import Placement, PreparedBody
 from bdamper.util.errors import BdamperError, ModelError, mismatch
@@ -64,6 +67,29 @@ def node_text(matrix, numbers):
         f"{numbers[i // 3]},{i % 3 + 1}, {numbers[j // 3]},{j % 3 + 1}, {v:.16e}\n"
         for i, j, v in zip(entries.row, entries.col, entries.data)
     )
+
+
+def test_a_matlab_file_of_version_7_3(bar, tmp_path, monkeypatch):
+    """An HDF5 file after 512 bytes of text: dense matrices transposed, sparse ones as a group, complex ones skipped."""
+    k, path = sp.csc_matrix(bar.stiffness), tmp_path / "new.mat"
+    uneven = k + sp.csc_matrix(np.triu(np.ones(k.shape)))
+    with h5py.File(path, "w", userblock_size=512) as file:
+        file["K"] = uneven.toarray().T
+        file["z"] = np.ones((2, 2)) * 1j
+        file["away"] = h5py.ExternalLink("other.mat", "K")
+        group = file.create_group("S")
+        group.attrs["MATLAB_sparse"] = k.shape[0]
+        for name, values in (("data", k.data), ("ir", k.indices), ("jc", k.indptr)):
+            group[name] = values
+    with path.open("r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file")
+    found = read_mat(path)
+    assert sorted(found) == ["K", "S"]
+    np.testing.assert_array_equal(found["K"], uneven.toarray())
+    np.testing.assert_array_equal(read_matrix(path, "S").toarray(), k.toarray())
+    monkeypatch.setattr(arrays, "MOST_BYTES", 100)
+    with pytest.raises(ModelError, match=r"new.mat: 'K': expected bytes, with those before it, from 0 to 100"):
+        read_matrix(path, "S")
 
 
 def test_every_form_of_a_matrix(bar, tmp_path):
@@ -123,7 +149,7 @@ BAD_TEXT = [
     ("k.mtx", "\n", "at least one line of numbers, found none"),
     ("k.mtx", "%%MatrixMarket matrix coordinate real general\n1 1 1\n1 1 1.0\n", "pass the matrix of scipy.io.mmread"),
     ("k.npz", "no archive", "a matrix as .npz"),
-    ("k.mat", "no MATLAB file", "a MATLAB file of version 5 to 7.2 .save -v7., found no such header"),
+    ("k.mat", "no MATLAB file", "a MATLAB file of version 5 to 7.3, found no such header"),
     ("k.dat", "1 1 1.0", "the ending .npz, .npy, .mat or .mtx, found '.dat'"),
 ]
 

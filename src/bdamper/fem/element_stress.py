@@ -353,6 +353,10 @@ class StressRows:
             np.maximum.at(spread, self._owner, apart)
             self._spread = spread / von_mises_size(mean)
 
+    def largest(self, nodal_diameter: int) -> int:
+        """Return the node of the largest von Mises stress in the lowest mode of a nodal diameter."""
+        return int(self.nodes[von_mises_size(self._modes[nodal_diameter][..., 0]).argmax()])
+
     @staticmethod
     def _kept(rows: NDArray) -> NDArray:
         out = rows.reshape(-1, 6, rows.shape[1])

@@ -97,8 +97,12 @@ def sector_phase(n_sectors: int, nodal_diameter: int) -> complex:
     return np.exp(2j * np.pi * nodal_diameter / n_sectors)
 
 
-def match_faces(nodes: NDArray, left: NDArray, right: NDArray, n_sectors: int, tolerance: float = 1e-8) -> SectorFaces:
+def match_faces(
+    nodes: NDArray, left: NDArray, right: NDArray, n_sectors: int, tolerance: float = 1e-8, angle: float | None = None
+) -> SectorFaces:
     """Pair the nodes of two sector faces with equal meshes: a rotation by one pitch maps the nodes ``left`` onto ``right``.
+
+    A mesh with another angle (rad) between its faces is paired by a rotation by ``angle``.
 
     Raises
     ------
@@ -106,7 +110,7 @@ def match_faces(nodes: NDArray, left: NDArray, right: NDArray, n_sectors: int, t
         If the faces do not match node by node within ``tolerance`` (m).
     """
     check(len(left) and len(right), f"sector faces with {len(left)} and {len(right)} nodes: none may be empty")
-    pitch = 2.0 * np.pi / n_sectors
+    pitch = 2.0 * np.pi / n_sectors if angle is None else angle
     distance, index = cKDTree(nodes[right]).query(nodes[left] @ turn(pitch).T)
     if len(left) != len(right) or distance.max() > tolerance or len(np.unique(index)) != len(index):
         found = f"{len(left)} and {len(right)} nodes, largest distance {distance.max():.3g} m"
@@ -117,7 +121,9 @@ def match_faces(nodes: NDArray, left: NDArray, right: NDArray, n_sectors: int, t
     return SectorFaces(n_sectors, independent, image, weights, 1, float(distance.max()), left[on_axis])
 
 
-def tie_faces(nodes: NDArray, surface: Facets, left: NDArray, right: NDArray, n_sectors: int) -> SectorFaces:
+def tie_faces(
+    nodes: NDArray, surface: Facets, left: NDArray, right: NDArray, n_sectors: int, angle: float | None = None
+) -> SectorFaces:
     """Tie the two faces of a sector with different meshes: the finer face follows the coarser one by interpolation.
 
     Parameters
@@ -128,6 +134,8 @@ def tie_faces(nodes: NDArray, surface: Facets, left: NDArray, right: NDArray, n_
     left, right : (k,), (m,) int
         Nodes of the faces toward -X and toward +X.
     n_sectors : int
+    angle : float, rad, optional
+        Angle between the faces of the mesh, if other than one pitch.
 
     Returns
     -------
@@ -145,7 +153,7 @@ def tie_faces(nodes: NDArray, surface: Facets, left: NDArray, right: NDArray, n_
     dependent = np.setdiff1d(dependent, axis)
     facets = facets_on_nodes(surface, independent)
     check(len(facets), "meshes that differ, and no face of an element on the nodes of the coarser one")
-    target = nodes[dependent] @ turn(-side * 2.0 * np.pi / n_sectors).T
+    target = nodes[dependent] @ turn(-side * (2.0 * np.pi / n_sectors if angle is None else angle)).T
     weights, distance = interpolation(nodes, facets, target)
     corners = facets.nodes
     return SectorFaces(n_sectors, corners, dependent, weights[:, corners].tocsr(), side, float(distance.max()), axis)

@@ -227,7 +227,7 @@ def read_full(path: Path) -> FullMatrices:
         (head[1] != -4, "a symbolically assembled matrix (-4)", head[1]),
         (head[14], "symmetric matrices", "unsymmetric ones"),
         (head[11], "a consistent mass matrix (LUMPM,OFF)", "a lumped one"),
-        (head[21], "no constraint equations in the matrices", f"{head[21]} of them"),
+        (head[21], "no constraint equations (CE, CP, CERIG, RBE3) in the matrices", f"{head[21]} of them"),
     ):
         check(not refused, head.item, expected, found)
     n_eq, n_nodes = head.count(2, "a number of equations"), head.count(33, "a number of nodes")

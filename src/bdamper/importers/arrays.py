@@ -23,6 +23,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
@@ -50,13 +51,14 @@ def read_mat(source: Path) -> dict[str, NDArray | sp.spmatrix]:
     ModelError
         If the file has another version or is damaged.
     """
+    if h5py.is_hdf5(source):
+        return _read_mat_73(source)
     data = source.read_bytes()
     if len(data) < 128 or data[126:128] not in (b"IM", b"MI"):
-        found = "version 7.3, an HDF5 file" if data[:4] == b"\x89HDF" or b"MATLAB 7.3" in data[:128] else "no such header"
-        raise mismatch(str(source), "a MATLAB file of version 5 to 7.2 (save -v7)", found)
+        raise mismatch(str(source), "a MATLAB file of version 5 to 7.3", "no such header")
     order = "<" if data[126:128] == b"IM" else ">"
     if struct.unpack_from(order + "H", data, 124)[0] != 0x0100:
-        raise mismatch(str(source), "a MATLAB file of version 5 to 7.2 (save -v7)", "another version")
+        raise mismatch(str(source), "a MATLAB file of version 5 to 7.3", "another version")
     out: dict[str, NDArray | sp.spmatrix] = {}
     room = MOST_BYTES
     for kind, content in _elements(data[128:], order, str(source)):
@@ -71,6 +73,30 @@ def read_mat(source: Path) -> dict[str, NDArray | sp.spmatrix]:
                     _array(array, order, str(source), out)
         elif kind == _ARRAY:
             _array(content, order, str(source), out)
+    return out
+
+
+def _read_mat_73(source: Path) -> dict[str, NDArray | sp.spmatrix]:
+    """Read the real matrices of a MATLAB file of version 7.3, which is an HDF5 file; rows are its last dimension."""
+    out, room = dict[str, NDArray | sp.spmatrix](), MOST_BYTES
+    with h5py.File(source, "r") as file:
+        for name in file:
+            if not isinstance(file.get(name, getlink=True), h5py.HardLink):
+                continue
+            item, found = f"{source}: {name!r}", file[name]
+            rows = found.attrs.get("MATLAB_sparse")
+            parts = [found] if rows is None else [found.get(key) for key in ("data", "ir", "jc")]
+            if not all(isinstance(part, h5py.Dataset) and part.dtype.kind in "fiub" for part in parts):
+                continue
+            room -= check_count(sum(part.nbytes for part in parts), item, "bytes, with those before it,", 0, room)
+            arrays = [part[()] for part in parts]
+            if rows is None:
+                if arrays[0].ndim == 2:
+                    out[name] = arrays[0].T.astype(float)
+                continue
+            shape = check_count(int(rows), item, "a size"), len(arrays[2]) - 1
+            value, row, pointer = arrays[0].astype(float), *(array.astype(np.int64) for array in arrays[1:])
+            out[name] = sp.csc_matrix((value, row, pointer), shape=shape)  # checked by square_matrix
     return out
 
 

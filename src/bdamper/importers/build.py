@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from bdamper.fem.local_basis import sampled_waves
 from bdamper.fem.reduced_bodies import Place, Wanted, needed_nodal_diameters, picture_mesh
 from bdamper.fem.sector_faces import SectorFaces, find_faces, match_faces, no_faces, tie_faces
+from bdamper.fem.surface import corner_count, facets_on_nodes
 from bdamper.importers.arrays import as_integers, number_table
 from bdamper.importers.bodies import (
     constrained_from_matrices,
@@ -128,6 +129,8 @@ class BuiltModel(Plottable):
         Quantities that the model lacks, each with a remedy or a consequence.
     failed : tuple of str
         Failed comparisons with another program.
+    bases : tuple of str
+        Origin of masses and frequencies, and the node of the largest stress.
 
     Notes
     -----
@@ -140,6 +143,7 @@ class BuiltModel(Plottable):
     checks: tuple[str, ...] = ()
     missing: tuple[str, ...] = ()
     failed: tuple[str, ...] = ()
+    bases: tuple[str, ...] = ()
 
     @property
     def frequencies(self) -> dict[int, NDArray]:
@@ -170,7 +174,8 @@ class BuiltModel(Plottable):
             ]
             if len(elastic := frequencies_of(free.bases[0])[6:12]):
                 texts.append("elastic modes, Hz: " + "  ".join(f"{f:.6g}" for f in elastic))
-        parts |= {"Interfaces": [*self.faces], "Checks passed": [*self.checks], "Not in this model": [*self.missing]}
+        parts |= {"Origin of these numbers": [*self.bases], "Interfaces": [*self.faces]}
+        parts |= {"Checks passed": [*self.checks], "Not in this model": [*self.missing]}
         lines = ["Import report"]
         for title, texts in parts.items():
             if texts:
@@ -253,7 +258,8 @@ def build_model(
     if checks.check_units:
         for name, body in bodies.items():
             check_lowest(body, made[name])
-    return _assembled(bodies, laid, places, made, shapes, rows, faces.n_sectors, report)
+    bases = [*_origins(bodies, ring), *(_largest_stress(bodies["blade"], row, ring) for row in rows)]
+    return _assembled(bodies, laid, places, made, shapes, rows, faces.n_sectors, report, bases)
 
 
 # -----------------------------------------------------------------------------------------------------------
@@ -331,35 +337,62 @@ def _sector_faces(body: PreparedBody, sector: Sector) -> SectorFaces:
         body.passed(f"sector faces: found from the geometry, {faces.n_sectors} sectors")
         return faces
     first, second = (body.node_set(s, "sector faces") for s in sector.faces)
-    if n_blades is None:
-        n_blades = _sectors_between(body, first, second)
-    problems = []
-    for left, right, words in ((first, second, "the first set lies toward -X"), (second, first, "the sets were exchanged")):
-        try:
-            matched = match_faces(body.nodes, left, right, n_blades, tolerance)
+    angle, exact = _angle_between(body, first, second), n_blades is not None
+    nearest = max(2, round(2.0 * np.pi / angle))
+    n_blades = n_blades or nearest
+    apart = f"the faces are {np.rad2deg(angle):.6g} degrees apart, nearest are {nearest} sectors"
+    deviation = 1.0 - 2.0 * np.pi / n_blades / angle
+    alike = n_blades == nearest and abs(deviation) <= sector.angle_tolerance
+    body.require(exact or alike, "sector faces", f"360/N degrees within {100 * sector.angle_tolerance:g} %", apart)
+    if not exact:
+        body.passed(f"{n_blades} sectors, from the {np.rad2deg(angle):.4g} degrees between the sector faces")
+    problems, pitches = [], (None, angle) if alike else (None,)
+    for pitch in pitches:
+        for left, right, words in (
+            (first, second, "the first set lies toward -X"), (second, first, "the sets were exchanged"),
+        ):  # fmt: skip
+            try:
+                matched = match_faces(body.nodes, left, right, n_blades, tolerance, pitch)
+            except ValueError as error:
+                problems.append(str(error))
+                continue
             body.passed(f"sector faces: {len(left)} pairs of nodes match within {tolerance:.2g} m; {words}")
+            _report_deviation(body, pitch, n_blades)
             return matched
-        except ValueError as error:
-            problems.append(str(error))
     expected = f"two sets of nodes of which a rotation by 2 pi/{n_blades} about the axis carries one onto the other"
-    body.require(body.elements, "sector faces", expected, "; the other way: ".join(problems))
+    found = f"{apart}; {problems[0]}; the other way: {problems[1].split(': ')[-1]}"
+    body.require(body.elements, "sector faces", expected, found)
     with body.refusing("sector faces", expected):
-        tied = [tie_faces(body.nodes, body.boundary, *pair, n_blades) for pair in ((first, second), (second, first))]
-    best = min(tied, key=lambda faces: faces.distance)
-    found = f"{'; the other way: '.join(problems)}; meshes that differ are at best {best.distance:.3g} m apart"
-    body.require(best.distance <= BOUNDS.tied_faces * body.size, "sector faces", expected, found)
+        ways = [(pitch, pair) for pitch in pitches for pair in ((first, second), (second, first))]
+        tied = [(tie_faces(body.nodes, body.boundary, *pair, n_blades, pitch), pitch) for pitch, pair in ways]
+    best, pitch = min(tied, key=lambda way: way[0].distance)
+    limit = sector.face_tolerance * _mean_edge(body, best.independent) if alike else BOUNDS.tied_faces * body.size
+    found += f"; meshes that differ are at best {best.distance:.3g} m apart, tolerance {limit:.3g} m"
+    body.require(best.distance <= limit, "sector faces", expected, found)
     tied_nodes = f"{len(best.dependent)} nodes tied by interpolation to {len(best.independent)}"
     body.passed(f"sector faces: meshes that differ, {tied_nodes}, at most {best.distance:.2g} m apart")
+    _report_deviation(body, pitch, n_blades)
     return best
 
 
-def _sectors_between(body: PreparedBody, first: NDArray, second: NDArray) -> int:
-    """Return the number of sectors from the mean angle between two faces."""
+def _angle_between(body: PreparedBody, first: NDArray, second: NDArray) -> float:
+    """Return the angle between the centres of two faces, rad."""
     angles = [np.arctan2(*body.nodes[nodes, :2].mean(axis=0)) for nodes in (first, second)]
-    between = abs((angles[1] - angles[0] + np.pi) % (2.0 * np.pi) - np.pi)
-    n_blades = max(2, round(2.0 * np.pi / max(between, 1e-3)))
-    body.passed(f"{n_blades} sectors, from the {np.rad2deg(between):.4g} degrees between the sector faces")
-    return n_blades
+    return max(float(abs((angles[1] - angles[0] + np.pi) % (2.0 * np.pi) - np.pi)), 1e-3)
+
+
+def _report_deviation(body: PreparedBody, angle: float | None, n_blades: int) -> None:
+    if angle is not None:
+        degrees, pitch = np.rad2deg(angle), 360.0 / n_blades
+        found = f"{degrees:.6g} degrees apart, {100.0 * (degrees / pitch - 1.0):+.2g} % from {pitch:.6g}"
+        body.passed(f"sector faces: {found}; tied as if they were one pitch apart")
+
+
+def _mean_edge(body: PreparedBody, nodes: NDArray) -> float:
+    """Return the mean edge of the outer faces of elements on some nodes, m."""
+    groups = facets_on_nodes(body.boundary, nodes).groups
+    corners = [body.nodes[group[:, : corner_count(group.shape[1])]] for group in groups]
+    return float(np.concatenate([np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2).ravel() for x in corners]).mean())
 
 
 def _locations(
@@ -429,10 +462,33 @@ def _reduced(
     return made, pictures
 
 
+def _origins(bodies: Mapping[str, PreparedBody], ring: Ring) -> Iterator[str]:
+    """Return the sources of masses and frequencies of the report, and of the frequencies compared with them."""
+    for name, body in bodies.items():
+        files = "stiffness and mass matrix of the files"
+        if name != "blade":
+            source = "mass matrix" if body.has_matrices else "given MassProperties"
+            yield f"{name}: mass, centre and inertia from the {source}"
+            continue
+        own = sorted({*ring.expected, *(modes.nodal_diameter for modes in body.raw.modes if body.has_matrices)})
+        compared = f"compared with those of the program at nodal diameters {', '.join(map(str, own))}"
+        compared = compared if own else "not compared with those of the program (expected_frequencies, or a result file)"
+        yield f"{name}: frequencies from {f'{files}, {compared}' if body.has_matrices else 'the modes of the file'}"
+
+
+def _largest_stress(body: PreparedBody, rows: StressRows, ring: Ring) -> str:
+    """Return the node of the largest von Mises stress in the lowest mode of the first excited nodal diameter."""
+    d = ring.pictured[0]
+    node = rows.largest(d)
+    place = ", ".join(f"{x:.6g}" for x in body.raw.nodes[node])
+    where = f"node {body.raw.numbers[node]} at ({place}) in the file"
+    return f"stress '{rows.name}': largest at {where}, lowest mode of nodal diameter {d}"
+
+
 def _assembled(
     bodies: Mapping[str, PreparedBody], laid: LaidContacts, places: Mapping[str, tuple[str, Place]],
     made: Mapping[str, Body], pictures: Mapping[int, NDArray], rows: Sequence[StressRows], n_blades: int,
-    report: ImportReport,
+    report: ImportReport, bases: Sequence[str],
 ) -> BuiltModel:  # fmt: skip
     """Return the model with its report."""
     model = Model(
@@ -449,8 +505,9 @@ def _assembled(
         },
     )
     check_model(model, where="built model")
-    sources, texts = {name: str(body.raw) for name, body in bodies.items()}, (report.checks, report.missing, report.failed)
-    built = BuiltModel(model, sources, laid.faces, *map(tuple, texts))
+    sources = {name: str(body.raw) for name, body in bodies.items()}
+    checks, missing, failed = map(tuple, (report.checks, report.missing, report.failed))
+    built = BuiltModel(model, sources, laid.faces, checks, missing, failed, tuple(bases))
     provenance = {
         "source": "; ".join(f"{name}: {body.raw.source}" for name, body in bodies.items()),
         "made by": "bdamper.importers.build_model",

@@ -71,6 +71,11 @@ class Sector(validation.Checked):
         Nodes with stress (extra ``bdamper[fe]``).
     elasticity : (Young's modulus, Poisson's ratio), optional
         Elastic constants in the units of the file, which replace the constants of the file.
+    angle_tolerance : float
+        Largest deviation of the angle between the faces from one pitch, divided by this angle; as in CalculiX by default.
+    face_tolerance : float
+        Largest distance of faces with different meshes, divided by the mean edge of their elements; as in CalculiX by
+        default.
 
     Raises
     ------
@@ -84,6 +89,8 @@ class Sector(validation.Checked):
     blade_nodes: NodeSet | None = None
     stress: NodeSet | Mapping[str, NodeSet] | None = None
     elasticity: Annotated[Sequence[float], partial(_tuple, n=2)] | None = None
+    angle_tolerance: validation.Share = 0.01
+    face_tolerance: validation.Share = 0.025
 
 
 @validation.check_arguments
