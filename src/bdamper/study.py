@@ -55,7 +55,7 @@ from bdamper.util import validation
 from bdamper.util.display import Comparable, Fact
 from bdamper.util.errors import INTERRUPTED, BdamperError, SettingError
 from bdamper.util.formatting import UNITS, aligned, short_repr, spaced, text_of
-from bdamper.util.progress import one_thread
+from bdamper.util.progress import one_thread, shows_progress
 from bdamper.util.records import new_group, read_attribute
 from bdamper.util.storage import INSTALLED, FilePath, read_hdf5, register_reader, write_hdf5
 
@@ -284,7 +284,7 @@ class Study(Comparable):
         options: PeakOptions | None = None,
         executor: Executor | None = None,
         check: str | bool = "time",
-        progress: bool = False,
+        progress: bool | None = None,
         resume: str | Path | None = None,
         quantity: str = "amplitude",
         material: Material | None = None,
@@ -306,8 +306,8 @@ class Study(Comparable):
             :meth:`harmonic_convergence`), and the amplitude by time integration at the optimum and at 1.35 times its
             preload (``curve.time_response``, ``curve.optimum_in_time``).  "neighbours": also integrate below the optimum,
             at its preload divided by 1.35.
-        progress : bool
-            Show the current step and the remaining time.
+        progress : bool, optional
+            Show the current step and the remaining time; by default in a terminal and a notebook.
         resume : path, optional
             File for all finished curves; interrupted work continues from it.
         quantity : {"amplitude", "margin"}
@@ -322,7 +322,7 @@ class Study(Comparable):
         """
         problem = self.problem
         check = check if check is False else validation.choice("check", check, ("time", "neighbours"))
-        values = optimal.preload_values(preload, n)
+        progress, values = shows_progress(progress), optimal.preload_values(preload, n)
         frequency = peak_interval(problem.at(float(values[-1])), frequency, mode) if problem.carries_load else frequency
         check_unloaded(problem)
         check_question(problem, values, frequency)

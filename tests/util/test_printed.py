@@ -5,6 +5,7 @@ import inspect
 import re
 import sys
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from bdamper.response.headline import NEAR_BEST
 from bdamper.response.verification import Convergence, HarmonicPeak, TimeResponse
 from bdamper.util.display import Fact
 from bdamper.util.formatting import amount, percent, span, table_lines
+from bdamper.util.progress import LongWork, shows_progress
 from tests.mistuning.lumped import lumped_study
 from tests.plain import plain_study
 
@@ -257,3 +259,13 @@ def test_the_repr_of_a_bladed_disk_is_one_line():
     disk = BladedDisk(lumped_study(), Mistuning.random(6, 0.02, seed=1))
     assert repr(disk) == "bladed disk of 6 blades, 3 coordinates of each blade, 6 of each damper"
     assert str(disk).startswith(repr(disk)) and len(str(disk).splitlines()) == 3
+
+
+def test_progress_is_on_in_a_terminal_alone(monkeypatch):
+    assert not shows_progress(None) and shows_progress(True)
+    monkeypatch.setattr(sys, "stderr", Mock(isatty=lambda: True))
+    assert shows_progress(None) and not shows_progress(False)
+    with LongWork():
+        assert not shows_progress(None)
+    with pytest.raises(bd.SettingError, match=r"^progress: "):
+        shows_progress(1)

@@ -34,7 +34,7 @@ from bdamper.util import plausible_ranges, validation
 from bdamper.util.display import Differences, Plottable
 from bdamper.util.errors import FAILED, NOT_RUN, SettingError, all_complete, status_word
 from bdamper.util.formatting import UNITS, amount, peak_text, percent, short_repr, short_text, spaced
-from bdamper.util.progress import Cost, one_thread, with_progress
+from bdamper.util.progress import Cost, one_thread, shows_progress, with_progress
 from bdamper.util.storage import INSTALLED, Recorded, ResultsFile, Storable
 from bdamper.util.tables import Column, Tabular, concatenate
 
@@ -333,7 +333,7 @@ def sweep(
     mode: int = 1,
     executor: Executor | None = None,
     resume: str | Path | None = None,
-    progress: bool = False,
+    progress: bool | None = None,
 ) -> SweepResult:
     """Evaluate a function for many variants of a problem.
 
@@ -353,8 +353,8 @@ def sweep(
         Threads, processes, ``dask.distributed.Client(...).get_executor()`` or ``mpi4py.futures.MPIPoolExecutor``.
     resume : path, optional
         Results file: finished points are appended to it, and an interrupted sweep continues from it.
-    progress : bool
-        Whether to show a progress bar.
+    progress : bool, optional
+        Whether to show a progress bar; by default in a terminal and a notebook.
 
     Returns
     -------
@@ -370,7 +370,7 @@ def sweep(
     problem = problem_of(study)
     _check_names(problem, over)
     check_executor(executor)
-    validation.flag("progress", progress)
+    progress = shows_progress(progress)
     evaluate = _question(evaluate, names, preload, frequency, mode)
     _check_plausible(problem, evaluate, over)
     job = _Job(study, evaluate)

@@ -22,6 +22,7 @@ from typing import Any, Protocol, TypeVar
 from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
+from bdamper.util import validation
 from bdamper.util.errors import one_line
 
 # ---- Progress bars and interrupts ----
@@ -92,6 +93,13 @@ def raise_if_stopped() -> None:
     """Raise KeyboardInterrupt if another thread has set an event of :func:`stopped_by`."""
     if any(stop.is_set() for stop in _stop.get()):
         raise KeyboardInterrupt
+
+
+def shows_progress(progress: bool | None) -> bool:
+    """Return whether to show progress; by default in a terminal and a notebook, outside of longer work."""
+    if progress is None:
+        return (sys.stderr.isatty() or "ipykernel.kernelapp" in sys.modules) and not is_part_of_work()
+    return validation.flag("progress", progress)
 
 
 @contextmanager
