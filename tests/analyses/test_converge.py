@@ -13,6 +13,7 @@ from bdamper.harmonic_balance.equations import OK
 from bdamper.lumped_masses import Contact, lumped
 from bdamper.response.peak import ANOTHER, Peak, peak_of_sign, sign_of_jacobian
 from bdamper.response.verification import Convergence, HarmonicPeak, Meeting
+from bdamper.util.formatting import span
 from tests import models
 from tests.plain import plain_study
 
@@ -248,7 +249,7 @@ class TestOptimalCurve:
         alone = study.harmonic_convergence(study.peak(curve.optimum.preload, INTERVAL), harmonics=(5, 7, 9, 12, 16))
         assert found.cost.evaluations == curve.cost.evaluations + more.cost.evaluations
         assert more.cost.evaluations > alone.cost.evaluations and found.cost.seconds > curve.cost.seconds
-        assert f"More harmonics: {more.verdict}." in found._headline() and more.note in found.summary()
+        assert f"({span(*more.range, 'm')} with more harmonics)" in found._headline() and more.note in found.summary()
         found.save(tmp_path / "optimal.h5")
         assert bd.load(tmp_path / "optimal.h5").convergence == more
 

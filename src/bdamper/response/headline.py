@@ -79,13 +79,14 @@ def checks(curve: OptimalCurve) -> list[Check]:
 def _in_time(curve: OptimalCurve) -> Check:
     """Compare the amplitudes of harmonic balance and of time integration at the preload nearest to the optimum."""
     rule = f"green below {percent(GOOD)} of difference, amber below {percent(FAIR)}, red above, white if not run"
-    name, remedy = "Harmonic balance against time", "take the bounds in time"
+    name, remedy = "Harmonic balance against time", "take the upper bound in time, or another preload"
     if not curve.time_response:
         return Check("white", name, "not run", rule)
     nearest = min(curve.time_response, key=lambda k: abs(np.log(k.preload / curve.optimum.preload)))
     if not known_in_time(nearest) or status_word(nearest.status) != COMPLETE:
         failure = f"time integration at {amount(nearest.preload, 'N')} is {nearest.status}"
-        return Check("red", name, nearest.status, rule, failure, "integrate more periods, study.time_response(peak)")
+        other = "integrate at other preloads, study.with_time_response(curve, preloads)"
+        return Check("red", name, nearest.status, rule, failure, remedy if known_in_time(nearest) else other)
     found = f"{nearest.text} in time, {amount(nearest.balance, 'm')} by harmonic balance"
     change = nearest.mean / nearest.balance - 1.0
     failure = f"harmonic balance and time integration differ by {abs(100.0 * change):.0f} %"
@@ -141,7 +142,9 @@ def _preload(curve: OptimalCurve) -> str:
     if least is not None and best in (known[0], known[-1]):
         where += f"; it may be less at {'lower' if best == known[0] else 'higher'} preloads"
     low, high = curve.preloads_within(NEAR_BEST * o.amplitude)
-    return f"{where}; the amplitude is within {percent(NEAR_BEST - 1.0)} of the minimum from {span(low, high, 'N')}."
+    steep = f" and rises faster {'below' if o.preload**2 < low * high else 'above'}" if low < o.preload < high else ""
+    within = f"the amplitude is within {percent(NEAR_BEST - 1.0)} of the minimum from {span(low, high, 'N')}"
+    return f"{where}; {within}{steep}."
 
 
 def _amplitude(curve: OptimalCurve) -> str:
@@ -150,10 +153,10 @@ def _amplitude(curve: OptimalCurve) -> str:
     shown = curve.optimum_in_time or next(iter(known), None)
     free = curve.free.amplitude
     gain = f", {free / o.amplitude:.3g} times below the free blade ({amount(free, 'm')})" if np.isfinite(free) else ""
+    more = curve.convergence
+    low, high = more.range if more is not None else (o.amplitude, o.amplitude)
+    ends = f" ({span(low, high, 'm')} with more harmonics)" if more is not None else ""
     if shown is None:
-        more = curve.convergence
-        low, high = more.range if more is not None else (o.amplitude, o.amplitude)
-        ends = f" ({span(low, high, 'm')} with more harmonics)" if more is not None else ""
         top = peak_text(max(high, o.amplitude), o.frequency)
         return f"Amplitude for the stress: {top}, by harmonic balance alone{ends}{gain}."
     high = float(np.fmax(shown.highest, shown.highest_period))
@@ -162,7 +165,7 @@ def _amplitude(curve: OptimalCurve) -> str:
     alike = f" Blades do not vibrate alike: {span(least, most, 'm')}." if shown.parted else ""
     return (
         f"Amplitude for the stress: {amount(high, 'm')}; in time{at} {span(shown.lowest, high, 'm')}, by harmonic balance "
-        f"{peak_text(o.amplitude, o.frequency)}{gain}.{alike}"
+        f"{peak_text(o.amplitude, o.frequency)}{ends}{gain}.{alike}"
     )
 
 
