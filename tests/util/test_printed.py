@@ -159,7 +159,8 @@ class TestBottomLine:
         low, high = curve.preloads_within(NEAR_BEST * o.amplitude)
         assert said == (
             f"Preload: {amount(o.preload, 'N')} per newton of excitation; the amplitude is within 20 % of the minimum from "
-            f"{span(low, high, 'N')} and rises faster below. Amplitude for the stress: {amount(o.amplitude, 'm')} at {amount(o.frequency, 'Hz')}, "
+            f"{span(low, high, 'N')} and rises faster below. "
+            f"Amplitude for the stress: {amount(o.amplitude, 'm')} at {amount(o.frequency, 'Hz')}, "
             f"by harmonic balance alone, {curve.free.amplitude / o.amplitude:.3g} times below the free blade "
             f"({amount(curve.free.amplitude, 'm')}). Not covered: motion in time, mistuning, wear, friction coefficients "
             "other than 0.4."
@@ -181,7 +182,7 @@ class TestBottomLine:
         [
             ({"kind": "end"}, "the least amplitude is at the end of the range, the optimum may lie beyond. Include"),
             ({"status": "incomplete: why"}, "the search for the optimum is incomplete: why. Compute other preloads near"),
-            (1.3, "harmonic balance and time integration differ by 30 %. Take the upper bound in time, or another preload."),
+            (1.3, "harmonic balance and time integration differ by 30 %. Take the upper bound in time, or"),
             (np.nan, "time integration at 1 N is not found: why. Integrate at other preloads, study."),
             (
                 [1.0, 1.3, 1.31],
