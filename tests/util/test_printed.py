@@ -234,7 +234,7 @@ def test_places_close_together_are_told_apart():
 
 def test_attributes_that_are_not_there_are_answered(peak, curve):
     for result, name, answer in (
-        (peak, "amplitudo", "Peak has no attribute 'amplitud'; did you mean amplitude?"),
+        (peak, "amplitudo", "Peak has no attribute 'amplitudo'; did you mean amplitude?"),
         (curve, "optimum", "ResponseCurve has no attribute 'optimum'; OptimalCurve has it"),
         (peak, "not_a_thing", "Peak has no attribute 'not_a_thing'"),
     ):
