@@ -6,6 +6,8 @@ import pytest
 from numpy.testing import assert_array_equal
 
 import bdamper as bd
+from bdamper.response.sensitivity import setting_value
+from bdamper.util.errors import SettingError
 from tests.each import each
 from tests.models import wedge_model
 from tests.turning import turning_disk
@@ -47,6 +49,16 @@ def test_every_setting_comes_back(model, settings, tmp_path):
     assert (back.settings.contact_stiffness is None) == (study.settings.contact_stiffness is None)
     assert_array_equal(back.static(5.0).force, study.static(5.0).force)
     assert type(bd.load(tmp_path / "study.h5")) is bd.Study
+
+
+def test_one_friction_coefficient_stays_one_number(model, tmp_path):
+    """A file has it by interface; derivatives by it need one."""
+    bd.Study(model, TIP, 2, friction_coefficient=0.25).save(tmp_path / "study.h5")
+    back = bd.load_study(tmp_path / "study.h5")
+    assert setting_value(back.problem, "friction_coefficient") == 0.25
+    two = back.replace(friction_coefficient={name: 0.1 * (k + 1) for k, name in enumerate(FACES)})
+    with pytest.raises(SettingError, match="one number"):
+        setting_value(two.problem, "friction_coefficient")
 
 
 def test_the_model_may_be_left_to_its_hash(model, tmp_path):

@@ -104,7 +104,8 @@ def _more_harmonics(curve: OptimalCurve) -> Check:
     enough = (more.settled if len(more.settled) > 1 else more.peaks[-1:])[0].harmonics
     failure = f"the number of harmonics does not suffice, {more.note}"
     colour = "green" if more.converged else graded(change, 0.0, FAIR)
-    return Check(colour, "More harmonics", more.note, rule, failure, f"use harmonics={enough}")
+    remedy = f"use harmonics={enough}" if enough > first.harmonics else "rely on the amplitude in time"
+    return Check(colour, "More harmonics", more.note, rule, failure, remedy)
 
 
 def known_in_time(response: TimeResponse) -> bool:
@@ -153,7 +154,7 @@ def _amplitude(curve: OptimalCurve) -> str:
     shown = curve.optimum_in_time or next(iter(known), None)
     free = curve.free.amplitude
     gain = f", {free / o.amplitude:.3g} times below the free blade ({amount(free, 'm')})" if np.isfinite(free) else ""
-    more = curve.convergence
+    more = curve.convergence if curve.convergence is not None and len(curve.convergence.peaks) > 1 else None
     low, high = more.range if more is not None else (o.amplitude, o.amplitude)
     ends = f" ({span(low, high, 'm')} with more harmonics)" if more is not None else ""
     if shown is None:

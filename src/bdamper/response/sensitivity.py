@@ -525,6 +525,11 @@ def setting_value(problem: Problem, name: str) -> float:
     if head in FACTORS:
         return 1.0
     value: Any = problem.settings
+    if name == "friction_coefficient":  # a stored study has it by interface
+        interfaces = problem.model.interfaces
+        own = {str(mu): mu for face, mu in value.friction_by_interface().items() if interfaces[face].kind == "friction"}
+        if len(own) == 1 and np.ndim(mu := own.popitem()[1]) == 0:
+            return float(mu)
     if of_part := part and head in ("friction_coefficient", *OF_LOAD):
         of_face = head == "friction_coefficient"
         value = (value.friction_by_interface() if of_face else value.given_loads(head)).get(part, 0.0)
