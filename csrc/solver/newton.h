@@ -28,7 +28,7 @@ typedef struct {
 
 typedef struct {
     int iterations;
-    double residual;              /* largest scaled residual at the returned point; the tolerance after an unchecked step */
+    double residual;              /* largest scaled residual at the returned point */
     double first_step, last_step; /* lengths of the first and last Newton step, in scaled unknowns */
     bd_factored factored;         /* data of the last factorisation */
     double slope, curvature;      /* of BD_STATIONARY: phi at the returned point, and its latest secant */

@@ -140,8 +140,7 @@ class Correction:
         Units of the unknowns.
     iterations : int
     residual : float
-        Largest residual relative to the excitation (harmonics) or the static load (mean).  It is the tolerance if the
-        last Newton step was not evaluated.
+        Largest residual relative to the excitation (harmonics) or the static load (mean).
     rank_deficiency : int
         Number of directions that the equations leave undetermined.  The solution has least norm in them.
     shares : tuple of three floats

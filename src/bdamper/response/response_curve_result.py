@@ -58,7 +58,7 @@ class ResponseCurve(Plottable, Comparable, FrequencySeries, Tabular, Recorded, S
     unknowns : (n, n_unknowns) float
         Modal coordinates (kg^1/2 m): mean, then cosine and sine amplitudes of each harmonic.  Empty for a run-up.
     residual : (n,) float
-        Relative to the excitation and the static load; the tolerance if the last Newton step was not evaluated.
+        Relative to the excitation and the static load.
     shares : (n, 3) float
         Fractions of the cycle in stick, slip and separation, mean over the friction points.
     backward : (n,) bool

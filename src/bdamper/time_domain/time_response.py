@@ -512,4 +512,4 @@ def _with_decision(
     apart, size = (float(np.linalg.norm(x[1:])) for x in (transient.response[-1] - expected, expected))
     status = INTERRUPTED if interrupted else with_reason(INCOMPLETE, UNDECIDED) if verdict == UNDECIDED else COMPLETE
     distance = apart / max(size, 1e-300)
-    return status, {"balance": float(np.abs(expected)[1]), "distance": distance, "verdict": verdict, "reason": reason}
+    return status, {"balance": float(abs(expected[1])), "distance": distance, "verdict": verdict, "reason": reason}
