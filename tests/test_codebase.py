@@ -263,7 +263,7 @@ def test_tests_mirror_the_rooms():
 
 # ---- what is counted, and what stands in one place ----
 
-CODE, CONSTANTS = 23_000, 292
+CODE, CONSTANTS = 23_050, 292
 """Lines with code and numeric constants of modules that the package may have."""
 
 
