@@ -271,6 +271,8 @@ def test_repeated_tests_give_the_noise_and_are_left_out_together(jenkins):
     assert fit(jenkins, runs[0], {"friction_coefficient": (0.1, 0.9)}).noise == 0.02
     apart = [replace(runs[1], preload=3.0), replace(runs[1], sweep="down"), replace(runs[1], force=2.0), runs[1]]
     assert repetitions(apart) == ([0, 1, 2, 3], 0.0)
+    parts = [measured(truth, blank(2.0, band, 10, phase=False), 0.0, 0) for band in ((0.2, 0.25), (0.26, 0.32))]
+    assert repetitions(parts) == ([0, 1], 0.0), "two parts of one test have no frequency in common"
 
 
 def test_predictions_are_those_of_fits_without_a_test(jenkins):

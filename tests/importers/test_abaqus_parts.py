@@ -391,8 +391,9 @@ def test_nodes_that_are_numbered_in_another_order_are_refused(tmp_path):
         read_abaqus(written(tmp_path, lines))
     written(tmp_path, DIAGONAL)
     (tmp_path / "a.inp").write_text(TWO.replace("1, 1, 2, 3, 4", "1, 1, 2, 3, 9"))
-    with pytest.raises(ModelError, match="expected elements with existing nodes, found nodes"):
+    with pytest.raises(ModelError, match=r"element 1: expected nodes of its part, found node .9."):
         read_abaqus(tmp_path / "a", "I")
+    (tmp_path / "a.inp").write_text(TWO)
     (tmp_path / "a_STIF2.mtx").write_text(DIAGONAL)
     with pytest.raises(ModelError, match=r"expected one file a_STIF\*.mtx, found a_STIF1.mtx, a_STIF2.mtx"):
         read_abaqus(tmp_path / "a")
@@ -406,3 +407,17 @@ def test_internal_nodes_are_refused_by_the_reader_of_arrays_too(tmp_path):
     written(tmp_path, DIAGONAL + "-1,1, -1,1, 1.0\n")
     with pytest.raises(ModelError, match=r"PUBLIC NODES, found internal nodes"):
         read_arrays(tmp_path / "a_STIF1.mtx", tmp_path / "a_MASS1.mtx", tmp_path / "a.inp")
+
+
+def test_labels_that_a_part_lacks_are_no_nodes_of_another_instance(tmp_path):
+    """Two instances of nodes 1, 2, 3 and 5: label 4 of a generated set is none, not the first node of the second one."""
+    part = "*PART, NAME=P\n*NODE\n1, 0, 0, 0\n2, 1, 0, 0\n3, 0, 1, 0\n5, 0, 0, 1\n*ELEMENT, TYPE=C3D4\n1, 1, 2, 3, 5\n"
+    part += "*NSET, NSET=G, GENERATE\n1, 5, 1\n*SURFACE, NAME=S, TYPE=NODE\nG, 1.\n*END PART\n"
+    both = "*ASSEMBLY, NAME=A\n*INSTANCE, NAME=I, PART=P\n*END INSTANCE\n*INSTANCE, NAME=J, PART=P\n5, 0, 0\n"
+    both += "*END INSTANCE\n"
+    (tmp_path / "a.inp").write_text(part + both + "*END ASSEMBLY\n")
+    body = read_inp(tmp_path / "a.inp")
+    assert [list(body.node_sets[name]) for name in ("I.G", "J.G", "I.S", "J.S")] == [[1, 2, 3, 4], [5, 6, 7, 8]] * 2
+    (tmp_path / "a.inp").write_text(part.replace("\nG, 1.", "\nH, 1.") + both + "*END ASSEMBLY\n")
+    with pytest.raises(ModelError, match="expected a node or a set out of"):
+        read_inp(tmp_path / "a.inp")

@@ -1,7 +1,9 @@
 """Which nodal diameters an import makes, what the report says of it, and what is seen of the work."""
 
 import re
+from contextlib import nullcontext
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,8 +11,9 @@ import pytest
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
 import bdamper as bd
-from bdamper.importers import Modes, Reduction
-from bdamper.importers.build import _diameters
+from bdamper.fem.surface import Facets
+from bdamper.importers import Modes, Reduction, Sector
+from bdamper.importers.build import _diameters, _sector_faces
 from bdamper.util import storage
 from bdamper.util.errors import ModelError, SettingError
 from tests.annulus import small_sector
@@ -155,3 +158,35 @@ def test_an_interruption_leaves_nothing_half_written(bodies, tmp_path, monkeypat
         built.save(tmp_path / "model.h5")
     assert [path.name for path in tmp_path.iterdir()] == ["model.h5"]
     assert (tmp_path / "model.h5").read_bytes() == before
+
+
+@pytest.mark.parametrize("given", [None, 120, 119])
+def test_number_of_sectors_does_not_depend_on_the_grading_of_skewed_faces(given):
+    """Faces 3 degrees apart with different meshes have centres 2.971 degrees apart, nearer to 121 sectors than to 120."""
+
+    def face(angle, z):
+        rows, radius = [], np.linspace(0.3, 0.4, 9)
+        for height in z:
+            turned = angle + height * np.tan(np.radians(15.0)) / 0.35
+            rows.append(np.column_stack([radius * np.sin(turned), radius * np.cos(turned), np.full(9, height)]))
+        corner = (9 * np.arange(len(z) - 1)[:, None] + np.arange(8)).ravel()[:, None]
+        return np.concatenate(rows), corner + [0, 1, 10, 9]
+
+    first, quads = face(-np.pi / 120, np.linspace(0.0, 0.1, 9))
+    second, more = face(np.pi / 120, 0.1 * np.linspace(0.0, 1.0, 10) ** 1.03)
+    sets = {"A": np.arange(len(first)), "B": len(first) + np.arange(len(second))}
+
+    def require(good, *words):
+        if not good:
+            raise ModelError(" ".join(words))
+
+    body = SimpleNamespace(
+        nodes=np.concatenate([first, second]), boundary=Facets((np.concatenate([quads, len(first) + more]),)),
+        elements=(1,), size=0.15, node_set=lambda name, _: sets[name], passed=lambda _: None,
+        refusing=lambda *_: nullcontext(), require=require,
+    )  # fmt: skip
+    if given == 119:
+        with pytest.raises(ModelError, match="faces that fit 120 sectors"):
+            _sector_faces(body, Sector(119, ("A", "B")))
+    else:
+        assert _sector_faces(body, Sector(given, ("A", "B"))).n_sectors == 120

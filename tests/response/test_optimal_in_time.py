@@ -52,19 +52,23 @@ def test_neighbours_on_request(study, curve, monkeypatch):
     best = curve.optimum.preload
     np.testing.assert_allclose([k.preload for k in found.time_response], [best / 1.35, best, best * 1.35])
     said, least = found._headline(), found.optimum_in_time
-    assert least.highest == min(k.highest for k in found.time_response) and least in found.time_response
-    at, most = amount(least.preload, "N"), amount(least.highest, "m")
+    tops = [max(k.highest, k.highest_period) for k in found.time_response]
+    assert max(least.highest, least.highest_period) == min(tops) and least in found.time_response
+    at, most = amount(least.preload, "N"), amount(min(tops), "m")
     assert f"Preload: {at}" in said and f"Amplitude for the stress: {most}" in said
     assert ("it may be less at" in said) == (least.preload != best)
     assert ("optimum in time", least._headline()) in [fact[:2] for fact in found._facts()]
     assert "least in time" in found.plot()[0].get_legend_handles_labels()[1]
     plt.close("all")
     low, middle, high = found.time_response
-    lower = replace(found, time_response=(low, replace(middle, highest=0.5 * low.highest), high))
+    half = replace(middle, highest=0.5 * low.highest, highest_period=0.5 * low.highest)
+    lower = replace(found, time_response=(low, half, high))
     assert lower.optimum_in_time.preload == best and "it may be less" not in lower._headline()
+    beats = replace(half, highest_period=2.0 * max(k.highest_period for k in (low, high)))
+    assert replace(found, time_response=(low, beats, high)).optimum_in_time is not beats
     lone = replace(found, time_response=(low, replace(middle, mean=np.nan), replace(high, mean=np.nan)))
     assert lone.optimum_in_time is None and f"Preload: {amount(best, 'N')}" in lone._headline()
-    wide = replace(middle, highest=0.5 * low.highest, status="incomplete: not settled")
+    wide = replace(half, status="incomplete: not settled")
     said = replace(found, time_response=(low, wide, high))._headline()
     assert "is incomplete: not settled. " in said and f"for the stress: {amount(wide.highest_period, 'm')}" in said
     stopped = replace(found, time_response=(low, replace(wide, status="interrupted"), high))

@@ -347,9 +347,11 @@ def repetitions(data: Sequence[MeasuredResponse | Measured | MeasuredMode]) -> t
             conditions = [(t.preload, t.sweep, t.nominal is None) for t in (one, other)]
             alike = abs((one.nominal or 1.0) / (other.nominal or 1.0) - 1.0) < ALIKE_FORCE
             if conditions[0] == conditions[1] and alike:
-                groups[i] = min(groups[i], groups[j])
                 (f, size), (g, known) = (_logarithms(one), _logarithms(other))
                 common = (f >= g[0]) & (f <= g[-1])
+                if not common.any():  # parts of one test
+                    continue
+                groups[i] = min(groups[i], groups[j])
                 squares.append((size - np.interp(f, g, known))[common] ** 2 / 2.0)
     return groups, float(np.sqrt(np.concatenate(squares or [np.zeros(1)]).mean()))
 

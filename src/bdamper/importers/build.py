@@ -362,10 +362,19 @@ def _sector_faces(body: PreparedBody, sector: Sector) -> SectorFaces:
     expected = f"two sets of nodes of which a rotation by 2 pi/{n_blades} about the axis carries one onto the other"
     found = f"{apart}; {problems[0]}; the other way: {problems[1].split(': ')[-1]}"
     body.require(body.elements, "sector faces", expected, found)
+    # if the meshes differ, the angle between the centres of the faces is biased; one sector more or less may fit better
+    counts = [(n, None) for n in range(max(n_blades - 1, 2), n_blades + 2)] + [(n_blades, pitch) for pitch in pitches[1:]]
     with body.refusing("sector faces", expected):
-        ways = [(pitch, pair) for pitch in pitches for pair in ((first, second), (second, first))]
-        tied = [(tie_faces(body.nodes, body.boundary, *pair, n_blades, pitch), pitch) for pitch, pair in ways]
+        ways = [(n, pitch, pair) for n, pitch in counts for pair in ((first, second), (second, first))]
+        tied = [(tie_faces(body.nodes, body.boundary, *pair, n, pitch), pitch) for n, pitch, pair in ways]
     best, pitch = min(tied, key=lambda way: way[0].distance)
+    if exact:
+        fits = best.n_sectors != n_blades and best.distance <= BOUNDS.tied_faces * body.size
+        body.require(not fits, "sector faces", expected, f"faces that fit {best.n_sectors} sectors")
+        best, pitch = min((way for way in tied if way[0].n_sectors == n_blades), key=lambda way: way[0].distance)
+    elif best.n_sectors != n_blades:
+        n_blades = best.n_sectors
+        body.passed(f"{n_blades} sectors fit best")
     limit = sector.face_tolerance * _mean_edge(body, best.independent) if alike else BOUNDS.tied_faces * body.size
     found += f"; meshes that differ are at best {best.distance:.3g} m apart, tolerance {limit:.3g} m"
     body.require(best.distance <= limit, "sector faces", expected, found)

@@ -410,18 +410,24 @@ class Deck:
             self._only(instance)
         sets = {name: list(dict.fromkeys(members)) for name, members in model.node_sets.items() if members}
         for name, words in model.node_surfaces.items():
-            known = [sets[word.upper()] for word in words if word.upper() in sets]
-            if known:
-                sets.setdefault(name, [code for members in known for code in members])
+            item = f"{self.source}: *SURFACE, NAME={name}"
+            members = [code for word in words for code in self._members(word, model.node_sets, item, what="a node")]
+            sets.setdefault(name, members)
         elastic = {
             element: self.elastic.get(material, ())
             for name, material in model.sections.items()
             for element in model.element_sets.get(name, ())
         }
         kinds = [ElementKind(model.type_of[element], *elastic.get(element, ())) for element in model.element_of]
+        if len(self.instances) > 1:  # a label that a part lacks is the number of another node of the assembly
+            sets = {name: [code for code in members if code in number] for name, members in sets.items()}
+            for element, nodes in model.element_of.items():
+                absent = [code & ((1 << _BITS) - 1) for code in nodes if code not in number]
+                where = f"{self.source}: element {element & ((1 << _BITS) - 1)}"
+                check(not absent, where, "nodes of its part", f"node {absent[:1]}, which is not defined")
         node_sets = {
             name: np.unique(np.array([number.get(code, code) for code in members], np.int64))
-            for name, members in sets.items()
+            for name, members in sets.items() if members
         }
         body = mesh_body(
             str(self.source), "*NODE with at least one node", list(number.values()), [model.nodes[code] for code in number],

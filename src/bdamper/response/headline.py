@@ -66,9 +66,10 @@ def checks(curve: OptimalCurve) -> list[Check]:
         _more_harmonics(curve),
     ]  # fmt: skip
     for margins in curve.margins:
-        least = float(np.nanmax(margins.margin))
+        preload = (curve.optimum_in_time or best).preload
+        least = float(margins.margin[np.abs(margins.preload - preload).argmin()])
         colour = graded(-least, -SAFE, -1.0)
-        failure = f"the margin against fatigue is {least:.3g} at best"
+        failure = f"the margin against fatigue is {least:.3g} near the preload"
         out.append(
             Check(colour, "Margin against fatigue", f"{least:.3g}", f"red below 1, amber below {SAFE:g}", failure,
                   "reduce the excitation or the stress")
@@ -143,7 +144,10 @@ def _preload(curve: OptimalCurve) -> str:
     if least is not None and best in (known[0], known[-1]):
         where += f"; it may be less at {'lower' if best == known[0] else 'higher'} preloads"
     low, high = curve.preloads_within(NEAR_BEST * o.amplitude)
-    steep = f" and rises faster {'below' if o.preload**2 < low * high else 'above'}" if low < o.preload < high else ""
+    # the last computed preload also ends the range
+    computed = dict(zip(curve.preload, curve.amplitude)) | {c.preload: c.peak.amplitude for c in curve.curves if len(c)}
+    risen = all(computed.get(end, np.inf) > 0.95 * NEAR_BEST * o.amplitude for end in (low, high))
+    steep = f" and rises faster {'below' if o.preload**2 < low * high else 'above'}" if risen else ""
     within = f"the amplitude is within {percent(NEAR_BEST - 1.0)} of the minimum from {span(low, high, 'N')}"
     return f"{where}; {within}{steep}."
 
