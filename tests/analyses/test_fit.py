@@ -8,7 +8,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.analyses import response_residuals
-from bdamper.analyses.fit import UNLOADED, Objective, _profile, _stage, covariance, fit, repetitions
+from bdamper.analyses.fit import UNLOADED, Objective, _profile, _stage, covariance, fit, left_out, repetitions
 from bdamper.analyses.response_residuals import Separation, Variations, _Swept
 from bdamper.harmonic_balance.parameters import vary
 from bdamper.importers.measured_modes import MeasuredMode
@@ -268,6 +268,10 @@ def test_repeated_tests_give_the_noise_and_are_left_out_together(jenkins):
     new = Objective(jenkins, runs, {"friction_coefficient": (0.1, 0.9)}, scatter).parts(np.log(alone.values))
     expected = [np.sqrt((part.residual[:, 0] ** 2).mean()) for part in new]
     assert found.predictions[1:] == pytest.approx(expected[1:], rel=2e-3)
+    objective = Objective(jenkins, runs, {"friction_coefficient": (0.1, 0.9)}, scatter)
+    x, half = np.log(found.values), 2 * len(runs[0].data.frequency)
+    r, J = objective.residual(x), objective.jacobian(x)
+    assert found.left_out == pytest.approx(left_out(r, J, [slice(half), slice(half, None)]), rel=1e-6)
     assert fit(jenkins, runs[0], {"friction_coefficient": (0.1, 0.9)}).noise == 0.02
     apart = [replace(runs[1], preload=3.0), replace(runs[1], sweep="down"), replace(runs[1], force=2.0), runs[1]]
     assert repetitions(apart) == ([0, 1, 2, 3], 0.0)

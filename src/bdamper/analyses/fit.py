@@ -385,10 +385,11 @@ def _stage(
         )
     sizes = np.cumsum([0, *(part.residual.size for part in parts)])
     rows = [slice(a, b) for a, b in zip(sizes, sizes[1:])]
-    half, C, left = _uncertainty(objective, x, rows, before)
+    group = np.repeat(groups or np.arange(len(parts)), np.diff(sizes))
+    half, C, left = _uncertainty(objective, x, [np.flatnonzero(group == each) for each in np.unique(group)], before)
     J = objective.jacobian(x)
     information = np.array([(J[s] ** 2).sum(axis=0) for s in rows]).T
-    prediction = _predictions(objective, x, np.repeat(groups or np.arange(len(parts)), np.diff(sizes)))
+    prediction = _predictions(objective, x, group)
     ends = np.clip([x - half[0], x + half[1]], low, high)
     unknown = (ends[0] <= low + EDGE) & (ends[1] >= high - EDGE)
     _, singular, ways = np.linalg.svd(J, full_matrices=False)
@@ -441,9 +442,9 @@ def _predictions(objective: Objective, x: NDArray, group: NDArray) -> NDArray:
 
 
 def _uncertainty(
-    objective: Objective, x: NDArray, rows: Sequence[slice], before: tuple[Fitted, NDArray] | None
+    objective: Objective, x: NDArray, rows: Sequence[NDArray], before: tuple[Fitted, NDArray] | None
 ) -> tuple[NDArray, NDArray, NDArray]:
-    """Return half widths (2, k) of the intervals, covariance (k, k), and jackknife standard deviations over tests (k,)."""
+    """Return half widths (2, k) of the intervals, covariance (k, k), and jackknife standard deviations over groups of tests (k,)."""
     r, J = objective.residual(x), objective.jacobian(x)
     k, n = len(x), len(rows)
     spare = max(int(np.count_nonzero(r)) - k, 1)
