@@ -444,7 +444,7 @@ def _predictions(objective: Objective, x: NDArray, group: NDArray) -> NDArray:
 def _uncertainty(
     objective: Objective, x: NDArray, rows: Sequence[NDArray], before: tuple[Fitted, NDArray] | None
 ) -> tuple[NDArray, NDArray, NDArray]:
-    """Return half widths (2, k) of the intervals, covariance (k, k), and jackknife standard deviations over groups of tests (k,)."""
+    """Return half widths (2, k) of the intervals, covariance (k, k), and jackknife standard deviations (k,) over groups."""
     r, J = objective.residual(x), objective.jacobian(x)
     k, n = len(x), len(rows)
     spare = max(int(np.count_nonzero(r)) - k, 1)
