@@ -250,7 +250,10 @@ def test_tables_are_at_most_120_wide():
     rows = [("name", *(f"column {k}" for k in range(12)), "empty"), ("first", *("1.2345678" for _ in range(12)), "")]
     lines = table_lines(rows, "  ")
     assert max(map(len, lines)) <= 120 and lines[-1].startswith("  also: column 10") and "empty" not in lines[-1]
-    assert table_lines([("a", "b"), ("1", "2")]) == ["a  b", "1  2"]
+    below = table_lines(rows, "  ", whole=True)
+    assert max(map(len, below)) <= 120 and len(below) == 4 and [line.split()[0] for line in below] == ["name", "first"] * 2
+    assert all(f"column {k}" in "".join(below) for k in range(12))
+    assert table_lines([("a", "b"), ("1", "2")]) == ["a  b", "1  2"] and not table_lines([])
 
 
 def test_the_help_of_a_study_has_types_without_their_checks():

@@ -144,7 +144,7 @@ class Summarised:
         status, cost = getattr(self, "status", ""), getattr(self, "cost", "")
         if isinstance(status, tuple):
             texts += not_run_lines(status, "parts") + [s for s in dict.fromkeys(status) if status_word(s) == FAILED]
-        table = table_lines(self._rows(), "  ")
+        table = table_lines(self._rows(), "  ", whole=True)
         if isinstance(cost, tuple) and cost:  # one cost for each part
             cost = Cost(*map(sum, zip(*map(astuple, cost))))
         texts += [str(cost or "").strip()]

@@ -92,13 +92,20 @@ WIDEST = 118
 """Characters of a printed row; two more may be its indentation."""
 
 
-def table_lines(rows: Sequence[Sequence[str]], indent: str = "") -> list[str]:
-    """Return the lines of a table without empty columns, with the first columns that fit and the names of the others."""
-    columns = [column for column in zip(*rows) if any(column[1:])]
-    width = np.cumsum([max(map(len, column)) + 2 for column in columns])
-    n = max(int(np.count_nonzero(width <= WIDEST + 2)), 1)
-    others = ", ".join(column[0] for column in columns[n:])
-    return aligned([*zip(*columns[:n])], indent) + [truncate(f"{indent}also: {others}", WIDEST)] * bool(others)
+def table_lines(rows: Sequence[Sequence[str]], indent: str = "", whole: bool = False) -> list[str]:
+    """Return the lines of a table without empty columns, as wide as :data:`WIDEST` allows.
+
+    The last line names the other columns. If ``whole``, they follow in further tables, each with the first column.
+    """
+    first, *columns = [column for column in zip(*rows) if any(column[1:])] or [()]
+    lines: list[str] = []
+    while (first and not lines) or (whole and columns):
+        width = np.cumsum([max(map(len, column)) + 2 for column in (first, *columns)])
+        n = max(int(np.count_nonzero(width <= WIDEST + 2)) - 1, min(len(columns), 1))
+        lines += aligned([*zip(first, *columns[:n])], indent)
+        columns = columns[n:]
+    others = ", ".join(column[0] for column in columns)
+    return lines + [truncate(f"{indent}also: {others}", WIDEST)] * bool(others)
 
 
 def truncate(text: str, most: int) -> str:
