@@ -226,7 +226,7 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
         points = f"{len(self)} points over {', '.join(spaced(n) for n in self.names)}"
         points = ", ".join([points, *(f"{n} {what}" for n, what in counts if n > 0)])
         if not np.isfinite(known).any():
-            return f"{points}."
+            return f"{points}{next((f': {why}' for why in self.warnings if why), '')}."
         i, j = int(np.nanargmin(known)), int(np.nanargmax(known))
         ends = (f"{amount(known[k], UNITS.get(name, ''))} ({as_words(self.points[k])})" for k in (i, j))
         return f"{spaced(name).capitalize()} from {' to '.join(ends)}; {points}."

@@ -141,6 +141,7 @@ NO_RANGE = {
         ContactLaw.bouc_wen.alpha ContactLaw.bouc_wen.gamma ResidualModes.contact_share face_gap.angle face_gap.axial_angle
         ContinuationOptions.max_turn
         ContinuationOptions.locate_tolerance DiskPeakOptions.spacing mistuned_sample.audit ContactFaces.sector_b
+        Sector.angle_tolerance Sector.face_tolerance
     """,
     FACT: """
         Study.residual_slip_seed Study.excitation seed direction Study.gauge_stress.gauge Study.diff.other temperature
