@@ -75,7 +75,7 @@ def joints(seen, page, folder):
 def accuracy(seen, page, folder):
     """Effects whose errors the page shows."""
     assert seen[3]["result"].tolerance == 0.05 and seen[2]["curve"].complete
-    row = re.compile(r"^ *(translation X|contact points beyond 4|separation) +(\S+)", re.M)
+    row = re.compile(r"^ *(translation X|contact points beyond 4|separation) +([+-][\d.]+) %", re.M)
     shown, found = (dict(row.findall(text)) for text in (page.read_text(), seen[-1]["advice"].summary()))
     assert len(shown) == 3
     assert [float(found[name]) for name in shown] == pytest.approx([float(v) for v in shown.values()], rel=0.02)
