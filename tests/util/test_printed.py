@@ -5,6 +5,7 @@ import inspect
 import re
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 from unittest.mock import Mock
 
 import numpy as np
@@ -13,7 +14,7 @@ import pytest
 import bdamper as bd
 from bdamper.analyses.sweep import as_words
 from bdamper.mistuning import BladedDisk, Mistuning
-from bdamper.response.headline import NEAR_BEST
+from bdamper.response.headline import NEAR_BEST, checks
 from bdamper.response.verification import Convergence, HarmonicPeak, TimeResponse
 from bdamper.util.display import Fact
 from bdamper.util.formatting import amount, percent, span, table_lines
@@ -208,6 +209,19 @@ class TestBottomLine:
             curve = replace(curve, optimum=o, time_response=(response,))
         assert str(curve).replace("\n", " ").startswith(f"Not for design: {first}")
         assert " Preload: " in curve._headline() and "complete\n" not in str(curve)
+
+    def test_the_margin_is_that_near_the_preload(self, bonded):
+        o = replace(bonded.optimum, preload=1000.0, kind="smooth", status="complete")
+        margins = SimpleNamespace(preload=np.array([800.0, 1000.0, 2000.0]), margin=np.array([1.8, 0.8, 2.0]))
+        (check,) = [c for c in checks(replace(bonded, optimum=o, margins=(margins,))) if c.name == "Margin against fatigue"]
+        assert check.colour == "red" and check.found == "0.8"
+
+    def test_harmonics_that_are_not_known_have_no_range(self, study):
+        curve = study.optimal_curve((200.0, 5e3), 4, frequency=INTERVAL, check=False)
+        first = HarmonicPeak(3, curve.optimum.amplitude, 1.0)
+        alone = Convergence(curve.optimum.preload, 0.05, (first,), status="incomplete: why")
+        said = replace(curve, convergence=alone)._headline()
+        assert "with more harmonics)" not in said and "ely on the amplitude in time" in said
 
     def test_of_curves_and_peaks(self, study, curve, peak):
         top = f"{amount(curve.peak.amplitude, 'm')} at {amount(curve.peak.frequency, 'Hz')}"

@@ -223,13 +223,13 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
         words = [status_word(s) for s in self.status]
         missing = int(np.count_nonzero(~np.isfinite(known))) - words.count(FAILED) - words.count(NOT_RUN) if name else 0
         counts = ((missing, "not found"), (words.count(FAILED), "failed"), (words.count(NOT_RUN), "not run"))
-        points = f"{len(self)} points over {', '.join(spaced(n) for n in self.names)}"
+        points = f"{len(self)} point{'s' * (len(self) != 1)} over {', '.join(spaced(n) for n in self.names)}"
         points = ", ".join([points, *(f"{n} {what}" for n, what in counts if n > 0)])
         if not np.isfinite(known).any():
             return f"{points}{next((f': {why}' for why in self.warnings if why), '')}."
         i, j = int(np.nanargmin(known)), int(np.nanargmax(known))
-        ends = (f"{amount(known[k], UNITS.get(name, ''))} ({as_words(self.points[k])})" for k in (i, j))
-        return f"{spaced(name).capitalize()} from {' to '.join(ends)}; {points}."
+        ends = (f"{amount(known[k], UNITS.get(name, ''))} ({as_words(self.points[k])})" for k in dict.fromkeys((i, j)))
+        return f"{spaced(name).capitalize()} {'from ' * (i != j)}{' to '.join(ends)}; {points}."
 
 
 def as_words(point: Mapping[str, Any]) -> str:

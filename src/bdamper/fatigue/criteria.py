@@ -9,8 +9,8 @@ A cycle is ``sigma(theta) = c_0 + sum_l Re[c_l exp(i l theta)]`` with six compon
 * *Findley* (:func:`findley`): ``tau_a + k sigma_max`` on the critical plane, the plane of its maximum. ``tau_a`` is the
   radius of the smallest circle around the path of the shear stress [1]_.
 
-The cycle is sampled, and the best samples are refined by Newton's method. The result therefore does not depend on the
-position of the samples.
+The cycle is sampled, and the best samples are refined by Newton's method. If two maxima are
+almost equal, the result may be the lower one; it was at most 0.04 % below the other in 15,000 random cycles.
 
 With amplitude a, mean m, :math:`m_+ = \max(m, 0)`, endurance limit :math:`S_e`, ultimate strength :math:`S_u` and yield
 strength :math:`S_y`, the safety factor n is:

@@ -81,8 +81,8 @@ def read_mode(path: str | PathLike[str] | Mapping[str, Any], *, name: str | None
     Parameters
     ----------
     path : path-like, or mapping of header to values
-        Columns ``amplitude`` (displacement, velocity or acceleration), ``frequency (Hz)`` and ``damping ratio (%)``, of
-        which one of the last two may be missing.
+        Columns ``amplitude`` (displacement, velocity or acceleration), ``frequency (Hz)`` and ``damping ratio (%)``, which
+        may be missing if ``noise`` is given.
     name : str, optional
         Name in results; by default the name of the file.
     **conditions

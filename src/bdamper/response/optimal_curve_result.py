@@ -24,7 +24,7 @@ from bdamper.util.storage import FilePath, Recorded, Storable
 from bdamper.util.tables import Hertz, Kinds, Metres, Newtons, Numbers, PerRow, Quantity, Resonance, Shares, Tabular
 
 KINDS = {
-    "smooth": "zero slope", "crossing": "two peaks of equal height", "jump": "end of a higher peak",
+    "smooth": "zero slope", "crossing": "two peaks of equal height", "jump": "a higher peak ends here",
     "unknown": "not located", "flat": "none, the preload has no effect", "none": "none", **ENDS,
 }  # fmt: skip
 """Words for the kinds of an optimum."""
