@@ -1,8 +1,8 @@
 """Amplitudes in time that a study states, their error beside the whole structure, and what accuracy costs in time.
 
 ``python -m benchmarks.bench_amplitude references`` computes the references that ``results/amplitude.jsonl`` does not have,
-``... answers`` the default answers, and ``... curves`` peaks of response curves.  ``... show`` compares them, and draws
-``docs/images/cost.png``.  Numbers of scenes may follow.
+``... answers`` the default answers, ``... restarts`` the same with other disturbances of the motions, and ``... curves``
+peaks of response curves.  ``... show`` compares them, and draws ``docs/images/cost.png``.  Numbers of scenes may follow.
 
 Each scene is drawn from its number before anything is computed: the turbine blade (even numbers) or the difficult disk (odd
 ones), engine order 5 or 10, a friction coefficient of 0.2 to 0.6, and 0.8 to 4 times the preload of the least peak of the
@@ -25,6 +25,7 @@ import time
 import warnings
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -222,15 +223,17 @@ def carried(source: Ring, motion: Motion, target: Ring) -> Motion:
     return Motion(out[0], out[1], motion.w)
 
 
-def answer(number: int, preload: float) -> dict[str, Any]:
-    """Default answer at the preload of a scene."""
+def answer(number: int, preload: float, start: int = 0) -> dict[str, Any]:
+    """Default answer at the preload of a scene; ``start`` selects the phases of the waves that disturb the motions."""
     name, order, friction, _ = random(number)
     base = study(name, order, friction)
     begin = time.process_time()
     curve = base.frequency_response(preload, BANDS[name])
     if curve.peak_at_end:
         return {"status": "no peak"}
-    t = base.time_response(curve)
+    seeded = Ring.seeded
+    with patch.object(Ring, "seeded", lambda ring, motion, share, seed: seeded(ring, motion, share, seed + 101 * start)):
+        t = base.time_response(curve)
     sizes = {"um": t.mean, "low": t.lowest, "high": t.highest, "highest period": t.highest_period}
     out: dict[str, Any] = {what: round(1e6 * value, 3) for what, value in sizes.items()}
     out |= {"hz": t.frequency, "fall": t.fall, "status": t.status, "periods": t.periods}
@@ -296,11 +299,11 @@ def draw(known: Known) -> None:
             print(f"| {what} | {np.median(seconds):.2g} s | {middle:.2g} ({low:.2g} to {high:.2g}) |")
 
 
-def show(known: Known) -> None:
-    """Print every answer beside its reference, and what the aims of the comparison count."""
+def show(known: Known, kind: str) -> None:
+    """Print every answer or restart beside its reference, and what the aims of the comparison count."""
     rows = []
     for n in range(SCENES):
-        truth, said = known.get(f"{n} reference", {}), known.get(f"{n} answer", {})
+        truth, said = known.get(f"{n} reference", {}), known.get(f"{n} {kind}", {})
         name, order, friction, _ = random(n)
         scene = f"{n:2d} {name:13} {order:2d} {friction:.2f} {truth.get('preload', np.nan):6.1f} N"
         if "um" not in truth or "um" not in said:
@@ -350,7 +353,8 @@ def main() -> None:
     warnings.simplefilter("ignore", BdamperWarning)
     known = read()
     if what == "show":
-        show(known)
+        for kind in ("answer", "restart"):
+            show(known, kind)
         return draw(known)
     for number in map(int, numbers or range(SCENES)):
         preload = preload_of(number, known)
@@ -360,6 +364,8 @@ def main() -> None:
             keep(f"{number} curves", curves(number, preload))
         if what == "answers" and f"{number} answer" not in known:
             keep(f"{number} answer", answer(number, preload))
+        if what == "restarts" and f"{number} restart" not in known:
+            keep(f"{number} restart", answer(number, preload, 1))
 
 
 if __name__ == "__main__":

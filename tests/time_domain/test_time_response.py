@@ -11,7 +11,8 @@ from bdamper.contact.residual_flexibility import RESIDUAL
 from bdamper.response.events import ContinuationOptions
 from bdamper.time_domain.integration import Ring, every_diameter, ring_of, transfer
 from bdamper.time_domain.steady_amplitude import BalanceCurve, SteadySearch
-from bdamper.time_domain.time_response import VECTORS, richer_structure, structure_in_time
+from bdamper.time_domain.time_response import VECTORS, error_range, richer_structure, structure_in_time
+from bdamper.time_domain.transient import SteadyPoint
 from tests.each import each
 from tests.integrations import fails_after, interrupted_at
 from tests.time_domain import plain_transient
@@ -138,7 +139,7 @@ def test_one_mass_falls_at_the_fold_of_its_branch(bent, found):
 
 
 def test_the_range_is_an_error(found):
-    """All answers and the 1 % to which motions settle; that single periods differ is another figure."""
+    """All answers and the 1 % to which motions settle."""
     assert set(found.answers) == {"256 steps", "at the fall", "512 steps", "1024 steps"}
     low, high = min(found.answers.values()), max(found.answers.values())
     assert found.answers["256 steps"] == found.mean and found.answers["at the fall"] == high > found.mean
@@ -231,6 +232,16 @@ def test_answers_that_differ_by_more_than_a_twentieth_are_a_range(bent, monkeypa
     if not settled:
         assert found.status == "incomplete: not settled" and found.text.count(" to ") == 1 and "(" not in found.text
         assert found.factor == found.highest / found.balance
+
+
+@each("scatter", [0.004, 0.08])
+def test_single_periods_widen_the_range(scatter):
+    """A motion that is not periodic has another mean from another start; within a percent the settling counts more."""
+    beating = Still(10.0, 1.0)
+    beating.amplitude = 1.0 + scatter * np.cos(np.pi * np.arange(40))
+    low, high, doubt = error_range({"256 steps": 1.0, "512 steps": 1.02}, [SteadyPoint(beating, True, 0.0)])
+    assert (low, high) == (pytest.approx(1.0 - max(scatter, 0.01)), pytest.approx(1.02 * (1.0 + max(scatter, 0.01))))
+    assert not doubt
 
 
 def test_a_failing_integration_leaves_what_was_found_before(bent, monkeypatch):

@@ -306,14 +306,20 @@ def _stated(
 
 
 def error_range(answers: Mapping[str, float], runs: Iterable[SteadyPoint]) -> tuple[float, float, str]:
-    """Return the range (m) of the answers, widened by the uncertainty of the means, and the reason if it is wide, or ""."""
+    """Return the range (m) of the answers and the reason if it is wide, or "".
+
+    The range is widened by the uncertainty of the means and by the scatter of single periods: the mean of a motion that is
+    not periodic depends on its start.
+    """
     low, high = min(answers.values()), max(answers.values())
-    change = max(CRITERIA.drift, *(abs(run.change) for run in runs if run.stays))
+    stay = [run for run in runs if run.stays]
+    change = max(CRITERIA.drift, *(abs(run.change) for run in stay))
+    scatter = max(change, *(float(np.max(np.abs(run.amplitude / run.mean - 1.0))) for run in stay))
     doubts = [
         "not settled" if high > (1.0 + CRITERIA.tolerance) * low else "",
         f"its mean is uncertain by {100.0 * change:.2g} %" if change > CRITERIA.tolerance else "",
     ]
-    return (1.0 - change) * low, (1.0 + change) * high, "; ".join(filter(None, doubts))
+    return (1.0 - scatter) * low, (1.0 + scatter) * high, "; ".join(filter(None, doubts))
 
 
 def of_blades(transient: Transient, periods: int) -> dict[str, Any]:
