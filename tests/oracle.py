@@ -1,17 +1,12 @@
 """Plain NumPy counterparts of the C kernels, written from the laws alone.
 
-Events come from the roots of a companion matrix, integrals from Gauss-Legendre quadrature on each piece, the slider from
-the clip law applied piece by piece: nothing is shared with the code under test but the equations.
-
-:func:`residuals` does the same for many states at once: companion matrices in a batch, sliders of all cycles side by side,
-and the integrals from complex exponentials.
+Events come from the roots of companion matrices, integrals from complex exponentials, the slider from the clip law
+applied piece by piece, for many states at once: nothing is shared with the code under test but the equations.
 """
 
 import math
 
 import numpy as np
-
-STICK, PLUS, MINUS, OPEN = range(4)
 
 
 def basis(theta, n_harm):
@@ -24,14 +19,6 @@ def basis(theta, n_harm):
     return out
 
 
-def derivative(x):
-    d = np.zeros_like(x)
-    l = np.arange(1, len(x) // 2 + 1)
-    d[1::2] = l * x[2::2]
-    d[2::2] = -l * x[1::2]
-    return d
-
-
 def shift(x, delta):
     """Coefficients of x(theta + delta)."""
     y = np.array(x, float)
@@ -40,108 +27,6 @@ def shift(x, delta):
     y[..., 1::2] = c * np.cos(l * delta) + s * np.sin(l * delta)
     y[..., 2::2] = s * np.cos(l * delta) - c * np.sin(l * delta)
     return y
-
-
-def roots(f):
-    """Angles in [0, 2 pi) at which the trigonometric polynomial f crosses zero."""
-    f = np.asarray(f, float)
-    while len(f) > 1 and np.abs(f[-2:]).max() <= 1e-15 * np.abs(f[1:]).max():
-        f = f[:-2]  # a vanishing leading coefficient would throw the companion matrix off
-    n = len(f) // 2
-    z = np.zeros(2 * n + 1, complex)
-    z[n] = f[0]
-    for l in range(1, n + 1):
-        z[n + l] = 0.5 * (f[2 * l - 1] - 1j * f[2 * l])
-        z[n - l] = 0.5 * (f[2 * l - 1] + 1j * f[2 * l])
-    if np.max(np.abs(f[1:]), initial=0.0) <= 1e-290:  # nothing, or too little to divide by
-        return np.zeros(0)
-    r = np.roots(z[::-1])
-    r = np.sort(np.angle(r[np.abs(np.abs(r) - 1.0) < 1e-6]) % (2 * np.pi))
-    for _ in range(3):  # polish on the circle
-        slope = basis(r, n) @ derivative(f)
-        r = r - np.where(slope != 0.0, (basis(r, n) @ f) / np.where(slope == 0.0, 1.0, slope), 0.0)
-    return np.sort(r % (2 * np.pi))
-
-
-def bisect(f, a, b):
-    fa = f(a)
-    while a < (m := 0.5 * (a + b)) < b:
-        fm = f(m)
-        if (fm < 0) == (fa < 0):
-            a, fa = m, fm
-        else:
-            b = m
-    return 0.5 * (a + b)
-
-
-def pieces(u, v, kt, kn, mu, n0, w):
-    """Settled cycle of one tangential direction: list of (start, end, state, slider)."""
-    h = len(u) // 2
-    r = mu * kn / kt
-    g = kn * v
-    g[0] += n0
-    lo, hi = u - mu / kt * g, u + mu / kt * g
-    cuts = np.concatenate([roots(g), roots(derivative(lo)), roots(derivative(hi)), [0.0]])
-    cuts = np.unique(np.concatenate([cuts % (2 * np.pi), [2 * np.pi]]))
-    del r
-
-    def at(x, t):
-        return float(basis(t, h) @ x)
-
-    opened = basis(0.5 * (cuts[1:] + cuts[:-1]), h) @ g <= 0.0
-    u_at, lo_at, hi_at = (basis(cuts, h) @ x for x in (u, lo, hi))
-    for _ in range(2):  # until the cycle has settled
-        for k, is_open in enumerate(opened, 1):
-            w = u_at[k] if is_open else lo_at[k] if lo_at[k] > w else min(w, hi_at[k])
-    out = []
-    for k, (a, b) in enumerate(zip(cuts[:-1], cuts[1:])):
-        if opened[k]:
-            out.append((a, b, OPEN, 0.0))
-            w = u_at[k + 1]
-        elif lo_at[k + 1] > w:
-            t = bisect(lambda t: at(lo, t) - w, a, b) if at(lo, a) < w else a  # noqa: B023
-            out.append((a, t, STICK, w))
-            out.append((t, b, PLUS, 0.0))
-            w = lo_at[k + 1]
-        elif hi_at[k + 1] < w:
-            t = bisect(lambda t: at(hi, t) - w, a, b) if at(hi, a) > w else a  # noqa: B023
-            out.append((a, t, STICK, w))
-            out.append((t, b, MINUS, 0.0))
-            w = hi_at[k + 1]
-        else:
-            out.append((a, b, STICK, w))
-    return out
-
-
-def contact(x, kt, kn, mu, n0, w):
-    """Force coefficients (3, n_coef) of one point, to rounding."""
-    h = x.shape[1] // 2
-    node, weight = np.polynomial.legendre.leggauss(24 + 6 * h)
-    scale = np.full(2 * h + 1, 1 / np.pi)
-    scale[0] = 0.5 / np.pi
-    force = np.zeros_like(x)
-
-    def project(start, end, f):
-        t = 0.5 * (end - start) * node + 0.5 * (end + start)
-        b = basis(t, h)
-        return scale * (b.T @ (0.5 * (end - start) * weight * f(b)))
-
-    v = x[2].copy()
-    normal = pieces(x[0], v.copy(), max(kt[0], 1.0), kn, 0.0, n0, 0.0)
-    for start, end, state, _ in normal:
-        if state != OPEN:
-            force[2] += project(start, end, lambda b: n0 + kn * (b @ v))
-    for d in range(2):
-        if mu == 0.0 or kt[d] == 0.0:
-            continue
-        u = x[d]
-        for start, end, state, slider in pieces(u, v.copy(), kt[d], kn, mu, n0, w[d]):
-            if state == STICK:
-                force[d] += project(start, end, lambda b: kt[d] * (b @ u - slider))  # noqa: B023
-            elif state in (PLUS, MINUS):
-                sign = 1.0 if state == PLUS else -1.0
-                force[d] += sign * mu * project(start, end, lambda b: n0 + kn * (b @ v))
-    return force
 
 
 def cubic(x, kt):
@@ -195,49 +80,13 @@ def split(u, n_mode):
     return out
 
 
-def motion(u, n_mode, G, shift_):
-    """(n_point, 3, n_coef) relative motion at the contact points."""
-    n_point = shift_.shape[0]
-    x = np.zeros((n_point, 3, 2 * len(n_mode) - 1))
-    for l, q in enumerate(split(u, n_mode)):
-        value = np.einsum("paj,j->pa", G[l], q)
-        if l == 0:
-            x[..., 0] = value.real + shift_
-        else:
-            x[..., 2 * l - 1], x[..., 2 * l] = value.real, -value.imag
-    return x
-
-
-def residual(u, omega, arrays, law=contact):
-    """Harmonic-balance residual of the arrays handed to the core (a dict of its arguments, G as a list)."""
-    a = arrays
-    x = motion(u, a["n_mode"], a["G"], a["shift"])
-    arguments = [[a[name][p] for name in ("kt", "kn", "mu", "n0", "w")] for p in range(len(x))]
-    force = np.array([law(x[p], *arguments[p]) for p in range(len(x))]).reshape(x.shape)
-    out, first, start = [], 0, 0
-    for l, q in enumerate(split(u, a["n_mode"])):
-        n = a["n_mode"][l]
-        k, m, c = (a[key][first : first + n] for key in ("stiffness", "mass", "damping"))
-        first += n
-        if l == 0:
-            r = k * q.real + np.einsum("paj,pa->j", a["G"][0].real, force[..., 0])
-            out.append(r - a["force"][:n])
-            start = n
-        else:
-            f = force[..., 2 * l - 1] - 1j * force[..., 2 * l]
-            r = (k - (l * omega) ** 2 * m + 1j * l * omega * c) * q + np.einsum("paj,pa->j", a["G"][l].conj(), f)
-            out += [r.real - a["force"][start : start + n], -r.imag - a["force"][start + n : start + 2 * n]]
-            start += 2 * n
-    return np.concatenate(out)
-
-
 def at_angles(x, theta):
     """Values (R, K) of the signals x (R, M) at the angles theta (R, K), each row at its own."""
     return np.einsum("rkm,rm->rk", basis(theta, x.shape[1] // 2), x)
 
 
 def derivatives(x):
-    """derivative() of every row."""
+    """Derivatives of the signals in the rows with respect to the angle."""
     d = np.zeros_like(x)
     l = np.arange(1, x.shape[1] // 2 + 1)
     d[:, 1::2], d[:, 2::2] = l * x[:, 2::2], -l * x[:, 1::2]
@@ -329,8 +178,13 @@ def friction_of_rows(u, g, kt, mu, w, cuts_of_g):
     return forces + projected(len(u), row, start[row, k], onset[row, k], stuck)
 
 
+def contact(x, kt, kn, mu, n0, w):
+    """Force coefficients (3, M) of one point."""
+    return contacts(x[None, None], *[np.array([value]) for value in (kt, kn, mu, n0, w)])[0, 0]
+
+
 def contacts(x, kt, kn, mu, n0, w):
-    """Force coefficients of many states of all contact points: x (S, P, 3, M), parameters (P, ...) as for contact()."""
+    """Force coefficients of many states of all contact points: x (S, P, 3, M), kt and w (P, 2), kn, mu and n0 (P,)."""
     shape, m = x.shape, x.shape[3]
     force = np.zeros(shape)
     if not x.size:
@@ -365,12 +219,24 @@ def motions(u, arrays):
     return x
 
 
-def residuals(u, omega, arrays):
-    """residual() of many states at once: u (S, n_unknowns), omega (S,); the exact separable law."""
+def residual(u, omega, arrays, law=None):
+    """Harmonic-balance residual of the arrays handed to the core (a dict of its arguments, G as a list).
+
+    The law of a point is the exact separable one unless another is given.
+    """
+    return residuals(u[None], np.array([omega]), arrays, law)[0]
+
+
+def residuals(u, omega, arrays, law=None):
+    """residual() of many states at once: u (S, n_unknowns), omega (S,)."""
     a = arrays
     n_mode, u = a["n_mode"], np.asarray(u, float)
     x = motions(u, a)
-    force = contacts(x, a["kt"], a["kn"], a["mu"], a["n0"], a["w"])
+    parameters = [a[name] for name in ("kt", "kn", "mu", "n0", "w")]
+    if law is None:
+        force = contacts(x, *parameters)
+    else:
+        force = np.array([[law(*point) for point in zip(state, *parameters)] for state in x]).reshape(x.shape)
     out, first = [], 0
     for l, (q, n) in enumerate(zip(split(u.T, n_mode), n_mode)):
         k, m, c = (a[key][first : first + n, None] for key in ("stiffness", "mass", "damping"))

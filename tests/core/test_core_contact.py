@@ -42,23 +42,6 @@ def test_force_is_that_of_the_oracle(n_harm):
     assert opened > 3
 
 
-@pytest.mark.parametrize("n_harm", [1, 2, 4])
-def test_the_batch_oracle_is_the_slow_one(n_harm):
-    """All points of many states at once, among them points without friction and vanishing harmonics."""
-    rng = default_rng(n_harm)
-    points = [random_point(rng) for _ in range(8)]
-    mu = np.array([p.mu for p in points]) * (np.arange(8) > 0)
-    kt, w = np.array([p.kt for p in points]), np.array([p.w for p in points])
-    kn, n0 = np.array([p.kn for p in points]), np.array([p.n0 for p in points])
-    x = np.array([[random_motion(rng, n_harm) for _ in points] for _ in range(3)])
-    x[0, :, :, 3:] *= 1e-13
-    x[1, :4, 2, 1:] = 0.0
-    found = oracle.contacts(x, kt, kn, mu, n0, w)
-    for s, i in np.ndindex(x.shape[:2]):
-        expected = oracle.contact(x[s, i], kt[i], kn[i], mu[i], n0[i], w[i])
-        assert_near(found[s, i], expected, 1e-12 * max(np.abs(expected).max(), 1.0))
-
-
 DELTAS = [0.0, np.pi / 2, np.pi, 1.0]
 
 
@@ -206,27 +189,6 @@ def errors_of_sampling(seed, n_harm, n_times, count, wanted, error):
     return {e: -np.polyfit(np.log(n_times), np.log(of_n), 1)[0] for e, of_n in errors.items()}
 
 
-@pytest.mark.parametrize("separation", [False, True], ids=["full contact", "separation"])
-def test_sampled_force_converges_with_order_two(separation):
-    """Order from the mean error over many random states, with the closing instant interpolated; 1 without."""
-
-    def wanted(point, x):
-        if not separation:
-            point = Point(point.kt, point.kn, point.mu, point.kn * (np.abs(x[2]).sum() + 0.3), point.w)
-        exact = evaluate(x, point)
-        left = (separation and not 0.1 < exact.shares[4] < 0.9) or exact.shares[1] < 0.1
-        return None if left else (point, x, exact)
-
-    orders = errors_of_sampling(
-        300, 3, [64, 128, 256, 512, 1024], 200, wanted, lambda found, exact: np.abs((found.force - exact.force)[:2]).max()
-    )
-    assert orders[SAMPLED] == pytest.approx(2.0, abs=0.2)
-    if separation:
-        assert orders[PLAIN] == pytest.approx(1.0, abs=0.3)
-    else:
-        assert orders[PLAIN] == pytest.approx(orders[SAMPLED], abs=1e-9)
-
-
 def test_sampled_tangent_converges_only_with_interpolated_closing():
     """dT/dV under separation: order 1 with the closing interpolated, none without."""
 
@@ -255,30 +217,17 @@ class TestArguments:
     }
 
     @each(
-        ("name", "value", "error"),
+        ("name", "value"),
         [
-            ("x", np.zeros((2, 3)), ValueError),
-            ("x", np.zeros((3, 4)), ValueError),
-            ("x", [[0.0] * 3] * 3, ValueError),
-            ("x", np.zeros((3, 3), np.float32), TypeError),
-            ("x", np.full((3, 3), np.nan), ValueError),
-            ("x", np.asfortranarray(np.zeros((3, 3))), ValueError),
-            ("kt", np.ones(3), ValueError),
-            ("kt", -np.ones(2), ValueError),
-            ("kt", np.ones(2, int), TypeError),
-            ("kn", -1.0, ValueError),
-            ("mu", np.inf, ValueError),
-            ("n0", np.nan, ValueError),
-            ("w", np.zeros((2, 1)), ValueError),
-            ("F", np.zeros((3, 5)), ValueError),
-            ("J", np.zeros((3, 3)), ValueError),
-            ("law", 7, ValueError),
-            ("law", -1, ValueError),
-            ("evaluation", 3, ValueError),
+            *((name, value.ravel()[:-1]) for name, value in good.items() if np.ndim(value)),
+            *((name, value.astype(np.float32)) for name, value in good.items() if np.ndim(value)),
+            *((name, value * np.nan) for name, value in good.items() if name not in ("F", "J")),
+            ("x", np.zeros((3, 4))), ("x", [[0.0] * 3] * 3), ("x", np.asfortranarray(np.zeros((3, 3)))),
+            ("kt", -np.ones(2)), ("kn", -1.0), ("law", 7), ("law", -1), ("evaluation", 3),
         ],
-    )
-    def test_wrong_ones_are_named(self, name, value, error):
-        with pytest.raises(error, match=rf"^{name}:"):
+    )  # fmt: skip
+    def test_wrong_ones_are_named(self, name, value):
+        with pytest.raises((TypeError, ValueError), match=rf"^{name}:"):
             _core.evaluate_contact(**{**self.good, name: value})
 
     def test_outputs_must_be_writable(self):

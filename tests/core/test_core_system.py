@@ -36,8 +36,6 @@ def test_residual_is_that_of_the_oracle(name):
         u, omega = rng.normal(size=system.n_unknown), rng.uniform(0.3, 2.0)
         r, _, _ = evaluate_system(system, u, omega)
         expected = oracle.residual(u, omega, for_oracle(arrays))
-        batch = oracle.residuals(np.array([u, u]), np.array([omega, omega]), for_oracle(arrays))
-        assert_near(batch, [expected, expected], 1e-12 * np.abs(expected).max())
         assert_near(r, expected, 1e-11 * max(1.0, np.abs(expected).max()))
 
 
@@ -90,7 +88,7 @@ def test_contact_gives_the_forces_in_the_residual():
     X, F, share = np.full((4, 3, 5), np.nan), np.full((4, 3, 5), np.nan), np.full((4, 5), np.nan)
     assert system.contact(np.append(u, 1.0), X, F, share) == 0
     o = for_oracle(arrays)
-    assert_near(X, oracle.motion(u, o["n_mode"], o["G"], o["shift"]), 1e-13)
+    assert_near(X, oracle.motions(u[None], o)[0], 1e-13)
     for p in range(4):
         expected = oracle.contact(X[p], o["kt"][p], o["kn"][p], o["mu"][p], o["n0"][p], o["w"][p])
         assert_near(F[p], expected, 1e-11)
@@ -116,43 +114,29 @@ def changed(array, index, value):
     return out
 
 
+def spoiled(arrays):
+    """Each array with numbers of another type, in another shape, and with a number that it may not have."""
+    for name, value in arrays.items():
+        yield name, value.astype("c8")
+        yield name, value[None]
+        if name not in ("n_mode", "kn"):  # which tell the numbers of modes and points
+            yield name, value.ravel()[:-1].copy()
+        for bad in {"n_mode": [-3], "law": [7], "w": [np.nan]}.get(name, [np.nan, np.inf]):
+            yield name, changed(value, -1, bad)
+        if name in ("stiffness", "mass", "damping", "kt", "kn", "mu"):
+            yield name, changed(value, 0, -1.0)
+
+
 @each(
-    ("name", "value", "error"),
+    ("name", "value"),
     [
-        ("n_mode", [2, 3], TypeError),
-        ("n_mode", np.array([2, 3], np.int64), TypeError),
-        ("n_mode", np.array([2, -3], np.intc), ValueError),
-        ("stiffness", np.zeros(4), ValueError),
-        ("stiffness", changed(GOOD["stiffness"], 0, -1.0), ValueError),
-        ("mass", changed(GOOD["mass"], 1, np.nan), ValueError),
-        ("damping", changed(GOOD["damping"], 0, -0.1), ValueError),
-        ("G", GOOD["G"].real.copy(), TypeError),
-        ("G", GOOD["G"][:-1].copy(), ValueError),
-        ("G", changed(GOOD["G"], 3, np.inf), ValueError),
-        ("kt", GOOD["kt"][:, :1].copy(), ValueError),
-        ("kt", np.asfortranarray(GOOD["kt"]), ValueError),
-        ("kt", changed(GOOD["kt"], 2, -1.0), ValueError),
-        ("kn", GOOD["kn"][:, None].copy(), TypeError),
-        ("kn", changed(GOOD["kn"], 1, np.inf), ValueError),
-        ("mu", np.ones(2), ValueError),
-        ("mu", changed(GOOD["mu"], 0, -0.1), ValueError),
-        ("n0", changed(GOOD["n0"], 0, np.nan), ValueError),
-        ("w", np.zeros((2, 2)), ValueError),
-        ("w", changed(GOOD["w"], 0, np.nan), ValueError),
-        ("law", np.zeros(3, np.int64), TypeError),
-        ("law", np.array([0, 7, 0], np.intc), ValueError),
-        ("shift", np.zeros(9), ValueError),
-        ("shift", changed(GOOD["shift"], 8, np.nan), ValueError),
-        ("force", np.zeros(7), ValueError),
-        ("force", changed(GOOD["force"], 0, np.inf), ValueError),
-        ("row_scale", np.ones(7), ValueError),
-        ("row_scale", np.zeros(8), ValueError),
-        ("evaluation", 3, ValueError),
-        ("evaluation", -1, ValueError),
+        *spoiled(GOOD),
+        ("n_mode", [2, 3]), ("kt", np.asfortranarray(GOOD["kt"])), ("row_scale", np.ones(7)), ("row_scale", np.zeros(8)),
+        ("evaluation", 3), ("evaluation", -1),
     ],
-)
-def test_wrong_arguments_are_named(name, value, error):
-    with pytest.raises(error, match=rf"^{name}: expected"):
+)  # fmt: skip
+def test_wrong_arguments_are_named(name, value):
+    with pytest.raises((TypeError, ValueError), match=rf"^{name}: expected"):
         _core.Sector(**{**GOOD, name: value})
 
 

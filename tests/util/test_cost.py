@@ -96,16 +96,6 @@ def test_a_meter_sums_systems_and_parts(clocks):
     assert cost.work == pytest.approx(5.0 + 3 * (4 + 3 + 2 + 1))
 
 
-def test_a_curve_carries_its_cost(tmp_path):
-    study = plain_study(models.wedge_model(1), bd.Excitation("tip", amplitude=5.0), engine_order=2)
-    curve = study.frequency_response(200.0, (280.0, 320.0))
-    cost = curve.cost
-    assert cost.evaluations >= cost.jacobians >= cost.factorisations > 0
-    assert f"{cost.seconds:.3f} s, {cost.processor:.3f} s of the processor: contact" in curve.summary()
-    curve.save(tmp_path / "curve.h5")
-    assert bd.load(tmp_path / "curve.h5").cost == cost
-
-
 def test_a_cost_without_processor_time_does_not_print_it():
     assert str(Cost(seconds=2.0)).startswith("2.000 s: contact")
 

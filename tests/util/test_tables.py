@@ -65,10 +65,6 @@ class TestTables:
         assert np.array_equal([float(row[1]) for row in rows], curve.amplitude)
         assert f"# model_hash: {curve.model_hash}" in lines and "# preload: 4000.0" in lines
 
-    def test_csv_without_a_folder_is_refused(self, curve, tmp_path):
-        with pytest.raises(bd.BdamperError, match="expected a folder that exists"):
-            curve.to_csv(tmp_path / "none" / "curve.csv")
-
     def test_pandas(self, curve):
         pytest.importorskip("pandas")
         frame = curve.to_pandas()
@@ -250,13 +246,6 @@ class TestDifferences:
         assert names["peak amplitude"] == (curve.peak.amplitude, other.peak.amplitude) and "preload" in names
         assert not curve.diff(curve)
 
-    def test_of_peaks(self, study):
-        one, other = (study.peak(preload, (350.0, 358.0)) for preload in (4000.0, 8000.0))
-        named = {a.name: (a.value, b.value) for a, b in one.diff(other).outcomes}
-        assert named["amplitude"] == (one.amplitude, other.amplitude) and named["preload"] == (4000.0, 8000.0)
-        assert f'<td style="text-align:left">{one.frequency:.3g} Hz</td>' in one._repr_html_()
-        assert one._repr_html_().count("<img") == 1 and not study.diff(one)
-
     def test_settings_of_a_study_and_a_result(self, study, curve):
         assert not study.diff(curve)
         assert [name for name, *_ in study.replace(bias=False).diff(curve).settings] == ["bias"]
@@ -274,11 +263,6 @@ class TestMistakenArguments:
             study.with_stability([curve])
         with pytest.raises(bd.SettingError, match=r"found a tuple of 2 ResponseCurve$"):
             study.with_stability((curve, curve))
-
-    def test_a_forgotten_engine_order(self, study):
-        expected = "engine_order: expected the engine order of the excitation, since the model has 65"
-        with pytest.raises(bd.SettingError, match=expected):
-            bd.Study(study.model, bd.Excitation("tip"))
 
     def test_a_result_in_the_place_of_a_model(self, curve, tmp_path):
         with pytest.raises(bd.ModelError, match="model: expected a Model, found ResponseCurve"):
