@@ -189,13 +189,10 @@ CTETRA,1,1,1,2,3,4
 PSOLID,1,1
 MAT1,1,2.1+11,,0.3,7850.
 """
-BDF_REFUSED = """RBE2,5,1,123,2,3
-RBE3,5,,4,123,1.,123,1,2
-RBAR,5,1,2,123456
+BDF_REFUSED = """RBAR,5,1,2,123456
 RROD,5,1,2,1
 RBE1,5,1,123456,,,,UM,2,1
 RSPLINE,5,,1,2,123,3
-MPC,3,1,1,1.,2,1,-1.
 MPCADD,2,3
 GRDSET,,7
 SPOINT,99
@@ -230,9 +227,33 @@ def bulk_data(tmp_path):
 @each("card", BDF_REFUSED.splitlines())
 @each("before", ["", "SOL 103\nCEND\nTITLE=A\n"])
 def test_cards_that_could_change_the_mesh_are_refused(card, before, bulk_data):
-    name = card.split(",")[0]
-    with pytest.raises(ModelError, match=rf"a\.bdf: {name}: expected a mesh of .*, found {name},.* which could") as caught:
+    name, line = card.split(",")[0], len(f"{before}{BULK}".splitlines()) + 1
+    where = rf"a\.bdf: {name} in line {line}: "
+    with pytest.raises(ModelError, match=rf"{where}expected a mesh of .*, found {name},.* which could") as caught:
         bulk_data(card, before)
+    assert "\n" not in str(caught.value)
+
+
+TIED = {
+    "RBE2,5,9,123,2,3": "RBE2,5,9,123,2,3",
+    "RBE2           5       9     123       2       3": "RBE2           5       9     123       2",
+    "RBE2*                  5               9             123               2\n*                      3": "RBE2*",
+    "RBE3,5,,4,123,1.,123,1,2": "RBE3,5,,4,123,1.,123,1,2",
+    "RBE3,6,,9,123,1.,123,1,2\n,UM,1,123": "RBE3,6,,9,123,1.,123,1,2",
+    "MPC,3,9,1,1.,2,1,-1.\nMPC,3,1,1,1.,2,1,-1.": "MPC,3,1,1,1.,2,1,-1.",
+    "SPC1,1,12345,9\nRBE2,5,9,123,2,3": "RBE2,5,9,123,2,3",
+    "SPC1,1,123456,9\nSPC1,2,123,1\nRBE2,5,9,123,2,3": "RBE2,5,9,123,2,3",
+}
+
+
+@each("cards", list(TIED))
+def test_ties_of_solid_elements_are_refused_by_card_number_and_line(cards, bulk_data):
+    text, (lines, found) = f"GRID,9,,0.5,0.,0.\n{cards}", (cards.splitlines(), TIED[cards])
+    at = len(BULK.splitlines()) + 2 + next(k for k, line in enumerate(lines) if line.startswith(found))
+    with pytest.raises(ModelError) as caught:
+        bulk_data(text)
+    where = f"a.bdf: {found.split(',')[0].split()[0].strip('*')} in line {at}: expected a mesh without constraints, or RBE2"
+    assert where in str(caught.value) and f", found {' '.join(found.split())}" in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
@@ -253,6 +274,41 @@ def test_matrices_that_are_not_used_are_named(bulk_data):
     assert alone.stiffness is None and "matrices MAAX (DMIG) are not used" in alone.notes
 
 
+SPIDERS = """GRID,8,,0.5,0.5,0.
+GRID,9,,0.,0.,0.
+RBE3,6,,8,123456,1.,123,3,4
+RBE2,5,9,123456,1,2
+SPC1,1,123456,9
+EIGRL,1,,,6"""
+
+
+def test_matrices_after_constraints_match_by_independent_components(bulk_data, tmp_path):
+    """A spider of an output point (RBE3) and a spider that holds nodes 1 and 2 (RBE2), in KNN and KAAX."""
+    from pyNastran.op4.op4 import OP4
+
+    from bdamper.importers import read_nastran
+
+    body = bulk_data(SPIDERS)
+    assert "RBE3 6 ties grid points without solid elements: it must be in the matrices" in body.notes
+    assert "RBE2 5 holds its dependent grid points: 9 is held" in body.notes
+    solid = np.diag(np.arange(1.0, 7.0)) + 1.0  # grid points 3 and 4
+    knn = np.zeros((18, 18))  # six rows of 3, 4 and 9
+    kept = [0, 1, 2, 6, 7, 8]
+    knn[np.ix_(kept, kept)], knn[12:, 12:] = solid, np.eye(6)
+    OP4(debug=False).write_op4(str(tmp_path / "n.op4"), {"KNN": (6, knn), "MNN": (6, 2.0 * knn)}, is_binary=False)
+    found = read_nastran(tmp_path / "a.bdf", tmp_path / "n.op4")
+    np.testing.assert_array_equal(found.dofs, [(n, c) for n in (3, 4) for c in (1, 2, 3)])
+    np.testing.assert_allclose(found.stiffness.toarray(), solid)
+    np.testing.assert_allclose(found.mass.toarray(), 2.0 * solid)
+    np.testing.assert_array_equal(found.numbers, [1, 2, 3, 4])
+    assert "12 held or empty rows dropped" in found.notes
+    cards = [f"DMIG,{name},0,6,2,0" for name in ("KAAX", "MAAX")]
+    cards += [f"DMIG,{name},{n},{c},,{n},{c},3." for name in ("KAAX", "MAAX") for n in (3, 4, 9) for c in (1, 2, 3)]
+    found = bulk_data("\n".join([SPIDERS, *cards]))
+    np.testing.assert_array_equal(found.dofs, [(n, c) for n in (3, 4) for c in (1, 2, 3)])
+    np.testing.assert_array_equal(found.numbers, [1, 2, 3, 4])
+
+
 def test_matrices_that_lack_the_rows_of_constraints_are_refused(bulk_data, tmp_path):
     """KNN has no rows of dependent components: six for each grid point are wanted."""
     from pyNastran.op4.op4 import OP4
@@ -267,5 +323,5 @@ def test_matrices_that_lack_the_rows_of_constraints_are_refused(bulk_data, tmp_p
     assert read_nastran(tmp_path / "a.bdf", tmp_path / "g.op4", names=("KGG", "MGG")).stiffness.shape == (24, 24)
     part = whole[:21, :21]
     OP4(debug=False).write_op4(str(tmp_path / "n.op4"), {"KNN": (6, part), "MNN": (6, part)}, is_binary=False)
-    with pytest.raises(ModelError, match="expected 24 rows: six for each of 4 grid points, found 21"):
+    with pytest.raises(ModelError, match=r"expected 24 rows: six for each grid point but the dependent .*, found 21"):
         read_nastran(tmp_path / "a.bdf", tmp_path / "n.op4")

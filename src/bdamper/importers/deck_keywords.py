@@ -93,6 +93,7 @@ INP_HARMLESS = _table(
 """Materials, loads, supports, steps and output.  Elastic constants are read; nothing here changes the mesh."""
 
 
+CURE = "remove it before the matrices are written; Sector.fixed holds a set of nodes, forces= load one"
 _CURES = {
     **dict.fromkeys(
         ("*TIE", "*SHELLTOSOLIDCOUPLING"),
@@ -103,7 +104,7 @@ _CURES = {
     ),
     **dict.fromkeys(
         ("*COUPLING", "*KINEMATIC", "*DISTRIBUTING", "*KINEMATICCOUPLING", "*DISTRIBUTINGCOUPLING", "*RIGIDBODY"),
-        "remove it before the matrices are written; Sector.fixed holds a set of nodes, forces= load one",
+        CURE,
     ),
 }
 """Cures for constraints between nodes, by keyword."""
@@ -162,6 +163,7 @@ to elements of the command E only, since the lines of an EBLOCK contain these nu
 BDF_READ = _table(
     """BEGIN CHEXA CORD1C CORD1R CORD1S CORD2C CORD2R CORD2S CPENTA CTETRA DMIG ENDDATA GRID MAT1 PSOLID SET1"""
 )
+BDF_TIES = _table("RBE2 RBE3 MPC")
 BDF_IN_MATRICES = _table(
     """CBAR CBEAM CBEND CBUSH CBUSH1D CBUSH2D CDAMP1 CDAMP2 CDAMP3 CDAMP4 CDAMP5 CELAS1 CELAS2 CELAS3 CELAS4 CGAP CMASS1
     CMASS2 CMASS3 CMASS4 CONM1 CONM2 CONROD CPYRAM CQUAD4 CQUAD8 CQUADR CROD CSHEAR CTRIA3 CTRIA6 CTRIAR CTUBE CVISC NSM
