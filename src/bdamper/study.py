@@ -142,9 +142,9 @@ class Study(Comparable):
         return "\n".join(filter(None, [*lines, self.problem.contact.note]))
 
     replace = asked(Problem.replace)
-    static = analysis(Problem.static)
-    response_at = analysis(result_checks.response_at)
-    wedge_friction = analysis(Problem.wedge_friction)
+    static = analysis(validation.check_arguments(Problem.static, name="static"))
+    response_at = analysis(validation.check_arguments(result_checks.response_at))
+    wedge_friction = analysis(validation.check_arguments(Problem.wedge_friction, name="wedge_friction"))
 
     def __str__(self) -> str:
         return "\n".join(["study", *aligned([(fact.name, fact.text) for fact in self._facts() if fact.known], "  ")])

@@ -114,7 +114,7 @@ def test_a_set_without_contact_vectors_and_centrifugal_stress_says_so(model):
     own, peak = peak, replace(peak, model_hash=bare.model.hash)
     notes = bare.stress(peak).notes
     assert any("contact forces" in note for note in notes) and any("centrifugal" in note for note in notes)
-    assert not study.stress(own).notes
+    assert not [note for note in study.stress(own).notes if "has no" in note]
 
 
 def test_a_gauge_reads_the_tensor_along_its_direction(model):

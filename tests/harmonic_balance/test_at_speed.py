@@ -1,14 +1,19 @@
 """A study at a rotor speed: preload of the damper's mass, faces displaced by rotation, conditions by speed."""
 
 import re
+import warnings
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.fatigue import AISI_1050
 from bdamper.harmonic_balance.parameters import vary
 from bdamper.harmonic_balance.rotor_speed import Conditions, preload_at
+from bdamper.util.errors import PlausibilityWarning
+from tests.each import each
+from tests.fatigue.test_margins import with_stress
 from tests.plain import plain_study
 from tests.turning import turning_disk
 
@@ -131,3 +136,96 @@ def test_a_speed_is_varied_with_its_model(study):
     found, at = vary(study, {"speed": SPEED, "damper_mass": 2.0}), study.at_speed(SPEED)
     assert found.model.bodies["blade"].bases[5].omega2[0] == at.model.bodies["blade"].bases[5].omega2[0]
     assert found.preload == pytest.approx(2.0 * at.preload)
+
+
+# ---- preloads that contradict the centrifugal load ----
+
+BAND, LOW = (270.0, 380.0), 2000.0
+
+
+@pytest.fixture(scope="module")
+def quick():
+    model = with_stress(turning_disk((0, 5), spin=True))
+    return plain_study(model, bd.Excitation("tip", amplitude=10.0), 5, friction_coefficient=0.3, blade_modes=3)
+
+
+@pytest.fixture(scope="module")
+def peak(quick):
+    return quick.peak(LOW)
+
+
+def nothing(study, preload):
+    return {}
+
+
+CONTRADICTIONS = {
+    "peak": lambda at, peak: at.peak(LOW, BAND),
+    "response curve": lambda at, peak: at.frequency_response(LOW, BAND, options=bd.ContinuationOptions(budget=20)),
+    "static state": lambda at, peak: at.static(LOW),
+    "normal forces": lambda at, peak: at.wedge_friction(LOW),
+    "nonlinear mode": lambda at, peak: at.nonlinear_mode(LOW, 1, (1e-7, 2e-7)),
+    "flutter": lambda at, peak: at.flutter(LOW, -0.01, amplitude=(1e-6, 2e-6)),
+    "optimal curve": lambda at, peak: at.optimal_curve((1000.0, LOW), 2, check=False, frequency=BAND),
+    "microslip": lambda at, peak: bd.microslip(at, LOW, [20.0]),
+    "sweep": lambda at, peak: bd.sweep(at, {"friction_coefficient": [0.3]}, preload=LOW),
+    "sweep of a task": lambda at, peak: bd.sweep(at, {"friction_coefficient": [0.3]}, bd.PeakTask(LOW)),
+    "sweep of preloads": lambda at, peak: bd.sweep(at, {"preload": [1000.0, LOW]}, nothing),
+    "uncertainty": lambda at, peak: bd.optimal_curve_uncertainty(at, {"friction_coefficient": [0.3]}, (1e3, LOW), 2),
+}
+ANOTHER = {
+    "of stress": (lambda s, at, peak: s.stress(peak, speed=SPEED), "4782 N", "2000 N: a damper of 0.418 times"),
+    "of a margin": (lambda s, at, peak: s.margin(peak, AISI_1050, speed=SPEED), "4782 N", "2000 N: a damper of 0.418"),
+    "of margins over frequency": (
+        lambda s, at, peak: s.margin(s.frequency_response(LOW, (330.0, 350.0)), AISI_1050, speed=SPEED), "4782 N", "2000 N"
+    ),
+    "of one speed of a sweep": (
+        lambda s, at, peak: bd.sweep(s, {"speed": [300.0, SPEED], "preload": [2500.0, 2700.0]}, nothing), "4782 N", "2500"
+    ),
+    "of one mass of a sweep": (
+        lambda s, at, peak: bd.sweep(at, {"damper_mass": [1.0, 2.0], "preload": [at.preload]}, nothing), "9564 N", "4782 N"
+    ),
+}  # fmt: skip
+
+
+def doubted(ask, load, found):
+    with pytest.warns(PlausibilityWarning) as caught:
+        ask()
+    expected = f"preload: plausible {load}, the centrifugal load of the damper at 400 rad/s, found {found}"
+    assert len(caught) == 1 and str(caught[0].message).startswith(expected)
+    assert caught[0].filename == __file__
+
+
+@each("name", CONTRADICTIONS)
+def test_a_preload_that_contradicts_the_speed_of_the_study_is_named_once(quick, peak, name):
+    found = "1000 to 2000 N" if name in ("optimal curve", "sweep of preloads", "uncertainty") else "2000 N"
+    doubted(lambda: CONTRADICTIONS[name](quick.at_speed(SPEED), peak), "4782 N", f"{found}: a damper of 0.418 times")
+
+
+@each("name", ANOTHER)
+def test_a_preload_that_contradicts_another_speed_is_named_once(quick, peak, name):
+    ask, load, found = ANOTHER[name]
+    doubted(lambda: ask(quick, quick.at_speed(SPEED), peak), load, found)
+
+
+def test_a_preload_that_contradicts_the_speed_of_the_engine_order_is_in_the_answer(quick, peak):
+    turning = 2.0 * np.pi * peak.frequency / 5.0
+    load = preload_at(quick.problem, turning)
+    words = f"belongs to a preload of {load:.4g} N, the centrifugal load of the damper at {turning:.4g} rad/s, found "
+    curve = quick.optimal_curve((1000.0, LOW), 2, check=False)
+    results = quick.stress(peak), quick.margin(peak, AISI_1050), quick.margin(curve, AISI_1050)
+    for result in results[:2]:
+        assert words in result._headline() and "found 2000 N" in result._headline()
+    assert "found 1000 to 2000 N" in results[2]._headline()
+    bare = replace(quick.model, stress={"root": replace(quick.model.stress["root"], static=None)})
+    other = quick.replace(model=bare)
+    assert "belongs" not in other.stress(other.peak(LOW))._headline(), "without centrifugal stress it does not matter"
+
+
+def test_preloads_that_contain_the_centrifugal_load_are_accepted(quick):
+    at = quick.at_speed(SPEED)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", PlausibilityWarning)
+        at.static(1.04 * at.preload)
+        bd.sweep(at, {"preload": [LOW, 8000.0]}, nothing)
+        bd.sweep(at, {"damper_mass": [1.0, 2.0], "preload": [at.preload, 2.0 * at.preload]}, nothing)
+        quick.static(LOW)

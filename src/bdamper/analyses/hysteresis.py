@@ -403,6 +403,7 @@ def _whole(system: Equations[Sector], u: NDArray, F: NDArray, theta: NDArray, co
 
 
 @asked
+@validation.check_arguments
 def microslip(
     problem: Problem,
     preload: float,

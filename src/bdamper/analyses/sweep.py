@@ -32,7 +32,7 @@ from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import plausible_ranges, validation
 from bdamper.util.display import Differences, Plottable
-from bdamper.util.errors import FAILED, NOT_RUN, SettingError, all_complete, status_word
+from bdamper.util.errors import FAILED, NOT_RUN, SettingError, all_complete, called_by_user, status_word
 from bdamper.util.formatting import UNITS, amount, peak_text, percent, short_repr, short_text, spaced
 from bdamper.util.progress import Cost, one_thread, shows_progress, with_progress
 from bdamper.util.storage import INSTALLED, Recorded, ResultsFile, Storable
@@ -301,14 +301,26 @@ def _question(
     return task
 
 
-def _check_plausible(problem: Problem, evaluate: Task, over: Mapping[str, Any]) -> None:
-    """Warn once about implausible values, unless the sweep varies them."""
+def _check_plausible(problem: Problem, evaluate: Task, over: Mapping[str, Any], in_task: bool) -> None:
+    """Warn once about implausible values, unless the sweep varies them; ``in_task``: the task has the preload."""
     varied = any(name.startswith("excitation") for name in over)
     if isinstance(evaluate, PeakTask | OptimalTask) and not varied:
         preload = validation.numbers("preload", np.atleast_1d(over.get("preload", evaluate.preload)), unit="N")
-        if "preload" not in over:
+        if in_task:
             plausible_ranges.check("sweep", "preload", preload, problem.sizes)
         check_question(problem, preload, evaluate.frequency)
+
+
+def _check_loads(problem: Problem, evaluate: Task, points: Sequence[Mapping[str, Any]]) -> None:
+    """Warn once if a sweep over speed or mass of the damper has preloads that contradict its centrifugal load."""
+    groups: dict[tuple[Any, float], list[float]] = {}
+    for point in points:
+        preload = point.get("preload", getattr(evaluate, "preload", None))
+        if preload is not None:
+            at = point.get("speed", problem.settings.speed), point.get("damper_mass", 1.0)
+            groups.setdefault(at, []).extend(np.ravel(preload))
+    if "speed" in points[0] or "damper_mass" in points[0]:
+        any(problem.sizes.check_preload(np.array(preloads), *at) for at, preloads in groups.items())
 
 
 def _header(job: _Job, over: Mapping[str, Any], combine: str) -> dict[str, Any]:
@@ -372,7 +384,8 @@ def sweep(
     check_executor(executor)
     progress = shows_progress(progress)
     evaluate = _question(evaluate, names, preload, frequency, mode)
-    _check_plausible(problem, evaluate, over)
+    _check_plausible(problem, evaluate, over, preload is None and "preload" not in over and called_by_user())
+    _check_loads(problem, evaluate, points)
     job = _Job(study, evaluate)
     if executor is not None:
         _ = problem.stiffness  # computed once, before the job is sent to the workers

@@ -165,7 +165,8 @@ class Margins(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, kind
         stress = f"{amount(self.amplitude[i], 'Pa')} about a mean of {amount(self.mean[i], 'Pa')}"
         judged = "the vibration is below the limit" if self.least >= 1.0 else "the limit is exceeded"
         yields = " It yields in the first cycle." if self.yields else ""
-        return f"Margin against fatigue {self.least:.3g}: {judged}. Least at {self.names[i]}, {stress}.{yields}"
+        least = f"Least at {self.names[i]}, {stress}."
+        return f"Margin against fatigue {self.least:.3g}: {judged}. {least}{yields}{over_cycle.doubts(self.notes)}"
 
 
 @short_repr
@@ -273,7 +274,7 @@ class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
         limit = ["Below 1 the limit is exceeded."] if min([self.margin[i], *(m.least for m in self.in_time)]) < 1.0 else []
         why = ["; ".join(note for note in m.notes if note not in self.notes) for m in self.in_time]
         in_time = (f"At {amount(m.preload, 'N')} it is {m.least:.3g} in time, {w}." for m, w in zip(self.in_time, why))
-        return " ".join([f"{head}, least {worst}.", *in_time, *limit])
+        return " ".join([f"{head}, least {worst}.", *in_time, *limit]) + over_cycle.doubts(self.notes)
 
 
 def margin(
@@ -413,6 +414,7 @@ class LeastMargin(Rule):
         solved = Solutions(*(column[known] for column in solutions))
         first = over_cycle.of_solution(problem, Solutions(*(column[:1] for column in solved)), chosen, self.speed)
         shared = self._of(first)
+        shared["notes"] += over_cycle.check_loads(problem, solved, chosen, self.speed)
         coefficients = over_cycle.coefficients_of(problem, solved, chosen, self.speed)
         m, n = coefficients.shape[:2]
         amplitude, mean, factor = np.full((3, len(known), n), np.nan)

@@ -109,7 +109,7 @@ class StressCycle(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, 
         i, cycle = self.critical, self.amplitude_and_mean()
         stress = f"{amount(cycle.amplitude[i], 'Pa')} about a mean of {amount(cycle.mean[i], 'Pa')}"
         at = f"{amount(self.frequency, 'Hz')}, preload {amount(self.preload, 'N')}"
-        return f"Largest stress amplitude (von Mises) {stress} at {self.names[i]} ({at})."
+        return f"Largest stress amplitude (von Mises) {stress} at {self.names[i]} ({at}).{doubts(self.notes)}"
 
 
 @validation.check_arguments
@@ -149,7 +149,9 @@ def stress(
     n = len(solutions.unknowns)
     if n > 1:
         index = _highest(result, solutions) if index is None else validation.integer("index", index, least=0, most=n - 1)
-    return of_solution(problem, Solutions(*(column[[index or 0]] for column in solutions)), chosen, speed)
+    chosen_one = Solutions(*(column[[index or 0]] for column in solutions))
+    cycle = of_solution(problem, chosen_one, chosen, speed)
+    return replace(cycle, notes=(*cycle.notes, *check_loads(problem, chosen_one, chosen, speed)))
 
 
 @validation.check_arguments
@@ -212,6 +214,9 @@ def _highest(result: Any, solutions: Solutions) -> int:
     return int(np.where(np.isfinite(height) & np.isfinite(solutions.unknowns).all(axis=1), height, -np.inf).argmax())
 
 
+DOUBTED_LOAD = "the centrifugal stress belongs to a preload of "
+
+
 def speeds(problem: Problem, frequency: NDArray, speed: float | None = None) -> NDArray:
     """Return the rotor speed (m,) in rad/s.
 
@@ -227,6 +232,28 @@ def speeds(problem: Problem, frequency: NDArray, speed: float | None = None) -> 
         return np.full(len(frequency), validation.number("speed", turning, least=0.0, unit="rad/s"))
     per_frequency = 2.0 * np.pi / problem.engine_order if problem.model.n_blades > 1 and problem.engine_order else 0.0
     return per_frequency * frequency
+
+
+def check_loads(
+    problem: Problem, solutions: Solutions, chosen: Sequence[StressSet], speed: float | None = None
+) -> tuple[str, ...]:
+    """Compare the preloads with the centrifugal load of the damper at the rotor speed.
+
+    Warn if they contradict each other.  If the speed follows from the engine order, return the contradiction as a note.
+    """
+    turning = speeds(problem, solutions.frequency, speed)
+    if speed is not None or problem.settings.speed is not None:
+        problem.sizes.check_preload(solutions.preload, turning)
+        return ()
+    contradiction = problem.sizes.contradiction(solutions.preload, turning)
+    if contradiction is None or all(s.static is None for s in chosen):
+        return ()
+    return ("{}{}, found {}".format(DOUBTED_LOAD, *contradiction),)
+
+
+def doubts(notes: Sequence[str]) -> str:
+    """Return the contradiction of :func:`check_loads` among the notes as a sentence."""
+    return "".join(f" {note[0].upper()}{note[1:]}." for note in notes if note.startswith(DOUBTED_LOAD))
 
 
 def chosen_sets(problem: Problem, sets: str | Sequence[str] | None = None) -> tuple[StressSet, ...]:

@@ -6,9 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from bdamper.model.kinematics import centrifugal_arms
 from bdamper.model.structure import Interface
-from bdamper.util.errors import ModelError
+from bdamper.util.errors import ModelError, warn_implausible
 
 
 @dataclass(frozen=True)
@@ -87,3 +89,38 @@ class Sizes:
         names = [name] if name else self.problem.settings.free_bodies
         mass = max((bodies[body].mass or 0.0 for body in names), default=0.0)
         return 2.0 * mass * float(np.sqrt(omega2[omega2 > 0.0].min(initial=np.inf))) or np.inf
+
+    def contradiction(self, preload: NDArray, speed: float | NDArray, mass: float = 1.0) -> tuple[str, str] | None:
+        """Compare preloads with the centrifugal load of the damper.
+
+        Parameters
+        ----------
+        preload : (n,) float, N
+        speed : float or (n,) float, rad/s
+            Rotor speed, or that of each preload.
+        mass : float
+            Factor on the mass of the damper.
+
+        Returns
+        -------
+        tuple of str, optional
+            Expected load and preloads found; None if the preloads contain the load, or no load is known.
+        """
+        arms = centrifugal_arms(self.problem.model) if self.problem.carries_load else {}
+        load = mass * next(iter(arms.values()), 0.0) * np.broadcast_to(speed, np.shape(preload)) ** 2
+        apart = 0.05  # relative difference that is tolerated
+        if not load.all() or ((preload / load).min() < 1.0 + apart and (preload / load).max() > 1.0 - apart):
+            return None
+        i = int(np.abs(preload - load).argmin())
+        at = np.broadcast_to(speed, load.shape)[i]
+        expected = f"{load[i]:.4g} N, the centrifugal load of the damper at {at:.4g} rad/s"
+        found = " to ".join(f"{x:.4g}" for x in dict.fromkeys((preload.min(), preload.max())))
+        return expected, f"{found} N: a damper of {preload[i] / load[i]:.3g} times the mass, or another speed suspected"
+
+    def check_preload(self, preload: NDArray, speed: float | NDArray | None = None, mass: float = 1.0) -> bool:
+        """Warn if preloads contradict the centrifugal load, by default at the speed of the study; return whether it did."""
+        speed = self.problem.settings.speed if speed is None else speed
+        contradiction = None if speed is None else self.contradiction(preload, speed, mass)
+        if contradiction:
+            warn_implausible("preload", *contradiction)
+        return contradiction is not None

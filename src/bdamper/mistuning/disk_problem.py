@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from bdamper.contact.laws import LAW_BONDED, LAW_CUBIC, LAW_NORMAL, PointArrays
 from bdamper.contact.static_state import AT_LIMIT, SHORTEST, linear_range
 from bdamper.harmonic_balance.equations import OK
+from bdamper.harmonic_balance.model_sizes import Sizes
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.result_checks import Asking, like, problem_of
 from bdamper.mistuning.disk_equations import DiskScene, DiskSystem, Structure
@@ -283,6 +284,11 @@ class DiskProblem:
     @property
     def n_blades(self) -> int:
         return self.study.model.n_blades
+
+    @property
+    def sizes(self) -> Sizes:
+        """Sizes of the model of the study, as reference for plausible arguments."""
+        return problem_of(self.study).sizes
 
     @property
     def deviation(self) -> NDArray:

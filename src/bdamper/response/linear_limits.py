@@ -22,6 +22,7 @@ from bdamper.util.progress import CostMeter, one_thread
 # ---- linear response curves ----
 
 
+@validation.check_arguments
 @one_thread
 def free(problem: Problem, frequency: tuple[float, float]) -> ResponseCurve:
     """Compute the response without contact, the limit of zero preload.
@@ -38,6 +39,7 @@ def free(problem: Problem, frequency: tuple[float, float]) -> ResponseCurve:
     return _linear(problem.at(0.0), "free", frequency, None)
 
 
+@validation.check_arguments
 @one_thread
 def stuck(problem: Problem, frequency: tuple[float, float], preload: float = 1.0) -> ResponseCurve:
     """Compute the response with all closed points stuck, the limit of high preload.

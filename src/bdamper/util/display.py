@@ -155,7 +155,8 @@ class Summarised:
         rows = [row for row in self._table() if row]
         shown = table_lines(rows) if rows and len(rows[0]) > 2 else aligned(rows)
         lines = shown or [t for t in self.summary().split("\n")[1:] if " of the processor: " not in t]
-        sentences = re.sub(r"(\d) (?=\S{1,2}\b)", "\\1\0", self._headline())  # no line break between a number and its unit
+        # no line break between a number and its unit
+        sentences = re.sub(r"(\d) (?=(?:\S{1,2}|[kMG]Pa|rad/s)\b)", "\\1\0", self._headline())
         first = textwrap.fill(sentences, width=100).replace("\0", " ").split("\n")
         lines = [*lines[:9], "summary() has the rest"]
         return "\n".join([*first, *(f"  {line.removeprefix('  ')}" for line in lines)])

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,6 +90,12 @@ class Range:
         warn_implausible(item, text, f"{shown_as} {self.unit}".rstrip() + f": {mistake}")
 
 
+class Rotating(Protocol):
+    """Sizes of a model that can rotate (:class:`bdamper.harmonic_balance.model_sizes.Sizes`)."""
+
+    def check_preload(self, preload: NDArray) -> bool: ...
+
+
 @dataclass(frozen=True)
 class Names:
     """Entry for a mapping whose keys are parameters of another function or class.
@@ -137,15 +143,15 @@ NO_RANGE = {
         LocalSizes.cantilever LocalSizes.attachment LocalSizes.interface
     """,
     LIMITED: """
-        Excitation.phase tolerance engine_orders Study.static.history ContactLaw.iwan.chi ContactLaw.iwan.decades
+        Excitation.phase tolerance engine_orders static.history ContactLaw.iwan.chi ContactLaw.iwan.decades
         ContactLaw.bouc_wen.alpha ContactLaw.bouc_wen.gamma ResidualModes.contact_share face_gap.angle face_gap.axial_angle
         ContinuationOptions.max_turn
         ContinuationOptions.locate_tolerance DiskPeakOptions.spacing mistuned_sample.audit ContactFaces.sector_b
         Sector.angle_tolerance Sector.face_tolerance
     """,
     FACT: """
-        Study.residual_slip_seed Study.excitation seed direction Study.gauge_stress.gauge Study.diff.other temperature
-        lumped.locations lumped.response Contact.tangential Contact.tangential2 Contact.normal ContactLaw.bouc_wen.beta
+        Study.residual_slip_seed Study.excitation stuck.preload seed direction Study.gauge_stress.gauge
+        Study.diff.other temperature lumped.locations lumped.response Contact.tangential Contact.tangential2 Contact.normal ContactLaw.bouc_wen.beta
         ContactLaw.of_record.record missing Mistuning.seed Placement.units Placement.axis Placement.radial Sector.faces
         Sector.fixed Sector.blade_nodes Sector.stress ContactFaces.faces_a ContactFaces.faces_b Patches.frame
     """,
@@ -159,8 +165,8 @@ NO_RANGE = {
         reference Checks.expected_frequencies
     """,
     UNEXCITED: """
-        nonlinear_mode.preload flutter.preload microslip.preload Study.static.preload Study.stuck.preload
-        Study.wedge_friction.preload BladedDisk.state.preload BladedDisk.system.preload BladedDisk.tuned_peak.preload
+        nonlinear_mode.preload flutter.preload microslip.preload static.preload
+        wedge_friction.preload BladedDisk.state.preload BladedDisk.system.preload BladedDisk.tuned_peak.preload
     """,
 }
 """Parameters without a range, by reason."""
@@ -317,7 +323,7 @@ def entry(owner: str, name: str) -> Range | Names | tuple[Range, ...] | str | No
     return next((TABLE[key] for key in keys if key in TABLE), None)
 
 
-def check(owner: str, name: str, value: object, sizes: object = None, item: str = "") -> None:
+def check(owner: str, name: str, value: object, sizes: Rotating | None = None, item: str = "") -> None:
     """Warn of an implausible value.
 
     Parameters
@@ -346,6 +352,9 @@ def check(owner: str, name: str, value: object, sizes: object = None, item: str 
     for key, values in _numbers(value) if ranges else ():
         for limits, numbers in zip(ranges, values[:, None] if len(ranges) > 1 else [values]):
             limits.check(item if key is None else f"{item} of {key!r}", numbers, sizes, part or key)
+    if sizes is not None and (known is PRELOAD or known == UNEXCITED):
+        for _, values in _numbers(value):
+            sizes.check_preload(values)
 
 
 def _numbers(value: object, key: object = None) -> Iterator[tuple[object, NDArray]]:
