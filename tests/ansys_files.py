@@ -137,10 +137,28 @@ def write_rst(path, numbers, nodes, elements, sets, n_sectors):
     file.save(path)
 
 
-def write_cdb(path, numbers, nodes, elements, components):
-    """A ``.cdb`` archive of eight- or twenty-node hexahedra."""
+EDGES = {
+    4: ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
+    5: ((0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 4), (2, 4), (3, 4)),
+    6: ((0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)),
+    8: ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)),
+}
+_COLLAPSED = {4: (0, 1, 2, 2, 3, 3, 3, 3), 5: (0, 1, 2, 3, 4, 4, 4, 4), 6: (0, 1, 2, 2, 3, 4, 5, 5), 8: range(8)}
+
+
+def collapsed(element):
+    """Eight or twenty nodes of SOLID185 or 186, some of them repeated, for a tetrahedron, pyramid, wedge or hexahedron."""
+    n = {10: 4, 13: 5, 15: 6, 20: 8}.get(len(element), len(element))
+    at = _COLLAPSED[n]
+    between = {frozenset(edge): node for edge, node in zip(EDGES[n], element[n:])}
+    pairs = [frozenset((at[a], at[b])) for a, b in EDGES[8]] if between else ()
+    return [*(element[k] for k in at), *(between[pair] if len(pair) == 2 else element[min(pair)] for pair in pairs)]
+
+
+def write_cdb(path, numbers, nodes, elements, components, head=()):
+    """A ``.cdb`` archive of eight- or twenty-node hexahedra, with lines ``head`` of materials."""
     kind = "ET,1,186" if len(elements[0]) == 20 else "ET,1,185"
-    lines = ["/PREP7", kind, f"NBLOCK,6,SOLID,{len(numbers)},{len(numbers)}"]
+    lines = ["/PREP7", kind, *head, f"NBLOCK,6,SOLID,{len(numbers)},{len(numbers)}"]
     lines.append("(3i9,6e21.13e3)")
     for number, position in zip(numbers, nodes):
         text = "".join(f"{v:.13E}".replace("E+", "E+0").replace("E-", "E-0").rjust(21) for v in position)

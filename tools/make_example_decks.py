@@ -1,9 +1,10 @@
-"""Make the example decks of the package with CalculiX (ccx): three archives in src/bdamper/data/decks.
+"""Make the example decks of the package with CalculiX (ccx): four archives in src/bdamper/data/decks.
 
     python -m tools.make_example_decks
 
 ``calculix`` has a sector and its wedge damper, ``shroud`` a sector with tip shroud and two strip dampers, ``abaqus`` the
 sector and wedge damper of ``calculix`` as instances of two parts, with the matrices as *MATRIX OUTPUT writes them.
+``ansys`` has this sector of hexahedra, and the damper of wedges, which Ansys stores as hexahedra with repeated nodes.
 """
 
 import tempfile
@@ -15,11 +16,13 @@ import numpy as np
 from bdamper.fem.meshes import local_order
 from bdamper.importers import read_calculix
 from examples.calculix.decks import run_job
+from tests.ansys_files import collapsed, write_cdb, write_full
 from tests.own_sector import OwnSector, deck, of_kind
 from tools.shrouded import meshes
 
 DECKS = Path(__file__).resolve().parents[1] / "src" / "bdamper" / "data" / "decks"
 STEPS = ["*STEP", "*FREQUENCY, SOLVER=MATRIXSTORAGE", "6,", "*END STEP", ""]
+MATERIAL = {"EX  ": 210000.0, "PRXY": 0.3, "DENS": 7.85e-9}
 STAGE = """*HEADING
 Sector and wedge damper of a bladed disk with 36 blades, in mm, t, s
 *PART, NAME=Sector
@@ -123,7 +126,24 @@ def abaqus(folder):
     archive("abaqus", folder, "stage.inp", "stage_*.mtx")
 
 
+def ansys(folder):
+    for name, kind in (("sector", "C3D8"), ("damper", "C3D6")):
+        own = OwnSector(kind)
+        text, sets, nodes = own.text(name)
+        run_job("\n".join([text, *STEPS]), folder, name)
+        body = read_calculix(folder / name)
+        order, numbers = np.argsort(3 * body.dofs[:, 0] + body.dofs[:, 1]), np.arange(1, len(nodes) + 1)
+        matrices = [matrix[order][:, order] for matrix in (body.stiffness, body.mass)]
+        held = sets.pop("BORE", np.zeros(0, int))
+        write_full(folder / f"{name}.full", *matrices, numbers, fixed=(3 * held[:, None] + np.arange(3)).ravel())
+        head = [f"MPDATA,R5.0, 1,{key},       1, 1,  {value}    ," for key, value in MATERIAL.items()]
+        head += [f"D,{n + 1:7d},{c},  0.00000000    ,  0.00000000" for n in held for c in ("UX", "UY", "UZ")]
+        named = {key: members + 1 for key, members in sets.items()}
+        write_cdb(folder / f"{name}.cdb", numbers, nodes, [collapsed(e.tolist()) for e in body.elements[0]], named, head)
+    archive("ansys", folder, "*.cdb", "*.full")
+
+
 if __name__ == "__main__":
-    for make in (calculix, shroud, abaqus):
+    for make in (calculix, shroud, abaqus, ansys):
         with tempfile.TemporaryDirectory() as folder:
             make(Path(folder))

@@ -160,7 +160,7 @@ def parser() -> argparse.ArgumentParser:
     own["crossings"].add_argument("--speeds", default=(5000.0, 10000.0), help="in rpm, default 5000 10000", **two)
     own["crossings"].add_argument("--orders", default=(5,), type=int, help="engine orders, default 5", **some)
     decks = commands.add_parser("decks", help="write the files of an example of an import to this folder")
-    decks.add_argument("name", help="abaqus, calculix or shroud")
+    decks.add_argument("name", help="abaqus, ansys, calculix or shroud")
     add = commands.add_parser("import", help="model, report and picture from decks and their matrices").add_argument
     add("blade", metavar="DECK", help="deck of the sector, .inp or .cdb, beside its matrices; DECK:INSTANCE for one")
     add("--damper", nargs="+", default=(), metavar="[NAME=]DECK", help="decks of free bodies")

@@ -1,5 +1,7 @@
 """Example decks: their files, jobs read by the files beside a deck, and models from the command line."""
 
+from pathlib import Path
+
 import pytest
 
 import bdamper as bd
@@ -13,8 +15,9 @@ STRIPS = [f"{d}_{a}={d}/{a},UNDER_{b}" for d in ("front", "rear") for a, b in ((
 
 
 def test_example_decks_are_small_and_never_replace_other_files(tmp_path):
-    written = [path for name in ("abaqus", "calculix", "shroud") for path in example_decks(name, tmp_path)]
-    assert len(written) == 3 + 8 + 12 and all(path.is_file() for path in written)
+    written = [path for name in ("abaqus", "ansys", "calculix", "shroud") for path in example_decks(name, tmp_path)]
+    assert len(written) == 3 + 4 + 8 + 12 and all(path.is_file() for path in written)
+    assert sum(path.stat().st_size for path in Path(bd.__file__).parent.glob("data/decks/*")) < 1_000_000
     example_decks("shroud", tmp_path)
     (tmp_path / "stage.inp").write_text("*NODE")
     with pytest.raises(FileExistsError, match=r"stage\.inp' exists and is not the file of the example 'abaqus'"):
@@ -38,7 +41,7 @@ def test_a_job_is_read_by_the_files_beside_its_deck(tmp_path):
 
 def test_decks_and_instances_give_the_same_model_on_the_command_line(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    assert main(["decks", "calculix"]) == main(["decks", "abaqus"]) == 0
+    assert main(["decks", "calculix"]) == main(["decks", "abaqus"]) == main(["decks", "ansys"]) == 0
     assert main(["import", "sector.inp", "--damper", "damper.inp", *WEDGE, "--tip", "0", "346.6", "0"]) == 0
     stage = ["stage.inp:Sector-1", "--damper", "stage.inp:Strip-1", "--fixed", "BORE", "--out", "abaqus", "--tip", "117"]
     assert main(["import", *stage, *WEDGE]) == 0
@@ -46,9 +49,14 @@ def test_decks_and_instances_give_the_same_model_on_the_command_line(tmp_path, m
     assert "wrote sector.h5, sector.txt, sector.png" in out.err
     assert (tmp_path / "sector.txt").read_text() in out.out
     assert (tmp_path / "sector.png").stat().st_size > 10_000
-    one, other = (bd.load_model(f"{name}.h5") for name in ("sector", "abaqus"))
+    files = ["sector.cdb", "--damper", "damper.cdb", "--out", "ansys", "--tip", "117"]
+    assert main(["import", *files, *WEDGE]) == 0
+    one, other, third = (bd.load_model(f"{name}.h5") for name in ("sector", "abaqus", "ansys"))
     for d, basis in one.bodies["blade"].bases.items():
         assert other.bodies["blade"].bases[d].omega2[:8] == pytest.approx(basis.omega2[:8], rel=1e-6)
+        assert third.bodies["blade"].bases[d].omega2[:8] == pytest.approx(basis.omega2[:8], rel=2e-5)  # others: ten digits
+    areas = [[face.area.sum() for face in model.interfaces.values()] for model in (one, third)]
+    assert areas[1] == pytest.approx(areas[0], rel=1e-9)  # of wedges, stored as hexahedra, as of hexahedra
     assert [face.n_points for face in one.interfaces.values()] == [6, 6]
     assert one.locations["tip"].position == pytest.approx(other.locations["tip"].position)
 
@@ -67,7 +75,7 @@ def test_a_shroud_and_two_dampers_on_the_command_line(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "code", "text"),
     [
-        (["decks", "nastran"], 2, "example: expected one of ('abaqus', 'calculix', 'shroud'), found 'nastran'"),
+        (["decks", "nastran"], 2, "example: expected one of ('abaqus', 'ansys', 'calculix', 'shroud'), found 'nastran'"),
         (["import", "nowhere.inp", "--contact", "a=A,B"], 1, "nowhere.inp"),
         (["import", "sector.inp", "--contact", "A,B"], 2, "--contact: expected NAME=SET,SET, found 'A,B'"),
         (["import", "sector.inp", "--contact", "a=A,ground", *WEDGE[:-5]], 1, "contact 'a'"),

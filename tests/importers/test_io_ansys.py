@@ -10,15 +10,17 @@ import scipy.linalg
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
 from bdamper.fem.cyclic_symmetry import travelling_waves
+from bdamper.fem.element_stress import Solids, element_rows
 from bdamper.fem.meshes import Material, discretise, join_blocks, local_order
 from bdamper.fem.sector_faces import find_faces
-from bdamper.fem.surface import enclosed_volume
+from bdamper.fem.surface import FACES, enclosed_volume
 from bdamper.importers import read_ansys, read_cdb, read_full, read_rst
 from bdamper.importers.ansys import _Binary, _node_axes
+from bdamper.importers.plausibility import check_corners
 from bdamper.importers.prepared_body import Placement, PreparedBody
 from bdamper.model.structure import turn
 from bdamper.util.errors import ModelError
-from tests.ansys_files import Writer, write_cdb, write_full, write_rst
+from tests.ansys_files import EDGES, Writer, collapsed, write_cdb, write_full, write_rst
 from tests.each import each
 
 FIXTURES = Path(__file__).resolve().parents[3] / "shared" / "fixtures" / "ansys"
@@ -185,6 +187,61 @@ def test_archive_with_more_elements_than_the_matrices(bar, files):
     write_cdb(folder / "bar.cdb", more, np.vstack([body.nodes, far]), np.vstack([elements, beyond]), {})
     with pytest.raises(ModelError, match=r"bar.full: expected the nodes of .*bar.cdb, .* 4 of 36 missing: 901, 902, 903,"):
         read_ansys(folder / "bar.full", folder / "bar.cdb")
+
+
+HEXAHEDRON = np.array([0, 1, 5, 4, 8, 9, 13, 12])
+TURNED = [1, 2, 3, 0, 5, 6, 7, 4, 9, 10, 11, 8, 13, 14, 15, 12, 17, 18, 19, 16]
+"""Nodes of a hexahedron from its second corner on."""
+
+
+def mixed_block():
+    """Three cubes in a row: a hexahedron, one about its centre (pyramids, one cut in two tetrahedra), and two wedges.
+
+    Returns
+    -------
+    nodes : (17, 3), corners of all elements
+    """
+    grid = np.stack(np.meshgrid([0.0, 1.0], [0.0, 1.5], np.arange(4.0), indexing="ij"), axis=-1)[..., ::-1].reshape(-1, 3)
+    cube = HEXAHEDRON + 1
+    sides = [cube[list(face)] for face in FACES[8]]  # outward; the apex is inside
+    pyramids = [[*side[::-1], 16] for side in sides[1:]]
+    a, b, c, d = sides[0][::-1]
+    others = [[a, b, c, 16], [a, c, d, 16]]
+    nodes = np.vstack([grid, grid[cube].mean(axis=0)])
+    wedges = [HEXAHEDRON[corners] + 2 for corners in ([0, 1, 2, 4, 5, 6], [0, 2, 3, 4, 6, 7])]
+    return nodes, [*map(np.array, [HEXAHEDRON, *pyramids, *others, *wedges])]
+
+
+@pytest.mark.parametrize("second", [False, True], ids=["SOLID185", "SOLID186"])
+def test_collapsed_elements_are_read(second, tmp_path):
+    """Pyramids, wedges and tetrahedra as hexahedra with repeated nodes fill the block, and a uniform strain is uniform."""
+    nodes, elements = mixed_block()
+    if second:
+        edges = [[tuple(sorted(e[list(edge)].tolist())) for edge in EDGES[len(e)]] for e in elements]
+        unique = sorted({edge for own in edges for edge in own})
+        elements = [[*e, *(len(nodes) + unique.index(edge) for edge in own)] for e, own in zip(elements, edges)]
+        nodes = np.vstack([nodes, nodes[np.array(unique)].mean(axis=1)])
+    numbers = 5 + np.arange(len(nodes))
+    stored = [numbers[collapsed(e)] for e in elements]
+    stored[-1] = stored[-1][TURNED[: len(stored[-1])]]  # a wedge whose repeated nodes are other ones
+    constants = [f"MPDATA,R5.0, 1,{name},1,1,{value}," for name, value in (("EX  ", 1.0), ("PRXY", 0.3))]
+    write_cdb(tmp_path / "a.cdb", numbers, nodes, stored, {}, constants)
+    read = read_cdb(tmp_path / "a.cdb")
+    assert sum(map(len, read.elements)) == 10
+    body = PreparedBody("block", read, Placement())
+    assert enclosed_volume(body.boundary, body.nodes) == pytest.approx(4.5, rel=1e-12)
+    assert len(body.boundary) == 5 + 5 + 7
+    check_corners(body)
+    rows, owner = element_rows(
+        [Solids(k.name, e, k.youngs_modulus, k.poisson_ratio) for k, e in zip(read.element_kinds, body.elements)],
+        body.nodes, np.arange(len(nodes)),
+    )  # fmt: skip
+    assert set(owner) == set(range(len(nodes)))
+    strain = np.array([[1.0, 0.3, -0.2], [0.3, -0.5, 0.7], [-0.2, 0.7, 0.4]])
+    stress = 0.3 / 1.3 / 0.4 * np.trace(strain) * np.eye(3) + strain / 1.3
+    found = (rows @ (nodes @ strain).ravel()).reshape(-1, 6)
+    expected = stress[[0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2]]
+    np.testing.assert_allclose(found, np.tile(expected, (len(owner), 1)), atol=1e-12)
 
 
 def test_forms_of_records(tmp_path):

@@ -20,9 +20,9 @@ def example_decks(name: str, folder: FilePath = ".") -> list[Path]:
 
     Parameters
     ----------
-    name : {"abaqus", "calculix", "shroud"}
-        Sector with wedge damper: instances of an Abaqus deck, or two decks of CalculiX.  "shroud" is a sector with tip
-        shroud and two strip dampers, as decks of CalculiX.
+    name : {"abaqus", "ansys", "calculix", "shroud"}
+        Sector with wedge damper: instances of an Abaqus deck, two archives of Ansys, or two decks of CalculiX.  "shroud" is
+        a sector with tip shroud and two strip dampers, as decks of CalculiX.
     folder : path-like
         Existing folder.
 
