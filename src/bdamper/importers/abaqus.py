@@ -176,15 +176,17 @@ def _labelled(path: Path, deck: Deck) -> tuple[sp.csr_matrix, NDArray]:
     dofs : (n, 2) int
         Code of the node and component of each row.
     """
-    rows = [(k, text.split(",")) for k, text in data_lines(path.read_text(encoding="ascii"), "*")]
-    if all(row[0].strip().lstrip("-").isdigit() for _, row in rows[:1]):
+    with open(path, encoding="ascii") as file:
+        first = next((line for line in file if line.strip() and not line.startswith("*")), "0")
+    if first.split(",")[0].strip().lstrip("-").isdigit():
         table = number_table(path, 5)
         own = {number: code for code, number in deck.numbers().items()}
         labels = as_integers(table[:, [0, 2]], str(path))
         names = {label: own.get(label) for label in np.unique(labels).tolist()}
     else:
-        words = [[word.strip().replace('"', "") for word in row] for _, row in rows]
-        for (k, _), row in zip(rows, words):
+        lines = data_lines(path.read_text(encoding="ascii"), "*")
+        words = [[word.strip().replace('"', "") for word in line.split(",")] for _, line in lines]
+        for (k, _), row in zip(lines, words):
             check(len(row) == 5, f"{path}: line {k}", "five values", len(row))
         labels = np.array([[row[0], row[2]] for row in words])
         names = {label: deck.code(label) for label in np.unique(labels).tolist()}

@@ -19,7 +19,9 @@ import re
 import struct
 import zlib
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -271,7 +273,13 @@ def number_rows(source: Path, *columns: int, mixed: bool = False, separators: st
 
 def number_table(source: Path, *columns: int, **options: Any) -> NDArray:
     """Read a table of finite numbers; parameters as for :func:`number_rows`."""
-    table = np.array(number_rows(source, *columns, **options))
+    table = np.empty((0, 0))
+    with suppress(ValueError), open(source, encoding="ascii") as file:  # plain tables, in a tenth of the time
+        lines = (line for line in file if line.strip() and not line.startswith(COMMENTS))
+        if not options and (first := next(lines, "")):
+            table = np.loadtxt(chain([first], lines), delimiter=",", comments=None, ndmin=2)
+    if table.shape[1] not in columns:
+        table = np.array(number_rows(source, *columns, **options))
     check_all(np.isfinite(table), table, "finite numbers", str(source))
     return table
 
