@@ -49,6 +49,7 @@ class Case:
     labels: bool = False
     element_head: str = "*ELEMENT, TYPE=C3D8, ELSET=BODY"
     swapped: bool = False
+    constraint: tuple = ()
 
 
 def cylindrical(x):
@@ -85,8 +86,8 @@ def numbered(numbers):
     return [", ".join(map(str, numbers[k : k + 16])) for k in range(0, len(numbers), 16)]
 
 
-def elements_of(name):
-    return OWN.mesh(OWN.fe.blade if name == "sector" else OWN.fe.damper.body, {})[1] + 1
+def elements_of(name, own=OWN):
+    return own.mesh(own.fe.blade if name == "sector" else own.fe.damper.body, {})[1] + 1
 
 
 def set_lines(name, members, case, extra=""):
@@ -96,16 +97,16 @@ def set_lines(name, members, case, extra=""):
     return [f"*Nset, nset={name}{extra}", *numbered(members.tolist())]
 
 
-def body_lines(name, case, parts):
+def body_lines(name, case, parts, own=OWN):
     """Mesh of a body and its sets, in the axes of the part; ``*MATERIAL`` is elsewhere in a deck of parts."""
-    _, sets, nodes = OWN.text(name)
+    _, sets, nodes = own.text(name)
     if case.moved and parts:
         point, axis, degrees = AXIS[name]
         nodes = (nodes - point) @ rotation(axis, degrees) + point - SHIFT[name]
-    elements = elements_of(name)
+    elements = elements_of(name, own)
     lines = [*case.before, case.head]
     lines += [f"{k}, {x!r}, {y!r}, {z!r}" for k, (x, y, z) in enumerate(case.numbers(nodes).tolist(), 1)]
-    lines.append(case.element_head)
+    lines.append(case.element_head.replace("C3D8", own.kind))
     lines += [", ".join(map(str, [k, *row])) for k, row in enumerate(elements.tolist(), 1)]
     sets = {key: members + 1 for key, members in sets.items()}
     if case.by_elements:
@@ -127,31 +128,38 @@ def material():
 STEP = ["*STEP", "*MATRIX GENERATE, STIFFNESS, MASS", "*MATRIX OUTPUT, STIFFNESS, MASS, FORMAT=LABELS", "*END STEP", ""]
 
 
-def write(folder, case, parts, matrices):
+def write_flat(folder, case, own=OWN):
+    for name in ("sector", "damper"):
+        lines = [*body_lines(name, case, False, own)[0], *case.constraint, *material()]
+        lines += ["*SOLID SECTION, ELSET=BODY, MATERIAL=STEEL", *STEP]
+        (folder / f"{name}.inp").write_text("\n".join(lines))
+
+
+def write(folder, case, parts, matrices, own=OWN):
     """Deck and matrices: two flat jobs, or one job of two instances."""
     names = ("damper", "sector") if case.swapped else ("sector", "damper")
     if not parts:
+        write_flat(folder, case, own)
         for name in names:
-            lines = [*body_lines(name, case, parts)[0], *material(), "*SOLID SECTION, ELSET=BODY, MATERIAL=STEEL", *STEP]
-            (folder / f"{name}.inp").write_text("\n".join(lines))
             for kind, matrix in zip(("STIF", "MASS"), matrices[name]):
                 write_matrix(folder / f"{name}_{kind}1.mtx", [(name, matrix)], case, parts)
         return read_abaqus(folder / "sector"), read_abaqus(folder / "damper.inp")
     lines, later, placed = ["*HEADING"], [], ["*ASSEMBLY, NAME=ASSEMBLY"]
     for name in names:
-        own, sets = body_lines(name, case, parts)
-        own += ["*SOLID SECTION, ELSET=BODY, MATERIAL=STEEL"]
-        lines += [f"*PART, NAME={name}", *([] if case.independent else own), "*END PART"]
+        mesh, sets = body_lines(name, case, parts, own)
+        mesh += ["*SOLID SECTION, ELSET=BODY, MATERIAL=STEEL"]
+        lines += [f"*PART, NAME={name}", *([] if case.independent else mesh), "*END PART"]
         placed.append(f"*Instance, name={NAMES[name]}, part={name}")
         if case.moved:
             point, axis, degrees = AXIS[name]
             placed.append(", ".join(map(repr, SHIFT[name].tolist())))
             placed.append(", ".join(map(repr, [*point, *(np.array(point) + 2.0 * np.array(axis)).tolist(), degrees])))
-        placed += [*(own if case.independent else []), "*End Instance"]
+        placed += [*(mesh if case.independent else []), "*End Instance"]
         if case.assembly_sets:
             for key, members in sets.items():
                 later += set_lines(key, members, case, f", instance={NAMES[name]}")
-    (folder / "stage.inp").write_text("\n".join([*lines, *placed, *later, "*END ASSEMBLY", *material(), *STEP]))
+    lines += [*placed, *later, *case.constraint, "*END ASSEMBLY", *material(), *STEP]
+    (folder / "stage.inp").write_text("\n".join(lines))
     for at, kind in enumerate(("STIF", "MASS")):
         write_matrix(folder / f"stage_{kind}1.mtx", [(name, matrices[name][at]) for name in names], case, parts)
     return tuple(read_abaqus(folder / "stage", NAMES[name]) for name in ("sector", "damper"))
@@ -172,11 +180,15 @@ def write_matrix(path, bodies, case, parts):
 
 @pytest.fixture(scope="module")
 def matrices(tmp_path_factory):
+    return stored_matrices(tmp_path_factory.mktemp("ccx"))
+
+
+def stored_matrices(folder, own=OWN):
     """Full stiffness and mass of both bodies, by CalculiX."""
-    folder, out = tmp_path_factory.mktemp("ccx"), {}
+    out = {}
     for name in ("sector", "damper"):
         steps = ["*STEP", "*FREQUENCY, SOLVER=MATRIXSTORAGE", "6,", "*END STEP", ""]
-        run_job("\n".join([OWN.text(name)[0], *steps]), folder, name)
+        run_job("\n".join([own.text(name)[0], *steps]), folder, name)
         body = read_calculix(folder / name)
         row = 3 * (body.dofs[:, 0] - 1) + body.dofs[:, 1] - 1
         order = np.argsort(row)
@@ -194,15 +206,19 @@ def settings(case):
 
 
 @pytest.fixture(scope="module")
-def reference(matrices, tmp_path_factory):
-    """The model of plain arrays."""
+def reference(matrices):
+    return build(*from_arrays(matrices), **settings(Case()))
+
+
+def from_arrays(matrices, own=OWN):
+    """Both bodies from plain arrays."""
     bodies = []
     for name in ("sector", "damper"):
-        _, sets, nodes = OWN.text(name)
+        _, sets, nodes = own.text(name)
         numbers = np.arange(1, len(nodes) + 1)
         given = {key: members + 1 for key, members in sets.items()}
-        bodies.append(read_arrays(*matrices[name], (numbers, nodes), sets=given, elements=elements_of(name)))
-    return build(*bodies, **settings(Case()))
+        bodies.append(read_arrays(*matrices[name], (numbers, nodes), sets=given, elements=elements_of(name, own)))
+    return bodies
 
 
 @needs_ccx
