@@ -10,11 +10,14 @@ definite rest.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.random import default_rng
 from numpy.typing import NDArray
 
 from bdamper.model.modal_basis import LocalBasis
+from bdamper.model.rotation import SpinStatic
 from bdamper.model.structure import (
     Body,
     BodyLoad,
@@ -24,6 +27,8 @@ from bdamper.model.structure import (
     ModalBasis,
     Model,
     Port,
+    StaticContact,
+    StressSet,
     SurfaceMesh,
 )
 
@@ -207,6 +212,51 @@ ALL_MODELS = {
     "shroud": shroud_model,
     "acyclic": acyclic_model,
 }
+
+
+def complete_model() -> Model:
+    """A small model in which every optional part is present."""
+    small = wedge_model(n_points=1, n_blade_modes=1, harmonics=1, n_damper_modes=1)
+    rng = np.random.default_rng(5)
+    static = StaticContact(*(rng.standard_normal((1, 3)) for _ in range(3)))
+    contact = ContactStiffness(np.full((1, 3), 1e7), "cigeroglu2009", np.array([[True, False, True]]))
+    bases, n_forces = small.bodies["blade"].bases, len(small.bodies["blade"].bases[0].flexibility)
+    stress = StressSet(
+        name="root",
+        body="blade",
+        points=rng.standard_normal((2, 3)),
+        modes={d: rng.standard_normal((2, 6, b.n_modes)) * (1.0 + 1j * (d > 0)) for d, b in bases.items()},
+        contact={d: rng.standard_normal((2, 6, n_forces)) for d in bases},
+        static=rng.standard_normal((2, 6)),
+        spread=np.array([0.1, 0.2]),
+        near_contact=np.array([True, False]),
+        source="numbers",
+    )
+    blade = small.bodies["blade"]
+    turning = {
+        d: b.with_speed(
+            np.diag(3.0 + np.arange(b.n_modes)), 1e-18 * np.eye(n_forces), 50.0 * (d > 0), source="numbers",
+            coriolis=np.zeros((b.n_modes, b.n_modes)), checked_at=600.0, error=1e-5,
+        )
+        for d, b in bases.items()
+    }  # fmt: skip
+    own = turning[0].speed
+    turning[0] = replace(turning[0], speed=replace(own, stiffness0=own.stiffness0 * (1.0 + 1e-12)))
+    places = {name: rng.standard_normal(3) for name in bases[0].locations}
+    spin = SpinStatic(rng.standard_normal((n_forces // 3, 3)), places, "stiffened", 50.0)
+    # on a stiff disk, a little above the frequencies of the modes
+    own = 1.08 * bases[0].omega2[0]
+    local = lumped_local(small, own, 100.0 * own, own)
+    shape = local.contact_modes[..., 0].ravel()
+    local = replace(local, flexibility=2.0 / own * np.outer(shape, shape))
+    return replace(
+        small,
+        bodies={**small.bodies, "blade": replace(blade, bases=turning, spin=spin, local=local)},
+        stress={"root": stress},
+        static={"right": static, "left": static},
+        contact={"left": contact},
+        provenance={"program": "none", "note": "Fläche\nm² ", "empty": ""},
+    )
 
 
 # -----------------------------------------------------------------------------------------------------------

@@ -9,10 +9,8 @@ import bdamper as bd
 from bdamper.analyses import error_estimates as richer_module
 from bdamper.analyses.accuracy import make_ladders, varied
 from bdamper.analyses.error_estimates import SOURCES, Tops, compare, missing_harmonics, richer_study, with_stand_ins
-from bdamper.harmonic_balance.equations import LINE_SEARCH_TRIALS, OK
 from bdamper.response.verification import ErrorEstimates, SourceError
 from bdamper.util.errors import SettingError
-from bdamper.util.progress import CostMeter
 from tests import accuracy_cases, models
 from tests.plain import plain_study
 
@@ -146,50 +144,6 @@ def test_a_lower_peak_that_becomes_the_highest_is_found(study, place, peak):
             assert changes.how == "solved"
 
 
-def test_peak_carries_its_cost(peak):
-    assert peak.cost is not None
-    assert peak.cost.seconds >= peak.cost.core > 0.0 and peak.cost.python > 0.0
-    assert peak.cost.evaluations >= peak.cost.iterations > peak.iterations
-    assert "contact" in peak.summary()
-
-
-def test_work_is_counted_by_sizes(study, place):
-    curve = study.frequency_response(*place)
-    assert curve.cost.work == study.frequency_response(*place).cost.work > 0.0
-    system = study.problem.system(place[0])
-    n, points = system.n_unknowns, system.n_points
-    kinds = 28e3 * 5 * points, 6.0 * points * n**2, n**3 + 700.0 * n**2 + 1e6, 15.0 * n**3  # two harmonics
-    np.testing.assert_allclose(system.work, np.array(kinds) / 1e6, rtol=1e-12)
-    counts = curve.cost.evaluations, curve.cost.jacobians, curve.cost.factorisations, curve.cost.least_norm
-    assert curve.cost.work == pytest.approx(float(np.dot(kinds, counts)) / 1e6, rel=1e-12)
-    sampled = study.replace(contact_forces=bd.AFT(64)).problem.system(place[0])
-    assert sampled.work[0] == pytest.approx(points * (120e3 + 64 * 1.2e3) / 1e6)
-    both = CostMeter()
-    both.add(curve.cost)
-    both.watch(system)
-    system.evaluate(curve.unknowns[0], 2.0 * np.pi * curve.frequency[0])
-    assert both.work - curve.cost.work == pytest.approx(system.work[0] + system.work[1])
-
-
-def test_corrections_end_when_the_budget_of_evaluations_is_used_up(study, place, peak):
-    system = study.problem.system(place[0])
-    scale = np.append(np.full(system.n_unknowns, np.abs(peak.y[:-1]).max()), peak.y[-1])
-    guess = peak.y[:-1] * 0.2
-    free = system.correct_at(guess, peak.y[-1], scale, 1e-10, 40, True)
-    assert free.status == OK and free.iterations > 5
-    enough = system.within(1000)
-    assert not enough.spent
-    np.testing.assert_array_equal(enough.correct_at(guess, peak.y[-1], scale, 1e-10, 40, True).y, free.y)
-    few = system.within(4)
-    before = system.core.cost.evaluations
-    c = few.correct_at(guess, peak.y[-1], scale, 1e-10, 40, True)
-    assert c.status != OK and few.spent and not system.spent
-    assert system.core.cost.evaluations - before <= 4 + LINE_SEARCH_TRIALS
-    again = few.correct_at(guess, peak.y[-1], scale, 1e-10, 40, True)
-    assert again.status != OK and again.iterations == 0
-    np.testing.assert_array_equal(again.y[:-1], guess)
-
-
 def test_what_is_refused(study, place, peak):
     with pytest.raises(SettingError, match="sources"):
         study.estimate_errors(peak, sources=["friction"])
@@ -215,12 +169,6 @@ def test_stand_ins_leave_present_modes_alone(study):
         np.testing.assert_array_equal(wide.bases[l].G, small.problem.coupling.basis(l).G)
     for l in (4, 5):
         np.testing.assert_array_equal(wide.bases[l].omega2, small.problem.bases[1].omega2)
-
-
-def test_change_between_equal_studies_is_nothing(study, place, peak):
-    for by_newton in (True, False):
-        change = compare(study.problem, study.problem.replace(), place[0], Tops((peak,)), by_newton)
-        assert change.known and abs(change.amplitude) < 1e-8 and abs(change.frequency) < 1e-8
 
 
 # ---- ladders ----
@@ -321,17 +269,6 @@ def test_runs_that_fail_leave_the_others(study, place, tmp_path):
     assert [r.reason for r in bd.load(tmp_path / "cost.h5").runs] == [r.reason for r in found.runs]
     with pytest.raises(bd.BdamperError, match=r"no peak with the most detailed settings.*no answer with one harmonic"):
         bd.accuracy_cost(study, *place, vary={"harmonics": [1]}, quantity=ask)
-
-
-def test_result_prints_plots_and_saves(result, tmp_path):
-    text = result.summary()
-    best = result.recommended
-    assert text.startswith(f"For 6 %: harmonics {best.values[0]}, contact points {best.values[1]}, ")
-    assert sum(line.split()[2] == "richest" for line in text.splitlines() if line.startswith("  4")) == 1
-    ax = result.plot()
-    assert ax.get_xscale() == ax.get_yscale() == "log"
-    result.save(tmp_path / "ladders.h5")
-    assert bd.load(tmp_path / "ladders.h5") == result
 
 
 @pytest.mark.parametrize("name", models.ALL_MODELS)

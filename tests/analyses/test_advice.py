@@ -171,29 +171,6 @@ def test_an_effect_without_which_no_peak_or_no_whole_curve_is_found_is_called_fo
     assert reference.row("rotation X", Effects.of(full), TOLERANCE).source == "computed"
 
 
-def test_a_comparison_computes_both_anew(full, advice):
-    both = {"all": full.replace(**advice.reference), "called for": full.replace(**advice.significant)}
-    found = bd.compare(both, lambda study: study.frequency_response(advice.preload, advice.interval))
-    assert found.curves[0].peak.amplitude == pytest.approx(advice.amplitude, rel=1e-3)
-    assert found.change("called for") == pytest.approx(advice.amplitude_change, abs=2e-3)
-    assert abs(found.change("called for")) <= advice.tolerance
-
-
-def test_advice_prints_plots_and_saves(advice, tmp_path):
-    text = advice.summary()
-    for e in advice.effects:
-        assert e.name in text and e.verdict in text
-    with pytest.raises(bd.SettingError, match=r"effect: expected one of .* found 'gravity'"):
-        advice["gravity"]
-    advice.save(tmp_path / "advice.h5")
-    again = bd.load(tmp_path / "advice.h5")
-    assert again.summary() == text and again.significant == advice.significant and again.reference == advice.reference
-    ax = advice.plot()
-    assert [t.get_text() for t in ax.get_yticklabels()] == [e.name for e in advice.effects[::-1]]
-    unknown = [e.name for e in advice.effects if e.source == "unknown"]
-    assert unknown and [t.get_text() for t in ax.texts] == ["unknown"] * len(unknown)
-
-
 def test_effects_that_cancel_by_chance_are_not_left_out_together():
     """Without variable normal load there is no separation either, which alone changes much."""
     given = rows(("separation", True, 0.2, 1.0), ("variable normal load", True, 0.001, 0.9))

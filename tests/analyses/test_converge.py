@@ -8,8 +8,6 @@ import pytest
 
 import bdamper as bd
 from bdamper.analyses import accuracy as room
-from bdamper.analyses.error_estimates import embed
-from bdamper.harmonic_balance.equations import OK
 from bdamper.lumped_masses import Contact, lumped
 from bdamper.response.peak import ANOTHER, Peak, peak_of_sign, sign_of_jacobian
 from bdamper.response.verification import Convergence, HarmonicPeak, Meeting
@@ -159,13 +157,6 @@ class TestEnd:
         end = f"{1e-3 * top[first]:.3g} kHz"
         assert f"the equations have no modes above {end}, harmonic {int(top[first] / peak.frequency)}" in found.note
 
-    def test_of_the_model_where_residual_modes_stand_for_the_rest(self, blade):
-        """20 modes up to 24 kHz and more are stored, 10 of them retained; harmonic 39 has nodal diameter 15."""
-        omega2 = blade.model.bodies["blade"].bases[15].omega2
-        assert len(omega2) == 20 and np.sqrt(omega2[-1]) / (2.0 * np.pi) == pytest.approx(25747.0, rel=1e-4)
-        assert 39 * 660.77 > 25747.0 > 38 * 660.77
-        assert room._most(blade.problem, 660.77, 64) == (38, "the equations have no modes above 25.7 kHz, harmonic 38")
-
     def test_of_the_nodal_diameters(self):
         model = models.wedge_model(0, n_blades=24, engine_order=2, harmonics=3)
         study = plain_study(model, bd.Excitation("tip"), 2)
@@ -279,20 +270,3 @@ def test_the_turbine_blade(blade):
     assert found.note.startswith("75.3 µm with 3 harmonics, 69.2 to 70.7 µm with 16 to 26: not converged with 3")
     far = blade.harmonic_convergence(blade.peak(518.0))
     assert far.converged and far.peaks[-1].amplitude == pytest.approx(188.36e-6, rel=1e-3)
-
-
-@pytest.mark.slow
-def test_fourteen_and_fifteen_harmonics_of_the_turbine_blade(blade):
-    """At one frequency, 660.77 Hz, with one harmonic more at a time."""
-    known, peak = [], blade.peak(103.6)
-    y, problem = peak.y.copy(), blade.problem
-    y[-1] = 2.0 * np.pi * 660.77
-    for n in (3, 7, 12, 13, 14, 15):
-        richer = blade.replace(harmonics=n).problem
-        system = richer.system(103.6)
-        guess = embed(problem, richer, 103.6, y)
-        c = system.correct_at(guess[:-1], guess[-1], system.units(guess, guess[-1]), 1e-9, 40, 2)
-        assert c.status == OK and c.orientation == 1
-        y, problem = c.y, richer
-        known.append(1e6 * abs(system.response(y[:-1])[1]))
-    assert known == pytest.approx([75.3, 74.9, 74.0, 73.3, 70.3, 68.5], abs=0.06)

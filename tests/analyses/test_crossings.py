@@ -1,6 +1,5 @@
 """Crossings over rotor speed, the run-up along a line, and both against each other."""
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +8,6 @@ import pytest
 import bdamper as bd
 from bdamper.analyses.campbell import run_up
 from bdamper.analyses.crossings import SpeedFamily, exact, follow_line
-from bdamper.harmonic_balance.parameters import vary
 from bdamper.harmonic_balance.rotor_speed import Conditions
 from bdamper.plot import plot_crossings
 from bdamper.response.peak import amplitude_at
@@ -119,17 +117,6 @@ def test_where_faces_open_the_highest_point_is_the_end_of_a_plateau(mass, highes
     assert (value["fixed_speed_amplitude"], value["fixed_speed"]) == pytest.approx(fixed, rel=1e-4)
 
 
-@pytest.mark.slow
-def test_where_the_response_has_a_shoulder_both_are_named():
-    """Three harmonics: no second maximum at fixed speed, and the highest point is 2.4 % above the peak."""
-    shipped = bd.reference_model("bladed_disk", 9)
-    study = bd.Study(shipped, bd.Excitation("tip", amplitude=20.0), 5, friction_coefficient=0.3)
-    (value,) = study.resonance_crossings((400.0, 600.0), [5]).values
-    assert 0.02 < value["amplitude"] / value["fixed_speed_amplitude"] - 1.0 < 0.03
-    run = study.run_up()
-    assert run.peak.amplitude == pytest.approx(value["amplitude"], rel=1e-6) and "% above the peak" in run.summary()
-
-
 def test_a_range_that_ends_higher_than_its_maximum_is_told(study):
     """The same line up to just before its highest maximum: a maximum of its own is no more its highest point."""
     run = study.run_up((420.0, 465.0))
@@ -159,15 +146,6 @@ def line(study):
     )
     family = SpeedFamily(turning.problem, Conditions(**OVER_SPEED))
     return family, follow_line(family, (440.0, 500.0), 1, CostMeter())
-
-
-def test_the_response_along_the_line_is_that_of_each_speed(line):
-    """All harmonics, by rows that change with the speed."""
-    family, (equations, curve, _) = line
-    for i in (2, len(curve) // 2, len(curve) - 3):
-        own = family.system(float(curve.speed[i])).response(curve.unknowns[i])
-        np.testing.assert_allclose(curve.harmonics[i], own, rtol=1e-5, atol=1e-9 * abs(own[1]))
-    assert not np.allclose(curve.harmonics[2], equations.response(curve.unknowns[2]), rtol=1e-4, atol=0.0)
 
 
 def test_the_highest_point_of_a_run_up_is_made_at_its_own_speed(line):
@@ -207,30 +185,6 @@ def test_the_equations_along_the_line_are_those_of_each_speed(line):
     assert gradient[-1] == pytest.approx(difference(0.5, height), rel=1e-6) and gradient[-1] != 0.0
 
 
-def test_interpolated_equations_are_those_of_a_speed(line):
-    """At a speed that is none of the points; what is left are kinks where the static state changes."""
-    family, found = line
-    equations, _, highest = found
-    top, error = exact(family, highest.peak)
-    assert error < 1e-4 and top.residual < 1e-9
-    assert top.amplitude == pytest.approx(highest.peak.amplitude, rel=1e-6)
-    made, own = equations.structure.at(top.y[-1]), family.system(top.parameter)
-    np.testing.assert_allclose(made.structure.arrays["stiffness"], own.structure.arrays["stiffness"], rtol=1e-8)
-    np.testing.assert_allclose(made.structure.arrays["kn"], own.structure.arrays["kn"], rtol=1e-5)
-
-
-def test_the_top_is_stationary_with_the_rows_of_each_speed(line):
-    equations, top = line[1][0], line[1][2].peak
-    gradient, square = equations.rows.squared_gradient(top.y)
-    assert abs(gradient @ (top.tangent * top.scale)) / square <= 2e-8 * abs(top.curvature)
-
-
-def test_unknowns_of_two_speeds_are_comparable(line):
-    """Residual modes have any phase of their own: aligned they change as little as the speed does."""
-    a, b = (line[0].problem(omega).bases[1].G for omega in (450.0, 452.0))
-    assert np.linalg.norm(a - b) < 1e-2 * np.linalg.norm(a)
-
-
 def test_corners_of_tables_over_speed_take_a_shorter_range(study):
     """Friction that rises from a speed near the crossing on: polynomials over the whole range are off there."""
     table = {300.0: 0.3, 435.0: 0.3, 600.0: 0.6}
@@ -240,27 +194,6 @@ def test_corners_of_tables_over_speed_take_a_shorter_range(study):
     beyond = study.run_up((436.5, 470.0), friction=table)
     assert found.values[0]["kind"] == "complete", str(found)
     assert found.values[0]["amplitude"] == pytest.approx(beyond.peak.amplitude, rel=1e-6)
-
-
-def test_coupled_friction(study, found):
-    coupled = study.replace(friction_law="coupled", contact_forces=bd.AFT(64))
-    other = coupled.resonance_crossings((400.0, 500.0), [5])
-    assert other.values[0]["kind"] == "complete", str(other)
-    assert other.values[0]["amplitude"] == pytest.approx(found.values[1]["amplitude"], rel=0.2)
-
-
-def test_executors_and_files_give_the_same_table(study, found, tmp_path):
-    with ThreadPoolExecutor(2) as pool:
-        other = study.resonance_crossings(
-            SPEEDS, [5], damper_mass=(0.999, 1.0, 1.001), executor=pool, resume=tmp_path / "time_response"
-        )
-    np.testing.assert_allclose(other.array("amplitude"), found.array("amplitude"), rtol=1e-12)
-    again = study.resonance_crossings(SPEEDS, [5], damper_mass=(0.999, 1.0, 1.001), resume=tmp_path / "time_response")
-    np.testing.assert_array_equal(again.array("amplitude"), other.array("amplitude"))
-    again.save(tmp_path / "table.h5")
-    assert str(bd.load(tmp_path / "table.h5")) == str(again)
-    with pytest.raises(bd.BdamperError, match="found results of other settings"):
-        study.resonance_crossings((400.0, 500.0), [5], resume=tmp_path / "time_response")
 
 
 def test_answers_of_another_function_are_not_taken_up(study, tmp_path):
@@ -324,16 +257,3 @@ def test_questions_that_do_not_fit(study, asked, words):
         study.resonance_crossings(*asked)
     with pytest.raises(bd.SettingError, match="damper_mass: expected"):
         study.resonance_crossings((400.0, 500.0), [5], damper_mass=(0.0,))
-
-
-def test_the_mass_factor_alone_scales_inertia(study):
-    """At the same preload a heavier damper changes little; with its own load much more."""
-    at = study.at_speed(470.0)
-    same = vary(at, {"damper_mass_factor": 1.5}).peak(at.preload).amplitude
-    own = vary(at, {"damper_mass": 1.5}).peak(1.5 * at.preload).amplitude
-    peak = at.peak(at.preload)
-    base = peak.amplitude
-    found = at.peak_sensitivities(peak, ("preload", "damper_mass_factor", "damper_mass"))
-    parts = at.preload * found["preload"].amplitude + found["damper_mass_factor"].amplitude
-    assert found["damper_mass"].amplitude == pytest.approx(parts, rel=1e-5), "load and inertia together"
-    assert abs(same / base - 1.0) < 0.05 < abs(own / base - 1.0)

@@ -1,7 +1,6 @@
 """What a study carries with an effect switched off: unknowns, points, kernels, and what remains of the equations."""
 
 import pickle
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -148,25 +147,6 @@ def test_constant_normal_load_limits_friction_by_its_static_value(full):
     np.testing.assert_allclose(F[friction, 2], expected, atol=1e-9 * np.abs(expected).max())
 
 
-def test_even_harmonics_vanish_with_a_constant_limit_and_no_bias(full):
-    study = full.replace(variable_normal_load=False, bias=True, constraint_planes=False)
-    assert not bd.Effects.of(study)["variable_normal_load"]
-    curve = study.frequency_response(20.0, (780.0, 880.0))
-    assert curve.complete
-    assert curve.shares[:, 1].max() > 0.01
-    top = np.abs(curve.harmonics).max(axis=0)
-    assert top[2] < 1e-6 * top[3]
-
-
-@pytest.mark.parametrize("changes", [{"separation": False}, {"variable_normal_load": False}], ids=str)
-def test_stuck_response_does_not_depend_on_how_points_would_slip_or_open(full, changes):
-    a = full.frequency_response(1e6, (780.0, 880.0))
-    b = full.replace(**changes).frequency_response(1e6, (780.0, 880.0))
-    assert a.shares[:, 0].min() == 1.0
-    assert b.peak.amplitude == pytest.approx(a.peak.amplitude, rel=1e-8)
-    assert b.peak.frequency == pytest.approx(a.peak.frequency, rel=1e-9)
-
-
 # ---- contact points ----
 
 
@@ -198,12 +178,6 @@ def test_united_points_keep_rigid_motion_area_and_energy(model):
         united.contact_modes.reshape(len(f), -1) / blade.omega2 @ united.contact_modes.reshape(len(f), -1).conj().T
     )
     assert np.linalg.eigvalsh(residual).min() > -1e-12 * np.abs(united.flexibility).max()
-
-
-def test_as_many_groups_as_points_change_nothing(full):
-    a = full.frequency_response(2000.0, (780.0, 880.0))
-    b = full.replace(contact_points=6).frequency_response(2000.0, (780.0, 880.0))
-    assert b.peak.amplitude == pytest.approx(a.peak.amplitude, rel=1e-9)
 
 
 def test_given_stiffness_is_that_of_the_points_of_the_model(full):
@@ -275,18 +249,6 @@ def test_stability_is_judged_only_where_it_is_on(full):
     assert curve.unstable is not None and curve.unstable.shape == (len(curve),)
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    [{"harmonics": 0}, {"harmonics": (2, 3)}, {"harmonics": "all"}, {"harmonics": (1, 1)}, {"harmonics": 1.5},
-     {"rigid_modes": ("RW",)}, {"rigid_modes": ("TX", "TX")}, {"contact_points": 0}],
-    ids=str,
-)
-def test_bad_effects_are_named(full, wrong):
-    name = next(iter(wrong))
-    with pytest.raises(bd.SettingError, match=rf"^{name}: expected .* found"):
-        full.replace(**wrong)
-
-
 def test_coupled_friction_brings_a_sampled_evaluation(full):
     assert full.settings.contact_forces == "event_driven"
     assert isinstance(full.replace(friction_law="coupled").settings.contact_forces, bd.AFT)
@@ -319,30 +281,6 @@ def test_modes_of_a_system_are_those_of_its_points(full):
         np.testing.assert_allclose(X[..., 2 * l - 1] - 1j * X[..., 2 * l], motion, rtol=1e-9, atol=1e-12)
 
 
-def test_results_carry_settings_that_tell_studies_apart(full, tmp_path):
-    interval = (600.0, 800.0)
-    faces = {name: np.full((face.n_points, 3), 1e6) for name, face in full.model.interfaces.items()}
-    stiffness = [1e6, 2e6, bd.PerArea(1e12), bd.PerArea((1e12, 1e12, 2e12)), faces, "unit_traction"]
-    curves = [full.replace(contact_stiffness=k).free(interval) for k in stiffness]
-    for i, a in enumerate(curves):
-        assert all(a.settings != b.settings for b in curves[:i])
-    # numbers of whatever kind can be saved
-    numbers = full.replace(
-        harmonics=np.int64(2),
-        blade_modes=np.int64(3),
-        contact_points=np.int64(2),
-        contact_forces=bd.AFT(np.int64(64)),
-        damping_ratio=np.float32(0.001),
-        excitation=bd.Excitation("tip", direction=np.array([1.0, 0.0, 0.0]), amplitude=np.float32(2.0)),
-        contact_stiffness=faces,
-        gap={"left": np.linspace(0.0, 1e-6, 6)},
-    ).free(interval)
-    numbers.save(tmp_path / "curve.h5")
-    assert bd.load(tmp_path / "curve.h5").settings == numbers.settings
-    assert numbers.settings["harmonics"] == [1, 2]
-    assert numbers.settings["gap"]["left"][-1] == 1e-6
-
-
 def test_studies_can_be_keys_and_be_sent_elsewhere(full):
     again = pickle.loads(pickle.dumps(full))
     assert len({full, full, full._with_problem(full.problem.replace()), again}) == 3
@@ -357,53 +295,6 @@ def test_a_curve_of_other_settings_is_refused(full):
     assert full.with_stability(curve).unstable is not None
     with pytest.raises(bd.SettingError, match="or a result with other settings"):
         full.replace(friction_coefficient=0.1).with_stability(curve)
-
-
-def test_linear_resonances_are_those_of_the_linear_curves(full):
-    """With residual modes, which have no inertia or that of the modes left out, as well as without."""
-    for method in ("unit_traction", "residual_modes"):
-        study = full.replace(contact_stiffness=method)
-        system, springs = study.problem.system(PRELOAD), study.problem.at(PRELOAD).stuck_springs()
-        low, high = 2.0 * np.pi * 100.0, 2.0 * np.pi * 1e4
-        found = system.structure.linear.resonances((springs,), low, high)
-        assert len(found) >= 4
-        for omega, width, row in found:
-            near = omega + width * np.array([-1.0, 0.0, 1.0])
-            height = [abs(row @ system.structure.linear.response(w, springs)) for w in near]
-            assert height[1] / height[0] == pytest.approx(np.sqrt(2.0), rel=0.05)
-            assert height[1] / height[2] == pytest.approx(np.sqrt(2.0), rel=0.05)
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"engine_order": None}, "engine_order: expected the engine order of the excitation"),
-        ({"engine_order": 1.5}, "engine_order: expected a whole number"),
-        ({"blade_modes": 2.5}, "blade_modes: expected a whole number"),
-        ({"damper_modes": "1"}, "damper_modes: expected a whole number"),
-        ({"gap": {"nowhere": np.zeros(3)}}, "gap: expected interfaces out of"),
-        ({"gap": {"left": np.zeros(5)}}, "gap of 'left': expected one or 6 finite numbers"),
-    ],
-    ids=str,
-)
-def test_wrong_settings_are_named_at_once(full, settings, message):
-    with pytest.raises(bd.SettingError, match=message):
-        full.replace(**settings)
-
-
-def test_whole_numbers_of_other_kinds_are_taken(full):
-    assert full.replace(blade_modes=3.0, engine_order=np.int64(2)).problem.system(PRELOAD).n_unknowns == 10 * 7
-
-
-def test_a_study_is_printed_without_its_model(full):
-    assert re.search("engine order +2", repr(full)) and len(repr(full)) < 2000
-
-
-def test_no_stuck_response_without_a_static_state(full):
-    study = full._with_problem(full.problem.replace())
-    study.problem.static_states[(PRELOAD, 1.0)] = replace(full.static(PRELOAD), converged=False, note="lost")
-    with pytest.raises(bd.BdamperError, match="expected a static state under 300 N, found none: lost"):
-        study.stuck((600.0, 800.0), PRELOAD)
 
 
 def test_residual_modes_are_no_bodies_that_walk(full):
@@ -431,8 +322,3 @@ def test_a_peak_says_how_its_curve_ended(full):
         "There may be a higher one, the curve ended as: incomplete (why)"
         in replace(peak, search_status="incomplete (why)")._headline()
     )
-
-
-def test_no_harmonics_at_all_are_refused_by_name(full):
-    with pytest.raises(bd.SettingError, match="harmonics"):
-        full.replace(**bd.Effects.of(full).without("harmonics beyond 0"))

@@ -49,11 +49,6 @@ def test_energies_balance_along_a_curve(study, curve):
     assert not stuck.any() or np.abs(found.lost[stuck]).max() < 1e-12 * found.excitation.max()
 
 
-def test_energies_balance_to_rounding_at_a_peak(study):
-    found = study.dissipation(study.peak(500.0, INTERVAL))
-    assert np.abs(found.imbalance) < 1e-10
-
-
 def test_points_that_never_slip_or_are_left_out(study):
     bonded = study.replace(friction_law="bonded")
     found = bonded.hysteresis(bonded.frequency_response(500.0, (352.0, 354.0)))
@@ -152,14 +147,6 @@ def test_what_does_not_fit_is_refused(study, curve, wrong, message):
         wrong(study, curve)
 
 
-def test_files(study, curve, cycle, tmp_path):
-    for result in (cycle, study.dissipation(curve)):
-        result.save(tmp_path / "result.h5")
-        again = bd.load(tmp_path / "result.h5")
-        assert str(again) == str(result) and again.interface == result.interface
-        assert np.array_equal(again.energy, result.energy)
-
-
 def test_pictures(study, curve, cycle):
     found = study.dissipation(curve)
     axes = [
@@ -173,35 +160,6 @@ def test_pictures(study, curve, cycle):
     texts = [t.get_text().split(",")[0] for t in axes[1].get_legend().get_texts()]
     assert texts == ["left face", "right face"]
     plt.close("all")
-
-
-def test_wide_ranges_have_a_logarithmic_abscissa(study, curve):
-    found = study.dissipation(curve)
-    wide = replace(found, preload=np.geomspace(100.0, 1000.0, len(found.preload)))
-    scales = [{ax.get_xscale() for ax in result.plot(over="preload")} for result in (wide, found)]
-    assert scales == [{"log"}, {"linear"}]
-    given = plt.subplots(3)[1]  # which do not share their abscissa
-    assert list(wide.plot(ax=given, over="preload")) == list(given)
-    assert [ax.get_xscale() for ax in given] == ["log"] * 3
-    plt.close("all")
-
-
-def test_as_many_axes_are_given_as_a_picture_has(study, curve):
-    found, (one, other) = study.hysteresis(curve), plt.subplots(2)[1]
-    assert found.plot(ax=one) is one
-    with pytest.raises(bd.SettingError, match=r"^ax: expected two axes, found \['Axes'\]$"):
-        found.plot_history(12, ax=one)
-    with pytest.raises(bd.SettingError, match=r"^ax: expected two axes, found \['Axes', 'str'\]$"):
-        found.plot_history(12, ax=(one, "left"))
-    with pytest.raises(bd.SettingError, match=r"^ax: expected one axes, found \['Axes', 'Axes'\]$"):
-        found.plot(ax=(one, other))
-    plt.close("all")
-
-
-def test_a_result_of_another_response_is_refused(study, curve):
-    other = study.replace(response=bd.Response("tip", "axial"))
-    with pytest.raises(bd.BdamperError, match=r"found response = .*tangential.* instead of .*axial"):
-        other.hysteresis(curve)
 
 
 def test_energy_in_a_legend_is_that_of_all_directions(cycle):

@@ -5,7 +5,6 @@ import pytest
 
 import bdamper as bd
 from bdamper.analyses.hysteresis import microslip
-from bdamper.util.errors import SettingError
 from tests.plain import plain_study
 
 LOAD, MU = 1000.0, 0.3
@@ -74,13 +73,3 @@ def test_it_slides_when_all_friction_is_used():
     last = max(p["force"] for p, status in zip(curve.points, curve.status) if status == "complete")
     assert not curve.complete and 0.96 * limit < last < 1.05 * limit
     assert curve.status[-1] == "failed: the damper slides"
-
-
-def test_results_and_bad_input(curves, tmp_path):
-    curve = curves[12]
-    curve.save(tmp_path / "curve.h5")
-    assert bd.load(tmp_path / "curve.h5").values == curve.values
-    assert curve.plot().axes
-    for forces in ((), (2.0, 1.0), (0.0, 1.0), (np.nan,)):
-        with pytest.raises(SettingError, match="microslip forces: expected"):
-            microslip(study("unit_traction"), LOAD, forces)

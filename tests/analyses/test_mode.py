@@ -7,7 +7,6 @@ import pytest
 
 import bdamper as bd
 from bdamper.analyses.nonlinear_mode import mode_system
-from bdamper.plot import save_figure
 from tests.analyses import jenkins, wedge
 
 TWO_PI = 2.0 * np.pi
@@ -113,20 +112,6 @@ def test_motions_that_damping_ends_at_once_are_named():
     assert light.complete and "damping" not in light.reason
 
 
-def test_steps_and_directions_change_nothing():
-    study, ends = wedge.study(0.5, 1), (1e-5, 4e-4)
-    short, long = (
-        study.nonlinear_mode(wedge.LOAD, 3, ends, options=bd.ContinuationOptions(max_step=step, step=0.05))
-        for step in (0.06, 0.3)
-    )
-    assert len(short) > 1.5 * len(long)
-    for a in (9e-5, 1.5e-4, 2.2e-4):
-        one, other = short.at(a), long.at(a)  # interpolated
-        assert len(one) == len(other) == 3, a
-        exact = [polished(study, mode, a) for mode in (short, long)]
-        np.testing.assert_allclose(*exact, rtol=1e-8)
-
-
 def own_modes(mu, harmonics, ends):
     """The branch as the program of the tests follows it, and the points of it at an amplitude."""
     program = wedge.Program(mu, harmonics)
@@ -174,63 +159,12 @@ def test_the_planar_wedge_as_an_independent_program_has_it(mu, harmonics):
         np.testing.assert_allclose(other, one, rtol=1e-6, err_msg=str(amplitude))
 
 
-@pytest.mark.slow
-def test_a_motion_on_no_branch_through_a_mode_solves_the_equations_of_both_programs():
-    """It is not looked for: the branch has three others at this amplitude."""
-    study, amplitude, random = wedge.study(0.3, 1), 2e-4, np.random.default_rng(0)
-    mode = study.nonlinear_mode(wedge.LOAD, 3, (3e-5, 4e-4))
-    system, _ = mode_system(study.problem, wedge.LOAD, 3, 3e-5)
-    known = zip(mode.unknowns, mode.frequency, mode.damping_ratio)
-    points = [system.structure.point(u, TWO_PI * f, z) for u, f, z in known]
-    known = polished(study, mode, amplitude)
-    for _ in range(2000):  # Newton's method from anywhere
-        a, b = (points[i] for i in random.integers(len(points), size=2))
-        guess = (a + random.uniform(-0.5, 1.5) * (b - a)) * (1.0 + 0.3 * random.standard_normal(len(a)))
-        guess[-3:] = a[-3] * random.uniform(0.9, 1.1), a[-2], np.log(amplitude / system.structure.reference)
-        c = system.correct_at(guess[:-1], guess[-1], np.abs(guess) + 1e-9, 1e-11, 60, True)
-        found = c.y[-3] / TWO_PI, c.y[-2]
-        if c.status == 0 and found == pytest.approx((218.416, 0.00828), rel=1e-3):
-            break
-    assert len(known) == 3 and all(abs(f / found[0] - 1.0) > 1e-3 for f, _ in known)
-    u, own = system.structure.motion(c.y[None])[0], wedge.Program(0.3, 1)
-    at = [study.replace(response=bd.Response(f"x{i}")).problem.system(wedge.LOAD).response(u) for i in range(6)]
-    turned = np.array(at) * [1.0, 1.0 / at[0][1]]  # over the first, which becomes a cosine of 1
-    x = np.stack([turned[:, 0].real, turned[:, 1].real, -turned[:, 1].imag], axis=1)
-    z = np.concatenate([x.ravel(), [1e-3 * c.y[-3], c.y[-2], np.log(amplitude)]])
-    assert np.abs(own.residuals(z[None])).max() < 1e-7
-
-
 def test_the_planar_wedge_begins_to_slip_as_an_independent_program_has_it():
     mode = wedge.study(0.5, 3).nonlinear_mode(wedge.LOAD, 3, (3e-5, 5e-5))
     ((frequency, damping),) = own_modes(0.5, 3, (4.4e-5, 4.5e-5))(4.45e-5)
     ((other, zeta),) = polished(wedge.study(0.5, 3), mode, 4.45e-5)
     assert damping > 0.01
     assert (other, zeta) == pytest.approx((frequency, damping), rel=1e-6)
-
-
-def test_modes_of_the_model_print_plot_and_save(tmp_path):
-    study = bd.Study(
-        bd.reference_model("turbine_blade"),
-        bd.Excitation("tip", "tangential", 1.0),
-        engine_order=5,
-        friction_coefficient=0.3,
-    )
-    mode = study.nonlinear_mode(100.0, 1, (2e-5, 3e-4))
-    assert mode.complete and mode.correlation.min() > 0.98
-    assert mode.damping_ratio.max() == pytest.approx(0.0252, abs=1e-4)
-    first = mode._headline()
-    assert first.startswith("Damping of mode 1 under a preload of 100 N: at most 2.52 %, with 73.5 µm at 660 Hz")
-    assert str(mode).startswith(first[:80]) and "folds" in mode.summary()
-    upper, lower = mode.plot()
-    for axes, values in ((upper, mode.frequency), (lower, 100.0 * mode.damping_ratio)):
-        line, folds = axes.lines
-        np.testing.assert_allclose(line.get_xydata(), np.column_stack([mode.amplitude, values]))
-        assert len(folds.get_xdata()) == len(mode.folds)
-    save_figure((upper, lower), tmp_path / "mode.png")
-    mode.save(tmp_path / "mode.h5")
-    again = bd.load(tmp_path / "mode.h5")
-    assert str(again) == str(mode) and again.at(1e-4) == mode.at(1e-4)
-    assert {"frequency", "damping_ratio", "amplitude", "correlation", "kind"} <= set(mode.columns())
 
 
 def test_what_does_not_fit_is_named():

@@ -120,21 +120,3 @@ def test_comparison_of_laws(study, tmp_path):
     high = bd.compare(under(study.replace(damping_ratio=0.02)), lambda one: one.frequency_response(50000.0, INTERVAL))
     for law in ("uncoupled", "constant_normal_load"):
         assert abs(high.change(law)) < 1e-3
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"friction_law": "viscous"}, r"friction_law: expected one of .* found 'viscous'"),
-        ({"friction_law": {"nowhere": "bonded"}}, r"friction_law: expected one of .* for each interface"),
-    ],
-)
-def test_wrong_settings_are_named(study, settings, message):
-    with pytest.raises(bd.SettingError, match=message):
-        study.replace(**settings)
-
-
-@pytest.mark.parametrize("n_time", [7, -1, 64.5, True, "many"])
-def test_wrong_numbers_of_samples(n_time):
-    with pytest.raises(bd.SettingError, match="n_time: expected"):
-        bd.AFT(n_time)

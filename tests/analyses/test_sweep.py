@@ -3,14 +3,12 @@
 import json
 import os
 import random
-import shutil
 import signal
 import subprocess
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,14 +17,13 @@ from scipy import stats
 import bdamper as bd
 from bdamper.analyses.sweep import OptimalTask, PeakTask
 from bdamper.harmonic_balance.parameters import study_fingerprint
-from bdamper.response.continuation import Follower
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.highest_peak import highest_peak
 from bdamper.response.optimal_curve import optimal_curve
 from bdamper.util.progress import LongWork
 from tests.analyses.test_executors import Ends
 from tests.models import ground_model
-from tests.plain import PLAIN, plain_study
+from tests.plain import plain_study
 
 INTERVAL = (250.0, 400.0)
 
@@ -35,19 +32,6 @@ INTERVAL = (250.0, 400.0)
 def study():
     model = bd.reference_model(contact_points=9)
     return plain_study(model, excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
-
-
-MPI_SCRIPT = """
-import json
-from mpi4py.futures import MPIPoolExecutor
-import bdamper as bd
-
-if __name__ == "__main__":
-    model = bd.reference_model(contact_points=9)
-    study = bd.Study(model, excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3, **{plain})
-    with MPIPoolExecutor() as pool:
-        print(json.dumps(bd.sweep(study, over={over}, frequency={interval}, executor=pool).values))
-"""
 OVER = {"friction_coefficient": [0.2, 0.3, 0.5], "preload": [800.0, 2000.0]}
 
 
@@ -123,20 +107,6 @@ class TestAnswers:
             result = bd.sweep(study, over=OVER, frequency=INTERVAL, executor=client.get_executor())
         assert answers(result) == answers(serial)
 
-    def test_mpi_gives_the_same(self, serial, tmp_path):
-        """Under mpiexec, the way in which mpi4py's executor works everywhere."""
-        pytest.importorskip("mpi4py", reason="mpi4py is not installed")
-        mpiexec = shutil.which("mpiexec", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
-        if mpiexec is None:
-            pytest.skip("mpiexec is not installed")
-        script = tmp_path / "on_mpi.py"
-        script.write_text(MPI_SCRIPT.format(over=OVER, interval=INTERVAL, plain=PLAIN))
-        command = [mpiexec, "-n", "2", sys.executable, "-m", "mpi4py.futures", str(script)]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-        if done.returncode != 0 and "bdamper" not in done.stderr:
-            pytest.skip(f"mpiexec does not run here: {done.stderr[-200:]}")
-        assert json.loads(done.stdout) == json.loads(answers(serial)), done.stderr
-
     def test_a_question_of_ones_own_and_factors(self, study):
         over = {"friction_coefficient": [0.3, 0.4], "damper_mass_factor": [1.0, 2.0], "preload": [100.0]}
         result = bd.sweep(study, over=over, evaluate=residual_norm)
@@ -153,23 +123,6 @@ class TestAnswers:
         assert np.isnan(result.array("amplitude")[1])
         assert not result.complete
         assert "1 failed" in result.summary()
-
-    def test_save_load_print_and_plot(self, serial, tmp_path):
-        import matplotlib as mpl
-
-        mpl.use("Agg")
-        serial.save(tmp_path / "sweep.h5")
-        again = bd.load(tmp_path / "sweep.h5")
-        assert answers(again) == answers(serial)
-        assert again.points == serial.points
-        assert again.settings == serial.settings and again.settings["engine_order"] == 5
-        assert again.model_hash == serial.model_hash != ""
-        assert np.array_equal(again.seconds, serial.seconds)
-        assert again.cost == serial.cost
-        assert all(c.evaluations > 0 and c.iterations > 0 for c in again.cost)
-        assert f"; {sum(c.evaluations for c in again.cost)} evaluations, " in again.summary()
-        assert "6 points" in serial.summary()
-        assert len(serial.plot("amplitude").lines) == 3
 
     @pytest.mark.parametrize(
         ("arguments", "message"),
@@ -207,11 +160,6 @@ class TestInterrupted:
         lines = (tmp_path / "r.jsonl").read_text().splitlines()
         assert [json.loads(line)["index"] for line in lines[1:]] == [0, 1]
 
-    def test_on_workers(self, study):
-        with ThreadPoolExecutor(1) as pool:
-            result = bd.sweep(study, self.over, stopping_question, executor=pool)
-        assert result.status[:3] == ("complete", "complete", "not run")
-
     def test_a_part_interrupted_on_a_worker_alone_is_no_answer(self, study, tmp_path):
         with ProcessPoolExecutor(1) as pool:
             pool.submit(os.getpid).result()  # begins the worker outside of the sweep
@@ -241,28 +189,6 @@ class TestInterrupted:
         assert result.complete
         lines = (tmp_path / "r.jsonl").read_text().splitlines()
         assert sorted(json.loads(line)["index"] for line in lines[1:]) == [0, 1, 2, 3]
-
-    def test_an_interrupted_part_is_no_answer(self, study, monkeypatch):
-        """A question that tracks a curve: what the curve has so far is not recorded as the answer."""
-
-        def question(study, preload):
-            return {"points": len(study.frequency_response(preload, (340.0, 360.0)))}
-
-        record = Follower.record
-        seen = []
-
-        def accept(follower, *args, **keywords):
-            seen.append(follower)
-            if len(seen) == stop:
-                raise KeyboardInterrupt
-            return record(follower, *args, **keywords)
-
-        stop = -1
-        monkeypatch.setattr(Follower, "record", accept)
-        assert bd.sweep(study, {"preload": [1000.0]}, question).complete
-        stop = 2 * len(seen) + len(seen) // 2  # within the second of two more
-        result = bd.sweep(study, {"preload": [1000.0, 1000.0]}, question)
-        assert len(seen) == stop and result.status == ("complete", "not run")
 
     def test_samples(self, study, monkeypatch):
         """Percentiles are those of the draws that were run; a robust optimum is never taken over a part of them."""
@@ -377,12 +303,6 @@ class TestResultsFile:
             assert answers(self.run(study, path)) == answers(full), cut  # and the mended file reads well
             assert path.read_bytes().startswith(content[: starts[1]])
 
-    def test_on_workers(self, study, tmp_path):
-        path = tmp_path / "r.jsonl"
-        with ThreadPoolExecutor(2) as pool:
-            first = self.run(study, path, executor=pool)
-        assert answers(first) == answers(self.run(study, path))
-
     def test_file_of_another_study_is_refused(self, study, tmp_path):
         path = tmp_path / "r.jsonl"
         self.run(study, path)
@@ -495,18 +415,6 @@ class TestWarnings:
 
 
 class TestUncertainty:
-    def test_draws_follow_their_distributions(self):
-        samples = bd.sample(DISTRIBUTIONS, 1024, seed=1)
-        for name, distribution in DISTRIBUTIONS.items():
-            assert stats.kstest(samples[name], distribution.cdf).pvalue > 1e-3
-        again = bd.sample(DISTRIBUTIONS, 1024, seed=1)
-        assert np.array_equal(samples["damping_factor"], again["damping_factor"])
-
-    def test_sobol_means_converge_faster_than_random_ones(self):
-        draws = [bd.sample({"x": stats.norm(0, 1)}, 256, seed=seed)["x"] for seed in range(20)]
-        drawn = [np.random.default_rng(seed).standard_normal(256) for seed in range(20)]
-        sobol, random_ones = (np.std([np.mean(x**2) - 1.0 for x in each]) for each in (draws, drawn))
-        assert sobol < 0.2 * random_ones
 
     def test_every_draw_is_its_own_optimal_curve(self, study, samples, curve):
         from bdamper.harmonic_balance.parameters import vary
@@ -522,30 +430,6 @@ class TestUncertainty:
         assert np.all(mid < high)
         assert curve.percentile(0.0) == pytest.approx(curve.amplitude.min(axis=0))
         assert curve.percentile(100.0) == pytest.approx(curve.amplitude.max(axis=0))
-
-    def test_save_load_print_and_plot(self, curve, tmp_path):
-        import matplotlib as mpl
-
-        mpl.use("Agg")
-        curve.save(tmp_path / "u.h5")
-        again = bd.load(tmp_path / "u.h5")
-        assert np.array_equal(again.amplitude, curve.amplitude)
-        assert list(again.samples) == list(curve.samples)
-        assert again.settings == curve.settings and again.settings["engine_order"] == 5
-        assert again.model_hash == curve.model_hash != ""
-        assert "4 draws" in curve.summary()
-        curve.plot()
-        curve.plot(quantity="frequency")
-
-    @pytest.mark.slow
-    def test_robust_optimum_of_one_draw_is_the_optimum(self, study):
-        """A sample of equal draws has the optimum of the study itself."""
-        plain = study.optimal_curve((25.0, 60.0), 5, frequency=INTERVAL, check=False).optimum
-        same = {"friction_coefficient": [0.3, 0.3]}
-        found = bd.robust_optimum(study, same, (25.0, 60.0), n=8, tolerance=1e-2, frequency=INTERVAL)
-        assert found.kind == "interior"
-        assert found.preload == pytest.approx(plain.preload, rel=2e-2)
-        assert found.amplitude == pytest.approx(plain.amplitude, rel=1e-3)
 
     @pytest.mark.slow
     def test_robust_optimum_bounds_a_spread_of_friction(self, study):

@@ -10,11 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy import LowLevelCallable
-from scipy.integrate import solve_ivp, trapezoid
 
 import bdamper as bd
 from bdamper import _core
-from bdamper.contact.laws import OwnLaws
 from bdamper.harmonic_balance.contact_cycle import energies
 from bdamper.time_domain.integration import Ring
 
@@ -50,15 +48,6 @@ def as_jenkins(study, names, mu):
     return laws
 
 
-def along(law, u):
-    """(n, 3) forces on a path of tangential motions u (n,), from rest."""
-    own, memory = OwnLaws(law.of_points(1, "joint"), np.zeros(1)), np.zeros((1, 3 + law.n_state))
-    F = np.zeros((len(u), 3))
-    for i, x in enumerate(u):
-        F[i : i + 1], _, memory = own.step(np.array([[x, 0.0, 0.0]]), memory)
-    return F
-
-
 class TestIwan:
     def test_n_sliders_are_n_interfaces(self):
         k, f = np.array([0.3, 0.4, 0.2, 0.1]), np.array([0.05, 0.2, 0.3, 1.0])
@@ -72,61 +61,8 @@ class TestIwan:
         stuck = [study.stuck((0.1, 0.3), 0.0).peak.frequency for study in (many, one)]
         assert stuck[0] == pytest.approx(stuck[1], rel=1e-12)
 
-    def test_strength_and_stiffness(self):
-        law = bd.ContactLaw.iwan(3.0, 20.0, -0.4, 0.3, n=25)
-        small, large = along(law, [1e-9])[0, 0] / 1e-9, along(law, [10.0])[0, 0]
-        assert small == pytest.approx(20.0, rel=1e-9)
-        assert large == pytest.approx(3.0, rel=1e-12)
-        np.testing.assert_allclose(law.stick, [20.0, 20.0, 0.0], rtol=1e-12)
-
-    @pytest.mark.parametrize("chi", [-0.7, -0.2, 0.0])
-    def test_loss_below_macroslip(self, chi):
-        """Segalman (2005): 4 R u^(chi + 3)/((chi + 2)(chi + 3)) a cycle, with the exponent chi + 3."""
-        F, K, beta = 2.0, 5.0, 0.5
-        law = bd.ContactLaw.iwan(F, K, chi, beta, n=120)
-        last = F * (1 + beta) / (K * (beta + (chi + 1) / (chi + 2)))
-        R = K * (chi + 1) / (1 + beta) / last ** (chi + 1)
-        amplitudes = last * np.geomspace(0.02, 0.8, 6)
-        losses = []
-        for u in amplitudes:
-            x = np.zeros((3, 3))
-            x[0, 1] = u
-            force = np.empty_like(x)
-            memory = np.zeros(3 + law.n_state)
-            _core.evaluate_contact(
-                x, np.zeros(2), 0.0, 0.0, 0.0, np.zeros(2), force, np.empty((3, 3, 3, 3)), 7, 1, 512,
-                own=((law.pointer, law.parameters, memory),),
-            )  # fmt: skip
-            losses.append(-np.pi * force[0, 2] * u)
-        expected = 4 * R * amplitudes ** (chi + 3) / ((chi + 2) * (chi + 3))
-        np.testing.assert_allclose(losses, expected, rtol=5e-3)
-        slope = np.polyfit(np.log(amplitudes), np.log(losses), 1)[0]
-        assert slope == pytest.approx(chi + 3, abs=2e-3)
-
 
 class TestBoucWen:
-    def test_area_of_the_loop(self):
-        """For n = 1 against an integration of the differential equation, and second order in the step."""
-        k, alpha, beta, gamma, u0 = 2.0, 0.1, 3.0, 1.0, 0.7
-        law = bd.ContactLaw.bouc_wen(k, alpha, beta, gamma)
-
-        def rate(t, z):
-            du = -u0 * np.sin(t)
-            return [du - beta * abs(du) * z[0] - gamma * du * abs(z[0]), (1 - alpha) * k * z[0] * du]
-
-        z, area = [0.0, 0.0], 0.0
-        for half in range(12):  # from one turning point to the next
-            run = solve_ivp(rate, (half * np.pi, (half + 1) * np.pi), [z[0], 0.0], rtol=1e-11, atol=1e-13)
-            z = run.y[:, -1]
-            area = area + z[1] if half >= 10 else 0.0
-        errors = []
-        for n in (64, 256):
-            u = u0 * np.cos(2 * np.pi * np.arange(12 * n + 1) / n)
-            T = along(law, u)[:, 0]
-            loop = slice(-n - 1, None)
-            errors.append(abs(trapezoid(T[loop], u[loop]) / area - 1))
-        assert errors[1] < 1e-4
-        assert errors[1] < errors[0] / 8
 
     def test_balance_and_time_agree(self):
         """The integration is of second order in its step, and finds the motion of nine harmonics."""
@@ -188,15 +124,6 @@ class TestOurFriction:
         stuck = [s.stuck((200.0, 900.0), 300.0).peak for s in (ours, own)]
         assert stuck[1].amplitude == pytest.approx(stuck[0].amplitude, rel=1e-9)
 
-    def test_a_gap_opens_them(self):
-        law = bd.ContactLaw.jenkins([0.6], [0.0], [0.4], kn=6.0)
-        contact = bd.Contact(0, 1, kt=0.6, kn=6.0, mu=0.4, gap=0.05)
-        given = {"contacts": [contact], "forces": {0: 0.1, 1: 0.12}, "response": 1, "contact_forces": bd.AFT(128)}
-        ours = bd.lumped([1.0, 1.0], [0.05, 0.05], [[1.0, 0.3], [0.3, 2.0]], **given)
-        assert ours.replace(friction_law=law).static(0.0).state == ("open",)
-        expected, found = (s.peak(0.0, (0.15, 0.4)) for s in (ours, ours.replace(friction_law=law)))
-        assert found.amplitude == pytest.approx(expected.amplitude, rel=1e-10)
-
 
 class TestFiles:
     def test_studies_and_results_keep_the_law(self, tmp_path):
@@ -219,11 +146,6 @@ class TestFiles:
             bd.load_study(tmp_path / "study.h5")
         with pytest.raises(bd.SettingError, match="of my own"):
             pickle.loads(pickle.dumps(law))
-
-    def test_shipped_laws_go_to_other_processes(self):
-        law = bd.ContactLaw.jenkins([1.0], [0.5])
-        again = pickle.loads(pickle.dumps(law))
-        assert again.record() == law.record()
 
     def test_static_states_keep_what_points_remember(self, tmp_path):
         state = joint(bd.ContactLaw.bouc_wen(1.0, 0.1, 2.0, 0.5)).static(0.0)

@@ -153,22 +153,6 @@ def test_certificate_sees_each_violation(coupling):
     broken("sense", p, d, -np.sign(s.force[p, d]) * far, "motion")
 
 
-def test_a_step_is_not_tried_twice_from_the_same_states(monkeypatch):
-    """At the first load all that touches sticks anyway, so the other ways to begin are the same one."""
-    model = wedge_model(3, n_points=4)
-    study = plain_study(model, bd.Excitation("tip"), engine_order=2, friction_coefficient=0.4)
-    began = []
-
-    def failing(system, load, w, status, *_):
-        began.append((load, status.tobytes()))
-        return np.zeros(len(system.force)), status, 1, 1.0
-
-    monkeypatch.setattr(static_state, "_step", failing)
-    monkeypatch.setattr(static_state, "_creep", lambda system, load, state, size: (state.q, state.slider, 1, 1.0))
-    assert not study.static(70.0).converged  # no power of ten: the state at 1 N is tried first
-    assert len(began) == len(set(began)) > 1
-
-
 def test_what_goes_round_in_circles_is_given_up(monkeypatch):
     """The states that are found are the same, with fewer factorisations; rounding decides which of them go round."""
     solved = {}

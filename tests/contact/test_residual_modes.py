@@ -179,20 +179,6 @@ def test_stuck_response_does_not_depend_on_the_share():
     np.testing.assert_allclose(found[0], found[1], rtol=1e-7)
 
 
-def test_tracking_with_residual_modes():
-    model = bd.reference_model("bladed_disk", 9)
-    peaks = []
-    for patterns in (12, 16):
-        study = plain_study(model, bd.Excitation("tip"), 5, contact_stiffness=ResidualModes(patterns))
-        curve = study.frequency_response(4000.0, (330.0, 380.0))
-        assert curve.complete
-        assert curve.residual.max() < 1e-9
-        peaks.append(curve.peak.amplitude)
-        assert study.problem.bases[0].coordinates[-1].body == "residual"
-        assert curve.unknowns.shape[1] == 3 * (16 + len(study.problem.bases[1].mass) - 16)
-    assert peaks[0] == pytest.approx(peaks[1], rel=0.015)
-
-
 @pytest.mark.parametrize("bad", [0, 2.5, -1])
 def test_bad_patterns_are_refused(bad):
     with pytest.raises(SettingError, match="n_vectors"):
@@ -231,26 +217,3 @@ def test_stuck_modes_against_the_saddle_point_problem():
         size[m:] = np.sqrt(np.diag(R).real)
         scaled = A / np.concatenate([size[:m], size[m:]])[:, None] / np.concatenate([size[:m], size[m:]])
         assert scipy.linalg.svdvals(scaled)[-1] < 1e-6
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("preload", [1500.0, 4000.0, 10000.0])
-def test_the_peak_does_not_depend_on_the_number_of_modes(preload):
-    """Ten or thirty blade modes with the stiffness recomputed: with twelve patterns less than two percent."""
-    peaks = {}
-    for method in (bd.ResidualModes(12), "unit_traction"):
-        for modes in (10, 30):
-            study = plain_study(
-                bd.reference_model("bladed_disk", 9),
-                bd.Excitation("tip"),
-                5,
-                contact_stiffness=method,
-                blade_modes=modes,
-                constraint_planes=False,
-            )
-            curve = study.frequency_response(preload, (345.0, 375.0))
-            assert curve.complete
-            peaks[method, modes] = curve.peak.amplitude
-    assert peaks[bd.ResidualModes(12), 30] == pytest.approx(peaks[bd.ResidualModes(12), 10], rel=0.02)
-    # what makes this a test: without residual modes it is ten percent or more
-    assert abs(peaks["unit_traction", 30] / peaks["unit_traction", 10] - 1.0) > 0.1

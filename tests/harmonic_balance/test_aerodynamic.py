@@ -53,14 +53,6 @@ def test_influence_coefficients_are_a_discrete_transform():
     assert found[5] != pytest.approx(found[7]), "waves of opposite senses differ"
 
 
-def test_it_is_kept_with_the_study(study, tmp_path):
-    flow = study.replace(aerodynamic_damping=FLOW)
-    flow.save(tmp_path / "study.h5")
-    again = bd.load(tmp_path / "study.h5")
-    assert again.settings.aerodynamic_damping == flow.settings.aerodynamic_damping
-    assert np.array_equal(again.problem.bases[1].damping, flow.problem.bases[1].damping)
-
-
 @pytest.mark.parametrize(
     ("flow", "message"),
     [

@@ -71,25 +71,6 @@ def test_without_a_loaded_body_rotation_alone_closes_the_faces(study):
     assert at.static(0.0).converged
 
 
-def test_the_contact_pattern_does_not_depend_on_speed_without_gaps(study):
-    """Load and displacement of the faces both grow with the squared speed."""
-    at = study.at_speed(SPEED)
-    once, more = (at.static(p) for p in (at.preload, 1.7 * at.preload))
-    np.testing.assert_allclose(more.force, 1.7 * once.force, atol=1e-10 * np.abs(more.force).max())
-    assert (once.status == more.status).all()
-
-
-def test_force_and_preload_times_a_factor_scale_the_response(study):
-    at, factor = study.replace(rigid_modes=("TX", "TY", "RZ")).at_speed(SPEED), 1.8  # axial planes have gaps
-    more = at.replace(excitation=replace(at.excitation, amplitude=factor * at.excitation.amplitude))
-    one, two = at.peak(at.preload), more.peak(factor * at.preload)
-    assert two.amplitude == pytest.approx(factor * one.amplitude, rel=1e-10)
-    assert two.frequency == pytest.approx(one.frequency, rel=1e-10)
-    system = more.problem.system(factor * at.preload)
-    residual = system.residual(np.append(factor * one.y[:-1], one.y[-1])) * system.row_scale
-    assert np.abs(residual).max() < 1e-10
-
-
 def test_friction_by_temperature_and_excitation_by_order(study):
     at = study.at_speed(
         SPEED, friction={20.0: 0.2, 420.0: 0.4}, temperature=lambda omega: 0.3 * omega, excitation={5: {300.0: 6.0, 500.0:

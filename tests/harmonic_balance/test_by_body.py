@@ -1,6 +1,5 @@
 """Settings of one free body among several: modes, damping, drag and mass."""
 
-import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +8,6 @@ import pytest
 import bdamper as bd
 from bdamper.analyses.error_estimates import richer_study
 from bdamper.harmonic_balance.parameters import setting_names, vary
-from bdamper.harmonic_balance.settings import settings_of
 from bdamper.response.sensitivity import setting_family, setting_value
 from tests.harmonic_balance.test_loads import split_study, whole_study
 
@@ -123,14 +121,6 @@ def test_a_body_without_load_has_mass_alone(study):
     assert vary(own.problem, {"damper_mass.rear": 1.3}).body_loads is None
     with pytest.raises(bd.SettingError, match=r"damper_mass\.rear: expected a finite number > 0, found -1"):
         vary(own.problem, {"damper_mass.rear": -1.0})
-
-
-def test_settings_by_body_are_kept_with_results_and_copies(study):
-    own = study.replace(damper_modes={"rear": 2}, damper_drag={"front": 3.0})
-    record = own.problem.record()
-    kept = settings_of(record)
-    assert kept["damper_modes"] == {"rear": 2} and kept["damper_drag"] == {"front": 3.0}
-    assert pickle.loads(pickle.dumps(own)).problem.record() == record
 
 
 def test_richer_modes_are_those_that_bodies_have(study):

@@ -100,23 +100,6 @@ def test_a_study_varied_has_it_as_a_new_one(plain, settings):
     np.testing.assert_allclose(heavier, damping[own] / (4.0 if "damper_drag" in settings else 2.0), rtol=1e-12)
 
 
-def test_the_jacobian_has_it(plain):
-    system = plain.replace(damper_drag=200.0).problem.system(2000.0)
-    u = 1e-5 * np.random.default_rng(3).standard_normal(system.n_unknowns)
-    omega, step = 2200.0, 1e-9
-    _, J, r_omega = system.evaluate(u, omega)
-    without = plain.problem.system(2000.0)
-    _, J0, r0 = without.evaluate(u, omega)
-    c, s = system.layout.slices(1)
-    change = np.zeros_like(J)
-    drag = (system.structure.bases[1].damping - without.structure.bases[1].damping) * omega
-    change[c, s], change[s, c] = np.diag(drag), -np.diag(drag)
-    np.testing.assert_allclose(J - J0, change, atol=1e-9 * np.abs(J).max())
-    np.testing.assert_allclose(r_omega - r0, change @ u / omega, atol=1e-9 * np.abs(r_omega).max())
-    moved = system.evaluate(u + step * np.eye(len(u))[c.start], omega)[0] - system.evaluate(u, omega)[0]
-    np.testing.assert_allclose(moved / step, J[:, c.start], atol=1e-5 * np.abs(J[:, c.start]).max())
-
-
 def test_what_does_not_fit_is_refused_and_what_is_set_is_told(plain):
     study = plain.replace(damper_damping_ratio=0.02)
     assert re.search("damper damping ratio +0.02", str(study)) and study.problem.record()["damper_damping_ratio"] == 0.02

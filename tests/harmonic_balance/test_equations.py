@@ -74,17 +74,6 @@ def derivative(system, function, y, i):
     return (4.0 * slope(size / 2.0) - slope(size)) / 3.0
 
 
-def test_derivatives_are_those_of_the_residual(equations):
-    system, y = equations
-    r, J, C = system.evaluate_at(y)
-    np.testing.assert_array_equal(r, system.residual(y))
-    assert system.error(y) == np.abs(r * system.row_scale).max()
-    columns = np.column_stack([J, C])
-    for i in {0, system.n_mean // 2, system.n_mean, system.n_unknowns // 2, system.n_unknowns - 1, len(y) - 1}:
-        expected = derivative(system, system.residual, y, i)
-        np.testing.assert_allclose(columns[:, i], expected, atol=1e-6 * np.abs(expected).max())
-
-
 def test_the_gradient_is_that_of_half_the_squared_response(equations):
     system, y = equations
     gradient, square = system.rows.squared_gradient(y)

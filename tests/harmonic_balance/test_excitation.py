@@ -42,14 +42,6 @@ def test_a_phase_is_in_radians_and_is_shown_in_degrees(study):
     assert bd.Excitation("tip", phase=-2.0 * np.pi).force == pytest.approx(1.0)
 
 
-def test_a_sum_of_equal_forces_is_one_of_twice_the_amplitude(study):
-    """Unknowns of a response with slip and separation, to rounding."""
-    excitations = TIP + TIP, bd.Excitation("tip", amplitude=2.0)
-    sectors = [study.replace(excitation=e).problem.at(300.0).sector for e in excitations]
-    close(sectors[0].force, sectors[1].force)
-    assert sectors[0].force_scale == pytest.approx(sectors[1].force_scale, rel=1e-12)
-
-
 def test_a_modal_force_is_that_of_its_mode_alone(study):
     """Closed form of one mode without contact, and no other mode moves."""
     alone = study.replace(excitation=bd.Excitation("mode 2", amplitude=3e-3, phase=0.7), response=bd.Response("tip"))
@@ -105,12 +97,6 @@ def test_the_response_at_other_places_needs_no_other_solution(study):
         study.replace(friction_coefficient=0.2).response_at(peak, "tip")
     with pytest.raises(bd.SettingError, match="location: expected one of"):
         study.response_at(peak, "tipp")
-
-
-def test_a_study_keeps_its_forces_in_a_file(study, tmp_path):
-    both = study.replace(excitation=TIP + bd.Excitation("platform", engine_order=10, amplitude=3.0))
-    both.save(tmp_path / "study.h5")
-    assert bd.load(tmp_path / "study.h5").excitation == both.excitation
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.harmonic_balance.settings import settings_of
 from tests.plain import plain_study
 
 
@@ -28,16 +27,6 @@ def test_loads_at_rest_are_the_prescribed_ones(study):
     assert state.closing[target < 0.0] == pytest.approx((target / kn)[target < 0.0], rel=1e-6)
     friction = np.abs(state.force[:, :2]).max(axis=1)
     assert np.all(friction <= 0.4 * state.force[:, 2] * (1 + 1e-9) + 1e-9)
-
-
-def test_response_scales_with_load_and_excitation(study):
-    """Only the ratio of preload and excitation matters."""
-    one = study.replace(constant_loads={"platform": np.full(24, 20.0)}).frequency_response(0.0, (300.0, 380.0))
-    ten = study.replace(excitation=bd.Excitation("tip", amplitude=10.0), constant_loads={"platform": np.full(24, 200.0)})
-    ten = ten.frequency_response(0.0, (300.0, 380.0))
-    assert one.complete and ten.complete
-    assert ten.peak.amplitude == pytest.approx(10.0 * one.peak.amplitude, rel=1e-6)
-    assert ten.peak.frequency == pytest.approx(one.peak.frequency, rel=1e-7)
 
 
 def test_high_load_is_the_stuck_limit(study):
@@ -117,14 +106,6 @@ def test_derivatives_under_prescribed_loads_hold_the_loads(study):
     found = pressed.peak_sensitivities(peak, ["friction_coefficient"])["friction_coefficient"]
     ends = [pressed.replace(friction_coefficient=0.4 + h).peak(0.0, (300.0, 400.0)).amplitude for h in (1e-5, -1e-5)]
     assert found.amplitude == pytest.approx((ends[0] - ends[1]) / 2e-5, rel=1e-4)
-
-
-def test_loads_are_recorded_with_results_and_read_again(study, tmp_path):
-    pressed = study.replace(constant_loads={"platform": np.full(24, 30.0)})
-    assert "constant loads" in str(pressed)
-    pressed.frequency_response(0.0, (340.0, 350.0)).save(tmp_path / "curve.h5")
-    again = settings_of(bd.load(tmp_path / "curve.h5").settings)
-    assert study.replace(**again).static(0.0).force[:, 2] == pytest.approx(30.0, rel=1e-8)
 
 
 @pytest.mark.parametrize(

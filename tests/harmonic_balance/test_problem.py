@@ -49,16 +49,6 @@ def test_other_settings_are_those_of_a_new_problem(model, problem, setting):
     assert np.array_equal(*(p.system(PRELOAD).evaluate(u, 2e3)[0] for p in (ours, theirs)))
 
 
-def test_wrong_settings_are_refused_by_name(problem):
-    with pytest.raises(bd.SettingError, match="friction_coefficient"):
-        problem.replace(friction_coefficient=-1.0)
-    with pytest.raises(bd.SettingError, match="harmonics"):
-        problem.replace(harmonics=0)
-    for value in (1, None):
-        with pytest.raises(bd.SettingError, match=r"^Study: .* 'harmonic_number'; did you mean harmonics"):
-            problem.replace(harmonic_number=value)
-
-
 def test_settings_that_are_varied_keep_the_type(model, problem):
     study = plain_study(model, bd.Excitation("tip"), **SETTINGS)
     assert type(vary(study, {"excitation.amplitude": 2.0})) is bd.Study
@@ -72,9 +62,3 @@ def test_motions_across_the_load_carry_none(problem, motions):
     with pytest.raises(bd.SettingError, match=r"preload: expected 0, since .* \['damper'\] along the load .*, found 100 N"):
         across.check_preload(100.0)
     assert across.check_preload(0.0) == 0.0 and problem.replace(rigid_modes=("TX", "TY")).carries_load
-
-
-def test_more_contact_points_than_the_model_has_are_refused(problem):
-    with pytest.raises(bd.SettingError, match=r"contact_points: expected at most 9, .*, found 24"):
-        problem.replace(contact_points=24)
-    assert problem.replace(contact_points=9).coupling.n_points == problem.coupling.n_points

@@ -7,14 +7,12 @@ import pytest
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
-from bdamper import Excitation, Study
 from bdamper.fem.cyclic_symmetry import travelling_waves
-from bdamper.fem.generated_models import bladed_disk
 from bdamper.fem.sector_faces import match_faces
 from bdamper.importers import MassProperties, Modes
 from bdamper.model.structure import turn
 from bdamper.util.errors import BdamperError, BdamperWarning, ModelError
-from tests.fe_bodies import contacts, modes_alone
+from tests.fe_bodies import contacts
 from tests.imports import build
 
 N, ND, COUNT = 65, 5, 6
@@ -150,29 +148,6 @@ def test_the_centre_of_a_rigid_damper_has_three_finite_coordinates(fe, bodies, c
         build(blade, rigid, **HELD)
 
 
-def test_modes_and_user_stiffness_reach_a_tracking_curve(fe, bodies):
-    """Without any matrices: the same curve as with matrices and the same contact stiffness, up to what modes leave out."""
-    blade, damper = bodies
-    tip = {"tip": int(blade.numbers[np.argmax(fe.blade.nodes[:, 1])])}
-    pairs = [replace(c, stiffness=(2e7, 2e7, 3e7)) for c in contacts()]
-    given = {"contacts": pairs, "locations": tip}
-    full = build(blade, damper, **HELD | given).model
-    theirs = full.bodies["damper"]
-    alone = build(
-        bare(blade, modes=file_modes(fe, blade.numbers, "pairs")),
-        bare(damper, rigid=MassProperties(theirs.mass, theirs.centre, theirs.inertia)),
-        **SETTINGS | given,
-    ).model
-    peaks = []
-    for model in (modes_alone(full), alone):
-        study = Study(model, Excitation("tip"), engine_order=ND, contact_stiffness="model", blade_modes=COUNT, harmonics=1)
-        curve = study.frequency_response(preload=1000.0, frequency=(250.0, 400.0))
-        assert curve.complete
-        peaks.append(curve.peak)
-    assert peaks[0].amplitude == pytest.approx(peaks[1].amplitude, rel=1e-2)
-    assert peaks[0].frequency == pytest.approx(peaks[1].frequency, rel=1e-3)
-
-
 BAD = [
     (lambda m: replace(m, modal_mass=None), "modal masses .or matrices. to rescale"),
     (lambda m: replace(m, frequency=-m.frequency), "frequencies > 0 of a held sector"),
@@ -220,9 +195,3 @@ def test_one_real_shape_alone_is_no_wave():
     found = travelling_waves(np.array([100.0, 100.0]), both, faces, 1)
     np.testing.assert_allclose(np.abs(np.vdot(found.shapes, shape)), np.linalg.norm(found.shapes) * np.linalg.norm(shape))
     assert found.combined == 1
-
-
-def test_reference_model_gives_these_modes(fe, built):
-    """The yardstick of this file is itself the reference model."""
-    model = bladed_disk(9, n_modes=COUNT, n_damper_modes=8, nodal_diameters=(ND,), fe=fe)
-    np.testing.assert_allclose(built.model.bodies["blade"].bases[ND].omega2[:COUNT], model.bodies["blade"].bases[ND].omega2)

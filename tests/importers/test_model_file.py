@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import random
 import re
 import shutil
-import signal
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
@@ -38,52 +34,7 @@ from bdamper.model.structure import (
 )
 from bdamper.util.errors import BdamperError, ModelError
 from tests.each import each
-from tests.models import ALL_MODELS, lumped_local, shroud_model, wedge_model
-
-
-def complete_model() -> Model:
-    """A small model in which every optional part is present."""
-    small = wedge_model(n_points=1, n_blade_modes=1, harmonics=1, n_damper_modes=1)
-    rng = np.random.default_rng(5)
-    static = StaticContact(*(rng.standard_normal((1, 3)) for _ in range(3)))
-    contact = ContactStiffness(np.full((1, 3), 1e7), "cigeroglu2009", np.array([[True, False, True]]))
-    bases, n_forces = small.bodies["blade"].bases, len(small.bodies["blade"].bases[0].flexibility)
-    stress = StressSet(
-        name="root",
-        body="blade",
-        points=rng.standard_normal((2, 3)),
-        modes={d: rng.standard_normal((2, 6, b.n_modes)) * (1.0 + 1j * (d > 0)) for d, b in bases.items()},
-        contact={d: rng.standard_normal((2, 6, n_forces)) for d in bases},
-        static=rng.standard_normal((2, 6)),
-        spread=np.array([0.1, 0.2]),
-        near_contact=np.array([True, False]),
-        source="numbers",
-    )
-    blade = small.bodies["blade"]
-    turning = {
-        d: b.with_speed(
-            np.diag(3.0 + np.arange(b.n_modes)), 1e-18 * np.eye(n_forces), 50.0 * (d > 0), source="numbers",
-            coriolis=np.zeros((b.n_modes, b.n_modes)), checked_at=600.0, error=1e-5,
-        )
-        for d, b in bases.items()
-    }  # fmt: skip
-    own = turning[0].speed
-    turning[0] = replace(turning[0], speed=replace(own, stiffness0=own.stiffness0 * (1.0 + 1e-12)))
-    places = {name: rng.standard_normal(3) for name in bases[0].locations}
-    spin = SpinStatic(rng.standard_normal((n_forces // 3, 3)), places, "stiffened", 50.0)
-    # on a stiff disk, a little above the frequencies of the modes
-    own = 1.08 * bases[0].omega2[0]
-    local = lumped_local(small, own, 100.0 * own, own)
-    shape = local.contact_modes[..., 0].ravel()
-    local = replace(local, flexibility=2.0 / own * np.outer(shape, shape))
-    return replace(
-        small,
-        bodies={**small.bodies, "blade": replace(blade, bases=turning, spin=spin, local=local)},
-        stress={"root": stress},
-        static={"right": static, "left": static},
-        contact={"left": contact},
-        provenance={"program": "none", "note": "Fläche\nm² ", "empty": ""},
-    )
+from tests.models import ALL_MODELS, complete_model, shroud_model, wedge_model
 
 
 def assert_same(a: Any, b: Any, path: str = "model") -> None:
@@ -148,11 +99,6 @@ def test_a_model_without_stress_keeps_its_fingerprint():
     assert replace(model, stress={}).hash == digest.hexdigest()[:16] != model.hash
 
 
-def test_second_save_gives_the_same_model(copy, tmp_path):
-    save_model(load_model(copy), tmp_path / "again.h5")
-    assert_same(load_model(copy), load_model(tmp_path / "again.h5"))
-
-
 def test_real_stays_real_and_complex_complex(tmp_path):
     save_model(wedge_model(), tmp_path / "model.h5")
     blade = load_model(tmp_path / "model.h5").bodies["blade"]
@@ -177,14 +123,6 @@ def test_every_dataset_has_units_and_large_ones_are_compressed(tmp_path):
     assert len(seen) > 30
 
 
-def test_file_is_smaller_than_twice_its_numbers(tmp_path):
-    model = wedge_model(n_points=12)
-    save_model(model, tmp_path / "model.h5")
-    bases = [basis for body in model.bodies.values() for basis in body.bases.values()]
-    numbers = sum(basis.contact_modes.nbytes + basis.flexibility.nbytes for basis in bases)
-    assert os.path.getsize(tmp_path / "model.h5") < 2 * numbers
-
-
 # -----------------------------------------------------------------------------------------------------------
 # Writing
 
@@ -206,12 +144,6 @@ def test_a_failure_while_writing_leaves_the_old_file(copy, monkeypatch):
     with pytest.raises(BdamperError, match="expected a file that can be written, found no space left"):
         save_model(shroud_model(), copy)
     assert copy.read_bytes() == before
-    assert [path.name for path in copy.parent.iterdir()] == ["copy.h5"]
-
-
-def test_an_existing_file_is_replaced(copy):
-    save_model(shroud_model(), copy)
-    assert load_model(copy).hash == shroud_model().hash
     assert [path.name for path in copy.parent.iterdir()] == ["copy.h5"]
 
 
@@ -355,47 +287,27 @@ BROKEN: list[tuple[str, Any, str]] = [
     ("@time_convention", "exp(-i omega t)", "'exp(+i omega t)', found 'exp(-i omega t)'"),
     ("@phase_convention", "?", "'u(k+1) = "),
     ("bodies", None, "this group or dataset, found nothing"),
-    ("interfaces", None, "this group or dataset, found nothing"),
     ("bodies", 1.0, "a group, found a dataset"),
     ("bodies/blade", 1.0, "a group, found a dataset"),
-    ("bodies/blade/nd000/locations", 1.0, "a group, found a dataset"),
-    ("provenance", 1.0, "a group, found a dataset"),
     ("bodies/blade@kind", None, "this attribute, found nothing"),
     ("bodies/blade@kind", "solid", "one of"),
     ("bodies/blade@ports", ["left", "right.b"], "pairs (interface, 'a' or 'b'), found ('left',)"),
     ("bodies/blade@ports", [1, 2], "a text, found"),
     ("bodies/blade/nd000/omega2", None, "this group or dataset, found nothing"),
-    ("bodies/blade/nd002/modes", None, "this group or dataset"),
-    ("bodies/blade/wheel@region", None, "this attribute, found nothing"),
-    ("bodies/blade/wheel/disk_mass", None, "this group or dataset, found nothing"),
     ("bodies/blade/wheel/disk_stiffness", lambda x: x[1:], "shape (7, any, any), found (6, 1, 1)"),
     ("bodies/blade/wheel/disk_stiffness", lambda x: -x, "blade and disk positive definite, found not at nodal diameter 0"),
     ("bodies/damper/inertia", None, "the inertia of a free body"),
-    ("bodies/damper/load/direction", None, "this group or dataset"),
     ("interfaces/left/area", None, "this group or dataset"),
-    ("contact/left/stiffness", None, "this group or dataset"),
-    ("static/left/force", None, "this group or dataset"),
-    ("mesh/damper/quads", None, "this group or dataset"),
-    ("locations/tip/position", None, "this group or dataset"),
     ("interfaces/left/area", GROUP, "a dataset, found a group"),
     ("interfaces/left/gap", lambda _: ["0.0"], "real numbers, found data of type object"),
     ("interfaces/left/gap", lambda x: x.astype(int), "real numbers, found data of type int64"),
-    ("bodies/blade/nd000/omega2", lambda x: x.astype(complex), "real numbers, found data of type complex128"),
-    ("mesh/damper/quads", lambda x: x.astype(float), "integers, found data of type float64"),
-    ("contact/left/fallback", lambda x: x.astype(float), "booleans, found data of type float64"),
     ("interfaces/left/gap", lambda _: h5py.Empty("f8"), "numbers, found an empty"),
     ("interfaces/left/area", lambda x: x[0], "shape (any,), found ()"),
     ("bodies/damper/mass", lambda x: np.array([x]), "shape (), found (1,)"),
-    ("bodies/blade/nd000/modes", lambda x: x[:, :2], "shape (any, 3, 1), found (2, 2, 1)"),
-    ("interfaces/left/gap", lambda _: np.zeros(3), "shape (1,), found (3,)"),
-    ("interfaces/left/gap", lambda x: x * np.nan, "finite numbers, found nan at 0, one of 1 wrong values"),
     ("interfaces/left/gap@units", None, "this attribute"),
     ("interfaces/left/gap@units", "mm", "'m', found 'mm'"),
-    ("bodies/blade/nd002/modes@units", "1", "'kg^-1/2', found '1'"),
     ("interfaces/left/gap@units", 1, "a text, found"),
     ("interfaces/left@sector_b", "0", "one integer, found '0'"),
-    ("interfaces/left@body_b", 0, "a text, found"),
-    ("contact/left@source", None, "this attribute"),
     ("locations/tip@body", "x", "a body of"),
     ("stress/root@body", "damper", "a constrained body of ['blade'], found 'damper'"),
     ("stress/root/nd000/mode_stress", lambda x: np.concatenate([x, x], axis=2), "shape (2, 6, 1), found (2, 6, 2)"),
@@ -600,88 +512,6 @@ def test_structural_damage(saved, tmp_path, part):
             error.add_note(f"seed {seed}: {done}")
             raise
     assert refused > 12
-
-
-def test_truncation(saved, tmp_path):
-    raw = saved.read_bytes()
-    path = tmp_path / "short.h5"
-    rng = random.Random(0)
-    for length in [0, 1, 7, 8, 64, 96, len(raw) - 1] + [rng.randrange(len(raw)) for _ in range(60)]:
-        path.write_bytes(raw[:length])
-        with pytest.raises(ModelError):
-            load_model(path)
-
-
-@pytest.mark.parametrize("part", [0, pytest.param(1, marks=pytest.mark.slow)])
-def test_damaged_numbers(tmp_path, part):
-    """Bytes changed in the stored numbers, plain and compressed, but not in HDF5's own tables."""
-    path = tmp_path / "model.h5"
-    save_model(wedge_model(n_points=6, n_blade_modes=2, harmonics=1), path)
-    places = []
-
-    def visit(_: str, item: h5py.Group | h5py.Dataset) -> None:
-        if not isinstance(item, h5py.Dataset):
-            return
-        if item.chunks is None:
-            places.append((item.id.get_offset(), item.id.get_storage_size()))
-        else:
-            chunks = (item.id.get_chunk_info(i) for i in range(item.id.get_num_chunks()))
-            places.extend((chunk.byte_offset, chunk.size) for chunk in chunks)
-
-    with h5py.File(path) as file:
-        file.visititems(visit)
-    raw = path.read_bytes()
-    refused = 0
-    for seed in range(25 * part, 25 * part + 25):
-        rng = random.Random(seed)
-        changed = bytearray(raw)
-        for _ in range(rng.choice([1, 1, 4, 16])):
-            start, size = rng.choice(places)
-            changed[start + rng.randrange(size)] = rng.randrange(256)
-        path.write_bytes(changed)
-        refused += not loads_or_says_why(path)
-    assert 5 < refused < 25
-
-
-CHILD = """
-import random, sys
-from pathlib import Path
-from bdamper.util.errors import BdamperError, ModelError
-from bdamper.model.model_file import load_model
-raw = Path(sys.argv[1]).read_bytes()
-path = Path(sys.argv[2])
-for seed in range(int(sys.argv[3]), int(sys.argv[4])):
-    rng = random.Random(seed)
-    changed = bytearray(raw)
-    for _ in range(rng.choice([1, 1, 4, 16, 64])):
-        changed[rng.randrange(len(raw))] = rng.randrange(256)
-    path.write_bytes(changed)
-    print(seed, flush=True)
-    try:
-        load_model(path)
-    except ModelError:
-        pass
-"""
-
-
-@pytest.mark.slow
-def test_damaged_bytes_anywhere(saved, tmp_path):
-    """Bytes changed anywhere, also in HDF5's own tables, which may break the HDF5 library itself.
-
-    Therefore in a process of its own.  That process may be killed or hang in the library, which is not ours
-    to mend; what it may not do is to end in a Python exception other than ModelError.
-    """
-    root = Path(__file__).parents[2]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(root), os.environ.get("PYTHONPATH", "")])}
-    command = [sys.executable, "-c", CHILD, str(saved), str(tmp_path / "damaged.h5"), "0", "100"]
-    try:
-        done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=15)
-    except subprocess.TimeoutExpired:
-        pytest.skip("the HDF5 library did not come back from a damaged file")
-    if done.returncode < 0:
-        pytest.skip(f"the HDF5 library was ended by signal {signal.Signals(-done.returncode).name}")
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.split()[-1] == "99"
 
 
 def test_a_ground_body_needs_no_ports(copy):

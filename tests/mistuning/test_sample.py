@@ -1,10 +1,5 @@
 """Samples of wheels: the same whatever the order, workers and interruptions; their audit and their statistics."""
 
-import json
-import os
-import random
-import signal
-import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -137,50 +132,6 @@ def test_best_preload_and_percentiles(study, quick):
     assert found.tail(0.01, 300.0).n_tail == 20
     with pytest.raises(bd.SettingError, match=r"preload: expected one of \[200.0, 300.0, 400.0\], found 250.0"):
         found.tail(preload=250.0)
-
-
-def test_files_and_tables(study, quick, tmp_path):
-    one = sample(study)
-    one.save(tmp_path / "sample.h5")
-    again = bd.load(tmp_path / "sample.h5")
-    assert same(one, again) and str(one) == str(again)
-    one.to_csv(tmp_path / "sample.csv")
-    assert len((tmp_path / "sample.csv").read_text().splitlines()) == 8 * 6 + 5
-    labels = [text.get_text() for text in one.plot().get_legend().get_texts()]
-    assert one.held == 1.0 and "dampers held: 100 % of peaks" in labels
-
-
-def test_killed_at_random_moments_and_resumed(study, quick, tmp_path, monkeypatch):
-    peak = BladedDisk.peak
-    monkeypatch.setattr(BladedDisk, "peak", lambda *given, **options: time.sleep(0.002) or peak(*given, **options))
-    begin = time.monotonic()
-    quiet = sample(study, resume=tmp_path / "quiet.jsonl")
-    span = time.monotonic() - begin
-    path = tmp_path / "killed.jsonl"
-    rng = random.Random(1)
-    finished = 0
-    for _ in range(6):
-        child = os.fork()
-        if child == 0:
-            try:
-                sample(study, resume=path)
-            finally:
-                os._exit(0)
-        time.sleep(rng.uniform(0.3, 0.8) * span)
-        os.kill(child, signal.SIGKILL)
-        os.waitpid(child, 0)
-        lines = path.read_bytes().split(b"\n")[1:-1] if path.exists() else []
-        indices = [json.loads(line)["index"] for line in lines]
-        assert len(set(indices)) == len(indices) >= finished
-        finished = len(indices)
-    assert finished > 0
-    assert same(sample(study, resume=path), quiet)
-    before = path.read_bytes()
-    assert same(sample(study, resume=path), quiet) and path.read_bytes() == before
-    assert same(sample(study, disks=10, resume=path), sample(study, disks=10))
-    assert len(path.read_bytes()) < 1.5 * len(before), "wheels were computed again"
-    with pytest.raises(bd.BdamperError, match="of this sample of bladed disks, found results of other settings: seed"):
-        sample(study, resume=path, seed=1)
 
 
 def test_an_interruption_keeps_what_is_finished(study, quick, monkeypatch):

@@ -195,23 +195,6 @@ def test_the_tuned_wheel_tracks_the_curve_of_the_study():
         assert abs(abs(system.response(found.y[:-1])[1]) / curve.amplitude[i] - 1.0) < 1e-7
 
 
-@pytest.mark.slow
-def test_peak_and_curve_agree_and_results_come_back_from_their_files(tmp_path):
-    wheel = BladedDisk(study(), mistuning=PATTERN)
-    top = wheel.peak(2000.0)
-    curve = wheel.frequency_response(2000.0, (float(top.sweep_frequency[0]), float(top.sweep_frequency[-1])))
-    assert top.converged and curve.complete
-    assert f", blade {top.blade}." in curve._headline()
-    assert abs(curve.peak.amplitude / top.amplitude - 1.0) < 2e-3
-    assert top.amplification == top.amplitude / top.tuned_amplitude
-    best = wheel.optimal_curve([2000.0])
-    for result in (top, curve, best):
-        result.save(tmp_path / "r.h5")
-        again = bd.load(tmp_path / "r.h5")
-        assert str(again) == str(result)
-    assert len(best) == 1 and best.array("amplitude")[0] == pytest.approx(top.amplitude, rel=1e-6)
-
-
 def test_bad_input_is_refused_at_once():
     with pytest.raises(bd.SettingError, match="mistuning: expected 6 blades, as in the model, found 5"):
         BladedDisk(study(), mistuning=np.zeros(5))

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bdamper.model.structure import Body, Location, Model, StaticContact, SurfaceMesh
+from bdamper.model.structure import Body, Location, Model
 from bdamper.model.validation import check_model
-from bdamper.util.errors import BdamperError, ModelError, SettingError
+from bdamper.util.errors import ModelError
+from bdamper.util.records import layout
 from tests.each import each
-from tests.models import ALL_MODELS, acyclic_model, ground_model, rigid_modes, shroud_model, wedge_model
+from tests.models import ALL_MODELS, acyclic_model, complete_model, ground_model, rigid_modes, shroud_model, wedge_model
 
 WEDGE = wedge_model(n_points=4, n_blade_modes=3)
 SHROUD = shroud_model()
@@ -64,11 +65,6 @@ def mesh(**changes: Any) -> Model:
     return replace(WEDGE, meshes={"damper": replace(WEDGE.meshes["damper"], **changes)})
 
 
-def static(force: Any) -> Model:
-    zero = np.zeros((4, 3))
-    return replace(WEDGE, static={"left": StaticContact(force, zero, zero)})
-
-
 def mix_rigid(matrix: np.ndarray, model: Model = WEDGE) -> Model:
     """The damper's first six modes replaced by combinations of them."""
     modes = model.bodies["damper"].bases[0].contact_modes.copy()
@@ -89,8 +85,6 @@ SWAP = np.eye(6)[[1, 0, 2, 3, 4, 5]]
 CASES: list[tuple[Any, str]] = [
     ({"n_blades": 3}, "model: expected a Model, found dict"),
     (replace(WEDGE, n_blades=0), "/@n_blades: expected at least 1, found 0"),
-    (replace(WEDGE, n_blades=12.0), "/@n_blades: expected an integer, found 12.0"),
-    (replace(ACYCLIC, n_blades=True), "/@n_blades: expected an integer, found True"),
     (replace(WEDGE, bodies={}, interfaces={}), "/bodies: expected at least one body"),
     (replace(WEDGE, bodies=[]), "/bodies: expected a Mapping, found a list"),
     (
@@ -108,27 +102,12 @@ CASES: list[tuple[Any, str]] = [
     (replace(WEDGE, provenance={"a": 1}), "/provenance: expected texts, found 'a'"),
     (replace(WEDGE, provenance={"a": "\0"}), "without NUL"),
     (replace(WEDGE, provenance={"a": "\ud800"}), "that UTF-8 can hold"),
-    (replace(WEDGE, provenance=["a"]), "/provenance: expected a Mapping"),
-    (
-        face("left", kind="glue"),
-        "/interfaces/left/@kind: expected one of ['friction', 'constraint', 'cubic', 'spring'], found 'glue'",
-    ),
     (face("left", area=at(LEFT.area, 2, 0.0)), "left/area: expected numbers > 0, found 0.0 at 2"),
-    (face("left", area=LEFT.area[:, None]), "left/area: expected shape (any,), found (4, 1)"),
-    (face("left", area=[1.0]), "left/area: expected a NumPy array, found a list"),
     (face("left", area=np.zeros(0)), "left/area: expected at least one point, found none"),
-    (face("left", points=LEFT.points[:3]), "left/points: expected shape (4, 3), found (3, 3)"),
-    (
-        face("left", points=LEFT.points.astype(np.float32)),
-        "left/points: expected real numbers in double precision, found dtype float32",
-    ),
     (
         face("left", points=at(LEFT.points, (1, 2), np.nan)),
         "left/points: expected finite numbers, found nan at (1, 2), one of 1 wrong values",
     ),
-    (face("left", gap=LEFT.gap[:2]), "left/gap: expected shape (4,), found (2,)"),
-    (face("left", gap=at(LEFT.gap, 0, np.inf)), "left/gap: expected finite numbers, found inf"),
-    (face("left", frame=LEFT.frame[0]), "left/frame: expected shape (4, 3, 3), found (3, 3)"),
     (
         face("left", frame=at(LEFT.frame, 1, 1.001 * LEFT.frame[1])),
         "frame: expected orthonormal rows t1, t2, n (errors of their products), found 0.00200",
@@ -138,7 +117,6 @@ CASES: list[tuple[Any, str]] = [
         "left/frame: expected right-handed rows t1, t2, n (determinants), found -",
     ),
     (face("right", sector_b=2), "right/@sector_b: expected one of [-1, 0, 1] (n_blades = 12), found 2"),
-    (face("right", sector_b=1.0), "right/@sector_b: expected an integer, found 1.0"),
     (face("right", ACYCLIC, sector_b=1), "right/@sector_b: expected one of [0] (n_blades = 1), found 1"),
     (
         face("front", body_b="earth"),
@@ -161,7 +139,6 @@ CASES: list[tuple[Any, str]] = [
         ),
         "/interfaces/pad: expected a body that can move, found ground on both sides",
     ),
-    (body("blade", kind="solid"), "/bodies/blade/@kind: expected one of ['constrained'"),
     (
         body("blade", ports=(("up", "b"), ("right", "b"))),
         "/bodies/blade/@ports: expected the sides of interfaces that name this body, "
@@ -195,16 +172,8 @@ CASES: list[tuple[Any, str]] = [
         replace(WEDGE, locations={"tip": replace(TIP, body="ground")}),
         "/locations/tip/@body: expected a body that can move, found 'ground', which is ground",
     ),
-    (
-        replace(WEDGE, locations={"tip": replace(TIP, position=np.zeros(2))}),
-        "/locations/tip/position: expected shape (3,), found (2,)",
-    ),
     (basis("blade", 2, locations={}), "/bodies/blade/nd002/locations: expected ['tip'], found []"),
     (replace(WEDGE, locations={}), "/bodies/blade/nd000/locations: expected [], found ['tip']"),
-    (
-        basis("blade", 4, locations={"tip": np.zeros((3, 2))}),
-        "/bodies/blade/nd004/locations/tip: expected shape (3, 3), found (3, 2)",
-    ),
     (
         body("blade", bases=without(BLADE.bases, 0)),
         "/bodies/blade/nd000: expected the modes of nodal diameter 0, found only [2, 4, 6]",
@@ -225,40 +194,13 @@ CASES: list[tuple[Any, str]] = [
     ),
     (body("ground", bases={0: FREE}), "/bodies/ground: expected no modes of a ground body, found nodal diameters [0]"),
     (body("ground", load=DAMPER.load), "/bodies/ground/load: expected no load on a ground body, found one"),
-    (body("blade", bases=[FREE]), "/bodies/blade: expected a Mapping"),
-    (basis("blade", 2, omega2=np.ones((3, 1))), "/bodies/blade/nd002/omega2: expected shape (any,), found (3, 1)"),
-    (
-        basis("blade", 2, omega2=np.array([1, 2, 3])),
-        "/bodies/blade/nd002/omega2: expected real numbers in double precision, found dtype int64",
-    ),
     (
         basis("blade", 2, omega2=at(BLADE_2.omega2, 1, -4.0)),
         "/bodies/blade/nd002/omega2: expected numbers > 0 for elastic modes, found -4.0 at 1",
     ),
     (
-        basis("blade", 2, omega2=at(BLADE_2.omega2, 0, 0.0)),
-        "/bodies/blade/nd002/omega2: expected numbers > 0 for elastic modes, found 0.0 at 0",
-    ),
-    (basis("blade", 2, damping_ratio=np.zeros(2)), "/bodies/blade/nd002/damping_ratio: expected shape (3,), found (2,)"),
-    (
         basis("blade", 2, damping_ratio=np.array([0.0, -0.1, 0.0])),
         "/bodies/blade/nd002/damping_ratio: expected numbers >= 0 and < 1, found -0.1 at 1",
-    ),
-    (
-        basis("blade", 2, damping_ratio=np.array([0.0, 0.0, 1.0])),
-        "/bodies/blade/nd002/damping_ratio: expected numbers >= 0 and < 1, found 1.0 at 2",
-    ),
-    (
-        basis("blade", 2, contact_modes=BLADE_2.contact_modes[1:]),
-        "/bodies/blade/nd002/modes: expected shape (8, 3, 3), found (7, 3, 3)",
-    ),
-    (
-        basis("blade", 2, contact_modes=at(BLADE_2.contact_modes, (5, 1, 2), np.nan)),
-        "/bodies/blade/nd002/modes: expected finite numbers, found (nan+0j) at (5, 1, 2)",
-    ),
-    (
-        basis("blade", 2, contact_modes=BLADE_2.contact_modes.astype(np.complex64)),
-        "blade/nd002/modes: expected real or complex numbers in double precision, found dtype complex64",
     ),
     (
         basis("blade", 0, contact_modes=BLADE.bases[0].contact_modes * np.exp(0.1j)),
@@ -268,7 +210,6 @@ CASES: list[tuple[Any, str]] = [
         basis("blade", 0, locations={"tip": BLADE.bases[0].locations["tip"] * 1j}),
         "/bodies/blade/nd000/locations/tip: expected real numbers at nodal diameter 0",
     ),
-    (basis("blade", 2, flexibility=np.eye(23)), "/bodies/blade/nd002/flexibility: expected shape (24, 24), found (23, 23)"),
     (
         basis("blade", 2, flexibility=at(BLADE_2.flexibility, (0, 5), 1e-6)),
         "/bodies/blade/nd002/flexibility: expected a Hermitian matrix, found a difference of",
@@ -302,9 +243,6 @@ CASES: list[tuple[Any, str]] = [
     (body("damper", centre=None), "/bodies/damper/centre: expected the centre"),
     (body("damper", inertia=None), "/bodies/damper/inertia: expected the inertia"),
     (body("damper", mass=0.0), "damper/mass: expected a finite number > 0, found 0.0"),
-    (body("damper", mass=np.nan), "damper/mass: expected a finite number > 0, found nan"),
-    (body("damper", mass="1"), "damper/mass: expected a finite number > 0, found '1'"),
-    (body("damper", centre=np.zeros(2)), "/bodies/damper/centre: expected shape (3,), found (2,)"),
     (
         body("damper", inertia=at(DAMPER.inertia, (0, 1), 1e-6)),
         "/bodies/damper/inertia: expected a symmetric matrix, found a difference of 1e-06 at (0, 1)",
@@ -316,10 +254,6 @@ CASES: list[tuple[Any, str]] = [
     (
         basis("damper", 0, omega2=at(FREE.omega2, 3, 1e-3)),
         "/bodies/damper/nd000/omega2: expected exactly 0 for the six rigid-body modes, found 0.001 at 3",
-    ),
-    (
-        basis("damper", 0, omega2=at(FREE.omega2, 6, 0.0)),
-        "/bodies/damper/nd000/omega2: expected numbers > 0 for elastic modes, found 0.0 at 6",
     ),
     (
         basis(
@@ -363,47 +297,55 @@ CASES: list[tuple[Any, str]] = [
     ),
     (face("left", points=at(LEFT.points, (0, 2), 0.0)), "expected rigid motions about the centre as the first six modes"),
     (face("left", frame=LEFT.frame[:, [1, 2, 0]]), "expected rigid motions about the centre as the first six modes"),
-    (body("damper", load=1.0), "/bodies/damper/load: expected a BodyLoad, found a float"),
     (load(direction=np.array([0.0, 1.1, 0.0])), "/bodies/damper/load/direction: expected a unit vector, found length 1.1"),
-    (load(direction=np.ones(2)), "/bodies/damper/load/direction: expected shape (3,), found (2,)"),
-    (load(generalised=np.zeros(6)), "/bodies/damper/load/generalised: expected shape (8,), found (6,)"),
-    (load(displacement=np.zeros((4, 3))), "/bodies/damper/load/displacement: expected shape (14, 3), found (4, 3)"),
-    (
-        load(displacement=np.full((14, 3), np.nan)),
-        "/bodies/damper/load/displacement: expected finite numbers, found nan at (0, 0), one of 42 wrong values",
-    ),
     (
         replace(WEDGE, contact={"top": WEDGE.contact["left"]}),
         "/contact/top: expected the name of an interface of ['left', 'right', 'front', 'back'], found 'top'",
     ),
-    (replace(WEDGE, contact={"left": 1.0}), "/contact/left: expected a ContactStiffness"),
-    (contact(stiffness=STIFFNESS[:, :2]), "/contact/left/stiffness: expected shape (4, 3), found (4, 2)"),
     (
         contact(stiffness=at(STIFFNESS, (1, 2), -1.0)),
         "/contact/left/stiffness: expected numbers >= 0, found -1.0 at (1, 2)",
     ),
     (
-        contact(stiffness=at(STIFFNESS, (1, 2), np.inf)),
-        "/contact/left/stiffness: expected finite numbers, found inf at (1, 2)",
-    ),
-    (
-        contact(source="guess"),
-        "left/@source: expected one of ['cigeroglu2009', 'unit_traction', 'residual_modes', 'user'], found 'guess'",
-    ),
-    (contact(fallback=np.zeros((4, 3))), "/contact/left/fallback: expected booleans, found dtype float64"),
-    (contact(fallback=np.zeros(4, dtype=bool)), "/contact/left/fallback: expected shape (4, 3), found (4,)"),
-    (static(np.zeros((5, 3))), "/static/left/force: expected shape (4, 3), found (5, 3)"),
-    (static(np.full((4, 3), np.nan)), "/static/left/force: expected finite numbers"),
-    (replace(WEDGE, static={"left": None}), "/static/left: expected a StaticContact"),
-    (
         replace(WEDGE, meshes={"disk": MESH}),
         "/mesh/disk: expected the name of a body of ['blade', 'damper', 'ground'], found 'disk'",
     ),
-    (mesh(points=np.zeros(3)), "/mesh/damper/points: expected shape (any, 3), found (3,)"),
-    (mesh(quads=np.zeros((1, 4))), "/mesh/damper/quads: expected integers, found dtype float64"),
-    (mesh(quads=np.zeros((1, 3), dtype=int)), "/mesh/damper/quads: expected shape (any, 4), found (1, 3)"),
     (mesh(quads=at(MESH.quads, (1, 2), 6)), "/mesh/damper/quads: expected indices 0 to 5, found 6 at (1, 2)"),
 ]
+
+
+def spoiled(record, put=lambda new: new):
+    """Yield the place of each value below a record, and what ``put`` makes of a record in which it has another type, shape,
+    or a number that is none.
+    """
+    for field in layout(type(record)):
+        value, mapped = getattr(record, field.name), field.keys is not None
+        for key, part in (value or {}).items() if mapped else () if value is None else (("", value),):
+
+            def changed(new, field=field, key=key, value=value):
+                return put(replace(record, **{field.name: {**value, key: new} if field.keys is not None else new}))
+
+            if field.is_record:
+                yield from spoiled(part, changed)
+            for bad in bad_values(part, field):
+                yield field.place() if field.kind is str else field.place(key), changed(bad)
+
+
+def bad_values(value, field):
+    if isinstance(value, np.ndarray):
+        number = value.astype(float if value.dtype.kind in "iub" else value.dtype)
+        return [value.tolist(), value[..., None], value.astype("S8"), number * np.nan]
+    return {int: [1.5, True], float: [np.nan, "1"], str: [1]}.get(field.kind, [1.0])
+
+
+SPOILED = list(spoiled(complete_model()))
+
+
+@each(("place", "broken"), SPOILED, ids=[place for place, _ in SPOILED])
+def test_type_shape_and_numbers_of_every_field(place, broken):
+    with pytest.raises(ModelError, match=rf"/@?{re.escape(place)}: expected") as caught:
+        check_model(broken)
+    assert len(str(caught.value).splitlines()) == 1
 
 
 @each(("broken", "message"), CASES, ids=[message for _, message in CASES])
@@ -425,37 +367,12 @@ def test_wedge_model_passes_in_other_sizes(n_points, n_blades):
     check_model(wedge_model(1, n_blades, 5, n_points, 2, 4, alpha=0.6, beta=0.9, n_damper_modes=0))
 
 
-def test_where_opens_the_message():
-    with pytest.raises(ModelError, match=r"^stage\.h5: /@n_blades: "):
-        check_model(replace(WEDGE, n_blades=0), where="stage.h5")
-
-
-def test_errors_are_one_family():
-    assert issubclass(ModelError, BdamperError)
-    assert issubclass(ModelError, ValueError)
-    assert issubclass(SettingError, BdamperError)
-    assert issubclass(SettingError, ValueError)
-
-
 # -----------------------------------------------------------------------------------------------------------
 # What must pass
 
 
 def test_negative_gap_is_an_interference_fit():
     check_model(face("left", gap=np.full(4, -1e-6)))
-
-
-def test_frequencies_need_not_ascend():
-    order = [2, 0, 1]
-    check_model(
-        basis(
-            "blade",
-            2,
-            omega2=BLADE_2.omega2[order],
-            contact_modes=BLADE_2.contact_modes[:, :, order],
-            locations={"tip": BLADE_2.locations["tip"][:, order]},
-        )
-    )
 
 
 def test_complex_array_without_imaginary_part_is_real():
@@ -547,8 +464,3 @@ def test_points_and_modes_are_checked_all_at_once():
         return count
 
     assert calls(n_points=24, n_blade_modes=8) <= 1.1 * calls(n_points=6, n_blade_modes=2)
-
-
-def test_mesh_may_be_empty():
-    empty = SurfaceMesh(np.zeros((0, 3)), np.zeros((0, 4), dtype=int))
-    check_model(replace(WEDGE, meshes={"blade": empty}))

@@ -148,30 +148,6 @@ def test_every_answer_is_that_of_the_study_whatever_was_asked_before(answering):
     assert len(set(shown[:-1])) == len(others) and shown[-1] == shown[0], "and none of them shows what another does"
 
 
-def test_all_of_a_question_comes_in_four_steps_and_once(answering):
-    """The provisional curve, the curve, the curve of peaks, the amplitude in time."""
-    queue = SimpleQueue()
-    answers, question = answering(loaded(), queue.put, preloads=3), Question((), 1.0, (0.5, 2.0))
-    answers.ask(question)
-
-    def kinds():
-        return [(a.time_response and "time") or (a.optimal and "peaks") or a.full for a in until_done(queue)]
-
-    assert kinds() == [False, True, "peaks", "time"]
-    answers.ask(replace(question, preload=2.0))
-    before = answers.optimal(question).optimal
-    assert kinds() == [False, True, "peaks", "time"]
-    assert answers.optimal(replace(question, preload=2.0)).optimal is before, "the curve of peaks is that of all preloads"
-
-
-def test_another_engine_order_has_bases_of_its_own(answering):
-    study = bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5, 0.3, harmonics=2)
-    answers, asked_for = answering(study), (("engine_order", 10),)
-    found, given = answers.varied(Question(asked_for, 0.0, None), 1), study.replace(engine_order=10, harmonics=1)
-    assert found.settings.engine_order == 10 and found.settings.harmonic_numbers == (1,)
-    assert_array_equal(found.problem.bases[1].omega2, given.problem.bases[1].omega2)
-
-
 def test_what_cannot_be_answered_is_one_line(answering):
     queue = SimpleQueue()
     answers = answering(small(), queue.put)
@@ -238,29 +214,6 @@ def pressed():
     contact = bd.Contact((1, 0), normal=1, kt=1.0, kn=1.0, mu=0.5)
     ways = {"contacts": [contact], "forces": {0: 0.1}, "load_per_preload": {1: 1.0}, "harmonics": 1}
     return bd.lumped([1.0, 0.1], [0.02, 0.02], [1.0, 0.1], **ways)
-
-
-@pytest.mark.parametrize("harmonics", [1, None])
-def test_what_is_kept_is_of_the_question_that_is_asked(harmonics, answering):
-    """Of two questions that differ in one thing the answers are the same where they do not depend on it, and only there."""
-    study = pressed()
-    answers, first = answering(study), Question((), 1.0, (0.5, 5.0))
-    one, band = answers.curve(first, harmonics), answers.band(first)
-    other = answers.curve(replace(first, preload=3.0), harmonics)
-    assert (one.curve.preload, other.curve.preload) == (1.0, 3.0)
-    expected = study.frequency_response(3.0, band, options=MOVING if harmonics else None)
-    assert_array_equal(other.curve.amplitude, expected.amplitude)
-    if harmonics is None:
-        assert_array_equal(other.limits[1].amplitude, study.stuck(band, 3.0).amplitude)
-    for changed in ({"settings": (("damping_ratio", 0.1),)}, {"mode": 2}):
-        assert answers.curve(replace(first, **changed), harmonics).curve is not one.curve
-    assert answers.curve(replace(first, point=1), harmonics).curve is one.curve
-    best = answers.optimal(first).optimal
-    assert answers.optimal(replace(first, preload=3.0, point=1)).optimal is best
-    for changed in ({"settings": (("damping_ratio", 0.1),)}, {"preloads": (0.5, 4.0)}):
-        assert answers.optimal(replace(first, **changed)).optimal is not best
-    other_harmonics = {None: 1, 1: None}[harmonics]
-    assert answers.curve(first, other_harmonics).curve is not one.curve
 
 
 @pytest.mark.parametrize("harmonics", [1, 3])
@@ -780,30 +733,6 @@ def test_the_amplitude_in_time_stands_beside_the_peak(browser, explorer, study):
 
 
 @pytest.mark.slow
-def test_two_hundred_moves_leave_no_error(browser, explorer):
-    window, random = Window(browser, explorer), np.random.default_rng(1)
-    names = ["preload", "friction_coefficient", "excitation.amplitude", "mass", "speed", "harmonics"]
-    ends = window.run(
-        "return arguments[0].map((n) => get(n + ' slider')).map((s) => [s.name, s.start, s.end, s.step])", names
-    )
-    start = window.run("return arguments[0].map((n) => [n, get(n).value])", names)
-    for _ in range(200):
-        name, low, high, step = ends[random.integers(len(ends))]
-        window.move(name, float(np.clip(np.round(random.uniform(low, high) / step) * step, low, high)))
-    for name, value in start[::-1]:  # what was asked first is kept
-        window.move(name, value)
-    window.settle()
-    page = explorer.pages[-1]
-    until(lambda: page.shown["curve"].question == page.question())
-    assert len(page.answers.kept) <= page.answers.most
-    assert "<b>Peak" in window.text() and "No answer" not in window.text()
-    window.move("harmonics", 9)
-    window.move("order", "59")
-    window.wait("return get('answer').text.includes('nodal diameter')")
-    assert not window.errors()
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("size", SIZES)
 def test_a_drag_moves_the_preload(browser, explorer, size):
     actions = pytest.importorskip("selenium.webdriver").ActionChains(browser)
@@ -834,18 +763,6 @@ def test_a_drag_moves_the_preload(browser, explorer, size):
     chosen = [answer.curve.frequency[answer.point], 1e6 * answer.curve.amplitude[answer.point]]
     until(lambda: window.data("point") == pytest.approx(chosen))
     assert answer.point != answer.curve.peak_index
-
-
-def test_names_of_a_model_are_text_in_a_browser(browser, served):
-    window = Window(browser, served[0])
-    window.shown()
-    window.wait("return get('answer').text.includes('Peak')")
-    window.click("Python")
-    window.wait("return get('code').text")
-    assert HOSTILE in browser.find_element("css selector", ".model").text
-    assert window.run("return document.harm === undefined"), "a name is executed"
-    assert HOSTILE in window.run("return get('loop').value")
-    assert not [line for line in window.errors() if line["level"] == "SEVERE"]
 
 
 def test_nothing_waits_for_ever(answering):

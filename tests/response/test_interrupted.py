@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures import Executor, Future
 from dataclasses import replace
 
 import numpy as np
@@ -82,12 +82,6 @@ def test_goes_on_from_any_curve_with_the_same_result(whole, tmp_path):
     executor = Here()
     same(optimal_curve(new_study().problem, **ASKED, resume=path, executor=executor), whole)
     assert executor.calls == 0
-
-
-@pytest.mark.parametrize("workers", [pytest.param(1, marks=pytest.mark.slow), 3])
-def test_threads_do_not_matter(whole, workers):
-    with ThreadPoolExecutor(workers) as pool:
-        same(optimal_curve(new_study().problem, **ASKED, executor=pool), whole)
 
 
 def test_interrupted_before_anything_is_known():

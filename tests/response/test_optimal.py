@@ -11,10 +11,10 @@ from bdamper.harmonic_balance.equations import Peak as PeakThere
 from bdamper.harmonic_balance.parameters import vary
 from bdamper.response import optimal_curve, sensitivity
 from bdamper.response.events import ContinuationOptions
-from bdamper.response.highest_peak import AtPreload, Highest, maxima
-from bdamper.response.linear_limits import free_and_stuck, linear_peak, resonance_interval
+from bdamper.response.highest_peak import AtPreload, Highest
+from bdamper.response.linear_limits import free_and_stuck, resonance_interval
 from bdamper.response.minimum_search import CORNER
-from bdamper.response.peak import amplitude_at, coarse_options, find_peak, slope_along
+from bdamper.response.peak import amplitude_at, find_peak, slope_along
 from bdamper.response.response_curve import without_points
 from bdamper.response.sensitivity import PARAMETERS, setting_family, setting_value
 from bdamper.util.errors import SettingError
@@ -73,11 +73,6 @@ class TestOptimalCurve:
         assert result.stuck_shift_percent == pytest.approx(100 * (result.stuck.frequency / result.free.frequency - 1))
         assert np.all(result.shift_percent < result.stuck_shift_percent + 1e-6)
 
-    def test_shares_sum_to_one_and_stick_rises(self, result):
-        assert result.shares.sum(axis=1) == pytest.approx(1.0)
-        assert np.all(np.diff(result.shares[:, 0]) > -1e-3)
-        assert result.shares[-1, 0] > 0.9
-
     def test_optimum_of_a_smooth_curve(self, study):
         """Direct evaluation on both sides of the optimum is higher, by the square of the distance."""
         small = study.optimal_curve((25.0, 60.0), 5, frequency=INTERVAL, check=False)
@@ -98,68 +93,6 @@ class TestOptimalCurve:
         assert result.optimum.preload == result.preload[0]
         assert result.ratio == result.stuck.amplitude / result.amplitude[0]
 
-    def test_save_and_load(self, result, tmp_path):
-        result.save(tmp_path / "curve.h5")
-        again = bd.load(tmp_path / "curve.h5")
-        for name, value in result.__dict__.items():
-            if isinstance(value, np.ndarray):
-                np.testing.assert_array_equal(getattr(again, name), value)
-            elif name == "curves":
-                assert [str(c) for c in again.curves] == [str(c) for c in value] and len(value) >= len(result)
-                for one, other in zip(again.curves, value):
-                    np.testing.assert_array_equal(one.amplitude, other.amplitude)
-            else:
-                assert getattr(again, name) == value, name
-
-    def test_print_and_plot(self, result):
-        import matplotlib as mpl
-
-        mpl.use("Agg")
-        text = result.summary()
-        assert "optimum" in text
-        rows = result.as_rows()
-        assert len(rows) == 15 and all(cell in text for row in rows for cell in row)
-        left, right = result.plot()
-        assert left.get_xscale() == "log"
-        assert "shift" in right.get_ylabel()
-
-    @pytest.mark.parametrize(
-        ("arguments", "message"),
-        [
-            ({"preload": (100.0, 10.0)}, "increasing"),
-            ({"preload": (0.0, 10.0)}, "numbers > 0"),
-            ({"preload": 5.0}, "preload: expected"),
-            ({"n": 1}, "n: expected"),
-            ({"mode": 99}, "mode: expected 1 to"),
-        ],
-    )
-    def test_bad_input(self, study, arguments, message):
-        with pytest.raises(bd.SettingError, match=message):
-            study.optimal_curve(**arguments, check=False)
-
-    def test_one_preload_twice_gives_the_same_peak(self, study, result):
-        """The followed peak does not depend on where it came from."""
-        alone = study.peak(float(result.preload[5]), INTERVAL)
-        assert alone.amplitude == pytest.approx(result.amplitude[5], rel=1e-9)
-        assert alone.frequency == pytest.approx(result.frequency[5], rel=1e-9)
-
-
-def test_coexisting_peaks_are_told_apart():
-    """Two peaks at 100 N; the one at the higher frequency meets a minimum and vanishes on the way up."""
-    study = plain_study(bd.reference_model(contact_points=24), bd.Excitation("tip"), 5, friction_coefficient=0.3)
-
-    def at(preload):
-        return maxima(study.problem.system(preload), study.frequency_response(preload, INTERVAL, options=coarse_options()))
-
-    peaks = at(100.0)
-    assert len(peaks) >= 2
-    assert all(a.amplitude >= b.amplitude for a, b in zip(peaks, peaks[1:]))
-    branch = follow_peak(study.problem.system, peaks[-1], np.geomspace(100.0, 1000.0, 12)[1:])
-    assert branch.status == "vanished"
-    assert branch.reason
-    # beyond its end a response curve does not have it either
-    assert len(at(1.1 * branch.ended)) < len(peaks)
-
 
 @pytest.mark.slow
 def test_jumps_at_low_preload_are_found():
@@ -175,13 +108,6 @@ def test_jumps_at_low_preload_are_found():
             assert a == pytest.approx(frequency_response.peak.amplitude, rel=1e-6), p
     assert checked >= 9
     assert not curve.goes_on[1:].all()
-
-
-def test_a_peak_is_followed_back_through_values_it_had(study, peak):
-    branch = follow_peak(study.problem.system, peak, [1100.0, 1000.0, 1100.0, 1000.0, 1050.0])
-    assert branch.status == "complete"
-    assert branch.peaks[1].amplitude == pytest.approx(peak.amplitude, rel=1e-9)
-    assert branch.peaks[2].amplitude == pytest.approx(branch.peaks[0].amplitude, rel=1e-9)
 
 
 class TestSensitivities:
@@ -231,18 +157,6 @@ class TestFindPeak:
             assert found.converged
             assert found.amplitude == pytest.approx(peak.amplitude, rel=1e-9)
             assert found.frequency == pytest.approx(peak.frequency, rel=1e-8)
-
-    def test_linear_structure(self, study):
-        """Without friction and with all points held the peak is that of the linear response."""
-        peak = study.peak(1e6, INTERVAL)
-        linear = linear_peak(study.problem.at(1e6), INTERVAL, stuck=True)
-        assert peak.amplitude == pytest.approx(linear.amplitude, rel=1e-8)
-        assert peak.frequency == pytest.approx(linear.frequency, rel=1e-8)
-
-    def test_interval_spans_free_and_stuck(self, study):
-        low, high = resonance_interval(study.problem.at(1.0))
-        assert low < linear_peak(study.problem.at(1.0), INTERVAL, stuck=False).frequency
-        assert high > linear_peak(study.problem.at(1.0), INTERVAL, stuck=True).frequency
 
     def test_no_two_modes_share_a_stuck_resonance(self):
         """The stuck resonance of the hard disk's fifth mode lies above its sixth mode, whose own is higher."""
@@ -477,9 +391,6 @@ class TestNoFriction:
             a, b, c = (getattr(p, name) for p in (peak, one, two))
             slope = (4.0 * (b - a) - (c - a)) / 2e-4
             assert getattr(sensitivity["friction_coefficient"], name) == pytest.approx(slope, rel=5e-3)
-
-    def test_optimal_curve(self, smooth):
-        assert smooth.optimal_curve((100.0, 1000.0), 3, check=False).complete
 
 
 def test_a_scan_that_ends_among_folds_is_made_again_from_the_ends():
