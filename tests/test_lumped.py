@@ -111,19 +111,6 @@ def test_a_loaded_cubic_spring():
     assert peak.amplitude == pytest.approx(1e-5 / (0.01 * np.sqrt(7.0)), rel=1e-3)
 
 
-def test_a_model_comes_back_from_its_file(tmp_path):
-    study = bd.lumped(
-        [1.0, 1.0], [0.02, 0.1], [1.0, 0.0], contacts=[bd.Contact((0, 1), 1, kt=1.0, kn=1.0, mu=0.3, preload=1.0)],
-        cubic={(0, 1): 2.0}, forces={0: 1.0, 1: 1.0j},
-    )  # fmt: skip
-    bd.save_model(study.model, tmp_path / "model.h5")
-    back = bd.load_model(tmp_path / "model.h5")
-    assert back.hash == study.model.hash
-    assert [face.kind for face in back.interfaces.values()] == ["friction", "cubic"]
-    body = back.bodies["masses"]
-    assert np.abs(body.constant_force).max() > 0.5 and np.abs(body.bases[0].drag).max() == pytest.approx(0.1)
-
-
 def test_a_cubic_spring_in_time():
     """One period integrated from a solution ends where it began; between the folds the middle solution is unstable."""
     study = bd.lumped(1.0, 0.1, 1.0, cubic={0: 1.0}, forces={0: 0.3}, harmonics=7)

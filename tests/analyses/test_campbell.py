@@ -84,12 +84,6 @@ def test_nodal_diameters_of_one_speed_are_left_out():
     assert "nodal diameters 10: modes of one rotor speed" in found.summary()
 
 
-def test_lines_that_meet_or_do_not():
-    speed = np.array([100.0, 200.0])
-    assert not len(line_crossings(speed, np.array([500.0, 500.0]), 1))
-    assert line_crossings(speed, np.full(2, 150.0 / (2.0 * np.pi)), 1) == pytest.approx([150.0])
-
-
 def test_a_frequency_that_meets_a_line_twice():
     speed = np.array([100.0, 200.0, 300.0, 400.0])
     hertz = np.array([150.0, 150.0, 250.0, 400.0]) / (2.0 * np.pi)

@@ -35,20 +35,6 @@ def test_limit_cycles_are_those_of_the_closed_form(tmp_path):
     assert bd.load(tmp_path / "flutter.h5").summary() == found.summary()
 
 
-def test_a_branch_from_above_has_the_same_cycles():
-    """The path from below ends after a few points; the one downward meets the cycles in the other sense."""
-    short = bd.ContinuationOptions(max_points=22, tolerance=1e-12)
-    mode = oscillator(1).nonlinear_mode(0.0, 1, (0.01, 30.0), options=short)
-    assert not mode.complete and "another branch from 30 m down" in mode.reason
-    above = mode.branch == 1
-    assert above.any() and mode.amplitude[above][0] == pytest.approx(30.0) and (np.diff(mode.amplitude[above]) < 0.0).all()
-    _, zeta = np.transpose([jenkins.closed_form(a) for a in mode.amplitude[above]])
-    np.testing.assert_allclose(mode.damping_ratio[above], zeta, rtol=1e-8)
-    found = oscillator(1).flutter(0.0, EXCITES, amplitude=(0.01, 30.0), options=short)
-    assert found.amplitude == pytest.approx([0.0, *closed_cycles()], rel=1e-9)
-    assert found.stable.tolist() == [False, True, False]
-
-
 @pytest.mark.parametrize(("cycle", "ends"), [(1, (1, 1)), pytest.param(2, (1, np.inf), marks=pytest.mark.slow)])
 def test_motions_go_to_stable_cycles_and_away_from_unstable_ones(cycle, ends):
     """One mass: from 0.9 and 1.1 of each cycle."""

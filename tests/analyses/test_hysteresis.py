@@ -12,7 +12,6 @@ import pytest
 
 import bdamper as bd
 from bdamper.harmonic_balance.contact_cycle import energies
-from bdamper.util.formatting import amount
 from tests.plain import plain_study
 
 INTERVAL = (335.0, 350.0)
@@ -160,11 +159,3 @@ def test_pictures(study, curve, cycle):
     texts = [t.get_text().split(",")[0] for t in axes[1].get_legend().get_texts()]
     assert texts == ["left face", "right face"]
     plt.close("all")
-
-
-def test_energy_in_a_legend_is_that_of_all_directions(cycle):
-    def named(**options):
-        return cycle.plot("left", **options).get_lines()[0].get_label()
-
-    lost = amount(cycle.by_interface["left"], "J")
-    assert named() == f"left face,\n{lost} per cycle in all directions" and named(direction="n") == "left face"

@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import isotonic_regression
 
 import bdamper as bd
-from bdamper.analyses.loop_fit import POOR, read_loop
+from bdamper.analyses.loop_fit import POOR
 
 KT, MU, NORMAL = 4e7, 0.45, 100.0
 REACH = MU * NORMAL / KT
@@ -208,16 +208,3 @@ def test_another_law_is_not_described():
     found = bd.fit_loop(x, force * (1.0 + 0.5 * x / x.max()), normal=NORMAL)
     assert found.misfit > 0.05 and found.status.startswith("incomplete: the model does not describe this loop (misfit ")
     assert found._headline().startswith("The model does not describe this loop")
-
-
-def test_from_a_file(tmp_path):
-    x, force = loop(0.3, 2.0 * REACH)
-    path = tmp_path / "loop.csv"
-    rows = "\n".join(f"{1e6 * a:.9g},{b:.9g}" for a, b in zip(x, force))
-    path.write_text(f"# synthetic\ndisplacement (um),force (N)\n{rows}\n")
-    found = bd.fit_loop(*read_loop(path), normal=NORMAL)
-    assert [found.kt, found.mu, found.spread] == pytest.approx([KT, MU, 0.3], rel=0.02)
-    assert "friction coefficient 0.45" in str(found).replace("\n", " ")
-    path.write_text("displacement (um),force (kgf)\n1,2\n")
-    with pytest.raises(bd.BdamperError, match=r"column 'force': expected its unit .* \['N', 'kN', .*\], .* 'kgf'"):
-        read_loop(path)

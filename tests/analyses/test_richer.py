@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.analyses import error_estimates
-from bdamper.analyses.error_estimates import Tops, compare, evaluate_peak, whole_curve
+from bdamper.analyses.error_estimates import evaluate_peak, whole_curve
 from bdamper.response.highest_peak import highest_peak
 from bdamper.response.linear_limits import resonance_interval
 from bdamper.response.response_curve import frequency_response
@@ -58,18 +57,3 @@ def test_a_list_of_two_numbers_is_an_answer_and_others_are_named(study):
     for wrong in ([0.1], "ab", None, [0.1, "x"]):
         found = evaluate_peak(study.problem, lambda p, answer=wrong: answer)
         assert "expected a ResponseCurve, a Peak, or amplitude (m) and frequency (Hz), found" in found.reason
-
-
-def test_newton_and_whole_curve_find_the_same_change(study, monkeypatch):
-    other = study.replace(harmonics=5)
-    tops = Tops.of(study.problem, study.frequency_response(0.0, BAND))
-    true = other.peak(0.0, BAND).amplitude / tops.peaks[0].amplitude - 1.0
-    by_curve = compare(study.problem, other.problem, 0.0, tops)
-    assert by_curve.how == "computed by a complete response curve" and by_curve.amplitude == pytest.approx(true, rel=1e-4)
-
-    def none(*_, **__):
-        raise AssertionError("followed")
-
-    monkeypatch.setattr(error_estimates, "frequency_response", none)
-    solved = compare(study.problem, other.problem, 0.0, tops, by_newton=True)
-    assert solved.how == "solved" and solved.amplitude == pytest.approx(true, rel=1e-4) and abs(true) > 1e-5

@@ -211,9 +211,3 @@ class TestCurve:
                 miss.append(min(edges))
             misses.append(np.median(miss))
         assert misses[1] < misses[0] / 8.0
-
-    def test_other_results_are_refused(self, study, curve):
-        with pytest.raises(bd.SettingError, match="a result of this study"):
-            study.replace(friction_coefficient=0.5).curve_sensitivities(curve)
-        with pytest.raises(bd.SettingError, match="a response curve"):
-            study.curve_sensitivities(study.free((250.0, 400.0)))

@@ -381,11 +381,6 @@ class TestWarnings:
         assert result.warnings == (f"scan {peak.search_status}",)
         assert "failed" not in result._headline() and result.summary().count(f"\nscan {peak.search_status}") == 1
 
-    def test_none_of_a_whole_scan(self, serial):
-        assert set(serial.array("search_status").ravel()) == {"complete"}
-        assert serial.warnings == ("",) * len(serial)
-        assert "\nscan " not in serial.summary()
-
     def test_optimal_curves_and_what_is_made_of_them(self, study, monkeypatch, tmp_path):
         whole = optimal_curve
 

@@ -1,6 +1,5 @@
 """How the damper sits: load history, maps, misfit, and what statics leaves open."""
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -151,21 +150,6 @@ def test_line_contact_of_the_reduced_model(kind):
         assert found.residual < 1e-9
         friction = 0.3 * found.force[:, 2:]
         assert np.all(np.abs(found.force[:, :2]) <= friction + 1e-9 * found.force.max())
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"gap": {"nowhere": np.zeros(9)}}, "gap: expected interfaces"),
-        ({"gap": {"left": np.zeros(4)}}, "gap of 'left': expected one or 9"),
-        ({"load_history": (1.0, 0.5)}, "load_history: expected 1.0 at its end"),
-        ({"load_history": ()}, "load_history, load factors: expected a sequence of one or more finite numbers"),
-        ({"load_history": (-1.0, 1.0)}, "load_history, load factors: expected"),
-    ],
-)
-def test_bad_settings(settings, message):
-    with pytest.raises(SettingError, match=re.escape(message)):
-        study(**settings).static(10.0)
 
 
 def test_methods_differ_where_the_equations_of_the_paper_fail():

@@ -236,14 +236,6 @@ class TestArguments:
         with pytest.raises(ValueError, match=r"^F: .*writable"):
             _core.evaluate_contact(**{**self.good, "F": F})
 
-    @pytest.mark.parametrize(("first", "second"), [("x", "F"), ("kt", "F"), ("w", "F"), ("x", "J"), ("F", "J")])
-    def test_outputs_have_memory_of_their_own(self, first, second):
-        memory, arguments = np.zeros(100), dict(self.good)
-        for name, start in ((first, 0), (second, arguments[first].size - 1)):
-            arguments[name] = memory[start : start + arguments[name].size].reshape(arguments[name].shape)
-        with pytest.raises(ValueError, match=f"^{second}: expected a separate array, found memory shared with {first}$"):
-            _core.evaluate_contact(**arguments)
-
     @each(
         ("arguments", "message"),
         [

@@ -248,22 +248,6 @@ def test_support_fades_out():
         assert_near(rest, 0.0, 1e-9)
 
 
-def test_condition_does_not_depend_on_units():
-    """The same equations with residuals in other units."""
-    rng = default_rng(6)
-    arrays = random_arrays(rng, (2, 3), 4)
-    start = np.append(0.1 * rng.normal(size=8), 0.7)
-    out, y, _ = solve(_core.Sector(**arrays), start)
-    s = 1e9
-    other = dict(arrays)
-    for name in ("stiffness", "mass", "damping", "kt", "kn", "n0", "force"):
-        other[name] = s * arrays[name]
-    out_s, y_s, _ = solve(_core.Sector(**other, row_scale=np.full(8, 1 / s)), start)
-    assert out.status == out_s.status == CONVERGED
-    assert_near(y_s, y, 1e-9)
-    assert out_s.condition == pytest.approx(out.condition, rel=1e-6)
-
-
 def test_a_newton_step_beyond_the_reach_ends_a_correction():
     system, _, y, tangent = next(solved_systems(1))
     away = y + 0.05 * tangent

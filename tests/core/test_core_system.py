@@ -154,28 +154,6 @@ def test_sizes_are_checked(arguments, message):
         _core.Sector(**{**GOOD, **arguments})
 
 
-@pytest.mark.parametrize(
-    ("place", "name", "value"),
-    [
-        (0, "y", np.zeros(8)),
-        (0, "y", np.zeros(9, np.float32)),
-        (1, "r", np.zeros(9)),
-        (1, "r", np.zeros(16)[::2]),
-        (2, "J", np.zeros((8, 7))),
-        (2, "J", np.zeros((8, 8)).T[::-1]),
-        (3, "C", np.zeros((8, 1))),
-        (3, "C", "text"),
-    ],
-)
-def test_wrong_arrays_of_evaluate_are_named(place, name, value):
-    arguments = [np.ones(9), np.zeros(8), np.zeros((8, 8)), np.zeros(8)]
-    system = _core.Sector(**GOOD)
-    assert system.evaluate(*arguments) == 0
-    arguments[place] = value
-    with pytest.raises((TypeError, ValueError), match=rf"^{name}: expected"):
-        system.evaluate(*arguments)
-
-
 SOLVE = {
     "y": np.ones(9), "tangent": np.zeros(9), "scale": np.ones(9), "tolerance": 1e-9, "max_iterations": 10,
     "row": np.ones(9),

@@ -41,17 +41,6 @@ def test_von_mises_of_one_harmonic_is_its_closed_form():
     np.testing.assert_allclose(amplitude_and_mean(c).amplitude, expected, rtol=1e-8)
 
 
-def test_tension_with_reversed_shear_shows_in_von_mises():
-    c = cycle([200, 0, 0, 0, 0, 0], [0, 0, 0, 50, 0, 0])
-    amplitude, mean = amplitude_and_mean(c)
-    assert amplitude[0] == pytest.approx(50.0 * np.sqrt(3.0), rel=1e-12) and mean[0] == 200.0
-
-
-def test_uniaxial_stress_is_itself():
-    amplitude, mean = amplitude_and_mean(cycle([100, 0, 0, 0, 0, 0], [80 * np.exp(0.3j), 0, 0, 0, 0, 0]))
-    assert amplitude[0] == pytest.approx(80.0, rel=1e-12) and mean[0] == pytest.approx(100.0, rel=1e-12)
-
-
 def test_findley_of_uniaxial_stress_is_its_closed_form():
     k, mean, amplitude = 0.3, 100.0, 80.0
     value = findley(cycle([mean, 0, 0, 0, 0, 0], [amplitude * np.exp(0.3j), 0, 0, 0, 0, 0]), k)

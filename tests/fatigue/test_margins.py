@@ -113,16 +113,6 @@ def test_findley_leads_to_a_margin_of_the_same_size(study, peak):
     assert other.least < 20.0 * plain.least
 
 
-def test_results_are_kept_in_files_and_tables(study, peak, curve, tmp_path):
-    margins = [study.margin(of, AISI_1050) for of in (peak, curve)]
-    for k, result in enumerate([study.stress(peak), *margins, study.margin(curve, AISI_1050, 3)]):
-        result.save(tmp_path / f"{k}.h5")
-        again = bd.load(tmp_path / f"{k}.h5")
-        assert type(again) is type(result) and str(again) == str(result) and not again.diff(result)
-    study.margin(curve, AISI_1050).to_csv(tmp_path / "curve.csv")
-    assert "margin" in (tmp_path / "curve.csv").read_text()
-
-
 def test_points_beside_contact_faces_do_not_count(study):
     """However large their stress; with them alone there is no margin."""
     study, root = study.replace(harmonics=1), study.model.stress["root"]

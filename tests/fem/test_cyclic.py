@@ -7,10 +7,8 @@ import scipy.sparse as sp
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
-from skfem import MeshHex
 
 from bdamper.fem.cyclic_symmetry import CyclicSector, cyclic_transformation
-from bdamper.fem.generated_models import SectorFE
 from bdamper.fem.meshes import Material, discretise, join_blocks, turn
 from bdamper.fem.sector_faces import match_faces
 
@@ -121,33 +119,6 @@ def test_receptance_is_hermitian_and_the_sum_over_all_modes(sector):
     np.testing.assert_allclose(
         (phi / omega2) @ phi.conj().T, flexibility, atol=1e-10 * np.abs(flexibility).max()
     )
-
-
-def test_reference_sector_between_its_neighbours():
-    """The wave of the reference sector over three sectors balances at every node of the middle one."""
-    fe = SectorFE()
-    pitch, d = fe.geometry.pitch, 5
-    omega2, shapes = fe.cyclic(d).modes(3)
-    cells = fe.blade.mesh
-    points = np.concatenate([cells.p.T @ np.linalg.matrix_power(turn(pitch), k).T for k in (-1, 0, 1)])
-    _, first, inverse = np.unique(
-        np.round(points / 1e-7).astype(int), axis=0, return_index=True, return_inverse=True
-    )
-    n = cells.p.shape[1]
-    t = np.concatenate([inverse.reshape(-1)[cells.t + k * n] for k in range(3)], axis=1)
-    three = discretise(MeshHex(np.ascontiguousarray(points[first].T), np.ascontiguousarray(t)), Material())
-    u = np.full((len(three.nodes), 3, 3), np.nan, complex)
-    middle = None
-    for k in (-1, 1, 0):
-        turned = np.linalg.matrix_power(turn(pitch), k)
-        node = np.array([three.nearest_node(x) for x in fe.blade.nodes @ turned.T])
-        u[node] = np.einsum("ij,njm->nim", turned, shapes.reshape(-1, 3, 3)) * np.exp(2j * k * np.pi * d / 65)
-        middle = node
-    u = u.reshape(-1, 3)
-    force = three.stiffness @ u
-    residual = (force - three.mass @ u * omega2).reshape(-1, 3, 3)
-    loose = np.setdiff1d(np.arange(len(fe.blade.nodes)), fe.clamped)
-    assert np.abs(residual[middle[loose]]).max() < 1e-7 * np.abs(force).max()
 
 
 def test_x_or_y_alone_fixed_on_a_face_is_refused(sector):

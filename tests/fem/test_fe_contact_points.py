@@ -5,7 +5,6 @@ import pytest
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
-from bdamper.fem.contact_patches import patch_grid
 from bdamper.fem.generated_models import averaging_matrix, end_patches, face_frame, wedge_patches
 from bdamper.fem.meshes import turn
 from bdamper.model.modal_basis import rigid_motions
@@ -79,15 +78,6 @@ def test_frames_are_right_handed_and_point_outward():
         assert np.linalg.det(frame) == pytest.approx(1.0)
     np.testing.assert_allclose(face_frame("right", a)[2], [np.cos(a), np.sin(a), 0.0])
     np.testing.assert_allclose(face_frame("left", a)[2], [-np.cos(a), np.sin(a), 0.0])
-
-
-def test_patch_grid():
-    assert patch_grid(9, 0.012, 0.036) == (3, 3)
-    assert patch_grid(24, 0.012, 0.036) == (3, 8)
-    assert patch_grid(48, 0.012, 0.036) == (4, 12)
-    assert patch_grid((6, 4), 0.012, 0.036) == (6, 4)
-    with pytest.raises(ValueError, match="at least 1"):
-        patch_grid(0, 0.012, 0.036)
 
 
 def test_patch_off_the_surface_is_refused(fe):

@@ -20,13 +20,6 @@ def test_elements_are_not_inverted(name):
         assert np.all(jacobian * np.sign(jacobian[0, 0]) > 0.0)
 
 
-@pytest.mark.parametrize(("name", "sector", "damper"), [("coarse", 216, 84), ("reference", 1464, 396)])
-def test_numbers_of_elements(name, sector, damper):
-    g, n = Geometry(), MeshDensity.preset(name)
-    assert sector_mesh(g, n).t.shape[1] == sector
-    assert damper_mesh(g, n).t.shape[1] == damper
-
-
 def test_surface_is_closed():
     """The mesh conforms: outward areas of the boundary add up to zero, and no crack adds faces inside."""
     g, n = Geometry(), MeshDensity.preset("coarse")

@@ -31,25 +31,6 @@ def test_needed_nodal_diameters():
     assert needed_nodal_diameters(1, 3, 7) == (0,)
 
 
-def wave_of_a_translation(nodes):
-    """t = (1, -i, 0) everywhere, for which R t = exp(-i phi) t, phi one pitch: the travelling wave d = 1."""
-    return np.tile([1.0, -1.0j, 0.0], len(nodes))
-
-
-def test_translation_of_everything_opens_no_contact(fe):
-    """A translation of the ring is a wave of one nodal diameter: all bodies move together at every port."""
-    t = np.array([1.0, -1.0j, 0.0])
-    gamma = fe.geometry.pitch
-    np.testing.assert_allclose(turn(gamma) @ t * np.exp(1j * gamma), t, atol=1e-15)
-    left, right = (wedge_patches(fe.geometry, side, 9) for side in ("left", "right"))
-    blade = (fe.blade_contact(left, right) @ wave_of_a_translation(fe.blade.nodes)).reshape(2, 27)
-    for k, patches in enumerate((left, right)):
-        damper = averaging_matrix(fe.damper.body, patches) @ wave_of_a_translation(fe.damper.body.nodes)
-        np.testing.assert_allclose(blade[k] * np.exp(1j * k * gamma), damper, atol=1e-13)
-        if k:
-            assert np.abs(blade[k] * np.exp(-1j * gamma) - damper).max() > 0.1
-
-
 def test_rotation_of_everything_opens_no_contact(fe):
     rotation = [(np.cross([0.0, 0.0, 1.0], n)).ravel() for n in (fe.blade.nodes, fe.damper.body.nodes)]
     left, right = (wedge_patches(fe.geometry, side, 24) for side in ("left", "right"))

@@ -5,11 +5,9 @@ import pytest
 
 from bdamper.fem.contact_patches import (
     Patches,
-    clip_to_polygon,
     mean_frame,
     patches_on_faces,
     patches_on_rectangles,
-    polygon_area,
 )
 from bdamper.fem.surface import Facets, area_vectors, boundary_facets, enclosed_volume, facets_on_nodes
 
@@ -174,18 +172,3 @@ def test_axes_of_a_face():
     frame = mean_frame(facets, end)
     np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-14)
     assert np.linalg.det(frame) == pytest.approx(1.0)
-
-
-def test_clipping():
-    square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)
-    diamond = np.array([[0.5, -0.25], [1.25, 0.5], [0.5, 1.25], [-0.25, 0.5]])
-    assert polygon_area(clip_to_polygon(square, diamond)) == pytest.approx(1 - 4 * 0.25**2 / 2)
-    assert polygon_area(clip_to_polygon(diamond, square)) == pytest.approx(1 - 4 * 0.25**2 / 2)
-    assert len(clip_to_polygon(square + 3.0, diamond)) == 0
-    rng = np.random.default_rng(0)
-    for _ in range(50):  # symmetric in its arguments
-        a, b = (np.sort(rng.uniform(0, 2 * np.pi, 3)) for _ in range(2))
-        p, q = (np.column_stack([np.cos(t), np.sin(t)]) + 0.3 * k for k, t in enumerate((a, b)))
-        both = [clip_to_polygon(*pair) for pair in ((p, q), (q, p))]
-        areas = [polygon_area(x) if len(x) else 0.0 for x in both]
-        assert areas[0] == pytest.approx(areas[1], abs=1e-12)

@@ -6,12 +6,12 @@ import scipy.sparse as sp
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
-from bdamper.fem.cyclic_symmetry import CyclicSector, cyclic_transformation
+from bdamper.fem.cyclic_symmetry import cyclic_transformation
 from bdamper.fem.meshes import local_order, turn
-from bdamper.fem.sector_faces import SectorFaces, find_faces, interpolation, match_faces, tie_faces
+from bdamper.fem.sector_faces import find_faces, interpolation, match_faces, tie_faces
 from bdamper.fem.surface import Facets, boundary_facets
 from bdamper.model.modal_basis import rigid_motions
-from tests.fem.test_cyclic import N, clamped_nodes, sector_and_faces
+from tests.fem.test_cyclic import N, sector_and_faces
 
 
 @pytest.fixture(scope="module")
@@ -89,16 +89,6 @@ def test_rigid_motions_cost_no_force_where_meshes_differ(sector, dependent):
     t = cyclic_transformation(len(nodes), faces, np.empty(0, int), 0)
     own = np.setdiff1d(np.arange(len(nodes)), faces.dependent)
     np.testing.assert_allclose(t @ motion[body.dofs(own)], motion, atol=1e-12)
-
-
-def test_the_side_of_the_finer_face_does_not_matter(sector):
-    """The same tie seen from either face has the same frequencies."""
-    body, _, left, right = sector
-    ahead = match_faces(body.nodes, left, right, N)
-    back = SectorFaces(N, ahead.dependent, ahead.independent, sp.csr_matrix(ahead.weights.T), -1)
-    for d in (1, 2, 3):
-        one, other = (CyclicSector(body, faces, clamped_nodes(body), d).modes(4)[0] for faces in (ahead, back))
-        np.testing.assert_allclose(one, other, rtol=1e-9)
 
 
 def test_images_of_held_nodes_are_held(sector):

@@ -29,13 +29,6 @@ def test_loads_at_rest_are_the_prescribed_ones(study):
     assert np.all(friction <= 0.4 * state.force[:, 2] * (1 + 1e-9) + 1e-9)
 
 
-def test_high_load_is_the_stuck_limit(study):
-    pressed = study.replace(constant_loads={"platform": np.full(24, 2000.0)})
-    curve, stuck = pressed.frequency_response(0.0, (340.0, 390.0)), pressed.stuck((340.0, 390.0))
-    assert curve.peak.amplitude == pytest.approx(stuck.peak.amplitude, rel=1e-6)
-    assert stuck.peak.frequency > 1.2 * study.free((250.0, 350.0)).peak.frequency
-
-
 @pytest.mark.parametrize(
     "settings",
     [

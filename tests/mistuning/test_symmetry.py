@@ -10,7 +10,7 @@ import bdamper as bd
 from bdamper.harmonic_balance.sector import Sector
 from bdamper.mistuning import BladedDisk, DamperVariation, Mistuning
 from bdamper.model.kinematics import HarmonicBasis
-from tests.mistuning.lumped import lumped_study, size, solution
+from tests.mistuning.lumped import lumped_study, solution
 
 PRELOAD, N = 300.0, 6
 PATTERN = Mistuning(0.03 * np.random.default_rng(4).normal(size=N))
@@ -63,93 +63,6 @@ def test_a_pattern_turned_by_one_blade_turns_the_answer():
     assert_same(other, turned(X), 1e-12)
 
 
-class Mirror:
-    """The plane between two blades, with the contact points and the coordinates that it turns into each other.
-
-    Blade ``n`` becomes blade ``-n``, the damper behind it the one before; the left face of a wedge of equal angles becomes
-    its right one.  Even and odd coordinates of a blade alternate, those of the wedge that move across the plane are odd.
-    """
-
-    BLADE = np.array([1.0, -1.0, 1.0, -1.0])
-
-    def __init__(self, model):
-        faces = [model.interfaces[name] for name in ("left", "right", "front", "back")]
-        self.own = sum(face.n_points for face in faces[:2])
-        points = np.concatenate([face.points for face in faces])
-        frames = np.concatenate([face.frame for face in faces])
-        plane = np.diag([-1.0, 1.0, 1.0])
-        self.partner = np.linalg.norm((points @ plane)[:, None] - points, axis=2).argmin(axis=1)
-        self.axes = frames @ plane @ frames[self.partner].transpose(0, 2, 1)
-
-    def rows(self, rows, signs):
-        """Rows of the mirrored motion: those of the partner, in the axes of the point itself."""
-        return self.axes[: len(rows)] @ rows[self.partner[: len(rows)]] * signs
-
-    def damper(self, structure):
-        """Signs of the coordinates of a damper, from their motion at the contact points."""
-        rows = structure.rows[..., structure.n :]
-        signs = np.sign((rows * self.rows(rows, 1.0)).sum(axis=(0, 1)))
-        np.testing.assert_allclose(self.rows(rows, signs), rows, atol=1e-12 * np.abs(rows).max())
-        return signs
-
-    def answer(self, X, structure):
-        """The mirrored answer."""
-        n, before = structure.n, np.arange(len(X))
-        blades = X[-before, :, :n] * self.BLADE[structure.order]
-        return np.concatenate([blades, X[-before - 1, :, n:] * self.damper(structure)], axis=2)
-
-
-def symmetric_study(engine_order, harmonics):
-    """The study with a mirror plane between its blades."""
-    base = study(engine_order, harmonics)
-    model = base.model
-    mirror, blade, damper = Mirror(model), model.bodies["blade"], model.bodies["damper"]
-    local, S = blade.local, Mirror.BLADE
-    even, half = 0.5 * (1.0 + np.outer(S, S)), mirror.own // 2
-    shapes = local.contact_modes.copy()
-    shapes[half:] = mirror.rows(shapes, S)[half:]
-    r = local.disk_stiffness.shape[1]
-    waves, size = np.sin(2.0 * np.pi * np.arange(N // 2 + 1) / N).round(12), np.abs(local.disk_stiffness).max()
-    cross = 0.1 * size * np.array([[0.0, 1j], [-1j, 0.0]]) * waves[:, None, None]
-    local = replace(
-        local,
-        blade_mass=local.blade_mass * even,
-        disk_stiffness=local.disk_stiffness.real * even[-r:, -r:] + cross,
-        contact_modes=shapes,
-        locations={name: place * (0.5 + 0.5 * S) for name, place in local.locations.items()},
-    )
-    bases = {d: local.nodal_diameter(d) for d in range(N // 2 + 1)}
-    load = replace(damper.load, displacement=np.zeros_like(damper.load.displacement))
-    bodies = {"blade": replace(blade, bases=bases, local=local), "damper": replace(damper, load=load)}
-    return base.replace(model=replace(model, bodies={**model.bodies, **bodies}))
-
-
-def test_a_mirrored_wheel_with_the_reversed_order_has_the_mirrored_answer():
-    """Where the sector has a mirror plane; the reversed order alone has another answer."""
-    dampers = DamperVariation.of(N, mass=1.0 + 0.05 * np.arange(N), missing=[3])
-    forward, backward = (BladedDisk(symmetric_study(e, 2), PATTERN, dampers) for e in (1, N - 1))
-    mirror, s = Mirror(forward.study.model), forward.structure
-    X, system = solved(forward)
-    expected = mirror.answer(X, s)
-    mirrored_pattern = PATTERN.deviation[-np.arange(N)]
-    mirrored, _ = solved(backward.replace(mistuning=mirrored_pattern, dampers=taken(dampers, -np.arange(N) - 1)))
-    assert_same(mirrored, expected, 1e-12)
-    reverse, other = solved(backward)
-    assert np.abs(heights(other, reverse) / heights(system, X) - 1.0).max() > 1e-2
-    for pattern, shift in ((PATTERN, 1), (mirrored_pattern, 0)):
-        others = taken(dampers, -np.arange(N) - shift)
-        system = backward.replace(mistuning=pattern, dampers=others).system(PRELOAD)
-        y = np.append(system.structure.flat(expected), 2.0 * np.pi * 190.0)
-        assert size(system, system.residual(y)) > 1e-3, "a neighbour's place"
-
-
-def test_the_reversed_order_differs_on_the_same_pattern():
-    forward, _ = solved(BladedDisk(study(1), mistuning=PATTERN))
-    backward, _ = solved(BladedDisk(study(N - 1), mistuning=PATTERN))
-    a, b = (np.linalg.norm(X[:, 1:], axis=(1, 2)).max() for X in (forward, backward))
-    assert abs(a / b - 1.0) > 1e-3
-
-
 def test_dampers_of_another_mass_keep_it_on_other_blades():
     heavy, light = DamperVariation.of(N, mass=1.2), DamperVariation.of(N, mass=0.9)
     wheel = BladedDisk(study(), dampers=heavy)
@@ -157,25 +70,6 @@ def test_dampers_of_another_mass_keep_it_on_other_blades():
     changes = ({"mistuning": PATTERN}, 1.2), ({"dampers": light}, 0.9), ({"dampers": None}, 1.0)
     for other, factor in ((wheel.replace(**change), factor) for change, factor in changes):
         np.testing.assert_allclose(other.structure.damper_mass, factor * one, rtol=1e-14)
-
-
-@pytest.mark.parametrize("harmonics", [1, 3])
-def test_the_work_of_the_excitation_is_what_damping_and_friction_take(harmonics):
-    wheel = BladedDisk(study(harmonics=harmonics), mistuning=PATTERN)
-    X, system = solved(wheel)
-    omega = 2.0 * np.pi * 190.0
-    l = np.repeat(np.arange(harmonics + 1), 2)[1:, None]
-    quarter = np.zeros_like(X)  # the velocity over the frequency: cosine l s, sine -l c
-    quarter[:, 1::2], quarter[:, 2::2] = X[:, 2::2] * l[1::2], -X[:, 1::2] * l[2::2]
-    work = np.pi * float(system.structure.force @ system.structure.flat(quarter))
-    s = wheel.structure
-    wave = np.fft.fft(quarter[..., : s.n], axis=0)
-    viscous = np.fft.ifft(np.einsum("dij,dcj->dci", s.damping, wave), axis=0).real
-    viscous = np.pi * omega * float((viscous * quarter[..., : s.n]).sum())
-    F = system.contact(system.structure.flat(X))[1].reshape(N, -1, 3, X.shape[1])
-    friction = np.pi * sum(float((F[..., c] * s.motion(quarter[:, c])).sum()) for c in range(X.shape[1]))
-    assert friction > 0.1 * work > 0.0
-    assert abs(work - viscous - friction) < 1e-10 * work
 
 
 def test_the_tuned_wheel_tracks_the_curve_of_the_study():

@@ -402,30 +402,6 @@ def test_error_of_second_order():
     assert 3.9 < np.linalg.norm(ends[1] - ends[0]) / np.linalg.norm(ends[2] - ends[1]) < 4.1
 
 
-def bonded_ring(radius, light=0):
-    """Nothing is damped or excited, every contact is a spring; the ring, and its energy."""
-    system = structure(laws=[LAW_BONDED], size=0.0, damping=0.0, light=light)
-    points = replace(system.structure.points, shift=np.zeros((11, 3)), slider=np.zeros((11, 2)), n0=np.zeros(11))
-    system = replace(system.structure, points=points).equations
-    ring = Ring(system, **ALL_SECTORS, radius=radius)
-    A, _ = plain_transient.matrices(ring)
-    springs = np.tile(np.column_stack([system.structure.points.kt, system.structure.points.kn]).ravel(), ring.n)
-    weight = np.tile(1.0 / np.where(ring.real, 1.0, 2.0), 2)  # a complex coordinate counts half
-    mass, own = weight * np.tile(ring.mass, 2), weight * np.tile(ring.stiffness, 2)
-    stretched = np.sqrt(springs / ring.n)[:, None] * A
-    return ring, lambda m: m.v @ (mass * m.v) + m.q @ (own * m.q) + np.sum((stretched @ m.q) ** 2)
-
-
-def test_energy_is_kept_by_a_radius_of_one_and_lost_by_less():
-    """What the linear step keeps without damping of its own, and what is lost at that of the usual radius."""
-    ring, energy = bonded_ring(1.0)
-    before = energy(state(ring))
-    assert energy(ring.integrate(state(ring), 1.3, 256, 20, tolerance=1e-11).motion) == pytest.approx(before, rel=2e-3)
-    for radius in (0.8, 0.5):
-        ring, energy = bonded_ring(radius)
-        assert 0.97 * before < energy(ring.integrate(state(ring), 1.3, 256, 20).motion) < before
-
-
 @pytest.mark.parametrize(("friction", "left"), [(0.0, 0.7), (0.02, 0.002)])
 def test_what_bounces_gains_no_energy(friction, left):
     """Unilateral contacts, residual coordinates, neither damping nor excitation: the steps take a few percent."""

@@ -114,13 +114,6 @@ class TestShortTexts:
             assert len(repr(item)) < 1500, type(item)
             assert "array(" not in repr(item)
 
-    def test_say_what_there_is(self, study):
-        assert "65 sectors" in str(study.model)
-        assert "left: friction, damper on blade, 9 contact points" in repr(study.model)
-        assert "friction coefficient  0.4" in repr(study)
-        assert "of 26 contact points 4 stick, 14 slip, 8 are open" in str(study.static(500.0)).replace("\n", " ")
-        assert "omega2=<16 float64>" in repr(study.problem.bases[0])
-
     def test_of_settings_that_are_arrays(self, study):
         faces = study.model.interfaces
         full = study.replace(
@@ -203,21 +196,6 @@ class TestBottomLine:
         alone = Convergence(curve.optimum.preload, 0.05, (first,), status="incomplete: why")
         said = replace(curve, convergence=alone)._headline()
         assert "with more harmonics)" not in said and "ely on the amplitude in time" in said
-
-    def test_of_curves_and_peaks(self, study, curve, peak):
-        top = f"{amount(curve.peak.amplitude, 'm')} at {amount(curve.peak.frequency, 'Hz')}"
-        assert str(curve).startswith(f"Resonance of {top} under a preload of 8 kN. Not checked in time.")
-        assert "A slow sweep of frequency jumps by up to" in curve._headline()
-        end = study.frequency_response(2000.0, (360.0, 380.0))
-        assert "an end of the curve (360 Hz to 380 Hz) and is not a peak" in end._headline()
-        assert "there may be a higher one: why" in replace(end, status="incomplete", reason="why")._headline()
-        assert study.free(INTERVAL)._headline().startswith("Free resonance of 1.44 mm at 283 Hz.")
-        assert str(peak).startswith(f"Resonance of {amount(peak.amplitude, 'm')} at {amount(peak.frequency, 'Hz')}")
-        assert str(replace(peak, status="not found: why")).startswith("No peak: not found: why.")
-
-    def test_numbers_stay_with_their_units(self, curve):
-        for line in str(curve).split("\n"):
-            assert not line.endswith(tuple("0123456789")) or line.startswith("  ")
 
 
 def test_details_have_the_units_of_the_columns(peak):

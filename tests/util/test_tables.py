@@ -18,7 +18,7 @@ import bdamper as bd
 from bdamper.analyses.sweep import SweepResult
 from bdamper.plot.motion import rigid_motion
 from bdamper.response.response_curve_result import ResponseCurve
-from bdamper.response.verification import Convergence, HarmonicPeak
+from bdamper.response.verification import HarmonicPeak
 from bdamper.util.display import Plottable, register_plot
 from bdamper.util.formatting import amount, peak_text
 from bdamper.util.tables import (
@@ -100,16 +100,6 @@ class TestTables:
         monkeypatch.setitem(sys.modules, module, None)
         with pytest.raises(bd.BdamperError, match=rf"to_{module} needs {module}: install the extra bdamper\[table\]"):
             getattr(curve, f"to_{module}")()
-
-    def test_of_other_results(self, study, curve, swept):
-        more = Convergence(1.0, 0.05, (HarmonicPeak(3, 2.0, 100.0), HarmonicPeak(5, 2.1, 101.0)))
-        limits = study.optimal_curve((6e3, 8e3), 2, frequency=(270.0, 380.0), check=False)
-        cycle, losses = study.hysteresis(curve), study.dissipation(curve)
-        for result in (more, swept, limits, cycle, losses, study.static(500.0)):
-            flat = [column for column in result.columns().values() if not column.dims]
-            assert len({len(column.values) for column in flat}) == 1, type(result)
-        assert more.columns()["amplitude"].values.tolist() == [2.0, 2.1]
-        assert limits.columns()["preload"].values.tolist() == limits.preload.tolist()
 
     def test_every_table_has_columns(self):
         own = [cls for cls in Tabular.__subclasses__() if cls.__module__.startswith("bdamper.")]
