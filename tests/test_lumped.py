@@ -8,7 +8,6 @@ import scipy.linalg
 
 import bdamper as bd
 from bdamper.harmonic_balance.contact_cycle import energies, histories
-from bdamper.time_domain.integration import Ring
 from tests.each import each
 
 JENKINS = bd.Contact(0, kt=1.0, mu=0.5, preload=1.0)
@@ -109,20 +108,6 @@ def test_a_loaded_cubic_spring():
     peak = study.peak(3.0, (0.3, 0.6))
     assert 2.0 * np.pi * peak.frequency == pytest.approx(np.sqrt(7.0), rel=1e-5)
     assert peak.amplitude == pytest.approx(1e-5 / (0.01 * np.sqrt(7.0)), rel=1e-3)
-
-
-def test_a_cubic_spring_in_time():
-    """One period integrated from a solution ends where it began; between the folds the middle solution is unstable."""
-    study = bd.lumped(1.0, 0.1, 1.0, cubic={0: 1.0}, forces={0: 0.3}, harmonics=7)
-    curve = study.frequency_response(0.0, (0.15, 0.35))
-    back = np.flatnonzero(np.diff(curve.frequency) < 0.0)  # the curve runs back from fold to fold
-    for i, unstable in ((back[0] - 1, False), (back[len(back) // 2], True), (back[-1] + 2, False)):
-        omega, ring = 2.0 * np.pi * curve.frequency[i], Ring(study.problem.system(0.0), 1, 0, radius=1.0)
-        start = ring.start(curve.unknowns[i], omega, 192)
-        end = ring.integrate(start, omega, 192).motion
-        assert abs(end.q[0] - start.q[0]) < 2e-3 * curve.amplitude[i]
-        assert abs(end.v[0] - start.v[0]) < 2e-3 * curve.amplitude[i] * omega
-        assert study.with_stability(curve).unstable[i] == unstable
 
 
 def test_energy_and_history_of_a_cubic_spring():

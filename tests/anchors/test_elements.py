@@ -1,9 +1,9 @@
 """Known answers for one contact element.
 
-A5: Fourier coefficients of the hysteresis loop of a Jenkins element under harmonic motion, elementary integrals. A6:
-numbers of the sampled law with 128 samples that two independent programs agree on. Closed forms of single-harmonic
-motion with variable normal load: states of Yang, Chu and Menq, "Stick-slip-separation analysis and non-linear stiffness
-and damping characterization of friction contacts having variable normal load", J. Sound Vib. 210 (1998).
+A5: Fourier coefficients of the hysteresis loop of a Jenkins element under harmonic motion, elementary integrals. Closed
+forms of single-harmonic motion with variable normal load: states of Yang, Chu and Menq, "Stick-slip-separation analysis
+and non-linear stiffness and damping characterization of friction contacts having variable normal load", J. Sound Vib. 210
+(1998).
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""Hard cases of one contact point: numbers 5 to 12, 18 to 20 of the list of hard cases, and memory of large systems."""
+"""Hard cases 5, 11 and 20 of one contact point, and memory of large systems; tests/core and tests/anchors have others."""
 
 from __future__ import annotations
 

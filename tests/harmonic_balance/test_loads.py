@@ -47,7 +47,9 @@ def test_one_damper_with_its_share_is_the_study_without_loads(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("shares", [{"front": 0.5, "rear": 0.5}, {"front": 0.3, "rear": 0.7}])
+@pytest.mark.parametrize(
+    "shares", [pytest.param({"front": 0.5, "rear": 0.5}, marks=pytest.mark.slow), {"front": 0.3, "rear": 0.7}]
+)
 def test_a_damper_split_into_shares_responds_as_the_whole(name, shares):
     whole, _ = whole_study(name)
     parts = split_study(name, shares, shares)

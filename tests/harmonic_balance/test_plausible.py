@@ -81,7 +81,9 @@ ASKED = {
 }
 
 
-@pytest.mark.parametrize("asked", [pytest.param(a, marks=[pytest.mark.slow] * (a == "optimal curve")) for a in ASKED])
+@pytest.mark.parametrize(
+    "asked", [pytest.param(a, marks=[pytest.mark.slow] * (a not in ("peak of the mode", "free"))) for a in ASKED]
+)
 def test_a_force_across_the_motion_of_the_mode_is_named(asked):
     """Mode 1 is tangential, mode 2 axial, by their shapes at the tip in the model."""
     model = bd.reference_model("bladed_disk", 9)

@@ -82,6 +82,10 @@ CASES = {
 }  # fmt: skip
 
 
+SLOW = ("plain", "moved instances", "sets of the assembly", "*SYSTEM of two points", "meshes of instances", "another order")
+"""Parts that others contain, too; flat decks of all cases are slow."""
+
+
 def numbered(numbers):
     return [", ".join(map(str, numbers[k : k + 16])) for k in range(0, len(numbers), 16)]
 
@@ -221,9 +225,15 @@ def from_arrays(matrices, own=OWN):
     return bodies
 
 
+def dialects():
+    for name in CASES:
+        for parts in (False, True):
+            slow = name in SLOW or not parts
+            yield pytest.param(name, parts, id=f"{name}-{'parts' if parts else 'flat'}", marks=[pytest.mark.slow] * slow)
+
+
 @needs_ccx
-@pytest.mark.parametrize("parts", [False, True], ids=["flat", "parts"])
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(("name", "parts"), dialects())
 def test_each_dialect_gives_the_same_frequencies(name, parts, matrices, reference, tmp_path):
     blade, damper = write(tmp_path, CASES[name], parts, matrices)
     built = build(blade, damper, **settings(CASES[name]))

@@ -68,7 +68,9 @@ def refused(path, expected):
         tracemalloc.stop()
 
 
-@pytest.mark.parametrize("names", [("K",), ("format", "shape", "indices", "indptr", "data")])
+@pytest.mark.parametrize(
+    "names", [("K",), pytest.param(("format", "shape", "indices", "indptr", "data"), marks=pytest.mark.slow)]
+)
 def test_compressed_zeros_are_not_expanded(names, tmp_path, monkeypatch):
     """2 GB of zeros in an archive of NumPy, alone and as the numbers of a sparse matrix."""
     head = io.BytesIO()
@@ -91,6 +93,7 @@ def test_a_sparse_file_of_zeros_is_not_read(tmp_path):
     refused(tmp_path / "k.npy", r"k\.npy: arrays: expected a size, bytes, from 1 to 1600000000, found 2000000128")
 
 
+@pytest.mark.slow
 def test_a_compressed_variable_of_matlab_is_not_expanded(tmp_path):
     """An element of type 14 of 2 GB in one of type 15: flags, dimensions, name, and zeros."""
     packer = zlib.compressobj(1)

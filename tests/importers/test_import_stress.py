@@ -8,7 +8,6 @@ import pytest
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
-import bdamper as bd
 from bdamper.fem.element_stress import von_mises_size
 from bdamper.fem.generated_models import blade_points, bladed_disk, wedge_patches
 from bdamper.importers import read_arrays
@@ -72,22 +71,6 @@ def test_it_is_that_of_the_finite_element_model(fe, bodies, as_arrays):
     same(ours.static, theirs.static[order], 1e-6)
     np.testing.assert_allclose(ours.spread, theirs.spread[order], rtol=1e-5, atol=1e-9)
     np.testing.assert_array_equal(ours.near_contact, theirs.near_contact[order])
-
-
-def test_it_reaches_a_margin_and_a_file(bodies, fe, tmp_path):
-    blade, damper = bodies
-    at = FIRST_NUMBER + blade_points(fe.blade, fe.geometry)
-    built = build(blade, damper, **SETTINGS, stress=at, locations={"tip": int(at[0])})
-    assert "stress 'stress': 10 nodes" in str(built)
-    built.save(tmp_path / "model.h5")
-    model = bd.load_model(tmp_path / "model.h5")
-    assert model.hash == built.model.hash and len(model.stress["stress"]) == 10
-    study = bd.Study(model, bd.Excitation("tip", amplitude=1.0), engine_order=5, friction_coefficient=0.4, harmonics=1)
-    peak = study.peak(50.0)
-    cycle, faster = study.stress(peak, speed=300.0), study.stress(peak, speed=600.0)
-    of_rotation = (faster.coefficients - cycle.coefficients)[..., 0].real
-    np.testing.assert_allclose(of_rotation, (600.0**2 - 300.0**2) * model.stress["stress"].static, rtol=1e-6)
-    assert not cycle.notes and np.all(cycle.amplitude_and_mean().amplitude > 0.0)
 
 
 def test_points_at_a_contact_face_and_on_the_cut_faces(fe, bodies):
@@ -188,5 +171,3 @@ def test_a_unit_contact_force_and_rotation_have_the_stress_of_calculix(imported)
     assert von_mises_size(alone - theirs).max() > 0.02 * von_mises_size(theirs).max(), "the modes alone would not do"
     theirs = own.stress_of(folder / "static.frd", 1)
     assert von_mises_size(90000.0 * rows.static - theirs).max() < 2e-3 * von_mises_size(theirs).max()
-
-

@@ -16,7 +16,6 @@ import bdamper as bd
 from bdamper.fatigue.criteria import Material
 from bdamper.fem.element_stress import von_mises_size
 from examples.calculix.decks import run_job
-from examples.own_sector import main
 from tests.imports import build
 from tests.own_sector import OwnSector
 
@@ -110,26 +109,3 @@ def test_the_optimum_lies_between_free_and_stuck_and_its_margin_is_larger(study,
     assert margins[0].factor.min() > 1.5 * margins[1].factor.min() > 1.5
     slow, fast = (study.stress(at_best, speed=speed).coefficients[..., 0].real for speed in (400.0, 500.0))
     np.testing.assert_allclose(fast - slow, (500.0**2 - 400.0**2) * study.model.stress["FILLET"].static, rtol=1e-5)
-
-
-def test_the_crossing_is_at_the_frequency_of_its_engine_order(study, folder):
-    """Under the centrifugal force of that speed the damper of 69 g sticks for 1 N at the tip, where its faces touch."""
-    found = study.resonance_crossings((1350.0, 1650.0), [D])
-    (value,) = found.values
-    assert value["frequency"] == pytest.approx(D * value["speed"] / (2.0 * np.pi), rel=1e-9)
-    assert theirs(folder, "free")[0] < value["frequency"] < theirs(folder, "bonded")[0]
-    assert value["frequency"] == pytest.approx(study.peak(value["preload"]).frequency, rel=2e-3)
-
-
-def test_a_mistuned_wheel_is_worse_than_the_tuned_one(own, folder, built, capsys):
-    """But not beyond Whitehead's bound, at deviations of 2 %; by the example, a user's script of the whole way."""
-    if own.kind != "C3D20R":
-        pytest.skip("one wheel is enough: it is most of the time")
-    study, wheel, preload = main(folder)
-    assert study.model.hash == built.model.hash
-    shown = capsys.readouterr().out
-    for words in ("Import report", "least", "Margin against fatigue", "rpm"):
-        assert words in shown
-    wheel = wheel.replace(mistuning=0.02 * np.random.default_rng(0).standard_normal(36))  # one that is found in 17 s
-    factor = wheel.peak(preload).amplitude / wheel.tuned_peak(preload).amplitude
-    assert 1.0 < factor < 0.5 * (1.0 + np.sqrt(study.model.n_blades))

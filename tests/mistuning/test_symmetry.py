@@ -1,4 +1,4 @@
-"""What a wheel must keep: turned patterns, mirrored wheels, the direction of the wave, the balance of energy."""
+"""What a wheel must keep: turned patterns, the tuned curve, the solution of the whole annulus as one system."""
 
 from dataclasses import replace
 

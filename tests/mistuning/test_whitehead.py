@@ -76,7 +76,7 @@ def amplification(structure, order, deviations):
 
 
 def test_random_wheels_keep_the_bound():
-    """1,000 wheels of eight blades: orders, couplings and deviations of all sizes."""
+    """400 wheels of eight blades: orders, couplings and deviations of all sizes."""
     rng = np.random.default_rng(5)
     bound = (1.0 + np.sqrt(8)) / 2.0
     ratio = []
@@ -85,8 +85,8 @@ def test_random_wheels_keep_the_bound():
         disk = 10.0 ** rng.uniform(0.0, 2.5) * (1.0 - np.cos(2.0 * np.pi * np.arange(5) / 8))
         structure = Structure.of(study(8, order, disk, 1e-3).problem)
         size = 10.0 ** rng.uniform(-3.0, -1.3)
-        ratio += amplification(structure, order, size * rng.normal(size=(50, 8)))[0].tolist()
-    assert len(ratio) == 1000 and max(ratio) < bound
+        ratio += amplification(structure, order, size * rng.normal(size=(20, 8)))[0].tolist()
+    assert len(ratio) == 400 and max(ratio) < bound
     assert max(ratio) > 0.85 * bound and min(ratio) > 0.9, "the wheels come near the bound, or it says nothing"
 
 

@@ -22,7 +22,7 @@ def rubbing(kn, band):
 
 def test_a_highest_point_is_reached_by_a_slow_sweep_within_the_interval():
     """Study 476 and the blade that rubs have a branch that enters and leaves at the upper end, 4 and 250 times higher."""
-    drawn = [draw(number) for number in (476, 0, 4, 5, 6, 8)] + [rubbing(60.0, (0.15, 0.54))]
+    drawn = [draw(number) for number in (476, 0, 4)] + [rubbing(60.0, (0.15, 0.54))]
     swept = highest_in_sweeps(drawn, periods=1000, steps=64).max(axis=1)
     for one, highest in zip(drawn, swept):
         study = one.study(harmonics=7)
@@ -35,6 +35,7 @@ def test_a_highest_point_is_reached_by_a_slow_sweep_within_the_interval():
         assert ("Not checked in time." in peak._headline()) == peak.converged
 
 
+@pytest.mark.slow
 def test_a_branch_joined_to_one_end_is_named_and_a_wider_interval_shows_it():
     """A sweep down from 1.5 Hz follows it: there the branch leads from end to end."""
     narrow, wide = rubbing(60.0, (0.15, 0.54)), rubbing(60.0, (0.3, 1.5))
