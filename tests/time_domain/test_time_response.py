@@ -9,6 +9,7 @@ import pytest
 import bdamper as bd
 from bdamper.contact.residual_flexibility import RESIDUAL
 from bdamper.response.events import ContinuationOptions
+from bdamper.time_domain import time_response
 from bdamper.time_domain.integration import Ring, every_diameter, ring_of, transfer
 from bdamper.time_domain.steady_amplitude import BalanceCurve, SteadySearch
 from bdamper.time_domain.time_response import VECTORS, error_range, richer_structure, structure_in_time
@@ -242,6 +243,14 @@ def test_single_periods_widen_the_range(scatter):
     low, high, doubt = error_range({"256 steps": 1.0, "512 steps": 1.02}, [SteadyPoint(beating, True, 0.0)])
     assert (low, high) == (pytest.approx(1.0 - max(scatter, 0.01)), pytest.approx(1.02 * (1.0 + max(scatter, 0.01))))
     assert not doubt
+
+
+@each(("share", "settled"), [(0.5, True), (1.02, True), (1.3, False)])
+def test_a_higher_motion_from_another_start_belongs_to_the_range(bent, found, monkeypatch, share, settled):
+    monkeypatch.setattr(time_response, "_other_starts", lambda search, best, n: {"start 1": share * best.mean})
+    more = bent[0].time_response(bent[1], starts=2)
+    assert more.settled == settled and (settled or more.status == "incomplete: not settled")
+    assert more.highest == pytest.approx(max(found.highest, 1.01 * share * found.mean)) and more.lowest == found.lowest
 
 
 def test_a_failing_integration_leaves_what_was_found_before(bent, monkeypatch):

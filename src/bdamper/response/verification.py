@@ -101,8 +101,8 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
     mean : float, m
         Amplitude of the first harmonic of the highest blade, mean over periods.
     lowest, highest : float, m
-        Range of the mean: all ``answers``, widened by the remaining change of a settled motion and the scatter of its
-        periods.
+        Range of the mean: all ``answers`` and higher ``starts``, widened by the remaining change of a settled motion and
+        the scatter of its periods.
     frequency, preload : float, Hz, N
     balance : float, m
         Amplitude of the highest peak by harmonic balance.
@@ -118,7 +118,7 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
         Nodal diameters of the model.
     status : str
         "complete", "interrupted", or "incomplete: " and "not found: " with the reason.  It is "incomplete: not settled" if
-        two of the ``answers`` differ by more than 5 %.
+        two of the ``answers``, or one of them and a higher one of the ``starts``, differ by more than 5 %.
     cost : Cost
     blade : int
         Highest blade.

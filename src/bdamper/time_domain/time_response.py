@@ -288,7 +288,8 @@ def _stated(
     answers = {name: run.mean for name, run in runs.items()}
     if search.fall == search.fall:
         answers["at the fall"] = _at_fall(search)
-    lowest, highest, doubt = error_range(answers, runs.values())
+    higher = {name: mean for name, mean in others.items() if mean > best.mean}
+    lowest, highest, doubt = error_range(answers | higher, runs.values())
     end = "the curve ends before the motion falls; widen the interval" if search.at_end(best) else ""
     left = "; ".join(filter(None, (doubt, search.failure, end, omitted)))
     carried, all_ = len(search.ring.nodal_diameters), search.ring.n // 2 + 1
