@@ -239,7 +239,7 @@ def test_answers_that_differ_by_more_than_a_twentieth_are_a_range(bent, monkeypa
 def test_single_periods_widen_the_range(scatter):
     """A motion that is not periodic has another mean from another start; within a percent the settling counts more."""
     beating = Still(10.0, 1.0)
-    beating.amplitude = 1.0 + scatter * np.cos(np.pi * np.arange(40))
+    beating.amplitude = 1.0 + np.sqrt(2.0) * scatter * np.cos(0.5 * np.pi * np.arange(40))
     low, high, doubt = error_range({"256 steps": 1.0, "512 steps": 1.02}, [SteadyPoint(beating, True, 0.0)])
     assert (low, high) == (pytest.approx(1.0 - max(scatter, 0.01)), pytest.approx(1.02 * (1.0 + max(scatter, 0.01))))
     assert not doubt

@@ -101,8 +101,8 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
     mean : float, m
         Amplitude of the first harmonic of the highest blade, mean over periods.
     lowest, highest : float, m
-        Range of the mean: all ``answers`` and higher ``starts``, widened by the remaining change of a settled motion and
-        the scatter of its periods.
+        Range of the mean: all ``answers`` and higher ``starts``, widened by the remaining change of a settled motion or the
+        standard deviation of its periods.
     frequency, preload : float, Hz, N
     balance : float, m
         Amplitude of the highest peak by harmonic balance.

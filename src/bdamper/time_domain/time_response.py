@@ -309,13 +309,13 @@ def _stated(
 def error_range(answers: Mapping[str, float], runs: Iterable[SteadyPoint]) -> tuple[float, float, str]:
     """Return the range (m) of the answers and the reason if it is wide, or "".
 
-    The range is widened by the uncertainty of the means and by the scatter of single periods: the mean of a motion that is
-    not periodic depends on its start.
+    The range is widened by the uncertainty of the means and by the standard deviation of single periods: the mean of a
+    motion that is not periodic depends on its start.
     """
     low, high = min(answers.values()), max(answers.values())
     stay = [run for run in runs if run.stays]
     change = max(CRITERIA.drift, *(abs(run.change) for run in stay))
-    scatter = max(change, *(float(np.max(np.abs(run.amplitude / run.mean - 1.0))) for run in stay))
+    scatter = max(change, *(float(np.std(run.amplitude)) / run.mean for run in stay))
     doubts = [
         "not settled" if high > (1.0 + CRITERIA.tolerance) * low else "",
         f"its mean is uncertain by {100.0 * change:.2g} %" if change > CRITERIA.tolerance else "",
