@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 import warnings
 import webbrowser
@@ -40,10 +41,19 @@ def import_decks(given: argparse.Namespace) -> None:
         other = (None, "ground") if b == "ground" else (b, body_b or "blade")
         return importers.ContactFaces(name, a, other[0], body_a, other[1], points=points)
 
+    def stop(text: str) -> importers.ContactFaces:
+        try:
+            name, side, gap = re.split("[=,]", text)
+            distance = float(gap)
+        except ValueError:
+            raise bd.SettingError(f"--stop: expected NAME=SET,GAP, found {text!r}") from None
+        body_a, _, a = side.rpartition("/")
+        return importers.ContactFaces(name, a, None, body_a or "damper", "ground", (2, 2), "constraint", gap=distance)
+
     dampers = [text.rpartition("=")[::2] for text in given.damper]
     built = importers.build_model(
         body(given.blade), {name or "damper": body(deck) for name, deck in dampers} or None,
-        contacts=[contact(text) for text in given.contact],
+        contacts=[*map(contact, given.contact), *map(stop, given.stop)],
         sector=importers.Sector(given.sectors, given.faces, given.fixed, given.blade_nodes, given.stress),
         placement=importers.Placement(given.units, given.axis, given.radial),
         reduction=importers.Reduction(given.engine_order, given.harmonics, n_modes=given.modes),
@@ -166,6 +176,8 @@ def parser() -> argparse.ArgumentParser:
     add("--damper", nargs="+", default=(), metavar="[NAME=]DECK", help="decks of free bodies")
     contact = "pairs of faces: sets of a damper and of the blade, BODY/SET for those of another body, or ground"
     add("--contact", nargs="+", required=True, metavar="NAME=SET,SET", help=contact)
+    stop = "faces of a damper that the ground stops without friction at a distance, in the unit of the decks"
+    add("--stop", nargs="+", default=(), metavar="NAME=SET,GAP", help=stop)
     add("--points", default=(2, 3), type=int, help="contact points of a pair, or two numbers, default 2 3", **some)
     add("--units", default="m-kg-s", help="of the decks: m-kg-s, mm-t-s, mm-kg-s or in-lbf-s, default %(default)s")
     for name, text, direction in (("axis", "of rotation", (0.0, 0.0, 1.0)), ("radial", "to the blade", (0.0, 1.0, 0.0))):

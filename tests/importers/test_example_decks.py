@@ -10,7 +10,8 @@ from bdamper.importers import example_decks, read_job
 from bdamper.util.errors import ModelError, SettingError
 
 WEDGE = ["--units", "mm-t-s", "--axis", "1", "0", "0", "--faces", "LOW", "HIGH", "--engine-order", "4", "--harmonics", "1",
-         "--contact", "left=LEFT,RIGHT_UNDERSIDE", "right=RIGHT,LEFT_UNDERSIDE", "--modes", "8"]  # fmt: skip
+         "--contact", "left=LEFT,RIGHT_UNDERSIDE", "right=RIGHT,LEFT_UNDERSIDE", "--stop", "front=FRONT,0.2",
+         "back=damper/BACK,0.2", "--modes", "8"]  # fmt: skip
 STRIPS = [f"{d}_{a}={d}/{a},UNDER_{b}" for d in ("front", "rear") for a, b in (("LEFT", "RIGHT"), ("RIGHT", "LEFT"))]
 
 
@@ -57,7 +58,8 @@ def test_decks_and_instances_give_the_same_model_on_the_command_line(tmp_path, m
         assert third.bodies["blade"].bases[d].omega2[:8] == pytest.approx(basis.omega2[:8], rel=2e-5)  # others: ten digits
     areas = [[face.area.sum() for face in model.interfaces.values()] for model in (one, third)]
     assert areas[1] == pytest.approx(areas[0], rel=1e-9)  # of wedges, stored as hexahedra, as of hexahedra
-    assert [face.n_points for face in one.interfaces.values()] == [6, 6]
+    assert [face.n_points for face in one.interfaces.values()] == [6, 6, 4, 4]
+    assert [one.interfaces[name].gap.tolist() for name in ("front", "back")] == [pytest.approx([2e-4] * 4)] * 2
     assert one.locations["tip"].position == pytest.approx(other.locations["tip"].position)
 
 
@@ -78,7 +80,8 @@ def test_a_shroud_and_two_dampers_on_the_command_line(tmp_path, monkeypatch):
         (["decks", "nastran"], 2, "example: expected one of ('abaqus', 'ansys', 'calculix', 'shroud'), found 'nastran'"),
         (["import", "nowhere.inp", "--contact", "a=A,B"], 1, "nowhere.inp"),
         (["import", "sector.inp", "--contact", "A,B"], 2, "--contact: expected NAME=SET,SET, found 'A,B'"),
-        (["import", "sector.inp", "--contact", "a=A,ground", *WEDGE[:-5]], 1, "contact 'a'"),
+        (["import", "sector.inp", "--contact", "a=A,B", "--stop", "b=B"], 2, "--stop: expected NAME=SET,GAP, found 'b=B'"),
+        (["import", "sector.inp", "--contact", "a=A,ground", *WEDGE[:-8]], 1, "contact 'a'"),
     ],
 )
 def test_a_failed_import_is_told_in_a_line(arguments, code, text, tmp_path, monkeypatch, capsys):
