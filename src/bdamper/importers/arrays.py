@@ -326,8 +326,10 @@ def entries_by_node(pairs: NDArray, value: NDArray, path: Path) -> tuple[sp.csr_
     internal = pairs[pairs[:, :, 0] < 0][:1]
     cure = "a job without contact and constraints, with *MATRIX GENERATE, PUBLIC NODES"
     check(not len(internal), str(path), f"nodes of the mesh: {cure}", f"internal nodes {internal[:, 0].tolist()}")
-    dofs, inverse = np.unique(pairs.reshape(-1, 2), axis=0, return_inverse=True)
-    row, column = np.asarray(inverse).reshape(-1, 2).T
+    (nodes, node), (components, component) = (np.unique(pairs[:, :, k], return_inverse=True) for k in (0, 1))
+    keys, inverse = np.unique(node * len(components) + component, return_inverse=True)  # faster than np.unique of rows
+    dofs = np.column_stack([nodes[keys // len(components)], components[keys % len(components)]])
+    row, column = inverse.reshape(-1, 2).T
     check(len(dofs) <= 10 * len(row), str(path), "entries of every row", len(row))
     return triangle_to_full(row, column, value, len(dofs)), dofs
 
