@@ -332,6 +332,7 @@ class Study(Comparable):
             validation.instance("material", material, Material, "a Material, since quantity is the margin")
             stresses.chosen_sets(problem)
         curve = optimal.optimal_curve(problem, preload, n, executor=executor, **ways, progress=progress, resume=resume)
+        problem.sizes.check_optimum(curve.optimum.preload, values)
         if check and not curve.interrupted:
             best = curve.optimum.preload  # NaN if there is no optimum
             below = [best / in_time.NEIGHBOUR, best, best * in_time.NEIGHBOUR]

@@ -182,6 +182,16 @@ def test_a_preload_that_contradicts_the_speed_of_the_study_is_named_once(quick, 
     doubted(lambda: CONTRADICTIONS[name](quick.at_speed(SPEED), peak), "4782 N", f"{found}: a damper of 0.418 times")
 
 
+def test_an_optimum_that_contradicts_the_speed_of_the_study_is_named_once(quick, peak):
+    """The range of preloads contains the load."""
+    at, curves = quick.at_speed(SPEED), []
+    with pytest.warns(PlausibilityWarning) as caught:
+        curves.append(at.optimal_curve((1000.0, 6000.0), 3, check=False, frequency=BAND))
+    best = curves[0].optimum.preload
+    found = f"found {best:.4g} N: a damper of {best / at.preload:.3g} times the mass"
+    assert len(caught) == 1 and found in str(caught[0].message) and caught[0].filename == __file__
+
+
 @each("name", ANOTHER)
 def test_a_preload_that_contradicts_another_speed_is_named_once(quick, peak, name):
     ask, load, found = ANOTHER[name]

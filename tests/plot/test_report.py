@@ -10,6 +10,7 @@ import bdamper as bd
 from bdamper.analyses.fit_result import Fitted
 from bdamper.plot.report import lights
 from bdamper.response.verification import TimeResponse
+from bdamper.util.formatting import amount
 
 
 class Page(HTMLParser):
@@ -111,6 +112,10 @@ def test_what_is_open_is_red(curve):
     amplitude = curve.amplitude.copy()
     amplitude[-1] = float("nan")
     assert colours(replace(curve, amplitude=amplitude), "A value at every preload") == "amber"
+    low = replace(curve, amplitude=amplitude[::-1], lowest_steady_preload=float(curve.preload[0]))
+    (light,) = [light for light in lights(low) if light.name == "A value at every preload"]
+    assert light.colour == "green"
+    assert light.found == f"{len(curve) - 1} of {len(curve)}, no steady response up to {amount(curve.preload[0], 'N')}"
     best = replace(curve.optimum, status="incomplete: less may be elsewhere")
     assert colours(replace(curve, optimum=best), "Optimum verified") == "red"
 

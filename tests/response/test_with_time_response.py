@@ -82,7 +82,7 @@ def test_a_peak_of_another_study_is_refused(found):
 
 def test_preloads_that_rattle_are_told_once(found):
     """As one range, not again among the preloads with a warning."""
-    told = "not found: no steady periodic response below 60 N: the damper rattles"
+    told = "not found: no steady periodic response up to 60 N: the damper rattles"
     gone = replace(found[1], lowest_steady_preload=60.0, status=(told, told, "complete"))
     assert told in gone.summary() and gone.warnings.count(told) == 1
 
@@ -97,7 +97,7 @@ def test_the_band_without_a_steady_response_is_drawn(found):
     gone = np.where(curve.preload <= 60.0, np.nan, curve.amplitude)
     left, _ = replace(curve, amplitude=gone, lowest_steady_preload=60.0).plot()
     labels = left.get_legend_handles_labels()[1]
-    assert "no steady periodic response below 60 N" in labels
+    assert "no steady periodic response up to 60 N" in labels
     assert not any(label.startswith("no value") for label in labels)
     plt.close(left.figure)
 

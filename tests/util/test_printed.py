@@ -141,14 +141,21 @@ class TestBottomLine:
             "other than 0.4."
         )
         assert low == 200.0, "the first preload: the amplitude has not risen there"
-        lower = replace(curve, amplitude=np.where(curve.preload == low, 1.3 * o.amplitude, curve.amplitude), curves=())
-        assert " and rises faster below. Amplitude" in replace(lower)._headline()
+        assert "rises faster" not in said
+        shares = o.preload * np.array([0.5, 0.8, 0.9, 1.0, 1.2, 2.0])
+        for ends, side in (((1.5, 1.6), ""), ((9.0, 1.6), " and rises faster below"), ((1.5, 9.0), " and rises faster above")):
+            values = o.amplitude * np.array([ends[0], 1.1, 1.0, 1.0, 1.1, ends[1]])
+            steep = replace(curve, preload=shares, amplitude=values, curves=())
+            bound = replace(steep, amplitude=np.where(values > 8.0 * o.amplitude, np.nan, values), lower_bound=values)
+            for c in (steep, bound):  # a lower bound counts as well
+                said = c._headline().partition(". Amplitude")[0]
+                assert said.endswith(side) and ("faster" in said) == bool(side)
         at_twenty = {**curve.settings, "excitation": {**curve.settings["excitation"], "amplitude": 20.0}}
         assert f"{amount(o.preload, 'N')} at 20 N of excitation;" in replace(curve, settings=at_twenty)._headline()
         in_time = tuple(TimeResponse(0.9 * a, 0.8 * a, a, 1.0, p * o.preload, a) for p, a in ((1.0, 2.0), (1.35, 1.0)))
         best = f"Preload: {amount(1.35 * o.preload, 'N')} per newton of excitation, least in time (harmonic balance alone: "
         more = replace(curve, time_response=in_time)._headline()
-        assert more.startswith(f"{best}{amount(o.preload, 'N')}); it may be less at higher preloads; the amplitude")
+        assert more.startswith(f"{best}{amount(o.preload, 'N')}); higher preloads were not integrated; the amplitude")
         assert f"Amplitude for the stress: 1 m; in time at {amount(1.35 * o.preload, 'N')} 0.8 to 1 m, by" in more
         assert "motion in time" not in more
         lines = str(curve).split("\n")

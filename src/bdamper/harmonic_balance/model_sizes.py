@@ -124,3 +124,9 @@ class Sizes:
         if contradiction:
             warn_implausible("preload", *contradiction)
         return contradiction is not None
+
+    def check_optimum(self, preload: float, preloads: NDArray) -> None:
+        """Warn if the preload of an optimum contradicts the centrifugal load, which the computed preloads contain."""
+        speed = self.problem.settings.speed
+        if speed is not None and np.isfinite(preload) and not self.contradiction(preloads, speed):
+            self.check_preload(np.array([preload]))

@@ -296,7 +296,7 @@ def _mark_gaps(ax: Axes, result: OptimalCurve) -> None:
     kind = np.where(missing, np.where(np.isnan(result.lower_bound), 1, 2), 0)
     kind[missing & (result.preload <= result.lowest_steady_preload)] = 3
     reasons = {1: ("////", "no value: no peak found"), 2: ("....", "no value: curve incomplete"),
-               3: ("xxxx", f"{NO_STEADY} below {amount(result.lowest_steady_preload, 'N')}")}  # fmt: skip
+               3: ("xxxx", f"{NO_STEADY} up to {amount(result.lowest_steady_preload, 'N')}")}  # fmt: skip
     for first, last in runs(kind):
         if missing[first]:
             hatch, reason = reasons[int(kind[first])]

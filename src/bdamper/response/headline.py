@@ -23,6 +23,8 @@ ENDS = {
 }
 NEAR_BEST = 1.2
 """Amplitude over the optimum that defines the printed range of acceptable preloads."""
+CLEARLY = 1.5
+"""Smallest ratio of the slopes on both sides of an optimum at which the headline names the steeper one."""
 GOOD, FAIR = 0.05, 0.2
 """Largest relative differences of a green and of an amber check."""
 SAFE = 1.5
@@ -49,7 +51,9 @@ def checks(curve: OptimalCurve) -> list[Check]:
     """Rate an optimal curve by its checks: green if passed, amber if uncertain, red if failed, white if not computed."""
     best = curve.optimum
     inside = best.kind not in ENDS
-    missing = int(np.count_nonzero(~np.isfinite(curve.amplitude) & (curve.preload > curve.lowest_steady_preload)))
+    known, edge = np.isfinite(curve.amplitude), curve.lowest_steady_preload
+    missing = bool(np.any(~known & (curve.preload > edge)))
+    steady = f", no steady response up to {amount(edge, 'N')}" if edge else ""
     beyond = f"{'above' if best.preload > np.median(curve.preload) else 'below'} {amount(best.preload, 'N')}"
     out = [
         Check("green" if inside else "red", "Optimum within the range", ENDS.get(best.kind, "inside"),
@@ -60,7 +64,7 @@ def checks(curve: OptimalCurve) -> list[Check]:
               "red if a lower value may exist at another preload",
               f"the search for the optimum is {best.status}",
               "run it to its end" if INTERRUPTED in best.status else "compute other preloads near it"),
-        Check("amber" if missing else "green", "A value at every preload", f"{len(curve) - missing} of {len(curve)}",
+        Check("amber" if missing else "green", "A value at every preload", f"{known.sum()} of {len(curve)}{steady}",
               "amber if a curve is incomplete"),
         _in_time(curve),
         _more_harmonics(curve),
@@ -142,14 +146,25 @@ def _preload(curve: OptimalCurve) -> str:
         where += f", least in time (harmonic balance alone: {amount(o.preload, 'N')})"
     known = [k.preload for k in curve.time_response if known_in_time(k)]
     if least is not None and best in (known[0], known[-1]):
-        where += f"; it may be less at {'lower' if best == known[0] else 'higher'} preloads"
+        where += f"; {'lower' if best == known[0] else 'higher'} preloads were not integrated"
     low, high = curve.preloads_within(NEAR_BEST * o.amplitude)
-    # the last computed preload also ends the range
-    computed = dict(zip(curve.preload, curve.amplitude)) | {c.preload: c.peak.amplitude for c in curve.curves if len(c)}
-    risen = all(computed.get(end, np.inf) > 0.95 * NEAR_BEST * o.amplitude for end in (low, high))
-    steep = f" and rises faster {'below' if o.preload**2 < low * high else 'above'}" if risen else ""
     within = f"the amplitude is within {percent(NEAR_BEST - 1.0)} of the minimum from {span(low, high, 'N')}"
-    return f"{where}; {within}{steep}."
+    return f"{where}; {within}{_steeper(curve)}."
+
+
+def _steeper(curve: OptimalCurve) -> str:
+    """Return the side of the optimum on which the amplitude rises clearly faster, by all values and lower bounds known."""
+    o, slopes = curve.optimum, ([0.0], [0.0])
+    amplitudes = np.where(np.isfinite(curve.amplitude), curve.amplitude, curve.lower_bound)
+    values = dict(zip(curve.preload, amplitudes)) | {c.preload: c.peak.amplitude for c in curve.curves if len(c)}
+    for preload, amplitude in values.items():
+        if amplitude > NEAR_BEST * o.amplitude:
+            distance = np.log(preload / o.preload)
+            slopes[int(distance > 0.0)].append(abs(np.log(amplitude / o.amplitude) / distance))
+    below, above = map(max, slopes)
+    if min(below, above) == 0.0 or max(below, above) < CLEARLY * min(below, above):
+        return ""
+    return f" and rises faster {'below' if below > above else 'above'}"
 
 
 def _amplitude(curve: OptimalCurve) -> str:

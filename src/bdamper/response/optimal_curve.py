@@ -390,7 +390,7 @@ def rattling_below(known: dict[float, AtPreload]) -> float:
 def _status(row: AtPreload | None, preload: float, edge: float, why: str) -> str:
     """Return the status of a preload: not found up to ``edge`` (N), below which the damper rattles, because of ``why``."""
     if preload <= edge:
-        return with_reason(NOT_FOUND, f"{NO_STEADY} below {edge:.6g} N: {why}")
+        return with_reason(NOT_FOUND, f"{NO_STEADY} up to {edge:.6g} N: {why}")
     return with_reason(NOT_FOUND, "no curve was followed") if row is None else row.status
 
 
