@@ -145,7 +145,7 @@ def main() -> None:
         study = turbine(friction, order)
         found = study.time_response(study.frequency_response(preload, (600.0, 720.0)), blades=blades)
         if (order, blades) == (10, 12):
-            save_figure(found.plot().figure, IMAGE)
+            save_figure(found.plot(), IMAGE)
         print(f"mu {friction:g}, engine order {order}, {preload:g} N, {blades} blades\n\n{found.summary()}\n")
         print("blades, \u00b5m: " + ", ".join(f"{1e6 * a:.1f}" for a in found.blades.mean(axis=0)) + "\n", flush=True)
 

@@ -87,8 +87,8 @@ def in_tail(sample: MistunedSample) -> float:
 def draw(sample: MistunedSample) -> None:
     """The pictures of docs/wheel.md: factors over the preload, their distribution at the highest, and one wheel."""
     percentiles = (50.0, 95.0)
-    save_figure(sample.plot("preload", percentiles=percentiles), IMAGES / "wheel-amplification.png")
-    save_figure(sample.plot("preload", quantity="amplitude", percentiles=percentiles), IMAGES / "wheel-preload.png")
+    save_figure(sample.plot(over="preload", percentiles=percentiles), IMAGES / "wheel-amplification.png")
+    save_figure(sample.plot(over="preload", quantity="amplitude", percentiles=percentiles), IMAGES / "wheel-preload.png")
     save_figure(sample.plot_tail(tail=in_tail(sample)), IMAGES / "wheel-tail.png")
     wheel = BladedDisk(study(1), Mistuning.random(sample.n_blades, DEVIATION, seed=(0, 1)))
     save_figure(wheel.peak(PRELOADS[-1]).plot_wheel(wheel.study.model), IMAGES / "wheel-front.png")

@@ -105,7 +105,7 @@ def main() -> None:
         shown = {"area": "contact area", "normal": "normal force", "reduced": "bonded frequency",
                  "stiffness": "normal stiffness", "peak": "peak amplitude"}  # fmt: skip
         title = f"With {few.points} points a face the peak differs by {100.0 * (few.peak / last.peak - 1.0):+.0f} %"
-        with drawing(title=title, legend=7.0) as ax:
+        with drawing(title=title, legend=6.5) as ax:
             for (key, label), colour, marker in zip(shown.items(), colours(len(shown)), MARKERS):
                 values = [100.0 * (getattr(r, key) / getattr(last, key) - 1.0) for r in rows]
                 ax.plot([r.points for r in rows], values, marker + "-", color=colour, markersize=5.0, label=label)

@@ -134,7 +134,7 @@ def print_microslip(points: int, figure: str | None) -> None:
         )  # fmt: skip
     if figure:
         title = f"Damper seated with {MICROSLIP_PRELOAD:g} N, pushed along its axis until it slides"
-        with drawing(title=title, legend=7.0) as ax:
+        with drawing(title=title, legend=6.5) as ax:
             for k, ((name, c), colour) in enumerate(zip(curves.items(), colours(len(curves)))):
                 whole = name == list(curves)[-1]
                 look = {"color": colour, "label": name}
@@ -167,7 +167,7 @@ def main() -> None:
         )
     if arguments.figure:
         names = [name_of(c) for c in CHOICES]
-        with drawing(title="Residual modes agree from five patterns on, other stiffnesses do not", legend=7.0) as ax:
+        with drawing(title="Residual modes agree from five patterns on, other stiffnesses do not", legend=6.5) as ax:
             for marker, preload, colour in zip("osD", PRELOADS, colours(len(PRELOADS))):
                 here = {r.method: r.amplitude for r in rows if r.preload == preload}
                 change = [100.0 * (here[n] / here[names[-1]] - 1.0) for n in names]

@@ -37,7 +37,7 @@ def main(wheels: int, harmonics: int, folder: Path) -> None:
         save_figure(factor.plot(), folder / "factor.png")
         over = bd.mistuned_sample(study, 0.02, PRELOADS, resume=folder / f"preload_{kept}", **ways)
         print(over)
-        save_figure(over.plot("preload", quantity="amplitude"), folder / "preload.png")
+        save_figure(over.plot(over="preload", quantity="amplitude"), folder / "preload.png")
     for q in (50.0, 99.0):
         print(over.best_preload(q))
 

@@ -51,14 +51,14 @@ def test_each_design_has_its_own_curve(study, found, tmp_path):
 
 def test_on_the_same_axes(study, found):
     measured = Measurement("rig", np.array([352.0, 354.0]), np.array([0.5, 0.7j]), unit="mm")
-    ax = found.plot(measured=[measured])
+    ax = found.plot(measured=[measured]).axes[0].axes[0]
     names = [text.get_text() for text in ax.get_legend().get_texts()]
     assert {"as it is", "smooth", "heavier", "rig"} <= set(names)
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("Frequency (Hz)", "Tip amplitude (µm)")
     losses = plot_together({name: study.dissipation(curve) for name, curve in list(found.results.items())[:1]})
     assert losses.get_ylabel() == "Equivalent damping ratio (%)"
     loops = plot_together({"a": study.hysteresis(found.curves[0]), "b": study.hysteresis(found.curves[0], 0)})
-    assert loops.get_ylabel() == "Equivalent force of all contacts (N)" and len(loops.get_lines()) == 2
+    assert loops.get_ylabel() == "Equivalent force of\nall contacts (N)" and len(loops.get_lines()) == 2
     assert loops.get_xlabel() == "Response (µm)"
     mass = bd.lumped(1.0, 0.02, 1.0, contacts=[bd.Contact(0, kt=1.0, mu=1.0, preload=1.0)], forces={0: 1.0})
     far = plot_together({"a mass": mass.hysteresis(mass.peak(0.0, (0.1, 0.3)))})
@@ -70,9 +70,9 @@ def test_optimal_curves(study):
     curve = study.optimal_curve((6e3, 8e3), 2, frequency=(340.0, 370.0), check=False)
     found = bd.compare({"rough": study, "smooth": {"friction_coefficient": 0.39}}, lambda _: curve)
     assert found.names == ("rough", "smooth") and not found.curves and len(found.optimal) == 2
-    ax = found.plot("shift")
+    ax = found.plot(quantity="shift").axes[0]
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("Preload (N)", "Frequency shift (%)")
-    assert found.plot().get_ylabel() == "Resonance amplitude (µm)"
+    assert found.plot().axes[0].get_ylabel() == "Resonance amplitude (µm)"
     plt.close("all")
 
 
@@ -121,4 +121,4 @@ def test_results_of_several_kinds_are_refused(study, found):
     with pytest.raises(bd.SettingError, match="results: expected response curves, optimal curves or hysteresis"):
         plot_together({"a": found.curves[0], "b": study.dissipation(found.curves[0])})
     with pytest.raises(bd.SettingError, match=r"quantity: expected one of \('amplitude',\), found 'shift'"):
-        found.plot("shift")
+        found.plot(quantity="shift")

@@ -92,7 +92,7 @@ def test_a_run_up_is_a_curve_over_speed(study, found, tmp_path):
     assert f"above the peak at fixed speed, {fixed}" in run.summary()
     assert "interpolation over speed leaves a residual of" in run.summary()
     assert "along engine order 5, at 4208.3 rpm (440.69 rad/s)" in run._headline()
-    assert run.plot().get_xlabel() == "Rotor speed (rpm)" and run.columns()["speed"].unit == "rad/s"
+    assert run.plot().axes[0].get_xlabel() == "Rotor speed (rpm)" and run.columns()["speed"].unit == "rad/s"
     run.save(tmp_path / "run.h5")
     again = bd.load(tmp_path / "run.h5")
     np.testing.assert_array_equal(again.speed, run.speed)
@@ -131,9 +131,9 @@ def test_pictures_of_crossings(study, found):
     with pytest.raises(bd.SettingError, match="quantity: these crossings have no margin"):
         plot_crossings(found, quantity="margin")
     campbell = study.campbell(SPEEDS, [5], modes=1, damped=found)
-    labels = campbell.plot().get_legend_handles_labels()[1]
+    labels = campbell.plot().axes[0].get_legend_handles_labels()[1]
     assert labels[:2] == ["free, nodal diameter 5", "stuck"] and labels[-1].startswith("damped, ")
-    assert campbell.plot_safe(500.0).get_title() == "4775 rpm"
+    assert campbell.plot_safe(500.0).axes[0].get_title() == "4775 rpm"
     with pytest.raises(bd.SettingError, match=r"damped: expected crossings, as Study\.resonance_crossings"):
         study.campbell(SPEEDS, [5], damped=bd.sweep(study, {"preload": [2e3]}, frequency=(340.0, 350.0)))
 

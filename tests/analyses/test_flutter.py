@@ -30,7 +30,7 @@ def test_limit_cycles_are_those_of_the_closed_form(tmp_path):
     assert quiet.stable.tolist() == [True] and np.isinf(quiet.safe).all()
     lost = oscillator(1).flutter(0.0, -0.2, amplitude=(0.01, 30.0))
     assert lost.stable.tolist() == [False] and (lost.safe == 0.0).all()
-    assert found.plot().get_yscale() == "log"
+    assert found.plot().axes[0].get_yscale() == "log"
     found.save(tmp_path / "flutter.h5")
     assert bd.load(tmp_path / "flutter.h5").summary() == found.summary()
 

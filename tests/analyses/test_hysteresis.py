@@ -138,7 +138,8 @@ def test_of_an_optimal_curve(study):
         (lambda s, c: s.replace(friction_coefficient=0.3).dissipation(c), "other settings"),
         (lambda s, c: s.hysteresis(c, 10**6), "index of a point: expected"),
         (lambda s, c: s.hysteresis(c).loop("top"), "where: expected one of"),
-        (lambda s, c: s.hysteresis(c).plot(["whole", "left"]), 'where: expected contact points and faces, or "whole"'),
+        (lambda s, c: s.hysteresis(c).plot(where=["whole", "left"]),
+         'where: expected contact points and faces, or "whole"'),
     ],
 )
 def test_what_does_not_fit_is_refused(study, curve, wrong, message):
@@ -149,8 +150,9 @@ def test_what_does_not_fit_is_refused(study, curve, wrong, message):
 def test_pictures(study, curve, cycle):
     found = study.dissipation(curve)
     axes = [
-        cycle.plot(), cycle.plot(["left", "right"], direction="n"), cycle.plot(12), *cycle.plot_history(12),
-        *cycle.plot_energy()[:1], *found.plot(), *found.plot(over="frequency"),
+        *cycle.plot().axes, *cycle.plot(where=["left", "right"], direction="n").axes, *cycle.plot(where=12).axes,
+        *cycle.plot_history(12).axes,
+        *cycle.plot_energy().axes[:1], *found.plot().axes, *found.plot(over="frequency").axes,
     ]  # fmt: skip
     for ax in axes:
         units = "(N)", "(mN)", "(mJ)", "(µJ)", "(nm)", "(µm)", "(m)", "(mm)", "(kN/m)", "(%)", "(J)", "(Hz)", "(periods)"

@@ -392,7 +392,7 @@ class TestWarnings:
         monkeypatch.setattr(sys.modules["bdamper.analyses.sweep"], "optimal_curve", coarse)
         samples = {"friction_coefficient": [0.3]}
         result = bd.sweep(study, samples, OptimalTask((500.0, 3000.0), 5, INTERVAL))
-        assert result.plot().get_ylabel() == "Optimum amplitude (µm)"
+        assert result.plot().axes[0].get_ylabel() == "Optimum amplitude (µm)"
         assert result.values[0]["optimum_status"] == "incomplete: lost"
         assert result.values[0]["optimum_uncertainty"] == 0.1
         expected = (

@@ -110,7 +110,7 @@ def test_map_of_the_contact(tmp_path):
     assert again.interface == contact.interface
     np.testing.assert_array_equal(again.frame, contact.frame)
     for quantity in ("pressure", "gap", "friction"):
-        assert all(ax.has_data() for ax in np.ravel(again.plot(quantity)))
+        assert all(ax.has_data() for ax in again.plot(quantity=quantity).axes)
     with pytest.raises(bd.BdamperError, match="this static state has no contact faces"):
         replace(again, points=None).plot()
 

@@ -288,9 +288,9 @@ def test_what_was_not_followed_is_data(gap, status, tmp_path):
     assert all(text in curve.summary() for text in told)
     curve.save(tmp_path / "curve.h5")
     assert bd.load(tmp_path / "curve.h5").missing_ranges == left
-    labels = [text.get_text() for text in curve.plot().get_legend().get_texts()]
+    labels = [text.get_text() for text in curve.plot().axes[0].get_legend().get_texts()]
     assert "not computed" in labels
-    assert "not computed" not in [text.get_text() for text in whole.plot().get_legend().get_texts()]
+    assert "not computed" not in [text.get_text() for text in whole.plot().axes[0].get_legend().get_texts()]
 
 
 def test_support_is_drag_on_the_vibration_and_spring_on_the_mean_of_free_bodies():

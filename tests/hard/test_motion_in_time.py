@@ -118,14 +118,14 @@ def test_a_stable_solution(study, curve):
     assert found.mean == pytest.approx(curve.amplitude[3], rel=0.01)
     assert (found.preload, found.model_hash) == (50.0, study.model.hash)
     assert "periodic" in found._headline() and found.blades.shape == (15, 1) and len(found.columns()["period"].values) == 30
-    assert found.plot().get_xlabel() == "Period of the excitation"
+    assert found.plot().axes[0].get_xlabel() == "Period of the excitation"
 
 
 def test_without_an_index_it_is_the_peak(study, curve):
     found = study.motion_in_time(curve)
     assert found.verdict == "agrees" and found.status == "complete" and found.reason in found._headline()
     assert (found.frequency, found.balance) == (curve.peak.frequency, curve.peak.amplitude)
-    assert found.plot().get_title().endswith(": agrees")
+    assert found.plot().axes[0].get_title().endswith(": agrees")
     last, expected = found.harmonics[-1, 1:], curve.harmonics[curve.peak_index, 1:]
     assert found.distance == pytest.approx(np.linalg.norm(last - expected) / np.linalg.norm(expected), rel=1e-6)
     few = study.motion_in_time(curve, periods=5, steps_per_period=400)

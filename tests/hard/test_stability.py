@@ -130,7 +130,7 @@ def test_a_neutral_position_has_no_sign():
     assert set(judged.labels) <= said and judged.unstable_count == judged.unstable.sum()
     signs = replace(judged, unstable=np.arange(len(judged)) % 2 == 1)
     assert set(signs.labels[::2]) == {min(said)} and set(signs.labels[1::2]) == {max(said)}
-    assert "unstable (det J < 0)" in signs.plot().get_legend_handles_labels()[1]
+    assert "unstable (det J < 0)" in signs.plot().axes[0].get_legend_handles_labels()[1]
 
 
 def test_stuck_sliders_are_left_out():

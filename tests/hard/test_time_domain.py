@@ -65,7 +65,7 @@ def test_ring_of_sectors_keeps_the_travelling_wave():
     cost = result.cost
     assert cost.evaluations >= 20 * CRITERIA.steps
     assert cost.contact == 0.0 < cost.time_integration <= cost.core < cost.processor
-    assert result.plot().get_xlabel() == "Period of the excitation"
+    assert result.plot().axes[0].get_xlabel() == "Period of the excitation"
 
 
 def rig(law, contact_forces="event_driven", harmonics=5):

@@ -278,7 +278,7 @@ def test_report_and_file(built, tmp_path):
     for words in ("Import report", "Frequencies of the sector", "mass 0.0689984 kg", "Interfaces", "100 % of face a"):
         assert words in text
     assert len(text.splitlines()) < 66  # one page
-    assert built.plot().has_data()
+    assert built.plot().axes[0].has_data()
     built.save(tmp_path / "model.h5")
     loaded = load_model(tmp_path / "model.h5")
     assert loaded.hash == built.model.hash

@@ -187,7 +187,7 @@ def test_percentiles_of_the_stored_wheels_carry_the_errors_of_their_peaks():
     assert "(2.06 to 2.39)" in found._headline()
     ends = found.percentile(50.0, "frequency")[::2]
     assert np.isin(ends, found.frequency).all(), "frequencies do not have the error of the amplitude"
-    axes = found.plot_tail(preload=1000.0)
+    axes = found.plot_tail(preload=1000.0).axes[0]
     span = axes.patches[-1].get_extents().transformed(axes.transData.inverted())
     np.testing.assert_allclose([span.x0, span.x1], [low[1], high[1]])
 
@@ -199,7 +199,7 @@ def test_tails_of_the_stored_wheels_are_drawn(seen):
     if not seen:
         rare = 1.0 - 0.02 * np.log(1.0 - (np.arange(len(sample)) + 0.5) / len(sample))
         sample = replace(sample, amplitude=np.repeat(rare * 4e-4, 3).reshape(-1, 1, 3))
-    fit, axes = sample.tail(preload=preload), sample.plot_tail(preload=preload)
+    fit, axes = sample.tail(preload=preload), sample.plot_tail(preload=preload).axes[0]
     words = [text.get_text() for text in axes.get_legend().get_texts()]
     assert len(sample) == 300 and (fit.bound < 2.0 * np.nanmax(sample.amplification)) == seen
     assert any("no finite bound" in text for text in words) != seen

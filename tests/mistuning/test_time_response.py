@@ -82,12 +82,12 @@ def test_what_is_not_kept_has_no_amplitude(monkeypatch):
     assert balance[peak.blade] < 0.85 * peak.amplitude
     np.testing.assert_allclose(fallen.blades.mean(axis=0), balance, atol=0.15 * balance.max())
     assert "fall " not in fallen.summary() and "diameters" not in fallen.summary()
-    bars = fallen.plot().patches
+    bars = fallen.plot().axes[0].patches
     assert [b.get_height() for b in bars] == list(fallen.blades.mean(axis=0))
     fails_after(monkeypatch, 3)
     failed = wheel.time_response(peak, steps_per_period=32)
     assert failed.status.startswith("not found: the time integration fails near ") and np.isnan(failed.highest)
-    assert np.isnan(failed.blades).all() and failed.blades.shape == (1, N) and failed.plot().patches
+    assert np.isnan(failed.blades).all() and failed.blades.shape == (1, N) and failed.plot().axes[0].patches
 
 
 def test_what_cannot_be_integrated_is_refused():

@@ -30,7 +30,7 @@ def margins():
 
 
 def test_haigh_diagram_has_the_lines_and_every_point(margins):
-    axes = margins.plot()
+    (axes,) = margins.plot().axes
     lines = {line.get_label(): line for line in axes.lines}
     assert {"Goodman", "Gerber", "Soderberg", "points", "next to contact", "critical"} <= set(lines)
     assert_allclose(lines["points"].get_xdata(), [200.0, 150.0])
@@ -44,7 +44,7 @@ def test_stress_over_the_cycle_is_drawn_at_the_critical_point():
     seen = np.ones(2, bool)
     at = {"points": np.zeros((2, 3)), "names": ("a 1", "a 2"), "counted": seen, "spread": np.zeros(2)}
     cycle = StressCycle(coefficients, **at, **SOLUTION)
-    axes = cycle.plot()
+    (axes,) = cycle.plot().axes
     whole = next(line for line in axes.lines if line.get_label() == "von Mises")
     assert whole.get_ydata().max() == pytest.approx(150.0) and "a 2" in axes.get_title()
 
@@ -57,7 +57,7 @@ def test_curves_in_the_same_axes_differ_by_line_and_marker(margins):
     curve = MarginCurve(
         over="damper mass", unit="kg", values=mass, margin=least, response=np.array([1e-4, 2e-4]), **both, **columns
     )
-    axes = curve.plot()
+    axes = curve.plot().axes[0]
     assert axes.get_xlabel() == "Damper mass (kg)" and len(axes.figure.axes) == 2
     axes = plot_margin(curve, label="one")
     plot_margin(curve, axes, label="two")
@@ -70,7 +70,7 @@ def test_the_critical_location_is_drawn_on_its_body(margins):
     points, rows = margins.points, {0: np.zeros((3, 6, 5))}
     meshes = {"blade": replace(next(iter(model.meshes.values())))}
     model = replace(model, meshes=meshes, stress={"root": StressSet("root", "blade", points, rows)})
-    axes = margins.plot_critical(model)
+    axes = margins.plot_critical(model).axes[0]
     assert len(axes.collections) == 3  # surface, points, the critical one
     with pytest.raises(SettingError, match="expected a mesh of"):
         margins.plot_critical(replace(model, meshes={}))

@@ -54,7 +54,7 @@ def test_what_a_blade_keeps_has_a_margin_of_its_own(study, curve, tmp_path):
     assert one.preload == p and one.least == pytest.approx(study.margin(study.peak(p), AISI_1050).least / 1.2, rel=1e-6)
     said = f"At {amount(p, 'N')} it is {one.least:.3g} in time, vibration scaled by 1.2: the highest blade reaches"
     assert said in found._headline() and said in replace(curve, margins=(found,)).summary()
-    assert "highest blade in time" in found.plot().get_legend_handles_labels()[1]
+    assert "highest blade in time" in found.plot().axes[0].get_legend_handles_labels()[1]
     plt.close("all")
     found.save(tmp_path / "margins.h5")
     assert bd.load(tmp_path / "margins.h5").in_time[0].least == one.least

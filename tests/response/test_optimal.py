@@ -363,7 +363,7 @@ def test_a_picture_marks_what_is_not_known(result):
     onward = np.append(False, np.isfinite(amplitude[1:] + amplitude[:-1]))
     curve = replace(result, amplitude=amplitude, lower_bound=bound, goes_on=onward)
     for shown, mark in ((curve, "k"), (replace(curve, optimum=replace(curve.optimum, status="incomplete: lost")), "w")):
-        ax = shown.plot()[0]
+        ax = shown.plot().axes[0]
         labels = ax.get_legend_handles_labels()[1]
         assert {"no value: no peak found", "no value: curve incomplete", "lower bound"} <= set(labels)
         assert sum(patch.get_hatch() is not None for patch in ax.patches) == 2
@@ -379,7 +379,7 @@ def test_a_picture_is_dotted_from_one_peak_to_another_alone(result):
     mpl.use("Agg")
     places = np.arange(len(result))
     curve = replace(result, goes_on=~np.isin(places, [0, 8]))
-    for ax in curve.plot():
+    for ax in curve.plot().axes:
         dotted = [list(line.get_xdata()) for line in ax.lines if line.get_linestyle() == ":"]
         assert [x for x in dotted if x and x[0] > 1.0] == [result.preload[7:9].tolist()]  # others start at 0: limits
 

@@ -41,7 +41,7 @@ def test_by_default_it_is_computed_at_the_optimum_and_above(study, curve, monkey
     assert f"Amplitude for the stress: {amount(one.highest_period, 'm')}; in time " in found._headline()
     found.save(tmp_path / "optimal.h5")
     assert bd.load(tmp_path / "optimal.h5").time_response == found.time_response
-    ax = found.plot()[0]
+    ax = found.plot().axes[0]
     assert "highest blade in time, and range" in ax.get_legend_handles_labels()[1]
     plt.close("all")
 
@@ -58,7 +58,7 @@ def test_neighbours_on_request(study, curve, monkeypatch):
     assert f"Preload: {at}" in said and f"Amplitude for the stress: {most}" in said
     assert ("preloads were not integrated" in said) == (least.preload != best)
     assert ("optimum in time", least._headline()) in [fact[:2] for fact in found._facts()]
-    assert "least in time" in found.plot()[0].get_legend_handles_labels()[1]
+    assert "least in time" in found.plot().axes[0].get_legend_handles_labels()[1]
     plt.close("all")
     low, middle, high = found.time_response
     half = replace(middle, highest=0.5 * low.highest, highest_period=0.5 * low.highest)

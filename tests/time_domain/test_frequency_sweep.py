@@ -113,8 +113,8 @@ def test_an_integration_that_fails_is_no_sweep(linear, monkeypatch):
 def test_it_is_drawn_written_and_read(linear, tmp_path):
     found = linear.frequency_sweep(0.0, BAND, rate=usual(1.0))
     curve = linear.frequency_response(0.0, BAND)
-    ax = curve.plot()
-    assert found.plot(ax=ax) is ax and len(ax.get_legend().get_texts()) == 2
+    (ax,) = curve.plot().axes
+    assert found.plot(ax=ax.figure) is ax.figure and len(ax.get_legend().get_texts()) == 2
     found.to_csv(tmp_path / "sweep.csv")
     assert (tmp_path / "sweep.csv").read_text().count("\n") > len(found)
     found.save(tmp_path / "sweep.h5")

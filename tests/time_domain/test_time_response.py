@@ -157,7 +157,7 @@ def test_energies_and_blades_of_the_last_periods(found):
 
 
 def test_a_response_in_time_marks_a_picture(bent, found):
-    ax = found.mark(bent[1].plot())
+    ax = found.mark(bent[1].plot()).axes[0].axes[0]
     assert "highest blade in time, and range" in ax.get_legend_handles_labels()[1]
     plt.close("all")
 
@@ -382,7 +382,7 @@ def test_blades_that_part_are_said_and_drawn(found, tmp_path):
     read = bd.load(tmp_path / "parted.h5")
     np.testing.assert_array_equal(read.blades, blades)
     assert read == parted and read.answers == parted.answers and read.energy == parted.energy
-    heights = [bar.get_height() for bar in read.plot().patches]
+    heights = [bar.get_height() for bar in read.plot().axes[0].patches]
     np.testing.assert_allclose(heights, blades.mean(axis=0))
     plt.close("all")
     with pytest.raises(bd.BdamperError, match="this result has no motion of blades in time"):

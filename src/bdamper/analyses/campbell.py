@@ -33,7 +33,7 @@ from bdamper.util.display import Fact, Plottable, draw
 from bdamper.util.errors import BdamperError
 from bdamper.util.formatting import amount, percent, short_repr
 from bdamper.util.progress import CostMeter, one_thread, with_progress
-from bdamper.util.storage import Recorded, Storable
+from bdamper.util.storage import FilePath, Recorded, Storable
 from bdamper.util.tables import Hertz, Numbers, RadiansPerSecond, Tabular
 
 
@@ -107,9 +107,9 @@ class Campbell(Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
                 rows += [(order, m + 1, *speeds) for speeds in zip_longest(*at, fillvalue=np.nan)]
         return np.array(rows, float).reshape(-1, 4)
 
-    def plot_safe(self, speed: float | None = None, ax: Any = None, **options: Any) -> Any:
+    def plot_safe(self, speed: float | None = None, path: FilePath | None = None, **options: Any) -> Any:
         """Draw the interference diagram at a speed in rad/s (:func:`bdamper.plot.plot_safe`)."""
-        return draw(self, "plot_safe", speed, ax, **options)
+        return draw(self, "figure", "plot_safe", path, speed, **options)
 
     def _grid(self) -> dict[str, Any]:
         return {"nodal_diameter": self.nodal_diameter, "speed": self.speed, "mode": np.arange(1, self.free.shape[2] + 1)}

@@ -50,7 +50,7 @@ from bdamper.util.display import Comparable, Fact, Plottable, draw
 from bdamper.util.errors import COMPLETE, FAILED, ModelError, SettingError, with_reason
 from bdamper.util.formatting import amount, peak_text, percent, short_repr
 from bdamper.util.progress import one_thread
-from bdamper.util.storage import Recorded, Storable
+from bdamper.util.storage import FilePath, Recorded, Storable
 from bdamper.util.tables import ROW, Column, Quantity, Tabular
 
 AXES = ("t1", "t2", "n")
@@ -224,13 +224,13 @@ class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamp
         moved = np.average(self.displacement[rows, k], axis=0, weights=self.area[rows])
         return moved - moved[:-1].mean(), self.force[rows, k].sum(axis=0)
 
-    def plot_history(self, where: int, **options: Any) -> Any:
+    def plot_history(self, where: int, path: FilePath | None = None, **options: Any) -> Any:
         """Draw forces and gap of one contact point over time (:func:`bdamper.plot.plot_history`)."""
-        return draw(self, "history", where, **options)
+        return draw(self, "figure", "history", path, where, **options)
 
-    def plot_energy(self, **options: Any) -> Any:
+    def plot_energy(self, path: FilePath | None = None) -> Any:
         """Draw the energy dissipated per cycle on the faces (:func:`bdamper.plot.plot_energy`)."""
-        return draw(self, "energy", **options)
+        return draw(self, "figure", "energy", path)
 
     def _facts(self) -> tuple[Fact, ...]:
         return super()._facts() if self.single else ()

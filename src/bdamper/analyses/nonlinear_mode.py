@@ -29,7 +29,7 @@ from bdamper.response.branches import Piece, evaluation_budget, in_order
 from bdamper.response.continuation import TWO_PI, follow
 from bdamper.response.events import ContinuationOptions, Path
 from bdamper.util import validation
-from bdamper.util.display import Comparable, Plottable
+from bdamper.util.display import Comparable, InContact
 from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, SettingError
 from bdamper.util.formatting import amount, peak_text, short_repr
 from bdamper.util.progress import Cost, CostMeter, one_thread
@@ -39,7 +39,7 @@ from bdamper.util.tables import ROW, FrequencySeries, Hertz, Kinds, Numbers, Per
 
 @short_repr
 @dataclass(frozen=True)
-class NonlinearMode(Plottable, Comparable, FrequencySeries, Tabular, Recorded, Storable, kind="bdamper-nonlinear-mode"):
+class NonlinearMode(InContact, Comparable, FrequencySeries, Tabular, Recorded, Storable, kind="bdamper-nonlinear-mode"):
     """Free vibration of a structure with friction: frequency and damping over amplitude.
 
     Every point is a converged periodic motion. ``plot`` draws frequency and damping over amplitude

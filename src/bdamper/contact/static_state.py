@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
 
 from bdamper.contact.laws import OwnLaws, PointArrays
-from bdamper.util.display import Plottable
+from bdamper.util.display import InContact
 from bdamper.util.formatting import amount, short_repr
 from bdamper.util.progress import Cost
 from bdamper.util.storage import Storable
@@ -100,7 +100,7 @@ class StaticSystem:
 
 @short_repr
 @dataclass(frozen=True)
-class PreloadState(Plottable, Tabular, Storable, kind="bdamper-static", row="contact_point"):
+class PreloadState(InContact, Tabular, Storable, kind="bdamper-static", row="contact_point"):
     """Static contact state under a load.
 
     ``plot`` draws pressure, gap or friction utilisation over the faces (:func:`bdamper.plot.plot_static`).

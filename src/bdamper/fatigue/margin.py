@@ -24,7 +24,7 @@ from bdamper.util import validation
 from bdamper.util.display import Comparable, Plottable, draw
 from bdamper.util.errors import COMPLETE, BdamperError, status_word
 from bdamper.util.formatting import UNITS, amount, short_repr
-from bdamper.util.storage import Recorded, Storable
+from bdamper.util.storage import FilePath, Recorded, Storable
 from bdamper.util.tables import ROW, Column, Hertz, Metres, Newtons, Numbers, Quantity, RadiansPerSecond, Tabular
 
 
@@ -156,9 +156,9 @@ class Margins(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, kind
             out.append(f"{int((~self.counted).sum())} points on or next to contact faces are left out")
         return tuple(out)
 
-    def plot_critical(self, model: Any) -> Any:
+    def plot_critical(self, model: Any, path: FilePath | None = None) -> Any:
         """Draw the points on the body in 3-D, coloured by their factor (:func:`bdamper.plot.plot_critical`)."""
-        return draw(self, "plot_critical", model)
+        return draw(self, "figure", "plot_critical", path, model)
 
     def _headline(self) -> str:
         i = self.critical

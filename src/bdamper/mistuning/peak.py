@@ -34,7 +34,7 @@ from bdamper.util.display import Plottable, draw
 from bdamper.util.errors import COMPLETE, HELD, INCOMPLETE, NOT_FOUND
 from bdamper.util.formatting import amount, peak_text, short_repr
 from bdamper.util.progress import Cost, CostMeter, one_thread
-from bdamper.util.storage import Recorded, Storable
+from bdamper.util.storage import FilePath, Recorded, Storable
 
 
 @short_repr
@@ -123,9 +123,9 @@ class DiskPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
         """Amplitudes (n_blades,) of the travelling waves of 0 to N - 1 nodal diameters in the first harmonic, m."""
         return np.asarray(np.abs(np.fft.fft(self.response[:, 1])) / len(self.response))
 
-    def plot_wheel(self, model: Model, *arguments: Any, **options: Any) -> Any:
+    def plot_wheel(self, model: Model, path: FilePath | None = None, **options: Any) -> Any:
         """Draw the disk from the front, blades coloured by their amplitude (:func:`bdamper.plot.plot_wheel`)."""
-        return draw(self, "plot_wheel", model, *arguments, **options)
+        return draw(self, "figure", "plot_wheel", path, model, **options)
 
     def _headline(self) -> str:
         if not np.isfinite(self.amplitude):

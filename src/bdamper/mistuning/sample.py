@@ -38,7 +38,7 @@ from bdamper.util.display import Fact, Plottable, Summarised, draw
 from bdamper.util.errors import COMPLETE, FAILED, NOT_RUN, BdamperError, SettingError, all_complete, status_word
 from bdamper.util.formatting import amount, short_repr
 from bdamper.util.progress import one_thread
-from bdamper.util.storage import INSTALLED, Recorded, ResultsFile, Storable
+from bdamper.util.storage import INSTALLED, FilePath, Recorded, ResultsFile, Storable
 from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Resonance, Seconds, Tabular
 
 
@@ -320,9 +320,9 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
             validation.number("tolerance", tolerance, above=0.0), tuple(status[n] for n in flat),
         )  # fmt: skip
 
-    def plot_tail(self, *arguments: Any, **options: Any) -> Any:
+    def plot_tail(self, path: FilePath | None = None, **options: Any) -> Any:
         """Draw the distribution of one cell with its tail (:func:`bdamper.plot.plot_sample_tail`)."""
-        return draw(self, "plot_tail", *arguments, **options)
+        return draw(self, "figure", "plot_tail", path, **options)
 
     def _grid(self) -> dict[str, Any]:
         return {"disk": self.disks, "standard_deviation": self.standard_deviation, "preload": self.preload}

@@ -44,6 +44,7 @@ from bdamper.util import validation
 from bdamper.util.display import Plottable, draw
 from bdamper.util.formatting import short_repr
 from bdamper.util.records import Data, GroupName, Record
+from bdamper.util.storage import FilePath
 
 # ---- Stress ----
 
@@ -334,9 +335,9 @@ class Model(Plottable, Record):
             start += n
         raise KeyError(f"body '{body}' has no port {port}; it has {list(self.bodies[body].ports)}")
 
-    def plot_mode(self, mode: int = 1, **options: Any) -> Any:
+    def plot_mode(self, mode: int = 1, path: FilePath | None = None, **options: Any) -> Any:
         """Draw a mode of a blade in 3-D, numbered from 1 (:func:`bdamper.plot.plot_mode`)."""
-        return draw(self, "plot_mode", mode, **options)
+        return draw(self, "figure", "plot_mode", path, mode, **options)
 
     def folded_nodal_diameter(self, harmonic_order: int) -> tuple[int, bool]:
         """Return the nodal diameter of a wave of this harmonic order, and whether its basis is the complex conjugate.

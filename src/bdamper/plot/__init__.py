@@ -14,6 +14,7 @@ from bdamper.plot.bodies import plot_import_report as plot_import_report
 from bdamper.plot.bodies import plot_mode as plot_mode
 from bdamper.plot.bodies import plot_model as plot_model
 from bdamper.plot.bodies import plot_surfaces as plot_surfaces
+from bdamper.plot.contact import plot_contacts as plot_contacts
 from bdamper.plot.contact import plot_dissipation as plot_dissipation
 from bdamper.plot.contact import plot_energy as plot_energy
 from bdamper.plot.contact import plot_history as plot_history

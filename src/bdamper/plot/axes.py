@@ -4,6 +4,7 @@ The style is in ``style.mplstyle``.  Conventions of all plots:
 
 * Response lines are dashed if they are known to be unstable, otherwise solid, and dotted at jumps.
 * Thin grey lines with names are the limits without contact (free) and with all contacts stuck.
+* A plot has the width of a column of a paper, and a frame without data contains a sentence that says why.
 * A red star is the optimum.  A green diamond with a bar is the mean and range of an amplitude in time.
 * Colours go from dark to light with increasing preload, distinct in grey print and for colour-blind readers.
 
@@ -14,26 +15,31 @@ from __future__ import annotations
 
 import inspect
 import io
+import re
+import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import wraps
 from itertools import pairwise
+from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, Locator, LogLocator, MaxNLocator, NullFormatter
-from matplotlib.transforms import ScaledTranslation
+from matplotlib.text import Text
+from matplotlib.ticker import AutoLocator, FuncFormatter, Locator, LogLocator, MaxNLocator, NullFormatter
+from matplotlib.transforms import ScaledTranslation, blended_transform_factory
 from numpy.typing import NDArray
 
 from bdamper.util import validation
-from bdamper.util.display import Plottable, draw, register_plot
+from bdamper.util.display import Plottable, Summarised, draw, register_plot
 from bdamper.util.formatting import FITTING, PREFIXES, unit_prefix
-from bdamper.util.storage import file_errors
+from bdamper.util.storage import FilePath, file_errors
 
 MARKERS = "osD^v<>pP*hX"
 MINUS = "\N{MINUS SIGN}"
@@ -50,6 +56,8 @@ DASHED = (0, (3, 1.5))
 """Line style of unstable solutions."""
 SUBS = {12.0: (1.0, 1.5, 2.0, 3.0, 5.0, 7.0), 100.0: (1.0, 2.0, 5.0), 1e4: (1.0, 3.0), np.inf: (1.0,)}
 """Multiples of powers of ten at the ticks of a logarithmic axis, by the largest ratio of its ends."""
+COLUMN, SMALL = 3.35, 6.5
+"""Width of a plot (inches) and the font size of names within it (points)."""
 NEW: Any = None
 """Default of ``ax``: the decorator :func:`picture` replaces it by new axes."""
 LIMITS: dict[str, dict[str, Any]] = {
@@ -64,52 +72,109 @@ def broken(branch: NDArray, *columns: NDArray) -> list[NDArray]:
     return [np.insert(column, np.flatnonzero(np.diff(branch)) + 1, np.nan, axis=0) for column in columns]
 
 
-def new_axes(width: float = 5.6, height: float = 3.6, rows: int = 1, **options: Any) -> Any:
-    """Return empty axes (size in inches), or an array of axes below each other with a common x axis."""
+class Picture(Figure):
+    """Figure that a notebook shows once, although inline figures appear without being returned by a cell."""
+
+    def _ipython_display_(self) -> None:
+        if "inline" not in plt.get_backend() or not plt.fignum_exists(getattr(self, "number", -1)):
+            raise NotImplementedError  # displayed like every other figure
+
+
+def new_axes(width: float = COLUMN, height: float = 2.4, rows: int = 1, columns: int = 1, **options: Any) -> Any:
+    """Return empty axes (size of the figure in inches), or an array of axes; axes below each other share the x axis."""
+    options = {"sharex": columns == 1, **options}
     with plt.rc_context(STYLE):
-        return plt.subplots(rows, 1, figsize=(width, height), sharex=True, **options)[1]
+        return plt.subplots(rows, columns, figsize=(width, height), FigureClass=Picture, **options)[1]
 
 
 @contextmanager
 def drawing(
-    ax: Axes | Sequence[Axes] | NDArray | None = None, *, size: tuple[float, float] = (5.6, 3.6), title: str = "",
-    legend: float | None = None, rows: int = 1,
+    ax: Axes | Figure | Sequence[Axes] | NDArray | None = None, *, size: tuple[float, float] = (COLUMN, 2.4),
+    title: str = "", legend: float | None = None, rows: int = 1, shown: Summarised | None = None,
 ) -> Iterator[Any]:  # fmt: skip
-    """Provide axes for a plot; set their title, units and legend at the end.
+    """Provide axes for a plot; set their title, units, legend and names at the end.
 
     Parameters
     ----------
-    ax : matplotlib axes, or an array of ``rows`` axes, optional
-        New axes of the given ``size`` (inches) by default.
+    ax : matplotlib axes, figure, or array of ``rows`` axes, optional
+        New axes of the given ``size`` (inches) by default; the first axes of a figure.
     title : str
     legend : float, optional
-        Font size of the legend; no legend by default.
+        Font size of the legend, which is below the last axes; no legend by default.
     rows : int
         Number of axes below each other.
+    shown : Summarised, optional
+        Result whose headline fills a frame without data.
     """
     with plt.rc_context(STYLE):
-        axes = np.ravel(np.asarray(new_axes(*size, rows) if ax is None else ax, object))
+        given = ax.axes[:rows] if isinstance(ax, Figure) else new_axes(*size, rows) if ax is None else ax
+        axes = np.ravel(np.asarray(given, object))
+        figure: Any = getattr(axes[0], "figure", None)
+        outer = not getattr(figure, "unfinished", False)  # whether no other plot draws into this figure at present
         if len(axes) != rows or not all(isinstance(each, Axes) for each in axes):
             raise validation.invalid(
                 "ax", f"{('one', 'two', 'three')[rows - 1]} axes", [type(each).__name__ for each in axes]
             )
+        figure.unfinished = True
         try:
             yield axes if rows > 1 else axes[0]
         except BaseException:
             if ax is None:
-                plt.close(axes[0].figure)
+                plt.close(figure)
             raise
+        finally:
+            figure.unfinished = not outer
         if title:
             axes[0].set_title(title)
         if legend is not None:
-            for each in axes:
-                legend_beside(each, legend)
-        for each in axes[0].figure.axes:
-            fit_units(each)
+            legend_beside(axes[-1], legend, *legend_entries(axes))
+        for each in axes:
+            known = np.isfinite(each.dataLim.get_points()).all()
+            if shown is not None and not known and "note" not in [text.get_gid() for text in each.texts]:
+                note(each, shown._headline(), empty=True)
+        if outer:
+            finish(figure)
+
+
+def finish(figure: Figure) -> None:
+    """Fit the units of all axes, break long titles, and place legends and names."""
+    for each in figure.axes:
+        fit_units(each)
+    _lay_out(figure)
+    if sum(map(_break_texts, figure.axes)):
+        _lay_out(figure)
+    for each in figure.axes:
+        _move_legend(each)
+    if any(text.get_gid() == "name" for each in figure.axes for text in each.texts):
+        _lay_out(figure)
+        for each in figure.axes:
+            place_names(each)
+
+
+def _lay_out(figure: Any) -> None:
+    """Compute the places of axes and texts."""
+    engine = figure.get_layout_engine()
+    if engine is None:
+        figure.draw_without_rendering()
+    else:
+        engine.execute(figure)
+
+
+def _break_texts(ax: Axes) -> bool:
+    """Break a title and labels that do not fit; return whether there is one."""
+    box, width, labels = ax.bbox, ax.figure.bbox.width, (ax.xaxis.label, ax.yaxis.label)
+    middle = 0.5 * (box.x0 + box.x1)
+    room = 2.0 * min(middle, width - middle) - 0.02 * width
+    sizes = [text.get_window_extent() for text in (ax.title, *labels)]
+    excess = (sizes[0].width / room, sizes[1].width / room, sizes[2].height / box.height)
+    long = [(text, k) for text, k in zip((ax.title, *labels), excess) if k > 1.0 and "\n" not in text.get_text()]
+    for text, k in long:
+        text.set_text(wrapped(text.get_text(), len(text.get_text()) // int(np.ceil(k)) + 4))
+    return bool(long)
 
 
 def picture(
-    shown: type = object, kind: str = "plot", *, size: tuple[float, float] = (5.6, 3.6), legend: float | None = 7.0,
+    shown: type = object, kind: str = "plot", *, size: tuple[float, float] = (COLUMN, 2.4), legend: float | None = SMALL,
     rows: int = 1,
 ) -> Callable[[Callable[..., None]], Callable[..., Any]]:  # fmt: skip
     """Return a decorator that registers a plot function for a type of result and provides its axes.
@@ -124,7 +189,9 @@ def picture(
         @wraps(function)
         def drawn(*arguments: Any, title: str = "", **options: Any) -> Any:
             bound = signature.bind(*arguments, **options)
-            with drawing(bound.arguments.get("ax"), size=size, title=title, legend=legend, rows=rows) as axes:
+            look: dict[str, Any] = {"size": size, "title": title, "legend": legend, "rows": rows}
+            subject = bound.args[0] if hasattr(bound.args[0], "_headline") else None
+            with drawing(bound.arguments.get("ax"), **look, shown=subject) as axes:
                 bound.arguments["ax"] = axes
                 function(*bound.args, **bound.kwargs)
             return axes
@@ -134,7 +201,18 @@ def picture(
     return enter
 
 
-def legend_beside(ax: Axes, size: float = 7.0, handles: Sequence[Any] = ()) -> None:
+# ---- Texts within the axes ----
+
+def legend_entries(axes: Sequence[Axes] | NDArray) -> tuple[list[Any], list[str]]:
+    """Return the artists with a label in all axes, and their labels, each label once."""
+    entries: dict[str, Any] = {}
+    for each in axes:
+        for handle, name in zip(*each.get_legend_handles_labels()):
+            entries.setdefault(name, handle)
+    return list(entries.values()), list(entries)
+
+
+def legend_beside(ax: Axes, size: float = SMALL, handles: Sequence[Any] = (), labels: Sequence[str] = ()) -> None:
     """Add a legend below the axes, in as many columns as fit.
 
     Parameters
@@ -142,19 +220,96 @@ def legend_beside(ax: Axes, size: float = 7.0, handles: Sequence[Any] = ()) -> N
     ax : matplotlib axes
     size : float
         Font size.
-    handles : sequence of matplotlib artists
+    handles, labels : sequence of matplotlib artists, sequence of str
         By default all artists with a label.
     """
-    entries = (handles, [h.get_label() for h in handles]) if handles else ax.get_legend_handles_labels()
-    if not entries[0]:
+    if not handles:
+        handles, labels = legend_entries([ax])
+    if not handles:
         return
-    longest = max(len(line) for name in entries[1] for line in str(name).split("\n"))
+    labels = labels or [str(h.get_label()) for h in handles]
+    longest = max(len(line) for name in labels for line in str(name).split("\n"))
     width = 0.55 * size * (longest + 8) * ax.figure.dpi / 72.0
-    columns = max(1, min(len(entries[0]), int(ax.bbox.width / width)))
-    margin = 0.45 if ax.get_xlabel() else 0.25  # inches for the numbers and the label of the axis
-    below = ax.transAxes + ScaledTranslation(0.0, -margin, ax.figure.dpi_scale_trans)
-    ax.legend(*entries, fontsize=size, ncols=columns, loc="upper center", bbox_to_anchor=(0.5, 0.0), bbox_transform=below)
+    columns = max(1, min(len(labels), int(ax.figure.bbox.width / width)))
+    legend = ax.legend(handles, labels, fontsize=size, ncols=columns, loc="upper center", columnspacing=1.2)
+    legend.set_gid("below")
+    _move_legend(ax, 0.36)  # about the height of numbers and label
 
+
+def _move_legend(ax: Axes, margin: float | None = None) -> None:
+    """Move a legend from `legend_beside` below the axes, by default below the numbers and the label (margin in inches)."""
+    legend = ax.get_legend()
+    if legend is None or legend.get_gid() != "below":
+        return
+    if margin is None:
+        box = ax.xaxis.get_tightbbox()
+        margin = 0.02 + (0.0 if box is None else max(0.0, ax.bbox.y0 - box.y0) / ax.figure.dpi)
+    below = ax.transAxes + ScaledTranslation(0.0, -margin, ax.figure.dpi_scale_trans)
+    if (place := ax.get_subplotspec()) is None or place.get_gridspec().ncols == 1:  # in the middle of the figure
+        below = blended_transform_factory(ax.figure.transFigure, below)
+    legend.set_bbox_to_anchor((0.5, 0.0), below)
+
+
+def note(ax: Axes, text: str, height: float = 0.5, *, empty: bool = False) -> None:
+    """Write a sentence into a frame, for results that were not found; an empty frame has no numbers."""
+    if empty:
+        ax.set(yticks=[], **{} if len(ax.get_shared_x_axes().get_siblings(ax)) > 1 else {"xticks": []})
+    look: dict[str, Any] = {"fontsize": SMALL, "ha": "center", "va": "center" if height == 0.5 else "bottom"}
+    ax.text(0.5, height, wrapped(text, 44), transform=ax.transAxes, bbox={"facecolor": "w", "edgecolor": "0.6"}, zorder=9.0,
+            gid="note", **look)  # fmt: skip
+
+
+def wrapped(text: str, columns: int) -> str:
+    """Break a text into lines, but not between a number and its unit."""
+    joined = re.sub(r"(\d) (?=\S{1,3}\b)", "\\1\xa0", text)
+    return textwrap.fill(joined, max(columns, 10), break_on_hyphens=False).replace("\xa0", " ")
+
+
+def name_point(ax: Axes, text: str, at: tuple[float, float], **style: Any) -> None:
+    """Write a name next to a point; `place_names` moves it to a free place."""
+    line = {"arrowstyle": "-", "color": "0.6", "linewidth": 0.4, "shrinkA": 0.0, "shrinkB": 2.0}
+    ax.annotate(text, at, xytext=(0, 3), textcoords="offset points", gid="name", fontsize=SMALL, ha="center",
+                arrowprops=line, **{"color": "0.25", **style})  # fmt: skip
+
+
+def place_names(ax: Axes) -> None:
+    """Move the names of points within the axes, away from lines and from each other."""
+    names = [text for text in ax.texts if text.get_gid() == "name"]
+    if not names:
+        return
+    taken = [text.get_window_extent() for text in ax.texts if text.get_gid() != "name"]
+    drawn = np.concatenate([_on_screen(line) for line in ax.lines] or [np.empty((0, 3))])
+    points, radius = drawn[:, :2], drawn[:, 2:]
+    sides = [(0, 1), (1, 1), (-1, 1), (1, 0), (-1, 0), (0, -1), (1, -1), (-1, -1)]
+    for text in names:
+        def cost(place: Any, text: Any = text) -> float:
+            distance, (right, up) = place
+            text.set(position=(distance * right, distance * up), ha=("center", "left", "right")[right],
+                     va=("center", "bottom", "top")[up])  # fmt: skip
+            box = Text.get_window_extent(text).padded(1.0)  # without its line
+            inside = (points + radius >= box.min) & (points - radius <= box.max)
+            outside = np.maximum([np.subtract(ax.bbox.min, box.min), np.subtract(box.max, ax.bbox.max)], 0.0)
+            overlaps = sum(box.overlaps(other) for other in taken)
+            return float(100.0 * overlaps + 10.0 * outside.sum() + 4.0 * inside.all(axis=1).sum() + 0.5 * distance)
+
+        cost(min(((distance, side) for distance in (3, 8, 14, 22) for side in sides), key=cost))
+        taken.append(Text.get_window_extent(text))
+
+
+def _on_screen(line: Any) -> NDArray:
+    """Return points (n, 2) in pixels along a line, a few pixels apart, and at its markers, with the radius of these."""
+    at = line.get_transform().transform(np.column_stack([np.ravel(x) for x in line.get_data(orig=False)]))
+    at = at[np.isfinite(at).all(axis=1)]
+    radius = 0.5 * line.get_markersize() * line.figure.dpi / 72.0 if line.get_marker() not in ("", "None", None) else 0.0
+    marks = np.column_stack([at, np.full(len(at), radius)])
+    if len(at) < 2 or line.get_linestyle() == "None":
+        return marks
+    length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(at, axis=0).T))])
+    along = np.arange(0.0, length[-1], 4.0)
+    return np.concatenate([marks, np.column_stack([*(np.interp(along, length, c) for c in at.T), 0.0 * along])])
+
+
+# ---- Units and numbers ----
 
 def fit_units(ax: Axes) -> None:
     """Scale the numbers and labels of axes to a fitting unit prefix, such as µm; simplify the ticks of logarithmic axes."""
@@ -164,13 +319,15 @@ def fit_units(ax: Axes) -> None:
             continue  # the label is on other axes that share this axis
         log = axis.get_scale() == "log"
         low, high = sorted(np.abs(axis.get_view_interval()))
-        name, _, unit = axis.get_label_text().rpartition(" (")
+        name, _, unit = axis.get_label_text().replace("\n", " ").rpartition(" (")
         base, scale = axis.label.get_gid() or unit.removesuffix(")"), 1.0
         if name and base in FITTING:
             prefix = unit_prefix(float(np.sqrt(low * high)) if log else float(high), base)
             scale = PREFIXES[prefix]
             axis.label.set_gid(base)  # the unit of the data, for the next call
             axis.set_label_text(f"{name} ({prefix.strip()}{base})")
+        if isinstance(axis.get_major_locator(), AutoLocator):
+            axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))  # so that long numbers do not touch
         if log:
             axis.set_major_locator(logarithmic(low, high))
             axis.set_minor_formatter(NullFormatter())
@@ -195,7 +352,7 @@ def plain_number(value: float) -> str:
     return np.format_float_positional(float(f"{value:.6g}"), trim="-").replace("-", MINUS)
 
 
-def save_figure(target: Axes | Figure | Sequence[Axes] | NDArray, path: Any, **options: Any) -> None:
+def save_figure(target: Axes | Figure | Sequence[Axes] | NDArray, path: FilePath | io.BytesIO, **options: Any) -> None:
     """Save a figure, or the figure of axes, to a file, and close it; ``options`` are passed to ``Figure.savefig``."""
     first = np.ravel(np.asarray(target, object))[0]
     figure = first if isinstance(first, Figure) else first.figure
@@ -204,11 +361,23 @@ def save_figure(target: Axes | Figure | Sequence[Axes] | NDArray, path: Any, **o
     plt.close(figure)
 
 
+@register_plot(Plottable, "figure")
+def figure_of(shown: Plottable, kind: str, path: FilePath | None = None, *arguments: Any, **options: Any) -> Figure:
+    """Draw an object, and save the figure if there is a path, which also closes its window."""
+    if path is not None:
+        ending = Path(validation.instance("path", path, (str, PathLike), "the name of a file")).suffix.lstrip(".")
+        validation.choice("ending of the path", ending, sorted(FigureCanvasBase.filetypes))
+    drawn = np.ravel(np.asarray(draw(shown, kind, *arguments, **options), object))[0]
+    if path is not None:
+        save_figure(drawn, path)
+    return cast(Figure, drawn.figure)
+
+
 @register_plot(Plottable, "image")
 def image_of(shown: Plottable, **options: Any) -> bytes:
     """Return the plot of an object as a file; a PNG for notebooks unless the options of ``savefig`` differ."""
     file = io.BytesIO()
-    save_figure(draw(shown, "plot"), file, **{"format": "png", "dpi": 100, **options})
+    save_figure(draw(shown, "plot"), file, **{"format": "png", "dpi": 160, **options})
     return file.getvalue()
 
 
@@ -257,9 +426,7 @@ def limit_line(ax: Axes, name: str, x: Sequence[float] | NDArray, y: Sequence[fl
     distance = np.where(np.isfinite(y), np.abs(np.asarray(x) - at), np.inf)
     if np.isfinite(distance).any():
         k = int(np.argmin(distance))
-        side = {0: "left", len(distance) - 1: "right"}.get(k, "center")  # within the axes
-        ax.annotate(name, (x[k], y[k]), xytext=(0, 2), textcoords="offset points", ha=side, fontsize=7.0,
-                    color=look["color"])  # fmt: skip
+        name_point(ax, name, (x[k], y[k]), color="0.4")
 
 
 def once(ax: Axes, name: str) -> str | None:

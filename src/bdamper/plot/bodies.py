@@ -8,20 +8,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgba
+from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.result_checks import asked
 from bdamper.importers.build import BuiltModel
 from bdamper.model.structure import Model
-from bdamper.plot.axes import STYLE, drawing, looks
+from bdamper.plot.axes import SMALL, STYLE, finish, looks, new_axes
 from bdamper.plot.motion import VIEW, sectors_shown, surface_motion
 from bdamper.util import validation
 from bdamper.util.display import register_plot
@@ -145,13 +146,17 @@ def plot_surfaces(surfaces: Sequence[Surface], ax: Axes | None = None, *, title:
     corners, shades = [], []
     for points, quads, colour in surfaces:
         corners.append(seen(points)[quads])
-        values = colour[quads].mean(axis=1) / top if isinstance(colour, np.ndarray) else None
-        shades.append(np.tile(to_rgba(colour), (len(quads), 1)) if values is None else plt.get_cmap("viridis")(values))
+        if isinstance(colour, np.ndarray):
+            shades.append(plt.get_cmap("viridis")(colour[quads].mean(axis=1) / top))
+            continue
+        normal = np.cross(corners[-1][:, 2] - corners[-1][:, 0], corners[-1][:, 3] - corners[-1][:, 1])
+        light = 0.7 + 0.3 * np.abs(normal @ [-0.3, 0.8, 0.5]) / np.maximum(np.linalg.norm(normal, axis=1), 1e-300)
+        shades.append(to_rgba(colour) * np.column_stack([light, light, light, np.ones(len(light))]))
     corner, shade = np.concatenate(corners), np.concatenate(shades)
     order = np.argsort(corner[..., 2].mean(axis=1))
     new = ax is None
     with plt.rc_context(STYLE):
-        ax = plt.subplots(figsize=(4.2, 4.6))[1] if ax is None else ax
+        ax = new_axes(height=3.2) if ax is None else ax
         look = {"edgecolors": "0.35", "linewidths": 0.15}
         ax.add_collection(PolyCollection(list(corner[order, :, :2]), facecolors=shade[order], **look))  # type: ignore[arg-type]
         if new:
@@ -160,6 +165,10 @@ def plot_surfaces(surfaces: Sequence[Surface], ax: Axes | None = None, *, title:
             ax.set_axis_off()
             _scale(ax)
     return ax
+
+
+TINT = {"constrained": "#dde4ea", "free": "#e8b563", "ground": "#cccccc"}
+"""Colours of the kinds of bodies."""
 
 
 def seen(points: Any) -> NDArray:
@@ -174,34 +183,51 @@ def _scale(ax: Axes) -> None:
     decade = 10.0 ** np.floor(np.log10(0.3 * size))
     length, y = decade * max(m for m in (1, 2, 5) if m * decade <= 0.3 * size), low - 0.06 * size
     ax.plot([left, left + length], [y, y], color="k", linewidth=1.5, solid_capstyle="butt")
-    ax.annotate(f"{length:g} mm", (left, y), xytext=(0, -3), textcoords="offset points", va="top", fontsize=8.0)
-    start = np.array([left + length + 0.2 * size, y])
+    ax.annotate(f"{length:g} mm", (left, y), xytext=(0, -3), textcoords="offset points", va="top", fontsize=SMALL)
     for name, direction in zip("XYZ", VIEW[:2].T):
-        end = start + 0.08 * size * direction
-        ax.plot([start[0], end[0]], [start[1], end[1]], color="k", linewidth=0.9)
-        x, y = (float(coordinate) for coordinate in start + 0.11 * size * direction)
-        ax.text(x, y, name, ha="center", va="center", fontsize=7.0)
+        look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": SMALL, "annotation_clip": False}
+        ax.annotate(name, (left + length + 0.15 * size, y), xytext=20.0 * direction, textcoords="offset points",
+                    arrowprops={"arrowstyle": "-", "shrinkB": 0.0}, **look)  # fmt: skip
 
 
 @register_plot(Model)
 def plot_model(model: Model) -> Axes:
-    """Plot the bodies at rest with their contact points.
+    """Plot the bodies at rest, and next to them their contact points enlarged.
 
     Free bodies are drawn over the others, which would hide them.
     """
-    tint = {"constrained": "#dde4ea", "free": "#e8b563", "ground": "#cccccc"}
     kinds: dict[bool, list[Surface]] = {False: [], True: []}
+    named = {}
     for name, _, rotation in sectors_shown(model):
         mesh, kind = model.meshes[name], model.bodies[name].kind
-        kinds[kind == "free"].append((mesh.points @ rotation.T, mesh.quads, tint[kind]))
+        kinds[kind == "free"].append((mesh.points @ rotation.T, mesh.quads, TINT[kind]))
+        named[name] = Patch(facecolor=TINT[kind], edgecolor="0.35", linewidth=0.5, label=name)
     validation.check(kinds[False] or kinds[True], "plot of a model", "at least one body with a mesh", "none")
-    ax = plot_surfaces([*kinds[False], *kinds[True]])
-    if kinds[False] and kinds[True]:
-        plot_surfaces(kinds[True], ax=ax)
-    with drawing(ax, legend=7.0):
-        for (name, face), look in zip(model.interfaces.items(), looks(len(model.interfaces))):
-            ax.plot(*seen(face.points)[:, :2].T, **{**look, "linestyle": ""}, label=name)
-    return ax
+    points = [seen(face.points)[:, :2] for face in model.interfaces.values()]
+    corners = np.concatenate([seen(surface[0])[:, :2] for surface in (*kinds[False], *kinds[True])])
+    low, high = (f(np.concatenate(points or [corners]), axis=0) for f in (np.min, np.max))
+    near = bool(points) and (high - low).max() < 0.35 * np.ptp(corners, axis=0).max()
+    both = np.ravel(new_axes(height=3.2, columns=2 if near else 1, width_ratios=(1.0, 1.4) if near else None))
+    with plt.rc_context(STYLE):
+        for ax in both:
+            plot_surfaces([*kinds[False], *kinds[True]], ax=ax)
+            if kinds[False] and kinds[True]:
+                plot_surfaces(kinds[True], ax=ax)
+            ax.autoscale_view()
+            ax.set(aspect="equal")
+            ax.set_axis_off()
+        _scale(both[0])
+        for face, look, name in zip(points, looks(len(points)), model.interfaces):
+            both[-1].plot(*face.T, **{**look, "linestyle": ""}, label=f"contact {name}")
+        if near:
+            middle, half = 0.5 * (low + high), 0.65 * (high - low).max()
+            both[-1].set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - half, middle[1] + half))
+            both[-1].set_title("contacts, enlarged")
+        figure = both[0].figure
+        handles = [*named.values(), *both[-1].get_legend_handles_labels()[0]]
+        figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=SMALL)
+        finish(figure)
+    return cast(Axes, both[0])
 
 
 @register_plot(Model, "plot_mode")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -15,13 +15,18 @@ from numpy.typing import NDArray
 
 from bdamper.analyses.hysteresis import AXES, WHOLE, Hysteresis
 from bdamper.contact.static_state import PreloadState
+from bdamper.harmonic_balance.problem import Problem
+from bdamper.harmonic_balance.result_checks import Asking, check_result, problem_of
 from bdamper.model.structure import Model
-from bdamper.plot.axes import NEW, STYLE, drawing, fit_units, legend_beside, looks, picture
-from bdamper.plot.motion import STATES, ContactStatus
+from bdamper.plot.axes import COLUMN, NEW, SMALL, STYLE, drawing, finish, legend_beside, looks, new_axes, picture
+from bdamper.plot.motion import PLAIN, STATES, ContactStatus, contact_status
 from bdamper.plot.studies import draw_table
+from bdamper.response.highest_peak import highest_peak
+from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.peak import Peak
+from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import validation
-from bdamper.util.display import register_plot
+from bdamper.util.display import InContact, register_plot
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.formatting import amount
 from bdamper.util.tables import axis_label as label_of
@@ -51,7 +56,7 @@ def plot_status_bars(
     points = validation.integers("points", points, most=len(status.parts) - 1)
     direction = validation.integer("direction", direction, 0, 1)
     period = 2.0 * np.pi
-    with drawing(ax, size=(5.2, 0.9 + 0.32 * len(points)), title=title) as ax:
+    with drawing(ax, size=(COLUMN, 0.8 + 0.22 * len(points)), title=title) as ax:
         for row, point in enumerate(points):
             for start, end, state in status.parts[point][direction]:
                 left = np.array([start, start - period]) / period  # a part may continue past the end of the period
@@ -66,8 +71,11 @@ def plot_status_bars(
 
 
 def _status_legend(ax: Axes) -> None:
-    handles = [Patch(facecolor=c, label=n, **EDGE) for c, n in zip(STATUS_COLOURS, STATES)]
-    legend_beside(ax, handles=handles)
+    legend_beside(ax, handles=_state_patches())
+
+
+def _state_patches() -> list[Patch]:
+    return [Patch(facecolor=c, label=n, **EDGE) for c, n in zip(STATUS_COLOURS, STATES)]
 
 
 def face_coordinates(points: NDArray, frame: NDArray) -> tuple[NDArray, NDArray, float, float]:
@@ -101,7 +109,7 @@ def tiles(share: NDArray, x: NDArray, y: NDArray, dx: float, dy: float) -> tuple
     return left[:, :-1].ravel(), left[:, 1:].ravel(), low, low + 0.9 * dx, np.tile(np.arange(3), len(x))
 
 
-@picture(size=(5.2, 2.4), legend=None)
+@picture(size=(COLUMN, 1.8), legend=None)
 def plot_status_map(status: ContactStatus, model: Model, interface: str, ax: Axes = NEW, *, direction: int = 0) -> None:
     """Plot a map of a contact face, each point divided by its shares of stick, slip and separation.
 
@@ -113,44 +121,126 @@ def plot_status_map(status: ContactStatus, model: Model, interface: str, ax: Axe
     direction : {0, 1}
     """
     validation.choice("interface", interface, [name for name in model.interfaces if name in status.interface])
-    direction = validation.integer("direction", direction, 0, 1)
-    face = model.interfaces[interface]
-    x, y, dx, dy = face_coordinates(face.points, face.frame[0])
+    _draw_map(ax, status, interface, model.interfaces[interface].frame[0], validation.integer("direction", direction, 0, 1))
+    _status_legend(ax)
+
+
+def _draw_map(ax: Axes, status: ContactStatus, interface: str, frame: NDArray, direction: int) -> None:
+    x, y, dx, dy = face_coordinates(status.points[status.rows(interface)], frame)
     left, right, low, high, state = tiles(status.share[status.rows(interface), direction], x, y, dx, dy)
     ax.barh(low, right - left, high - low, left, align="edge", color=[STATUS_COLOURS[k] for k in state])
     ax.barh(x, np.full(len(x), 0.9 * dy), 0.9 * dx, y - 0.45 * dy, fill=False, **EDGE)
     _face_axes(ax, x, y, dx, dy)
-    _status_legend(ax)
+
+
+@register_plot(InContact, "plot_contacts")
+def plot_contacts(
+    result: InContact, study: Asking | Problem | None = None, point: int | None = None, *, direction: int = 0
+) -> NDArray:
+    """Plot the state of every contact face: a map with the shares of the cycle at each point, and the states over time.
+
+    Parameters
+    ----------
+    result : Peak, ResponseCurve, OptimalCurve, NonlinearMode or PreloadState
+    study : Study, optional
+        Study of the result; only a static state needs none.
+    point : int, optional
+        Index of the solution of a curve or mode.  By default the peak of a response curve or the highest amplitude of a
+        mode; an optimal curve has the peak at its optimum.
+    direction : {0, 1}
+        Tangential direction t1 or t2.
+    """
+    direction = validation.integer("direction", direction, 0, 1)
+    status, frames, title = _states(result, study, point)
+    time = (np.arange(360) + 0.5) / 360.0  # in periods
+    with plt.rc_context(STYLE):
+        touching = [name for name in frames if (status.share[status.rows(name), direction, 2] < 1.0).any()]
+        shown = touching or list(frames)
+        columns = 1 if isinstance(result, PreloadState) else 2
+        axes = new_axes(COLUMN, 0.95 * len(shown) + 0.7, len(shown), columns, squeeze=False, sharex=False)
+        figure = axes[0, 0].figure
+        for (left, *others), name in zip(axes, shown):
+            _draw_map(left, status, name, frames[name], direction)
+            left.set_aspect("auto")
+            left.set_title(f"{name} face")
+            shares = np.zeros((3, len(time)))
+            for row in status.rows(name):
+                for start, end, state in status.parts[row][direction]:
+                    shares[state] += (time - start / (2.0 * np.pi)) % 1.0 < (end - start) / (2.0 * np.pi)
+            for right in others:
+                right.stackplot(time, 100.0 * shares / shares.sum(axis=0), colors=STATUS_COLOURS)
+                right.set(xlim=(0.0, 1.0), ylim=(0.0, 100.0), ylabel="Points (%)", xlabel="Time (periods)")
+        plt.setp(axes[:-1], xlabel="")
+        away = [name for name in frames if name not in shown]
+        title += f"; always open: {', '.join(away)}" * bool(away)
+        figure.suptitle(title, fontsize=plt.rcParams["axes.titlesize"])
+        figure.legend(handles=_state_patches(), loc="outside lower center", ncols=3, fontsize=SMALL)
+        finish(figure)
+    return axes.ravel()
+
+
+def _states(
+    result: Any, study: Asking | Problem | None, point: int | None
+) -> tuple[ContactStatus, dict[str, NDArray], str]:  # fmt: skip
+    """Return the contact states of a solution, the axes of each face, and a title."""
+    if isinstance(result, PreloadState):
+        if result.points is None or result.frame is None:
+            raise BdamperError("plot_contacts: this static state has no contact faces; compute it with study.static")
+        whole = tuple(tuple(((0.0, 2.0 * np.pi, PLAIN[k]),) for k in row) for row in result.status)
+        status = ContactStatus(result.points, result.interface, whole)
+        frames = {name: result.frame[status.rows(name)[0]] for name in dict.fromkeys(result.interface)}
+        return status, frames, f"at rest under {amount(result.load, 'N')}"
+    validation.check(study is not None, "plot_contacts", "the study of the result, result.plot_contacts(study)", "none")
+    problem = problem_of(cast(Any, study))
+    check_result(problem, result)
+    if isinstance(result, OptimalCurve):
+        result = highest_peak(problem, result.optimum.preload, result.settings.get("frequency"))
+    if isinstance(result, Peak):
+        solution, preload, frequency = result.y[:-1], result.parameter, result.frequency
+    else:
+        i = result.peak_index if isinstance(result, ResponseCurve) else int(np.argmax(result.amplitude))
+        i = i if point is None else validation.integer("point", point, 0, len(result) - 1)
+        solution, preload, frequency = result.unknowns[i], result.preload, result.frequency[i]
+    status = contact_status(problem, solution, preload)
+    faces = problem.coupling.model.interfaces
+    title = f"{amount(float(frequency), 'Hz')}, preload {amount(preload, 'N')}"
+    return status, {name: faces[name].frame[0] for name in dict.fromkeys(status.interface)}, title
 
 
 def plot_faces(
     faces: list[tuple[str, NDArray, NDArray]], values: list[NDArray], label: str, titles: Sequence[str] = ("",)
 ) -> NDArray:
-    """Plot values on several faces as coloured patches, a row for each title and a column for each face."""
+    """Plot values on several faces as coloured patches, with a colour bar for each title and a column for each face.
+
+    Without several titles the faces are in two columns.
+    """
     n = len(faces)
+    columns = n if len(titles) > 1 else min(n, 2)
+    rows = len(titles) * -(-n // columns)
     with plt.rc_context(STYLE):
-        figure, axes = plt.subplots(len(titles), n, figsize=(3.4 * n, 1.7 * len(titles) + 0.3), squeeze=False)
-        for row, title in enumerate(titles):
+        axes = new_axes(COLUMN, 0.85 * rows + 0.4 + 0.4 * len(titles), rows, columns, squeeze=False, sharex=False)
+        for row, (title, places) in enumerate(zip(titles, axes.reshape(len(titles), -1))):
             block = values[row * n : (row + 1) * n]
             low, high = (float(f(np.concatenate(block))) for f in (np.nanmin, np.nanmax))
             high = high if high - low > 1e-9 * abs(high) else low + (abs(low) or 1e-6)  # equal up to rounding
-            for ax, (name, points, frame), value in zip(axes[row], faces, block):
+            for ax in places[n:]:
+                ax.set_axis_off()
+            for ax, (name, points, frame), value in zip(places, faces, block):
                 x, y, dx, dy = face_coordinates(points, frame[0])
                 corners = np.stack([y, x], axis=1)[:, None] + 0.48 * np.array([(-dy, -dx), (dy, -dx), (dy, dx), (-dy, dx)])
                 patches = PolyCollection(list(corners), cmap="viridis", edgecolor="0.4", linewidth=0.3)
                 patches.set(array=np.ma.masked_invalid(value), clim=(low, high))
                 ax.add_collection(patches)
                 _face_axes(ax, x, y, dx, dy)
-                ax.set_title(f"{name}, {title}" if title else name, fontsize=8.0)
-            figure.colorbar(patches, ax=axes[row].tolist(), label=label, shrink=0.9)
+                ax.set_title(f"{name}, {title}" if title else name)
+            places[0].figure.colorbar(patches, ax=places.tolist(), label=label, location="bottom", shrink=0.8, aspect=30.0)
         plt.setp(axes[:-1], xlabel="")
         plt.setp(axes[:, 1:], ylabel="")
-        for each in figure.axes:
-            fit_units(each)
+        finish(axes[0, 0].figure)
     return axes.ravel()
 
 
-@picture(Peak, size=(5.6, 1.5), legend=None)
+@picture(Peak, size=(COLUMN, 1.3), legend=None)
 def plot_peak(peak: Peak, ax: Axes = NEW) -> None:
     """Plot the shares of stick, slip and separation over the cycle of a peak."""
     shares = 100.0 * peak.shares
@@ -203,7 +293,7 @@ def _name(result: Hysteresis, where: int | str) -> str:
     return f"{face} face, point {where - int(result.rows(face)[0]) + 1}"
 
 
-@picture(Hysteresis, "loops", legend=None)
+@picture(Hysteresis, "loops")
 def plot_loops(
     result: Hysteresis, where: int | str | Sequence[int | str] = WHOLE, ax: Axes = NEW, *, direction: str = "t1"
 ) -> None:
@@ -230,12 +320,10 @@ def plot_loops(
         ax.plot(*result.loop(place, direction), **{**look, "marker": "", "label": name})
     where_text = f"{NAMES[direction]}{'' if len(places) > 1 else f', {_name(result, places[0])}'}"
     ax.set(**OF_WHOLE if whole else {"xlabel": f"Motion {where_text} (m)", "ylabel": f"Force {where_text} (N)"})
-    if len(places) > 1:  # below the label of the axis
-        legend_beside(ax)
     ax.set_title(f"Friction over a cycle at {result.frequency:.4g} Hz, preload {amount(result.preload, 'N')}")
 
 
-@picture(Hysteresis, "history", size=(5.6, 4.4), rows=2)
+@picture(Hysteresis, "history", size=(COLUMN, 3.3), rows=2)
 def plot_history(result: Hysteresis, where: int, ax: NDArray = NEW) -> None:
     """Plot the forces, vibration and gap of one contact point over a cycle, in two axes.
 
@@ -247,13 +335,13 @@ def plot_history(result: Hysteresis, where: int, ax: NDArray = NEW) -> None:
     """
     i = validation.integer("where, index of a contact point", where, 0, len(result.points) - 1)
     time = result.theta / (2.0 * np.pi)
-    for k, (name, look) in enumerate(zip(AXES, looks(3))):
+    for k, (name, look) in enumerate(zip(AXES, looks(4))):
         look["marker"] = ""
         ax[0].plot(time, result.force[i, k], **look, label=NAMES[name])
         if name != "n":
             ax[1].plot(time, result.loop(i, name)[0], **look, label=NAMES[name])
         elif result.gap[i].max() > 0.0:
-            ax[1].plot(time, result.gap[i], **look, label="gap")
+            ax[1].plot(time, result.gap[i], **looks(4)[3] | {"marker": ""}, label="gap")
     ax[0].set(ylabel="Contact force (N)", xlim=(0.0, 1.0))
     ax[0].set_title(f"{_name(result, i)}, {result.frequency:.5g} Hz, preload {amount(result.preload, 'N')}")
     ax[1].set(ylabel="Motion and gap (m)", xlabel="Time (periods)")
@@ -269,10 +357,10 @@ def plot_energy(result: Hysteresis) -> NDArray:
         raise SettingError("energy: no contact point dissipates energy, since nothing slips")
     rows = [result.rows(name) for name in names]
     faces = [(f"{name} face", result.points[r], result.frame[r]) for name, r in zip(names, rows)]
-    return plot_faces(faces, [density[r] for r in rows], "Energy dissipated per cycle (J/m$^2$)")
+    return plot_faces(faces, [density[r] for r in rows], "Energy per cycle (J/m$^2$)")
 
 
-@picture(Hysteresis, "dissipation", size=(5.6, 7.8), rows=3)
+@picture(Hysteresis, "dissipation", size=(COLUMN, 4.8), rows=3)
 def plot_dissipation(result: Hysteresis, ax: NDArray = NEW, *, over: str = "amplitude") -> None:
     """Plot the equivalent stiffness and damping ratio of the contacts, and below them the energy balance of the cycle.
 

@@ -24,21 +24,25 @@ from bdamper.plot.axes import (
     LIMITS,
     NEW,
     OPTIMUM,
+    SMALL,
     broken,
     colours,
     drawing,
     highest_on,
     limit_line,
     looks,
+    name_point,
     new_axes,
+    note,
     once,
     picture,
     runs,
+    wrapped,
 )
 from bdamper.plot.contact import OF_WHOLE
 from bdamper.plot.speed_and_fatigue import SPEED
 from bdamper.plot.studies import draw_table
-from bdamper.response.headline import NEAR_BEST
+from bdamper.response.headline import NEAR_BEST, checks
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.response_curve import NO_STEADY
 from bdamper.response.response_curve_result import ResponseCurve, unstable_points
@@ -66,7 +70,8 @@ def amplitude_label(*results: ResponseCurve | OptimalCurve) -> str:
     return AMPLITUDE if location is None else f"{location.replace('_', ' ').capitalize()} amplitude (m)"
 
 
-def _draw_tracking(ax: Axes, curve: ResponseCurve, colour: Any, label: str | None) -> None:
+def _draw_tracking(ax: Axes, curve: ResponseCurve, look: Mapping[str, Any], label: str | None) -> None:
+    colour = look["color"]
     f, a = curve.frequency if curve.speed is None else curve.speed * RPM, curve.amplitude
     unstable = unstable_points(curve)
     if curve.blades is not None:
@@ -77,11 +82,12 @@ def _draw_tracking(ax: Axes, curve: ResponseCurve, colour: Any, label: str | Non
             part = where[first : last + 2]  # connected to the next stretch
             if unstable[part[0]]:  # a pale line below, so that a stretch shorter than a dash remains visible
                 ax.plot(f[part], a[part], color=colour, alpha=0.3)
-            ax.plot(f[part], a[part], color=colour, linestyle=DASHED if unstable[part[0]] else "-")
+            ax.plot(f[part], a[part], **{**look, "linestyle": DASHED if unstable[part[0]] else "-"})
     if len(curve):  # filled at a peak, open at the end of a computed part
         face = "w" if _only_highest(curve) else colour
-        ax.plot(f[curve.peak_index], curve.peak.amplitude, "o", color=colour, markersize=5.0, markerfacecolor=face)
-    ax.plot([], [], color=colour, label=label)
+        mark = look["marker"] or "o"
+        ax.plot(f[curve.peak_index], curve.peak.amplitude, mark, color=colour, markersize=5.0, markerfacecolor=face)
+    ax.plot([], [], **{**look, "linestyle": "-"}, label=label)
 
 
 def _only_highest(curve: ResponseCurve) -> bool:
@@ -114,12 +120,14 @@ def plot_curves(curves: Sequence[ResponseCurve], ax: Axes = NEW, *, labels: Sequ
             limit_line(ax, curve.kind, curve.frequency, curve.amplitude, curve.peak.frequency)
     most_in_legend = 5  # more curves have a colour bar
     many = labels is None and len(tracking) > most_in_legend
-    for i, (curve, colour) in enumerate(zip(tracking, colours(len(tracking)))):
+    plain = many or len(tracking) == 1
+    for i, (curve, look) in enumerate(zip(tracking, looks(len(tracking)))):
+        look |= {"marker": "", "markevery": 0.1} if plain else {"markevery": (0.03 * i, 0.15)}
         preload = f"preload {amount(curve.preload, 'N')}"
         default = preload if curve.speed is None else f"engine order {curve.settings['engine_order']}"
-        _draw_tracking(ax, curve, colour, None if many else default if labels is None else labels[i])
+        _draw_tracking(ax, curve, look, None if many else default if labels is None else labels[i])
         for part in curve.missing_ranges:
-            ax.axvspan(part.low, part.high, color=colour, alpha=0.25, linewidth=0.6, label=once(ax, "not computed"))
+            ax.axvspan(part.low, part.high, color=look["color"], alpha=0.25, linewidth=0.6, label=once(ax, "not computed"))
     labels_of = (label for c in tracking for label in c.labels[unstable_points(c)])
     dashed = {label.partition(" with")[0] or "unstable" for label in labels_of}
     if dashed:
@@ -129,6 +137,8 @@ def plot_curves(curves: Sequence[ResponseCurve], ax: Axes = NEW, *, labels: Sequ
                 label="highest computed point")  # fmt: skip
     over = FREQUENCY if all(curve.speed is None for curve in curves) else SPEED
     ax.set(xlabel=over, ylabel=amplitude_label(*curves), yscale="log")
+    if not any(map(len, curves)):
+        note(ax, " ".join(curve._headline() for curve in curves))
     if many:
         preloads = [curve.preload for curve in tracking]
         bar = plt.cm.ScalarMappable(LogNorm(min(preloads), max(preloads)), ListedColormap(colours(256)))
@@ -136,9 +146,21 @@ def plot_curves(curves: Sequence[ResponseCurve], ax: Axes = NEW, *, labels: Sequ
 
 
 @register_plot(ResponseCurve)
-def plot_curve(curve: ResponseCurve, *arguments: Any, **options: Any) -> Axes:
-    """Plot the amplitude over frequency of a curve, or over speed of a run-up; for the options see :func:`plot_curves`."""
-    return cast(Axes, plot_curves([curve], *arguments, **options))
+def plot_curve(
+    curve: ResponseCurve, ax: Axes | None = None, *, limits: Sequence[ResponseCurve] = (), **options: Any
+) -> Axes:
+    """Plot the amplitude over frequency of a curve, or over speed of a run-up.
+
+    Parameters
+    ----------
+    curve : ResponseCurve
+    ax : matplotlib axes, optional
+    limits : sequence of ResponseCurve
+        Curves to plot as thin grey lines: ``[study.free(interval), study.stuck(interval)]``.
+    options
+        Options of :func:`plot_curves`.
+    """
+    return cast(Axes, plot_curves([*limits, curve], ax, **options))
 
 
 @picture()
@@ -214,34 +236,36 @@ def plot_optimal(
     lower bounds.  A bar at the optimum is the range of its peak with more harmonics.  Diamonds with bars are means and
     ranges in time.
     """
-    if ax is None:
-        both: NDArray = new_axes(5.6, 5.0, 2, height_ratios=(2.0, 1.0))
-        for axes, name in zip(both, SHOWN):
-            plot_optimal(result, axes, quantity=name)
-        both[0].set(xlabel="", title=title)
-        return both
-    preload, values, goes_on = with_optimum(result, validation.choice("quantity", quantity, SHOWN))
-    with drawing(ax, title=title, legend=7.0) as ax:
-        ax.set(xscale="log", xlabel=PRELOAD)
-        for first, last in runs(np.cumsum(~goes_on)):
-            part = slice(first, last + 1)
-            ax.plot(preload[part], values[part], ".-", color="0.1", markersize=4.0)
-        for k in np.flatnonzero(~goes_on[1:]):  # another resonance becomes the highest, or one was not found
-            ax.plot(preload[k : k + 2], values[k : k + 2], ":", color="0.1", linewidth=0.8)
-        if quantity == "shift":
-            ax.set_ylabel("Frequency shift (%)")
-            return ax
-        levels = {name: getattr(result, name).amplitude for name in LIMITS}
-        if min(levels.values()) > ALIKE * max(levels.values()):
-            levels = {"free or stuck": max(levels.values())}
-        for name, level in levels.items():
-            at = result.preload[-2 if name == "free" else max(1, len(result) // 6)]
-            limit_line(ax, name, result.preload, np.full(len(result), level), at)
-        _mark_gaps(ax, result)
-        _mark_checks(ax, result)
-        _mark_optimum(ax, result)
-        ax.set(yscale="log", ylabel=amplitude_label(result))
-    return ax
+    shown = SHOWN if ax is None else (validation.choice("quantity", quantity, SHOWN),)
+    given = new_axes(height=3.5, rows=2, height_ratios=(1.8, 1.0)) if ax is None else ax
+    with drawing(given, title=title, legend=SMALL, rows=len(shown)) as axes:
+        for each, name in zip(np.ravel(axes), shown):
+            _draw_optimal(each, result, name)
+        np.ravel(axes)[-1].set_xlabel(PRELOAD)
+    return cast(Axes | NDArray, axes)
+
+
+def _draw_optimal(ax: Axes, result: OptimalCurve, quantity: str) -> None:
+    """Plot amplitude or frequency shift over the preload in one axes."""
+    preload, values, goes_on = with_optimum(result, quantity)
+    ax.set(xscale="log", ylabel="Frequency shift (%)")
+    for first, last in runs(np.cumsum(~goes_on)):
+        part = slice(first, last + 1)
+        ax.plot(preload[part], values[part], ".-", color="0.1", markersize=4.0)
+    for k in np.flatnonzero(~goes_on[1:]):  # another resonance becomes the highest, or one was not found
+        ax.plot(preload[k : k + 2], values[k : k + 2], ":", color="0.1", linewidth=0.8)
+    if quantity == "shift":
+        return
+    levels = {name: getattr(result, name).amplitude for name in LIMITS}
+    if min(levels.values()) > ALIKE * max(levels.values()):
+        levels = {"free or stuck": max(levels.values())}
+    for name, level in levels.items():
+        at = result.preload[-2 if name == "free" else max(1, len(result) // 6)]
+        limit_line(ax, name, result.preload, np.full(len(result), level), at)
+    _mark_gaps(ax, result)
+    _mark_checks(ax, result)
+    _mark_optimum(ax, result)
+    ax.set(yscale="log", ylabel=amplitude_label(result))
 
 
 def with_optimum(result: OptimalCurve, quantity: str = "amplitude") -> tuple[NDArray, NDArray, NDArray]:
@@ -272,19 +296,19 @@ def _mark_optimum(ax: Axes, result: OptimalCurve) -> None:
     """Mark the optimum with a star and a label, and shade the preloads that are nearly as good."""
     o = result.optimum
     if not np.isfinite(o.preload):
-        ax.plot([], [], linestyle="none", label="flat: no optimum" if o.kind == "flat" else "no optimum")
+        note(ax, result._headline())
         return
     ends = {"end": "least at the end of the range", "edge": "least at the limit of steady responses"}
     name = {**ends, "jump": "optimum at a jump"}.get(o.kind, "optimum")
     name = name if o.verified else (name if o.kind in ends else "least value") + ", not verified"
-    ax.plot(o.preload, o.amplitude, "*", color=OPTIMUM, markersize=10.0, markerfacecolor=OPTIMUM if o.verified else "w")
+    ax.plot(o.preload, o.amplitude, "*", color=OPTIMUM, markersize=9.0, markerfacecolor=OPTIMUM if o.verified else "w")
     low, high = result.preloads_within(NEAR_BEST * o.amplitude)
-    ax.axvspan(low, high, color=OPTIMUM, alpha=0.1, linewidth=0.0, label=f"at most {percent(NEAR_BEST - 1.0)} more")
-    left = o.preload**4 < result.preload[0] ** 3 * result.preload[-1]  # in the first quarter of the logarithmic axis
-    text = f"{name} {amount(o.preload, 'N')}, {amount(o.amplitude, 'm')}"
-    ax.annotate(text, (o.preload, o.amplitude), xytext=(0, -16), va="top", textcoords="offset points",
-                ha="left" if left else "center", fontsize=8.0, color=OPTIMUM)  # fmt: skip
-    ax.margins(y=0.25)  # for the label
+    ax.axvspan(low, high, color=OPTIMUM, alpha=0.1, linewidth=0.0, label=f"at most {percent(NEAR_BEST - 1.0)} higher")
+    ax.margins(y=0.25)  # for the name
+    lines = [f"{name}: {amount(o.preload, 'N')}, {amount(o.amplitude, 'm')}"]
+    failed = [check.name for check in checks(result)[2:] if check.colour == "red"]  # the first two are in the name
+    lines += [f"check failed: {check[:1].lower()}{check[1:]}" for check in failed]
+    name_point(ax, "\n".join(wrapped(line, 40) for line in lines), (o.preload, o.amplitude), color=OPTIMUM)
 
 
 def _mark_gaps(ax: Axes, result: OptimalCurve) -> None:
@@ -321,7 +345,8 @@ def plot_frequency_sweep(sweep: TimeSweep, ax: Axes = NEW, *, label: str = "", *
     """Plot the amplitude over frequency of a sweep in time, also over response curves; ``style`` are line options."""
     if not ax.has_data():
         ax.set_title(f"{abs(sweep.rate):.3g} Hz/s, preload {amount(sweep.preload, 'N')}")
-    line = {"color": "k" if sweep.up else "0.5", "linewidth": 0.9, "marker": "", **style}
+    look = {"marker": "^" if sweep.up else "v", "markevery": 0.12, "markersize": 3.0, "markerfacecolor": "w"}
+    line = {"color": IN_TIME, "linewidth": 0.7, **look, **style}
     label = label or f"sweep {'up' if sweep.up else 'down'} in time"
     draw_table(ax, sweep, "frequency", "amplitude", label=label, **line)
 
@@ -353,7 +378,9 @@ def plot_response_map(result: OptimalCurve, ax: Axes = NEW) -> None:
     if (count > 1).any():
         ax.contourf(frequency, preload, (count > 1).astype(float), levels=[0.5, 1.5], colors="none", hatches=["////"])
         ax.fill([], [], facecolor="none", edgecolor="0.3", hatch="////", label="several solutions")
-    ax.plot(result.frequency, result.preload, color=OPTIMUM, label="highest")
+    ax.plot(result.frequency, result.preload, color="k", linewidth=2.4)
+    ax.plot(result.frequency, result.preload, color="w", linewidth=1.0)
+    ax.plot([], [], color="k", label="highest")
     if np.isfinite(result.optimum.preload):
         look: dict[str, Any] = {"color": OPTIMUM, "markeredgecolor": "w", "markersize": 11.0, "linestyle": "none"}
         ax.plot(result.optimum.frequency, result.optimum.preload, marker="*", label="optimum", **look)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 
@@ -17,12 +18,26 @@ from bdamper.fatigue.margin import MarginCurve, Margins
 from bdamper.fatigue.stress_cycle import StressCycle
 from bdamper.harmonic_balance.rotor_speed import RPM
 from bdamper.model.structure import COMPONENTS, Model
-from bdamper.plot.axes import IN_TIME, NEW, OPTIMUM, STYLES, colours, looks, once, picture
+from bdamper.plot.axes import (
+    COLUMN,
+    IN_TIME,
+    NEW,
+    OPTIMUM,
+    STYLE,
+    STYLES,
+    colours,
+    looks,
+    name_point,
+    note,
+    once,
+    picture,
+)
 from bdamper.plot.bodies import plot_surfaces, seen
 from bdamper.plot.studies import draw_table
 from bdamper.util import validation
 from bdamper.util.display import register_plot
 from bdamper.util.errors import SettingError
+from bdamper.util.formatting import amount
 from bdamper.util.tables import axis_label as label_of
 
 # ---- Rotor speed ----
@@ -30,12 +45,12 @@ from bdamper.util.tables import axis_label as label_of
 SPEED = "Rotor speed (rpm)"
 
 
-@picture(Campbell, size=(5.6, 4.2))
+@picture(Campbell, size=(COLUMN, 3.2))
 def plot_campbell(campbell: Campbell, ax: Axes = NEW) -> None:
     """Plot a Campbell diagram: free and stuck frequencies over speed, engine order lines, and crossings.
 
-    Free modes are solid, stuck ones dash-dotted.  Crossings with damping are filled, with free modes open circles, with
-    stuck modes crosses.
+    Free modes are solid, stuck ones dash-dotted; the free ones have their numbers.  Crossings with damping are filled and
+    have their amplitude, crossings with free modes are open circles and have their speed, with stuck modes crosses.
     """
     orders = [int(o) for o in campbell.engine_order]
     diameters = sorted({campbell.met_by(o) for o in orders}) or campbell.nodal_diameter.tolist()
@@ -46,15 +61,20 @@ def plot_campbell(campbell: Campbell, ax: Axes = NEW) -> None:
         for label, lines, style in ((name, campbell.free[k], "-"), ("stuck", campbell.stuck[k], STYLES[1])):
             drawn = ax.plot(rpm, lines, linestyle=style, color=colour, linewidth=0.8)
             drawn[0].set_label(once(ax, label))
+            for m in np.flatnonzero(np.isfinite(lines[0]) & (style == "-")):
+                name_point(ax, f"mode {m + 1}", (rpm[0], lines[0, m]), color=colour)
     for order in orders:
         end = min(float(campbell.speed[-1]), 2.0 * np.pi * top / order)
         x, y = end * RPM, order * end / (2.0 * np.pi)
         ax.plot([0.0, x], [0.0, y], color="0.6", linewidth=0.7, zorder=1)
-        ax.annotate(f"EO {order}", (0.985 * x, 0.985 * y), fontsize=6.5, color="0.3", ha="right", va="bottom")
+        name_point(ax, f"EO {order}", (x, y))
     met, _, *both = campbell.met.T
     for speeds, marker in zip(both, "ox"):
         frequency = met * speeds / (2.0 * np.pi)
         ax.plot(speeds * RPM, frequency, marker, color="0.35", markersize=3.5, markerfacecolor="w", zorder=3)
+        for x, y in zip(speeds * RPM, frequency):
+            if marker == "o" and np.isfinite(x):
+                name_point(ax, f"{x:.0f} rpm", (x, y))
     damped = [pair for result in campbell.damped for pair in zip(result.points, result.values)]
     masses = sorted({point["damper_mass"] for point, _ in damped})
     for point, value in damped:
@@ -63,6 +83,10 @@ def plot_campbell(campbell: Campbell, ax: Axes = NEW) -> None:
             look |= {"markersize": 5.0, "markeredgecolor": "k", "linestyle": "none", "zorder": 4}
             look["label"] = once(ax, f"damped, {1e3 * value['mass']:.3g} g")
             ax.plot(value["speed"] * RPM, value["frequency"], **look)
+            name_point(ax, amount(value["amplitude"], "m"), (value["speed"] * RPM, value["frequency"]))
+    if orders and known and not np.isfinite(np.array(both)).any():
+        met_at = 60.0 * campbell.free[campbell.row(known[0]), -1, 0] / orders[0]
+        note(ax, f"{campbell._headline()} Order {orders[0]} may cross mode 1 near {met_at:.0f} rpm.", 0.05)
     ax.set(xlabel=SPEED, ylabel="Frequency (Hz)", xlim=(rpm[0], rpm[-1]), ylim=(0.0, top))
 
 
@@ -89,8 +113,8 @@ def plot_safe(campbell: Campbell, speed: float | None = None, ax: Axes = NEW) ->
     for order in campbell.engine_order.tolist():
         position = campbell.met_by(order), order * omega / (2.0 * np.pi)
         if position[1] <= top:
-            ax.plot(*position, "s", color="0.6", markersize=3.0)
-            ax.annotate(f" {order}", position, fontsize=6.5, color="0.3", va="top")
+            ax.plot(*position, "s", color="k", markersize=7.0, markerfacecolor="none", zorder=4)
+            name_point(ax, f"EO {order}", position)
     for m, look in enumerate(looks(free.shape[1])):
         look |= {"markersize": 4.0, "linewidth": 0.6}
         ax.plot(d, free[:, m], **{**look, "linestyle": "-"}, label=f"mode {m + 1}, free")
@@ -114,12 +138,14 @@ def plot_crossings(found: SweepResult, ax: Axes = NEW, *, quantity: str = "ampli
     if quantity == "margin" and not np.isfinite(value).any():
         raise SettingError("quantity: these crossings have no margin; compute them with margin=...")
     for omega, height, masses, look in zip(speed, value, mass, looks(len(value))):
-        look |= {"linestyle": "", "markersize": 5.0, "label": f"damper {1e3 * np.nanmax(masses):.3g} g"}
-        ax.plot(omega * RPM, height, **look)
+        if np.isfinite(masses).any():
+            look |= {"linestyle": "", "markersize": 5.0, "label": f"damper {1e3 * np.nanmax(masses):.3g} g"}
+            ax.plot(omega * RPM, height, **look)
+    ax.plot(speed * RPM, value, color="0.7", linewidth=0.6, zorder=1)  # joins the masses of one engine order
     for point, omega, height in zip(found.points, speed[-1], value[-1]):
         if np.isfinite(omega):
-            ax.annotate(f"EO {point['engine_order']}", (omega * RPM, height), fontsize=6.5, color="0.3",
-                        textcoords="offset points", xytext=(4, 4))  # fmt: skip
+            name_point(ax, f"EO {point['engine_order']}", (omega * RPM, height))
+    ax.margins(x=0.1)
     if quantity == "margin":
         ax.axhline(1.0, color="k", linewidth=0.8, linestyle="-")
     label = "Resonance amplitude (m)" if quantity == "amplitude" else "Margin against fatigue"
@@ -133,7 +159,7 @@ MEGA = 1e-6
 
 def _star(ax: Axes, x: float, y: float, name: str) -> None:
     """Mark the point that determines the margin."""
-    ax.plot(x, y, "*", color=OPTIMUM, markeredgecolor="black", markersize=12.0, label=once(ax, name))
+    ax.plot(x, y, "*", color=OPTIMUM, markeredgecolor="black", markersize=9.0, label=once(ax, name))
 
 
 @picture(StressCycle)
@@ -152,9 +178,9 @@ def plot_stress(cycle: StressCycle, point: int | None = None, ax: Axes = NEW) ->
     large = np.abs(stress).max(axis=1) > 0.02 * np.abs(stress).max()
     for name, values, look, plotted in zip(COMPONENTS, stress, looks(6), large):
         if plotted:
-            ax.plot(np.degrees(theta), values, **look, markevery=90, label=rf"$\sigma_{{{name}}}$")
-    ax.plot(np.degrees(theta), von_mises(stress.T), color="black", linewidth=2.2, label="von Mises")
-    title = f"{cycle.names[i]}, {cycle.frequency:.5g} Hz, {cycle.preload:g} N"
+            ax.plot(np.degrees(theta), values, **look, markevery=90, zorder=3, label=rf"$\sigma_{{{name}}}$")
+    ax.plot(np.degrees(theta), von_mises(stress.T), color="0.75", linewidth=3.0, label="von Mises")
+    title = f"{cycle.names[i]}, {cycle.frequency:.5g} Hz, preload {amount(cycle.preload, 'N')}"
     ax.set(xlabel="Angle of the excitation (degrees)", ylabel="Stress (MPa)", title=title, xlim=(0.0, 360.0))
     ax.set_xticks(np.arange(0, 361, 60))
 
@@ -180,6 +206,7 @@ def plot_haigh(margins: Margins, ax: Axes = NEW) -> None:
     if not counted.all():
         ax.plot(*points[:, ~counted], "o", color="0.3", markerfacecolor="none", markersize=4, label="next to contact")
     _star(ax, points[0, i], points[1, i], "critical")
+    name_point(ax, f"{margins.names[i]}: {points[0, i]:.3g} ± {points[1, i]:.3g} MPa", (points[0, i], points[1, i]))
     top = MEGA * max(material.endurance_limit, float(margins.amplitude.max()))
     ax.set(xlabel=label_of(Margins, "mean", "MPa"), ylabel=label_of(Margins, "amplitude", "MPa"), ylim=(0.0, 1.15 * top),
            xlim=(MEGA * low, 1.02 * MEGA * right), title=f"margin {margins.least:.3g} at {margins.names[i]}")  # fmt: skip
@@ -200,16 +227,21 @@ def plot_margin(curve: MarginCurve, ax: Axes = NEW, *, label: str = "margin") ->
     drawn = sum(line.get_gid() == "margin" for line in ax.lines)
     ax.set(xlabel=f"{curve.over.capitalize()} ({curve.unit})", xscale="log" if curve.over == "preload" else "linear")
     draw_table(ax, curve, "values", "margin", gid="margin", label=label, **looks(6)[drawn % 6])
+    if not np.isfinite(curve.margin).any():
+        note(ax, curve._headline())
     known = curve.margin[np.isfinite(curve.margin)]
     if len(known) and known.max() > 20.0 * known.min():
         ax.set_yscale("log")
     if np.isfinite(curve.best_value):
         _star(ax, curve.best_value, curve.best_margin, "best margin")
+        name_point(ax, f"{curve.best_margin:.3g} at {amount(curve.best_value, curve.unit)}",
+                   (curve.best_value, curve.best_margin), color=OPTIMUM)  # fmt: skip
+        ax.margins(y=0.15)
     if curve.in_time:
         preload, least = zip(*((m.preload, m.least) for m in curve.in_time))
         ax.plot(preload, least, "D", color=IN_TIME, markerfacecolor="w", label="highest blade in time")
     if not drawn:
-        ax.axhline(1.0, color="0.4", linewidth=1.0)
+        ax.axhline(1.0, color="0.4", linewidth=1.0, label="limit")
         right = ax.twinx()
         right.plot(curve.values, curve.response, color="0.55", linestyle=STYLES[1], label="response")
         right.set(ylabel="Response amplitude, dash-dotted (m)", ylim=(0.0, None))
@@ -237,6 +269,10 @@ def plot_critical(margins: Margins, model: Model) -> Axes:
     x, y, _ = seen(margins.points).T
     counted = margins.counted & (np.arange(len(margins)) != i)
     factor = np.log10(np.maximum(margins.factor[counted], 1e-3))
-    axes.scatter(x[counted], y[counted], c=factor, cmap="gray", vmin=0.0, vmax=1.5, s=22, zorder=10, edgecolors="black")
-    axes.scatter(x[i], y[i], c=OPTIMUM, marker="*", s=170, zorder=11, edgecolors="black")
+    look: dict[str, Any] = {"cmap": "gray", "vmin": 0.0, "vmax": 1.5, "s": 14, "zorder": 10, "edgecolors": "black"}
+    with plt.rc_context(STYLE):
+        dots = axes.scatter(x[counted], y[counted], c=factor, **look)
+        axes.scatter(x[i], y[i], c=OPTIMUM, marker="*", s=90, zorder=11, edgecolors="black")
+        bar = axes.figure.colorbar(dots, ax=axes, label="Factor of safety", shrink=0.6)
+        bar.set_ticks([0.0, 0.5, 1.0, 1.5], labels=["1", "3", "10", "30"])
     return axes

@@ -24,13 +24,17 @@ from bdamper.analyses.nonlinear_mode import NonlinearMode
 from bdamper.analyses.robust_optimum import OptimalCurveUncertainty
 from bdamper.analyses.sweep import SweepResult, as_words
 from bdamper.plot.axes import (
+    COLUMN,
     DASHED,
     NEW,
+    SMALL,
     broken,
     colours,
     legend_beside,
     looks,
     lost,
+    name_point,
+    note,
     once,
     picture,
     plain_number,
@@ -102,7 +106,7 @@ def plot_optimal_curve_uncertainty(result: OptimalCurveUncertainty, ax: Axes = N
     ax.set(xscale="log", yscale=scale, xlabel=_with_unit("preload"), ylabel=_with_unit(quantity))
 
 
-@picture(EffectSignificance, legend=None)
+@picture(EffectSignificance, size=(COLUMN, 3.2), legend=None)
 def plot_effect_significance(advice: EffectSignificance, ax: Axes = NEW) -> None:
     """Plot the change of a peak without each effect as bars.
 
@@ -121,14 +125,14 @@ def plot_effect_significance(advice: EffectSignificance, ax: Axes = NEW) -> None
         ax.hlines(rows + offset, change - uncertainty, change + uncertainty, color="k", linewidth=0.6)
     handles.append(ax.axvspan(-tolerance, tolerance, color="0.9", zorder=0, label=f"tolerance, {tolerance:g} %"))
     ax.set_xscale("symlog", linthresh=tolerance)
-    numbers = [n for n in (10.0, 100.0, 1000.0) if 1.5 * tolerance < n < np.abs(ax.get_xlim()).max()]
+    numbers = [n for n in (10.0, 100.0, 1000.0) if 4.0 * tolerance < n < np.abs(ax.get_xlim()).max()]
     ax.set_xticks([*(-n for n in reversed(numbers)), -tolerance, 0.0, tolerance, *numbers], minor=False)
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: plain_number(value)))
     ax.set_yticks(rows, [e.name for e in effects])
     for y, e, text in zip(rows, effects, ax.get_yticklabels()):
         text.set_color("k" if e.significant else "0.55")
         if e.source == "unknown":
-            ax.text(0.1 * tolerance, float(y), "unknown", va="center", fontsize=7.0)
+            ax.text(0.1 * tolerance, float(y), "unknown", va="center", fontsize=SMALL)
     ax.axvline(0.0, color="k", linewidth=0.6)
     for significant, name in ((True, "black names: needed"), (False, "grey: may be left\nout together")):
         handles += [Patch(alpha=0.0, label=name)] * any(e.significant == significant for e in effects)
@@ -146,19 +150,23 @@ def plot_convergence(convergence: Convergence, ax: Axes = NEW) -> None:
     """
     harmonics, amplitude = np.array([(p.harmonics, p.amplitude) for p in convergence.peaks]).T
     low, high = convergence.range
-    ax.axhspan(low, high, color="0.9", zorder=0, label=f"{amount(low, 'm')} to {amount(high, 'm')}")
-    ax.plot(harmonics, amplitude, "o-", color="0.2", markersize=5.0, markerfacecolor="w", label="amplitude")
+    if low < high:
+        ax.axhspan(low, high, color="0.9", zorder=0, label=f"{amount(low, 'm')} to {amount(high, 'm')}")
+    more = "more harmonics" if len(convergence.peaks) > 1 else None
+    ax.plot(harmonics, amplitude, "o-", color="0.2", markersize=5.0, markerfacecolor="w", label=more)
     ax.plot(harmonics[0], amplitude[0], "o", color="k", markersize=6.0, label="result")
     near = [m.harmonic for m in convergence.internal_resonances if m.harmonic <= harmonics[-1]]
     if near:
         ax.plot(near, [0.985] * len(near), "|", color="k", transform=ax.get_xaxis_transform(), label="near a stuck mode")
     ax.set(xlabel="Highest harmonic", ylabel="Resonance amplitude (m)", xticks=harmonics)
+    if len(convergence.peaks) == 1:
+        note(ax, convergence._headline(), 0.05)
     state = "converged" if convergence.converged else "not converged"
     ax.set_title(f"preload {amount(convergence.preload, 'N')}, {state} to {percent(convergence.tolerance)}")
     ax.margins(y=0.25)
 
 
-@picture(AccuracyCost, size=(5.2, 4.2), legend=None)
+@picture(AccuracyCost, size=(COLUMN, 3.4))
 def plot_accuracy(result: AccuracyCost, ax: Axes = NEW, *, of: str = "peak") -> None:
     """Plot the error over processor time for different settings.
 
@@ -188,8 +196,7 @@ def plot_accuracy(result: AccuracyCost, ax: Axes = NEW, *, of: str = "peak") -> 
             y, look = 0.03 if known else 0.95, {**look, "marker": "v" if known else "x"}
         ax.plot(r.seconds, y, transform=coordinates, **look)
         if k >= 0:
-            ax.annotate(r.values[k].removesuffix(" samples"), (r.seconds, y), xycoords=coordinates, xytext=(5, 3),
-                        textcoords="offset points", fontsize=6.5)  # fmt: skip
+            name_point(ax, r.values[k].removesuffix(" samples"), (r.seconds, y), xycoords=coordinates)
         if r is best:
             values = "\n".join(f"{spaced(name)} {value}" for name, value in zip(names, best.values))
             ax.plot(r.seconds, y, "ok", transform=coordinates, markerfacecolor="none", markersize=12.0,
@@ -201,7 +208,6 @@ def plot_accuracy(result: AccuracyCost, ax: Axes = NEW, *, of: str = "peak") -> 
     title = f"{others[:1].upper()}{others[1:]}, preload {amount(result.preload, 'N')}\nwithin {within}: {speed}"
     ax.set(xscale="log", yscale="log", xlabel="Processor time (s)", ylabel=f"Error of the {of} (%)", title=title)
     ax.margins(x=0.12, y=0.12)  # for the names
-    ax.legend(fontsize=7.0, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
 
 
 # ---- Columns of a result ----
@@ -247,7 +253,7 @@ def draw_table(ax: Axes, table: Tabular, x: str, y: str, *, rows: Any = slice(No
 
 # ---- Fits ----
 
-@picture(Fitted, size=(6.0, 5.2), rows=2)
+@picture(Fitted, size=(2.0 * COLUMN, 4.2), rows=2)
 def plot_fit(result: Fitted, ax: NDArray = NEW) -> None:
     """Plot measured and computed amplitudes, and below them the residuals in units of the noise.
 
@@ -261,17 +267,16 @@ def plot_fit(result: Fitted, ax: NDArray = NEW) -> None:
     for t, (look, name) in enumerate(zip(looks(len(result.tests)), result.tests)):
         rows = np.flatnonzero(result.test == t)
         rows = rows[np.argsort(result.place[rows])]
-        look |= {"linestyle": "none", "markersize": 3.0}
-        above.plot(result.place[rows], np.abs(result.measured[rows]), markerfacecolor="none", **look, label=name)
-        above.plot(result.place[rows], np.abs(result.model[rows]), color=look["color"])
-        below.plot(result.place[rows], result.residual[rows, 0], **look)
-    below.axhspan(-2.0, 2.0, color="0.9", zorder=0)
-    above.plot([], [], color="k", label="model")
+        points = look | {"linestyle": "none", "markersize": 4.0, "markerfacecolor": "w"}
+        above.plot(result.place[rows], np.abs(result.model[rows]), **look | {"marker": ""}, label=f"model, {name}")
+        above.plot(result.place[rows], np.abs(result.measured[rows]), **points, label=f"measured, {name}")
+        below.plot(result.place[rows], result.residual[rows, 0], **points)
+    below.axhspan(-2.0, 2.0, color="0.9", zorder=0, label="95 % of the residuals if the model is right")
     above.set(yscale="log", ylabel="Response amplitude (m)")
-    below.set(xlabel="Frequency (Hz)", ylabel="Residual of the amplitude\n/ noise")
+    below.set(xlabel="Frequency (Hz)", ylabel="Residual / noise")
 
 
-@picture(Fitted, "information", size=(5.6, 3.2))
+@picture(Fitted, "information", size=(COLUMN, 2.0))
 def plot_information(result: Fitted, ax: Axes = NEW) -> None:
     """Plot the share of each test in the information about each parameter.
 
@@ -287,7 +292,7 @@ def plot_information(result: Fitted, ax: Axes = NEW) -> None:
     ax.set(xlabel="Share of the information about the parameter (%)", xlim=(0.0, 100.0))
 
 
-@picture(FittedLoop, size=(4.4, 3.6))
+@picture(FittedLoop)
 def plot_loop(result: FittedLoop, ax: Axes = NEW) -> None:
     """Plot a measured loop of force over displacement with the fitted loop of the sliders.
 
@@ -302,7 +307,7 @@ def plot_loop(result: FittedLoop, ax: Axes = NEW) -> None:
 
 # ---- Nonlinear modes and limit cycles ----
 
-@picture(NonlinearMode, size=(5.6, 4.8), rows=2)
+@picture(NonlinearMode, size=(COLUMN, 3.4), rows=2)
 def plot_nonlinear_mode(mode: NonlinearMode, ax: NDArray = NEW, **style: Any) -> None:
     """Plot frequency and damping ratio of a nonlinear mode over the amplitude of the response, in two axes.
 
@@ -317,7 +322,7 @@ def plot_nonlinear_mode(mode: NonlinearMode, ax: NDArray = NEW, **style: Any) ->
     folds: dict[str, Any] = {"linestyle": "", "marker": "o", "color": "k", "markersize": 3.0, "markerfacecolor": "w"}
     for axes, name in zip(ax, ("frequency", "damping_ratio")):
         for first, last in runs(mode.correlation < 0.5):
-            line = {"color": "C0", "marker": "", "linestyle": DASHED if mode.correlation[first] < 0.5 else "-", **style}
+            line = {"color": "0.1", "marker": "", "linestyle": DASHED if mode.correlation[first] < 0.5 else "-", **style}
             draw_table(axes, mode, "amplitude", name, rows=slice(first, last + 2), **line)  # joined to the next stretch
         draw_table(axes, mode, "amplitude", name, rows=mode.folds, **folds)
     ax[0].set(xlabel="", title=f"mode {mode.mode}, preload {amount(mode.preload, 'N')}")
@@ -333,7 +338,12 @@ def plot_flutter(flutter: Flutter, ax: Axes = NEW) -> None:
     for d, look in zip(diameters, looks(len(diameters))):
         at_d = flutter.nodal_diameter == d
         for part, face, name in ((cycle & stable, look["color"], "stable"), (cycle & ~stable, "w", "unstable")):
+            if not (at_d & part).any():
+                continue
             look |= {"linestyle": "", "markerfacecolor": face, "label": f"{name}, nodal diameter {d}"}
             draw_table(ax, flutter, "preload", "amplitude", rows=at_d & part, **look)
         lost(ax, flutter.preload[at_d & ~cycle & ~stable], look["color"], "unstable at rest", 4.0)
-    ax.set(yscale="log", xscale="log" if flutter.preload.min() > 0.0 else "linear")
+    if not cycle.any():
+        note(ax, flutter._headline())
+    ax.set(yscale="log", xscale="log" if 0.0 < flutter.preload.min() < flutter.preload.max() else "linear")
+    ax.set(xlabel=axis_label(Flutter, "preload"), ylabel="Amplitude of the limit cycle (m)")

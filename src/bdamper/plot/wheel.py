@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
+from matplotlib.colors import LinearSegmentedColormap
 from numpy.typing import NDArray
 
 from bdamper.mistuning.mistuning import Mistuning
 from bdamper.mistuning.peak import DiskPeak
 from bdamper.mistuning.sample import MistunedSample
 from bdamper.model.structure import Model, turn
-from bdamper.plot.axes import NEW, STYLES, colours, highest_on, limit_line, looks, picture
+from bdamper.plot.axes import COLUMN, NEW, SMALL, STYLES, colours, highest_on, limit_line, looks, note, picture
 from bdamper.plot.bodies import shown_shapes
 from bdamper.plot.studies import draw_table
 from bdamper.response.response_curve_result import ResponseCurve
@@ -26,6 +27,8 @@ from bdamper.util.tables import axis_label
 
 PERCENTILES = (50.0, 95.0)
 _FACTOR = "Amplification of the highest blade"
+FROM_WHITE = LinearSegmentedColormap.from_list("from white", ["#ffffff", "#8cc5e3", "#2a6f97", "#012a4a"])
+"""Colours of amplitudes, white at 0."""
 
 
 @picture(Mistuning)
@@ -59,13 +62,14 @@ def plot_wheel_map(curve: ResponseCurve, ax: Axes = NEW) -> None:
     frequency = np.linspace(curve.frequency.min(), curve.frequency.max(), 400)
     amplitude, _ = highest_on(frequency, curve.frequency, blades, curve.branch)
     ax.grid(False)
-    look: dict[str, Any] = {"cmap": "viridis", "vmin": 0.0, "rasterized": True, "shading": "nearest"}
+    look: dict[str, Any] = {"cmap": FROM_WHITE, "vmin": 0.0, "rasterized": True, "shading": "nearest"}
     image = ax.pcolormesh(frequency, np.arange(blades.shape[1]), amplitude.T, **look)
-    circle: dict[str, Any] = {"markersize": 8.0, "markerfacecolor": "none", "color": "w", "markeredgewidth": 1.5}
+    circle: dict[str, Any] = {"markersize": 7.0, "markerfacecolor": "none", "clip_on": False}
     highest = int(blades[curve.peak_index].argmax())
-    ax.plot(top.frequency, highest, "o", **circle, clip_on=False)
+    for width, colour in ((2.4, "k"), (1.0, "w")):
+        ax.plot(top.frequency, highest, "o", color=colour, markeredgewidth=width, **circle)
     ax.figure.colorbar(image, ax=ax, label="Amplitude (m)")
-    ax.set(xlabel=axis_label(ResponseCurve, "frequency"), ylabel="Blade", title=amount(curve.preload, "N"))
+    ax.set(xlabel=axis_label(ResponseCurve, "frequency"), ylabel="Blade", title=f"preload {amount(curve.preload, 'N')}")
 
 
 def _bars(ax: Axes, heights: NDArray, blade: int, **look: Any) -> None:
@@ -78,14 +82,22 @@ def _bars(ax: Axes, heights: NDArray, blade: int, **look: Any) -> None:
 @picture(DiskPeak)
 def plot_wheel_peak(peak: DiskPeak, ax: Axes = NEW) -> None:
     """Plot the amplitudes of all blades at the highest peak as bars, with the highest blade dark and the tuned peak as a
-    line."""
-    if not peak.found:
-        raise BdamperError(f"plot: needs a peak that was found, this one is {peak.status} ({peak.reason})")
+    line.
+
+    The title has the reason if the peak is incomplete.
+    """
+    if not np.isfinite(peak.amplitude):
+        note(ax, peak._headline(), empty=True)
+        return
     _bars(ax, peak.amplitudes, peak.blade)
     ax.axhline(peak.tuned_amplitude, color="k", linewidth=1.0, label="tuned peak")
-    warning = "" if peak.converged else ", dampers held" if peak.springs else f", {peak.status}"
-    factor = f"amplification factor {peak.amplification:.3f}{warning}"
-    ax.set_title(f"{amount(peak.preload, 'N')}, {peak.frequency:.5g} Hz, {factor}")
+    ax.set_title(_of_peak(peak, f"amplification factor {peak.amplification:.3f}"))
+
+
+def _of_peak(peak: DiskPeak, result: str) -> str:
+    """Return a title with preload, frequency, a result, and a warning unless the peak has converged."""
+    warning = "" if peak.converged else ", dampers held" if peak.springs else f", {peak.status}: {peak.reason}"
+    return f"preload {amount(peak.preload, 'N')}, {peak.frequency:.5g} Hz, {result}{warning}"
 
 
 @picture(TimeResponse)
@@ -101,7 +113,7 @@ def plot_blades(found: TimeResponse, ax: Axes = NEW) -> None:
     _bars(ax, mean, found.blade, yerr=ends, capsize=2.0, ecolor="0.4")
     ax.axhline(found.balance, color="k", linewidth=1.0, label="harmonic balance")
     warning = "" if found.mean > 0.0 else ", no steady state near the peak"
-    title = f"{amount(found.preload, 'N')}, {found.frequency:.5g} Hz{warning}"
+    title = f"preload {amount(found.preload, 'N')}, {found.frequency:.5g} Hz{warning}"
     ax.set(ylabel="Amplitude in time, mean and range (m)", title=title)
 
 
@@ -119,9 +131,9 @@ def plot_periods(found: MotionInTime, ax: Axes = NEW) -> None:
     ax.set(xlabel="Period of the excitation", title=title)
 
 
-@picture(DiskPeak, "plot_wheel", size=(5.6, 4.4))
+@picture(DiskPeak, "plot_wheel", size=(COLUMN, 2.9))
 def plot_wheel(peak: DiskPeak, model: Model, ax: Axes = NEW) -> None:
-    """Plot the bladed disk from the front, with the blades coloured by their amplitude at the highest peak.
+    """Plot the bladed disk from the front, with the blades darker the larger their amplitude at the highest peak.
 
     The number of the highest blade is bold.
 
@@ -131,28 +143,32 @@ def plot_wheel(peak: DiskPeak, model: Model, ax: Axes = NEW) -> None:
     model : Model
         Model with a blade surface with mode shapes; the first one distributes the amplitude over each blade.
     """
-    if not peak.found or len(peak.amplitudes) != model.n_blades:
-        found = f"{peak.status}, {len(peak.response)} blades"
+    if len(peak.amplitudes) != model.n_blades:
+        found = f"{len(peak.response)} blades"
         raise BdamperError(f"plot of a bladed disk: needs a peak of {model.n_blades} blades, found {found}")
+    ax.set_axis_off()
+    if not np.isfinite(peak.amplitude):
+        note(ax, peak._headline())
+        return
     body, d = shown_shapes(model, None, None, "plot of a bladed disk")
     mesh = model.meshes[body]
     shape = np.linalg.norm(np.abs(mesh.modes[d][..., 0]), axis=1)[mesh.quads].mean(axis=1)
     turns = [turn(2.0 * np.pi * k / model.n_blades) for k in range(model.n_blades)]
     faces = np.concatenate([(mesh.points @ t.T)[mesh.quads] for t in turns])
     order = np.argsort(faces[..., 2].mean(axis=1))
-    patches = PolyCollection(list(faces[order, :, :2]), cmap="viridis", edgecolors="face", linewidths=0.3, rasterized=True)
+    patches = PolyCollection(list(faces[order, :, :2]), cmap=FROM_WHITE, edgecolors="0.75", linewidths=0.1, rasterized=True)
     patches.set_array(np.outer(peak.amplitudes, shape / shape.max()).ravel()[order])
     patches.set_clim(0.0, peak.amplitude)
     ax.add_collection(patches)
     radius = 1.07 * np.linalg.norm(mesh.points[:, :2], axis=1).max()
-    for k in {*range(0, model.n_blades, 10), peak.blade}:
+    apart = min(5, model.n_blades // 10 + 1)  # smallest difference of the numbers written next to each other
+    near = {(peak.blade + k) % model.n_blades for k in range(-apart, apart + 1)}
+    for k in {*range(0, model.n_blades - apart, 10)} - near | {peak.blade}:
         x, y = radius * (turns[k] @ [0.0, 1.0, 0.0])[:2]
         weight = "bold" if k == peak.blade else "normal"
-        ax.text(x, y, str(k), ha="center", va="center", fontsize=7.0, weight=weight, clip_on=False)
-    top = f"blade {peak.blade} highest, {amount(peak.amplitude, 'm')}"
+        ax.text(x, y, str(k), ha="center", va="center", fontsize=SMALL, weight=weight, clip_on=False)
     ax.set(aspect="equal", xlim=(-radius, radius), ylim=(-radius, radius))
-    ax.set_title(f"{amount(peak.preload, 'N')}, {peak.frequency:.5g} Hz, {top}")
-    ax.set_axis_off()
+    ax.set_title(_of_peak(peak, f"blade {peak.blade} highest, {amount(peak.amplitude, 'm')}"))
     ax.figure.colorbar(patches, ax=ax, label="Amplitude (m)", shrink=0.8)
 
 
@@ -211,7 +227,7 @@ def plot_sample(
         ax.plot([], [], " ", label=f"dampers held: {100.0 * sample.held:.0f} % of peaks")
     if preloads:
         tuned = sample.tuned_amplitude[order] / (sample.tuned_amplitude[order] if relative else 1.0)
-        limit_line(ax, "tuned disk", x, tuned, x[-1])
+        limit_line(ax, "tuned disk", x, tuned, x[len(x) // 2])
     across = axis_label(MistunedSample, "preload") if preloads else "Standard deviation of blade frequencies (%)"
     ax.set(xlabel=across, ylabel=_FACTOR if relative else axis_label(MistunedSample, "amplitude"))
     ax.set(xscale="log" if preloads else "linear", yscale="linear" if relative else "log")

@@ -16,7 +16,7 @@ from bdamper.response.linear_limits import Limit
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import Convergence, TimeResponse
 from bdamper.util import validation
-from bdamper.util.display import Comparable, Fact, Plottable, draw
+from bdamper.util.display import Comparable, Fact, InContact, draw
 from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED
 from bdamper.util.formatting import percent, short_repr
 from bdamper.util.progress import Cost
@@ -83,7 +83,7 @@ class OptimumPoint:
 
 @short_repr
 @dataclass(frozen=True)
-class OptimalCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-optimal", row="preload"):
+class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-optimal", row="preload"):
     """Resonance over preload.
 
     ``plot`` draws amplitude and frequency shift over the preload, as in Figs 8 and 9 of the paper

@@ -30,7 +30,7 @@ from bdamper.harmonic_balance.result_checks import check_result, check_solution
 from bdamper.response.continuation import Follower
 from bdamper.response.events import AtLeastTwo, ContinuationOptions, Step
 from bdamper.util import validation
-from bdamper.util.display import Comparable, Fact, Plottable
+from bdamper.util.display import Comparable, Fact, InContact
 from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, status_word, with_reason
 from bdamper.util.formatting import peak_text, preload_text, short_repr
 from bdamper.util.progress import Cost
@@ -87,7 +87,7 @@ class PeakOptions(validation.Checked):
 
 @short_repr
 @dataclass(frozen=True)
-class Peak(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-peak"):
+class Peak(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-peak"):
     """Maximum of the response amplitude along a response curve, or the point at which the search for it ended.
 
     :func:`bdamper.plot.plot_peak` draws it.

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from bdamper.response.branches import NO_SOLUTION, LeftOut
 from bdamper.response.peak import AT_END, NOT_IN_TIME, Peak
-from bdamper.util.display import Comparable, Fact, Plottable
+from bdamper.util.display import Comparable, Fact, InContact
 from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, BdamperError, with_reason
 from bdamper.util.formatting import amount, peak_text, preload_text, short_repr
 from bdamper.util.progress import Cost
@@ -43,7 +43,7 @@ HIGHEST = "Highest response"
 
 @short_repr
 @dataclass(frozen=True)
-class ResponseCurve(Plottable, Comparable, FrequencySeries, Tabular, Recorded, Storable, kind="bdamper-curve"):
+class ResponseCurve(InContact, Comparable, FrequencySeries, Tabular, Recorded, Storable, kind="bdamper-curve"):
     """Response curve; every point is a converged solution.
 
     ``plot`` draws amplitude over frequency, with backward branches dashed (:func:`bdamper.plot.plot_curve`).

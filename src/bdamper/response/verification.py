@@ -13,7 +13,7 @@ from bdamper.util.display import Fact, Plottable, Summarised, draw
 from bdamper.util.errors import COMPLETE, status_word
 from bdamper.util.formatting import amount, peak_text, percent, short_repr, span
 from bdamper.util.progress import Cost
-from bdamper.util.storage import Recorded, Storable
+from bdamper.util.storage import FilePath, Recorded, Storable
 from bdamper.util.tables import (
     ROW,
     Amplitude,
@@ -189,9 +189,9 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
             return span(self.lowest, self.highest, "m")
         return f"{amount(self.mean, 'm')} ({span(self.lowest, self.highest, 'm', near=self.mean).rpartition(' ')[0]})"
 
-    def mark(self, ax: object) -> object:
+    def mark(self, ax: object, path: FilePath | None = None) -> object:
         """Draw mean and range as a point with a bar over response curves (:func:`bdamper.plot.mark_time_response`)."""
-        return draw(self, "mark", ax)
+        return draw(self, "figure", "mark", path, ax)
 
     def _headline(self) -> str:
         at = f"At {amount(self.preload, 'N')}"

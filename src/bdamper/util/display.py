@@ -14,6 +14,7 @@ import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass, fields, is_dataclass
 from functools import reduce, wraps
+from os import PathLike
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
 
 import numpy as np
@@ -244,23 +245,47 @@ def _html_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 class Plottable(Summarised):
     """Mixin of objects with a figure."""
 
-    def plot(self, *arguments: Any, **options: Any) -> Any:
+    def plot(self, path: str | PathLike[str] | None = None, **options: Any) -> Any:
         """Draw the object with the function of :mod:`bdamper.plot` that the docstring of its class names.
 
         Parameters
         ----------
-        arguments, options
-            Further arguments of that function, for example ``ax=`` for existing axes.
+        path : path-like, optional
+            File for the figure, for example "curve.png", "curve.pdf" or "curve.svg".
+        options
+            Options of that function, for example ``ax=`` for existing axes or the figure of another result.
 
         Returns
         -------
-        matplotlib axes, or an array of them
-            New axes or the given ones; several if the plot has several.  ``bdamper.plot.save_figure`` writes their figure.
+        matplotlib.figure.Figure
+            With its axes.
         """
-        return draw(self, "plot", *arguments, **options)
+        return draw(self, "figure", "plot", path, **options)
 
     def _shown(self) -> Any:
         return self
+
+
+class InContact(Plottable):
+    """Mixin of solutions with contact states."""
+
+    def plot_contacts(self, study: object = None, path: str | PathLike[str] | None = None, **options: Any) -> Any:
+        """Draw the state of every contact face over the cycle (:func:`bdamper.plot.plot_contacts`).
+
+        Parameters
+        ----------
+        study : Study, optional
+            Study of the result; only a static state needs none.
+        path : path-like, optional
+            File for the figure.
+        options
+            Options of that function, for example ``point=`` for another solution of a curve.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
+        return draw(self, "figure", "plot_contacts", path, study, **options)
 
 
 # ---- Comparison of studies and results ----
