@@ -133,11 +133,11 @@ def test_a_lower_peak_that_becomes_the_highest_is_found(study, place, peak):
     other = replace(peak, amplitude=0.8 * peak.amplitude, y=2.0 * peak.y)
     richer = study.replace(harmonics=3)
 
-    def higher(system, y):
-        return replace(peak, amplitude=(1.01 if y[-1] == peak.y[-1] else 1.02) * peak.amplitude)
+    def higher(system, y, sign, **_):
+        return replace(peak, amplitude=(1.01 if y[-1] == peak.y[-1] else 1.02) * peak.amplitude), 0
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(richer_module, "find_peak", higher)
+        patch.setattr(richer_module, "peak_of_sign", higher)
         for peaks in ((peak, other), (other, peak)):
             changes = compare(study.problem, richer.problem, place[0], Tops(peaks, place[1]), by_newton=True)
             assert changes.amplitude == pytest.approx(1.02 * peak.amplitude / peaks[0].amplitude - 1.0)

@@ -161,6 +161,7 @@ def test_an_effect_without_which_no_peak_or_no_whole_curve_is_found_is_called_fo
 
     frequency_response = error_estimates.frequency_response
     monkeypatch.setattr(error_estimates, "frequency_response", none)
+    monkeypatch.setattr(error_estimates, "peak_of_sign", lambda *_, **__: ("lost", 0))
     monkeypatch.setattr(module, "estimate_change", lambda system, y: Change(np.nan, np.nan, np.inf))
     reference = module._Reference(full.problem, Effects.of(full), PRELOAD, INTERVAL)
     row = reference.row("separation", Effects.of(full), TOLERANCE)
@@ -169,6 +170,19 @@ def test_an_effect_without_which_no_peak_or_no_whole_curve_is_found_is_called_fo
     partial = reference.row("constraint planes", Effects.of(full), TOLERANCE)
     assert partial.source == "unknown" and partial.reason == "no complete response curve: incomplete: lost"
     assert reference.row("rotation X", Effects.of(full), TOLERANCE).source == "computed"
+
+
+def test_a_peak_that_changes_little_needs_no_whole_curve(full, monkeypatch):
+    def none(*_, **__):
+        raise bd.BdamperError("no curve asked for")
+
+    reference = module._Reference(full.problem, Effects.of(full), PRELOAD, INTERVAL)
+    monkeypatch.setattr(error_estimates, "frequency_response", none)
+    monkeypatch.setattr(module, "estimate_change", lambda system, y: Change(np.nan, np.nan, np.inf))
+    small = reference.row("harmonics beyond 1", Effects.of(full), TOLERANCE)
+    assert small.source == "computed" and small.frequency_change == pytest.approx(0.00393, rel=1e-3)
+    assert reference.row("translation X", Effects.of(full), TOLERANCE).source == "unknown"  # falls to less than half
+    assert reference.row("blade modes beyond 2", Effects.of(full), TOLERANCE).source == "unknown"  # leaves the interval
 
 
 def test_effects_that_cancel_by_chance_are_not_left_out_together():

@@ -3,8 +3,8 @@
 Harmonic convergence
     With ``H`` harmonics a peak solves ``r_H(u, omega) = 0`` and ``phi_H = 0``, the derivative of the amplitude along the
     curve (``bdamper.response.peak``). The initial guess is the peak with fewer harmonics; new harmonics are zero. Newton's
-    method with line search solves at the frequency of that peak, then the peak is located. Both solutions must have the
-    sign of det J of the first peak. This sign changes at every fold, so another sign indicates another part of the curve.
+    method with line search solves at the phase of that peak, or at its frequency, then the peak is located. It must have
+    the sign of det J of the first peak. This sign changes at every fold: another sign is another part of the curve.
     If this fails, half of the new harmonics are added first.
 
     A few equal results do not prove convergence, since a higher harmonic may be resonant. At its optimum the turbine blade

@@ -5,8 +5,9 @@ the reference without each effect, and the work saved.
 
 1. The peak is embedded in the study without the effect; one adjoint solution estimates the change
    (:mod:`bdamper.analyses.error_estimates`).
-2. If the estimate with its uncertainty exceeds the tolerance, the complete curve without the effect is computed. If this
-   fails, the change is unknown and the effect is significant.
+2. If the estimate with its uncertainty exceeds the tolerance, Newton's method continues from the peak; if this fails or the
+   peak changes much, the complete curve without the effect is computed. If this fails too, the change is unknown and the
+   effect is significant.
 3. Effects are omitted one after the other, in order of the work saved, as long as the sum of their changes is within the
    tolerance. Together they may change the peak by more than the sum. Therefore the peak without all of them is computed and
    compared with the reference. Until they agree, the effect with the largest change is restored.
@@ -166,8 +167,8 @@ def effect_significance(
 ) -> EffectSignificance:
     """Compute the change of the highest peak without each effect, and select the significant effects.
 
-    The cost is several peaks: the reference, one for each effect with a large change, and one or more without all omitted
-    effects. It pays off before many computations of similar problems.
+    The cost is several curves: the reference, one for each effect that changes the peak much, and one or more without all
+    omitted effects. It pays off before many computations of similar problems.
 
     Parameters
     ----------
@@ -229,13 +230,13 @@ class _Reference:
         if not peak.corner:  # the estimate needs a stationary amplitude
             change = estimate_change(system, embed(self.problem, leaner, self.preload, peak.y))
         if change.size > tolerance:
-            change, source = self.computed(leaner), "computed"
+            change, source = self.computed(leaner, True), "computed"
         source, why = (source, "") if change.known else ("unknown", change.how)
         return EffectRow(name, on, *change[:3], source, _work(system) / self.work, reason=why)
 
-    def computed(self, leaner: Problem) -> Change:
-        """Compute the change of the highest peak from the reference to another study."""
-        return compare(self.problem, leaner, self.preload, self.tops)
+    def computed(self, leaner: Problem, by_newton: bool = False) -> Change:
+        """Compute the change of the highest peak from the reference to another study, see :func:`compare`."""
+        return compare(self.problem, leaner, self.preload, self.tops, by_newton)
 
 
 def _chosen(
