@@ -302,9 +302,11 @@ def test_matrices_after_constraints_match_by_independent_components(bulk_data, t
     np.testing.assert_allclose(found.mass.toarray(), 2.0 * solid)
     np.testing.assert_array_equal(found.numbers, [1, 2, 3, 4])
     assert "12 held or empty rows dropped" in found.notes
-    cards = [f"DMIG,{name},0,6,2,0" for name in ("KAAX", "MAAX")]
-    cards += [f"DMIG,{name},{n},{c},,{n},{c},3." for name in ("KAAX", "MAAX") for n in (3, 4, 9) for c in (1, 2, 3)]
+    cards = [f"DMIG    {name}           0       6       2       0" for name in ("KAAX", "MAAX")]
+    for name, n, c in ((name, n, c) for name in ("KAAX", "MAAX") for n in (3, 4, 9) for c in (1, 2, 3)):  # as punched
+        cards.append(f"DMIG*   {name:16s}{n:16d}{c:16d}\n*       {n:16d}{c:16d} 3.000000000D+00")
     found = bulk_data("\n".join([SPIDERS, *cards]))
+    np.testing.assert_array_equal(found.stiffness.toarray(), 3.0 * np.eye(6))
     np.testing.assert_array_equal(found.dofs, [(n, c) for n in (3, 4) for c in (1, 2, 3)])
     np.testing.assert_array_equal(found.numbers, [1, 2, 3, 4])
 
