@@ -241,7 +241,7 @@ def answer(given: argparse.Namespace) -> int:
     if path := files.get("h5"):
         result.save(path)
     if answered and (path := files.get("html")):
-        result.report(path, study)
+        result.report(path, study, model_file=given.model or "")
         print(f"wrote {path}", file=sys.stderr)
     if given.png:
         from bdamper.plot import save_figure

@@ -51,7 +51,7 @@ def test_each_design_has_its_own_curve(study, found, tmp_path):
 
 def test_on_the_same_axes(study, found):
     measured = Measurement("rig", np.array([352.0, 354.0]), np.array([0.5, 0.7j]), unit="mm")
-    ax = found.plot(measured=[measured]).axes[0].axes[0]
+    ax = found.plot(measured=[measured]).axes[0]
     names = [text.get_text() for text in ax.get_legend().get_texts()]
     assert {"as it is", "smooth", "heavier", "rig"} <= set(names)
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("Frequency (Hz)", "Tip amplitude (µm)")

@@ -1,6 +1,7 @@
 """Every picture at the width of a column: no text lies on another one or is cut, and grey print tells lines apart."""
 
 from dataclasses import replace
+from functools import cache
 from itertools import combinations
 
 import matplotlib
@@ -16,15 +17,58 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
 import bdamper as bd
+from bdamper.fatigue.criteria import Material
 from bdamper.mistuning import DiskPeak
 from bdamper.plot import new_axes, plot_crossings, plot_curves, plot_response_map, save_figure
 from bdamper.plot.axes import COLUMN, Picture, name_point, place_names, wrapped
 from bdamper.response.verification import TimeResponse
 from tests.each import each
-from tests.every_result import BAND, RESULTS, bladed_disk, turbine
-from tests.every_result import result as made
+from tests.every_result import RESULTS
+from tests.every_result import result as of_masses
+from tests.fatigue.test_margins import with_stress
+from tests.plain import plain_study
 
-N = 65
+N, BAND = 65, (330.0, 365.0)
+STEEL = Material(endurance_limit=300e6, ultimate_strength=900e6, yield_strength=800e6)
+
+
+@cache
+def bladed_disk():
+    model = with_stress(bd.reference_model("bladed_disk", contact_points=9))
+    return plain_study(model, bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4)
+
+
+def turbine():
+    model = bd.reference_model("turbine_blade", contact_points=9)
+    return bd.Study(model, bd.Excitation("tip", amplitude=10.0), 5, friction_coefficient=0.3, harmonics=1)
+
+
+OF_DISK = {
+    "frequency_response": lambda s: s.frequency_response(2000.0, BAND, stability=True),
+    "free": lambda s: s.free(BAND),
+    "peak": lambda s: s.peak(2000.0, BAND),
+    "optimal_curve": lambda s: s.optimal_curve((500.0, 4e3), 4, frequency=BAND, check=False),
+    "static": lambda s: s.static(500.0),
+    "hysteresis": lambda s: s.hysteresis(made("frequency_response")),
+    "dissipation": lambda s: s.dissipation(made("frequency_response")),
+    "motion_in_time": lambda s: s.motion_in_time(made("frequency_response"), periods=2, steps_per_period=512),
+    "effect_significance": lambda s: s.effect_significance(2000.0, BAND),
+    "compare": lambda s: bd.compare(
+        {"now": s, "smooth": {"friction_coefficient": 0.2}}, lambda one: one.frequency_response(2000.0, BAND)
+    ),
+    "sweep": lambda s: bd.sweep(s, {"friction_coefficient": [0.2, 0.4], "preload": [1e3, 2e3]}, frequency=BAND),
+    "campbell": lambda s: turbine().campbell((350.0, 600.0, 850.0), (5,), modes=1),
+    "nonlinear_mode": lambda s: s.nonlinear_mode(2000.0, 1, (1e-6, 1e-4)),
+    "stress": lambda s: s.stress(made("peak")),
+    "margins": lambda s: s.margin(made("peak"), STEEL),
+    "margin_curve": lambda s: s.margin(made("frequency_response"), STEEL),
+    "mistuned_sample": lambda s: of_masses("mistuned_sample"),
+}
+
+
+@cache
+def made(name):
+    return OF_DISK[name](bladed_disk())
 
 
 def optimal():
@@ -64,8 +108,11 @@ def disks():
                    springs=none, error=np.full(shape, 0.02), tuned_amplitude=tuned)  # fmt: skip
 
 
+WITHOUT = "estimate_errors", "robust_optimum", "dampers", "audit", "best_preload", "tail"
+"""Results of masses that have no picture."""
 PICTURES = {
-    **{name: lambda name=name: made(name).plot() for name in RESULTS},
+    **{f"masses: {name}": lambda name=name: of_masses(name).plot() for name in RESULTS if name not in WITHOUT},
+    **{name: lambda name=name: made(name).plot() for name in OF_DISK},
     "curve with its limits": lambda: made("frequency_response").plot(limits=[made("free"), bladed_disk().stuck(BAND)]),
     "six curves": lambda: plot_curves([bladed_disk().frequency_response(p, BAND) for p in (5e2, 1e3, 2e3, 3e3, 4e3, 5e3)]),
     "optimum with failed checks": lambda: failed_checks().plot(),
@@ -132,7 +179,7 @@ def test_no_text_lies_on_another_one_or_is_cut(name):
         handles = [look(line) for line in legend.legend_handles if isinstance(line, Line2D)]
         assert len(set(handles)) == len(handles), "lines differ in more than the colour"
     notes = [text.get_text() for ax in figure.axes for text in ax.texts if text.get_gid() == "note"]
-    assert bool(notes) == (name == "campbell" or "without" in name), notes
+    assert bool(notes) == (name in ("campbell", "masses: flutter") or "without" in name), notes
     plt.close("all")
 
 

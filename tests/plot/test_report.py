@@ -1,6 +1,7 @@
 """The report for a design review: one file, the same bytes, lights by their rules."""
 
 from dataclasses import replace
+from datetime import date
 from html.parser import HTMLParser
 
 import numpy as np
@@ -11,6 +12,7 @@ from bdamper.analyses.fit_result import Fitted
 from bdamper.plot.report import lights
 from bdamper.response.verification import TimeResponse
 from bdamper.util.formatting import amount
+from tests.every_result import result as made
 
 
 class Page(HTMLParser):
@@ -51,11 +53,34 @@ def test_one_file_without_links(study, curve, tmp_path):
     assert content == (tmp_path / "again.html").read_bytes()
     assert len(content) < 400 * 1024
     page = Page(content.decode())
-    assert page.open == [] and len(page.sources) == 4
+    assert page.open == [] and len(page.sources) == 6
+    for text in ("Blades and dampers", "Stick, slip and separation", "Pressure at rest", "Hysteresis loop"):
+        assert text in page.said
     assert all(source.startswith("data:image/") for source in page.sources) and "http" not in page.said
     assert curve._headline() in page.said and curve.model_hash in page.said and str(curve.made_with) in page.said
     for text in ("friction coefficient", "Not modelled", "bd.load_study", "harmonics"):
         assert text in page.said
+
+
+def test_the_first_screen_says_what_by_whom_and_when(curve, tmp_path):
+    given = {"project": "Stage 3", "author": "A. Engineer", "date": "2026-01-02", "model_file": "stage.h5"}
+    path = tmp_path / "review.html"
+    assert curve.report(path, disk=made("mistuned_sample"), **given) == path
+    said = " ".join(Page(path.read_text()).said.split())
+    first = said[: said.index("Checks")]
+    rows = (*given.values(), curve.model_hash, "engine order 5, tangential tip, amplitude 1", "not given, frequencies of")
+    for text in (*rows, "60 N to 240 N", curve._headline()):
+        assert text in first
+    assert "Mistuned bladed disk" in said and "Not for design" not in first
+    assert curve.report(tmp_path / "today.html").read_text().count(date.today().isoformat()) == 1
+
+
+def test_a_red_check_changes_the_first_sentence(curve, tmp_path):
+    best = replace(curve.optimum, status="incomplete: less may be elsewhere")
+    page = replace(curve, optimum=best).report(tmp_path / "red.html").read_text()
+    assert '<p class="answer failed"><b>Not for design: ' in page and "failed" not in curve.report(
+        tmp_path / "green.html"
+    ).read_text().split("<body>")[1]
 
 
 def test_the_lines_that_do_it_again(study, curve, tmp_path, monkeypatch):
@@ -97,7 +122,7 @@ def test_balance_against_time(curve, ratio, colour):
     [(1.0, {}, None, "green"), (2.0, {}, None, "amber"), (4.0, {}, None, "red"), (1.0, {"harmonics": [1, 3]}, None, "red"),
      (1.0, {}, 0.123, "red")],
 )  # fmt: skip
-def test_a_fit_and_whether_its_constants_are_those_of_the_curve(curve, misfit, settings, mu, colour):
+def test_a_fit_and_whether_its_constants_are_those_of_the_curve(curve, tmp_path, misfit, settings, mu, colour):
     one, two = np.ones(1), np.full((1, 2), misfit)
     values = one * (mu or curve.settings["friction_coefficient"]["left"])
     fit = Fitted(
@@ -106,6 +131,8 @@ def test_a_fit_and_whether_its_constants_are_those_of_the_curve(curve, misfit, s
     )  # fmt: skip
     (light,) = [light for light in lights(curve, fit) if light.name == "Contact constants"]
     assert light.colour == colour and ("other values" in light.found) == bool(settings or mu)
+    first = Page(curve.report(tmp_path / "review.html", fit=fit).read_text()).said.partition("Checks")[0]
+    assert ("Not for design: contact constants: misfit" in first) == (colour == "red")
 
 
 def test_what_is_open_is_red(curve):

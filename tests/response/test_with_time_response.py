@@ -95,7 +95,7 @@ def test_another_model_is_refused(found):
 def test_the_band_without_a_steady_response_is_drawn(found):
     _, curve = found
     gone = np.where(curve.preload <= 60.0, np.nan, curve.amplitude)
-    left, _ = replace(curve, amplitude=gone, lowest_steady_preload=60.0).plot().axes.axes
+    left, _ = replace(curve, amplitude=gone, lowest_steady_preload=60.0).plot().axes
     labels = left.get_legend_handles_labels()[1]
     assert "no steady periodic response up to 60 N" in labels
     assert not any(label.startswith("no value") for label in labels)

@@ -10,14 +10,15 @@ import pytest
 import bdamper
 from bdamper import plot
 from bdamper.model.structure import Model
-from bdamper.util.display import _DRAWINGS, Plottable, draw
+from bdamper.util.display import _DRAWINGS, InContact, Plottable, draw
 from tests.each import each
 
 
 def plottable_types():
     for module in pkgutil.walk_packages(bdamper.__path__, "bdamper."):
         importlib.import_module(module.name)
-    return sorted(Plottable.__subclasses__(), key=lambda cls: cls.__name__)
+    kinds = {*Plottable.__subclasses__(), *InContact.__subclasses__()} - {InContact}
+    return sorted(kinds, key=lambda cls: cls.__name__)
 
 
 @each("cls", plottable_types(), ids=lambda cls: cls.__name__)

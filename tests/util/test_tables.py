@@ -282,7 +282,7 @@ class TestMistakenArguments:
 def test_a_sweep_draws_points_without_a_value(swept):
     assert "x" not in [line.get_marker() for line in swept.plot().axes[0].lines]
     lost = replace(swept, values=({"amplitude": np.nan}, *swept.values[1:]))
-    ax = lost.plot().axes[0].axes[0]
+    ax = lost.plot().axes[0]
     crosses = [line for line in ax.lines if line.get_marker() == "x" and len(line.get_xdata())]
     assert [line.get_xdata().tolist() for line in crosses] == [[1.0]]
     assert "no value" in ax.get_legend_handles_labels()[1]

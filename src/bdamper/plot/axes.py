@@ -126,7 +126,7 @@ def drawing(
             figure.unfinished = not outer
         if title:
             axes[0].set_title(title)
-        if legend is not None:
+        if legend is not None and outer:
             legend_beside(axes[-1], legend, *legend_entries(axes))
         for each in axes:
             known = np.isfinite(each.dataLim.get_points()).all()
@@ -374,10 +374,10 @@ def figure_of(shown: Plottable, kind: str, path: FilePath | None = None, *argume
 
 
 @register_plot(Plottable, "image")
-def image_of(shown: Plottable, **options: Any) -> bytes:
+def image_of(shown: Plottable, kind: str = "plot", *arguments: Any, **options: Any) -> bytes:
     """Return the plot of an object as a file; a PNG for notebooks unless the options of ``savefig`` differ."""
     file = io.BytesIO()
-    save_figure(draw(shown, "plot"), file, **{"format": "png", "dpi": 160, **options})
+    save_figure(draw(shown, kind, *arguments), file, **{"format": "png", "dpi": 160, **options})
     return file.getvalue()
 
 

@@ -158,7 +158,7 @@ def plot_surfaces(surfaces: Sequence[Surface], ax: Axes | None = None, *, title:
     with plt.rc_context(STYLE):
         ax = new_axes(height=3.2) if ax is None else ax
         look = {"edgecolors": "0.35", "linewidths": 0.15}
-        ax.add_collection(PolyCollection(list(corner[order, :, :2]), facecolors=shade[order], **look))  # type: ignore[arg-type]
+        ax.add_collection(PolyCollection(list(corner[order, :, :2]), facecolors=shade[order], rasterized=True, **look))  # type: ignore[arg-type]
         if new:
             ax.autoscale_view()
             ax.set(aspect="equal", title=title)

@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from bdamper.analyses.hysteresis import AXES, WHOLE, Hysteresis
@@ -96,6 +97,7 @@ def _face_axes(ax: Axes, x: NDArray, y: NDArray, dx: float, dy: float) -> None:
     """Set the limits and labels of the map of a face."""
     ax.set(xlim=(y.min() - 0.6 * dy, y.max() + 0.6 * dy), ylim=(x.min() - 0.6 * dx, x.max() + 0.6 * dx))
     ax.set(aspect="equal", xlabel="Along the axis (mm)", ylabel="Outward (mm)")
+    ax.xaxis.set_major_locator(MaxNLocator(3 if np.ptp(ax.get_xlim()) > 1.5 * np.ptp(ax.get_ylim()) else 1))
     ax.grid(False)
 
 
@@ -128,8 +130,9 @@ def plot_status_map(status: ContactStatus, model: Model, interface: str, ax: Axe
 def _draw_map(ax: Axes, status: ContactStatus, interface: str, frame: NDArray, direction: int) -> None:
     x, y, dx, dy = face_coordinates(status.points[status.rows(interface)], frame)
     left, right, low, high, state = tiles(status.share[status.rows(interface), direction], x, y, dx, dy)
-    ax.barh(low, right - left, high - low, left, align="edge", color=[STATUS_COLOURS[k] for k in state])
-    ax.barh(x, np.full(len(x), 0.9 * dy), 0.9 * dx, y - 0.45 * dy, fill=False, **EDGE)
+    colour = [STATUS_COLOURS[k] for k in state]
+    ax.barh(low, right - left, high - low, left, align="edge", color=colour, rasterized=True)
+    ax.barh(x, np.full(len(x), 0.9 * dy), 0.9 * dx, y - 0.45 * dy, fill=False, **EDGE, rasterized=True)
     _face_axes(ax, x, y, dx, dy)
 
 
@@ -168,7 +171,7 @@ def plot_contacts(
                 for start, end, state in status.parts[row][direction]:
                     shares[state] += (time - start / (2.0 * np.pi)) % 1.0 < (end - start) / (2.0 * np.pi)
             for right in others:
-                right.stackplot(time, 100.0 * shares / shares.sum(axis=0), colors=STATUS_COLOURS)
+                right.stackplot(time, 100.0 * shares / shares.sum(axis=0), colors=STATUS_COLOURS, rasterized=True)
                 right.set(xlim=(0.0, 1.0), ylim=(0.0, 100.0), ylabel="Points (%)", xlabel="Time (periods)")
         plt.setp(axes[:-1], xlabel="")
         away = [name for name in frames if name not in shown]

@@ -1,16 +1,17 @@
 """Report of an optimal curve for a design review: one HTML file with plots, from the template ``report.html``.
 
-Each check has a colour and a rule: green if passed, amber if uncertain, red if failed, white if not computed.  The file
-contains no date and no link, so equal results give identical files.
+Each check has a colour and a rule: green if passed, amber if uncertain, red if failed, white if not computed.  A red check
+is in the first sentence.  The file contains no link, and equal results of one day give identical files.
 """
 
 from __future__ import annotations
 
-import base64
 import json
 from collections.abc import Mapping
+from datetime import date
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 
@@ -18,6 +19,9 @@ from bdamper.analyses.fit_result import Fitted
 from bdamper.analyses.hysteresis import hysteresis
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.result_checks import Asking, check_result, problem_of
+from bdamper.harmonic_balance.rotor_speed import RPM
+from bdamper.mistuning.peak import DiskPeak
+from bdamper.mistuning.sample import MistunedSample
 from bdamper.response.headline import NEAR_BEST, Check, checks, graded
 from bdamper.response.highest_peak import highest_peak
 from bdamper.response.optimal_curve_result import OptimalCurve
@@ -45,8 +49,9 @@ NOT_MODELLED = (
 
 @register_plot(OptimalCurve, "report")
 def write_report(
-    curve: OptimalCurve, path: FilePath, study: Asking | Problem | None = None, fit: Fitted | None = None
-) -> None:
+    curve: OptimalCurve, path: FilePath, study: Asking | Problem | None = None, fit: Fitted | None = None,
+    disk: DiskPeak | MistunedSample | None = None, **subject: str,
+) -> Path:  # fmt: skip
     """Write the report of an optimal curve (:meth:`bdamper.response.optimal_curve_result.OptimalCurve.report`)."""
     jinja2 = import_extra("jinja2", "report", "report")
     check_folder(path)
@@ -64,7 +69,12 @@ def write_report(
         check_result(problem, curve)
         at_optimum, rows = _at_optimum(problem, curve)
         figures += at_optimum
+        if problem.model.meshes:
+            figures.insert(0, ("Blades and dampers of the stage", _picture(problem.model)))
     figures += [("Margin against fatigue", _picture(margins)) for margins in curve.margins]
+    if disk is not None:
+        validation.instance("disk", disk, (DiskPeak, MistunedSample))
+        figures.append((f"Mistuned bladed disk: {disk._headline().rstrip('.')}", _picture(disk)))
     if fit is not None:
         figures.append(("Measured responses and the model", _picture(validation.instance("fit", fit, Fitted))))
     page = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True).from_string(
@@ -74,8 +84,12 @@ def write_report(
     band = f", frequency=({interval[0]:.12g}, {interval[1]:.12g})" if interval else ""
     check = "" if curve.time_response else ", check=False"
     low, high = curve.preloads_within(NEAR_BEST * best.amplitude)
+    found = lights(curve, fit)
+    other = [f"{light.name.lower()}: {light.found}" for light in found if light.colour == "red" and not light.failure]
     text = page.render(
-        curve=curve, fit=fit, figures=figures, lights=lights(curve, fit), sensitivities=rows, left_out=NOT_MODELLED,
+        curve=curve, fit=fit, figures=figures, lights=found, sensitivities=rows, subject=_subject(curve, subject),
+        headline=" ".join([*(f"Not for design: {each}." for each in other), curve._headline()]),
+        red=any(light.colour == "red" for light in found), left_out=NOT_MODELLED,
         notes=curve.warnings, settings={k: _short(v) for k, v in sorted(curve.settings.items())},
         range=f"{amount(low, 'N')} to {amount(high, 'N')}", given=study is not None,
         lines=(
@@ -86,6 +100,24 @@ def write_report(
     )  # fmt: skip
     with file_errors(path):
         Path(path).write_bytes(text.encode())
+    return Path(path)
+
+
+def _subject(curve: OptimalCurve, given: Mapping[str, str]) -> dict[str, str]:
+    """Return the rows that say what was computed, by whom and when: the first screen of the report."""
+    settings, force = curve.settings, curve.settings.get("excitation") or {}
+    where = " ".join(str(force[name]) for name in ("direction", "location") if force.get(name) is not None)
+    amplitude = f"amplitude {force.get('amplitude', 0.0):g} (SI unit)"
+    speed = settings.get("speed")
+    return {
+        "project": given.get("project", ""),
+        "author": given.get("author", ""),
+        "date": given.get("date") or date.today().isoformat(),
+        "model": f"{given.get('model_file', '')} {curve.model_hash}".lstrip(),
+        "excitation": f"engine order {settings.get('engine_order')}, {where}, {amplitude}",
+        "rotor speed": "not given, frequencies of the model" if speed is None else f"{speed * RPM:.6g} rpm",
+        "preloads": f"{amount(curve.preload[0], 'N')} to {amount(curve.preload[-1], 'N')}",
+    }
 
 
 def _has(settings: Mapping[str, Any], name: str, value: Any) -> bool:
@@ -131,7 +163,10 @@ def _at_optimum(problem: Problem, curve: OptimalCurve) -> tuple[list[tuple[str, 
     figures = [(f"Response over frequency at {load}", _picture(tracked))]
     if not peak.converged:
         return figures, []
-    figures.append((f"Stick, slip and separation over a cycle of the peak at {load}", _picture(peak)))
+    contacts = _picture(peak, "plot_contacts", problem)
+    figures.append((f"Stick, slip and separation over a cycle of the peak at {load}", contacts))
+    if len(problem.coupling.interfaces):
+        figures.append((f"Pressure at rest under {load}", _picture(problem.static(best.preload))))
     loop = _picture(hysteresis(problem, peak))
     figures.append((f"Hysteresis loop of all contacts at the peak at {load}", loop))
     rows: list[tuple[str, ...]] = []
@@ -149,7 +184,8 @@ def _short(value: Any) -> str:
     return truncate(text, 120)
 
 
-def _picture(shown: Plottable) -> str:
+def _picture(shown: Plottable, kind: str = "plot", *arguments: Any) -> str:
     """Return the plot of a result as an HTML image."""
-    svg = draw(shown, "image", format="svg", metadata={"Date": None, "Creator": None})
-    return f'<img alt="figure" src="data:image/svg+xml;base64,{base64.b64encode(svg).decode()}">'
+    svg = draw(shown, "image", kind, *arguments, format="svg", dpi=110, metadata={"Date": None, "Creator": None})
+    text = svg.decode().replace('"', "'").replace("\n", " ")  # a third shorter than in base 64
+    return f'<img alt="figure" src="data:image/svg+xml,{quote(text, safe=" ()*+,-./:;=?@[]_!")}">'

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -239,17 +240,30 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
             f"at {curve.preload:.6g} N {curve.point_text(i, 'detached')}" for curve in self.curves for i in curve.detached
         )
 
-    def report(self, path: FilePath, study: Asking | Problem | None = None, *, fit: Recorded | None = None) -> None:
-        """Write one HTML file for a design review, with embedded pictures and without links; reproducible byte by byte.
+    def report(
+        self, path: FilePath, study: Asking | Problem | None = None, *, fit: Recorded | None = None,
+        disk: Recorded | None = None, project: str = "", author: str = "", date: str = "", model_file: str = "",
+    ) -> Path:  # fmt: skip
+        """Write one HTML file for a design review, with embedded pictures and without links; return its path.
+
+        With a date it is reproducible byte by byte.
 
         Parameters
         ----------
         path : path-like
         study : Study, optional
-            Study of this curve.  With it the report contains the response at the optimum with contact states, hysteresis
-            loops and sensitivities.
+            Study of this curve.  With it the report contains the bodies, the response at the optimum with contact states,
+            the pressure at rest, hysteresis loops and sensitivities.
         fit : bdamper.analyses.fit_result.Fitted, optional
             Source of friction coefficient and contact stiffness.
+        disk : DiskPeak or MistunedSample, optional
+            Result of a mistuned bladed disk.
+        project, author, date, model_file : str
+            Texts at the beginning; the date is today by default.
+
+        Returns
+        -------
+        pathlib.Path
 
         Raises
         ------
@@ -257,7 +271,8 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
             If the curve has no optimum or belongs to another study, the extra ``bdamper[report]`` is missing, or the file
             cannot be written.
         """
-        draw(self, "report", path, study, fit)
+        subject = {"project": project, "author": author, "date": date, "model_file": model_file}
+        return cast(Path, draw(self, "report", path, study, fit, disk, **subject))
 
     def _headline(self) -> str:
         return headline(self)
