@@ -17,4 +17,8 @@ def __getattr__(name: str) -> Any:
     if name == "load":  # a file can contain a result of any module, and each module registers its own kinds
         for other in set(__all__) - {"load"}:
             _import_name(other)
-    return _import_name(name)
+    try:
+        return _import_name(name)
+    except AttributeError:
+        near = import_module("bdamper.util.validation").suggest_name(name, __all__)
+        raise AttributeError(f"bdamper has no attribute '{name}'{near}", name=name) from None

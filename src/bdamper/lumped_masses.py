@@ -358,7 +358,8 @@ class _Modes:
 def _matrix(name: str, value: Any, n: int | None = None) -> NDArray:
     """Convert a number, a diagonal or a matrix to a symmetric matrix."""
     try:
-        A = np.array(value.toarray() if hasattr(value, "toarray") else value, float)
+        A = np.array(value.toarray() if hasattr(value, "toarray") else value)
+        A = A.astype(float, casting="same_kind")  # not from texts
     except (TypeError, ValueError):
         raise validation.invalid(name, "a number, a diagonal or a matrix", value) from None
     found = A.shape

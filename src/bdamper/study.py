@@ -26,6 +26,7 @@ from bdamper.analyses import effect_significance as significance
 from bdamper.analyses import hysteresis as cycles
 from bdamper.analyses import nonlinear_mode as modes
 from bdamper.analyses import robust_optimum as best_margin
+from bdamper.analyses.executors import check_executor
 from bdamper.contact.stiffness import report
 from bdamper.fatigue import margin as margins
 from bdamper.fatigue import stress_cycle as stresses
@@ -322,6 +323,7 @@ class Study(Comparable):
         """
         problem = self.problem
         check = check if check is False else validation.choice("check", check, ("time", "neighbours"))
+        check_executor(executor)
         progress, values = shows_progress(progress), optimal.preload_values(preload, n)
         frequency = peak_interval(problem.at(float(values[-1])), frequency, mode) if problem.carries_load else frequency
         check_unloaded(problem)
@@ -408,6 +410,7 @@ class Study(Comparable):
 FORMAT = "bdamper-study"
 
 
+@validation.check_arguments
 def load_study(path: FilePath, model: Model | None = None) -> Study:
     """Read a study from its file, or from the file of one of its results.
 

@@ -8,10 +8,11 @@ import pytest
 import bdamper as bd
 from bdamper.analyses.campbell import run_up
 from bdamper.analyses.crossings import SpeedFamily, exact, follow_line
-from bdamper.harmonic_balance.rotor_speed import Conditions
+from bdamper.harmonic_balance.rotor_speed import RPM, Conditions
 from bdamper.plot import plot_crossings
 from bdamper.response.peak import amplitude_at
 from bdamper.response.response_curve_result import ResponseCurve
+from bdamper.util.formatting import amount, peak_text
 from bdamper.util.progress import CostMeter
 from tests.plain import plain_study
 from tests.turning import turning_disk
@@ -36,6 +37,27 @@ def test_an_order_that_the_model_has_no_modes_for_fails_alone(study, found):
     assert both.status[0].startswith("failed") and "nodal diameter" in both.status[0] and not both.complete
     assert both.values[1]["kind"] == "complete" and both.values[1]["amplitude"] == found.values[1]["amplitude"]
     assert both.warnings == ("", "")
+
+
+def test_the_headline_is_the_highest_crossing_or_says_that_there_is_none(study, found, tmp_path):
+    i = int(np.argmax([value["amplitude"] for value in found.values]))
+    top, mass = found.values[i], found.points[i]["damper_mass"]
+    assert found._headline() == (
+        f"Highest crossing: {peak_text(top['amplitude'], top['frequency'])}, {top['speed']:.5g} rad/s "
+        f"({top['speed'] * RPM:.0f} rpm), damper mass {mass:g}, engine order 5, "
+        f"under a preload of {amount(top['preload'], 'N')}."
+    )
+    doubted = ({**top, "kind": "incomplete", "warning": "why", "margin": 1.25}, *found.values[:2])
+    said = replace(found, values=doubted)._headline()
+    least = "Least margin against fatigue 1.25 (damper mass 0.999, engine order 5)."
+    assert said.endswith(f" There may be a higher point: why. {least}")
+    none = study.resonance_crossings((10.0, 20.0), [5])
+    why = "engine order 5 crosses no resonance of mode 1 between 10 and 20 rad/s"
+    assert none._headline() == f"No crossing: {why}." and " nan" not in str(none)
+    mixed = replace(found, values=(*found.values[:2], *none.values))._headline()
+    assert mixed.endswith(f" No crossing at 1 of 3 points: {why}.")
+    none.save(tmp_path / "none.h5")
+    assert type(bd.load(tmp_path / "none.h5")) is type(none)
 
 
 def test_a_crossing_is_the_highest_point_of_the_line(study, found):

@@ -25,7 +25,7 @@ def test_limit_cycles_are_those_of_the_closed_form(tmp_path):
     assert TWO_PI * found.frequency[1:] == pytest.approx([jenkins.closed_form(a)[0] for a in closed_cycles()], rel=1e-9)
     assert found.stable.tolist() == [False, True, False]
     assert found.safe == pytest.approx(closed_cycles()[1], rel=1e-9)
-    assert found._headline().startswith(f"Vibration below {closed_cycles()[1]:.3g} m stays bounded")
+    assert found._headline().startswith(f"Flutter above {closed_cycles()[1]:.3g} m")
     quiet = oscillator(1).flutter(0.0, -0.005, amplitude=(0.01, 30.0))
     assert quiet.stable.tolist() == [True] and np.isinf(quiet.safe).all()
     lost = oscillator(1).flutter(0.0, -0.2, amplitude=(0.01, 30.0))

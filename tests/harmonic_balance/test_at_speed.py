@@ -157,7 +157,7 @@ ANOTHER = {
     "of stress": (lambda s, at, peak: s.stress(peak, speed=SPEED), "4782 N", "2000 N: a damper of 0.418 times"),
     "of a margin": (lambda s, at, peak: s.margin(peak, AISI_1050, speed=SPEED), "4782 N", "2000 N: a damper of 0.418"),
     "of margins over frequency": (
-        lambda s, at, peak: s.margin(s.frequency_response(LOW, (330.0, 350.0)), AISI_1050, speed=SPEED), "4782 N", "2000 N"
+        lambda s, at, peak: s.margin(s.frequency_response(LOW, BAND), AISI_1050, speed=SPEED), "4782 N", "2000 N"
     ),
     "of one speed of a sweep": (
         lambda s, at, peak: bd.sweep(s, {"speed": [300.0, SPEED], "preload": [2500.0, 2700.0]}, nothing), "4782 N", "2500"

@@ -64,7 +64,7 @@ def test_shipped_scenes_are_plausible(name, points):
 
 
 def test_engine_order_0_of_a_wheel_is_named():
-    with pytest.warns(PlausibilityWarning, match="engine_order: plausible 1 to 1000, found 0: a force") as caught:
+    with pytest.warns(PlausibilityWarning, match="engine_order: plausible 1 to 32, found 0: a force") as caught:
         study(engine_order=0)
     assert len(caught) == 1
     with warnings.catch_warnings():

@@ -13,6 +13,8 @@ import bdamper as bd
 from bdamper.contact.laws import ContactLaw
 from bdamper.fatigue.criteria import Material
 from bdamper.fatigue.margin import LeastMargin
+from bdamper.fem import Geometry
+from bdamper.fem import Material as Elastic
 from bdamper.fem.local_basis import LocalSizes
 from bdamper.harmonic_balance.rotor_speed import Conditions
 from bdamper.harmonic_balance.settings import Settings
@@ -22,7 +24,7 @@ from bdamper.mistuning import BladedDisk, DamperVariation, DiskPeakOptions, Mist
 
 FURTHER = (
     LeastMargin, Material, ContactFaces, Units, Sector, Placement, Reduction, Checks, build_model, over_speed, Patches,
-    Conditions, LocalSizes, DamperVariation, Mistuning, DiskPeakOptions,
+    Conditions, LocalSizes, DamperVariation, Mistuning, DiskPeakOptions, Geometry,
 )  # fmt: skip
 PARTS = (bd.Study, BladedDisk, ContactLaw, Mistuning, DamperVariation)
 """Classes with methods that take numbers."""
@@ -48,7 +50,7 @@ def doors() -> dict[str, Any]:
     """Functions and classes by name, as the table of plausible ranges names them."""
     found = {name: getattr(bd, name) for name in bd.__all__ if name not in OUTSIDE}
     found = {name: thing for name, thing in found.items() if callable(thing) and not _is_error(thing)}
-    found |= {thing.__name__: thing for thing in FURTHER}
+    found |= {thing.__name__: thing for thing in FURTHER} | {"fem.Material": Elastic}
     for cls in PARTS:
         for name in dir(cls):
             method = getattr(cls, name)

@@ -1,6 +1,7 @@
 """The typical mistakes of users: each draws one clear line with the thing, what was expected and what was found."""
 
 import warnings
+from functools import partial
 
 import numpy as np
 import pytest
@@ -8,10 +9,13 @@ import pytest
 import bdamper as bd
 from bdamper.fatigue.criteria import AISI_1050, Material
 from bdamper.fatigue.margin import MarginCurve
+from bdamper.fem import Geometry
+from bdamper.fem import Material as Elastic
 from bdamper.harmonic_balance.parameters import vary
+from bdamper.importers import Sector, Units, read_body, read_matrix, read_mode, read_nodes, read_response, read_ring_down
 from bdamper.importers.build import build_model
 from bdamper.importers.contact_faces import ContactFaces
-from bdamper.mistuning import DiskPeakOptions, Mistuning
+from bdamper.mistuning import DamperVariation, DiskPeakOptions, Mistuning
 from bdamper.util.errors import PlausibilityWarning
 from tests.each import each
 from tests.plain import plain_study
@@ -19,6 +23,7 @@ from tests.plain import plain_study
 F = (270.0, 380.0)
 TIP = bd.Excitation("tip")
 ONE = bd.Contact(0, kt=1.0, mu=1.0, preload=1.0)
+NAN = np.nan
 
 
 @pytest.fixture(scope="module")
@@ -92,10 +97,89 @@ REFUSED = {
     "yield above rupture": (lambda s: Material(3e8, 5e8, 9e8), "yield_strength: .*found 9e"),
     "a curve of margins without a value": (lambda s: empty_margins().least, "no margin found at any of 0 values"),
     "a file that is not there": (lambda s: bd.load_model("nowhere.h5"), "there is no model file 'nowhere.h5'"),
+    "a folder for a file": (lambda s: bd.load("."), "expected a file written by bdamper, found a folder"),
+    "a folder that is not there": (lambda s: s.save("nowhere/x.h5"), "expected a folder that exists, found"),
+    "an unknown ending": (lambda s: read_body("blade.xyz"), "expected a name that ends in .*found '.xyz'"),
+    "no path": (lambda s: bd.save_model(s.model), "save_model: missing a required argument: 'path'"),
+    "masses that turn": (lambda s: lumped().at_speed(400.0), "rotor speed: .*a model in which nothing depends on speed"),
+    "a disk of masses": (lambda s: bd.BladedDisk(lumped()), "a bladed disk needs a local basis"),
+    "a stress of masses": (lambda s: lumped().stress(None), "stress: expected a model with stress sets, found none"),
+    "no force": (
+        lambda s: s.replace(excitation=bd.Excitation("tip", amplitude=0.0)).peak(9.0, F), "excitation: .*found 0 N at 'tip'"
+    ),
+    "a peak of nothing": (lambda s: s.peak(), "peak: missing a required argument: 'preload'; .* are preload$"),
+    "a motion of nothing": (lambda s: s.motion_in_time(), "motion_in_time: missing .* are curve$"),
+    "misspelt history": (lambda s: s.static(9.0, histroy=(1.0,)), "static: .*did you mean history"),
+    "a crossing of no diameter": (lambda s: s.resonance_crossings((300.0, 600.0), [99]), "needs nodal diameter 31"),
+    "a sweep of texts": (lambda s: bd.sweep(s, {"friction_coefficient": ["a"]}, preload=9.0), "coefficient: .*found 'a'"),
+    "a study to differ from": (lambda s: s.diff(3), "other: expected a study or a result, found 3"),
+    "radii the wrong way": (lambda s: Geometry(bore_radius=0.5), "radii: .*found"),
     "a contact named twice": (
         lambda s: build_model(None, contacts=[ContactFaces("a", "x", "y"), None]),
         "blade: expected an FEBody.*found None",
     ),
+}
+
+
+VALUES = {
+    "replace": (lambda s: s.replace, {
+        "friction_coefficient": ["0.3", NAN, [0.3, 0.3], True, -0.3],
+        "contact_stiffness": [-1e7, NAN, [1e7] * 4], "damping_ratio": [-0.01, 1.0, "2 %"], "damper_drag": [-1.0],
+        "engine_order": [5.5, [5], -5, "5"], "harmonics": [0, -3, "3", (1, 1, 3), (3, 5), 200], "blade_modes": [0, 5.5],
+        "damper_modes": [99], "rigid_modes": ["TX", ("TXX",)], "contact_points": [0, 100],
+        "gap": [1e-5, {"left": [0.0] * 3}],
+        "load_history": [(), (-1.0,)], "bias": ["no"], "separation": [1], "residual_slip_std": [-1e-6],
+        "load_per_preload": [2.0, {"damper": -1.0}, {"dampr": 1.0}], "constant_loads": [{"blade": 1.0}],
+        "response": ["tip"], "friction_law": [3, "coulomb"],
+    }),
+    "Excitation": (lambda s: partial(bd.Excitation, "tip"), {
+        "direction": [(1, 0), (NAN, 0, 1), "up", 1], "amplitude": [NAN, 1j, "1 N", -1.0], "phase": [90.0, NAN],
+        "engine_order": ["5"], "beside": [3],
+    }),
+    "peak": (lambda s: partial(s.peak, preload=9.0), {
+        "preload": [NAN, np.inf, [1.0, 2.0], None, "2 kN", -1.0, F],
+        "frequency": [F[::-1], (1.0, 2.0, 3.0), "270-380", (0.0, 300.0), (NAN, 300.0), {270.0, 380.0}, 300.0],
+        "mode": [0, 99, 1.5, "1"], "options": [bd.ContinuationOptions(), {"tolerance": 1e-9}],
+    }),
+    "frequency_response": (lambda s: partial(s.frequency_response, 9.0, F), {"stability": ["yes"], "progress": [1]}),
+    "optimal_curve": (lambda s: partial(s.optimal_curve, (20.0, 2e4), n=3), {
+        "n": [1, -3, 2.5], "check": ["yes"], "quantity": ["stress"], "executor": [4],
+    }),
+    "nonlinear_mode": (lambda s: partial(s.nonlinear_mode, 9.0, 1), {"amplitude": [(1e-4, 1e-6), (-1e-6, 1e-6)]}),
+    "flutter": (lambda s: partial(s.flutter, 9.0), {"aerodynamic_damping": ["-0.01", NAN]}),
+    "frequency_sweep": (lambda s: partial(s.frequency_sweep, 9.0, F), {"rate": [-1.0]}),
+    "margin": (lambda s: partial(s.margin, None, AISI_1050), {"criterion": ["mises"], "line": ["goodmann"], "on": [1]}),
+    "crossings": (lambda s: partial(s.resonance_crossings, (300.0, 600.0), [5]), {
+        "mode": [77], "damper_mass": [[0.0]], "margin": [AISI_1050],
+    }),
+    "sweep": (lambda s: partial(bd.sweep, s, {"preload": [9.0]}), {
+        "mode": [77], "evaluate": ["peak"], "combine": ["all"], "executor": ["threads"],
+    }),
+    "compare": (lambda s: partial(bd.compare, {"a": s}), {"question": [None, 3]}),
+    "fit": (lambda s: partial(bd.fit, s, vary={"friction_coefficient": (0.1, 0.5)}), {"data": [[], 3, [3]]}),
+    "lumped": (lambda s: lumped, {
+        "mass": ["1", -1.0, 0.0, NAN], "stiffness": [[[2.0, 1.0], [0.0, 2.0]], -1.0], "forces": [{}, "1 N"],
+        "contacts": [ONE, [3]],
+    }),
+    "Contact": (lambda s: partial(bd.Contact, 0, kt=1.0), {"mu": [-1.0, "0.3"], "gap": [NAN]}),
+    "ContinuationOptions": (lambda s: bd.ContinuationOptions, {"budget": [-1], "step": [0.0], "tolerance": [1.0]}),
+    "Material": (lambda s: partial(Material, ultimate_strength=9e8, yield_strength=8e8), {
+        "endurance_limit": ["300 MPa", NAN, -1.0, 1e9],
+    }),
+    "Elastic": (lambda s: Elastic, {"youngs_modulus": ["210 GPa", -1.0], "poisson_ratio": [30.0, 0.5], "density": [0.0]}),
+    "Geometry": (lambda s: Geometry, {"face_angle": [60.0], "n_blades": [2.5], "twist": [30.0], "bore_radius": [-1.0]}),
+    "face_gap": (lambda s: partial(bd.face_gap, s.model.interfaces["left"]), {"angle": [1.0], "interface": []}),
+    "Mistuning": (lambda s: partial(Mistuning.random, 65, 0.01), {"seed": ["a"]}),
+    "DamperVariation": (lambda s: partial(DamperVariation.of, 65), {"missing": [[99], "2"], "mass": [-1.0, [1.0] * 3]}),
+    "load": (lambda s: bd.load, {"path": [3, None]}),
+    "save": (lambda s: s.save, {"path": [3]}),
+}  # fmt: skip
+"""Bad values of arguments, by the function that takes them."""
+REFUSED |= {
+    f"{of} {name} {k}": (lambda s, make=make, name=name, value=value: make(s)(**{name: value}), f"{name}.*found ")
+    for of, (make, values) in VALUES.items()
+    for name, bad in values.items()
+    for k, value in enumerate(bad)
 }
 
 
@@ -109,7 +193,7 @@ def test_a_mistake_is_refused_in_one_clear_line(study, mistake):
     text = str(caught.value)
     assert "\n" not in text and len(text) < 700
     assert ("expected" in text and "found" in text) or " argument" in text or text.startswith(
-        ("no margin found", "there is no model file", "body ")
+        ("no margin found", "there is no model file", "body ", "a bladed disk needs")
     )
 
 
@@ -124,6 +208,34 @@ DOUBTED = {
     "rpm of a run-up": (lambda s: failing(lambda: s.run_up((7000, 9500))), "rotor speed: .*found 9500: revolutions"),
     "a mass in grams": (lambda s: vary(s, {"damper_mass_factor": 1e3}), "mass of 'damper': .*found 69 kg: grams susp"),
     "strength in MPa": (lambda s: Material(300.0, 1200.0, 900.0), "ultimate_strength: .*found 1200 Pa: where 1 MPa is"),
+    "30 for 0.3": (lambda s: s.replace(friction_coefficient=30.0), "friction_coefficient: .*found 30: per cent susp"),
+    "30 for 0.3 of a contact": (lambda s: bd.Contact(0, kt=1.0, mu=30.0, preload=1.0), "mu: .*found 30: per cent susp"),
+    "N/mm": (lambda s: s.replace(contact_stiffness=2e4), "contact_stiffness: .*found 2e.04 N/m: N/mm"),
+    "damping of 30 %": (lambda s: s.replace(damping_ratio=0.3), "damping_ratio: .*found 0.3 .*per cent suspected"),
+    "a number of vanes": (lambda s: s.replace(engine_order=60), "engine_order: plausible 1 to 32, found 60: .*vanes"),
+    "newtons of a history": (lambda s: s.replace(load_history=(2000.0, 1.0)), "load_history: .*newtons suspected"),
+    "newtons of a share": (lambda s: s.replace(load_per_preload={"damper": 2e3}), "load_per_preload .*newtons susp"),
+    "flow of another diameter": (lambda s: s.replace(aerodynamic_damping={30: 0.01}), "aerodynamic_damping: .*found at"),
+    "giganewtons": (lambda s: s.replace(excitation=bd.Excitation("tip", amplitude=1e9)), "amplitude of 'tip': .*1e.09"),
+    "a preload of 0": (lambda s: s.frequency_response(0.0, (300.0, 301.0)), "preload: plausible above 0 N, found 0"),
+    "a preload in kN": (
+        lambda s: s.frequency_response(2e-3, (300.0, 301.0), options=bd.ContinuationOptions(budget=20)),
+        "preload: .*found 0.002 N: kN suspected",
+    ),
+    "no resonance": (lambda s: s.frequency_response(2e3, (1.0, 2.0)), r"frequency: .*, such as .* found \(1, 2\), far"),
+    "kHz": (lambda s: s.peak(2e3, (0.27, 0.38)), r"frequency: .*found \(0.27, 0.38\), far from .* kHz"),
+    "masses without a resonance": (lambda s: lumped().free((10.0, 20.0)), r"frequency: .*found \(10, 20\), far from every"),
+    "millimetres of a mode": (lambda s: s.nonlinear_mode(2e3, 1, (1e-6, 1e3)), "amplitude: .*found 1000 m: millim"),
+    "modulus in GPa": (lambda s: Elastic(210.0), "youngs_modulus: .*found 210 Pa: MPa or GPa suspected"),
+    "density in g/cm3": (lambda s: Elastic(2.1e11, 0.3, 7.85), "density: .*found 7.85 kg/m3: g/cm3 or t/mm3"),
+    "millimetres of a disk": (lambda s: Geometry(rim_radius=400.0, ridge_radius=441.5), "_radius: .*millimetres or"),
+    "modulus of a sector in GPa": (lambda s: Sector(65, elasticity=(210.0, 0.3)), "elasticity: .*GPa suspected"),
+    "units of an import": (lambda s: Units(1000.0), "length: .*found 1000 m: millimetres in a metre"),
+    "crowning in micrometres": (
+        lambda s: bd.face_gap(s.model.interfaces["left"], crowning=20.0), "crowning: .*found 20 m: millimetres or microm"
+    ),
+    "grams of a damper": (lambda s: DamperVariation.of(65, mass=69.0), "mass: .*found 69 .*grams suspected"),
+    "Hz of a deviation": (lambda s: Mistuning(np.full(65, 5.0)), "deviation: .*found 5 .*Hz suspected"),
     "rad/s for Hz": (lambda s: s.free((1700.0, 2200.0)), r"frequency: .*found \(1700, 2200\) .*radians per second susp"),
 }
 
@@ -136,6 +248,63 @@ def test_an_unlikely_unit_is_named(study, mistake):
     doubts = {(str(w.message), w.filename) for w in caught if issubclass(w.category, PlausibilityWarning)}
     assert len(doubts) == len({text.partition(":")[0] for text, _ in doubts}), "one for each, which Python shows once"
     assert all("\n" not in text and place == __file__ for text, place in doubts)
+
+
+NAMES = {
+    "study": (lambda s: s.frequncy_response, "Study has no attribute 'frequncy_response'; did you mean frequency_resp"),
+    "settings": (lambda s: s.settings.frequenzy, "Settings has no attribute 'frequenzy'$"),
+    "options": (lambda s: bd.PeakOptions().tolerence, "PeakOptions has no attribute 'tolerence'; did you mean tolerance"),
+    "model": (lambda s: s.model.blades, "Model has no attribute 'blades'; did you mean n_blades"),
+    "package": (lambda s: bd.swep, "bdamper has no attribute 'swep'; did you mean sweep"),
+}
+
+
+@each("of", NAMES)
+def test_a_misspelt_attribute_is_answered(study, of):
+    ask, words = NAMES[of]
+    with pytest.raises(AttributeError, match=words):
+        ask(study)
+
+
+FILES = {
+    "x.h5": bd.load, "model.h5": bd.load_model, "study.h5": bd.load_study, "x.inp": read_body, "x.cdb": read_body,
+    "x.frd": read_body, "x.mtx": read_matrix, "x.txt": read_nodes, "x.csv": read_response, "mode.csv": read_mode,
+    "ring.csv": read_ring_down,
+}  # fmt: skip
+
+
+@each("name", FILES)
+def test_missing_and_empty_files_are_named(tmp_path, name):
+    path = tmp_path / name
+    with pytest.raises(FileNotFoundError, match=rf"there is no (model )?file '.*{name}'"):
+        FILES[name](path)
+    path.write_bytes(b"")
+    with pytest.raises(bd.BdamperError, match=rf"{name}.*: expected .*, found ") as caught:
+        FILES[name](path)
+    assert "\n" not in str(caught.value)
+
+
+def test_results_of_another_study_and_curves_without_their_peak(study):
+    curve, other = study.frequency_response(2000.0, (340.0, 350.0)), study.replace(friction_coefficient=0.3)
+    for ask, words in (
+        (lambda: other.hysteresis(curve), "curve: expected a result of this study, found .*other settings"),
+        (lambda: study.hysteresis(curve, index=10**6), "index of a point: .*found 1000000"),
+        (lambda: study.response_at(curve, "tpi"), "found 'tpi'; did you mean tip"),
+        (lambda: study.time_response(curve), "expected a curve with a peak, found its highest amplitude at its end"),
+        (lambda: study.stress(curve, sets="rot"), "stress set: .*found 'rot'"),
+        (lambda: study.gauge_stress(curve, "rot 1", "radial"), "gauge: .*found 'rot 1'"),
+    ):
+        with pytest.raises(bd.SettingError, match=words):
+            ask()
+    for ask in (study.stress, partial(study.margin, material=AISI_1050)):
+        with pytest.warns(PlausibilityWarning, match="result: .*peak inside .*, found the highest response at its end"):
+            ask(curve)
+    with pytest.warns(PlausibilityWarning, match="frequency: plausible 340 to 350 Hz, within the curve, found 360"):
+        study.motion_in_time(curve, frequency=360.0, periods=16)
+
+
+def test_at_least_150_mistakes_are_listed():
+    assert len(REFUSED) + len(DOUBTED) + len(NAMES) + 2 * len(FILES) >= 150
 
 
 def test_speeds_in_revolutions_per_minute(study):

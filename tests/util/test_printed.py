@@ -15,6 +15,7 @@ import bdamper as bd
 from bdamper.analyses.sweep import as_words
 from bdamper.mistuning import BladedDisk, Mistuning
 from bdamper.response.headline import NEAR_BEST, checks
+from bdamper.response.sensitivity import PeakSensitivity, Sensitivities
 from bdamper.response.verification import Convergence, HarmonicPeak, TimeResponse
 from bdamper.util.display import Fact
 from bdamper.util.formatting import amount, span, table_lines
@@ -112,7 +113,7 @@ class TestShortTexts:
                      study.frequency_response(2000.0, (360.0, 380.0))):  # fmt: skip
             assert len(str(item)) < 1500, type(item)
             assert len(repr(item)) < 1500, type(item)
-            assert "array(" not in repr(item)
+            assert "array(" not in repr(item) and "\n" not in repr(item)
 
     def test_of_settings_that_are_arrays(self, study):
         faces = study.model.interfaces
@@ -224,6 +225,17 @@ def test_attributes_that_are_not_there_are_answered(peak, curve):
         with pytest.raises(AttributeError, match=re.escape(answer) + "$"):
             getattr(result, name)
     assert copy.deepcopy(peak).amplitude == peak.amplitude
+
+
+def test_sensitivities_begin_with_the_largest(rich, peak):
+    found = Sensitivities({"preload": PeakSensitivity("preload", 8e3, 1e-9, 2e-3, np.zeros(1)),
+                           "friction_coefficient": PeakSensitivity("friction_coefficient", 0.4, -1e-3, 0.0, np.zeros(1)),
+                           "gap_factor": PeakSensitivity("gap_factor", 1.0, np.nan, np.nan, np.zeros(1), "a corner")},
+                          1e-3, 350.0)  # fmt: skip
+    head = "Change of the peak of 1 mm at 350 Hz for +1 % of a parameter: friction coefficient -0.4 %, preload +0.008 %. "
+    assert found._headline() == f"{head}Unknown: gap factor: a corner."
+    assert "\n  preload               8000" in str(found) and "+0.046 %" in found.summary()
+    assert rich.peak_sensitivities(peak, ("preload",)).changes().keys() == {"preload"}
 
 
 def test_tables_are_at_most_120_wide():

@@ -241,7 +241,7 @@ class TestDifferences:
         assert [name for name, *_ in study.replace(bias=False).diff(curve).settings] == ["bias"]
 
     def test_with_something_else_is_refused(self, curve):
-        with pytest.raises(bd.SettingError, match="other: expected a study or a result, found a float"):
+        with pytest.raises(bd.SettingError, match=r"other: expected a study or a result, found 1\.0"):
             curve.diff(1.0)
 
 

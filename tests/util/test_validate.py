@@ -12,6 +12,7 @@ import bdamper as bd
 from bdamper import plot as plotting
 from bdamper.fatigue.criteria import Material
 from bdamper.fatigue.margin import Rule
+from bdamper.fem import Geometry
 from bdamper.fem.local_basis import LocalSizes
 from bdamper.harmonic_balance.settings import Settings
 from bdamper.importers import Checks, Placement, Reduction, Sector, Units
@@ -144,7 +145,7 @@ def test_too_few_samples_for_the_harmonics_are_refused_at_once(study):
 OPTIONS = (
     bd.AFT(), bd.ContinuationOptions(), bd.Excitation("tip"), bd.OptimalTask(), bd.PeakOptions(),
     bd.PeakTask(), bd.PerArea(1e12), bd.ResidualModes(), bd.Response("tip"), LocalSizes(), Material(3e8, 9e8, 8e8),
-    Rule(), Units(), DiskPeakOptions(), Sector(), Placement(), Reduction(), Checks(),
+    Rule(), Units(), DiskPeakOptions(), Sector(), Placement(), Reduction(), Checks(), Geometry(),
 )  # fmt: skip
 FREE = {"name", "source", "location", "beside", "fixed", "blade_nodes", "stress"}
 """Texts, names that the model knows, further excitations, and node sets, which are checked with the mesh."""

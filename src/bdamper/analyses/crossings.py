@@ -25,7 +25,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -33,13 +33,13 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.analyses.sweep import SweepResult, sweep
+from bdamper.analyses.sweep import SweepResult, as_words, sweep
 from bdamper.fatigue.margin import LeastMargin
 from bdamper.fatigue.stress_cycle import chosen_sets
 from bdamper.harmonic_balance.equations import OK, Equations
 from bdamper.harmonic_balance.parameters import like, vary
 from bdamper.harmonic_balance.problem import LoadCase, Problem
-from bdamper.harmonic_balance.rotor_speed import Conditions, asked_speeds, preload_at, under
+from bdamper.harmonic_balance.rotor_speed import RPM, Conditions, asked_speeds, preload_at, under
 from bdamper.harmonic_balance.sector import Sector
 from bdamper.harmonic_balance.speed_family import Family, family_equations, node_speeds, responses
 from bdamper.model.validation import as_checked
@@ -54,6 +54,7 @@ from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.sensitivity import sensitivities
 from bdamper.util import validation
 from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, BdamperError, SettingError
+from bdamper.util.formatting import amount, counted, peak_text, short_repr
 from bdamper.util.progress import CostMeter
 
 # ---- Equations over speed ----
@@ -427,6 +428,34 @@ class CrossingTask:
         return out | {"warning": warnings}
 
 
+@short_repr
+@dataclass(frozen=True)
+class Crossings(SweepResult, kind="bdamper-crossings"):
+    """Results of :class:`CrossingTask` over ``damper_mass`` and ``engine_order``.
+
+    :func:`bdamper.plot.plot_crossings` draws them.
+    """
+
+    def _headline(self) -> str:
+        amplitude = [float(value.get("amplitude", np.nan)) for value in self.values]
+        if not np.isfinite(amplitude).any():
+            reasons = [why for why in (*self.warnings, *self.status) if why not in ("", COMPLETE)]
+            return f"No crossing: {'; '.join(dict.fromkeys(reasons))}."
+        i = int(np.nanargmax(amplitude))
+        top, others = self.values[i], [k for k, a in enumerate(amplitude) if not np.isfinite(a)]
+        place = f"{top['speed']:.5g} rad/s ({top['speed'] * RPM:.0f} rpm)"
+        out = [f"Highest crossing: {peak_text(amplitude[i], top['frequency'])}, {place}, {as_words(self.points[i])}, "
+               f"under a preload of {amount(top['preload'], 'N')}."]  # fmt: skip
+        out += [f"There may be a higher point: {top['warning']}."] if top["kind"] != COMPLETE else []
+        margins = np.array([value.get("margin", np.nan) for value in self.values])
+        if np.isfinite(margins).any():
+            k = int(np.nanargmin(margins))
+            out.append(f"Least margin against fatigue {margins[k]:.3g} ({as_words(self.points[k])}).")
+        reasons = [self.values[k].get("warning", "") or self.status[k] for k in others]
+        out += [f"No crossing at {len(others)} of {counted(len(self), 'point')}: {reasons[0]}."] if others else []
+        return " ".join(out)
+
+
 @partial(validation.check_arguments, also=Conditions.__dataclass_fields__)
 def resonance_crossings(
     problem: Problem,
@@ -442,7 +471,7 @@ def resonance_crossings(
     progress: bool = False,
     margin: LeastMargin | None = None,
     **conditions: Any,
-) -> SweepResult:
+) -> Crossings:
     """Compute crossings of a mode with engine orders for several damper masses.
 
     Parameters
@@ -464,9 +493,7 @@ def resonance_crossings(
 
     Returns
     -------
-    SweepResult
-        Results of :class:`CrossingTask` over ``damper_mass`` and ``engine_order``; :func:`bdamper.plot.plot_crossings`
-        draws them.
+    Crossings
 
     Raises
     ------
@@ -478,9 +505,11 @@ def resonance_crossings(
     factors = validation.numbers("damper_mass", damper_mass, above=0.0)
     mode = validation.integer("mode", mode, least=1)
     validation.check(orders, "engine_orders", "at least one", "none")
-    preload_at(problem, float(values[-1]))
+    preload = preload_at(problem, float(values[-1]))
     if not problem.carries_load:
         raise SettingError(f"crossings need a model with a body that carries a load; {problem.why_no_load}")
+    if mode > 1:
+        free_and_stuck(problem.at(preload), mode)
     operating = Conditions(**conditions)
     named = operating.values(values.tolist(), orders)  # raises an error if tables do not cover the speeds
     if margin is not None:
@@ -488,7 +517,8 @@ def resonance_crossings(
         chosen_sets(problem)
     task = CrossingTask((float(values[0]), float(values[-1])), mode, operating, margin, named)
     over = {"damper_mass": factors.tolist(), "engine_order": list(orders)}
-    return sweep(problem, over, task, executor=executor, resume=resume, progress=progress)
+    found = sweep(problem, over, task, executor=executor, resume=resume, progress=progress)
+    return Crossings(**{f.name: getattr(found, f.name) for f in fields(found)})
 
 
 def speed_values(speeds: Any, n: int = 13) -> NDArray:

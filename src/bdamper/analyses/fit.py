@@ -27,7 +27,7 @@ same conditions are omitted together. Their scatter is the noise unless another 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -286,10 +286,12 @@ def fit(
     BdamperError
         If no response can be computed at any measured point.
     """
-    data = [data] if isinstance(data, MeasuredResponse | Measured | MeasuredMode) else list(data)
+    kinds = MeasuredResponse, Measured, MeasuredMode
+    words = "tests, such as MeasuredResponse"
+    data = [data] if isinstance(data, kinds) else list(validation.instance("data", data, Iterable, words))
     validation.check(data, "data", "one test or more", "none")
     for each in data:
-        validation.instance("data", each, (MeasuredResponse, Measured, MeasuredMode))
+        validation.instance("data", each, kinds)
     groups, scatter = repetitions(data)
     notes = (f"noise {scatter:.3g}, the scatter of repeated tests",) if noise is None and scatter else ()
     noise = validation.number("noise", (scatter or NOISE) if noise is None else noise, above=0.0, below=1.0)

@@ -192,8 +192,9 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
         out = [f"{self.wrong[:1].upper()}{self.wrong[1:]}."] if self.wrong else []
         wrong = ": the model is wrong by more than the noise" if self.misfit > 1.5 else ""
         most = f"most in {self.tests[worst]} ({self.misfits[worst]:.2g})"
-        out.append(f"Misfit {self.misfit:.2g} times the noise{wrong}, {most}.")
-        out.append(f"{estimates[:1].upper()}{estimates[1:]}, with intervals for 95 %.")
+        constants = f"{estimates[:1].upper()}{estimates[1:]}, with intervals for 95 %."
+        misfit = f"Misfit {self.misfit:.2g} times the noise{wrong}, {most}."
+        out += [misfit, constants] if wrong else [constants, misfit]
         if np.isfinite(left := self.predictions).any():
             last = int(np.nanargmax(left))
             far = f"{left[last]:.2g} times the noise ({percent(left[last] * self.noise)}) in {self.tests[last]}"

@@ -22,7 +22,7 @@ from bdamper.response.optimal_curve import preload_values
 from bdamper.util import validation
 from bdamper.util.display import Plottable
 from bdamper.util.errors import COMPLETE, INCOMPLETE, with_reason
-from bdamper.util.formatting import amount, short_repr
+from bdamper.util.formatting import amount, counted, short_repr
 from bdamper.util.progress import one_thread
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Tabular
@@ -83,14 +83,14 @@ class Flutter(Plottable, Tabular, Recorded, Storable, kind="bdamper-flutter", ro
         safe = self.safe
         k = int(np.argmin(safe))
         where = f"a preload of {amount(self.preload[k], 'N')} and nodal diameter {self.nodal_diameter[k]}"
-        cycles = f"{np.count_nonzero(self.amplitude)} limit cycles found"
+        cycles = f"{counted(int(np.count_nonzero(self.amplitude)), 'limit cycle')} found"
         if (stable := self.amplitude[self.stable]).any():
             cycles += f", stable ones up to {amount(stable.max(), 'm')}"
         if np.isinf(safe[k]):
-            return f"Vibration below {amount(self.highest, 'm')} stays bounded: {cycles}."
+            return f"No flutter: vibration below {amount(self.highest, 'm')} stays bounded, {cycles}."
         if safe[k] == 0.0:
-            return f"Unstable: at {where} vibration grows from rest: {cycles}."
-        return f"Vibration below {amount(safe[k], 'm')} stays bounded (least value, at {where}): {cycles}."
+            return f"Flutter: at {where} vibration grows from rest, {cycles}."
+        return f"Flutter above {amount(safe[k], 'm')} (least value, at {where}), {cycles}."
 
 
 @validation.check_arguments
@@ -135,8 +135,9 @@ def flutter(
     by_diameter = aerodynamic_damping if isinstance(aerodynamic_damping, Mapping) else {own_diameter: aerodynamic_damping}
     rows: list[tuple[Any, ...]] = []
     for d, value in by_diameter.items():
-        flow = complex(value)
-        validation.check_value(np.isfinite(flow), f"aerodynamic_damping at nodal diameter {d}", "a finite number", value)
+        item = f"aerodynamic_damping at nodal diameter {d}"
+        flow = complex(validation.instance(item, value, (int, float, complex, np.number), "a finite number"))
+        validation.check_value(np.isfinite(flow), item, "a finite number", value)
         zeta = flow.imag if isinstance(value, complex) else flow.real
         one = problem if d == own_diameter else problem.replace(engine_order=int(d) or problem.model.n_blades)
         one = _shifted(one, flow.real if isinstance(value, complex) else 0.0, float(values[-1]), mode)

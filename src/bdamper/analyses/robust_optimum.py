@@ -49,7 +49,7 @@ from bdamper.util.errors import (
     status_word,
     with_reason,
 )
-from bdamper.util.formatting import amount, percent, short_repr
+from bdamper.util.formatting import amount, counted, percent, short_repr, spaced
 from bdamper.util.progress import one_thread
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import ROW, Column, Newtons, Quantity, Tabular
@@ -197,12 +197,13 @@ class OptimalCurveUncertainty(Plottable, Tabular, Recorded, Storable, kind="bdam
 
     def _headline(self) -> str:
         if not np.isfinite(self.amplitude).any():
-            return f"No peak at any preload of {len(self)} draws."
+            return f"No peak at any preload of {counted(len(self), 'draw')}."
         _, mid, high = self.percentile([5.0, 50.0, 95.0])
         k = int(np.nanargmin(high))
         return (
-            f"At a preload of {amount(self.preload[k], 'N')} 95 % of {len(self)} draws of {', '.join(self.samples)} "
-            f"stay below {amount(high[k], 'm')}, half below {amount(mid[k], 'm')}: least of the preloads tried."
+            f"At a preload of {amount(self.preload[k], 'N')} 95 % of {counted(len(self), 'draw')} of "
+            f"{', '.join(map(spaced, self.samples))} stay below {amount(high[k], 'm')}, "
+            f"half below {amount(mid[k], 'm')}: least of the preloads tried."
         )
 
 

@@ -27,13 +27,14 @@ from bdamper.harmonic_balance.plausibility import check_question
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.result_checks import Asking, like, problem_of
 from bdamper.response.highest_peak import highest_peak
+from bdamper.response.linear_limits import free_and_stuck
 from bdamper.response.optimal_curve import optimal_curve, preload_values
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import plausible_ranges, validation
 from bdamper.util.display import Differences, Plottable
-from bdamper.util.errors import FAILED, NOT_RUN, SettingError, all_complete, called_by_user, status_word
-from bdamper.util.formatting import UNITS, amount, peak_text, percent, short_repr, short_text, spaced
+from bdamper.util.errors import FAILED, NOT_RUN, BdamperError, SettingError, all_complete, called_by_user, status_word
+from bdamper.util.formatting import UNITS, amount, counted, peak_text, percent, short_repr, short_text, spaced
 from bdamper.util.progress import Cost, one_thread, shows_progress, with_progress
 from bdamper.util.storage import INSTALLED, Recorded, ResultsFile, Storable
 from bdamper.util.tables import Column, Tabular, concatenate
@@ -222,8 +223,10 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
         known = self.array(name).ravel() if name else np.empty(0)
         words = [status_word(s) for s in self.status]
         missing = int(np.count_nonzero(~np.isfinite(known))) - words.count(FAILED) - words.count(NOT_RUN) if name else 0
-        counts = ((missing, "not found"), (words.count(FAILED), "failed"), (words.count(NOT_RUN), "not run"))
-        points = f"{len(self)} point{'s' * (len(self) != 1)} over {', '.join(spaced(n) for n in self.names)}"
+        doubted = sum(map(bool, self.warnings)) - missing
+        counts = [(missing, "not found"), (words.count(FAILED), "failed"), (words.count(NOT_RUN), "not run")]
+        counts.append((doubted, "with a warning"))
+        points = f"{counted(len(self), 'point')} over {', '.join(spaced(n) for n in self.names)}"
         points = ", ".join([points, *(f"{n} {what}" for n, what in counts if n > 0)])
         if not np.isfinite(known).any():
             return f"{points}{next((f': {why}' for why in self.warnings if why), '')}."
@@ -252,11 +255,25 @@ class _Job:
     study: Asking | Problem
     evaluate: Task
 
-    def __call__(self, settings: Mapping[str, Any]) -> Values:
+    def _varied(self, settings: Mapping[str, Any]) -> Asking | Problem:
         varied = {name: value for name, value in settings.items() if name != "preload"}
+        return vary(self.study, varied) if varied else self.study
+
+    def check(self, points: Sequence[Mapping[str, Any]]) -> None:
+        """Raise the first error if the settings of no point are valid."""
+        first: BdamperError | None = None
+        for settings in points:
+            try:
+                self._varied(settings)
+                return
+            except BdamperError as error:
+                first = first or error
+        if first is not None:
+            raise first
+
+    def __call__(self, settings: Mapping[str, Any]) -> Values:
         preload = settings.get("preload")
-        study = vary(self.study, varied) if varied else self.study
-        return self.evaluate(study, None if preload is None else float(preload))
+        return self.evaluate(self._varied(settings), None if preload is None else float(preload))
 
 
 def _points(over: Any, combine: str) -> tuple[tuple[str, ...], list[dict[str, Any]], tuple[int, ...]]:
@@ -309,6 +326,8 @@ def _check_plausible(problem: Problem, evaluate: Task, over: Mapping[str, Any], 
         if in_task:
             plausible_ranges.check("sweep", "preload", preload, problem.sizes)
         check_question(problem, preload, evaluate.frequency)
+        if evaluate.mode > 1:
+            free_and_stuck(problem.at(float(preload.max())), evaluate.mode)
 
 
 def _check_loads(problem: Problem, evaluate: Task, points: Sequence[Mapping[str, Any]]) -> None:
@@ -387,6 +406,7 @@ def sweep(
     _check_plausible(problem, evaluate, over, preload is None and "preload" not in over and called_by_user())
     _check_loads(problem, evaluate, points)
     job = _Job(study, evaluate)
+    job.check(points)
     if executor is not None:
         _ = problem.stiffness  # computed once, before the job is sent to the workers
     opened = nullcontext() if resume is None else closing(ResultsFile(resume, _header(job, over, combine)))
@@ -512,6 +532,7 @@ def compare(
     words = "a mapping of one or more names to studies or settings"
     named = isinstance(studies, Mapping) and studies and all(isinstance(key, str) for key in studies)
     validation.check_value(bool(named), "studies", words, studies)
+    validation.check_value(callable(question), "question", "a function of a study", question)
     first = next(iter(studies.values()))
     problem, variants = problem_of(first), []  # type: ignore[arg-type]
     for name, entry in studies.items():

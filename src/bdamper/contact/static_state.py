@@ -34,7 +34,7 @@ from scipy.linalg import get_lapack_funcs
 
 from bdamper.contact.laws import OwnLaws, PointArrays
 from bdamper.util.display import InContact
-from bdamper.util.formatting import amount, short_repr
+from bdamper.util.formatting import amount, counted, short_repr
 from bdamper.util.progress import Cost
 from bdamper.util.storage import Storable
 from bdamper.util.tables import Kinds, Metres, Pascals, PerRow, Places, Quantity, SquareMetres, Tabular
@@ -164,8 +164,8 @@ class PreloadState(InContact, Tabular, Storable, kind="bdamper-static", row="con
         open_ = "" if self.converged else f" Not converged: {self.note}."
         forces = [f"{name} {amount(force, 'N')}" for name, force in self.normal_force.items()]
         return (
-            f"Under a load of {amount(self.load, 'N')}, of {len(self.status)} contact points {stuck} stick, "
-            f"{slipping} slip, {apart} are open; normal forces: {', '.join(forces)}.{open_}"
+            f"Under a load of {amount(self.load, 'N')}, of {counted(len(self.status), 'contact point')}: {stuck} in stick, "
+            f"{slipping} in slip, {apart} open; normal forces: {', '.join(forces)}.{open_}"
         )
 
     @property

@@ -413,6 +413,7 @@ class LeastMargin(Rule):
         validation.check(known.any(), "margin", "a curve with solutions", "none")
         solved = Solutions(*(column[known] for column in solutions))
         first = over_cycle.of_solution(problem, Solutions(*(column[:1] for column in solved)), chosen, self.speed)
+        over_cycle.check_ends(curve)
         shared = self._of(first)
         shared["notes"] += over_cycle.check_loads(problem, solved, chosen, self.speed)
         coefficients = over_cycle.coefficients_of(problem, solved, chosen, self.speed)

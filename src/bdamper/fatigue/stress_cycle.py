@@ -28,8 +28,8 @@ from bdamper.model.loads import Direction, direction_vector
 from bdamper.model.structure import Body, ModalBasis, StressSet
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Plottable
-from bdamper.util.errors import SettingError
-from bdamper.util.formatting import amount, short_repr
+from bdamper.util.errors import SettingError, warn_implausible
+from bdamper.util.formatting import amount, peak_text, short_repr
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import Numbers, Pascals, PerRow, Quantity, Tabular
 
@@ -148,6 +148,8 @@ def stress(
     chosen, solutions = chosen_sets(problem, sets), solutions_of(problem, result)
     n = len(solutions.unknowns)
     if n > 1:
+        if index is None:
+            check_ends(result)
         index = _highest(result, solutions) if index is None else validation.integer("index", index, least=0, most=n - 1)
     chosen_one = Solutions(*(column[[index or 0]] for column in solutions))
     cycle = of_solution(problem, chosen_one, chosen, speed)
@@ -249,6 +251,16 @@ def check_loads(
     if contradiction is None or all(s.static is None for s in chosen):
         return ()
     return ("{}{}, found {}".format(DOUBTED_LOAD, *contradiction),)
+
+
+def check_ends(result: Any) -> None:
+    """Warn of a response curve whose highest point, or an optimal curve whose least amplitude, is at its end."""
+    if getattr(result, "peak_at_end", False):
+        found = f"the highest response at its end, {peak_text(result.peak.amplitude, result.peak.frequency)}"
+        warn_implausible("result", "a response curve with its peak inside the interval", found)
+    elif getattr(getattr(result, "optimum", None), "kind", "") == "end":
+        found = f"the least amplitude at its end, {amount(result.optimum.preload, 'N')}"
+        warn_implausible("result", "an optimal curve with its optimum inside the range", found)
 
 
 def doubts(notes: Sequence[str]) -> str:

@@ -50,7 +50,7 @@ import datetime
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import scipy
@@ -72,8 +72,9 @@ from bdamper.util import validation
 # ---- Dimensions and contact planes ----
 
 
+@validation.check_arguments
 @dataclass(frozen=True)
-class Material:
+class Material(validation.Checked):
     """Isotropic linear elastic material.
 
     Parameters
@@ -83,13 +84,14 @@ class Material:
     density : float, kg/m3
     """
 
-    youngs_modulus: float = 2.1e11
-    poisson_ratio: float = 0.3
-    density: float = 7850.0
+    youngs_modulus: validation.Positive = 2.1e11
+    poisson_ratio: Annotated[float, validation.Limits(least=0.0, below=0.5)] = 0.3
+    density: validation.Positive = 7850.0
 
 
+@validation.check_arguments
 @dataclass(frozen=True)
-class Geometry:
+class Geometry(validation.Checked):
     """Dimensions of one sector and of the damper; lengths in m, angles in rad.
 
     Parameters
@@ -112,32 +114,34 @@ class Geometry:
         Clearance between each end face of the damper and its axial stop.
     """
 
-    n_blades: int = 65
-    bore_radius: float = 0.300
-    rim_radius: float = 0.400
-    axial_length: float = 0.040
-    shank_width: float = 0.011
-    face_angle: float = np.pi / 3
-    face_length: float = 0.012
-    face_width: float = 0.036
-    ridge_radius: float = 0.4415
-    ridge_width: float = 0.001
-    damper_body_height: float = 0.00807
-    platform_clearance: float = 0.001
-    platform_edge_thickness: float = 0.003
-    airfoil_height: float = 0.175
-    root_chord: float = 0.034
-    tip_chord: float = 0.028
-    root_thickness: float = 0.013
-    tip_thickness: float = 0.0048
-    camber: float = 0.004
-    twist: float = np.pi / 6
-    end_gap: float = 2.0e-4
+    n_blades: validation.Count = 65
+    bore_radius: validation.Positive = 0.300
+    rim_radius: validation.Positive = 0.400
+    axial_length: validation.Positive = 0.040
+    shank_width: validation.Positive = 0.011
+    face_angle: Annotated[float, validation.Limits(above=0.0, below=0.5 * np.pi, unit="rad")] = np.pi / 3
+    face_length: validation.Positive = 0.012
+    face_width: validation.Positive = 0.036
+    ridge_radius: validation.Positive = 0.4415
+    ridge_width: validation.Positive = 0.001
+    damper_body_height: validation.Positive = 0.00807
+    platform_clearance: validation.Positive = 0.001
+    platform_edge_thickness: validation.Positive = 0.003
+    airfoil_height: validation.Positive = 0.175
+    root_chord: validation.Positive = 0.034
+    tip_chord: validation.Positive = 0.028
+    root_thickness: validation.Positive = 0.013
+    tip_thickness: validation.Positive = 0.0048
+    camber: Annotated[float, validation.Limits(least=0.0)] = 0.004
+    twist: Annotated[float, validation.Limits(least=-0.5 * np.pi, most=0.5 * np.pi, unit="rad")] = np.pi / 6
+    end_gap: validation.Positive = 2.0e-4
 
     def __post_init__(self) -> None:
-        if self.ridge_width < self.platform_clearance:
-            widths = f"ridge_width {self.ridge_width} m is less than platform_clearance {self.platform_clearance} m"
-            raise ValueError(f"the contact face must lie under the platform: {widths}")
+        super().__post_init__()
+        under = f"at least the platform_clearance, {self.platform_clearance} m: the contact face lies under the platform"
+        validation.check(self.ridge_width >= self.platform_clearance, "ridge_width", under, f"{self.ridge_width} m")
+        radii = self.bore_radius, self.rim_radius, self.ridge_radius
+        validation.check(sorted(set(radii)) == list(radii), "radii", "bore_radius < rim_radius < ridge_radius", radii)
 
     @property
     def pitch(self) -> float:

@@ -44,6 +44,11 @@ class Sizes:
         return float(self.problem.model.n_blades > 1)
 
     @property
+    def largest_order(self) -> float:
+        """Largest engine order that excites a nodal diameter of the same number; 1 for a structure without sectors."""
+        return max(self.problem.model.n_blades // 2, 1)
+
+    @property
     def amplitude(self) -> float:
         """Excitation amplitude (N) as reference for a preload; 0 without a force at a location or without a load."""
         settings = self.problem.settings
@@ -88,7 +93,8 @@ class Sizes:
         bodies, omega2 = self.problem.model.bodies, self.problem.modal_bases[1].omega2
         names = [name] if name else self.problem.settings.free_bodies
         mass = max((bodies[body].mass or 0.0 for body in names), default=0.0)
-        return 2.0 * mass * float(np.sqrt(omega2[omega2 > 0.0].min(initial=np.inf))) or np.inf
+        lowest = omega2[omega2 > 0.0].min(initial=np.inf)
+        return 2.0 * mass * float(np.sqrt(lowest)) if mass > 0.0 and np.isfinite(lowest) else np.inf
 
     def contradiction(self, preload: NDArray, speed: float | NDArray, mass: float = 1.0) -> tuple[str, str] | None:
         """Compare preloads with the centrifugal load of the damper.

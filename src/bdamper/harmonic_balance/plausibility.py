@@ -74,6 +74,9 @@ def check_question(problem: Problem, preload: Sequence[float] | NDArray, frequen
 
     Public functions call it once for the whole range of preloads.
     """
+    pressed = problem.settings.constant_loads or (problem.point_gaps < 0.0).any()
+    if problem.carries_load and not np.any(preload) and not pressed:
+        warn_implausible("preload", "above 0 N", "0: no contact has a normal force, as in study.free")
     if frequency is not None:
         frequency = validation.interval("frequency", frequency)
         check_interval(problem.at(float(np.max(preload)) if problem.carries_load else 0.0), frequency)
@@ -119,6 +122,18 @@ def check_interval(case: LoadCase, frequency: tuple[float, float]) -> None:
             "frequency",
             f"an interval in Hz around resonances of the model, such as {near} Hz",
             f"({low:g}, {high:g}) {weak}; divided by 2 pi it contains them: radians per second suspected",
+        )
+        return
+    far = 2.0  # ratio of a frequency, or of an active harmonic of it, to the nearest resonance; nonlinear ones lie nearer
+    times = case.problem.settings.harmonic_numbers[-1]
+    cubic = any(face.kind == "cubic" for face in case.problem.model.interfaces.values())
+    hertz = sorted({w / (2.0 * np.pi) for w, _ in resonances})
+    if hertz and not cubic and not any(low / far < f < far * times * high for f in hertz):
+        nearest = min(hertz, key=lambda f: abs(np.log(f / high)))
+        warn_implausible(
+            "frequency",
+            f"an interval in Hz around a resonance, such as {nearest:.4g} Hz",
+            f"({low:g}, {high:g}), far from every resonance: kHz or a mistaken digit suspected",
         )
 
 

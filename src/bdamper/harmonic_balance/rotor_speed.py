@@ -194,8 +194,12 @@ def at_speed(problem: Problem, /, omega: float | None = None, *, rpm: float | No
     Raises
     ------
     SettingError
-        If no free body carries a load, or a table does not cover the speed.
+        If a table does not cover the speed, or nothing in the model and the conditions depends on it.
     """
+    bodies = problem.model.bodies.values()
+    turns = any(b.load is not None or b.spin is not None or any(x.speed for x in b.bases.values()) for b in bodies)
+    expected = "a model with a loaded body, modes over speed or displacement by rotation, or conditions"
+    validation.check(turns or conditions, "rotor speed", expected, "a model in which nothing depends on speed")
     return under(problem, asked_speeds(problem, omega, rpm, validation.number), Conditions(**conditions))
 
 

@@ -41,7 +41,7 @@ CIGEROGLU_2009: Mapping[str, Any] = {
 @partial(validation.check_arguments, name="Study")
 @short_repr
 @dataclass(frozen=True, eq=False)
-class Settings:
+class Settings(validation.Answering):
     """Settings of a study of one model.
 
     Parameters

@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 from bdamper.fem.surface import N_CORNER
 from bdamper.importers.fe_body import BODIES, LARGEST_COUNT, FEBody, by_kind, check_count, data_lines, read_body, reader
 from bdamper.model.fields import check, check_all
+from bdamper.util import validation
 from bdamper.util.errors import mismatch
 from bdamper.util.storage import MOST_BYTES, FilePath
 
@@ -414,6 +415,7 @@ def read_elements(path: Path) -> tuple[NDArray, ...]:
     return tuple(by_kind(as_integers(np.array(row), str(path)) for row in rows)["elements"])
 
 
+@validation.check_arguments
 def read_arrays(
     stiffness: FilePath | sp.spmatrix,
     mass: FilePath | sp.spmatrix,

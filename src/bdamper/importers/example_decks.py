@@ -48,6 +48,7 @@ def example_decks(name: str, folder: FilePath = ".") -> list[Path]:
     return list(contents)
 
 
+@validation.check_arguments
 def read_job(deck: FilePath, instance: str | None = None) -> FEBody:
     """Read a body from a deck and the matrices in the same folder.
 

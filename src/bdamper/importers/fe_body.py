@@ -29,7 +29,7 @@ from bdamper.model.fields import check, check_all
 from bdamper.util import validation
 from bdamper.util.errors import BdamperError, mismatch
 from bdamper.util.formatting import short_repr
-from bdamper.util.storage import MOST_BYTES, FilePath
+from bdamper.util.storage import MOST_BYTES, FilePath, as_path
 
 # ---- Data of one body ----
 
@@ -352,7 +352,7 @@ def reader(
     def decorate(function: Callable[Concatenate[Path, P], T]) -> Callable[Concatenate[FilePath, P], T]:
         @wraps(function)
         def read(path: FilePath, *args: P.args, **keywords: P.kwargs) -> T:
-            source = Path(path)
+            source = as_path(path)
             if not source.is_file():
                 raise FileNotFoundError(f"there is no file '{source}'")
             try:
@@ -366,6 +366,7 @@ def reader(
                 found = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
                 raise mismatch(str(source), expected, found) from error
 
+        read = validation.check_arguments(read)
         BODIES.update(dict.fromkeys(endings, read))
         return read  # type: ignore[return-value]  # the path may be given by its name, too
 
@@ -391,7 +392,7 @@ def read_body(path: FilePath) -> Any:
     FileNotFoundError, ModelError
         If the file does not exist, its ending is unknown, or its content is damaged.
     """
-    ending = Path(path).suffix.lower()
+    ending = as_path(path).suffix.lower()
     check(ending in BODIES, str(path), f"a name that ends in one of {sorted(BODIES)}", f"'{ending}'")
     return BODIES[ending](path)
 

@@ -75,6 +75,7 @@ class MeasuredMode:
             validation.number("noise", self.noise, above=0.0, below=1.0)
 
 
+@validation.check_arguments
 def read_mode(path: str | PathLike[str] | Mapping[str, Any], *, name: str | None = None, **conditions: Any) -> MeasuredMode:
     """Read frequency and damping ratio of a mode over its amplitude.
 
@@ -109,6 +110,7 @@ def read_mode(path: str | PathLike[str] | Mapping[str, Any], *, name: str | None
     )
 
 
+@validation.check_arguments
 def read_ring_down(
     path: str | PathLike[str] | Mapping[str, Any],
     *,

@@ -30,7 +30,7 @@ from bdamper.util import validation
 from bdamper.util.display import Plottable
 from bdamper.util.errors import import_extra, mismatch
 from bdamper.util.formatting import short_repr
-from bdamper.util.storage import Storable
+from bdamper.util.storage import Storable, existing
 from bdamper.util.tables import Column, Hertz, Radians, Tabular
 
 LENGTHS = {
@@ -179,6 +179,7 @@ class Measured:
     source: str = ""
 
 
+@validation.check_arguments
 def load_measured(path: str | PathLike[str]) -> Measured:
     """Read measured resonances over load from a CSV file (see the docstring of the module).
 
@@ -280,7 +281,7 @@ def _cells(path: Any) -> tuple[str, int, list[str], list[tuple[int, list[str]]]]
         names = list(path.keys())
         table = [(k, [str(value) for value in row]) for k, row in enumerate(zip(*(path[n] for n in names)), 2)]
         return "table", 1, [str(name).strip() for name in names], table
-    check(not Path(path).is_dir(), str(path), "a CSV file", "a folder")
+    check(not existing(path).is_dir(), str(path), "a CSV file", "a folder")
     raw = Path(path).read_bytes()
     encodings = ["utf-16"] if raw[:2] in (b"\xff\xfe", b"\xfe\xff") else ["utf-8-sig", "latin-1"]
     for encoding in encodings:
@@ -342,6 +343,7 @@ def _number(text: str, where: str, column: str, signed: bool, blank: bool) -> fl
     return value
 
 
+@validation.check_arguments
 def read_response(
     path: str | PathLike[str] | Mapping[str, Any],
     *,
@@ -383,6 +385,7 @@ def read_response(
     return _responses(path, unit, name, columns, phase_of, None)[0]
 
 
+@validation.check_arguments
 def read_responses(
     path: str | PathLike[str] | Mapping[str, Any],
     by: str,

@@ -41,7 +41,7 @@ def _phase(name: str, value: float) -> float:
 
 
 def _excitations(name: str, value: Sequence[Excitation]) -> tuple[Excitation, ...]:
-    for part in value:
+    for part in validation.instance(name, value, (tuple, list), "a sequence of Excitation"):
         validation.instance(name, part, Excitation)
         validation.check_value(not part.beside, name, "single forces, not sums", part)
     return tuple(value)

@@ -21,9 +21,10 @@ from bdamper.model.fields import Sizes, check, check_record
 from bdamper.model.rotation import SpeedBasis
 from bdamper.model.structure import ModalBasis, Model
 from bdamper.model.validation import as_checked, check_model
+from bdamper.util import validation
 from bdamper.util.errors import ModelError
 from bdamper.util.records import check_text, place, read_attribute, read_record, write_record, write_text
-from bdamper.util.storage import read_hdf5, register_reader, write_hdf5
+from bdamper.util.storage import as_path, read_hdf5, register_reader, write_hdf5
 
 FORMAT = "bdamper-model"
 VERSION = 2
@@ -32,6 +33,7 @@ TIME_CONVENTION = "exp(+i omega t)"
 PHASE_CONVENTION = "u(k+1) = Rz(-2 pi/N) u(k) exp(+i 2 pi d/N), k toward +X"
 
 
+@validation.check_arguments
 def save_model(model: Model, path: str | os.PathLike[str]) -> None:
     """Write a model to an HDF5 file, replacing an existing one in a single step.
 
@@ -64,6 +66,7 @@ def write_model(file: h5py.Group, model: Model) -> None:
     write_record(file, _with_bases(model, lambda _, basis: _without_derived(basis)))
 
 
+@validation.check_arguments
 def load_model(path: str | os.PathLike[str]) -> Model:
     """Read a model from an HDF5 file and check it.
 
@@ -83,7 +86,7 @@ def load_model(path: str | os.PathLike[str]) -> Model:
     ModelError
         If the file is not a model file, or the model does not pass ``bdamper.model.validation.check_model``.
     """
-    if not Path(path).exists():
+    if not as_path(path).exists():
         raise FileNotFoundError(f"there is no model file '{path}'")
     check(not Path(path).is_dir(), str(path), "a model file", "a folder")
     with read_hdf5(path, "a readable HDF5 file", ModelError) as file:

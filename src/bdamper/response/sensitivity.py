@@ -35,7 +35,9 @@ from bdamper.response.peak import DIFFERENCE, Family, Peak, check_peak, slope_al
 from bdamper.response.response_curve import check_curve
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import validation
+from bdamper.util.display import Summarised
 from bdamper.util.errors import SettingError
+from bdamper.util.formatting import peak_text, percent, spaced, table_lines
 from bdamper.util.progress import one_thread
 
 # ---- derivatives with respect to parameters of the equations ----
@@ -78,6 +80,44 @@ class PeakSensitivity:
     frequency: float
     y: NDArray = field(repr=False)
     reason: str = ""
+
+
+class Sensitivities(Summarised, dict[str, PeakSensitivity]):
+    """Derivatives of a peak by parameter.
+
+    Parameters
+    ----------
+    found : mapping of name to PeakSensitivity
+    amplitude, frequency : float, m, Hz
+        The peak.
+    """
+
+    def __init__(self, found: Mapping[str, PeakSensitivity], amplitude: float, frequency: float) -> None:
+        super().__init__(found)
+        self.amplitude, self.frequency = amplitude, frequency
+
+    def changes(self) -> dict[str, tuple[float, float]]:
+        """Return the relative change of amplitude and frequency for one per cent of each parameter; NaN if unknown."""
+        a, f = 0.01 / self.amplitude, 0.01 / self.frequency
+        return {name: (a * s.value * s.amplitude, f * s.value * s.frequency) for name, s in self.items()}
+
+    def _headline(self) -> str:
+        known = {name: a for name, (a, _) in self.changes().items() if np.isfinite(a)}
+        order = sorted(known, key=lambda name: -abs(known[name]))
+        most = ", ".join(f"{spaced(name)} {percent(known[name], True)}" for name in order[:3]) or "none is known"
+        lost = "; ".join(f"{spaced(name)}: {s.reason}" for name, s in self.items() if s.reason)
+        unknown = f" Unknown: {lost}." if lost else ""
+        top = peak_text(self.amplitude, self.frequency)
+        return f"Change of the peak of {top} for +1 % of a parameter: {most}.{unknown}"
+
+    def _rows(self) -> list[tuple[str, ...]]:
+        changes = self.changes().items()
+        rows = [(spaced(n), f"{self[n].value:.6g}", percent(a, True), percent(f, True)) for n, (a, f) in changes]
+        return [("parameter", "value", "amplitude for +1 %", "frequency for +1 %"), *rows]
+
+    def summary(self) -> str:
+        """Return the headline and a table of all parameters."""
+        return "\n".join([self._headline(), *table_lines(self._rows(), "  ", whole=True)])
 
 
 @dataclass(frozen=True)
@@ -394,7 +434,7 @@ PARAMETERS = (
 
 
 @one_thread
-def peak_sensitivities(problem: Problem, peak: Peak, parameters: Sequence[str] = PARAMETERS) -> dict[str, PeakSensitivity]:
+def peak_sensitivities(problem: Problem, peak: Peak, parameters: Sequence[str] = PARAMETERS) -> Sensitivities:
     """Compute the derivatives of a peak's amplitude and frequency with respect to the preload and to settings.
 
     Parameters
@@ -420,9 +460,11 @@ def peak_sensitivities(problem: Problem, peak: Peak, parameters: Sequence[str] =
     """
     check_peak(problem, peak)
     found = families(problem, parameters, peak.parameter)
-    return sensitivities(with_tangent(problem.system(peak.parameter), peak), found)
+    derivatives = sensitivities(with_tangent(problem.system(peak.parameter), peak), found)
+    return Sensitivities(derivatives, peak.amplitude, peak.frequency)
 
 
+@validation.check_arguments
 @one_thread
 def curve_sensitivities(
     problem: Problem, curve: ResponseCurve, parameters: Sequence[str] = PARAMETERS

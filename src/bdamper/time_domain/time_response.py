@@ -59,6 +59,7 @@ from bdamper.util.errors import (
     BdamperError,
     SettingError,
     quiet,
+    warn_implausible,
     with_reason,
 )
 from bdamper.util.formatting import amount, peak_text
@@ -421,6 +422,7 @@ def compare_with_solution(
     return (*verdict_so_far(), stopped)
 
 
+@validation.check_arguments
 @one_thread
 def motion_in_time(
     problem: Problem,
@@ -476,6 +478,9 @@ def motion_in_time(
     free = frequency is not None
     if frequency is not None:
         frequency = validation.number("frequency", frequency, above=0.0, unit="Hz")
+        low, high = curve.frequency.min(), curve.frequency.max()
+        if not low <= frequency <= high:
+            warn_implausible("frequency", f"{low:g} to {high:g} Hz, within the curve", f"{frequency:g}")
         if index is not None:
             raise validation.invalid("index", "none, since a frequency is given", index)
         i = int(np.abs(curve.frequency - frequency).argmin())

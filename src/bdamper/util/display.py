@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
 import numpy as np
 
 from bdamper.util import validation
-from bdamper.util.errors import COMPLETE, FAILED, BdamperError, SettingError, not_run_lines, status_word
-from bdamper.util.formatting import UNITS, aligned, amount, percent, short_repr, spaced, table_lines, text_of
+from bdamper.util.errors import COMPLETE, FAILED, BdamperError, not_run_lines, status_word
+from bdamper.util.formatting import UNITS, aligned, amount, counted, percent, short_repr, spaced, table_lines, text_of
 from bdamper.util.progress import Cost
 from bdamper.util.tables import FEW_ROWS, Quantity, Tabular, quantities
 
@@ -141,7 +141,7 @@ class Summarised:
         single = [fact for name in field_names for fact in self._facts_of_field(name)]
         facts += [fact for fact in single if fact.known and fact.name not in names]
         texts = list(dict.fromkeys(text for name in ("notes", "warnings") for text in getattr(self, name, ()) if text))
-        texts = texts[:FEW_ROWS] + [f"{len(texts) - FEW_ROWS} more notes and warnings"] * (len(texts) > FEW_ROWS)
+        texts = texts[:FEW_ROWS] + [f"{counted(len(texts) - FEW_ROWS, 'further remark')}"] * (len(texts) > FEW_ROWS)
         status, cost = getattr(self, "status", ""), getattr(self, "cost", "")
         if isinstance(status, tuple):
             texts += not_run_lines(status, "parts") + [s for s in dict.fromkeys(status) if status_word(s) == FAILED]
@@ -353,7 +353,7 @@ class Comparable(Summarised):
             If the other object is neither a study nor a result.
         """
         if not isinstance(other, Comparable):
-            raise SettingError(f"other: expected a study or a result, found a {type(other).__name__}")
+            raise validation.invalid("other", "a study or a result", other)
         same = type(self) is type(other)
         mine, theirs = (one._asked() for one in (self, other))
         # results of different types also contain the arguments of their analyses

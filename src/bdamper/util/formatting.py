@@ -79,6 +79,11 @@ def spaced(name: str) -> str:
     return name.replace("_", " ").replace(".", " ")
 
 
+def counted(n: int, what: str) -> str:
+    """Return a number of things, for example "1 point", "2 points" or "no point"."""
+    return f"{n or 'no'} {what}{'s' * (n > 1)}"
+
+
 def aligned(rows: Sequence[Sequence[str]], indent: str = "") -> list[str]:
     """Return the lines of a table, with each column but the last padded to its longest text."""
     if not rows:
@@ -131,13 +136,20 @@ T = TypeVar("T", bound=type)
 
 
 def short_repr(cls: T) -> T:
-    """Decorate a dataclass with a short ``repr``.
+    """Decorate a dataclass with a ``repr`` of one line.
 
-    It is ``str`` if the class defines one; otherwise it lists the fields, with arrays shown by their shapes.
+    It is the beginning of its headline or of ``str`` if the class defines one; otherwise it lists the fields, with arrays
+    shown by their shapes.
     """
     prints_itself = any("__str__" in base.__dict__ for base in cls.__mro__[:-1])
-    cls.__repr__ = cls.__str__ if prints_itself else _as_items  # type: ignore[assignment]
+    cls.__repr__ = _first_words if prints_itself else _as_items  # type: ignore[assignment]
     return cls
+
+
+def _first_words(self: Any) -> str:
+    headline, name = getattr(self, "_headline", str)(), type(self).__name__
+    words = " ".join((headline or str(self)).split()).removeprefix(f"{name.lower()} ")
+    return f"{name}: {truncate(words, 160)}"
 
 
 def _as_items(self: Any) -> str:

@@ -147,17 +147,18 @@ NO_RANGE = {
         ContactLaw.bouc_wen.alpha ContactLaw.bouc_wen.gamma ResidualModes.contact_share face_gap.angle face_gap.axial_angle
         ContinuationOptions.max_turn
         ContinuationOptions.locate_tolerance DiskPeakOptions.spacing mistuned_sample.audit ContactFaces.sector_b
-        Sector.angle_tolerance Sector.face_tolerance
+        Sector.angle_tolerance Sector.face_tolerance Material.poisson_ratio Geometry.face_angle Geometry.twist
     """,
     FACT: """
         Study.residual_slip_seed Study.excitation stuck.preload seed direction Study.gauge_stress.gauge
-        Study.diff.other temperature lumped.locations lumped.response Contact.tangential Contact.tangential2 Contact.normal ContactLaw.bouc_wen.beta
-        ContactLaw.of_record.record missing Mistuning.seed Placement.units Placement.axis Placement.radial Sector.faces
-        Sector.fixed Sector.blade_nodes Sector.stress ContactFaces.faces_a ContactFaces.faces_b Patches.frame
+        Study.diff.other temperature lumped.locations lumped.response Contact.tangential Contact.tangential2
+        Contact.normal ContactLaw.bouc_wen.beta ContactLaw.of_record.record missing Mistuning.seed Placement.units
+        Placement.axis Placement.radial Sector.faces Sector.fixed Sector.blade_nodes Sector.stress ContactFaces.faces_a
+        ContactFaces.faces_b Patches.frame
     """,
     EFFECT: """
         Study.speed Excitation.engine_order sample.distributions PeakTask.preload OptimalTask.preload frequency speeds omega
-        rpm Study.frequency_sweep.rate microslip.forces Contact.mu PerArea.stiffness Mistuning.of.mistuning
+        rpm Study.frequency_sweep.rate microslip.forces PerArea.stiffness Mistuning.of.mistuning
         Placement.origin
         ContactFaces.gap ContactFaces.stiffness Patches.centre Patches.size
     """,
@@ -173,8 +174,9 @@ NO_RANGE = {
 TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     # settings of a study
     "Study.engine_order": Range(
-        lambda s, _: s.least_order, 1000.0, below="a force that does not vary as the wheel turns and excites nothing",
-        above="rad/s or Hz suspected", compared=all_of,
+        lambda s, _: s.least_order, lambda s, _: s.largest_order, compared=all_of,
+        below="a force that does not vary as the wheel turns and excites nothing",
+        above="rad/s, Hz or a number of vanes suspected, which excites another nodal diameter",
     ),
     "Study.friction_coefficient": Range(
         0.05, 1.5, above=PER_CENT, by="or 0",
@@ -250,6 +252,8 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "Material.ultimate_strength": Range(1e6, 1e10, "Pa", "where 1 MPa is 1e6 Pa", "where 1 MPa is 1e6 Pa"),
     "Material.yield_strength": Range(1e6, 1e10, "Pa", "where 1 MPa is 1e6 Pa", "where 1 MPa is 1e6 Pa"),
     "Material.findley_k": Range(0.05, 1.0, above=PER_CENT),
+    "Material.youngs_modulus": Range(1e8, 2e12, "Pa", below="MPa or GPa suspected"),
+    "Material.density": Range(500.0, 3e4, "kg/m3", below="g/cm3 or t/mm3 suspected"),
     # lumped masses
     "lumped.mass": Range(1e-9, 1e7, "kg", GRAMS, "tonnes suspected"),
     "lumped.damping": Range(1e-12, 1e10, "N s/m"),
@@ -265,6 +269,7 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "joint.mass": Range(1e-9, 1e7, "kg", GRAMS, "tonnes suspected"),
     "Contact.kt": STIFFNESS,
     "Contact.kn": STIFFNESS,
+    "Contact.mu": Range(1e-4, 5.0, above=PER_CENT),
     "Contact.preload": Range(1e-9, 1e7, "N", "mN suspected", "MN suspected"),
     "Contact.gap": Range(1e-12, 1e4, "m", MILLIMETRES),
     # contact laws and stiffness
@@ -314,6 +319,12 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "Reduction.damping_ratio": DAMPING,
     "Sector.elasticity": (Range(1e3, 2e12, "Pa or N/mm2", below="GPa suspected"), Range(0.0, 0.5)),
 }  # fmt: skip
+DIMENSIONS = """
+    bore_radius rim_radius axial_length shank_width face_length face_width ridge_radius ridge_width damper_body_height
+    platform_clearance platform_edge_thickness airfoil_height root_chord tip_chord root_thickness tip_thickness camber
+    end_gap
+"""
+TABLE |= {f"Geometry.{name}": Range(1e-6, 5.0, "m", MILLIMETRES) for name in DIMENSIONS.split()}
 TABLE |= {name: reason for reason, names in NO_RANGE.items() for name in names.split()}
 
 

@@ -25,6 +25,7 @@ from typing import Any, ClassVar
 
 import h5py
 
+from bdamper.util import validation
 from bdamper.util.errors import BdamperError, SettingError, one_line, warn
 from bdamper.util.formatting import truncate
 from bdamper.util.records import Record, read_attribute, read_record, subgroup, to_json, write_record, write_text
@@ -159,9 +160,21 @@ class Recorded:
     model_hash: str = field(default="", kw_only=True)
 
 
+def as_path(path: FilePath) -> Path:
+    """Return a path; raise SettingError if it is neither a text nor a path."""
+    return Path(validation.instance("path", path, (str, os.PathLike), "the path of a file"))
+
+
+def existing(path: FilePath) -> Path:
+    """Return the path of a file; raise FileNotFoundError if there is none."""
+    if not as_path(path).exists():
+        raise FileNotFoundError(f"there is no file '{path}'")
+    return as_path(path)
+
+
 def check_folder(path: FilePath) -> None:
     """Raise BdamperError if the folder of a path does not exist or the path is a folder."""
-    folder = Path(path).resolve().parent
+    folder = as_path(path).resolve().parent
     if not folder.is_dir():
         raise BdamperError(f"{path}: expected a folder that exists, found no '{folder}'")
     if Path(path).is_dir():
@@ -213,10 +226,8 @@ def write_hdf5(path: FilePath) -> Iterator[h5py.File]:
 @contextmanager
 def read_hdf5(path: FilePath, expected: str, kind: type[BdamperError] = BdamperError) -> Iterator[h5py.File]:
     """Open an HDF5 file for reading; raise one error of type ``kind`` if it is damaged or not HDF5."""
-    if Path(path).is_dir():
+    if existing(path).is_dir():
         raise kind(f"{path}: expected {expected}, found a folder")
-    if not Path(path).is_file():
-        raise FileNotFoundError(f"there is no file '{path}'")
     try:
         with h5py.File(path, "r") as file:
             _check_bytes(file, Path(path).stat().st_size)

@@ -205,7 +205,9 @@ class Tabular:
             return []
         largest = [max((abs(v) for v in column if isinstance(v, float) and v == v), default=0.0) for column in values]
         scale = [unit_prefix(most, column.unit) if most < np.inf else " " for most, column in zip(largest, table.values())]
+        texts = {"nan": ""}  # not found
         cells = [[f"{v / PREFIXES[s]:.5g}" if isinstance(v, float) else str(v) for v in c] for c, s in zip(values, scale)]
+        cells = [[texts.get(text, text) for text in column] for column in cells]
         head = [f"{spaced(n)} ({s.strip()}{c.unit})" if c.unit else spaced(n) for (n, c), s in zip(table.items(), scale)]
         if len(values[0]) <= FEW_ROWS:
             return [tuple(head), *zip(*cells)]

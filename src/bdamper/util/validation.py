@@ -27,7 +27,19 @@ from functools import cache, partial, reduce, wraps
 from numbers import Real
 from operator import and_, ge, gt, le, lt
 from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, NamedTuple, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    Literal,
+    NamedTuple,
+    TypeVar,
+    Union,
+    cast,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,7 +125,12 @@ def _shown(value: Any) -> str:
         return repr(value)
     if isinstance(value, np.ndarray):
         return f"an array of shape {value.shape}" if value.size > 6 else repr(value.tolist())
-    return f"the class {value.__name__}" if isinstance(value, type) else f"a {type(value).__name__}"
+    return f"the class {value.__name__}" if isinstance(value, type) else with_article(type(value).__name__)
+
+
+def with_article(name: str) -> str:
+    """Return the name of a type with its article."""
+    return f"{'an' if name[0] in 'aeioAEIOU' else 'a'} {name}"
 
 
 def _plain_number(value: Any) -> float | None:
@@ -204,6 +221,10 @@ def choice(name: str, value: Any, choices: Iterable[str]) -> str:
     return value
 
 
+OWNERS = ("self", "cls", "problem", "disk")
+"""First parameters of functions that are methods of a study or of a bladed disk."""
+
+
 def check_arguments(called: T, also: Iterable[str] = (), name: str = "") -> T:
     """Decorate a function or class so that it checks its keywords and warns of implausible values.
 
@@ -226,13 +247,13 @@ def check_arguments(called: T, also: Iterable[str] = (), name: str = "") -> T:
     takes_any = not also and any(p.kind is p.VAR_KEYWORD for p in signature.parameters.values())
     name, known = name or function.__qualname__.removesuffix(".__init__"), [*signature.parameters, *also]
     needed = [
-        n for n, p in signature.parameters.items() if n != "self" and p.default is p.empty and p.kind != p.VAR_KEYWORD
+        n for n, p in signature.parameters.items() if n not in OWNERS and p.default is p.empty and p.kind != p.VAR_KEYWORD
     ]
 
     @wraps(function)
     def checked(*given: Any, **keywords: Any) -> Any:
         for word in () if takes_any else keywords.keys() - set(known):
-            shown = ", ".join(k for k in known if k != "self" and k[0] != "_")
+            shown = ", ".join(k for k in known if k not in OWNERS and k[0] != "_")
             near = suggest_name(word, known) or f"; the arguments are {shown}"
             raise SettingError(f"{name}: there is no argument '{word}'{near}")
         try:
@@ -293,7 +314,7 @@ def instance(name: str, value: T, kind: type | tuple[type, ...], words: str = ""
     """Check and return an object of one of the given classes; ``words`` describes the classes in the error."""
     if not isinstance(value, kind):
         kinds = kind if isinstance(kind, tuple) else (kind,)
-        named = [f"{'an' if k.__name__[0] in 'AEIOU' else 'a'} {k.__name__}" for k in kinds]
+        named = [with_article(k.__name__) for k in kinds]
         raise invalid(name, words or " or ".join(named), value)
     return value
 
@@ -368,7 +389,18 @@ def check_fields(record: object, prefix: str = "") -> None:
         check_attributes(record, check, name, prefix=prefix)
 
 
-class Checked:
+class Answering:
+    """Mixin of dataclasses that answers a misspelt attribute."""
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            known = [] if name.startswith("_") else [*dir(type(self)), *type(self).__dataclass_fields__]
+            text = f"{type(self).__name__} has no attribute '{name}'{suggest_name(name, known)}"
+            raise AttributeError(text, name=name, obj=self)
+
+
+class Checked(Answering):
     """Mixin of frozen dataclasses that checks the fields by their annotated types when an object is made.
 
     A mark that is a function of name and value checks a field and returns the converted value.  Without such a mark,
