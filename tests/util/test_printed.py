@@ -144,7 +144,8 @@ class TestBottomLine:
         assert low == 200.0, "the first preload: the amplitude has not risen there"
         assert "rises faster" not in said
         shares = o.preload * np.array([0.5, 0.8, 0.9, 1.0, 1.2, 2.0])
-        for ends, side in (((1.5, 1.6), ""), ((9.0, 1.6), " and rises faster below"), ((1.5, 9.0), " and rises faster above")):
+        below, above = " and rises faster below", " and rises faster above"
+        for ends, side in (((1.5, 1.6), ""), ((9.0, 1.6), below), ((1.5, 9.0), above)):
             values = o.amplitude * np.array([ends[0], 1.1, 1.0, 1.0, 1.1, ends[1]])
             steep = replace(curve, preload=shares, amplitude=values, curves=())
             bound = replace(steep, amplitude=np.where(values > 8.0 * o.amplitude, np.nan, values), lower_bound=values)

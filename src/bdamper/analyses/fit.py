@@ -286,12 +286,7 @@ def fit(
     BdamperError
         If no response can be computed at any measured point.
     """
-    kinds = MeasuredResponse, Measured, MeasuredMode
-    words = "tests, such as MeasuredResponse"
-    data = [data] if isinstance(data, kinds) else list(validation.instance("data", data, Iterable, words))
-    validation.check(data, "data", "one test or more", "none")
-    for each in data:
-        validation.instance("data", each, kinds)
+    data = _tests(data)
     groups, scatter = repetitions(data)
     notes = (f"noise {scatter:.3g}, the scatter of repeated tests",) if noise is None and scatter else ()
     noise = validation.number("noise", (scatter or NOISE) if noise is None else noise, above=0.0, below=1.0)
@@ -334,6 +329,15 @@ def _checked(
         mean, deviation = validation.numbers(f"prior of {name}", pair, 2, above=0.0)
         known[name] = float(mean), float(deviation)
     return ranges, known
+
+
+def _tests(data: Any) -> list[MeasuredResponse | Measured | MeasuredMode]:
+    """Return one test or several as a list of tests."""
+    kinds = MeasuredResponse, Measured, MeasuredMode
+    found = [data] if isinstance(data, kinds) else validation.instance("data", data, Iterable, "tests, as MeasuredResponse")
+    tests = [validation.instance("data", each, kinds) for each in found]
+    validation.check(tests, "data", "one test or more", "none")
+    return tests
 
 
 def repetitions(data: Sequence[MeasuredResponse | Measured | MeasuredMode]) -> tuple[list[int], float]:

@@ -253,13 +253,14 @@ def check_loads(
     return ("{}{}, found {}".format(DOUBTED_LOAD, *contradiction),)
 
 
-def check_ends(result: Any) -> None:
+def check_ends(result: SomeResult) -> None:
     """Warn of a response curve whose highest point, or an optimal curve whose least amplitude, is at its end."""
+    curve: Any = result
     if getattr(result, "peak_at_end", False):
-        found = f"the highest response at its end, {peak_text(result.peak.amplitude, result.peak.frequency)}"
+        found = f"the highest response at its end, {peak_text(curve.peak.amplitude, curve.peak.frequency)}"
         warn_implausible("result", "a response curve with its peak inside the interval", found)
     elif getattr(getattr(result, "optimum", None), "kind", "") == "end":
-        found = f"the least amplitude at its end, {amount(result.optimum.preload, 'N')}"
+        found = f"the least amplitude at its end, {amount(curve.optimum.preload, 'N')}"
         warn_implausible("result", "an optimal curve with its optimum inside the range", found)
 
 
