@@ -51,6 +51,14 @@ def test_matrices_at_two_speeds(fe, bodies, rotation):
     assert built.model.bodies["blade"].bases[ND].speed.checked_at == TOP
     assert body.spin.theory == "linear" and np.abs(body.spin.contact).max() > 0.0
     assert "at 600 rad/s" in str(built) and "spin softening 100 %" in str(built)
+    free = np.repeat(~np.isin(blade.numbers, blade.node_sets["BORE"]), 3)
+    dofs = np.column_stack((np.repeat(blade.numbers, 3), np.tile((1, 2, 3), len(blade.numbers))))[free]
+    without = [
+        replace(b, dofs=dofs, stiffness=b.stiffness[free][:, free], mass=b.mass[free][:, free])
+        for b in (blade, at(blade, rotation, TOP))
+    ]
+    left = build(over_speed({0.0: without[0], TOP: without[1]}), damper, **SETTINGS)
+    assert "spin softening 100 %" in str(left), "of matrices without the components that are held"
     assert not built.model.neglected_over_speed()
 
 

@@ -60,3 +60,9 @@ def test_nothing_excites_a_wheel():
     for ask in (lambda: wheel.peak(PRELOAD), lambda: wheel.frequency_response(PRELOAD, (150.0, 200.0))):
         with pytest.raises(SettingError, match=r"^excitation: expected a .*force .*, found 0 N at 'tip'"):
             ask()
+
+
+def test_a_disk_at_a_rotor_speed_is_refused():
+    turning = bd.Study(bd.reference_model("bladed_disk", contact_points=9), bd.Excitation("tip"), 5, harmonics=1).at_speed(400.0)
+    with pytest.raises(SettingError, match="^speed: the modes of a bladed disk are known without rotation, found 400 rad/s"):
+        BladedDisk(turning)

@@ -113,12 +113,15 @@ def rotation_of(body: PreparedBody) -> Rotation | None:
 def _spin_softening(body: PreparedBody, per_squared_speed: NDArray) -> float:
     """Return the fraction of the mass in the plane of rotation that is missing from the stiffness.
 
-    Inner nodes are translated in this plane, which causes no force of the elastic and geometric stiffness.
+    A translation in this plane causes no force of the elastic and geometric stiffness on inner nodes.  Nodes beside held
+    ones are not inner, whether the matrices contain the held components or not.
     """
     structure = body.structure
-    held = np.repeat(body.fixed(None).any(axis=1), 3)
-    inner = ~held & (np.abs(structure.stiffness) @ held.astype(float) == 0.0)
     translations = np.tile(IN_PLANE[:, :2], (len(structure.nodes), 1))
+    standstill = structure.stiffness - body.raw.rotor_speed**2 * per_squared_speed
+    most = np.abs(standstill).sum(axis=1).A1
+    moved = (np.abs(standstill @ translations).max(axis=1) > 1e-6 * most).reshape(-1, 3).any(axis=1)
+    inner = np.repeat(~(moved | body.fixed(None).any(axis=1)), 3)
     inertia = inner[:, None] * (structure.mass @ translations)
     mass = float(np.square(inertia).sum())
     return -float((inertia * (per_squared_speed @ translations)).sum()) / mass if mass else 1.0

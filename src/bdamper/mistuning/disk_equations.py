@@ -291,6 +291,12 @@ def tuned_problem(study: Problem) -> Problem:
         if getattr(study.settings, name) != value:
             raise SettingError(f"{name} must be {value!r} for a bladed disk, found {getattr(study.settings, name)!r}")
     refuse(study.own_laws, "a bladed disk")
+    speed = study.settings.speed
+    if speed and all(body.local is None for body in study.model.bodies.values()):
+        raise SettingError(
+            f"speed: the modes of a bladed disk are known without rotation, found {speed:g} rad/s; pass the study without "
+            "at_speed, and the preload of this speed to the disk"
+        )
     model = local_model(study.model)
     local = next(body.local for body in model.bodies.values() if body.local is not None)
     stiffness = study.settings.contact_stiffness
