@@ -12,6 +12,7 @@ from bdamper.analyses.error_estimates import SOURCES, Tops, compare, missing_har
 from bdamper.response.verification import ErrorEstimates, SourceError
 from bdamper.util.errors import SettingError
 from tests import accuracy_cases, models
+from tests.analyses.test_mode import oscillator
 from tests.plain import plain_study
 
 
@@ -279,6 +280,7 @@ def test_default_ladders_suit_every_model(name):
     for name, values in ladders.items():
         sizes = [varied(study.problem, {name: value}).system(0.0).n_unknowns for value in values.values()]
         assert sizes == sorted(sizes)
+    assert list(make_ladders(oscillator(1).problem, None)) == ["harmonics", "contact_points"], "masses have no modes"
 
 
 # ---- effectivity ----

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.analyses.sweep import _failed
 from bdamper.importers import Measurement
 from bdamper.plot import plot_together
 from bdamper.util.formatting import amount
@@ -70,6 +71,8 @@ def test_optimal_curves(study):
     curve = study.optimal_curve((6e3, 8e3), 2, frequency=(340.0, 370.0), check=False)
     found = bd.compare({"rough": study, "smooth": {"friction_coefficient": 0.39}}, lambda _: curve)
     assert found.names == ("rough", "smooth") and not found.curves and len(found.optimal) == 2
+    failures = [f"'{name}': {_failed(curve)[0]}" for name, curve in found.results.items() if _failed(curve)]
+    assert failures and f"Not for design: {failures[0]}" in found._headline() and failures[0].split(": ")[1] in str(found)
     ax = found.plot(quantity="shift").axes[0]
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("Preload (N)", "Frequency shift (%)")
     assert found.plot().axes[0].get_ylabel() == "Resonance amplitude (µm)"

@@ -134,7 +134,7 @@ def test_ctrl_c_in_the_chain_of_a_start_is_not_a_stage_that_failed(monkeypatch):
     Clock(monkeypatch, 1)
     curve = s.frequency_response(preload, interval)
     assert curve.status == "interrupted"
-    assert not any("support homotopy" in line for line in curve.start_log)
+    assert not any("fading supports" in line for line in curve.start_log)
 
 
 def test_interrupted_before_the_first_point(monkeypatch):
@@ -328,7 +328,7 @@ def test_a_support_that_fades_where_nothing_else_starts(seed, wide, monkeypatch)
     s, preload, interval = random_study(seed, wide)
     curve = s.frequency_response(preload, interval)
     assert curve.complete
-    assert any("support homotopy: support gone" in line for line in curve.start_log)
+    assert any("fading supports: removed" in line for line in curve.start_log)
     error, rounding = oracle_residuals(s, preload, curve)
     assert (error <= 1e-9 + rounding).all()
     homotopy, cut_off = start._homotopy, Path((), "too many points", "cut off", 0, 0)
@@ -485,4 +485,4 @@ def test_the_chain_of_the_first_point_says_what_was_tried(monkeypatch):
     assert [line.split(":")[0] for line in log[1:4]] == [
         "Newton from the stuck response", "Newton with line search from the stuck response", "excitation ramp"
     ]  # fmt: skip
-    assert log[4] == "support homotopy failed after 0 points (too many points)"
+    assert log[4] == "fading supports: not removed after 0 of 1000 points (too many points)"

@@ -584,7 +584,7 @@ def test_frequencies_off_by_a_factor_are_named(bodies, built, factor, words):
 
 def test_a_comparison_that_fails_warns_and_keeps_the_model(bodies, built):
     expected = {ND: built.frequencies[ND][:4] / 1.31}
-    message = r"blade, nodal diameter 5: .* ratios 1.31 to 1.31 \(strict=True makes this an error\)"
+    message = r"blade, nodal diameter 5: .* ratios 1.31 to 1.31 \(checks=Checks\(strict=True\) makes this an error\)"
     with pytest.warns(BdamperWarning, match=message):
         other = built_with(*bodies, expected_frequencies=expected)
     assert other.model.hash == built.model.hash

@@ -425,7 +425,9 @@ def make_ladders(problem: Problem, vary: Any) -> dict[str, dict[str, Any]]:
     vary : str, sequence of str or mapping
         See :func:`accuracy_cost`.
     """
-    vary = DEFAULT if vary is None else (vary,) if isinstance(vary, str) else vary
+    reduced = problem.settings.most_modes("constrained") > 0  # lumped masses have no modes to leave out
+    default = [name for name in DEFAULT if reduced or name != "blade_modes"]
+    vary = default if vary is None else (vary,) if isinstance(vary, str) else vary
     validation.check_value(isinstance(vary, Iterable), "vary", "names of settings, or a mapping of them to values", vary)
     named = vary if isinstance(vary, Mapping) else {name: ladder_values(problem, name) for name in vary}
     validation.check_value(named, "vary", "at least one setting of a study", vary)

@@ -26,6 +26,7 @@ from bdamper.harmonic_balance.parameters import check_name, study_fingerprint, v
 from bdamper.harmonic_balance.plausibility import check_question
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.result_checks import Asking, like, problem_of
+from bdamper.response.headline import checks
 from bdamper.response.highest_peak import highest_peak
 from bdamper.response.linear_limits import free_and_stuck
 from bdamper.response.optimal_curve import optimal_curve, preload_values
@@ -467,7 +468,7 @@ class Comparison(Plottable, Tabular, Storable, kind="bdamper-comparison"):
         return of / first - 1.0
 
     def _rows(self) -> list[tuple[str, ...]]:
-        rows: list[tuple[str, ...]] = [("", "amplitude", "frequency", "preload", "change", "time", "")]
+        rows: list[tuple[str, ...]] = [("", "amplitude", "frequency", "preload", "change", "time", "status")]
         for name, result in self.results.items():
             a, f, p, status = _outcome(result)
             change = percent(self.change(name), True) if name != self.names[0] and np.isfinite(self.change(name)) else ""
@@ -481,14 +482,21 @@ class Comparison(Plottable, Tabular, Storable, kind="bdamper-comparison"):
             return f"No peak of '{self.names[0]}' to compare with: {why}."
         known = [(name, change) for name in self.names[1:] if np.isfinite(change := self.change(name))]
         parts = ", ".join(f"'{name}' {percent(change, True)}" for name, change in known) or "none is known"
-        return f"Changes from '{self.names[0]}' with {peak_text(a, f)}, preload {amount(p, 'N')}: {parts}."
+        doubts = [f"'{name}': {_outcome(result)[3]}" for name, result in self.results.items() if _failed(result)]
+        doubt = f" Not for design: {'; '.join(doubts)}." if doubts else ""
+        return f"Changes from '{self.names[0]}' with {peak_text(a, f)}, preload {amount(p, 'N')}: {parts}.{doubt}"
+
+
+def _failed(result: ResponseCurve | OptimalCurve) -> list[str]:
+    """Return the failures of the checks of an optimal curve."""
+    return [check.failure for check in checks(result) if check.colour == "red"] if isinstance(result, OptimalCurve) else []
 
 
 def _outcome(result: ResponseCurve | OptimalCurve) -> tuple[float, float, float, str]:
     """Return amplitude (m), frequency (Hz), preload (N) and status of a result."""
     if isinstance(result, OptimalCurve):
         o = result.optimum
-        return o.amplitude, o.frequency, o.preload, f"{o.kind}, {o.status}"
+        return o.amplitude, o.frequency, o.preload, "; ".join(_failed(result)) or o.status
     if not len(result):
         return np.nan, np.nan, result.preload, f"{result.status}: {result.reason}"
     top = result.peak
@@ -532,12 +540,12 @@ def compare(
     words = "a mapping of one or more names to studies or settings"
     named = isinstance(studies, Mapping) and studies and all(isinstance(key, str) for key in studies)
     validation.check_value(bool(named), "studies", words, studies)
-    validation.check_value(callable(question), "question", "a function of a study", question)
     first = next(iter(studies.values()))
     problem, variants = problem_of(first), []  # type: ignore[arg-type]
     for name, entry in studies.items():
         settings: Any = validation.instance(f"study '{name}'", getattr(entry, "problem", entry), (Problem, Mapping), words)
         variants.append(entry if isinstance(settings, Problem) else like(first, vary(problem, settings)))  # type: ignore[type-var]
+    validation.check_value(callable(question), "question", "a function of a study", question)
     results: list[ResponseCurve | OptimalCurve] = []
     for study in with_progress(variants, progress, "studies", "study"):
         answer = validation.instance(

@@ -106,9 +106,9 @@ def for_core(condition: Condition, n_unknowns: int) -> tuple[NDArray, dict[str, 
 OK, NOT_CONVERGED, DIVERGED, SINGULAR, NOT_FINITE = range(5)
 STATUS_TEXT = {
     OK: "converged",
-    NOT_CONVERGED: "Newton did not converge",
-    DIVERGED: "Newton diverged",
-    SINGULAR: "singular Jacobian",
+    NOT_CONVERGED: "the iteration did not converge",
+    DIVERGED: "the iteration diverged",
+    SINGULAR: "the equations are singular",
     NOT_FINITE: "not finite",
 }
 Core = _core.Sector | _core.Eased | _core.Modes | _core.Wheel

@@ -411,7 +411,7 @@ def _check_held(body: PreparedBody, sector: CyclicSector, held: bool) -> None:
     factor = sector.solver
     pivots = factor.U.diagonal().real
     least = 1e-13 * np.median(np.abs(sector.stiffness.diagonal())) if held else 1e-9 * np.median(np.abs(pivots))
-    expected = "a body that is held: fixed=(a set of nodes), or components without rows in the matrices"
+    expected = "a body that is held: Sector(fixed=a set of nodes), or components without rows in the matrices"
     found = f"{'fixed components' if held else 'neither'}, and a motion without force"
     body.require(np.abs(pivots).min() >= least, item, expected, found)
     negative = int((pivots <= 0.0).sum()) if np.array_equal(factor.perm_r, factor.perm_c) else 0

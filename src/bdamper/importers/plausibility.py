@@ -191,7 +191,8 @@ def _check_within(
 ) -> None:
     """Raise ModelError for a quantity outside its limits, with the unit that explains it."""
     given = next((name for name, u in UNITS.items() if u == body.placement.units), "the given units")
-    found = f"{value:.4g} {unit} with units='{given}': {hint}; pass checks=Checks(check_units=False) if they are right"
+    right = "pass checks=Checks(check_units=False) if they are right"
+    found = f"{value:.4g} {unit} with Placement(units='{given}'): {hint}; {right}"
     body.require(limits[0] <= value <= limits[1], item, f"{what} {limits[0]:g} to {limits[1]:g} {unit}", found)
 
 

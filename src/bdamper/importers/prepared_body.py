@@ -86,7 +86,7 @@ class ImportReport:
             if self.strict:
                 raise
             self.failed.append(str(error))
-            warn(f"{error} (strict=True makes this an error)")
+            warn(f"{error} (checks=Checks(strict=True) makes this an error)")
 
 
 @dataclass(frozen=True)

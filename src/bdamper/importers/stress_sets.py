@@ -98,7 +98,7 @@ def _solids(body: PreparedBody, nodes: NDArray, constants: Sequence[float] | Non
             continue
         young, poisson = constants if constants is not None else (kind.youngs_modulus, kind.poisson_ratio)
         if young is None or poisson is None:
-            expected = "elastic constants in the file, or elasticity=(Young's modulus, Poisson's ratio) in its units"
+            expected = "elastic constants in the file, or Sector(elasticity=(modulus, Poisson's ratio)) in its units"
             raise body.error(f"{item}, elements {kind.name}", expected, "neither")
         if not (young > 0.0 and -1.0 < poisson < 0.5):
             expected = "a modulus > 0 and a Poisson's ratio above -1 and below 0.5"

@@ -30,6 +30,7 @@ from bdamper.harmonic_balance.sector import Sector, excitation_ramp, supported_b
 from bdamper.response.continuation import DRIFTED_OFF, TWO_PI, Follower, follow
 from bdamper.response.events import SIDE_POINTS, ContinuationOptions, Path
 from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND
+from bdamper.util.formatting import counted
 from bdamper.util.progress import CostMeter
 
 # ---- coverage of a frequency interval ----
@@ -435,14 +436,14 @@ def _by_homotopy(
     c = supported.correct_at(u, first, scale, options.tolerance, 60, True)
     meter.count(c.iterations)
     if c.status != OK:
-        log.append(f"support homotopy: {STATUS_TEXT[c.status]} on the support")
+        log.append(f"fading supports: {STATUS_TEXT[c.status]} on the supports")
         return None
     path = _homotopy(supported, c.y, replace(options, patience=SIDE_POINTS), meter)
     if path.status == "complete":
-        log.append(f"support homotopy: support gone after {len(path.points)} steps")
+        log.append(f"fading supports: removed after {counted(len(path.points), 'step')}")
         return np.append(path.points[-1].y[:-1], omega)
     why = "the bodies drift away" if path.status == "drifted off" else path.status
-    log.append(f"support homotopy failed after {len(path.points)} points ({why})")
+    log.append(f"fading supports: not removed after {len(path.points)} of {SIDE_POINTS} points ({why})")
     return None
 
 
