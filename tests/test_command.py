@@ -39,6 +39,9 @@ def test_what_is_asked_is_what_the_study_answers(capsys, tmp_path):
     assert "excitation direction: plausible along the motion of a mode" in told and wrote == f"wrote {picture}"
     study = bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip", "axial", 2.0), 5, 0.5, harmonics=1)
     assert_array_equal(bd.load(path).amplitude, study.frequency_response(104.0, (630.0, 690.0)).amplitude)
+    strength = ["--endurance=300", "--ultimate=1200", "--yield=900", "--speed=7639.437268410977"]
+    assert main(["margin", "--demo", "--harmonics=1", "--preload=3616", *strength, "--quiet", "--h5", str(path)]) == 0
+    assert bd.load(path).speed == 800.0 == bd.load(path).settings["speed"] and "contradict" not in capsys.readouterr().err
 
 
 def test_info_of_a_file(capsys, tmp_path):
@@ -53,6 +56,7 @@ def test_info_of_a_file(capsys, tmp_path):
     [
         (["info", "nowhere.h5"], 1, "nowhere.h5"),
         (["crossings", "--demo", "--speeds", "1000", "2000"], 1, "crosses no resonance of mode 1 between 104.72 and"),
+        (["crossings", "--demo", "--speeds", "1000", "2000", "--orders", "10"], 1, "crosses no resonance of mode 1 between"),
         (["response", "--demo", "--preload", "-1"], 2, "preload"),
         (["response", "--demo", "--engine-order", "4"], 2, "nodal diameter"),
     ],

@@ -86,7 +86,7 @@ def optimum(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
 def resonance_crossings(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
     """Return the crossings with engine orders, and whether there is any."""
     found = study.resonance_crossings(
-        rpm=given.speeds, engine_orders=given.orders, mode=given.mode, progress=not given.quiet
+        rpm=given.speeds, engine_orders=given.orders or [study.settings.engine_order], mode=given.mode, progress=not given.quiet
     )
     return found, "speed" in found.quantities and bool(np.isfinite(found.array("speed")).any())
 
@@ -162,13 +162,16 @@ def parser() -> argparse.ArgumentParser:
         own[name].add_argument(
             "--band", help="frequency interval in Hz, by default around the resonances of the mode", **two
         )
+    for name in ("response", "margin", "optimum"):
+        speed = "rotor speed in rpm of modes and stresses, default without rotation"
+        own[name].add_argument("--speed", type=float, metavar="RPM", help=speed)
     add = own["optimum"].add_argument
     add("--preloads", default=(20.0, 2000.0), help="range of preloads in N, default 20 2000", **two)
     add("-n", type=int, default=20, help="number of preloads, default %(default)s")
     add("--check", action="store_true", help="compare with more harmonics and time integration, at five times the cost")
     add("--html", metavar="FILE", type=partial(file_to_write, (".html",)), help="write a report for a review")
     own["crossings"].add_argument("--speeds", default=(5000.0, 10000.0), help="in rpm, default 5000 10000", **two)
-    own["crossings"].add_argument("--orders", default=(5,), type=int, help="engine orders, default 5", **some)
+    own["crossings"].add_argument("--orders", type=int, help="engine orders, default --engine-order", **some)
     decks = commands.add_parser("decks", help="write the files of an example of an import to this folder")
     decks.add_argument("name", help="abaqus, ansys, calculix or shroud")
     add = commands.add_parser("import", help="model, report and picture from decks and their matrices").add_argument
@@ -229,7 +232,10 @@ def answer(given: argparse.Namespace) -> int:
     else:
         driven = bd.Excitation(given.at, given.direction, given.force)
         settings = {"friction_coefficient": given.friction, "harmonics": given.harmonics}
-        study = bd.Study(model, driven, given.engine_order if model.n_blades > 1 else 0, **settings)
+        order = (vars(given).get("orders") or [given.engine_order])[0]
+        study = bd.Study(model, driven, order if model.n_blades > 1 else 0, **settings)
+        if rpm := vars(given).get("speed"):
+            study = study.at_speed(rpm * np.pi / 30.0)
         if given.command == "explore":
             return explore(study, given)
         result, answered = QUESTIONS[given.command][0](study, given)

@@ -63,6 +63,6 @@ def test_nothing_excites_a_wheel():
 
 
 def test_a_disk_at_a_rotor_speed_is_refused():
-    turning = bd.Study(bd.reference_model("bladed_disk", contact_points=9), bd.Excitation("tip"), 5, harmonics=1).at_speed(400.0)
-    with pytest.raises(SettingError, match="^speed: the modes of a bladed disk are known without rotation, found 400 rad/s"):
+    turning = bd.Study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), 5, harmonics=1).at_speed(400.0)
+    with pytest.raises(SettingError, match=r"^speed: the modes of a bladed disk .* without rotation, found 400 rad/s"):
         BladedDisk(turning)
