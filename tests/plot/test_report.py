@@ -68,7 +68,7 @@ def test_the_first_screen_says_what_by_whom_and_when(curve, tmp_path):
     assert curve.report(path, disk=made("mistuned_sample"), **given) == path
     said = " ".join(Page(path.read_text()).said.split())
     first = said[: said.index("Checks")]
-    rows = (*given.values(), curve.model_hash, "engine order 5, tangential tip, amplitude 1", "not given, frequencies of")
+    rows = (*given.values(), curve.model_hash, "engine order 5, tangential at tip, amplitude 1", "not given, freq")
     for text in (*rows, "60 N to 240 N", curve._headline()):
         assert text in first
     assert "Mistuned bladed disk" in said and "Not for design" not in first

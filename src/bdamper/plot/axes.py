@@ -290,9 +290,10 @@ def place_names(ax: Axes) -> None:
             inside = (points + radius >= box.min) & (points - radius <= box.max)
             outside = np.maximum([np.subtract(ax.bbox.min, box.min), np.subtract(box.max, ax.bbox.max)], 0.0)
             overlaps = sum(box.overlaps(other) for other in taken)
-            return float(100.0 * overlaps + 10.0 * outside.sum() + 4.0 * inside.all(axis=1).sum() + 0.5 * distance)
+            covered = np.where(radius[:, 0] > 0.0, 40.0, 4.0)[inside.all(axis=1)].sum()  # markers count more than lines
+            return float(100.0 * overlaps + 10.0 * outside.sum() + covered + 0.5 * distance)
 
-        cost(min(((distance, side) for distance in (3, 8, 14, 22) for side in sides), key=cost))
+        cost(min(((distance, side) for distance in (3, 8, 14, 22, 34, 50) for side in sides), key=cost))
         taken.append(Text.get_window_extent(text))
 
 

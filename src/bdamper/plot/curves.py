@@ -308,7 +308,7 @@ def _mark_optimum(ax: Axes, result: OptimalCurve) -> None:
     lines = [f"{name}: {amount(o.preload, 'N')}, {amount(o.amplitude, 'm')}"]
     failed = [check.name for check in checks(result)[2:] if check.colour == "red"]  # the first two are in the name
     lines += [f"check failed: {check[:1].lower()}{check[1:]}" for check in failed]
-    name_point(ax, "\n".join(wrapped(line, 40) for line in lines), (o.preload, o.amplitude), color=OPTIMUM)
+    name_point(ax, "\n".join(wrapped(line, 28) for line in lines), (o.preload, o.amplitude), color=OPTIMUM)
 
 
 def _mark_gaps(ax: Axes, result: OptimalCurve) -> None:

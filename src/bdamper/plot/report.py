@@ -106,7 +106,7 @@ def write_report(
 def _subject(curve: OptimalCurve, given: Mapping[str, str]) -> dict[str, str]:
     """Return the first rows of the report: project, author, date, model, excitation, speed and preloads."""
     settings, force = curve.settings, curve.settings.get("excitation") or {}
-    where = " ".join(str(force[name]) for name in ("direction", "location") if force.get(name) is not None)
+    where = " at ".join(str(force[name]) for name in ("direction", "location") if force.get(name) is not None)
     amplitude = f"amplitude {force.get('amplitude', 0.0):g} (SI unit)"
     speed = settings.get("speed")
     return {
