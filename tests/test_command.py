@@ -56,7 +56,7 @@ def test_info_of_a_file(capsys, tmp_path):
     [
         (["info", "nowhere.h5"], 1, "nowhere.h5"),
         (["crossings", "--demo", "--speeds", "1000", "2000"], 1, "crosses no resonance of mode 1 between 104.72 and"),
-        (["crossings", "--demo", "--speeds", "1000", "2000", "--orders", "10"], 1, "crosses no resonance of mode 1 between"),
+        (["crossings", "--demo", "--speeds", "1000", "2000", "--orders", "10"], 1, "crosses no resonance of mode 1"),
         (["response", "--demo", "--preload", "-1"], 2, "preload"),
         (["response", "--demo", "--engine-order", "4"], 2, "nodal diameter"),
     ],

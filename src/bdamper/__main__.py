@@ -85,8 +85,9 @@ def optimum(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
 
 def resonance_crossings(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
     """Return the crossings with engine orders, and whether there is any."""
+    orders = given.orders or [study.settings.engine_order]
     found = study.resonance_crossings(
-        rpm=given.speeds, engine_orders=given.orders or [study.settings.engine_order], mode=given.mode, progress=not given.quiet
+        rpm=given.speeds, engine_orders=orders, mode=given.mode, progress=not given.quiet
     )
     return found, "speed" in found.quantities and bool(np.isfinite(found.array("speed")).any())
 
