@@ -1,6 +1,7 @@
 """What results print: short, and true of the result."""
 
 import copy
+import doctest
 import inspect
 import re
 import sys
@@ -12,8 +13,14 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.analyses.response_residuals import MeasuredResponse
+from bdamper.analyses.robust_optimum import RobustOptimum
 from bdamper.analyses.sweep import as_words
-from bdamper.mistuning import BladedDisk, Mistuning
+from bdamper.contact.static_contact import WedgeFriction
+from bdamper.importers import FEBody
+from bdamper.mistuning import BladedDisk, DamperVariation, Mistuning
+from bdamper.mistuning.sample import BestPreload
+from bdamper.mistuning.statistics import WeibullTail
 from bdamper.response.headline import NEAR_BEST, checks
 from bdamper.response.sensitivity import PeakSensitivity, Sensitivities
 from bdamper.response.verification import Convergence, HarmonicPeak, TimeResponse
@@ -253,6 +260,14 @@ def test_the_help_of_a_study_has_types_without_their_checks():
     shown = str(inspect.signature(bd.Study))
     assert "engine_order: int = None" in shown and "damper_drag: float | " in shown
     assert "validation" not in shown and "Annotated" not in shown and "partial" not in shown
+    (example,) = doctest.DocTestFinder(recurse=False).find(bd.Study, "Study")
+    assert len(example.examples) == 4 and not doctest.DocTestRunner().run(example).failed
+
+
+def test_every_result_that_prints_itself_is_shown_in_notebooks():
+    printing = WeibullTail, BestPreload, WedgeFriction, RobustOptimum, FEBody, DamperVariation, BladedDisk
+    assert all("_repr_html_" in dir(kind) for kind in (*printing, MeasuredResponse))
+    assert DamperVariation.of(6)._repr_html_().startswith("<div><pre>6 dampers, 0 missing")
 
 
 def test_the_repr_of_a_bladed_disk_is_one_line():

@@ -47,6 +47,7 @@ from bdamper.response.peak import Family, Peak
 from bdamper.response.response_curve import frequency_response, sweep_of
 from bdamper.response.sensitivity import across, sensitivities
 from bdamper.util import validation
+from bdamper.util.display import Summarised
 from bdamper.util.errors import BdamperError, ModelError, SettingError
 
 T = TypeVar("T")
@@ -66,7 +67,7 @@ EDGE = 1e-6
 
 @validation.check_arguments
 @dataclass(frozen=True)
-class MeasuredResponse(validation.Checked):
+class MeasuredResponse(Summarised, validation.Checked):
     """Measured response over frequency with its test conditions.
 
     Parameters

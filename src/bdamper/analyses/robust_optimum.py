@@ -37,7 +37,7 @@ from bdamper.response.optimal_curve import Curves, preload_values
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.peak import Peak, find_peak
 from bdamper.util import validation
-from bdamper.util.display import Plottable
+from bdamper.util.display import Plottable, Summarised
 from bdamper.util.errors import (
     COMPLETE,
     INCOMPLETE,
@@ -94,7 +94,7 @@ def sample(distributions: Mapping[str, Any], n: int, *, seed: int = 0) -> dict[s
 
 @short_repr
 @dataclass(frozen=True)
-class RobustOptimum:
+class RobustOptimum(Summarised):
     """Preload at which a percentile of the resonance amplitude over a sample is least.
 
     Parameters

@@ -39,6 +39,7 @@ from bdamper.contact.static_state import STICK, law_tangent, limited_forces
 from bdamper.model.fields import check
 from bdamper.model.kinematics import Coupling
 from bdamper.util import validation
+from bdamper.util.display import Summarised
 from bdamper.util.errors import ModelError, SettingError
 from bdamper.util.formatting import short_repr
 
@@ -318,7 +319,7 @@ def static_contact_problem(coupling: Coupling, friction: NDArray | None = None) 
 
 @short_repr
 @dataclass(frozen=True)
-class WedgeFriction:
+class WedgeFriction(Summarised):
     """Interval of the total normal force on each face of a rigid wedge with friction.
 
     Parameters

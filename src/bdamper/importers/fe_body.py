@@ -27,6 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bdamper.model.fields import check, check_all
 from bdamper.util import validation
+from bdamper.util.display import Summarised
 from bdamper.util.errors import BdamperError, mismatch
 from bdamper.util.formatting import short_repr
 from bdamper.util.storage import MOST_BYTES, FilePath, as_path
@@ -196,7 +197,7 @@ def by_kind(
 
 @short_repr
 @dataclass(frozen=True)
-class FEBody:
+class FEBody(Summarised):
     """Body of a finite element model, in the units, axes and node numbers of its file.
 
     Parameters

@@ -30,6 +30,7 @@ from bdamper.mistuning.mistuning import DamperVariation, Mistuning
 from bdamper.response.highest_peak import highest_peak
 from bdamper.response.peak import Peak
 from bdamper.util import validation
+from bdamper.util.display import Summarised
 from bdamper.util.errors import SettingError, StaticError
 from bdamper.util.progress import one_thread
 
@@ -248,7 +249,7 @@ def disk_system(structure: Structure, state: Loaded, excitation: NDArray, respon
 # ---- Problem ----
 
 @dataclass(frozen=True, eq=False, repr=False)
-class DiskProblem:
+class DiskProblem(Summarised):
     """Bladed disk and its equations; for the parameters see :class:`~bdamper.mistuning.BladedDisk`."""
 
     study: Asking | Problem

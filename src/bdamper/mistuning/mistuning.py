@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bdamper.importers.measurements import HEADER, HERTZ, check_unit
 from bdamper.util import plausible_ranges, validation
-from bdamper.util.display import Plottable
+from bdamper.util.display import Plottable, Summarised
 from bdamper.util.errors import SettingError, mismatch
 from bdamper.util.formatting import short_repr
 from bdamper.util.storage import FilePath, Storable
@@ -202,7 +202,7 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
 @validation.check_arguments
 @short_repr
 @dataclass(frozen=True)
-class DamperVariation(Storable, kind="bdamper-damper-variation"):
+class DamperVariation(Summarised, Storable, kind="bdamper-damper-variation"):
     """Differences of the dampers of a bladed disk from the nominal damper.
 
     Damper ``n`` lies between blades ``n`` and ``n + 1``.

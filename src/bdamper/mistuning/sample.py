@@ -118,7 +118,7 @@ class Audit(Summarised, Tabular, row="search"):
 
 @short_repr
 @dataclass(frozen=True)
-class BestPreload:
+class BestPreload(Summarised):
     """Preload of a sample at which a percentile of the highest blade amplitude is smallest.
 
     Parameters

@@ -16,6 +16,7 @@ import scipy  # scipy.stats is imported on first use, since it takes half a seco
 from numpy.typing import NDArray
 
 from bdamper.util import validation
+from bdamper.util.display import Summarised
 from bdamper.util.errors import SettingError
 from bdamper.util.formatting import amount, short_repr
 
@@ -81,7 +82,7 @@ def share(count: int, n: int) -> Interval:
 
 @short_repr
 @dataclass(frozen=True)
-class WeibullTail:
+class WeibullTail(Summarised):
     r"""Weibull distribution of maxima with an upper bound, fitted to the upper values of a sample.
 
     .. math:: F(x) = \exp\left(-\left(\frac{b - x}{s}\right)^k\right), \quad x \le b .

@@ -474,7 +474,7 @@ def _turn(family: HarmonicBasis, basis: HarmonicBasis, conjugate: bool) -> NDArr
     if (~left).sum() != (~right).sum() or not np.allclose(
         to[:, ~left], modes[:, ~right], rtol=1e-12, atol=1e-12 * np.abs(to).max(initial=0.0)
     ):
-        raise SettingError("time integration: expected each harmonic to have the modes of its nodal diameter")
+        raise SettingError("time integration: expected the modes of one nodal diameter in a harmonic, found others")
     out = np.zeros((to.shape[1], modes.shape[1]), complex)
     out[np.flatnonzero(~left), np.flatnonzero(~right)] = 1.0
     if left.any() and right.any():
