@@ -91,17 +91,6 @@ def test_a_sweep_in_time_is_that_of_our_friction():
 class TestOurFriction:
     """A law that is separable friction gives the curve of separable friction."""
 
-    def test_a_contact_that_opens(self):
-        ours, law = ground(contact_forces=bd.AFT(128)), bd.ContactLaw.jenkins([0.6], [0.0], [0.4], kn=6.0)
-        own = ground(friction_law={"contact 1": law})
-        assert own.settings.contact_forces == bd.AFT(128)
-        expected, found = (study.frequency_response(0.0, (0.25, 0.54)) for study in (ours, own))
-        assert len(expected.folds) >= 2
-        np.testing.assert_allclose(found.amplitude, expected.amplitude, rtol=1e-10)
-        assert found.cost.evaluations == expected.cost.evaluations
-        loops = [study.hysteresis(curve) for study, curve in ((ours, expected), (own, found))]
-        np.testing.assert_allclose(loops[1].force, loops[0].force, atol=0.02 * np.abs(loops[0].force).max())
-
     def test_a_damper_under_load(self):
         """Statics with slip under the load, then tracking with 18 own points among constraint planes."""
         model = bd.reference_model("bladed_disk")
@@ -233,16 +222,6 @@ class TestPerPoint:
         for wrong in (np.full(n - 1, 0.3), np.full(n, -0.1)):
             with pytest.raises(bd.SettingError, match=f"friction_coefficient of 'left': expected {n} finite numbers"):
                 make({"left": wrong, "right": 0.3})
-
-    def test_they_come_back_from_a_file(self, tmp_path):
-        model = bd.reference_model("bladed_disk")
-        n = model.interfaces["left"].n_points
-        study = bd.Study(
-            model, bd.Excitation("tip", "axial"), engine_order=3,
-            friction_coefficient={"left": np.linspace(0.1, 0.5, n), "right": 0.2},
-        )  # fmt: skip
-        study.save(tmp_path / "study.h5")
-        np.testing.assert_array_equal(bd.load_study(tmp_path / "study.h5").problem.friction, study.problem.friction)
 
 
 def own_curve(law):

@@ -10,7 +10,7 @@ from scipy import LowLevelCallable
 
 from bdamper import _core
 from tests import oracle
-from tests.cases import PLAIN, SAMPLED, Point, difference, evaluate, random_motion, random_point
+from tests.cases import SAMPLED, Point, difference, evaluate, random_motion, random_point
 from tests.compare import assert_near
 
 USER = 7
@@ -30,14 +30,12 @@ def own(x, function, parameters, memory, evaluation=SAMPLED, n_time=128, kn=0.0,
     return force, tangent, np.array(shares)
 
 
-def pointer(law, n_state, calls=None):
+def pointer(law, n_state):
     """A function pointer that does law(x, before, s0) -> (s1, F, Fx, Fs, sx, ss)."""
 
     def call(x, before, p, s0, s1, F, Fx, Fs, sx, ss, data):
         given = [np.ctypeslib.as_array(a, (3,)) for a in (x, before)]
         found = law(*given, np.ctypeslib.as_array(s0, (n_state,)).copy() if n_state else np.zeros(0))
-        if calls is not None:
-            calls[bool(Fx)] += 1
         shapes = ((n_state,), (3,), (3, 3), (3, n_state), (n_state, 6), (n_state, n_state))
         for to, shape, value in zip((s1, F, Fx, Fs, sx, ss), shapes, found):
             if to and np.prod(shape):
@@ -46,59 +44,12 @@ def pointer(law, n_state, calls=None):
     return LowLevelCallable(CALL(call))
 
 
-def coulomb(kt, kn, mu, interpolate):
-    """Our separable law, one instant after the other; closings are interpolated as ours are."""
-
-    def law(x, before, s0):
-        s1, F = np.zeros(2), np.zeros(3)
-        Fx, Fs, sx, ss = np.zeros((3, 3)), np.zeros((3, 2)), np.zeros((2, 6)), np.zeros((2, 2))
-        F[2] = max(kn * x[2], 0.0)
-        Fx[2, 2] = kn * (x[2] > 0.0)
-        for d in range(2):
-            reach = mu * F[2] / kt[d]
-            start, by = s0[d], np.zeros(6)
-            closes = interpolate and before[2] <= 0.0 < x[2]
-            if closes:
-                t = -before[2] / (x[2] - before[2])
-                start = (1 - t) * before[d] + t * x[d]
-                by[d], by[3 + d] = t, 1 - t
-                rate = (x[d] - before[d]) / (x[2] - before[2]) ** 2
-                by[2], by[5] = rate * before[2], -rate * x[2]
-            s1[d] = min(max(start, x[d] - reach), x[d] + reach)
-            if s1[d] != start:
-                by[:] = 0.0
-                by[d], by[2] = 1.0, np.sign(s1[d] - x[d]) * mu * Fx[2, 2] / kt[d]
-            elif not closes:
-                ss[d, d] = 1.0
-            sx[d] = by
-            F[d] = kt[d] * (x[d] - s1[d])
-            Fx[d, d], Fs[d, d] = kt[d], -kt[d]
-        return s1, F, Fx, Fs, sx, ss
-
-    return law
-
-
 def close(found, expected, tolerance, size=None):
     size = np.abs(expected).max() if size is None else size
     assert_near(found, expected, tolerance * size)
 
 
 class TestOursAsAFunction:
-    @pytest.mark.parametrize("evaluation", [SAMPLED, PLAIN])
-    def test_force_and_tangent_are_ours(self, evaluation):
-        rng = default_rng(5)
-        kinds = np.zeros(3, int)
-        for i in range(40):
-            point, x = random_point(rng), random_motion(rng, 1 + i % 4)
-            ours = evaluate(x, point, evaluation, 64)
-            law = pointer(coulomb(point.kt, point.kn, point.mu, evaluation == SAMPLED), 2)
-            force, tangent, shares = own(x, law, [], [0, 0, 0, *point.w], evaluation, 64, point.kn, point.n0)
-            size = max(point.kt.max(), point.kn)
-            close(force, ours.force, 1e-13, size * np.abs(x).max())
-            close(tangent, ours.tangent, 1e-13, size)
-            assert shares[4] == ours.shares[4]
-            kinds += ours.shares[1] > 0, 0 < ours.shares[4] < 1, ours.shares[0] == 1
-        assert (kinds > 1).all()
 
     def test_one_jenkins_element_is_ours(self):
         """A slider that the first period moves and that then rests has the derivative of its settling."""
@@ -116,16 +67,6 @@ class TestOursAsAFunction:
             close(tangent, ours.tangent, 1e-13, size)
             rests += ours.shares[0] == 1.0 and np.abs(ours.tangent[0, :, 2]).max() > 0.0
         assert rests > 3
-
-    def test_counts(self):
-        """Two periods at most for a force, one more with derivatives; where a slider comes to rest, three more."""
-        rng = default_rng(9)
-        for _ in range(20):
-            point, x, calls = random_point(rng), random_motion(rng, 2), [0, 0]
-            law = pointer(coulomb(point.kt, point.kn, point.mu, True), 2, calls)
-            own(x, law, [], [0, 0, 0, *point.w], n_time=32, kn=point.kn, n0=point.n0)
-            assert 32 <= calls[0] <= 2 * 32
-            assert calls[1] in (32, 3 * 32)
 
 
 def jenkins_forces(x, p, memory):

@@ -442,3 +442,15 @@ def test_sliders_after_a_given_motion():
     ring.core.follow(q, w)
     slides = ring.system.structure.points.law != LAW_CUBIC
     np.testing.assert_allclose(w[:, slides], expected[:, slides], atol=1e-12)
+
+
+def test_the_energy_of_a_motion_is_conserved_without_losses():
+    """Springs in place of contacts, no damping, no excitation: kinetic, strain and contact energy of all sectors."""
+    ring = Ring(structure(laws=(LAW_BONDED,), size=0.0, damping=0.0), **ALL_SECTORS, radius=1.0)
+    start = state(ring)
+    held = ring.energy(start)
+    end = ring.integrate(start, 1.0, 4000)
+    assert abs(end.energy[0, 3]) > 0.05 * held, "nothing goes to the contacts"
+    assert ring.energy(end.motion) == pytest.approx(held, rel=1e-5)
+    own = np.tile(ring.stiffness, 2) @ start.q**2 + np.tile(ring.mass, 2) @ start.v**2
+    assert held > 0.5 * own
