@@ -202,7 +202,7 @@ class Study(Comparable):
         frequency: tuple[float, float],
         *,
         options: ContinuationOptions | None = None,
-        progress: bool = False,
+        progress: bool | None = None,
         stability: bool = False,
     ) -> ResponseCurve:
         """Compute the response curve over a frequency interval at one preload, with all branches that are reached.
@@ -215,8 +215,8 @@ class Study(Comparable):
             Frequency interval.
         options : ContinuationOptions, optional
             Step sizes and tolerances of the continuation.
-        progress : bool
-            Show a progress bar.
+        progress : bool, optional
+            Show a progress bar; by default in a terminal and a notebook.
         stability : bool
             Determine the stability of each point (:meth:`with_stability`), even if the study's ``stability`` is off.
 
@@ -229,7 +229,7 @@ class Study(Comparable):
         problem = self.problem
         validation.flag("stability", stability)
         check_question(problem, [problem.check_preload(preload)], frequency)
-        curve = tracking.frequency_response(problem, preload, frequency, options=options, progress=progress)
+        curve = tracking.frequency_response(problem, preload, frequency, options=options, progress=shows_progress(progress))
         compute = len(curve) and curve.status != "interrupted" and (stability or self.settings.stability)
         return floquet.with_stability(problem, curve) if compute else curve
 

@@ -32,7 +32,7 @@ from bdamper.util import validation
 from bdamper.util.display import Fact, Plottable, draw
 from bdamper.util.errors import BdamperError
 from bdamper.util.formatting import amount, percent, short_repr
-from bdamper.util.progress import CostMeter, one_thread, with_progress
+from bdamper.util.progress import CostMeter, one_thread, shows_progress, with_progress
 from bdamper.util.storage import FilePath, Recorded, Storable
 from bdamper.util.tables import Hertz, Numbers, RadiansPerSecond, Tabular
 
@@ -158,7 +158,7 @@ def campbell(
     rpm: tuple[float, float] | Sequence[float] | NDArray | None = None,
     modes: int = 3,
     damped: SweepResult | Sequence[SweepResult] | None = None,
-    progress: bool = False,
+    progress: bool | None = None,
     **conditions: Any,
 ) -> Campbell:
     """Compute free and stuck frequencies over rotor speed at all nodal diameters of the model with data over speed.
@@ -176,8 +176,8 @@ def campbell(
         Number of modes of each nodal diameter.
     damped : SweepResult or sequence of SweepResult, optional
         Damped crossings from :meth:`bdamper.Study.resonance_crossings`, to be drawn.
-    progress : bool
-        Whether to show a progress bar.
+    progress : bool, optional
+        Whether to show a progress bar; by default in a terminal and a notebook.
     **conditions
         See :meth:`bdamper.Study.resonance_crossings`.
 
@@ -199,7 +199,7 @@ def campbell(
         validation.check_value(crossings, "damped", "crossings, as Study.resonance_crossings returns them", result)
         same_model = result.model_hash == problem.model.hash
         validation.check(same_model, "damped", "crossings of this model", "crossings of another model")
-    operating = Conditions(**conditions)
+    operating, progress = Conditions(**conditions), shows_progress(progress)
     constrained = [body for body in problem.model.bodies.values() if body.kind == "constrained"]
     bases = [pair for body in constrained for pair in body.bases.items()]
     known = sorted({d for d, basis in bases if basis.speed is not None} or {d for d, _ in bases})

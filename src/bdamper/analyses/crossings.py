@@ -468,7 +468,7 @@ def resonance_crossings(
     mode: int = 1,
     executor: Executor | None = None,
     resume: str | Path | None = None,
-    progress: bool = False,
+    progress: bool | None = None,
     margin: LeastMargin | None = None,
     **conditions: Any,
 ) -> Crossings:

@@ -218,7 +218,7 @@ def optimal_curve_uncertainty(
     mode: int = 1,
     executor: Executor | None = None,
     resume: str | Path | None = None,
-    progress: bool = False,
+    progress: bool | None = None,
 ) -> OptimalCurveUncertainty:
     """Compute the optimal curves of a sample of settings.
 
@@ -266,7 +266,7 @@ def robust_optimum(
     frequency: tuple[float, float] | None = None,
     mode: int = 1,
     executor: Executor | None = None,
-    progress: bool = False,
+    progress: bool | None = None,
 ) -> RobustOptimum:
     """Find the preload that minimises a percentile of the resonance amplitude over a sample.
 

@@ -512,7 +512,7 @@ def compare(
     studies: Mapping[str, Asking | Problem | Mapping[str, Any]],
     question: Callable[[Any], ResponseCurve | OptimalCurve],
     *,
-    progress: bool = False,
+    progress: bool | None = None,
 ) -> Comparison:
     """Evaluate one function for several studies.
 
@@ -524,8 +524,8 @@ def compare(
     question : callable
         Returns the response curve or optimal curve of a study, for example ``lambda study: study.frequency_response(500.0,
         (280.0, 380.0))``.
-    progress : bool
-        Whether to show a progress bar.
+    progress : bool, optional
+        Whether to show a progress bar; by default in a terminal and a notebook.
 
     Returns
     -------
@@ -547,7 +547,7 @@ def compare(
         variants.append(entry if isinstance(settings, Problem) else like(first, vary(problem, settings)))  # type: ignore[type-var]
     validation.check_value(callable(question), "question", "a function of a study", question)
     results: list[ResponseCurve | OptimalCurve] = []
-    for study in with_progress(variants, progress, "studies", "study"):
+    for study in with_progress(variants, shows_progress(progress), "studies", "study"):
         answer = validation.instance(
             "answer", question(study), (ResponseCurve, OptimalCurve), "a ResponseCurve or an OptimalCurve"
         )

@@ -75,7 +75,7 @@ def optimal_curve(
     *,
     options: DiskPeakOptions | None = None,
     executor: Executor | None = None,
-    progress: bool = False,
+    progress: bool | None = None,
 ) -> SweepResult:
     """Compute the highest amplitude of any blade at each preload, with an independent search at each.
 

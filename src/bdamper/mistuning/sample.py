@@ -37,7 +37,7 @@ from bdamper.util import validation
 from bdamper.util.display import Fact, Plottable, Summarised, draw
 from bdamper.util.errors import COMPLETE, FAILED, NOT_RUN, BdamperError, SettingError, all_complete, status_word
 from bdamper.util.formatting import amount, short_repr
-from bdamper.util.progress import one_thread
+from bdamper.util.progress import one_thread, shows_progress
 from bdamper.util.storage import INSTALLED, FilePath, Recorded, ResultsFile, Storable
 from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Resonance, Seconds, Tabular
 
@@ -449,7 +449,7 @@ def mistuned_sample(
     seed: int = 0,
     executor: Executor | None = None,
     resume: str | Path | None = None,
-    progress: bool = False,
+    progress: bool | None = None,
 ) -> MistunedSample:
     """Compute the highest blade of many mistuned bladed disks over the standard deviation and the preload.
 
@@ -501,7 +501,7 @@ def mistuned_sample(
     drawn = {"distribution": name, "dampers": varied, "seed": seed}
     options = validation.instance("options", options or DiskPeakOptions(), DiskPeakOptions)
     check_executor(executor)
-    validation.flag("progress", progress)
+    progress = shows_progress(progress)
     over = {"disk": numbers, "standard_deviation": deviations.tolist(), "preload": preloads.tolist()}
     mistuning = partial(Mistuning.random, disk.n_blades, distribution=distribution)
     sample = _Sample(disk, mistuning, drawn, options, over)

@@ -61,7 +61,7 @@ from bdamper.time_domain.integration import IntegrationFailed, Ring, ring_of
 from bdamper.time_domain.time_response import compare_with_solution, disturbed
 from bdamper.time_domain.transient import AGREES, CRITERIA, UNDECIDED
 from bdamper.util import validation
-from bdamper.util.progress import CostMeter, LongWork, one_thread, with_progress
+from bdamper.util.progress import CostMeter, LongWork, one_thread, shows_progress, with_progress
 
 # ---- stability by multipliers and by the sign of det J ----
 
@@ -289,7 +289,7 @@ def with_stability(
     problem: Problem,
     curve: ResponseCurve,
     in_time: bool = False,
-    progress: bool = False,
+    progress: bool | None = None,
 ) -> ResponseCurve:
     """Return the response curve with the stability of every point (:mod:`bdamper.time_domain.floquet`).
 
@@ -301,15 +301,15 @@ def with_stability(
     in_time : bool
         Whether to integrate in time from each point.  A point is stable if the motion keeps its amplitude to 5 %.
         Undecided points, and all points after Ctrl-C, keep the label of the harmonics (``curve.labels``).
-    progress : bool
-        Show a progress bar of the points integrated in time.
+    progress : bool, optional
+        Show a progress bar of the points integrated in time; by default in a terminal and a notebook.
 
     Returns
     -------
     ResponseCurve
     """
     check_curve(problem, curve)
-    system, progress = problem.system(curve.preload), validation.flag("progress", progress)
+    system, progress = problem.system(curve.preload), shows_progress(progress)
     ring = ring_of(problem, curve.preload) if validation.flag("in_time", in_time) else None
     watch = CostMeter()
     unstable, note = unstable_solutions(system, curve.unknowns, TWO_PI * curve.frequency)

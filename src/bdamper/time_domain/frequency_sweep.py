@@ -24,7 +24,7 @@ from bdamper.util import validation
 from bdamper.util.display import Fact, Plottable
 from bdamper.util.errors import COMPLETE, INTERRUPTED, BdamperError, SettingError
 from bdamper.util.formatting import amount, peak_text, short_repr
-from bdamper.util.progress import Cost, CostMeter, LongWork, one_thread, progress_counter
+from bdamper.util.progress import Cost, CostMeter, LongWork, one_thread, progress_counter, shows_progress
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import ROW, FrequencySeries, Hertz, Metres, Quantity, Tabular
 
@@ -136,7 +136,7 @@ def frequency_sweep(
     up: bool = True,
     rate: float | None = None,
     steps_per_period: int | None = None,
-    progress: bool = False,
+    progress: bool | None = None,
 ) -> TimeSweep:
     """Integrate in time while the frequency of the excitation changes slowly over an interval.
 
@@ -155,8 +155,8 @@ def frequency_sweep(
         Default: a tenth of the half bandwidth of the least damped mode within the decay time of its transients.
     steps_per_period : int, optional
         256 by default.
-    progress : bool
-        Show a progress bar of the periods of the excitation.
+    progress : bool, optional
+        Show a progress bar of the periods of the excitation; by default in a terminal and a notebook.
 
     Returns
     -------
@@ -171,8 +171,8 @@ def frequency_sweep(
         If no solution is found at the first frequency, or the time integration fails.
     """
     preload, (low, high) = problem.check_preload(preload), validation.interval("frequency", frequency)
-    for name, value in (("up", up), ("progress", progress)):
-        validation.flag(name, value)
+    progress = shows_progress(progress)
+    validation.flag("up", up)
     rate = None if rate is None else validation.number("rate", rate, above=0.0, unit="Hz/s")
     watch = CostMeter()
     ends = (low, high) if up else (high, low)

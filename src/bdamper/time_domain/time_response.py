@@ -63,7 +63,7 @@ from bdamper.util.errors import (
     with_reason,
 )
 from bdamper.util.formatting import amount, peak_text
-from bdamper.util.progress import Cost, CostMeter, LongWork, one_thread, with_progress
+from bdamper.util.progress import Cost, CostMeter, LongWork, one_thread, shows_progress, with_progress
 
 NEIGHBOUR = 1.35
 """Ratio of the preloads at which an optimum is checked in time: the amplitude rises steeply below it and slowly above."""
@@ -338,7 +338,8 @@ def of_blades(transient: Transient, periods: int) -> dict[str, Any]:
 @validation.check_arguments
 @one_thread
 def with_time_response(
-    problem: Problem, curve: OptimalCurve, preload: Sequence[float] | NDArray | None = None, *, progress: bool = False
+    problem: Problem, curve: OptimalCurve, preload: Sequence[float] | NDArray | None = None, *,
+    progress: bool | None = None,
 ) -> OptimalCurve:
     """Return the optimal curve with the steady-state amplitude in time at some preloads.
 
@@ -349,8 +350,8 @@ def with_time_response(
         Optimal curve of this study.
     preload : sequence of float, N, optional
         By default the optimum and a preload 1.35 times as large.
-    progress : bool
-        Show a progress bar of the preloads.
+    progress : bool, optional
+        Show a progress bar of the preloads; by default in a terminal and a notebook.
 
     Returns
     -------
@@ -367,7 +368,7 @@ def with_time_response(
     validation.instance("curve", curve, OptimalCurve)
     if curve.model_hash != problem.model.hash:
         raise validation.invalid("curve", "an optimal curve of this study", "a curve of another model")
-    options = ContinuationOptions(budget=BUDGET)
+    options, progress = ContinuationOptions(budget=BUDGET), shows_progress(progress)
     if preload is None:
         best = curve.optimum.preload
         preloads = [p for p in (best, NEIGHBOUR * best) if np.isfinite(p)]
@@ -433,7 +434,7 @@ def motion_in_time(
     periods: int | None = None,
     tolerance: float = CRITERIA.tolerance,
     steps_per_period: int | None = None,
-    progress: bool = False,
+    progress: bool | None = None,
 ) -> MotionInTime:
     """Integrate in time from a point of a response curve, and decide whether the motion agrees with it.
 
@@ -456,8 +457,8 @@ def motion_in_time(
         Largest relative difference of the amplitude for the decision.
     steps_per_period : int, optional
         1,024 by default, 256 with ``frequency``.
-    progress : bool
-        Show a progress bar.
+    progress : bool, optional
+        Show a progress bar; by default in a terminal and a notebook.
 
     Returns
     -------
@@ -475,7 +476,7 @@ def motion_in_time(
     check_curve(problem, curve)
     validation.check_value(len(curve), "curve", "a curve with points", f"no points ({curve.status}: {curve.reason})")
     tolerance, n = validation.number("tolerance", tolerance, above=0.0, most=1.0), len(curve)
-    free = frequency is not None
+    free, progress = frequency is not None, shows_progress(progress)
     if frequency is not None:
         frequency = validation.number("frequency", frequency, above=0.0, unit="Hz")
         low, high = curve.frequency.min(), curve.frequency.max()
