@@ -16,8 +16,7 @@ import numpy as np
 from numpy.random import default_rng
 from numpy.typing import NDArray
 
-from bdamper.model.modal_basis import LocalBasis
-from bdamper.model.rotation import SpinStatic
+from bdamper.model.modal_basis import LocalBasis, SpinStatic
 from bdamper.model.structure import (
     Body,
     BodyLoad,

@@ -235,7 +235,7 @@ def test_only_plot_imports_matplotlib():
 def test_only_the_equations_import_the_core():
     users = {module_name(path) for path in python_files() for name, _ in imports(path) if name == "_core"}
     assert users == {
-        "contact.laws", "harmonic_balance.equations", "harmonic_balance.speed_family",
+        "contact.laws", "harmonic_balance.equations", "harmonic_balance.rotor_speed",
         "analyses.nonlinear_mode", "harmonic_balance.sector", "time_domain.integration",
     }  # fmt: skip
 
@@ -347,7 +347,7 @@ ONE_OF_EACH = {
     r"linalg\.(solve\w*|lstsq|inv|pinv|lu_\w+|cho_\w+|get_lapack_funcs|spsolve\w*|splu|spilu|factorized)$": {
         "contact.static_state", "contact.static_contact", "contact.residual_flexibility", "contact.stiffness",
         "analyses.fit", "harmonic_balance.problem", "analyses.loop_fit", "analyses.error_estimates",
-        "harmonic_balance.speed_family", "harmonic_balance.sector", "importers.abaqus", "importers.bodies",
+        "harmonic_balance.rotor_speed", "harmonic_balance.sector", "importers.abaqus", "importers.bodies",
         "model.kinematics", "model.modal_basis", "model.validation", "fem.cyclic_symmetry", "fem.element_stress",
         "fem.reduced_bodies",
         "fem.local_basis", "fem.contact_patches", "time_domain.integration",

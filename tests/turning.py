@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 import bdamper as bd
-from bdamper.model.rotation import SpeedBasis, SpinStatic
+from bdamper.model.modal_basis import SpeedBasis, SpinStatic
 from bdamper.model.structure import Body, Model
 
 

@@ -31,11 +31,10 @@ from bdamper.contact.stiffness import report
 from bdamper.fatigue import margin as margins
 from bdamper.fatigue import stress_cycle as stresses
 from bdamper.fatigue.criteria import Material
-from bdamper.harmonic_balance import result_checks
+from bdamper.harmonic_balance import checks
 from bdamper.harmonic_balance import rotor_speed as at_speed
-from bdamper.harmonic_balance.plausibility import check_question, check_settings, check_unloaded
+from bdamper.harmonic_balance.checks import asked, check_question, check_settings, check_unloaded
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.result_checks import asked
 from bdamper.harmonic_balance.settings import Settings, settings_of
 from bdamper.model.loads import Excitation
 from bdamper.model.model_file import read_model, write_model
@@ -144,7 +143,7 @@ class Study(Comparable):
 
     replace = asked(Problem.replace)
     static = analysis(validation.check_arguments(Problem.static, name="static"))
-    response_at = analysis(validation.check_arguments(result_checks.response_at))
+    response_at = analysis(validation.check_arguments(checks.response_at))
     wedge_friction = analysis(validation.check_arguments(Problem.wedge_friction, name="wedge_friction"))
 
     def __str__(self) -> str:

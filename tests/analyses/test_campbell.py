@@ -9,7 +9,7 @@ import bdamper as bd
 from bdamper.analyses.campbell import line_crossings
 from bdamper.contact.static_state import static_state
 from bdamper.harmonic_balance import problem
-from bdamper.model.rotation import SpeedBasis
+from bdamper.model.modal_basis import SpeedBasis
 from bdamper.response.linear_limits import free_and_stuck
 from tests.plain import plain_study
 from tests.turning import turning_disk

@@ -14,9 +14,9 @@ from scipy.optimize import fsolve, minimize_scalar
 
 from bdamper.harmonic_balance.equations import Plane
 from bdamper.response.continuation import follow
-from bdamper.response.minimum_search import Sample, find_minimum
 from bdamper.response.optimal_curve import smooth_minimum
 from bdamper.response.peak import Peak, coarse_options, find_peak
+from bdamper.response.scalar_search import Sample, find_minimum
 from bdamper.response.sensitivity import amplitude_sensitivity, sensitivities
 from tests.following import follow_peak
 from tests.oscillators import oscillator

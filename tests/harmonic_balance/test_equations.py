@@ -9,8 +9,8 @@ import pytest
 import bdamper as bd
 from bdamper.analyses.nonlinear_mode import mode_system
 from bdamper.harmonic_balance.equations import NOT_CONVERGED, Fixed, Layout, Rows
+from bdamper.harmonic_balance.rotor_speed import family_equations
 from bdamper.harmonic_balance.sector import excitation_ramp, supported_by
-from bdamper.harmonic_balance.speed_family import family_equations
 from bdamper.mistuning import BladedDisk
 from tests.mistuning.test_symmetry import PATTERN
 from tests.mistuning.test_symmetry import study as lumped_study

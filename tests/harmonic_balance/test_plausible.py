@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.harmonic_balance.plausibility import check_interval
+from bdamper.harmonic_balance.checks import check_interval
 from bdamper.util import plausible_ranges
 from bdamper.util.errors import PlausibilityWarning
 

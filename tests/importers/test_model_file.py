@@ -17,9 +17,8 @@ import pytest
 
 import bdamper.model.model_file as model_file
 from bdamper.model.fields import layout
-from bdamper.model.modal_basis import LocalBasis, ModalBasis
+from bdamper.model.modal_basis import LocalBasis, ModalBasis, SpeedBasis, SpinStatic
 from bdamper.model.model_file import load_model, save_model
-from bdamper.model.rotation import SpeedBasis, SpinStatic
 from bdamper.model.structure import (
     Body,
     BodyLoad,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.model.rotation import SpeedBasis
+from bdamper.model.modal_basis import SpeedBasis
 from bdamper.model.structure import ModalBasis, feed_digest
 from bdamper.model.validation import check_model
 from bdamper.util.errors import ModelError, SettingError

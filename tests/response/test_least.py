@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from bdamper.response import minimum_search as search
-from bdamper.response.minimum_search import GAIN, Sample, find_minimum, lower_bound, on_one_branch
+from bdamper.response import scalar_search as search
+from bdamper.response.scalar_search import GAIN, Sample, find_minimum, lower_bound, on_one_branch
 
 GRID = np.arange(-3.0, 5.0)
 

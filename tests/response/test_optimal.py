@@ -13,9 +13,9 @@ from bdamper.response import optimal_curve, sensitivity
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.highest_peak import AtPreload, Highest
 from bdamper.response.linear_limits import free_and_stuck, resonance_interval
-from bdamper.response.minimum_search import CORNER
 from bdamper.response.peak import amplitude_at, find_peak, slope_along
 from bdamper.response.response_curve import without_points
+from bdamper.response.scalar_search import CORNER
 from bdamper.response.sensitivity import PARAMETERS, setting_family, setting_value
 from bdamper.util.errors import SettingError
 from bdamper.util.progress import Cost

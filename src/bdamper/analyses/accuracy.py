@@ -49,10 +49,9 @@ from bdamper.analyses.error_estimates import (
     with_stand_ins,
 )
 from bdamper.contact.laws import AFT
+from bdamper.harmonic_balance.checks import Asking, check_question, like, problem_of
 from bdamper.harmonic_balance.effects import MAX_HARMONIC
-from bdamper.harmonic_balance.plausibility import check_question
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.result_checks import Asking, like, problem_of
 from bdamper.response.highest_peak import NEAR as NEAR_HIGHEST
 from bdamper.response.highest_peak import highest_peak
 from bdamper.response.linear_limits import peak_interval

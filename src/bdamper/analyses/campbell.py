@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 from bdamper.analyses.crossings import CLOSE, SpeedFamily, at_fixed_speed, exact, follow_line, interval, speed_values
 from bdamper.analyses.sweep import SweepResult
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.rotor_speed import RPM, Conditions, asked_speeds, preload_at, under
-from bdamper.harmonic_balance.speed_family import responses
+from bdamper.harmonic_balance.rotor_speed import RPM, Conditions, asked_speeds, preload_at, responses, under
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.linear_limits import free_and_stuck
 from bdamper.response.peak import Peak

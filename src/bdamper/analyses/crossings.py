@@ -6,7 +6,7 @@ Crossing
 
 Response along the line
     With the excitation frequency ``omega = EO Omega`` as an unknown, a run-up is a response curve of equations that depend
-    on the speed (:class:`~bdamper.harmonic_balance.speed_family.Family`). The curve is followed from both ends of an
+    on the speed (:class:`~bdamper.harmonic_balance.rotor_speed.Family`). The curve is followed from both ends of an
     interval of speeds that contains the free and the stuck resonance on the line, with a margin.
     :mod:`bdamper.response.highest_peak` locates the highest point.
 
@@ -39,9 +39,18 @@ from bdamper.fatigue.stress_cycle import chosen_sets
 from bdamper.harmonic_balance.equations import OK, Equations
 from bdamper.harmonic_balance.parameters import like, vary
 from bdamper.harmonic_balance.problem import LoadCase, Problem
-from bdamper.harmonic_balance.rotor_speed import RPM, Conditions, asked_speeds, preload_at, under
+from bdamper.harmonic_balance.rotor_speed import (
+    RPM,
+    Conditions,
+    Family,
+    asked_speeds,
+    family_equations,
+    node_speeds,
+    preload_at,
+    responses,
+    under,
+)
 from bdamper.harmonic_balance.sector import Sector
-from bdamper.harmonic_balance.speed_family import Family, family_equations, node_speeds, responses
 from bdamper.model.validation import as_checked
 from bdamper.response.branches import Coverage, ending, evaluation_budget, first_point
 from bdamper.response.continuation import TWO_PI

@@ -23,9 +23,9 @@ from typing import Any
 import numpy as np
 
 from bdamper.analyses.error_estimates import Change, Tops, compare, embed, estimate_change, whole_curve
+from bdamper.harmonic_balance.checks import check_question
 from bdamper.harmonic_balance.effects import MOTIONS, OFF, Effects, harmonic_numbers
 from bdamper.harmonic_balance.equations import Equations
-from bdamper.harmonic_balance.plausibility import check_question
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.model.kinematics import RIGID_NAMES
 from bdamper.util import validation

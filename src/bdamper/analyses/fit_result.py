@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.analyses.response_residuals import FORCE
+from bdamper.harmonic_balance.checks import A, check_result, problem_of
 from bdamper.harmonic_balance.parameters import vary
-from bdamper.harmonic_balance.result_checks import A, check_result, problem_of
 from bdamper.util import validation
 from bdamper.util.display import Plottable
 from bdamper.util.errors import COMPLETE

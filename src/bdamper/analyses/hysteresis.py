@@ -34,10 +34,10 @@ from numpy.typing import NDArray
 
 from bdamper.analyses.sweep import SweepResult
 from bdamper.contact.static_state import static_state
+from bdamper.harmonic_balance.checks import Solutions, asked, solutions_of
 from bdamper.harmonic_balance.contact_cycle import bodily_motion, energies, histories
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.result_checks import Solutions, asked, solutions_of
 from bdamper.harmonic_balance.sector import Sector
 from bdamper.model.loads import direction_vector
 from bdamper.model.structure import Interface

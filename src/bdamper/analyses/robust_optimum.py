@@ -10,7 +10,7 @@ Largest fatigue margin
     A higher preload changes position and shape of the bending and increases the mean stress. The preload with the largest
     margin may therefore differ from the preload with the least amplitude. The margin at a preload is the margin of the
     highest point of the complete response curve. Its maximum between the preloads of an optimal curve is refined in the
-    same way as the least amplitude (:mod:`bdamper.response.minimum_search`). The derivatives are finite differences of
+    same way as the least amplitude (:mod:`bdamper.response.scalar_search`). The derivatives are finite differences of
     peaks at neighbouring preloads.
 """
 
@@ -29,13 +29,13 @@ from numpy.typing import NDArray
 from bdamper.analyses.sweep import OptimalTask, sweep
 from bdamper.fatigue.criteria import Material
 from bdamper.fatigue.margin import LeastMargin, MarginCurve
+from bdamper.harmonic_balance.checks import Asking
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.result_checks import Asking
 from bdamper.response import response_curve as tracking
-from bdamper.response.minimum_search import Sample, find_minimum
 from bdamper.response.optimal_curve import Curves, preload_values
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.peak import Peak, find_peak
+from bdamper.response.scalar_search import Sample, find_minimum
 from bdamper.util import validation
 from bdamper.util.display import Plottable, Summarised
 from bdamper.util.errors import (

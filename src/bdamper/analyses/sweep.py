@@ -22,10 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.analyses.executors import check_executor, run_stored
+from bdamper.harmonic_balance.checks import Asking, check_question, like, problem_of
 from bdamper.harmonic_balance.parameters import check_name, study_fingerprint, vary
-from bdamper.harmonic_balance.plausibility import check_question
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.result_checks import Asking, like, problem_of
 from bdamper.response.headline import checks
 from bdamper.response.highest_peak import highest_peak
 from bdamper.response.linear_limits import free_and_stuck

@@ -18,8 +18,8 @@ from bdamper.fatigue import criteria
 from bdamper.fatigue import stress_cycle as over_cycle
 from bdamper.fatigue.criteria import LINES, ON, Material
 from bdamper.fatigue.stress_cycle import AtPoints, StressCycle
+from bdamper.harmonic_balance.checks import Solutions, SomeResult, solutions_of
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.result_checks import Solutions, SomeResult, solutions_of
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Plottable, draw
 from bdamper.util.errors import COMPLETE, BdamperError, status_word

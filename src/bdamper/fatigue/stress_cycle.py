@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from bdamper.contact.laws import PointArrays
 from bdamper.fatigue import criteria
+from bdamper.harmonic_balance.checks import Solutions, SomeResult, solutions_of
 from bdamper.harmonic_balance.contact_setup import without_separation
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.result_checks import Solutions, SomeResult, solutions_of
 from bdamper.harmonic_balance.sector import Sector
 from bdamper.model.loads import Direction, direction_vector
 from bdamper.model.structure import Body, ModalBasis, StressSet

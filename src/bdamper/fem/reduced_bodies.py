@@ -33,8 +33,7 @@ from scipy.sparse.linalg import SuperLU
 from bdamper.fem.cyclic_symmetry import CyclicSector, Sectors, factorise, lowest_modes
 from bdamper.fem.rotation import Rotation, spin_displacement
 from bdamper.fem.surface import Facets, Structure, check, corner_count, hermitian
-from bdamper.model.modal_basis import fix_phase, rigid_motions
-from bdamper.model.rotation import SpinStatic
+from bdamper.model.modal_basis import SpinStatic, fix_phase, rigid_motions
 from bdamper.model.structure import Body, BodyLoad, ModalBasis, Port, SurfaceMesh
 
 # ---- Free body ----

@@ -31,8 +31,7 @@ from scipy.linalg import eigh
 
 from bdamper.fem.cyclic_symmetry import CyclicSector
 from bdamper.fem.surface import Structure, check, hermitian
-from bdamper.model.modal_basis import ModalBasis
-from bdamper.model.rotation import SpeedBasis
+from bdamper.model.modal_basis import ModalBasis, SpeedBasis
 
 IN_PLANE = np.diag([1.0, 1.0, 0.0])
 _ACROSS = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])  # e_z x

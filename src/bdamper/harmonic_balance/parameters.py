@@ -30,8 +30,8 @@ from typing import Any
 import numpy as np
 
 from bdamper.contact.residual_flexibility import RESIDUAL
+from bdamper.harmonic_balance.checks import asked
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.result_checks import asked
 from bdamper.harmonic_balance.rotor_speed import Conditions, under
 from bdamper.model.kinematics import HarmonicBasis
 from bdamper.model.structure import Body, Model, feed_digest

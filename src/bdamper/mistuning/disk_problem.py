@@ -21,10 +21,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from bdamper.contact.laws import LAW_BONDED, LAW_CUBIC, LAW_NORMAL, PointArrays
 from bdamper.contact.static_state import AT_LIMIT, SHORTEST, linear_range
+from bdamper.harmonic_balance.checks import Asking, like, problem_of
 from bdamper.harmonic_balance.equations import OK
 from bdamper.harmonic_balance.model_sizes import Sizes
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.result_checks import Asking, like, problem_of
 from bdamper.mistuning.disk_equations import DiskScene, DiskSystem, Structure
 from bdamper.mistuning.mistuning import DamperVariation, Mistuning
 from bdamper.response.highest_peak import highest_peak

@@ -25,9 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.analyses.executors import Record, check_executor, run_stored
+from bdamper.harmonic_balance.checks import Asking, problem_of
 from bdamper.harmonic_balance.parameters import study_fingerprint
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.result_checks import Asking, problem_of
 from bdamper.mistuning.bladed_disk import OF_PEAKS, BladedDisk, answers
 from bdamper.mistuning.mistuning import DamperVariation, Mistuning
 from bdamper.mistuning.peak import DiskPeakOptions

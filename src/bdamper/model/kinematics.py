@@ -430,7 +430,7 @@ class Coupling:
     def closing_by_rotation(self) -> NDArray:
         """Return the displacement of (u1, u2, v) due to rotation per squared speed, (n_points, 3).
 
-        See ``bdamper.model.rotation.SpinStatic``.
+        See ``bdamper.model.modal_basis.SpinStatic``.
         """
         displacement = np.zeros((self.n_points, 3))
         for body in self.model.bodies.values():

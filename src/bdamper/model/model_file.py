@@ -18,7 +18,7 @@ import h5py
 import numpy as np
 
 from bdamper.model.fields import Sizes, check, check_record
-from bdamper.model.rotation import SpeedBasis
+from bdamper.model.modal_basis import SpeedBasis
 from bdamper.model.structure import ModalBasis, Model
 from bdamper.model.validation import as_checked, check_model
 from bdamper.util import validation

@@ -37,9 +37,8 @@ from typing import Annotated, Any, Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.model.modal_basis import LocalBasis
+from bdamper.model.modal_basis import LocalBasis, SpeedBasis, SpinStatic
 from bdamper.model.modal_basis import ModalBasis as ModalBasis
-from bdamper.model.rotation import SpeedBasis, SpinStatic
 from bdamper.util import validation
 from bdamper.util.display import Plottable, draw
 from bdamper.util.formatting import short_repr

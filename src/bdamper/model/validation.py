@@ -38,8 +38,7 @@ from bdamper.model.fields import (
     is_positive_definite,
 )
 from bdamper.model.kinematics import RIGID_NAMES
-from bdamper.model.modal_basis import LocalBasis, rigid_motions
-from bdamper.model.rotation import SpeedBasis, SpinStatic
+from bdamper.model.modal_basis import LocalBasis, SpeedBasis, SpinStatic, rigid_motions
 from bdamper.model.structure import Body, BodyLoad, Interface, ModalBasis, Model, StressSet, turn
 from bdamper.util.errors import mismatch
 from bdamper.util.records import layout

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from bdamper.analyses.hysteresis import AXES, WHOLE, Hysteresis
 from bdamper.contact.static_state import PreloadState
+from bdamper.harmonic_balance.checks import Asking, check_result, problem_of
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.result_checks import Asking, check_result, problem_of
 from bdamper.model.structure import Model
 from bdamper.plot.axes import COLUMN, NEW, SMALL, STYLE, drawing, finish, legend_beside, looks, new_axes, picture
 from bdamper.plot.motion import PLAIN, STATES, ContactStatus, contact_status

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED_CONSTANT, refuse
+from bdamper.harmonic_balance.checks import asked
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.result_checks import asked
 from bdamper.harmonic_balance.sector import segments
 from bdamper.model.kinematics import RIGID_NAMES, body_axes, principal_axes
 from bdamper.model.structure import Model, turn

@@ -17,8 +17,8 @@ import numpy as np
 
 from bdamper.analyses.fit_result import Fitted
 from bdamper.analyses.hysteresis import hysteresis
+from bdamper.harmonic_balance.checks import Asking, check_result, problem_of
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.result_checks import Asking, check_result, problem_of
 from bdamper.harmonic_balance.rotor_speed import RPM
 from bdamper.mistuning.peak import DiskPeak
 from bdamper.mistuning.sample import MistunedSample

@@ -2,8 +2,8 @@
 
 At a fold the frequency component of the tangent changes sign; at a maximum the derivative of the response amplitude does.
 Newton's method on the equations and this condition starts from the cubic through both ends of the step.  If it fails, as at
-corners, the root along the step is bracketed (:func:`bdamper.util.rootfinding.root_trials`), with one corrector for each
-trial.  Two events in one step leave the signs unchanged; then the cubic has an interior extremum.
+corners, the root along the step is bracketed (:func:`bdamper.response.scalar_search.root_trials`), with one corrector for
+each trial.  Two events in one step leave the signs unchanged; then the cubic has an interior extremum.
 
 The Jacobian is only piecewise continuous: at the onset or end of slip or separation the curve may have a corner.  Bisection
 with the null vector of the Jacobian along a failed step finds it, because the vector jumps there.
@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.harmonic_balance.equations import OK, Correction, Equations, Fold, Peak, Plane, norm2
+from bdamper.response.scalar_search import root_trials
 from bdamper.util import validation
 from bdamper.util.formatting import short_repr
-from bdamper.util.rootfinding import root_trials
 
 # ---- settings and result of a path ----
 

@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from bdamper.harmonic_balance.plausibility import check_interval
+from bdamper.harmonic_balance.checks import check_interval
 from bdamper.harmonic_balance.problem import LoadCase, Problem
 from bdamper.harmonic_balance.sector import NEAREST, around
 from bdamper.response.response_curve_result import ResponseCurve

@@ -4,7 +4,7 @@ The optimum is chosen in these steps:
 
 1. the complete response curve is computed at each preload, concurrently; its highest point is the value at this
    preload (``bdamper.response.highest_peak``), and an adjoint solution gives its slope d ln(amplitude)/d ln(preload);
-2. :func:`bdamper.response.minimum_search.find_minimum` chooses further preloads at which the value may be smaller;
+2. :func:`bdamper.response.scalar_search.find_minimum` chooses further preloads at which the value may be smaller;
 3. on a smooth branch of peaks :func:`smooth_minimum` first solves for the preload of zero slope.
 
 Every value, including the optimum, is the highest point of a complete curve at its preload.  :class:`Curves` stores
@@ -33,15 +33,14 @@ from bdamper.response.events import ContinuationOptions
 from bdamper.response.headline import NEAR_BEST
 from bdamper.response.highest_peak import REACH, AtPreload, check_options, found_at, given_up
 from bdamper.response.linear_limits import linear_peak, peak_interval
-from bdamper.response.minimum_search import Sample, find_minimum, on_one_branch
 from bdamper.response.optimal_curve_result import OptimalCurve, OptimumPoint
 from bdamper.response.peak import Family, Peak, PeakOptions, find_peak
 from bdamper.response.response_curve import NO_STEADY, open_at_rest, rattles, without_points
+from bdamper.response.scalar_search import Sample, find_minimum, find_root, on_one_branch
 from bdamper.response.sensitivity import amplitude_sensitivity
 from bdamper.util import validation
 from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND, BdamperError, with_reason
 from bdamper.util.progress import Cost, LongWork, executor_errors, one_thread, progress_stages, stopped_by
-from bdamper.util.rootfinding import find_root
 from bdamper.util.storage import INSTALLED, ResultsFile
 
 # ---- response at one preload ----

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.fatigue.margin import MarginCurve
+from bdamper.harmonic_balance.checks import Asking
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.result_checks import Asking
 from bdamper.response.headline import ENDS, headline, known_in_time
 from bdamper.response.linear_limits import Limit
 from bdamper.response.response_curve_result import ResponseCurve

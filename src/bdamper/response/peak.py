@@ -24,9 +24,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.harmonic_balance import equations
+from bdamper.harmonic_balance.checks import check_result, check_solution
 from bdamper.harmonic_balance.equations import NOT_CONVERGED, OK, STATUS_TEXT, Correction, Equations, norm2
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.result_checks import check_result, check_solution
 from bdamper.response.continuation import Follower
 from bdamper.response.events import AtLeastTwo, ContinuationOptions, Step
 from bdamper.util import validation

@@ -36,9 +36,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.contact.laws import LAW_BONDED
+from bdamper.harmonic_balance.checks import check_solution
 from bdamper.harmonic_balance.equations import NOT_FINITE, STATUS_TEXT, Correction, Equations
 from bdamper.harmonic_balance.problem import LoadCase, Problem
-from bdamper.harmonic_balance.result_checks import check_solution
 from bdamper.harmonic_balance.sector import Sector, reach
 from bdamper.model.kinematics import Coordinate
 from bdamper.model.structure import Model

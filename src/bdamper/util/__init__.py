@@ -7,5 +7,4 @@ Nothing here depends on structures or vibration.
 * ``storage`` reads and writes result files, ``tables`` exports them.
 * ``formatting`` and ``display`` print and draw results.
 * ``progress`` shows progress, handles interrupts and measures cost.
-* ``rootfinding`` finds a root in an interval.
 """

@@ -87,7 +87,7 @@ def import_extra(module: str, asked: str, extra: str) -> Any:
 
 
 _OURS = ("bdamper", "dataclasses", "functools", "contextlib")
-_BETWEEN = ("dataclasses", "functools", "contextlib", "bdamper.harmonic_balance.result_checks", "bdamper.util.validation")
+_BETWEEN = ("dataclasses", "functools", "contextlib", "bdamper.harmonic_balance.checks", "bdamper.util.validation")
 """Modules of decorators and of dataclasses.replace, which the search for the caller skips."""
 
 

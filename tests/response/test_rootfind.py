@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bdamper.util.rootfinding import find_root
+from bdamper.response.scalar_search import find_root
 from tests.each import each
 
 
