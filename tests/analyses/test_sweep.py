@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +22,7 @@ from bdamper.response.events import ContinuationOptions
 from bdamper.response.highest_peak import highest_peak
 from bdamper.response.optimal_curve import optimal_curve
 from bdamper.util.progress import LongWork
+from bdamper.util.storage import ResultsFile
 from tests.analyses.test_executors import Ends
 from tests.models import ground_model
 from tests.plain import plain_study
@@ -176,19 +178,33 @@ class TestInterrupted:
         assert "2 of 4 parts were not run: A process" in result.summary()
 
     def test_points_finished_while_one_is_written_are_kept(self, study, tmp_path, monkeypatch):
-        """Ctrl-C while a line is forced to disk; all four points are finished by then."""
-        calls = []
+        """Ctrl-C while the first line after the header is written; all four points are finished by then."""
+        calls, write = [], os.write
 
-        def stop(file):
+        def stop(file, content):
             calls.append(file)
             if len(calls) == 2:
                 raise KeyboardInterrupt
+            return write(file, content)
 
-        monkeypatch.setattr(os, "fsync", stop)
+        monkeypatch.setattr(os, "write", stop)
         result = bd.sweep(study, self.over, residual_norm, executor=Ends(4, "broken"), resume=tmp_path / "r.jsonl")
         assert result.complete
         lines = (tmp_path / "r.jsonl").read_text().splitlines()
         assert sorted(json.loads(line)["index"] for line in lines[1:]) == [0, 1, 2, 3]
+
+    def test_lines_are_forced_to_disk_once_a_second(self, study, tmp_path, monkeypatch):
+        """And at the end: each takes as long as a small point."""
+        calls = []
+        monkeypatch.setattr(os, "fsync", calls.append)
+        with closing(ResultsFile(tmp_path / "r.jsonl", {"format": "x"})) as file:
+            for i in range(50):
+                file.append({"index": i})
+            assert len(calls) == 1 and len((tmp_path / "r.jsonl").read_text().splitlines()) == 51
+            file.synced -= 2.0
+            file.append({"index": 50})
+            assert len(calls) == 2
+        assert len(calls) == 3
 
     def test_samples(self, study, monkeypatch):
         """Percentiles are those of the draws that were run; a robust optimum is never taken over a part of them."""
@@ -324,8 +340,6 @@ class TestResultsFile:
             assert path.read_bytes() == text
 
     def test_two_runs_on_one_file_are_refused(self, study, tmp_path):
-        from bdamper.util.storage import ResultsFile
-
         header = {"format": "bdamper-sweep-results"}
         first = ResultsFile(tmp_path / "r.jsonl", header)
         with pytest.raises(bd.BdamperError, match="no other run uses"):

@@ -9,7 +9,6 @@ The only required method of an executor is :meth:`concurrent.futures.Executor.su
 
 from __future__ import annotations
 
-import json
 import pickle
 import tempfile
 from collections import deque
@@ -27,7 +26,7 @@ import numpy as np
 from bdamper.util import errors, validation
 from bdamper.util.errors import BdamperError
 from bdamper.util.progress import Cost, CostMeter, ExecutorEnded, LongWork, executor_errors, progress_counter
-from bdamper.util.storage import ResultsFile, json_line
+from bdamper.util.storage import ResultsFile, from_line, json_line
 
 Record = dict[str, Any]
 Keep = Callable[[int, Record], None]
@@ -200,11 +199,11 @@ def run_stored(
     with LongWork() as work, progress_counter(progress, len(points), len(points) - len(todo), what, unit) as advance:
 
         def keep(i: int, record: Record) -> None:
-            records[names[i]] = {"index": names[i], **record}
+            records[names[i]] = from_line(json_line({"index": names[i], **record}))
             if store is not None and names[i] not in store.records:
                 store.append(records[names[i]])
             advance()
 
         run_points(job, points, todo, executor, keep)
     not_run = NOT_RUN | {"status": errors.with_reason(errors.NOT_RUN, work.reason)}
-    return [json.loads(json_line(records.get(name, not_run))) for name in names]
+    return [records.get(name, not_run) for name in names]
