@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from bdamper.analyses.campbell import Campbell
-from bdamper.analyses.sweep import SweepResult
+from bdamper.analyses.crossings import Crossings
 from bdamper.fatigue.criteria import LINES, von_mises
 from bdamper.fatigue.margin import MarginCurve, Margins
 from bdamper.fatigue.stress_cycle import StressCycle
@@ -123,13 +123,13 @@ def plot_safe(campbell: Campbell, speed: float | None = None, ax: Axes = NEW) ->
     ax.set_title(f"{omega * RPM:.0f} rpm")
 
 
-@picture(SweepResult, "crossings")
-def plot_crossings(found: SweepResult, ax: Axes = NEW, *, quantity: str = "amplitude") -> None:
+@picture(Crossings)
+def plot_crossings(found: Crossings, ax: Axes = NEW, *, quantity: str = "amplitude") -> None:
     """Plot the amplitude or margin at crossings over speed, with a colour and marker for each damper mass.
 
     Parameters
     ----------
-    found : SweepResult
+    found : Crossings
         Result of :meth:`bdamper.Study.resonance_crossings`.
     quantity : {"amplitude", "margin"}
     """
