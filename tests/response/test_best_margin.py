@@ -61,7 +61,7 @@ def test_what_a_blade_keeps_has_a_margin_of_its_own(study, curve, tmp_path):
     assert curve.margins[0].in_time == ()
     assert found.margin[found.least] > 1.0 and "exceeded" not in found._headline()
     weak = replace(found, in_time=(replace(one, factor=0.9 / one.least * one.factor),))
-    assert weak._headline().endswith("Below 1 the limit is exceeded.")
+    assert "in time, " in weak._headline() and "Below 1 the limit is exceeded." in weak._headline()
 
 
 def test_the_margin_is_asked_for_after_the_time_integration(study, curve, monkeypatch):

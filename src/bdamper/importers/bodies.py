@@ -113,8 +113,8 @@ def rotation_of(body: PreparedBody) -> Rotation | None:
 def _spin_softening(body: PreparedBody, per_squared_speed: NDArray) -> float:
     """Return the fraction of the mass in the plane of rotation that is missing from the stiffness.
 
-    A translation in this plane causes no force of the elastic and geometric stiffness on inner nodes.  Nodes beside held
-    ones are not inner, whether the matrices contain the held components or not.
+    A translation in this plane causes no force of the elastic and geometric stiffness on inner nodes.  Nodes next to a held
+    node are not inner, with or without held components in the matrices.
     """
     structure = body.structure
     translations = np.tile(IN_PLANE[:, :2], (len(structure.nodes), 1))
