@@ -206,6 +206,23 @@ class TestInterrupted:
             assert len(calls) == 2
         assert len(calls) == 3
 
+    @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
+    def test_a_worker_that_outlives_its_parent_does_not_lock_the_file(self, tmp_path):
+        file, (here, there) = ResultsFile(tmp_path / "r.jsonl", {"format": "x"}), os.pipe()
+        worker = os.fork()
+        if not worker:
+            os.write(there, b"started")
+            time.sleep(60.0)
+            os._exit(0)
+        try:
+            os.read(here, 1)
+            os.close(file.file)  # as the system does where the parent is killed
+            with closing(ResultsFile(tmp_path / "r.jsonl", {"format": "x"})) as again:
+                assert again.records == {}
+        finally:
+            os.kill(worker, signal.SIGKILL)
+            os.waitpid(worker, 0)
+
     def test_samples(self, study, monkeypatch):
         """Percentiles are those of the draws that were run; a robust optimum is never taken over a part of them."""
         whole, made = optimal_curve, []

@@ -26,6 +26,7 @@ from functools import partial
 from importlib import metadata
 from pathlib import Path
 from typing import Any, ClassVar
+from weakref import WeakSet
 
 import h5py
 
@@ -308,6 +309,7 @@ class ResultsFile:
             try:
                 self._lock()
                 self._read()
+                _OPEN.add(self)
             except BaseException:
                 os.close(self.file)
                 raise
@@ -385,9 +387,23 @@ class ResultsFile:
 
     def close(self) -> None:
         """Write parts that were delayed by a full disk, if possible, and close the file."""
+        _OPEN.discard(self)
         with suppress(OSError):
             self._write()
         os.close(self.file)
+
+
+_OPEN: WeakSet[ResultsFile] = WeakSet()
+"""Open results files. A forked worker closes them: if its parent is killed, it would keep the file locked."""
+
+
+def _close_open() -> None:
+    for file in _OPEN:
+        os.close(file.file)
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_close_open)
 
 
 def json_line(record: Mapping[str, Any]) -> bytes:
