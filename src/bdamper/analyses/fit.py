@@ -195,11 +195,9 @@ class Objective:
 
         margin = 1e-6 * (high - low)[free]
         start = np.clip(x[free], low[free] + margin, high[free] - margin)
-        ways: dict[str, Any] = {"xtol": 1e-9, "ftol": tolerance, "gtol": 1e-9, "max_nfev": most}
-        ways["x_scale"] = "jac"
         solution = scipy.optimize.least_squares(
             lambda part: self.residual(whole(part))[rows], start, lambda part: self.jacobian(whole(part))[rows][:, free],
-            (low[free], high[free]), **ways,
+            (low[free], high[free]), xtol=1e-9, ftol=tolerance, gtol=1e-9, max_nfev=most, x_scale="jac",
         )  # fmt: skip
         return whole(solution.x)
 
@@ -421,7 +419,7 @@ def _stage(
     own = objective.made(dict(zip(names, np.exp(x)))) if callable(objective.problem) else problem_of(objective.problem)
     result = Fitted(
         names=names, values=np.exp(x), low=np.exp(ends[0]), high=np.exp(ends[1]),
-        deviation=np.where(unknown, np.inf, np.sqrt(np.diag(C))), left_out=left,
+        deviation=np.where(unknown, np.inf, deviation), left_out=left,
         information=information / np.maximum((J**2).sum(axis=0)[:, None], 1e-300), tests=labels, prediction=prediction,
         notes=notes, noise=objective.noise,
         test=np.repeat(np.arange(len(parts)), [len(part.place) for part in parts]), **of_points,
@@ -463,9 +461,7 @@ def _uncertainty(
     half = np.array([linear, linear])
     if objective.profiles:
         half = np.array([_profile(objective, x, j, rise, linear[j]) for j in range(k)]).T
-    left = np.full(k, np.nan)
-    if n > 1:
-        left = left_out(r, J, rows)
+    left = left_out(r, J, rows) if n > 1 else np.full(k, np.nan)
     if n > 1 and excess > 0.0:  # otherwise noise explains the differences between tests
         half = np.fmax(half, float(scipy.stats.t.ppf(P95, n - 1)) * left)
     if before is not None:  # errors of the held parameters propagate to the others
