@@ -6,6 +6,7 @@ from a seed; nothing is left out afterwards.
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -119,3 +120,12 @@ def scene(study: bd.Study, case: Case) -> tuple[float, tuple[float, float]] | No
     tangential = float((springs * motion).sum())
     capacity = case.friction * float(state.force[study.problem.friction > 0.0, 2].sum()) / 100.0
     return case.level * tangential / capacity, (low, 1.06 * high)
+
+
+def found(path: str) -> list[dict]:
+    """Results that an earlier run has written, one JSON object on each line."""
+    try:
+        with open(path) as file:
+            return [json.loads(line) for line in file]
+    except FileNotFoundError:
+        return []

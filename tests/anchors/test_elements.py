@@ -9,7 +9,7 @@ and non-linear stiffness and damping characterization of friction contacts havin
 import numpy as np
 import pytest
 
-from tests.cases import MINUS, OPEN, PLUS, STICK, Point, evaluate
+from tests.cases import MINUS, OPEN, PLAIN, PLUS, STICK, Point, evaluate
 
 
 @pytest.mark.parametrize(("A", "kt", "S"), [(2.3, 1.7, 0.9), (1.001, 1.0, 1.0), (40.0, 3.0, 0.5), (1.0, 1.0, 0.999)])
@@ -34,6 +34,35 @@ def test_harmonics_of_a_jenkins_element(A, kt, S):
     np.testing.assert_allclose(result.force[1, 1::2] - 1j * result.force[1, 2::2], turned[1:], **tolerance)
     energy = -np.pi * A * result.force[0, 2]
     assert energy == pytest.approx(4 * S * (A - S / kt), rel=1e-9)
+
+
+def test_sampled_numbers():
+    """A6, without interpolated closing."""
+    x = np.array([4.29653115, 4.29165565, 2.8307871, 4.17186848, 3.37441948, 0.80543152, 3.55638299])
+    y = x * [2, 2, 2, 3, -1, -1, 2]
+    n = np.array([-0.2, 0.2, 0.4, 0, -0.03, 1, -1])
+    point = Point(np.array([2.0, 2.0]), 2.5, 0.75, 0.0, np.zeros(2))
+    expected = np.array(
+        [
+            (0.033844726028, 0.205041904377, 0.917068629982),
+            (0.547492930979, 0.485749637125, 0.236465445992),
+            (-0.461991423731, 0.094650085345, 0.467680641947),
+            (0.765402735043, 0.410050194543, -0.127513986224),
+            (-0.22880570956, -0.641236343267, -0.340088135301),
+            (0.24613093599, 0.511180712751, 1.033629500599),
+            (0.215420053877, 0.020838641561, -1.031349793406),
+        ]
+    ).T
+    result = evaluate(np.array([x, y, n]), point, PLAIN, 128)
+    np.testing.assert_allclose(result.force, expected, rtol=0, atol=6e-13)
+    # the exact law is near, but not the same
+    exact = evaluate(np.array([x, y, n]), point).force
+    assert 1e-6 < np.abs(exact - expected).max() < 2e-2
+
+
+def angles(parts):
+    """Instant at which each state begins, turned into [0, 2 pi)."""
+    return {state: start % (2 * np.pi) for start, _, state in parts}
 
 
 def test_transitions_of_one_harmonic_in_full_contact():

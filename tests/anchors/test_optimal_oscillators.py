@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.optimize import fsolve, minimize_scalar
+from scipy.optimize import brentq, fsolve, minimize_scalar
 
 from bdamper.harmonic_balance.equations import Plane
 from bdamper.response.continuation import follow
@@ -77,6 +77,22 @@ def optimum(family, start, values):
     return replace(there[places[best.index].x], status=best.kind)
 
 
+def independent_peak(limit, force=1.0, c=0.02):
+    """The X up to which the closed form has a frequency: the least over omega of its left side equals the right side."""
+
+    def excess(X):
+        theta = np.arccos(1 - 2 * limit / X)
+        ka = (theta - np.sin(2 * theta) / 2) / np.pi
+        kb = 4 * limit / (np.pi * X) * (1 - limit / X)
+        w = np.sqrt(1 + ka)
+        for _ in range(20):  # d/dw [(1 + ka - w^2)^2 + (c w + kb)^2] = 0
+            slope = -4 * w * (1 + ka - w**2) + 2 * c * (c * w + kb)
+            w -= slope / (-4 * (1 + ka - w**2) + 8 * w**2 + 2 * c**2)
+        return (1 + ka - w**2) ** 2 + (c * w + kb) ** 2 - (force / X) ** 2
+
+    return brentq(excess, 1.2 * limit, 60.0, xtol=1e-13)
+
+
 @pytest.fixture(scope="module")
 def branch():
     values = sorted(A2, reverse=True)
@@ -93,6 +109,11 @@ class TestJenkins:
         assert peak.converged
         assert peak.amplitude == pytest.approx(amplitude, abs=1e-8)
         assert 2 * np.pi * peak.frequency == pytest.approx(frequency, abs=1e-8)
+
+    def test_against_a_scalar_solver(self, branch):
+        for limit in (0.9, 1.25, 2.0):
+            peak = next(p for p in branch.peaks if p.parameter == limit)
+            assert peak.amplitude == pytest.approx(independent_peak(limit), rel=1e-9)
 
     def test_slope_vanishes_at_peaks_and_they_are_maxima(self, branch):
         for peak in branch.peaks:
@@ -111,6 +132,12 @@ class TestJenkins:
         assert found.amplitude == pytest.approx(2.91702888, abs=1e-8)
         assert 2 * np.pi * found.frequency == pytest.approx(1.22572299, abs=1e-8)
 
+    def test_bracket_without_a_minimum_is_named_so(self, branch):
+        start = next(p for p in branch.peaks if p.parameter == 4.0)
+        found = optimum(jenkins, start, [2.0, 4.0])
+        assert found.status == "end"
+        assert found.parameter == 2.0
+
     @pytest.mark.parametrize("name", ["limit", "c", "kd", "force", "m"])
     def test_sensitivities_against_differences(self, branch, name):
         value = {"limit": 1.25, "c": 0.02, "kd": 1.0, "force": 1.0, "m": 1.0}[name]
@@ -126,6 +153,18 @@ class TestJenkins:
         assert found.amplitude == pytest.approx((high.amplitude - low.amplitude) / (2 * h), rel=1e-5)
         assert found.frequency == pytest.approx((high.frequency - low.frequency) / (2 * h), rel=1e-5)
         assert abs(found.amplitude) > 1e-3
+
+    def test_more_harmonics(self, branch):
+        """A1, 31 harmonics, F = 1: 3.536132 at 1.10864."""
+        system = jenkins(1.0, n_harm=31)
+        one = follow_peak(jenkins, next(p for p in branch.peaks if p.parameter == 0.9), [1.0]).peaks[0]
+        from bdamper.response.peak import find_peak
+
+        guess = np.concatenate([one.y[:2], np.zeros(system.n_unknowns - 2), one.y[-1:]])
+        peak = find_peak(system, guess)
+        assert peak.converged
+        assert peak.amplitude == pytest.approx(3.536132, abs=1e-6)
+        assert 2 * np.pi * peak.frequency == pytest.approx(1.10864, abs=1e-5)
 
 
 class TestMacroslip:
@@ -171,6 +210,48 @@ class TestMacroslip:
         assert found.parameter == pytest.approx(S, rel=1e-6)
         assert found.amplitude == pytest.approx(X, rel=1e-8)
         assert 2 * np.pi * found.frequency == pytest.approx(w, rel=1e-6)
+
+    def test_closed_form_of_the_optimum(self):
+        """S_opt = (pi F/2)/(1 + pi c w/kd), A_min = pi F/(kd + pi c w), w^2 = (k + kd/2)/m.
+
+        They leave out that the phase at the peak is not exactly 90 degrees: S_opt holds to first order in c, A_min and w
+        to second order.
+        """
+        w = np.sqrt(1 + self.kd / 2)
+        errors = []
+        for c in (4e-3, 2e-3, 1e-3):
+            found = self.least(c)
+            errors.append([
+                found.parameter / ((np.pi / 2) / (1 + np.pi * c * w / self.kd)) - 1,
+                found.amplitude / (np.pi / (self.kd + np.pi * c * w)) - 1,
+            ])  # fmt: skip
+            if c == 2e-3:
+                assert found.amplitude == pytest.approx(15.206906, rel=1e-6)
+                assert found.parameter == pytest.approx(1.520691, rel=c)
+                assert 2 * np.pi * found.frequency == pytest.approx(1.048809, rel=c)
+        rate = np.log2(np.abs(errors[0]) / np.abs(errors[2])) / 2
+        assert rate == pytest.approx([1.0, 2.0], abs=0.1)
+
+    def test_amplitude_over_slip_limit_without_damping(self):
+        """A(S) = 4 S^2 / (kd (4 S - pi F)) for S > pi F/4, to 1e-8."""
+        family = self.family(1e-14)
+        start = first_peak(self.family(0.01)(1.5), (0.8, 1.4), 0.01)
+        start = follow_peak(lambda c: jenkins(1.5, c=c, kd=self.kd), start, [0.001, 1e-4, 1e-5, 1e-6, 1e-14]).peaks[-1]
+        assert start.converged
+        start = Peak(**(start.__dict__ | {"parameter": 1.5}))
+        for values in ([1.3, 1.1, 1.0, 0.9], [1.7, 2.0, 3.0, 5.0]):
+            branch = follow_peak(family, start, values)
+            assert branch.status == "complete"
+            for peak in branch.peaks:
+                S = peak.parameter
+                assert peak.amplitude == pytest.approx(4 * S**2 / (self.kd * (4 * S - np.pi)), rel=1e-8)
+
+    def test_seven_harmonics(self):
+        """S = 1.2: 16.2792; 1.5: 15.2076; 1.8: 15.5854; 2.2: 16.8010."""
+        family = self.family(0.002, 7)
+        start = first_peak(family(2.2), (0.9, 1.2), 2.2)
+        branch = follow_peak(family, start, [2.2, 1.8, 1.5, 1.2])
+        assert [p.amplitude for p in branch.peaks] == pytest.approx([16.8010, 15.5854, 15.2076, 16.2792], abs=6e-5)
 
 
 def test_least_peak_agrees_with_a_search_on_values(branch):

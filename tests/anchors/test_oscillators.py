@@ -52,6 +52,13 @@ class TestJenkinsMass:
         return system, path, top
 
     @pytest.mark.parametrize("force", peaks)
+    def test_peak_of_one_harmonic(self, force):
+        system, _, top = self.follow(force, 1)
+        expected, frequency = self.peaks[force]
+        assert amplitude(system, top.y) == pytest.approx(expected, abs=6e-11)
+        assert top.y[-1] == pytest.approx(frequency, abs=6e-9)
+
+    @pytest.mark.parametrize("force", peaks)
     def test_the_whole_curve_of_one_harmonic(self, force):
         """Every point satisfies the closed form."""
         system, path, _ = self.follow(force, 1)
@@ -119,6 +126,13 @@ class TestTwoFolds:
         assert amplitude(system, at.y) == pytest.approx(1.2700, abs=6e-5)
         assert amplitude(system, top.y) == pytest.approx(1.2703, abs=6e-5)
         assert top.y[-1] == pytest.approx(1.9660, abs=6e-4)
+
+    def test_peak_of_one_harmonic(self):
+        """1.3385, cut off after the fourth place."""
+        system, down = self.down(1)
+        top = max(down.points, key=lambda p: amplitude(system, p.y))
+        assert top.kind == "maximum"
+        assert 1.3385 <= amplitude(system, top.y) < 1.3386
 
     def test_at_a_fold_the_jacobian_is_singular_and_not_elsewhere(self):
         system, down = self.down(1)

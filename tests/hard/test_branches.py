@@ -13,7 +13,7 @@ import pytest
 import bdamper as bd
 from bdamper import _core
 from bdamper.harmonic_balance.equations import NOT_CONVERGED, OK, Correction, Fold, InFrequency, Plane
-from bdamper.harmonic_balance.sector import excitation_ramp, supported_by
+from bdamper.harmonic_balance.sector import excitation_ramp, reach, supported_by
 from bdamper.response import branches, continuation
 from bdamper.response import branches as start
 from bdamper.response import response_curve as tracking
@@ -25,6 +25,7 @@ from bdamper.response.branches import (
     Piece,
     ending,
     evaluation_budget,
+    in_order,
     uncovered,
 )
 from bdamper.response.continuation import follow
@@ -106,6 +107,16 @@ def test_ctrl_c_ends_what_is_made_of_curves(monkeypatch, work, at):
         work(s)
 
 
+@pytest.mark.parametrize("at", [1, 30])
+def test_ctrl_c_ends_a_comparison_with_the_curve_that_it_interrupts(monkeypatch, at):
+    one = study()
+    Clock(monkeypatch, at)
+    found = bd.compare(
+        {"a": one, "b": {"friction_coefficient": 0.3}}, lambda s: s.frequency_response(200.0, (250.0, 450.0))
+    )
+    assert found.names == ("a",) and found.curves[0].interrupted
+
+
 @pytest.mark.usefixtures("interruptible")
 @pytest.mark.parametrize("at", [1, 30])
 def test_ctrl_c_ends_an_optimal_curve_whose_threads_are_at_work(monkeypatch, at):
@@ -126,6 +137,18 @@ def test_ctrl_c_ends_an_optimal_curve_whose_threads_are_at_work(monkeypatch, at)
         study().optimal_curve((100.0, 400.0), 3, frequency=(250.0, 450.0), check=False)
     assert first.wait(60.0)  # a pool interrupted as it starts a thread does not wait for that one
     assert len(ended) <= 3 * (os.cpu_count() or 1)  # points between two corrections of each thread
+
+
+def test_interrupted_sweep_does_its_points_when_it_is_resumed(monkeypatch, tmp_path):
+    over, frequency, file = {"preload": [200.0, 300.0, 400.0]}, (250.0, 450.0), tmp_path / "sweep.jsonl"
+    whole = bd.sweep(study(), over, frequency=frequency)
+    with monkeypatch.context() as patch:
+        Clock(patch, 100)
+        stopped = bd.sweep(study(), over, frequency=frequency, resume=file)
+    assert "not run" in stopped.status
+    resumed = bd.sweep(study(), over, frequency=frequency, resume=file)
+    assert resumed.complete
+    assert [v["amplitude"] for v in resumed.values] == [v["amplitude"] for v in whole.values]
 
 
 def test_ctrl_c_in_the_chain_of_a_start_is_not_a_stage_that_failed(monkeypatch):
@@ -425,6 +448,19 @@ def test_a_narrow_band_shows_the_resonance_that_passes_through_it(settings, prel
     assert narrow.reason.endswith("closed branches not")
 
 
+def test_where_branches_may_turn():
+    """Between the free and the stuck resonance of a mode, and a little beyond; modes may shift past each other."""
+    free, stuck = [280.0, 600.0], [360.0, 640.0]
+    assert reach(free, stuck, 300.0, 320.0) == pytest.approx((0.97 * 280.0, 1.03 * 360.0))
+    assert reach(free, stuck, 282.0, 365.0) == pytest.approx((0.97 * 280.0, 1.03 * 360.0))
+    assert reach(free, stuck, 275.0, 300.0) == pytest.approx((0.97 * 280.0, 1.03 * 360.0))
+    assert reach(free, stuck, 250.0, 400.0) == (250.0, 400.0)
+    assert reach(free, stuck, 400.0, 500.0) == (400.0, 500.0)
+    assert reach(free, stuck, 400.0, 620.0) == pytest.approx((400.0, 1.03 * 640.0))
+    assert reach([], [], 400.0, 500.0) == (400.0, 500.0)
+    assert reach([1210.0, 1393.0], [1396.0, 1468.0], 1450.0, 1460.0) == pytest.approx((0.97 * 1393.0, 1.03 * 1468.0))
+
+
 def test_a_path_that_breaks_off_outside_the_interval_is_told(monkeypatch):
     """It might have come back into it with a higher branch."""
     monkeypatch.setattr(branches, "SIDE_POINTS", 5)
@@ -433,6 +469,53 @@ def test_a_path_that_breaks_off_outside_the_interval_is_told(monkeypatch):
     assert curve.complete and not len(curve.folds)
     assert [part.why.split(":")[0] for part in curve.missing_ranges] == ["outside the interval, too many points"]
     assert not any(295.0 < part.low < 320.0 for part in curve.missing_ranges)
+
+
+class Unsolvable(Ellipse):
+    def correct_at(self, u, omega, *args):
+        return Correction(NOT_CONVERGED, np.append(u, omega), np.zeros(2), np.ones(2), 1, np.inf, 0)
+
+
+def span(low, high, branch):
+    points = tuple(Correction(OK, np.array([1.0, w]), np.ones(2), np.ones(2), 1, 0.0, 0) for w in (low, high))
+    return Piece(Path(points, "many folds", "cut off", 0, 0), True, branch)
+
+
+def test_places_in_a_gap_are_asked_once_the_widest_gap_first():
+    pieces = [span(1.0, 2.0, 0), span(2.05, 3.0, 1), span(3.2, 3.5, 2)]
+    search = Coverage(Unsolvable(), (1.0, 3.5), ContinuationOptions(), CostMeter(), pieces=pieces)
+    seen = []
+    search.fill(seen.append)
+    np.testing.assert_allclose(seen, [3.1, 3.04, 3.16, 2.025, 2.01, 2.04])
+
+
+def test_what_is_found_in_a_gap_makes_other_gaps_of_it(monkeypatch):
+    pieces = [span(1.0, 2.0, 0), span(2.1, 3.5, 1)]
+    search = Coverage(Unsolvable(), (1.0, 3.5), ContinuationOptions(), CostMeter(), pieces=pieces)
+    monkeypatch.setattr(search, "both_ways", lambda y: pieces.append(span(2.05, 2.1, 2)))
+    seen = []
+
+    def ask(omega):
+        seen.append(omega)
+        return np.array([1.0, omega]) if len(seen) == 2 else None
+
+    search.fill(ask)
+    np.testing.assert_allclose(seen, [2.05, 2.02, 2.025, 2.01, 2.04])
+
+
+def test_gaps_are_left_when_the_budget_is_used_up():
+    pieces = [span(1.0, 2.0, 0), span(2.05, 3.0, 1), span(3.2, 3.5, 2)]
+    system = Unsolvable()
+    search = Coverage(system, (1.0, 3.5), ContinuationOptions(), CostMeter(), pieces=pieces)
+    seen = []
+
+    def ask(omega):
+        seen.append(omega)
+        system.spent = True
+
+    search.fill(ask)
+    assert 1 <= len(seen) <= 3
+    assert max(abs(omega - 3.1) for omega in seen) < 0.1
 
 
 @pytest.mark.parametrize("budget", [40, 150, 400])
@@ -486,3 +569,19 @@ def test_the_chain_of_the_first_point_says_what_was_tried(monkeypatch):
         "Newton from the stuck response", "Newton with line search from the stuck response", "excitation ramp"
     ]  # fmt: skip
     assert log[4] == "fading supports: not removed after 0 of 1000 points (too many points)"
+
+
+def test_both_ways_from_a_solution_make_one_branch():
+    """Its points follow each other; the solution itself counts once and is no end."""
+    path = {up: follow(Ellipse(), np.array([3.0, 10.0]), (8.5, 11.0), up=up) for up in (True, False)}
+    assert {p.status for p in path.values()} == {"complete"}
+    other = Piece(path[True], True, branch=0)
+    ways = [Piece(path[up], up, branch=1, inside=True) for up in (True, False)]
+    ordered = in_order([other, *ways])
+    assert [p for p, _ in ordered[: len(path[True].points)]] == list(path[True].points)
+    omega = np.array([p.y[1] for p, piece in ordered if piece.branch == 1])
+    assert len(omega) == len(path[True].points) + len(path[False].points) - 1
+    assert (np.diff(omega) > 0.0).all() and omega[0] == 8.5 and omega[-1] == 11.0
+    assert [p.kind for p, piece in ordered if piece.branch == 1 and p.kind == "end"] == ["end", "end"]
+    assert [piece.up for p, piece in ordered if piece.branch == 1 and p.y[1] < 10.0] == [False] * int(sum(omega < 10.0))
+    assert len(in_order(ways[:1])) == len(path[True].points) and in_order([]) == []

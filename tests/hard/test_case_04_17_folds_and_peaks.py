@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 import bdamper as bd
 from bdamper.harmonic_balance.equations import OK
 from bdamper.response.continuation import follow
-from bdamper.response.events import ContinuationOptions
+from bdamper.response.events import ContinuationOptions, turns_twice
 from tests.hard.random_studies import random_study
 from tests.oscillators import oscillator
 from tests.plain import plain_study
@@ -90,6 +90,21 @@ def test_case_17_fully_stuck_peak_is_not_stepped_over(ratio):
     # with long steps and nothing to watch it is stepped over: what the test guards against
     system = replace(system, watched=())
     assert peak(followed(system, 0.8, 2.5, STUCK, max_step=0.4)) < 0.5 * exact
+
+
+def test_turning_twice_is_seen_in_the_cubic_through_both_ends():
+    """Cubics with the extrema where they are put, against their own slopes and rises."""
+    rng = np.random.default_rng(3)
+    seen = [0, 0]
+    for _ in range(400):
+        ends, size = np.sort(rng.uniform(-1.5, 2.5, 2)), rng.choice([-1.0, 1.0]) * 10.0 ** rng.uniform(-6, 6)
+        slope = np.polynomial.Polynomial.fromroots(ends) * size
+        first, last, rise = slope(0.0), slope(1.0), slope.integ()(1.0)
+        twice = ends[0] > 0.0 and ends[1] < 1.0 and abs(slope(ends.mean())) > 0.02 * max(abs(first), abs(last))
+        assert turns_twice(first, last, rise) == twice
+        seen[int(twice)] += 1
+    assert min(seen) > 10
+    assert not turns_twice(1.0, -1.0, 0.3)  # one extremum, which the signs show
 
 
 @pytest.mark.parametrize(("case", "folds", "step"), [("reference", 4, 0.05), ("random", 16, 0.01)])

@@ -143,3 +143,23 @@ def test_ctrl_c_leaves_the_periods_so_far(study, curve, monkeypatch, asked):
     interrupted_at(monkeypatch, CRITERIA.look - 1 if "frequency" in asked else 0)
     with pytest.raises(KeyboardInterrupt):
         study.motion_in_time(curve, **asked, steps_per_period=400)
+
+
+@pytest.mark.parametrize(
+    ("ask", "name"),
+    [
+        (lambda s, c: s.motion_in_time("curve"), "curve"),
+        (lambda s, c: s.motion_in_time(c, frequency=-1.0), "frequency"),
+        (lambda s, c: s.motion_in_time(c, 3, frequency=300.0), "index"),
+        (lambda s, c: s.motion_in_time(c, 10**6), "index of a point"),
+        (lambda s, c: s.motion_in_time(c, frequency=300.0, periods=3), "periods"),
+        (lambda s, c: s.motion_in_time(c, periods=0), "periods"),
+        (lambda s, c: s.motion_in_time(c, tolerance=0.0), "tolerance"),
+        (lambda s, c: s.motion_in_time(c, frequency=300.0, steps_per_period=1.5), "steps_per_period"),
+        (lambda s, c: s.motion_in_time(c, frequency=300.0, steps_per_period=8), "steps_per_period"),
+        (lambda s, c: s.motion_in_time(c, steps_per_period=0), "steps_per_period"),
+    ],
+)
+def test_bad_arguments(study, curve, ask, name):
+    with pytest.raises(bd.SettingError, match=f"^{name}: expected .*, found "):
+        ask(study, curve)

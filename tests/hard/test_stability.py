@@ -208,6 +208,28 @@ def test_a_fully_stuck_solution_under_constant_load_is_linear():
         assert np.abs(expected - value).min() < 1e-6
 
 
+def test_coupled_law_of_a_study():
+    """Friction along both tangential axes: harmonic balance, verdict and time integration of one acyclic structure."""
+    study = plain_study(
+        acyclic_model(1, n_points=4, n_blade_modes=2),
+        engine_order=0,
+        harmonics=3,
+        contact_stiffness=2e6,
+        friction_coefficient=0.3,
+        friction_law="coupled",
+        contact_forces=bd.AFT(64),
+        damping_ratio=0.03,
+        excitation=bd.Excitation("tip", "tangential", 100.0),
+    )
+    curve = study.frequency_response(50.0, (290.0, 320.0))
+    assert curve.complete
+    assert curve.peak.shares[1] > 0.02
+    assert study.motion_in_time(curve, periods=5, steps_per_period=448).distance < 0.02
+    i = curve.peak_index
+    system = study.problem.system(50.0)
+    assert not unstable_solutions(system, curve.unknowns[[i]], 2 * np.pi * curve.frequency[[i]])[0].any()
+
+
 def test_curves_carry_stability(tmp_path):
     study = plain_study(
         acyclic_model(1),

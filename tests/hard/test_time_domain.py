@@ -10,9 +10,9 @@ from bdamper.contact.laws import LAW_BONDED
 from bdamper.harmonic_balance.sector import Sector
 from bdamper.time_domain.floquet import multipliers, unstable_solutions
 from bdamper.time_domain.integration import IntegrationFailed, Ring
-from bdamper.time_domain.transient import AGREES, CRITERIA, UNDECIDED
+from bdamper.time_domain.transient import AGREES, CRITERIA, DIFFERS, UNDECIDED, judged
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
-from tests.integrations import compared, fails_after, integrated
+from tests.integrations import compared, fails_after, integrated, interrupted_at
 from tests.models import acyclic_model, wedge_model
 from tests.plain import plain_study
 
@@ -164,6 +164,40 @@ def test_an_integration_that_fails_is_no_response(monkeypatch):
         with pytest.raises(IntegrationFailed, match="the time integration fails near "):
             ask()
         monkeypatch.undo()
+
+
+def test_what_decides():
+    """Amplitudes made up, for a memory of 200 periods and a tolerance of 5 %."""
+    k = np.arange(400.0)
+    noise = np.random.default_rng(0).uniform(-1.0, 1.0, 400)
+    cases = {
+        "stays": (1.0 + 1e-6 * k, AGREES, 96),
+        "leaves": (1.0 + 1e-4 * np.exp(k / 20.0), DIFFERS, None),
+        "settles elsewhere": (1.0 - 0.2 * (1.0 - np.exp(-k / 10.0)), DIFFERS, 48),
+        "settles just outside": (1.06 + 0.0 * k, DIFFERS, 96),
+        "settles within": (1.0 + 0.03 * (1.0 - np.exp(-k / 200.0)), AGREES, None),
+        "creeps out of the tolerance": (1.0 + 0.08 * (1.0 - np.exp(-k / 200.0)), DIFFERS, None),
+        "has not crept out yet": (1.0 + 0.054 * (1.0 - np.exp(-k / 200.0)), UNDECIDED, None),
+        "scatters a little": (1.0 + 0.04 * noise, AGREES, None),
+        "scatters": (1.0 + 0.4 * noise, DIFFERS, None),
+        "comes back": (1.0 + 0.5 * np.exp(-k / 60.0), AGREES, None),
+    }
+    for name, (amplitude, expected, after) in cases.items():
+        looks = [judged(amplitude[:n], 1.0, 0.05, 200.0) for n in range(16, 401, 16)]
+        first = next((i for i, look in enumerate(looks) if look[0] != UNDECIDED), len(looks) - 1)
+        assert looks[first][0] == expected, (name, looks[first])
+        assert after is None or 16 * (first + 1) == after, name
+
+
+def test_an_interruption_leaves_the_periods_so_far(monkeypatch):
+    system = two_oscillators(5)
+    p = followed(system, 1.5, 2.2, STUCK).points[3]
+    interrupted_at(monkeypatch, 4)
+    found = compared(system, p.y[:-1], p.y[-1], 1, 0, 400, periods=60)
+    monkeypatch.undo()
+    whole = compared(system, p.y[:-1], p.y[-1], 1, 0, 400, periods=4)
+    assert found.interrupted and not whole.interrupted and len(found.transient.harmonics) == 4
+    np.testing.assert_array_equal(found.transient.harmonics, whole.transient.harmonics)
 
 
 @pytest.mark.slow

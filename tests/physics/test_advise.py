@@ -3,6 +3,7 @@
 import pytest
 
 import bdamper as bd
+from bdamper.analyses.error_estimates import embed, estimate_change
 from bdamper.harmonic_balance.effects import Effects
 from tests.plain import plain_study
 
@@ -45,3 +46,20 @@ def test_at_low_preload_a_study_without_rotation_and_further_harmonics_is_told_s
     assert abs(turn.amplitude_change) > abs(advice["harmonics beyond 1"].amplitude_change) > 0.1
     assert advice["separation"].significant and advice["separation"].amplitude_change > 0.2
     assert abs(compared(disk, advice).change("called for")) <= advice.tolerance
+
+
+def test_an_estimate_that_is_far_off_says_so():
+    """Separation in the test rig at 500 N: off by more than a percent, and no smaller a miss is claimed."""
+    rig = plain_study(bd.reference_model("test_rig"), bd.Excitation("tip"), 0, friction_coefficient=0.4, harmonics=3)
+    peak = rig.peak(500.0)
+    leaner = rig.replace(**Effects.of(rig).without("separation"))
+    e = estimate_change(leaner.problem.system(500.0), embed(rig.problem, leaner.problem, 500.0, peak.y))
+    true = leaner.peak(500.0).amplitude / peak.amplitude - 1.0
+    assert abs(e.amplitude - true) > 0.01 and e.uncertainty > 0.01
+
+
+def test_effects_may_be_some_of_all():
+    effects = Effects({"variable_normal_load": False})
+    assert dict(effects) == {"variable_normal_load": False, "separation": False} and "separation" in str(effects)
+    with pytest.raises(bd.SettingError, match=r"effects: expected names out of .* found \['prestress'\]"):
+        Effects({"prestress": True})

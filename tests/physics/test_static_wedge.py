@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.contact.static_state import SLIP_MINUS, SLIP_PLUS, STICK, StaticSystem, static_state
+from bdamper.contact.static_state import OPEN, SLIP_MINUS, SLIP_PLUS, STICK, StaticSystem, static_state
 from tests.each import each
 from tests.models import wedge_frames, wedge_model
 from tests.plain import plain_study
@@ -73,6 +73,19 @@ def test_sliding_outward(alpha, beta, mu):
     assert (state.status[:, 1] == STICK).all()  # nothing moves along the axis
 
 
+@pytest.mark.parametrize("alpha", [0.3, np.pi / 4, 1.1])
+def test_symmetric_sliding(alpha):
+    state = solved(wedge(alpha, alpha, 0.2, kt=1e10))
+    expected = LOAD / (2 * (np.sin(alpha) + 0.2 * np.cos(alpha)))
+    np.testing.assert_allclose(state.force[:, 2], expected, rtol=1e-8)
+
+
+def test_symmetric_elastic_number():
+    """alpha = 45 degrees, kt = kn, mu = 0.3: 0.543928 P."""
+    state = solved(wedge(np.pi / 4, np.pi / 4, 0.3))
+    np.testing.assert_allclose(state.force[:, 2] / LOAD, 0.543928, rtol=0, atol=6e-7)
+
+
 @each("alpha", [0.4, 0.8, 1.2])
 @each("ratio", [0.2, 1.0, 4.0])
 @each("mu", [0.1, 0.6, 3.0])
@@ -112,12 +125,30 @@ def test_the_number_of_load_steps_does_not_matter_without_gaps(steps):
     np.testing.assert_allclose(b.force, a.force, rtol=0, atol=1e-7 * LOAD)
 
 
+def test_homogeneous_in_the_load():
+    system = wedge(0.7, 0.9, 0.3)
+    a = solved(system, 1.0)
+    for load in (1e-4, 50.0, 1e6):
+        b = static_state(system, load)
+        assert b.converged
+        np.testing.assert_allclose(b.force / load, a.force, rtol=0, atol=1e-8)
+        np.testing.assert_array_equal(b.status, a.status)
+
+
 def test_an_initial_gap_closes_first():
     system = wedge(np.pi / 4, np.pi / 4, 0.0, kt=0.0)
     gap = 2e-5
     state = solved(replace(system, n0=np.full(2, -system.kn[0] * gap)))
     np.testing.assert_allclose(state.force[:, 2], LOAD / np.sqrt(2), rtol=1e-9)
     np.testing.assert_allclose(state.q, [0.0, (gap + LOAD / np.sqrt(2) / 1e7) * np.sqrt(2)], rtol=0, atol=1e-12)
+
+
+def test_without_load_nothing_happens():
+    state = static_state(wedge(0.7, 0.9, 0.3), 0.0)
+    assert state.converged
+    assert not state.force.any()
+    assert not state.q.any()
+    assert (state.status == OPEN).all()
 
 
 @pytest.mark.parametrize(("alpha", "beta"), [(0.8, 0.8), (0.8, 0.6)])

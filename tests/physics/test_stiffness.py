@@ -114,6 +114,24 @@ class TestPaperEquations:
         assert n_far >= 1
 
 
+def test_stiffness_of_a_study():
+    s = study("unit_traction")
+    for name, contact in s.problem.stiffness.items():
+        assert contact.stiffness.shape == (4, 3), name
+        assert np.isfinite(contact.stiffness).all()
+        assert (contact.stiffness > 0).all()
+        assert contact.source == "unit_traction"
+    for line, contact in zip(s.stiffness_report.splitlines(), s.problem.stiffness.values()):
+        assert f"{contact.fallback[:, 0].sum()} of 4 fell back" in line
+
+
+def test_retaining_every_mode_leaves_less_flexibility():
+    """More modes, stiffer contact: the residual flexibility only shrinks."""
+    few, many = (study("unit_traction", blade_modes=n).problem.coupling.residual_flexibility(1) for n in (1, 5))
+    assert np.linalg.eigvalsh(few - many).min() > -1e-12 * np.abs(few).max()
+    np.testing.assert_allclose(few, few.conj().T, rtol=0, atol=1e-20)
+
+
 def test_user_values():
     s = study(3.5e6)
     for contact in s.problem.stiffness.values():

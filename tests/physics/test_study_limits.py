@@ -8,9 +8,11 @@ import pytest
 import bdamper as bd
 from bdamper.harmonic_balance.equations import OK
 from bdamper.response.events import ContinuationOptions
+from bdamper.util.errors import SettingError
 from bdamper.util.progress import CostMeter
+from tests import oracle
 from tests.following import changed, find_start
-from tests.models import RADIUS, rotation, wedge_model
+from tests.models import RADIUS, ground_model, rotation, shroud_model, wedge_model
 from tests.plain import plain_study
 
 OPTIONS = ContinuationOptions(tolerance=1e-10)
@@ -87,8 +89,74 @@ class TestLinearLimits:
             assert curve.harmonics[i, 1] == pytest.approx(row @ q, rel=1e-8)
         assert (curve.residual < 1e-9).all()
 
+    def test_tracking_approaches_the_stuck_curve_under_high_preload(self):
+        study = wedge_study(constraint_planes=False)
+        frequency = study.stuck((300.0, 900.0)).peak.frequency
+        band = (0.97 * frequency, 1.03 * frequency)
+        stuck, tracked = study.stuck(band), study.frequency_response(1e7, band)
+        assert tracked.complete
+        assert (tracked.shares[:, 0] == 1.0).all()
+        assert tracked.peak.amplitude == pytest.approx(stuck.peak.amplitude, rel=1e-8)
+        assert tracked.peak.frequency == pytest.approx(stuck.peak.frequency, rel=1e-8)
+
+
+class TestIndependentCheck:
+    """Every point of a curve put into the residual of the oracle."""
+
+    @staticmethod
+    def check(study, preload, band, count=5):
+        curve = study.frequency_response(preload, band)
+        assert curve.complete, curve.reason
+        system = study.problem.system(preload)
+        arrays = dict(system.structure.arrays)
+        arrays["G"] = [b.G for b in system.structure.bases]
+        arrays["kt"] = np.where((arrays["law"] == 1)[:, None], 0.0, arrays["kt"])
+        scale = system.row_scale
+        for i in np.linspace(0, len(curve) - 1, count).astype(int):
+            r = oracle.residual(curve.unknowns[i], 2 * np.pi * curve.frequency[i], arrays)
+            assert np.abs(r * scale).max() <= 1.01e-9 + 1e-10
+        return curve
+
+    @pytest.mark.parametrize("harmonics", [1, 3])
+    def test_wedge(self, harmonics):
+        study = wedge_study(harmonics=harmonics, excitation=bd.Excitation("tip", amplitude=40.0))
+        curve = self.check(study, 60.0, BAND)
+        assert curve.shares[:, 1].max() > 0.05
+
+    def test_ground(self):
+        model = ground_model(n_points=2)
+        face = replace(model.interfaces["pad"], gap=np.full(2, -2e-6))
+        model = replace(model, interfaces={"pad": face})
+        study = wedge_study(model=model, excitation=bd.Excitation("tip", amplitude=300.0))
+        curve = self.check(study, 0.0, (280.0, 420.0))
+        assert curve.shares[:, 1].max() > 0.01
+
+    def test_shroud(self):
+        model = shroud_model(n_points=2)
+        face = replace(model.interfaces["shroud"], gap=np.full(2, -2e-6))
+        model = replace(model, interfaces={"shroud": face})
+        study = wedge_study(model=model, excitation=bd.Excitation("tip", amplitude=300.0), harmonics=2)
+        curve = self.check(study, 0.0, (300.0, 420.0))
+        assert curve.shares[:, 1].max() > 0.01
+
 
 class TestScaling:
+    @pytest.mark.parametrize("factor", [1e-6, 3.0, 1e6])
+    def test_excitation_and_preload_together(self, factor):
+        """Without gaps the response is homogeneous: the same curve, point by point."""
+        study = wedge_study(constraint_planes=False, excitation=bd.Excitation("tip", amplitude=20.0))
+        scaled = study.replace(excitation=bd.Excitation("tip", amplitude=20.0 * factor))
+        a, b = study.frequency_response(60.0, BAND), scaled.frequency_response(60.0 * factor, BAND)
+        assert a.complete
+        assert b.complete
+        assert a.shares[:, 1].max() > 0.05
+        assert b.peak.frequency == pytest.approx(a.peak.frequency, rel=1e-7)
+        assert b.peak.amplitude / factor == pytest.approx(a.peak.amplitude, rel=1e-7)
+        # each point of one is a solution of the other
+        system = scaled.problem.system(60.0 * factor)
+        for i in range(0, len(a), max(1, len(a) // 6)):
+            r, _, _ = system.evaluate(factor * a.unknowns[i], 2 * np.pi * a.frequency[i])
+            assert np.abs(r * system.row_scale).max() < 2e-9
 
     def test_phase_of_the_excitation_shifts_time(self):
         shift = 1.234
@@ -114,6 +182,9 @@ class TestScaling:
 
 
 class TestBases:
+    def test_each_harmonic_has_its_nodal_diameter(self):
+        study = wedge_study(harmonics=3)
+        assert [b.nodal_diameter for b in study.problem.bases] == [0, 2, 4, 6]
 
     def test_single_basis_uses_that_of_the_fundamental(self):
         study = wedge_study(harmonics=3, fundamental_modes_only=True)
@@ -131,6 +202,12 @@ class TestBases:
         np.testing.assert_array_equal(study.problem.bases[1].G, own.problem.bases[1].G)
         assert not np.allclose(study.problem.bases[2].G, own.problem.bases[2].G)
         assert study.frequency_response(1e6, (300.0, 310.0)).settings["fundamental_modes_only"] is True
+
+    def test_a_missing_nodal_diameter_is_named(self):
+        model = wedge_model(harmonics=1)
+        with pytest.raises(SettingError, match=r"needs nodal diameter 4.*fundamental_modes_only=True"):
+            wedge_study(model=model, harmonics=2)
+        wedge_study(model=model, harmonics=2, fundamental_modes_only=True)
 
 
 class TestSpecialPreloads:
@@ -160,6 +237,18 @@ class TestSpecialPreloads:
         assert any("study.free" in note for note in curve.notes)
         held = study.replace(bias=False).frequency_response(0.0, BAND)  # a mean that is held stays in contact
         assert not any("study.free" in note for note in held.notes)
+
+    def test_no_preload_is_never_an_unconverged_curve(self):
+        for model, harmonics in ((wedge_model(n_points=4), 1), (ground_model(n_points=2), 1), (shroud_model(), 2)):
+            study = wedge_study(model=model, harmonics=harmonics)
+            curve = study.frequency_response(0.0, (300.0, 320.0))
+            assert curve.status in ("complete", "incomplete", "not found")
+            assert np.isfinite(curve.harmonics).all()
+            assert (curve.residual <= 1e-9).all()
+            system = study.problem.system(0.0)
+            for u, f in zip(curve.unknowns[::5], curve.frequency[::5]):
+                r, _, _ = system.evaluate(u, 2 * np.pi * f)
+                assert np.abs(r * system.row_scale).max() <= 1e-9
 
     def test_without_excitation_the_response_is_the_static_state(self):
         study = wedge_study()

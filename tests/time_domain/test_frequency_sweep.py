@@ -123,6 +123,20 @@ def test_it_is_drawn_written_and_read(linear, tmp_path):
     np.testing.assert_array_equal(read.harmonics, found.harmonics)
 
 
+@pytest.mark.parametrize(
+    ("options", "named"),
+    [
+        ({"frequency": (10.5, 9.5)}, "frequency"),
+        ({"up": 1}, "up"),
+        ({"rate": 0.0}, "rate"),
+        ({"steps_per_period": 2}, "steps_per_period"),
+    ],
+)
+def test_what_does_not_fit_is_refused(linear, options, named):
+    with pytest.raises(bd.SettingError, match=named):
+        linear.frequency_sweep(0.0, **{"frequency": BAND} | options)
+
+
 def test_without_damping_there_is_no_usual_rate():
     study = bd.lumped([[1.0]], [[0.0]], [[W0**2]], contacts=[bd.Contact(tangential=0, kt=1e-3, mu=0.3, preload=1e3)],
         forces={0: 1.0})  # fmt: skip

@@ -21,6 +21,7 @@ from bdamper.contact.laws import (
 from bdamper.harmonic_balance.sector import Sector
 from bdamper.model.kinematics import HarmonicBasis
 from bdamper.time_domain.integration import IntegrationFailed, Motion, Ring, ring_of
+from bdamper.time_domain.transient import Transient
 from tests.each import each
 from tests.time_domain import plain_transient
 
@@ -168,6 +169,26 @@ def test_no_harmonics_or_too_many_are_refused(columns):
     path = {"n_step": 4, "per_period": 4, "omega": 1.0, "omega_end": 1.0, "radius": 0.8, "tolerance": 1e-4}
     with pytest.raises(ValueError, match=f"^harmonic: expected 1 to 65 columns, found {columns}$"):
         ring.core.integrate(q, v, np.zeros_like(q), w, **path, harmonic=np.zeros((1, 1, ring.n, columns), complex))
+
+
+@pytest.mark.slow
+def test_integrations_of_the_shipped_blade_come_to_an_end():
+    """Every residual pattern, 20 modes of the blade and four of the damper at 256 steps, whose forces were not found in
+    some steps; motions from some tenths of a millimetre to some centimetres, fifty starts (seed 49)."""
+    given = {"blade_modes": 20, "damper_modes": 4, "contact_stiffness": bd.ResidualModes("all")}
+    ring = ring_of(bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5, 0.54, **given).problem, 43.7)
+    rng, omega = np.random.default_rng(49), 2.0 * np.pi * 665.3
+    heavy, w = np.tile(ring.mass > 0.0, 2), np.tile(ring.system.structure.points.slider, (ring.n, 1, 1))
+    heavy[ring.n_coordinates :] &= ~ring.real
+    for _ in range(50):
+        v, q = 1e-5 * omega * 10.0 ** rng.uniform(-1.0, 1.0) * heavy * rng.standard_normal((2, len(heavy)))
+        q /= np.sqrt(np.tile(np.maximum(ring.omega2, omega**2), 2))
+        try:
+            found = ring.integrate(Motion(q, v, w), omega, 256, 20)
+        except IntegrationFailed:
+            continue
+        assert np.isfinite(found.motion.q).all() and np.isfinite(found.harmonics).all()
+    assert ring.effort[0] > 50 * 5121, "no step was halved"
 
 
 @pytest.mark.parametrize("light", [0, 2])
@@ -329,6 +350,18 @@ def test_energies_of_a_period_are_those_of_forces_along_the_way(light):
     np.testing.assert_allclose(found.energy[0], expected, atol=1e-7 * np.abs(expected).max())
 
 
+def test_what_is_missing_in_the_energies_is_the_loss_of_the_step():
+    """None with a radius of one (the trapezoidal rule); otherwise it falls with the step by at least its second power."""
+    missing = {}
+    for radius in (1.0, 0.5):
+        ring = Ring(structure(n_points=5, laws=[LAW_CUBIC, LAW_BONDED]), **ALL_SECTORS, radius=radius)
+        for n in (200, 400, 800):
+            energy = ring.integrate(state(ring, size=0.3), 1.3, n, tolerance=1e-12).energy[0]
+            missing[radius, n] = (energy[0] - energy[1:].sum()) / np.abs(energy).max()
+    assert max(abs(missing[1.0, n]) for n in (200, 400, 800)) < 1e-9
+    assert 1e-3 > missing[0.5, 200] > 3.5 * missing[0.5, 400] > 3.5**2 * missing[0.5, 800] > 0.0
+
+
 def test_waves_of_a_ring():
     """A wave of the excitation (nodal diameter 5 of a wheel of 30), one of 10 against it, and a standing one of 15."""
     ring = Ring(structure(), 30, 5)
@@ -402,6 +435,30 @@ def test_error_of_second_order():
     assert 3.9 < np.linalg.norm(ends[1] - ends[0]) / np.linalg.norm(ends[2] - ends[1]) < 4.1
 
 
+def bonded_ring(radius, light=0):
+    """Nothing is damped or excited, every contact is a spring; the ring, and its energy."""
+    system = structure(laws=[LAW_BONDED], size=0.0, damping=0.0, light=light)
+    points = replace(system.structure.points, shift=np.zeros((11, 3)), slider=np.zeros((11, 2)), n0=np.zeros(11))
+    system = replace(system.structure, points=points).equations
+    ring = Ring(system, **ALL_SECTORS, radius=radius)
+    A, _ = plain_transient.matrices(ring)
+    springs = np.tile(np.column_stack([system.structure.points.kt, system.structure.points.kn]).ravel(), ring.n)
+    weight = np.tile(1.0 / np.where(ring.real, 1.0, 2.0), 2)  # a complex coordinate counts half
+    mass, own = weight * np.tile(ring.mass, 2), weight * np.tile(ring.stiffness, 2)
+    stretched = np.sqrt(springs / ring.n)[:, None] * A
+    return ring, lambda m: m.v @ (mass * m.v) + m.q @ (own * m.q) + np.sum((stretched @ m.q) ** 2)
+
+
+def test_energy_is_kept_by_a_radius_of_one_and_lost_by_less():
+    """What the linear step keeps without damping of its own, and what is lost at that of the usual radius."""
+    ring, energy = bonded_ring(1.0)
+    before = energy(state(ring))
+    assert energy(ring.integrate(state(ring), 1.3, 256, 20, tolerance=1e-11).motion) == pytest.approx(before, rel=2e-3)
+    for radius in (0.8, 0.5):
+        ring, energy = bonded_ring(radius)
+        assert 0.97 * before < energy(ring.integrate(state(ring), 1.3, 256, 20).motion) < before
+
+
 @pytest.mark.parametrize(("friction", "left"), [(0.0, 0.7), (0.02, 0.002)])
 def test_what_bounces_gains_no_energy(friction, left):
     """Unilateral contacts, residual coordinates, neither damping nor excitation: the steps take a few percent."""
@@ -454,3 +511,37 @@ def test_the_energy_of_a_motion_is_conserved_without_losses():
     assert ring.energy(end.motion) == pytest.approx(held, rel=1e-5)
     own = np.tile(ring.stiffness, 2) @ start.q**2 + np.tile(ring.mass, 2) @ start.v**2
     assert held > 0.5 * own
+
+
+STARTS = {"turbine_blade": (5, 374.0, (600.0, 720.0), 2e-4), "bladed_disk": (5, 125.0, (285.0, 380.0), 1e-4)}
+"""Engine order, preload (N), interval (Hz) and a usual amplitude (m)."""
+
+
+@pytest.mark.parametrize("number", [20, pytest.param(500, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", STARTS)
+def test_random_starts_end_finite_or_fail_by_name(name, number):
+    """Four periods of 128 or 256 steps from any motion of all modes and any sliders; some gained 25 decades with 128."""
+    order, preload, band, usual = STARTS[name]
+    excitation = bd.Excitation("tip", "tangential", 1.0) if name == "turbine_blade" else bd.Excitation("tip")
+    given = {"friction_coefficient": 0.55, "contact_stiffness": "unit_traction"}
+    ring = ring_of(bd.Study(bd.reference_model(name, 9), excitation, order, **given).problem, preload)
+    rng, failed, said = np.random.default_rng(20261123), [], "steps_per_period"
+    for _ in range(number):
+        omega, n = 2.0 * np.pi * rng.uniform(*band), ring.n_coordinates
+        q, v = rng.standard_normal((2, 2 * n))
+        q[n:][ring.real] = v[n:][ring.real] = 0.0
+        q /= np.sqrt(np.maximum(np.tile(ring.omega2, 2), omega**2))
+        size = usual * 10.0 ** rng.uniform(-1.0, 1.5) / np.abs(ring.rows @ q).max()
+        w = 10.0 * usual * rng.uniform(-1.0, 1.0, (ring.n, ring.system.n_points, 2))
+        steps = int(rng.choice([128, 256]))
+        transient = Transient(ring, omega, Motion(size * q, size * v, w), steps)
+        most = 4.0 * ring.energy(transient.motion)
+        try:
+            transient.advance(4)
+        except IntegrationFailed as error:
+            failed.append(steps)
+            said = str(error)
+            continue
+        work = np.abs(np.array(transient.energy)[:, :2]).sum()
+        assert 0.25 * ring.n * float(np.tile(ring.stiffness, 2) @ transient.motion.q**2) < most + 4.0 * work
+    assert failed.count(256) <= 0.02 * number and "steps_per_period" in said

@@ -7,7 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+import scipy.linalg
 
+import bdamper as bd
 from bdamper.time_domain import steady_amplitude, time_response
 from bdamper.time_domain.steady_amplitude import BalanceCurve, Place, SteadySearch
 from bdamper.time_domain.time_response import _at_fall, _other_starts, _refine
@@ -44,6 +46,16 @@ def random(seed):
     return Drawn(mass.tolist(), k.tolist(), beta, gaps, sliders, force, at)
 
 
+def study_of(d):
+    """Return the study and the frequencies (Hz) of its linear modes."""
+    k0, k1, k2 = d.stiffness
+    K = np.array([[k0 + k1, -k1, 0.0], [-k1, k1 + k2, -k2], [0.0, -k2, k2]])
+    contacts = [bd.Contact(normal=at, kn=kn, gap=gap) for at, kn, gap in d.gaps]
+    contacts += [bd.Contact(at, kt=kt, mu=0.5, preload=2.0 * limit) for at, kt, limit in d.sliders]
+    study = bd.lumped(d.mass, d.beta * K, K, contacts=contacts, forces={d.at: d.force}, harmonics=7)
+    return study, np.sqrt(scipy.linalg.eigh(K, np.diag(d.mass), eigvals_only=True)) / tau
+
+
 def swept(d, start, end, periods, held, steps=500):
     """Amplitudes of a sweep from rest between two frequencies (Hz), held at the last, by the semi-implicit Euler method."""
     (k0, k1, k2), x, v, w, out = d.stiffness, [0.0] * 3, [0.0] * 3, [0.0] * len(d.sliders), []
@@ -67,6 +79,23 @@ def swept(d, start, end, periods, held, steps=500):
             c, s = c + x[d.at] * turn[j + 1][0], s + x[d.at] * turn[j + 1][1]
         out.append(2.0 * hypot(c, s) / steps)
     return np.array(out)
+
+
+@pytest.mark.parametrize(("seed", "below"), [(112, None), (155, 0.27)])
+def test_three_masses_beside_an_own_program(seed, below):
+    """Compare with a slow sweep to the tip; from the flank the second comes to less than ``below`` times its amplitude."""
+    d = random(seed)
+    study, modes = study_of(d)
+    curve = study.frequency_response(0.0, (0.5 * modes[0], min(1.4 * modes[0], 0.5 * modes[:2].sum())))
+    found = study.time_response(curve)
+    sweep = swept(d, 0.8 * found.frequency, found.frequency, 500, 300)[-50:]
+    assert np.ptp(sweep) < 0.01 * sweep.mean() and found.mean == pytest.approx(sweep.mean(), rel=0.02)
+    assert found.mean == pytest.approx(curve.peak.amplitude, rel=0.02) and found.settled
+    if below is None:
+        assert found.status == "complete"
+    else:
+        start, most = "complete: from the tip; a sweep from the flank has at most ", found.status.split()[-2]
+        assert found.status == f"{start}{most} m" and float(most) < below * found.mean
 
 
 # ---- curves ----

@@ -102,6 +102,10 @@ class TestLeft:
         assert verdict(off) == DIFFERS
         assert verdict(off[::-1] + 0.0) == UNDECIDED, "it ends at the solution"
 
+    def test_twice_a_given_tolerance(self, sign):
+        assert verdict(constant(sign * 0.3, 48), tolerance=0.2) == UNDECIDED
+        assert verdict(constant(sign * 0.3, 48), tolerance=0.1) == DIFFERS
+
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 class TestSettled:
@@ -112,6 +116,10 @@ class TestSettled:
     ])  # fmt: skip
     def test_when_it_is_decided(self, sign, n, size, expected):
         assert verdict(constant(sign * size, n)) == expected
+
+    def test_a_given_tolerance(self, sign):
+        assert verdict(constant(sign * 0.15, 96), tolerance=0.2) == AGREES
+        assert verdict(constant(sign * 0.015, 96), tolerance=0.01) == DIFFERS
 
     @pytest.mark.parametrize(("change", "expected"), [(0.008, AGREES), (0.013, UNDECIDED)])
     def test_a_steady_drift(self, sign, change, expected):
@@ -154,6 +162,17 @@ class TestSettled:
         off = sign * (0.055 - 0.02 * np.exp(-np.arange(96.0) / 200.0))
         assert abs(off).max() < 0.043 and verdict(off, memory) == expected
 
+    def test_what_the_slowest_mode_adds_does_not_matter_to_single_periods_far_away(self, sign):
+        off = sign * (0.055 - 0.02 * np.exp(-np.arange(96.0) / 200.0))
+        off[-40:-30] += 0.2 * (-1.0) ** np.arange(10)
+        assert verdict(off, 200.0) == DIFFERS
+
+    @pytest.mark.parametrize(("memory", "expected"), [(SHORT, DIFFERS), (200.0, UNDECIDED)])
+    def test_what_the_slowest_mode_takes_away(self, sign, memory, expected):
+        """It is at 5.7 % and goes to 4.5 %."""
+        off = sign * (0.045 + 0.02 * np.exp(-np.arange(96.0) / 200.0))
+        assert abs(off).min() > 0.057 and verdict(off, memory) == expected
+
 
 class TestWanders:
     """Farther away than twice the tolerance in the last 80 periods, over a range that no decay of the 80 before leaves."""
@@ -178,6 +197,13 @@ class TestWanders:
         for rate in (300.0, 1500.0):
             growing = 0.15 * np.exp(self.k / rate) * np.sin(self.k * np.pi / 50.0)
             assert verdict(growing[:160], 1e9) == DIFFERS
+
+    @pytest.mark.parametrize("sign", [1.0, -1.0])
+    def test_either_side_of_the_solution_counts(self, sign):
+        """A beat of somewhat larger range that moves away to one side, while it comes nearer on the other."""
+        beats = np.where(self.k < 80.0, 0.12, 0.13) * np.sin(self.k * np.pi / 50.0) - 0.14 * (self.k >= 80.0)
+        found, reason = judged(1.0 + sign * beats[:160], 1.0, TOLERANCE, 1e9)
+        assert found == DIFFERS and reason.startswith("wanders, ")
 
 
 def test_reasons_name_the_distance():
