@@ -107,7 +107,8 @@ def _subject(curve: OptimalCurve, given: Mapping[str, str]) -> dict[str, str]:
     """Return the first rows of the report: project, author, date, model, excitation, speed and preloads."""
     settings, force = curve.settings, curve.settings.get("excitation") or {}
     where = " at ".join(str(force[name]) for name in ("direction", "location") if force.get(name) is not None)
-    amplitude = f"amplitude {force.get('amplitude', 0.0):g} (SI unit)"
+    unit = "N kg^-1/2" if str(force.get("location")).startswith("mode ") else "N"
+    amplitude = f"amplitude {force.get('amplitude', 0.0):g} {unit}"
     speed = settings.get("speed")
     return {
         "project": given.get("project", ""),
