@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
+from matplotlib.colors import to_hex
 
 from bdamper.harmonic_balance.rotor_speed import RPM
 from bdamper.model.kinematics import centrifugal_load
@@ -42,8 +44,8 @@ PANELS = {
 }
 SIZE = "12px"
 """Font size of all texts except the title and the answer."""
-FACES = {"damper": ("#e8b563", "#c08a2e"), "": ("#f6f8f9", "#a3aeb4")}
-"""Fill and line colours of free bodies, and of all others."""
+DAMPER, EDGE = ("#e8b563", "#c08a2e"), "#a3aeb4"
+"""Fill and line colours of free bodies, and the line colour of all others."""
 MOVE = """
     const draw = (theta) => {
         const {x, y, cx, cy, sx, sy} = nodes.data, {a, b, c, d} = faces.data, [co, si] = [Math.cos(theta), Math.sin(theta)];
@@ -146,7 +148,7 @@ class Page:
             if any(basis.speed is not None for body in model.bodies.values() for basis in body.bases.values()):
                 radius = max(float(np.hypot(*location.position[:2])) for location in model.locations.values())
                 fastest = round(500.0 / radius * RPM)  # tip speed of 500 m/s
-                rows.append(("speed", "Rotor speed (rpm); 0: off", 0, fastest, 0, 10))
+                rows.append(("speed", "Rotor speed (rpm)", 0, fastest, 0, 10))
         self.sliders = {row[0]: self._slider(*row) for row in rows}
         for control in (self.sliders["preload"], self.numbers["preload"]):
             control.disabled = not study.problem.carries_load
@@ -360,12 +362,13 @@ class Page:
         layout, wide = import_extra("bokeh.layouts", "explore", "app"), {"sizing_mode": "stretch_width", "spacing": 0}
         pairs = [layout.column(self.numbers[name], slider, **wide) for name, slider in self.sliders.items()]
         choices, buttons = layout.row(self.mode, self.order, **wide), layout.row(*self.buttons, spacing=0)
+        first = layout.column(pairs.pop(list(self.sliders).index("preload")), name="first", **wide)
         controls = layout.column(*pairs, choices, self.loop, buttons, self.help, name="controls", **wide)
         titles = {"Contact points": self.faces, "Hysteresis loop": self.cycle}
         tabs = [self.models.TabPanel(title=title, child=view) for title, view in titles.items()]
         contacts = self.models.Tabs(tabs=tabs, name="contacts", sizing_mode="stretch_both")
         views = [self.curve, self.best, contacts, self.motion]
-        for root in (self.text, self.busy, controls, *views, *self.notes.values(), self.code):
+        for root in (self.text, self.busy, first, controls, *views, *self.notes.values(), self.code):
             self.document.add_root(root)
 
     def show(self, answer: Answer | str | None) -> None:
@@ -460,17 +463,17 @@ class Page:
             for name in ("quads", "nodes"):
                 self._put(name)
             return
-        tall = np.diff(np.ptp(drawing.points, axis=0)) > 0.0
-        rotation = [[0.0, -1.0], [1.0, 0.0]] if tall else np.eye(2)  # the view is wide
-        rest, shape = 1e3 * drawing.points @ rotation, 1e3 * drawing.magnification * drawing.amplitude @ rotation
+        rest, shape = 1e3 * drawing.points, 1e3 * drawing.magnification * drawing.amplitude
         free = [self.study.model.bodies[name].kind == "free" for name in drawing.body]
-        fill, line = zip(*(FACES["damper" if is_free else ""] for is_free in free))
+        vibration = np.linalg.norm(np.abs(shape), axis=1)[drawing.quads].mean(axis=1)
+        shades = colormaps["Reds"](0.8 * vibration / max(vibration.max(), 1e-300))
+        fill, line = zip(*(DAMPER if is_free else (to_hex(shade), EDGE) for is_free, shade in zip(free, shades)))
         margin = np.abs(shape).max(axis=0)
         low, high = rest.min(axis=0) - margin, rest.max(axis=0) + margin
         self._put("box", *zip(low, high))
         self._put("nodes", *np.concatenate([rest, shape.real, shape.imag], axis=1, dtype=np.float32).T)
         self._put("quads", *drawing.quads.T.astype(np.int32), fill, line)
-        self.notes["motion"].text = f"{point}, magnified {drawing.magnification:.0f} times"
+        self.notes["motion"].text = f"{point}, magnified {drawing.magnification:.0f} times; darker with the amplitude"
 
     def _contacts(self) -> None:
         answer = self.shown.get("curve")
