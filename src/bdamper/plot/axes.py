@@ -76,8 +76,9 @@ class Picture(Figure):
     """Figure that a notebook shows once, although inline figures appear without being returned by a cell."""
 
     def _ipython_display_(self) -> None:
-        if "inline" not in plt.get_backend() or not plt.fignum_exists(getattr(self, "number", -1)):
-            raise NotImplementedError  # displayed like every other figure
+        if "inline" in plt.get_backend():
+            plt.close(self)  # shown now, and not again at the end of the cell
+        raise NotImplementedError  # displayed like every other figure
 
 
 def new_axes(width: float = COLUMN, height: float = 2.4, rows: int = 1, columns: int = 1, **options: Any) -> Any:
@@ -266,7 +267,9 @@ def wrapped(text: str, columns: int) -> str:
 
 
 def name_point(ax: Axes, text: str, at: tuple[float, float], **style: Any) -> None:
-    """Write a name next to a point; `place_names` moves it to a free place."""
+    """Write a name next to a point; `place_names` moves it to a free place.  A point that is not known has no name."""
+    if not np.isfinite(at).all():
+        return
     line = {"arrowstyle": "-", "color": "0.6", "linewidth": 0.4, "shrinkA": 0.0, "shrinkB": 2.0}
     ax.annotate(text, at, xytext=(0, 3), textcoords="offset points", gid="name", fontsize=SMALL, ha="center",
                 arrowprops=line, **{"color": "0.25", **style})  # fmt: skip
