@@ -19,7 +19,7 @@ from matplotlib.text import Text
 import bdamper as bd
 from bdamper.fatigue.criteria import Material
 from bdamper.mistuning import DiskPeak
-from bdamper.plot import new_axes, plot_crossings, plot_curves, plot_response_map, save_figure
+from bdamper.plot import new_axes, plot_crossings, plot_curves, plot_response_map
 from bdamper.plot.axes import COLUMN, Picture, name_point, place_names, wrapped
 from bdamper.response.verification import TimeResponse
 from tests.each import each
