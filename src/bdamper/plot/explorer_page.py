@@ -44,7 +44,7 @@ PANELS = {
 }
 SIZE = "12px"
 """Font size of all texts except the title and the answer."""
-DAMPER, EDGE = ("#e8b563", "#c08a2e"), "#a3aeb4"
+DAMPER, BODY_EDGE = ("#e8b563", "#c08a2e"), "#a3aeb4"
 """Fill and line colours of free bodies, and the line colour of all others."""
 MOVE = """
     const draw = (theta) => {
@@ -467,7 +467,7 @@ class Page:
         free = [self.study.model.bodies[name].kind == "free" for name in drawing.body]
         vibration = np.linalg.norm(np.abs(shape), axis=1)[drawing.quads].mean(axis=1)
         shades = colormaps["Reds"](0.8 * vibration / max(vibration.max(), 1e-300))
-        fill, line = zip(*(DAMPER if is_free else (to_hex(shade), EDGE) for is_free, shade in zip(free, shades)))
+        fill, line = zip(*(DAMPER if is_free else (to_hex(shade), BODY_EDGE) for is_free, shade in zip(free, shades)))
         margin = np.abs(shape).max(axis=0)
         low, high = rest.min(axis=0) - margin, rest.max(axis=0) + margin
         self._put("box", *zip(low, high))
