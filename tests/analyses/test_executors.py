@@ -1,9 +1,14 @@
 """Executors that end, and several sweeps at once."""
 
+import itertools
+import json
+import os
 import tempfile
 import threading
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import nullcontext
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -163,6 +168,80 @@ def test_a_few_tasks_for_each_worker_are_submitted():
         result = bd.sweep(pressed(), over, waits, executor=window)
     assert result.complete and result.array("value").tolist() == [2.0 * p for p in over["preload"]]
     assert window.most == 2 * executors.TASKS
+
+
+# ---- tasks with several points ----
+
+
+class Inline(Executor):
+    """Runs each task when it is submitted; knows how many points each of them had and returned."""
+
+    _max_workers = 1
+
+    def __init__(self):
+        self.sizes, self.done = [], []
+
+    def submit(self, function, job, points):
+        future = Future()
+        self.sizes.append(len(points))
+        try:
+            future.set_result(function(job, points))
+            self.done.append(len(future.result()))
+        except BaseException as error:
+            future.set_exception(error)
+        return future
+
+
+def test_small_points_share_tasks_and_writes(tmp_path, monkeypatch):
+    """Each task has twice as many as the one before it, until they fill its time; all of a task are one write."""
+    monkeypatch.setattr(executors, "SECONDS", 1e9)
+    writes, write = [], os.write
+    monkeypatch.setattr(os, "write", lambda file, content: writes.append(content.count(b"\n")) or write(file, content))
+    over, pool = {"preload": [float(k) for k in range(1, 101)]}, Inline()
+    result = bd.sweep(pressed(), over, question, executor=pool, resume=tmp_path / "r.jsonl")
+    assert result.complete and result.array("value").tolist() == [2.0 * p for p in over["preload"]]
+    assert executors.TASKS == 4 and pool.sizes == [1] * 4 + [2] * 4 + [4] * 4 + [8] * 4 + [16, 16, 8]
+    assert sorted(writes) == sorted([1, *pool.sizes]), "the header, and the tasks in the order of completion"
+    again = Inline()
+    assert bd.sweep(pressed(), over, question, executor=again, resume=tmp_path / "r.jsonl").complete and not again.sizes
+
+
+@pytest.mark.parametrize(("seconds", "size"), [(0.0, 20), (0.004, 20), (0.007, 14), (0.013, 7), (0.04, 2), (0.11, 1)])
+def test_a_task_has_as_many_points_as_fill_its_time(seconds, size):
+    assert executors.SECONDS == 0.1 and executors._fitting([{"seconds": seconds}] * 10) == size
+
+
+def test_a_task_ends_after_its_time_and_leaves_the_rest(monkeypatch):
+    """The clock of the workers goes on by much more than this time whenever it is read."""
+    ticks, asked, pool = itertools.count(), [], Inline()
+    monkeypatch.setattr(executors, "SECONDS", 1e9)
+    monkeypatch.setattr(executors, "time", SimpleNamespace(monotonic=lambda: 1e10 * next(ticks)))
+    over = {"preload": [float(k) for k in range(1, 21)]}
+    result = bd.sweep(pressed(), over, lambda study, p: asked.append(p) or question(study, p), executor=pool)
+    assert result.complete and result.array("value").tolist() == [2.0 * p for p in over["preload"]]
+    assert sorted(asked) == over["preload"], "each is computed once"
+    assert set(pool.sizes) == {1, 2} and pool.done == [1] * 20
+
+
+@pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
+def test_an_error_within_a_task_keeps_the_points_before_it(error, tmp_path, monkeypatch):
+    monkeypatch.setattr(executors, "SECONDS", 1e9)
+    asked, broken = [], True
+
+    def wrong(study, preload):
+        asked.append(preload)
+        if broken and preload == 8.0:
+            raise error("of the question")
+        return question(study, preload)
+
+    over, path = {"preload": [float(k) for k in range(1, 21)]}, tmp_path / "r.jsonl"
+    with pytest.raises(error, match="of the question") if error is RuntimeError else nullcontext():
+        bd.sweep(pressed(), over, wrong, executor=Inline(), resume=path)
+    known = {json.loads(line)["index"] for line in path.read_text().splitlines()[1:]}
+    assert known >= set(range(7)) and 7 not in known
+    broken = asked.clear()
+    result = bd.sweep(pressed(), over, wrong, resume=path)
+    assert result.complete and asked == [p for i, p in enumerate(over["preload"]) if i not in known]
 
 
 # ---- several sweeps at once ----

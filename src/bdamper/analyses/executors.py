@@ -4,6 +4,10 @@ The job, a study with its function, has some megabytes. With the job in each tas
 a worker that is killed while it receives one can block a process pool. Therefore tasks contain the path of a file with the
 job, which a worker reads once. If a worker cannot read it, for example on another host, the point is submitted again with
 the job. Threads of this process use the job itself. A few tasks for each worker are submitted at a time.
+
+Small points need less time than Dask needs for a task. Therefore a task contains as many points as take :data:`SECONDS`. It
+ends after this time, and points that it did not reach are submitted again. The finished points of a task are stored in one
+write.
 The only required method of an executor is :meth:`concurrent.futures.Executor.submit`.
 """
 
@@ -11,6 +15,7 @@ from __future__ import annotations
 
 import pickle
 import tempfile
+import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
@@ -29,7 +34,7 @@ from bdamper.util.progress import Cost, CostMeter, ExecutorEnded, LongWork, exec
 from bdamper.util.storage import ResultsFile, from_line, json_line
 
 Record = dict[str, Any]
-Keep = Callable[[int, Record], None]
+Keep = Callable[[Sequence[int], Sequence[Record]], None]
 NOT_RUN: Record = {"status": errors.NOT_RUN, "values": {}, "seconds": 0.0, "cost": {}}
 """Record of a point that was not computed because of an interruption."""
 
@@ -70,13 +75,23 @@ def _unpacked(job: _Packed) -> Job:
     return unpacked
 
 
-def _run(job: Job | _Packed, settings: Mapping[str, Any]) -> Record | None:
-    """Return the record of one point; None if the worker cannot read the job."""
+def _run(job: Job | _Packed, points: Sequence[Mapping[str, Any]]) -> list[Record] | None:
+    """Return the records of the first points, at least one; None if the worker cannot read the job.
+
+    An error or an interruption at a later point ends the list. This point raises it again as the first of another task.
+    """
     try:
         job = _unpacked(job) if isinstance(job, _Packed) else job
     except OSError:
         return None
-    return recorded(job, settings)
+    end = time.monotonic() + SECONDS
+    records = [recorded(job, points[0])]
+    with suppress(BaseException):
+        for settings in points[1:]:
+            if time.monotonic() > end:
+                break
+            records.append(recorded(job, settings))
+    return records
 
 
 def _pack(job: Job, executor: Executor, stack: ExitStack) -> tuple[Job | _Packed, Job | _Packed]:
@@ -96,14 +111,14 @@ def _pack(job: Job, executor: Executor, stack: ExitStack) -> tuple[Job | _Packed
     return _Packed(path), _Packed(path, content)
 
 
-TASKS, WORKERS = 4, 32
-"""Number of submitted tasks for each worker, and assumed number of workers if the executor does not have this attribute."""
+TASKS, SECONDS = 4, 0.1
+"""Number of submitted tasks for each worker, and time of a task with several points."""
 
 
 def run_points(
     job: Job, points: Sequence[Mapping[str, Any]], todo: Sequence[int], executor: Executor | None, keep: Keep
 ) -> None:
-    """Compute points and store each as soon as it is finished.
+    """Compute points and store those of each task as soon as it is finished.
 
     Parameters
     ----------
@@ -115,8 +130,8 @@ def run_points(
     executor : concurrent.futures.Executor, optional
         Without it points are computed one after the other.
     keep : callable
-        Receives index and record of each point in the order of completion. After an interruption it may receive a point
-        twice.
+        Receives indices and records of the points of each task in the order of completion. After an interruption it may
+        receive a point twice.
 
     Raises
     ------
@@ -125,36 +140,45 @@ def run_points(
     """
     if executor is None or not todo:
         for i in todo:
-            keep(i, recorded(job, points[i]))
+            keep([i], [recorded(job, points[i])])
         return
     numbers = (getattr(executor, name, None) for name in ("_max_workers", "num_workers"))
-    most = TASKS * next((n for n in numbers if isinstance(n, int)), WORKERS)
-    waiting, running = deque(todo), dict[Future[Record | None], int]()
+    most = TASKS * next((n for n in numbers if isinstance(n, int)), 32)  # the executor of Dask has no such attribute
+    waiting, running, size = deque(todo), dict[Future[list[Record] | None], list[int]](), 1
     with ExitStack() as stack:
         small, whole = _pack(job, executor, stack)
 
-        def submit(i: int, packed: Job | _Packed) -> None:
+        def submit(task: list[int], packed: Job | _Packed) -> None:
             with executor_errors(RuntimeError):  # raised after a shutdown
-                future = executor.submit(_run, packed, points[i])
-            running[future] = i
+                future = executor.submit(_run, packed, [points[i] for i in task])
+            running[future] = task
 
         try:
             while waiting or running:
                 while waiting and len(running) < most:
-                    submit(waiting.popleft(), small)
+                    submit([waiting.popleft() for _ in range(min(size, len(waiting)))], small)
                 for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    task = running[future]
                     with executor_errors():
-                        record = future.result()
-                    if record is None:
-                        submit(running[future], whole)
+                        records = future.result()
+                    if records is None:
+                        submit(task, whole)
                     else:
-                        keep(running[future], record)
+                        keep(task, records)
+                        waiting.extendleft(task[: len(records) - 1 : -1])
+                        size = _fitting(records)
                     del running[future]  # after it is stored, since storing may be interrupted
         except BaseException:
-            for future, i in running.items():
-                if not future.cancel() and future.done() and not future.exception() and (record := future.result()):
-                    keep(i, record)
+            for future, task in running.items():
+                if not future.cancel() and future.done() and not future.exception() and (records := future.result()):
+                    keep(task, records)
             raise
+
+
+def _fitting(records: Sequence[Record]) -> int:
+    """Return the number of points that take :data:`SECONDS`, at most twice as many as these."""
+    seconds = sum(record["seconds"] for record in records)
+    return max(1, int(len(records) * SECONDS / max(seconds, 0.5 * SECONDS)))
 
 
 def check_executor(executor: Any) -> None:
@@ -198,11 +222,14 @@ def run_stored(
     todo = [i for i, name in enumerate(names) if name not in records]
     with LongWork() as work, progress_counter(progress, len(points), len(points) - len(todo), what, unit) as advance:
 
-        def keep(i: int, record: Record) -> None:
-            records[names[i]] = from_line(json_line({"index": names[i], **record}))
-            if store is not None and names[i] not in store.records:
-                store.append(records[names[i]])
-            advance()
+        def keep(task: Sequence[int], found: Sequence[Record]) -> None:
+            lines = [json_line({"index": names[i], **record}) for i, record in zip(task, found) if names[i] not in records]
+            new = {record["index"]: record for record in map(from_line, lines)}
+            records.update(new)
+            if store is not None:
+                store.append(*new.values())
+            for _ in new:
+                advance()
 
         run_points(job, points, todo, executor, keep)
     not_run = NOT_RUN | {"status": errors.with_reason(errors.NOT_RUN, work.reason)}

@@ -374,14 +374,14 @@ class ResultsFile:
             os.fsync(self.file)
             self.synced = time.monotonic()
 
-    def append(self, record: dict[str, Any]) -> None:
-        """Add a finished part.
+    def append(self, *records: dict[str, Any]) -> None:
+        """Add finished parts in one write.
 
-        If the disk is full, warn and retry with the next part.
+        If the disk is full, warn and retry with the next parts.
         """
-        self.records[record["index"]] = record
+        self.records |= {record["index"]: record for record in records}
         try:
-            self._write(record)
+            self._write(*records)
         except OSError as error:
             warn(f"{self.path}: expected free disk space, found {one_line(error)}; finished parts remain in memory")
 
