@@ -248,6 +248,7 @@ class Study(Comparable):
         *,
         mode: int = 1,
         options: PeakOptions | None = None,
+        progress: bool | None = None,
     ) -> Peak:
         """Find the highest point of the response at one preload.
 
@@ -261,16 +262,18 @@ class Study(Comparable):
             Mode of the bodies with their constraints, 1 for the lowest.
         options : PeakOptions, optional
             Tolerances of the peak.
+        progress : bool, optional
+            Show a progress bar; by default in a terminal and a notebook.
 
         Returns
         -------
         Peak
             The highest point, or a peak with a status and NaN if none was found.
         """
-        problem = self.problem
+        problem, progress = self.problem, shows_progress(progress)
         frequency = peak_interval(problem.at(preload), frequency, mode)
         check_question(problem, [preload], frequency)
-        return highest_peak.highest_peak(problem, preload, frequency, mode=mode, options=options)
+        return highest_peak.highest_peak(problem, preload, frequency, mode=mode, options=options, progress=progress)
 
     @validation.check_arguments
     @one_thread

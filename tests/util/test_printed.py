@@ -279,6 +279,8 @@ def test_the_repr_of_a_bladed_disk_is_one_line():
 def test_progress_is_on_in_a_terminal_alone(monkeypatch):
     calls = (bd.Study.frequency_response, bd.Study.optimal_curve, bd.Study.with_stability, bd.Study.motion_in_time,
              bd.Study.frequency_sweep, bd.Study.with_time_response, bd.Study.campbell, bd.Study.resonance_crossings,
+             bd.Study.peak, bd.Study.time_response, bd.Study.effect_significance, bd.Study.harmonic_convergence,
+             bd.Study.nonlinear_mode, bd.Study.flutter, bd.Study.run_up, BladedDisk.peak,
              bd.sweep, bd.compare, bd.robust_optimum, bd.optimal_curve_uncertainty, bd.mistuned_sample)  # fmt: skip
     assert {inspect.signature(call).parameters["progress"].default for call in calls} == {None}
     assert not shows_progress(None) and shows_progress(True)

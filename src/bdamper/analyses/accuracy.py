@@ -63,7 +63,7 @@ from bdamper.util import validation
 from bdamper.util.display import Plottable
 from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND, BdamperError, with_reason
 from bdamper.util.formatting import peak_text, percent, short_repr, spaced
-from bdamper.util.progress import CostMeter, LongWork, one_thread, stopped_by
+from bdamper.util.progress import CostMeter, LongWork, one_thread, progress_stages, shows_progress, stopped_by
 from bdamper.util.storage import Storable
 from bdamper.util.tables import Column, Cycles, Metre, Second, Tabular, columns_of_rows
 
@@ -85,7 +85,8 @@ OPTIONS = PeakOptions(tolerance=1e-8, position_tolerance=1e-4, max_trials=24)
 
 @one_thread
 def harmonic_convergence(
-    problem: Problem, peak: Peak, *, harmonics: Sequence[int] = HARMONICS, tolerance: float = TOLERANCE
+    problem: Problem, peak: Peak, *, harmonics: Sequence[int] = HARMONICS, tolerance: float = TOLERANCE,
+    progress: bool | None = None,
 ) -> Convergence:
     """Compute a peak with an increasing number of harmonics.
 
@@ -99,6 +100,8 @@ def harmonic_convergence(
         harmonics vanish.
     tolerance : float
         Relative change of the amplitude up to which the sequence counts as converged.
+    progress : bool, optional
+        Show a progress bar; by default in a terminal and a notebook.
 
     Returns
     -------
@@ -120,11 +123,13 @@ def harmonic_convergence(
     problems, limit = _richer(problem, sorted({min(n, most) for n in numbers if n > highest} - {highest}), limit)
     peaks, status = [HarmonicPeak(highest, peak.amplitude, peak.frequency)], COMPLETE
     internal_resonances: tuple[Meeting, ...] = ()
-    with LongWork() as work:
+    progress = shows_progress(progress)
+    with LongWork() as work, progress_stages(progress, "harmonic convergence", "step") as report:
         internal_resonances = tuple(_meetings(([problem] + problems)[-1], peak))
         sign = sign_of_jacobian(problem.system(peak.parameter), peak.y)
-        for richer in problems:
+        for i, richer in enumerate(problems):
             n = richer.harmonic_numbers[-1]
+            report(f"{n} harmonics", i, len(problems))
             outcome = evaluate_peak(richer, partial(_richer_peak, problem, peak, sign, meter))
             if outcome.reason:
                 status = with_reason(INCOMPLETE, f"no peak was found near this one with {n} harmonics ({outcome.reason})")

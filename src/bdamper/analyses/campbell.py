@@ -247,6 +247,7 @@ def run_up(
     rpm: tuple[float, float] | None = None,
     mode: int = 1,
     options: ContinuationOptions | None = None,
+    progress: bool | None = None,
     **conditions: Any,
 ) -> ResponseCurve:
     """Compute the response along the line of the study's engine order through its crossing with a mode.
@@ -262,6 +263,8 @@ def run_up(
     mode : int
     options : ContinuationOptions
         Coarse by default; the highest point is refined.
+    progress : bool, optional
+        Show a progress bar; by default in a terminal and a notebook.
     **conditions
         See :meth:`bdamper.Study.resonance_crossings`.
 
@@ -286,11 +289,12 @@ def run_up(
     mode = validation.integer("mode", mode, least=1)
     meter = CostMeter()
     family = SpeedFamily(problem, operating)
-    low, high = float(limits[0]), float(limits[-1])
+    low, high, progress = float(limits[0]), float(limits[-1]), shows_progress(progress)
     holds = interval(family, low, high, mode)
     why = ""
     if holds is not None:
-        equations, curve, highest = follow_line(family, (low, high) if narrow else holds, mode, meter, options)
+        speeds = (low, high) if narrow else holds
+        equations, curve, highest = follow_line(family, speeds, mode, meter, options, progress)
         why = "" if highest is not None else f": {curve._headline()}"
     if holds is None or highest is None:
         raise BdamperError(

@@ -64,7 +64,7 @@ from bdamper.response.sensitivity import sensitivities
 from bdamper.util import validation
 from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, BdamperError, SettingError
 from bdamper.util.formatting import amount, counted, peak_text, short_repr
-from bdamper.util.progress import CostMeter
+from bdamper.util.progress import CostMeter, progress_bar
 
 # ---- Equations over speed ----
 
@@ -183,6 +183,7 @@ def follow_line(
     mode: int,
     meter: CostMeter,
     options: ContinuationOptions | None = None,
+    progress: bool = False,
 ) -> tuple[Equations[Family], ResponseCurve, Highest | None]:
     """Compute the response curve of a run-up: over rotor speed, with excitation along the engine order line.
 
@@ -197,6 +198,8 @@ def follow_line(
         Counts the cost.
     options : ContinuationOptions, optional
         Step sizes and tolerances; by default the options of a coarse curve.
+    progress : bool
+        Show a progress bar.
 
     Returns
     -------
@@ -225,7 +228,8 @@ def follow_line(
             search.note(omega, line)
         return highest
 
-    search.cover(find_start)
+    with progress_bar(progress, *search.limits, "run-up") as search.on_point:
+        search.cover(find_start)
     status, reason, left = ending(search.pieces, *search.limits)
     lowest = _nearest(family, equations, low).problem
     curve = as_curve(lowest, search, (status, reason, (*left, *search.lost)), kind="run-up", preload=np.nan)

@@ -32,7 +32,7 @@ from bdamper.util import validation
 from bdamper.util.display import Plottable
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.formatting import amount, percent, short_repr
-from bdamper.util.progress import one_thread
+from bdamper.util.progress import one_thread, progress_stages, shows_progress
 from bdamper.util.storage import Storable
 from bdamper.util.tables import Column, Tabular, columns_of_rows
 
@@ -164,6 +164,7 @@ def effect_significance(
     *,
     against: Effects | None = None,
     tolerance: float = 0.01,
+    progress: bool | None = None,
 ) -> EffectSignificance:
     """Compute the change of the highest peak without each effect, and select the significant effects.
 
@@ -181,6 +182,8 @@ def effect_significance(
         change.
     tolerance : float
         Allowed relative change of amplitude or frequency by all omitted effects together.
+    progress : bool, optional
+        Show a progress bar; by default in a terminal and a notebook.
 
     Returns
     -------
@@ -196,10 +199,16 @@ def effect_significance(
     check_question(problem, [preload], frequency)
     present = Effects.of(problem)
     effects = fullest(problem) if against is None else validation.instance("against", against, Effects)
-    reference = _Reference(problem.replace(**effects), effects, preload, frequency)
-    rows = [reference.row(name, present, tolerance) for name in parts(problem, effects)]
-    rows.sort(key=lambda row: -row.size)
-    rows, (amplitude, change) = _chosen(reference, rows, tolerance)
+    names, rows = parts(problem, effects), list[EffectRow]()
+    with progress_stages(shows_progress(progress), "effect significance", "step") as report:
+        report("all effects", 0, len(names) + 2)
+        reference = _Reference(problem.replace(**effects), effects, preload, frequency)
+        for i, name in enumerate(names, 1):
+            report(f"without {name}", i, len(names) + 2)
+            rows.append(reference.row(name, present, tolerance))
+        rows.sort(key=lambda row: -row.size)
+        report("without all omitted effects", len(names) + 1, len(names) + 2)
+        rows, (amplitude, change) = _chosen(reference, rows, tolerance)
     significant = reduce(Effects.without, (row.name for row in rows if not row.significant), effects)
     whole = reference.curve
     notes = () if whole.complete else (f"the curve with all effects ended as: {whole.status} ({whole.reason})",)

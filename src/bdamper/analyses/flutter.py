@@ -23,7 +23,7 @@ from bdamper.util import validation
 from bdamper.util.display import Plottable
 from bdamper.util.errors import COMPLETE, INCOMPLETE, with_reason
 from bdamper.util.formatting import amount, counted, short_repr
-from bdamper.util.progress import one_thread
+from bdamper.util.progress import one_thread, progress_stages, shows_progress
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Tabular
 
@@ -104,6 +104,7 @@ def flutter(
     amplitude: tuple[float, float] = (1e-6, 1e-2),
     n: int = 9,
     options: ContinuationOptions | None = None,
+    progress: bool | None = None,
 ) -> Flutter:
     """Compute the limit cycles of a mode in a flow, their stability, and the safe initial amplitudes.
 
@@ -119,6 +120,8 @@ def flutter(
         See ``bdamper.analyses.nonlinear_mode.nonlinear_mode``; limit cycles are searched in this range of amplitudes.
     n : int
         Number of preloads between two limits.
+    progress : bool, optional
+        Show a progress bar; by default in a terminal and a notebook.
 
     Returns
     -------
@@ -134,23 +137,25 @@ def flutter(
     own_diameter = problem.model.folded_nodal_diameter(int(problem.engine_order))[0]
     by_diameter = aerodynamic_damping if isinstance(aerodynamic_damping, Mapping) else {own_diameter: aerodynamic_damping}
     rows: list[tuple[Any, ...]] = []
-    for d, value in by_diameter.items():
-        item = f"aerodynamic_damping at nodal diameter {d}"
-        flow = complex(validation.instance(item, value, (int, float, complex, np.number), "a finite number"))
-        validation.check_value(np.isfinite(flow), item, "a finite number", value)
-        zeta = flow.imag if isinstance(value, complex) else flow.real
-        one = problem if d == own_diameter else problem.replace(engine_order=int(d) or problem.model.n_blades)
-        one = _shifted(one, flow.real if isinstance(value, complex) else 0.0, float(values[-1]), mode)
-        curve: NonlinearMode | None = None
-        for p in values[::-1].tolist():
-            if curve is None or p > curve.scales_to:
-                reach = low, high * (values[-1] / values[0] if curve is None and values[0] > 0.0 else 1.0)
-                curve = nonlinear_mode(one, p, mode, reach, options=options)
-                cycles = _cycles(one, curve, zeta)
-            s = p / curve.preload if curve.scales_to else 1.0
-            rest = zeta + float(curve.damping_ratio[0]) > 0.0
-            scaled = [(s * a, *rest_of_it) for a, *rest_of_it in cycles if s * a <= high]
-            rows += [(p, d, *row) for row in ((0.0, float(curve.frequency[0]), rest, COMPLETE), *sorted(scaled))]
+    with progress_stages(shows_progress(progress), "flutter", "preload") as report:
+        for k, (d, value) in enumerate(by_diameter.items()):
+            item = f"aerodynamic_damping at nodal diameter {d}"
+            flow = complex(validation.instance(item, value, (int, float, complex, np.number), "a finite number"))
+            validation.check_value(np.isfinite(flow), item, "a finite number", value)
+            zeta = flow.imag if isinstance(value, complex) else flow.real
+            one = problem if d == own_diameter else problem.replace(engine_order=int(d) or problem.model.n_blades)
+            one = _shifted(one, flow.real if isinstance(value, complex) else 0.0, float(values[-1]), mode)
+            curve: NonlinearMode | None = None
+            for i, p in enumerate(values[::-1].tolist(), k * len(values)):
+                report(f"{p:.4g} N, nodal diameter {d}", i, len(values) * len(by_diameter))
+                if curve is None or p > curve.scales_to:
+                    reach = low, high * (values[-1] / values[0] if curve is None and values[0] > 0.0 else 1.0)
+                    curve = nonlinear_mode(one, p, mode, reach, options=options, progress=False)
+                    cycles = _cycles(one, curve, zeta)
+                s = p / curve.preload if curve.scales_to else 1.0
+                rest = zeta + float(curve.damping_ratio[0]) > 0.0
+                scaled = [(s * a, *rest_of_it) for a, *rest_of_it in cycles if s * a <= high]
+                rows += [(p, d, *row) for row in ((0.0, float(curve.frequency[0]), rest, COMPLETE), *sorted(scaled))]
     preloads, diameters, amplitudes, frequencies, stable, statuses = zip(*rows)
     return Flutter(
         preload=np.array(preloads),

@@ -12,6 +12,7 @@ with another mode. If the branch does not reach the upper amplitude, another bra
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -32,7 +33,7 @@ from bdamper.util import validation
 from bdamper.util.display import Comparable, InContact
 from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, SettingError
 from bdamper.util.formatting import amount, peak_text, short_repr
-from bdamper.util.progress import Cost, CostMeter, one_thread
+from bdamper.util.progress import Cost, CostMeter, one_thread, progress_bar, shows_progress
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import ROW, FrequencySeries, Hertz, Kinds, Numbers, PerRow, Quantity, Shares, Tabular
 
@@ -278,6 +279,7 @@ def nonlinear_mode(
     amplitude: tuple[float, float] = (1e-6, 1e-3),
     *,
     options: ContinuationOptions | None = None,
+    progress: bool | None = None,
 ) -> NonlinearMode:
     """Compute frequency and damping of a mode over the amplitude of free vibration.
 
@@ -293,7 +295,8 @@ def nonlinear_mode(
         correlation.
     amplitude : (low, high), m
         Range of the amplitude of the first harmonic of the response.
-    options : ContinuationOptions
+    options, progress
+        See :meth:`bdamper.Study.frequency_response`.
 
     Returns
     -------
@@ -317,7 +320,8 @@ def nonlinear_mode(
     system, omega = mode_system(problem, preload, mode, low)
     meter.watch(system)
     branch = _Branch(system, (low, high), options or ContinuationOptions())
-    branch.run(state, omega)
+    with progress_bar(shows_progress(progress), branch.low, branch.high, "nonlinear mode") as branch.on_point:
+        branch.run(state, omega)
     meter.count(sum(p.path.iterations for p in branch.pieces), sum(p.path.failed_steps for p in branch.pieces))
     points = in_order(branch.pieces)
     y = np.array([p.y for p, _ in points]).reshape(len(points), system.n_unknowns + 1)
@@ -390,6 +394,7 @@ class _Branch:
         self.low, self.high = (float(np.log(a / system.structure.reference)) for a in amplitude)
         self.pieces: list[Piece] = []
         self.linear_to = np.nan
+        self.on_point: Callable[[Correction], None] | None = None
 
     def run(self, state: PreloadState, omega: float) -> None:
         """Follow the branch from its start, and from the upper amplitude if the branch does not reach it."""
@@ -404,7 +409,8 @@ class _Branch:
             reason = f"reached {self.system.measure.place(self.high)}, where nothing slips yet"
             self.pieces.append(Piece(Path(tuple(points), COMPLETE, reason, 0, 0), True))
             return
-        path = follow(self.system, ahead.y, (float(start.y[-1]), self.high), options=self.options)
+        limits = float(start.y[-1]), self.high
+        path = follow(self.system, ahead.y, limits, options=self.options, on_point=self.on_point)
         if ahead is not start:
             path = replace(path, points=(replace(start, kind="end"), *path.points))
         self.pieces.append(Piece(path, True))

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import datetime
 import os
-import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -50,7 +49,7 @@ from bdamper.util import validation
 from bdamper.util.display import Plottable
 from bdamper.util.errors import SettingError
 from bdamper.util.formatting import short_repr
-from bdamper.util.progress import one_thread, progress_stages
+from bdamper.util.progress import one_thread, progress_stages, shows_progress
 from bdamper.util.storage import FilePath
 
 if TYPE_CHECKING:
@@ -434,15 +433,11 @@ def _location(name: str, body: PreparedBody, place: Place) -> Location:
 @contextmanager
 def _shown(progress: bool | None, n_bodies: int, ring: Ring, local: bool, report: ImportReport) -> Iterator[None]:
     """Show a progress bar with the steps of the work."""
-    if not (sys.stderr.isatty() if progress is None else validation.flag("progress", progress)):
-        yield
-        return
     waves = {*ring.diameters, *sampled_waves(ring.faces.n_sectors)} if local else ring.diameters
     total, done = len(waves) + n_bodies - 1 + (ring.faces.n_sectors // 2 + 1 if local else 0), count()
-    with progress_stages("import", "step") as show:
+    with progress_stages(shows_progress(progress), "import", "step") as show:
         report.step = lambda text: show(text, next(done), total)
         yield
-        show("done", total, total)
 
 
 def _reduced(

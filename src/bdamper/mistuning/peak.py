@@ -33,7 +33,7 @@ from bdamper.util import validation
 from bdamper.util.display import Plottable, draw
 from bdamper.util.errors import COMPLETE, HELD, INCOMPLETE, NOT_FOUND
 from bdamper.util.formatting import amount, peak_text, short_repr
-from bdamper.util.progress import Cost, CostMeter, one_thread
+from bdamper.util.progress import Cost, CostMeter, one_thread, shows_progress, with_progress
 from bdamper.util.storage import FilePath, Recorded, Storable
 
 
@@ -216,17 +216,18 @@ def peak(
     frequency: tuple[float, float] | None = None,
     *,
     options: DiskPeakOptions | None = None,
+    progress: bool | None = None,
 ) -> DiskPeak:
     """Find the highest amplitude of any blade at a preload.
 
     Parameters
     ----------
-    disk : BladedDisk
-    preload : float, N
+    disk, preload : BladedDisk, float (N)
     frequency : (low, high), Hz, optional
         Band of the sweep; ``bdamper.mistuning.peak_search.band`` by default.  If no blade has a peak in the default band,
         it is extended to 1.5 times the frequency of the tuned peak.
-    options : DiskPeakOptions
+    options, progress : DiskPeakOptions, bool
+        Progress bars are shown by default in a terminal and a notebook.
 
     Returns
     -------
@@ -247,7 +248,7 @@ def peak(
     the tuned disk is needed by the same disk at 100 N: it had a "held" peak of 1.9 mm with an error of 20 %, while its
     sector reaches 118 mm.
     """
-    meter = CostMeter()
+    meter, progress = CostMeter(), shows_progress(progress)
     options = validation.instance("options", options or DiskPeakOptions(), DiskPeakOptions)
     if frequency is not None:
         frequency = validation.interval("frequency", frequency)
@@ -259,8 +260,9 @@ def peak(
         n = int(np.clip(np.ceil((high - low) / (options.spacing * width)) + 1, options.least, options.most))
         points = tau * np.linspace(low, high, n)
         search = Search(equations.system, tau * width, (float(points[0]), float(points[-1])), meter, springs)
-        swept = search.sweep(points)
-        climbed = [search.climb(y, blade, springs) for y, blade in search.candidates(swept, options.climbs)]
+        swept = search.sweep(with_progress(points.tolist(), progress, "bladed disk: sweep", "frequency"))
+        starts = with_progress(search.candidates(swept, options.climbs), progress, "bladed disk: peaks", "peak")
+        climbed = [search.climb(y, blade, springs) for y, blade in starts]
         if held := search.different([c for c in climbed if c is not None]):
             break
     solutions = [y for y in swept if y is not None]

@@ -21,6 +21,7 @@ Dampers and contact points are not reduced.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from math import tau
 
@@ -149,7 +150,7 @@ class Search:
         return self._held[springs]
 
 
-    def sweep(self, omega: NDArray) -> list[NDArray | None]:
+    def sweep(self, omega: Iterable[float]) -> list[NDArray | None]:
         """Solve approximately, with holding springs, at ascending frequencies (rad/s); None if Newton iteration fails.
 
         Each solution starts from the previous solution.  The first Newton step is then the response of the linearised

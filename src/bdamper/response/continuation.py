@@ -269,6 +269,7 @@ def follow(
     *,
     up: bool = True,
     options: ContinuationOptions | None = None,
+    on_point: Callable[[Correction], None] | None = None,
 ) -> Path:
     """Follow the response from a point near the curve until it leaves the frequency interval.
 
@@ -281,10 +282,12 @@ def follow(
     up : bool
         Whether to start towards higher frequency.
     options : ContinuationOptions
+    on_point : callable, optional
+        Called with every accepted point.
 
     Returns
     -------
     Path
         Converged points; ``status`` and ``reason`` describe how the path ended.
     """
-    return Follower(system, limits, options or ContinuationOptions()).run(start, up)
+    return Follower(system, limits, options or ContinuationOptions(), on_point).run(start, up)

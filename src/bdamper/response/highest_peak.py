@@ -288,6 +288,7 @@ def found_at(
     *,
     options: PeakOptions | None = None,
     budget: int | None = None,
+    progress: bool = False,
 ) -> AtPreload:
     """Follow the curve at a preload coarsely and return its highest point.
 
@@ -303,6 +304,8 @@ def found_at(
     options : PeakOptions
     budget : int, optional
         Budget of each curve in evaluations.
+    progress : bool
+        Show a progress bar of each curve.
 
     Raises
     ------
@@ -315,7 +318,9 @@ def found_at(
         meter.watch(case.equations)  # the curves use the same equations
     for continuation in (coarse_options(), ContinuationOptions()):
         continuation = continuation if budget is None else replace(continuation, budget=budget)
-        curve = uninterrupted(frequency_response(problem, preload, frequency, options=continuation))
+        curve = uninterrupted(
+            frequency_response(problem, preload, frequency, options=continuation, progress=progress)
+        )
         top: Highest | None = None
         meter.count(curve.cost.iterations, curve.cost.failed_steps)
         if len(curve):
@@ -339,6 +344,7 @@ def highest_peak(
     *,
     mode: int = 1,
     options: PeakOptions | None = None,
+    progress: bool = False,
 ) -> Peak:
     """Compute the highest point of the response at one preload (:mod:`bdamper.response.highest_peak`).
 
@@ -351,6 +357,7 @@ def highest_peak(
     mode : int
         Mode of the constrained bodies, 1 for the lowest.
     options : PeakOptions
+    progress : bool
 
     Returns
     -------
@@ -365,7 +372,7 @@ def highest_peak(
     """
     frequency = peak_interval(problem.at(preload), frequency, mode)
     check_options(options)
-    response = found_at(problem, preload, frequency, options=options)
+    response = found_at(problem, preload, frequency, options=options, progress=progress)
     if response.top is None:
         raise BdamperError(
             f"no peak found at {preload:g} N between {frequency[0]:.6g} and {frequency[1]:.6g} Hz; the response curve "

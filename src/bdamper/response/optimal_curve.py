@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import ExitStack, closing, suppress
 from contextvars import copy_context
@@ -200,7 +200,6 @@ class Curves:
 
     def __enter__(self) -> Curves:
         self.stack, self.work = ExitStack(), LongWork()
-        self.report: Callable[[str, int, int], None] | None = None
         self.file, self.stored = None, dict[int | str, dict[str, Any]]()
         if self.resume is not None:
             header = {"format": "bdamper-optimal-search", "version": 3, "study": study_fingerprint(self.problem)}
@@ -210,8 +209,7 @@ class Curves:
             self.stored = self.file.records
         if self.executor is None:
             self.executor = self.stack.enter_context(ThreadPoolExecutor(os.cpu_count() or 1))
-        if self.progress:
-            self.report = self.stack.enter_context(progress_stages("optimal curve", "curve"))
+        self.report = self.stack.enter_context(progress_stages(self.progress, "optimal curve", "curve"))
         _ = self.problem.at(0.0).equations, self.problem.at(1.0).static  # shared quantities, before the threads start
         self.work.__enter__()
         return self
@@ -243,8 +241,7 @@ class Curves:
             for i, p in enumerate(preloads):
                 if row and len(out) >= row and all(there.rattles for there in out[-row:]):
                     break
-                if self.report is not None:
-                    self.report(f"{p:.4g} N", len(self.known), len(self.known) + len(preloads) - i)
+                self.report(f"{p:.4g} N", len(self.known), len(self.known) + len(preloads) - i)
                 if p in running:
                     with executor_errors():
                         there = running.pop(p).result()

@@ -260,7 +260,7 @@ def frequency_response(
         search = _search(case, frequency, options)
         find_start = partial(_start, case, search)
         try:
-            with progress_bar(progress, *search.limits) as search.on_point:
+            with progress_bar(progress, *search.limits, "response curve") as search.on_point:
                 search.cover(find_start)
         except KeyboardInterrupt:
             if is_part_of_work():

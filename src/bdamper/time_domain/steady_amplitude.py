@@ -22,6 +22,7 @@ gives the maximum.  The highest motion continues until the amplitudes of the bla
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -136,6 +137,8 @@ class SteadySearch:
         Total number of periods.
     failure : str
         Reason if no motion stays.
+    on_frequency : callable
+        Called with every frequency (Hz) of a motion.
     """
 
     def __init__(self, ring: Ring, source: Ring, balance: BalanceCurve, steps: int) -> None:
@@ -145,6 +148,7 @@ class SteadySearch:
         self.below = float("nan")
         self.periods = 0
         self.failure = ""
+        self.on_frequency: Callable[[float], None] = lambda frequency: None
         self.pace = balance.half_width / CRITERIA.pace  # Hz in a period
         self.ends = float(balance.frequency.min()), float(balance.frequency.max())
 
@@ -212,6 +216,7 @@ class SteadySearch:
         here.advance(CRITERIA.fewest)
         places = [Place(frequency, float(here.amplitude[-CRITERIA.stride:].mean()), here.motion)]
         while True:
+            self.on_frequency(frequency)
             frequency += way * CRITERIA.stride * self.pace
             latest, top = places[-CRITERIA.low_places:], max(p.mean for p in places)
             if all(p.mean < CRITERIA.low * top for p in latest) or not self.ends[0] <= frequency <= self.ends[1]:
@@ -254,6 +259,7 @@ class SteadySearch:
         The result is added to ``points``, or its frequency to ``fell``; with ``finer``, a factor on the number of time
         steps, it is only returned.
         """
+        self.on_frequency(frequency)
         transient = Transient(ring or self.ring, TWO_PI * frequency, motion, max(finer, 1) * self.steps)
         point = settle(transient, expected, parting)
         self.periods += len(transient.harmonics)

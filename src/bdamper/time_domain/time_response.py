@@ -63,7 +63,7 @@ from bdamper.util.errors import (
     with_reason,
 )
 from bdamper.util.formatting import amount, peak_text
-from bdamper.util.progress import Cost, CostMeter, LongWork, one_thread, shows_progress, with_progress
+from bdamper.util.progress import Cost, CostMeter, LongWork, one_thread, progress_stages, shows_progress, with_progress
 
 NEIGHBOUR = 1.35
 """Ratio of the preloads at which an optimum is checked in time: the amplitude rises steeply below it and slowly above."""
@@ -153,7 +153,7 @@ def _first_elastic(problem: Problem, frequency: float) -> dict[str, float]:
 @one_thread
 def time_response(
     problem: Problem, result: ResponseCurve | Peak, *, steps_per_period: int | None = None, blades: int | None = None,
-    starts: int = 1,
+    starts: int = 1, progress: bool | None = None,
 ) -> TimeResponse:  # fmt: skip
     """Compute the highest steady amplitude in time at the preload of a response curve or of a peak, with its error.
 
@@ -168,11 +168,12 @@ def time_response(
     steps_per_period : int, optional
         256 by default; the highest motion is integrated again with 2 and 4 times this number.
     blades : int, optional
-        Number of blades of the ring; by default the smallest number after which the excitation repeats.  More blades allow
-        more nodal diameters and patterns.
+        Number of blades of the ring; by default the smallest after which the excitation repeats.  More allow more patterns.
     starts : int
         Number of initial states at the highest point.  Further ones have other disturbances (their numbers are the seeds of
         the phases) and friction without traction, or at its limit in either direction.
+    progress : bool, optional
+        Show a progress bar; by default in a terminal and a notebook.
 
     Returns
     -------
@@ -201,11 +202,12 @@ def time_response(
         return replace(none, status=with_reason(NOT_FOUND, why))
     source = ring_of(problem, preload, blades)
     ring = source if structure is problem else ring_of(structure, preload, blades)
-    search = SteadySearch(ring, source, balance, steps)
+    search, progress = SteadySearch(ring, source, balance, steps), shows_progress(progress)
     runs: dict[str, SteadyPoint] = {}
     others: dict[str, float] = {}
     cost = Cost()
-    with LongWork() as work:
+    with LongWork() as work, progress_stages(progress, "time response", "step") as report:
+        search.on_frequency = lambda frequency: report(f"{frequency:.6g} Hz", len(runs), 3 + starts)
         try:
             search.run()
             if (best := search.best) is not None:

@@ -112,9 +112,20 @@ def progress_counter(show: bool, total: int, done: int, what: str, unit: str) ->
         yield bar.update
 
 
+Report = Callable[[str, int, int], None]
+"""Function of the stage of the work, the number of finished parts and their total."""
+
+
+def no_report(stage: str, done: int, total: int) -> None:
+    """Report nothing."""
+
+
 @contextmanager
-def progress_stages(what: str, unit: str) -> Iterator[Callable[[str, int, int], None]]:
-    """Yield a function of the stage, the finished parts and the total, which updates a progress bar."""
+def progress_stages(show: bool, what: str, unit: str) -> Iterator[Report]:
+    """Yield a function that updates a progress bar if ``show``; work that ends before its total fills the bar."""
+    if not show:
+        yield no_report
+        return
     with _bar(desc=what, unit=unit) as bar:
 
         def report(stage: str, done: int, total: int) -> None:
@@ -123,6 +134,8 @@ def progress_stages(what: str, unit: str) -> Iterator[Callable[[str, int, int], 
             bar.update(max(done - bar.n, 0))
 
         yield report
+        if bar.total:
+            report("", bar.total, bar.total)
 
 
 def with_progress(items: Sequence[T], show: bool, what: str, unit: str) -> Iterable[T]:
@@ -134,16 +147,14 @@ def with_progress(items: Sequence[T], show: bool, what: str, unit: str) -> Itera
 
 
 @contextmanager
-def progress_bar(show: bool, low: float, high: float) -> Iterator[Callable[[Any], None] | None]:
-    """Yield a function that shows the progress over a frequency interval, or None if not ``show``.
+def progress_bar(show: bool, low: float, high: float, what: str) -> Iterator[Callable[[Any], None] | None]:
+    """Yield a function that shows the progress of a path over an interval of its parameter, or None if not ``show``.
 
-    The bar does not decrease if the path turns back in frequency.
+    The bar does not decrease if the path turns back.
     """
-    if not show:
-        yield None
-        return
-    with progress_stages("response curve", "%") as report:
-        yield lambda point: report("", int(min(100.0, 100.0 * (point.y[-1] - low) / (high - low))), 100)
+    with progress_stages(show, what, "%") as report:
+        share = 100.0 / (high - low)
+        yield (lambda point: report("", int(min(100.0, share * (point.y[-1] - low))), 100)) if show else None
 
 
 def _bar(*items: Any, **given: Any) -> Any:
@@ -151,7 +162,7 @@ def _bar(*items: Any, **given: Any) -> Any:
     from tqdm.auto import tqdm
 
     if sys.stderr.isatty() or "ipykernel.kernelapp" in sys.modules:
-        return tqdm(*items, **given)
+        return tqdm(*items, **given, delay=1.0)  # short work has no bar
 
     class Lines(tqdm):  # type: ignore[misc]
         tenths = 0

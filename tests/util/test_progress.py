@@ -1,0 +1,127 @@
+"""Progress of long work: what is shown, that it changes no result, and that Ctrl-C keeps what is kept without it."""
+
+import re
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+from bdamper.mistuning import BladedDisk, DiskPeakOptions, Mistuning
+from bdamper.util import progress
+from bdamper.util.progress import Cost, progress_stages, with_progress
+from tests.each import each
+from tests.every_result import BAND, result
+from tests.golden.scenes import turning
+from tests.mistuning.lumped import lumped_study
+from tests.util.test_disk import pressed
+
+WORK = {
+    "peak": (lambda: pressed().peak, (2.0, BAND), "response curve"),
+    "time_response": (lambda: pressed().time_response, lambda: (result("peak"),), "time response: "),
+    "effect_significance": (lambda: pressed().effect_significance, (2.0, BAND), "effect significance: without "),
+    "harmonic_convergence": (lambda: pressed().harmonic_convergence, lambda: (result("peak"),), "harmonic convergence: "),
+    "nonlinear_mode": (lambda: pressed().nonlinear_mode, (2.0, 1, (1e-3, 10.0)), "nonlinear mode"),
+    "flutter": (lambda: pressed().flutter, ((1.0, 2.0), -0.01), "flutter: 2 N"),
+    "run_up": (lambda: turning().run_up, ((420.0, 465.0),), "run-up"),
+    "peak of a disk": (
+        lambda: BladedDisk(lumped_study(), Mistuning.random(6, 0.02, seed=1)).peak, (300.0,), "bladed disk: sweep",
+    ),
+}  # fmt: skip
+OPTIONS = {"peak of a disk": {"options": DiskPeakOptions(climbs=2, least=20)}, "flutter": {"n": 2}}
+
+
+def done(name, **options):
+    work, given, _ = WORK[name]
+    return work()(*(given() if callable(given) else given), **OPTIONS.get(name, {}), **options)
+
+
+class Bar:
+    """Progress bar that notes what it is told; Ctrl-C comes with an update of this number."""
+
+    def __init__(self, told, at, items, text):
+        self.told, self.at, self.items, self.text = told, at, items, text
+        self.n, self.total, self.ended = 0, len(items), False
+
+    def __iter__(self):
+        for item in self.items:
+            self.set_description(self.text)
+            yield item
+            self.update(1)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        return None
+
+    def set_description(self, text, refresh=True):
+        self.told.append(text)
+        if len(self.told) == self.at:
+            raise KeyboardInterrupt
+
+    def update(self, more):
+        self.n += more
+        self.ended = self.n == self.total
+
+
+def bars(monkeypatch, at=0):
+    """Return the bars that are made from now on, and the texts that they show."""
+    made, told = [], []
+
+    def bar(items=(), desc="", **given):
+        made.append(Bar(told, at, items, desc))
+        return made[-1]
+
+    monkeypatch.setattr(progress, "_bar", bar)
+    return made, told
+
+
+def same(a, b):
+    for f in fields(a):
+        x, y = getattr(a, f.name), getattr(b, f.name)
+        if isinstance(x, np.ndarray):
+            np.testing.assert_array_equal(x, y, err_msg=f.name)
+        elif not isinstance(x, Cost):
+            assert re.sub(r"seconds=[^,)]*", "", str(x)) == re.sub(r"seconds=[^,)]*", "", str(y)), f.name
+
+
+@each("name", WORK)
+def test_long_work_reports_and_ends_at_its_total_with_the_same_result(name, monkeypatch):
+    plain = done(name)
+    made, told = bars(monkeypatch)
+    shown = done(name, progress=True)
+    assert any(text.startswith(WORK[name][2]) for text in told), told
+    assert made and all(bar.ended for bar in made)
+    same(plain, shown)
+
+
+KEPT = {"time_response": "interrupted", "harmonic_convergence": "interrupted"}
+"""Analyses that return what they have computed."""
+
+
+@each("name", WORK)
+def test_ctrl_c_in_a_report(name, monkeypatch):
+    made, _ = bars(monkeypatch, at=2)
+    if name in KEPT:
+        found = done(name, progress=True)
+        assert found.status.startswith(KEPT[name]) and not made[0].ended
+        return
+    with pytest.raises(KeyboardInterrupt):
+        done(name, progress=True)
+
+
+def test_work_without_parts_or_with_fewer_than_expected(capsys):
+    with progress_stages(True, "work", "part"):
+        pass
+    assert capsys.readouterr().err == ""
+    with progress_stages(True, "work", "part") as report:
+        report("first", 1, 10)
+    assert capsys.readouterr().err == "work: first: 10 %\nwork: 100 %\n"
+    assert list(with_progress([1, 2], True, "work", "part")) == [1, 2]
+    assert capsys.readouterr().err == "work: 50 %\nwork: 100 %\n"
+
+
+def test_a_curve_reports_each_point_once(monkeypatch):
+    made, told = bars(monkeypatch)
+    curve = pressed().frequency_response(2.0, BAND, progress=True)
+    assert len(made) == 1 and len(told) <= len(curve) + 1
