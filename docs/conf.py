@@ -48,6 +48,9 @@ html_theme = "pydata_sphinx_theme"
 html_theme_options = {"show_toc_level": 2, "navigation_with_keys": False, "secondary_sidebar_items": ["page-toc"]}
 html_static_path = ["_static"]
 html_css_files = ["wide.css"]
+# pages without subpages have no empty column beside them, and what is printed is no code
+html_sidebars = {page.stem: [] for page in DOCS.glob("*.md") if "toctree" not in page.read_text(encoding="utf-8")}
+highlight_language = "none"
 
 # the tutorial: notebooks, whose links to pages are made those of this folder
 for made in ("tutorial", "reference", "specification/reference"):  # nothing of what is gone from the package stays

@@ -53,6 +53,7 @@ OF_DISK = {
     "dissipation": lambda s: s.dissipation(made("frequency_response")),
     "motion_in_time": lambda s: s.motion_in_time(made("frequency_response"), periods=2, steps_per_period=512),
     "effect_significance": lambda s: s.effect_significance(2000.0, BAND),
+    "peak_sensitivities": lambda s: s.peak_sensitivities(made("peak")),
     "compare": lambda s: bd.compare(
         {"now": s, "smooth": {"friction_coefficient": 0.2}}, lambda one: one.frequency_response(2000.0, BAND)
     ),
@@ -99,6 +100,24 @@ def without_values():
     return replace(optimal(), amplitude=np.full(len(optimal()), np.nan), optimum=best)
 
 
+MISSING = {
+    "optimal_curve_uncertainty": ("amplitude",),
+    "sweep": ("values",),
+    "mistuned_sample": ("amplitude", "tuned_amplitude"),
+    "margin_curve": ("margin",),
+    "campbell": ("free", "stuck"),
+}  # fmt: skip
+"""Results of which nothing is known, and what is missing."""
+
+
+def without(name):
+    """Return a result without the values that its picture shows."""
+    result, lost = of_masses(name), MISSING[name]
+    if lost == ("values",):
+        return replace(result, values=tuple(values | {"amplitude": np.nan} for values in result.values))
+    return replace(result, **{key: np.full_like(getattr(result, key), np.nan) for key in lost})
+
+
 def disks():
     shape = 20, 2, 3
     factor, none = np.random.default_rng(1).uniform(1.0, 1.8, shape), np.full(shape, np.nan)
@@ -117,6 +136,7 @@ PICTURES = {
     "six curves": lambda: plot_curves([bladed_disk().frequency_response(p, BAND) for p in (5e2, 1e3, 2e3, 3e3, 4e3, 5e3)]),
     "optimum with failed checks": lambda: failed_checks().plot(),
     "optimal curve without values": lambda: without_values().plot(),
+    **{f"masses: {name} without values": lambda name=name: without(name).plot() for name in MISSING},
     "response map": lambda: plot_response_map(optimal()),
     "loops": lambda: made("hysteresis").plot(where=["left", "right", 4]),
     "history": lambda: made("hysteresis").plot_history(4),

@@ -178,7 +178,10 @@ class OptimalCurveUncertainty(Plottable, Tabular, Recorded, Storable, kind="bdam
         """
         validation.choice("quantity", quantity, ("amplitude", "frequency"))
         validation.numbers("percentile", np.atleast_1d(q), least=0.0, most=100.0)
-        return np.nanpercentile(getattr(self, quantity), q, axis=0)
+        values = np.asarray(getattr(self, quantity))
+        known, out = np.isfinite(values).any(axis=0), np.full((*np.shape(q), values.shape[1]), np.nan)
+        out[..., known] = np.nanpercentile(values[:, known], q, axis=0)
+        return out
 
     @property
     def complete(self) -> bool:

@@ -347,6 +347,8 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
     def _headline(self) -> str:
         middle, upper = (self.percentile(q)[:, -1, -1] for q in (50.0, 95.0))
         spread, load = f"{100.0 * float(self.standard_deviation[-1]):.3g} %", amount(self.preload[-1], "N")
+        if not np.isfinite(middle[1]):
+            return f"Mistuning with a standard deviation of {spread}: too few peaks of {len(self)} disks known at {load}."
         bounded = np.isfinite(upper).all()
         ends = f" ({upper[0]:.3g} to {upper[2]:.3g})" if bounded else " (too few disks for an upper bound)"
         return (

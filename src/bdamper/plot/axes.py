@@ -321,6 +321,8 @@ def fit_units(ax: Axes) -> None:
         shared = ax.get_shared_x_axes() if axis is ax.xaxis else ax.get_shared_y_axes()
         if not axis.get_label_text() and len(shared.get_siblings(ax)) > 1:
             continue  # the label is on other axes that share this axis
+        if axis.get_scale() == "log" and not min(axis.get_view_interval()) > 0.0:
+            getattr(ax, f"set_{axis.axis_name}scale")("linear")  # nothing drawn has a logarithm
         log = axis.get_scale() == "log"
         low, high = sorted(np.abs(axis.get_view_interval()))
         name, _, unit = axis.get_label_text().replace("\n", " ").rpartition(" (")

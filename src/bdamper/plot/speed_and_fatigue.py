@@ -55,7 +55,9 @@ def plot_campbell(campbell: Campbell, ax: Axes = NEW) -> None:
     orders = [int(o) for o in campbell.engine_order]
     diameters = sorted({campbell.met_by(o) for o in orders}) or campbell.nodal_diameter.tolist()
     known = [d for d in diameters if d in campbell.nodal_diameter]
-    rpm, top = campbell.speed * RPM, 1.05 * float(np.nanmax(campbell.stuck[[campbell.row(d) for d in known]]))
+    shown = np.array([campbell.row(d) for d in known], int)
+    heights = np.nan_to_num([campbell.free[shown], campbell.stuck[shown]])
+    rpm, top = campbell.speed * RPM, 1.05 * float(heights.max(initial=1.0))
     for d, colour in zip(known, colours(len(known))):
         k, name = campbell.row(d), f"free, nodal diameter {d}" if len(known) < 4 else "free"
         for label, lines, style in ((name, campbell.free[k], "-"), ("stuck", campbell.stuck[k], STYLES[1])):
@@ -86,7 +88,8 @@ def plot_campbell(campbell: Campbell, ax: Axes = NEW) -> None:
             name_point(ax, amount(value["amplitude"], "m"), (value["speed"] * RPM, value["frequency"]))
     if orders and known and not np.isfinite(np.array(both)).any():
         met_at = 60.0 * campbell.free[campbell.row(known[0]), -1, 0] / orders[0]
-        note(ax, f"{campbell._headline()} Order {orders[0]} may cross mode 1 near {met_at:.0f} rpm.", 0.05)
+        near = f" Order {orders[0]} may cross mode 1 near {met_at:.0f} rpm." if np.isfinite(met_at) else ""
+        note(ax, campbell._headline() + near, 0.05)
     ax.set(xlabel=SPEED, ylabel="Frequency (Hz)", xlim=(rpm[0], rpm[-1]), ylim=(0.0, top))
 
 

@@ -26,6 +26,7 @@ from bdamper.analyses.sweep import SweepResult, as_words
 from bdamper.plot.axes import (
     COLUMN,
     DASHED,
+    MINUS,
     NEW,
     SMALL,
     broken,
@@ -39,10 +40,12 @@ from bdamper.plot.axes import (
     picture,
     plain_number,
     runs,
+    wrapped,
 )
+from bdamper.response.sensitivity import Sensitivities
 from bdamper.response.verification import Convergence
 from bdamper.util.errors import SettingError
-from bdamper.util.formatting import UNITS, amount, percent, spaced
+from bdamper.util.formatting import UNITS, amount, peak_text, percent, spaced
 from bdamper.util.tables import FEW_ROWS, Tabular, axis_label, quantities
 
 # ---- Design studies ----
@@ -139,6 +142,26 @@ def plot_effect_significance(advice: EffectSignificance, ax: Axes = NEW) -> None
     title = f"preload {amount(advice.preload, 'N')}, {amount(advice.frequency, 'Hz')}"
     ax.set(xlabel="Change of the peak without the effect (%)", title=title)
     legend_beside(ax, handles=handles)
+
+
+@picture(Sensitivities, size=(COLUMN, 3.0))
+def plot_sensitivities(found: Sensitivities, ax: Axes = NEW) -> None:
+    """Plot the change of a peak for one per cent of each parameter as bars, the largest change of amplitude first.
+
+    Each bar has its number with a sign; an unknown change has no bar.
+    """
+    changes = {name: 100.0 * np.array(pair) for name, pair in found.changes().items()}
+    names = sorted(changes, key=lambda name: np.nan_to_num(abs(changes[name][0]), nan=-1.0))
+    rows, known = np.arange(len(names)), np.array([changes[name] for name in names]).reshape(-1, 2)
+    for k, (quantity, offset, colour) in enumerate(zip(("amplitude", "frequency"), (0.2, -0.2), colours(2))):
+        look = {"facecolor": colour, "edgecolor": "k", "linewidth": 0.4, "label": quantity}
+        bars = ax.barh(rows + offset, np.nan_to_num(known[:, k]), 0.38, **look)
+        texts = [f"{x:+.2g}".replace("-", MINUS) if np.isfinite(x) else "unknown" for x in known[:, k]]
+        ax.bar_label(bars, texts, padding=2.0, fontsize=SMALL)
+    ax.axvline(0.0, color="k", linewidth=0.6)
+    ax.margins(x=0.25)
+    ax.set_yticks(rows, [wrapped(spaced(name), 18) for name in names])
+    ax.set(xlabel="Change of the peak (% for +1 %)", title=peak_text(found.amplitude, found.frequency))
 
 
 @picture(Convergence)

@@ -35,7 +35,7 @@ from bdamper.response.peak import DIFFERENCE, Family, Peak, check_peak, slope_al
 from bdamper.response.response_curve import check_curve
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import validation
-from bdamper.util.display import Summarised
+from bdamper.util.display import Plottable
 from bdamper.util.errors import SettingError
 from bdamper.util.formatting import peak_text, percent, spaced, table_lines
 from bdamper.util.progress import one_thread
@@ -82,8 +82,10 @@ class PeakSensitivity:
     reason: str = ""
 
 
-class Sensitivities(Summarised, dict[str, PeakSensitivity]):
+class Sensitivities(Plottable, dict[str, PeakSensitivity]):
     """Derivatives of a peak by parameter.
+
+    ``plot`` draws the change for one per cent of each (:func:`bdamper.plot.plot_sensitivities`).
 
     Parameters
     ----------
