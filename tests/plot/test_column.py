@@ -276,3 +276,15 @@ def test_names_avoid_lines_and_each_other():
 
 def test_a_line_break_does_not_part_a_number_from_its_unit():
     assert wrapped("the peak of 474 µm lies at 344 Hz", 26).split("\n")[0] == "the peak of 474 µm lies at"
+
+
+def test_points_of_a_haigh_diagram_are_whole_and_within_it():
+    """Those on an axis and those beyond the ultimate strength, too."""
+    margins = made("margins")
+    for mean in (0.0, 2.0 * STEEL.ultimate_strength):
+        ax = replace(margins, mean=np.full_like(margins.mean, mean)).plot().axes[0]
+        marks = [line for line in ax.lines if line.get_linestyle() == "None"]
+        assert len(marks) >= 2 and not any(line.get_clip_on() for line in marks)
+        low, high = ax.get_xlim()
+        assert all(low <= x <= high for line in marks for x in line.get_xdata())
+    plt.close("all")

@@ -1,8 +1,10 @@
 """The report for a design review: one file, the same bytes, lights by their rules."""
 
+import re
 from dataclasses import replace
 from datetime import date
 from html.parser import HTMLParser
+from urllib.parse import unquote
 
 import numpy as np
 import pytest
@@ -75,12 +77,21 @@ def test_the_first_screen_says_what_by_whom_and_when(curve, tmp_path):
     assert curve.report(tmp_path / "today.html").read_text().count(date.today().isoformat()) == 1
 
 
-def test_a_red_check_changes_the_first_sentence(curve, tmp_path):
-    best = replace(curve.optimum, status="incomplete: less may be elsewhere")
-    page = replace(curve, optimum=best).report(tmp_path / "red.html").read_text()
-    assert '<p class="answer failed"><b>Not for design: ' in page and "failed" not in curve.report(
-        tmp_path / "green.html"
-    ).read_text().split("<body>")[1]
+def test_the_first_sentence_has_the_colour_of_the_checks(curve, tmp_path):
+    """Grey while a check has not been run, and green only if none failed."""
+
+    def shown(curve):
+        return re.search(r'<p class="answer (\w+)"><b>(Not for design: )?', curve.report(tmp_path / "r.html").read_text())
+
+    optimum = replace(curve.optimum, status="incomplete: less may be elsewhere")
+    assert shown(curve).groups() == ("white", None)
+    assert shown(replace(curve, optimum=optimum)).groups() == ("red", "Not for design: ")
+
+
+def test_the_response_at_the_optimum_is_beside_its_limits(study, curve, tmp_path):
+    text = unquote(curve.report(tmp_path / "limits.html", study).read_text())
+    drawn = text[text.index("Resonance over preload") :].split("Response over frequency")[0]
+    assert "<!-- free -->" in drawn and "<!-- stuck -->" in drawn
 
 
 def test_the_lines_that_do_it_again(study, curve, tmp_path, monkeypatch):

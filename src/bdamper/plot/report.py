@@ -6,6 +6,7 @@ is in the first sentence.  The file contains no link, and equal results of one d
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Mapping
 from datetime import date
@@ -22,6 +23,8 @@ from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.rotor_speed import RPM
 from bdamper.mistuning.peak import DiskPeak
 from bdamper.mistuning.sample import MistunedSample
+from bdamper.plot.axes import save_figure
+from bdamper.response import linear_limits
 from bdamper.response.headline import NEAR_BEST, Check, checks, graded
 from bdamper.response.highest_peak import highest_peak
 from bdamper.response.optimal_curve_result import OptimalCurve
@@ -85,11 +88,12 @@ def write_report(
     check = "" if curve.time_response else ", check=False"
     low, high = curve.preloads_within(NEAR_BEST * best.amplitude)
     found = lights(curve, fit)
+    colours = [light.colour for light in found if light.name != "Contact constants" or fit is not None]
     other = [f"{light.name.lower()}: {light.found}" for light in found if light.colour == "red" and not light.failure]
     text = page.render(
         curve=curve, fit=fit, figures=figures, lights=found, sensitivities=rows, subject=_subject(curve, subject),
         headline=" ".join([*(f"Not for design: {each}." for each in other), curve._headline()]),
-        red=any(light.colour == "red" for light in found), left_out=NOT_MODELLED,
+        colour=next(c for c in ("red", "white", "amber", "green") if c in colours), left_out=NOT_MODELLED,
         notes=curve.warnings, settings={k: _short(v) for k, v in sorted(curve.settings.items())},
         range=f"{amount(low, 'N')} to {amount(high, 'N')}", given=study is not None,
         lines=(
@@ -161,7 +165,8 @@ def _at_optimum(problem: Problem, curve: OptimalCurve) -> tuple[list[tuple[str, 
     tracked = frequency_response(problem, best.preload, band)
     peak = highest_peak(problem, best.preload, band)
     load = amount(best.preload, "N")
-    figures = [(f"Response over frequency at {load}", _picture(tracked))]
+    limits = [linear_limits.free(problem, band), linear_limits.stuck(problem, band, best.preload)]
+    figures = [(f"Response over frequency at {load}", _picture(tracked, limits=limits))]
     if not peak.converged:
         return figures, []
     contacts = _picture(peak, "plot_contacts", problem)
@@ -185,8 +190,10 @@ def _short(value: Any) -> str:
     return truncate(text, 120)
 
 
-def _picture(shown: Plottable, kind: str = "plot", *arguments: Any) -> str:
+def _picture(shown: Plottable, kind: str = "plot", *arguments: Any, **options: Any) -> str:
     """Return the plot of a result as an HTML image."""
-    svg = draw(shown, "image", kind, *arguments, format="svg", dpi=110, metadata={"Date": None, "Creator": None})
-    text = svg.decode().replace('"', "'").replace("\n", " ")  # a third shorter than in base 64
+    svg = io.BytesIO()
+    metadata = {"Date": None, "Creator": None}
+    save_figure(draw(shown, kind, *arguments, **options), svg, format="svg", dpi=110, metadata=metadata)
+    text = svg.getvalue().decode().replace('"', "'").replace("\n", " ")  # a third shorter than in base 64
     return f'<img alt="figure" src="data:image/svg+xml,{quote(text, safe=" ()*+,-./:;=?@[]_!")}">'

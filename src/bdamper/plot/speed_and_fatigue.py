@@ -212,7 +212,10 @@ def plot_haigh(margins: Margins, ax: Axes = NEW) -> None:
     name_point(ax, f"{margins.names[i]}: {points[0, i]:.3g} ± {points[1, i]:.3g} MPa", (points[0, i], points[1, i]))
     top = MEGA * max(material.endurance_limit, float(margins.amplitude.max()))
     ax.set(xlabel=label_of(Margins, "mean", "MPa"), ylabel=label_of(Margins, "amplitude", "MPa"), ylim=(0.0, 1.15 * top),
-           xlim=(MEGA * low, 1.02 * MEGA * right), title=f"margin {margins.least:.3g} at {margins.names[i]}")  # fmt: skip
+           xlim=(MEGA * low, 1.02 * max(MEGA * right, float(points[0].max()))),
+           title=f"margin {margins.least:.3g} at {margins.names[i]}")  # fmt: skip
+    for drawn in ax.lines:
+        drawn.set_clip_on(drawn.get_linestyle() != "None")  # marks on an axis are whole
 
 
 @picture(MarginCurve)
