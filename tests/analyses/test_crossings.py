@@ -14,6 +14,7 @@ from bdamper.response.peak import amplitude_at
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util.formatting import amount, peak_text
 from bdamper.util.progress import CostMeter
+from bdamper.util.records import named_fields, row_of
 from tests.plain import plain_study
 from tests.turning import turning_disk
 
@@ -40,21 +41,23 @@ def test_an_order_that_the_model_has_no_modes_for_fails_alone(study, found):
 
 
 def test_the_headline_is_the_highest_crossing_or_says_that_there_is_none(study, found, tmp_path):
-    i = int(np.argmax([value["amplitude"] for value in found.values]))
-    top, mass = found.values[i], found.points[i]["damper_mass"]
+    i = int(np.argmax(found.values["amplitude"]))
+    top, mass = row_of(found.values, i), found.points[i]["damper_mass"]
     assert found._headline() == (
         f"Highest crossing: {peak_text(top['amplitude'], top['frequency'])}, {top['speed']:.5g} rad/s "
         f"({top['speed'] * RPM:.0f} rpm), damper mass {mass:g}, engine order 5, "
         f"under a preload of {amount(top['preload'], 'N')}."
     )
-    doubted = ({**top, "kind": "incomplete", "warning": "why", "margin": 1.25}, *found.values[:2])
-    said = replace(found, values=doubted)._headline()
+    rows = [{**top, "kind": "incomplete", "warning": "why", "margin": 1.25}, *(row_of(found.values, k) for k in (0, 1))]
+    doubted = {name: [row.get(name) for row in rows] for name in rows[0]}
+    said = replace(found, values=named_fields(doubted, 3))._headline()
     least = "Least margin against fatigue 1.25 (damper mass 0.999, engine order 5)."
     assert said.endswith(f" There may be a higher point: why. {least}")
     none = study.resonance_crossings((10.0, 20.0), [5])
     why = "engine order 5 crosses no resonance of mode 1 between 10 and 20 rad/s"
     assert none._headline() == f"No crossing: {why}." and " nan" not in str(none)
-    mixed = replace(found, values=(*found.values[:2], *none.values))._headline()
+    rows = [*(row_of(found.values, k) for k in (0, 1)), row_of(none.values, 0)]
+    mixed = replace(found, values=named_fields({name: [r.get(name) for r in rows] for name in rows[0]}, 3))._headline()
     assert mixed.endswith(f" No crossing at 1 of 3 points: {why}.")
     none.save(tmp_path / "none.h5")
     assert type(bd.load(tmp_path / "none.h5")) is type(none)
@@ -63,7 +66,7 @@ def test_the_headline_is_the_highest_crossing_or_says_that_there_is_none(study, 
 def test_a_crossing_is_the_highest_point_of_the_line(study, found):
     """On the line, at the preload of its speed, and solutions on the line beside it are lower, as a maximum has them."""
     assert found.complete and {value["kind"] for value in found.values} == {"complete"}
-    assert list(found.points[1].values()) == [1.0, 5]
+    assert found.points[1].item() == (1.0, 5)
     value = found.values[1]
     assert value["speed"] == pytest.approx(2.0 * np.pi * value["frequency"] / 5, rel=1e-12)
     assert value["preload"] == pytest.approx(study.at_speed(value["speed"]).preload, rel=1e-12)

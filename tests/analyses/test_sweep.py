@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+import tracemalloc
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import replace
@@ -21,8 +22,9 @@ from bdamper.harmonic_balance.parameters import study_fingerprint
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.highest_peak import highest_peak
 from bdamper.response.optimal_curve import optimal_curve
+from bdamper.util import storage
 from bdamper.util.progress import LongWork
-from bdamper.util.storage import ResultsFile
+from bdamper.util.storage import ResultsFile, from_line, json_line
 from tests.analyses.test_executors import Ends
 from tests.models import ground_model
 from tests.plain import plain_study
@@ -43,7 +45,7 @@ def serial(study):
 
 
 def answers(result):
-    return json.dumps(result.values)
+    return json.dumps(result.values.tolist())
 
 
 def residual_norm(study, preload):
@@ -55,6 +57,10 @@ def residual_norm(study, preload):
 
 def quick_question(study, preload):
     return {"value": study.settings.friction_coefficient * preload, "note": "x" * 200}
+
+
+def many_numbers(study, preload):
+    return {f"number {k}": k * preload for k in range(9)} | {"note": "x" * 200}
 
 
 def slow_question(study, preload):
@@ -199,10 +205,10 @@ class TestInterrupted:
         monkeypatch.setattr(os, "fsync", calls.append)
         with closing(ResultsFile(tmp_path / "r.jsonl", {"format": "x"})) as file:
             for i in range(50):
-                file.append({"index": i})
+                file.append(json_line({"index": i}))
             assert len(calls) == 1 and len((tmp_path / "r.jsonl").read_text().splitlines()) == 51
             file.synced -= 2.0
-            file.append({"index": 50})
+            file.append(json_line({"index": 50}))
             assert len(calls) == 2
         assert len(calls) == 3
 
@@ -218,7 +224,7 @@ class TestInterrupted:
             os.read(here, 1)
             os.close(file.file)  # as the system does where the parent is killed
             with closing(ResultsFile(tmp_path / "r.jsonl", {"format": "x"})) as again:
-                assert again.records == {}
+                assert not list(again.finished())
         finally:
             os.kill(worker, signal.SIGKILL)
             os.waitpid(worker, 0)
@@ -335,6 +341,22 @@ class TestResultsFile:
             assert answers(self.run(study, path)) == answers(full), cut
             assert answers(self.run(study, path)) == answers(full), cut  # and the mended file reads well
             assert path.read_bytes().startswith(content[: starts[1]])
+
+    def test_a_point_takes_little_memory_also_when_it_is_read(self, study, tmp_path, monkeypatch):
+        """Its numbers and pointers to texts that are the same; each line of the file is read once."""
+        n, read = 3000, []
+        over = {"preload": np.linspace(1.0, 2.0, n).tolist()}
+        first = bd.sweep(study, over, many_numbers, resume=tmp_path / "r.jsonl")
+        parts = first.points, first.values, first.cost, first.seconds
+        assert sum(part.nbytes for part in parts) == n * (8 + 80 + 104 + 8)
+        assert len({id(text) for text in first.values["note"]}) == 1
+        monkeypatch.setattr(storage, "from_line", lambda line: read.append(line) or from_line(line))
+        tracemalloc.start()
+        again = bd.sweep(study, over, many_numbers, resume=tmp_path / "r.jsonl")
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert again.values.tolist() == first.values.tolist() and again.cost.tolist() == first.cost.tolist()
+        assert len(read) == n and peak - sum(map(len, read)) < 1000 * n
 
     def test_file_of_another_study_is_refused(self, study, tmp_path):
         path = tmp_path / "r.jsonl"
@@ -499,4 +521,4 @@ def test_answers_do_not_depend_on_order(study):
     fresh = study._with_problem(study.problem.replace())
     first = bd.sweep(fresh, over={"preload": loads}, frequency=INTERVAL)
     again = bd.sweep(study._with_problem(study.problem.replace()), over={"preload": loads[::-1]}, frequency=INTERVAL)
-    assert first.values == again.values[::-1]
+    assert first.values.tolist() == again.values[::-1].tolist()

@@ -16,8 +16,9 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.analyses.sweep import Comparison
+from bdamper.analyses.sweep import Comparison, SweepResult
 from bdamper.response.response_curve_result import ResponseCurve
+from bdamper.util.records import named_fields, names_of
 from bdamper.util.storage import INSTALLED, Storable, read_hdf5
 from tests.each import each
 from tests.every_result import RESULTS, WITHOUT_TABLE, result
@@ -162,6 +163,32 @@ class TestWriting:
         result = through_a_file(answers(name),
             tmp_path / "once.h5")  # plain numbers of a file have become those of the types
         assert same(through_a_file(result, tmp_path / "twice.h5"), result)
+
+    def test_fields_of_all_kinds(self, tmp_path):
+        """Numbers are columns; lists, texts, mixed and missing values come back as they were."""
+        kinds = {
+            "N/m": [1.0, np.pi, None], "é": [1, 2, 3], "bool": [True, False, True], "text": ["a", None, "long " * 9999],
+            "list": [[1.0, 2.0], None, [3.0]], "mixed": [1, 0.5, "x"], "some": [1, None, 3], "map": [{"a": [1]}, None, {}],
+        }  # fmt: skip
+        for columns in (kinds, {}):
+            rows = named_fields(columns, 3)
+            made = SweepResult(("p",), named_fields({"p": [1.0, 2.0, 3.0]}, 3), rows, ("complete",) * 3, np.zeros(3), (3,))
+            made.save(tmp_path / "kinds.h5")
+            again = bd.load(tmp_path / "kinds.h5").values
+            assert again.dtype == rows.dtype and len(again) == 3
+            assert [*map(repr, again.tolist())] == [*map(repr, rows.tolist())]
+        kinds = named_fields(kinds, 3)
+        assert [kinds.dtype[name].kind for name in names_of(kinds)] == list("fibOOOOO")
+
+    def test_numbers_of_a_sweep_are_columns_in_its_file(self, tmp_path):
+        """Not texts, of which a file has room for 256 MB."""
+        n = 2000
+        made = bd.sweep(pressed(), {"preload": np.linspace(1.0, 2.0, n)}, halved)
+        made.save(tmp_path / "sweep.h5")
+        with h5py.File(tmp_path / "sweep.h5") as file:
+            assert file["values"].dtype == [("half", "f8")] and file["points"].dtype == [("preload", "f8")]
+            assert file["cost"].dtype["evaluations"] == np.int64 and file["cost"].dtype["seconds"] == np.float64
+        assert (tmp_path / "sweep.h5").stat().st_size < 100 * n
 
     def test_results_within_a_result(self, tmp_path, curve):
         laws = tuple(f"law {i}" for i in range(11))  # in the order of numbers, not of their digits

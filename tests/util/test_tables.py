@@ -21,6 +21,7 @@ from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import HarmonicPeak
 from bdamper.util.display import Plottable, register_plot
 from bdamper.util.formatting import amount, peak_text
+from bdamper.util.records import named_fields
 from bdamper.util.tables import (
     ROW,
     Kinds,
@@ -50,8 +51,9 @@ def curve(study):
 
 @pytest.fixture(scope="module")
 def swept():
-    points = tuple({"mu": mu, "preload": p} for mu in (0.2, 0.4) for p in (1.0, 2.0, 3.0))
-    values = tuple({"amplitude": p["mu"] * p["preload"], "curve_amplitude": [p["mu"], 0.0]} for p in points)
+    mu, preload = np.repeat([0.2, 0.4], 3), np.tile([1.0, 2.0, 3.0], 2)
+    points = named_fields({"mu": mu, "preload": preload}, 6)
+    values = named_fields({"amplitude": mu * preload, "curve_amplitude": [[m, 0.0] for m in mu.tolist()]}, 6)
     return SweepResult(("mu", "preload"), points, values, ("complete",) * 6, np.zeros(6), (2, 3))
 
 
@@ -90,7 +92,7 @@ class TestTables:
 
     def test_a_value_twice_is_no_coordinate(self, swept):
         pytest.importorskip("xarray")
-        twice = replace(swept, points=tuple({**point, "mu": 0.4} for point in swept.points))
+        twice = replace(swept, points=named_fields({"mu": np.full(6, 0.4), "preload": swept.points["preload"]}, 6))
         with pytest.raises(bd.BdamperError, match="expected each value of 'mu' once, as coordinates are, found 2 values"):
             twice.to_xarray()
         assert len(twice.to_pandas()) == len(swept)
@@ -281,7 +283,8 @@ class TestMistakenArguments:
 
 def test_a_sweep_draws_points_without_a_value(swept):
     assert "x" not in [line.get_marker() for line in swept.plot().axes[0].lines]
-    lost = replace(swept, values=({"amplitude": np.nan}, *swept.values[1:]))
+    lost = replace(swept, values=swept.values.copy())
+    lost.values["amplitude"][0] = np.nan
     ax = lost.plot().axes[0]
     crosses = [line for line in ax.lines if line.get_marker() == "x" and len(line.get_xdata())]
     assert [line.get_xdata().tolist() for line in crosses] == [[1.0]]

@@ -65,6 +65,7 @@ from bdamper.util import validation
 from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, BdamperError, SettingError
 from bdamper.util.formatting import amount, counted, peak_text, short_repr
 from bdamper.util.progress import CostMeter, progress_bar
+from bdamper.util.records import numbers_of, row_of
 
 # ---- Equations over speed ----
 
@@ -450,21 +451,21 @@ class Crossings(SweepResult, kind="bdamper-crossings"):
     """
 
     def _headline(self) -> str:
-        amplitude = [float(value.get("amplitude", np.nan)) for value in self.values]
+        amplitude = numbers_of(self.values, "amplitude").tolist()
         if not np.isfinite(amplitude).any():
             reasons = [why for why in (*self.warnings, *self.status) if why not in ("", COMPLETE)]
             return f"No crossing: {'; '.join(dict.fromkeys(reasons))}."
         i = int(np.nanargmax(amplitude))
-        top, others = self.values[i], [k for k, a in enumerate(amplitude) if not np.isfinite(a)]
-        place = f"{top['speed']:.5g} rad/s ({top['speed'] * RPM:.0f} rpm)"
-        out = [f"Highest crossing: {peak_text(amplitude[i], top['frequency'])}, {place}, {as_words(self.points[i])}, "
+        top, others = row_of(self.values, i), [k for k, a in enumerate(amplitude) if not np.isfinite(a)]
+        place = f"{top['speed']:.5g} rad/s ({top['speed'] * RPM:.0f} rpm), {as_words(row_of(self.points, i))}"
+        out = [f"Highest crossing: {peak_text(amplitude[i], top['frequency'])}, {place}, "
                f"under a preload of {amount(top['preload'], 'N')}."]  # fmt: skip
         out += [f"There may be a higher point: {top['warning']}."] if top["kind"] != COMPLETE else []
-        margins = np.array([value.get("margin", np.nan) for value in self.values])
+        margins = numbers_of(self.values, "margin")
         if np.isfinite(margins).any():
             k = int(np.nanargmin(margins))
-            out.append(f"Least margin against fatigue {margins[k]:.3g} ({as_words(self.points[k])}).")
-        reasons = [self.values[k].get("warning", "") or self.status[k] for k in others]
+            out.append(f"Least margin against fatigue {margins[k]:.3g} ({as_words(row_of(self.points, k))}).")
+        reasons = [self.warnings[k] or self.status[k] for k in others]
         out += [f"No crossing at {len(others)} of {counted(len(self), 'point')}: {reasons[0]}."] if others else []
         return " ".join(out)
 

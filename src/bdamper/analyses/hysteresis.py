@@ -50,6 +50,7 @@ from bdamper.util.display import Comparable, Fact, Plottable, draw
 from bdamper.util.errors import COMPLETE, FAILED, ModelError, SettingError, with_reason
 from bdamper.util.formatting import amount, peak_text, percent, short_repr
 from bdamper.util.progress import one_thread
+from bdamper.util.records import named_fields
 from bdamper.util.storage import FilePath, Recorded, Storable
 from bdamper.util.tables import ROW, Column, Quantity, Tabular
 
@@ -467,11 +468,10 @@ def microslip(
             "displacement": float(d.real @ (state.q - seat.q)),
             "slipping": state.state.count("slip") / max(n - n_open, 1),
             "open": n_open / n,
-            "residual": state.residual,
+            "residual": float(state.residual),
         })  # fmt: skip
     n_failed = len(forces) - len(values)
+    columns = {name: [row[name] for row in values] + [np.nan] * n_failed for name in values[0]}
     status = (COMPLETE,) * len(values) + (with_reason(FAILED, "the damper slides"),) * n_failed
-    points = tuple({"force": float(force)} for force in forces)
-    return SweepResult(
-        ("force",), points, (*values, *[{}] * n_failed), status, np.zeros(len(points)), (len(points),), **problem.recorded()
-    )
+    n, points = len(forces), named_fields({"force": forces}, len(forces))
+    return SweepResult(("force",), points, named_fields(columns, n), status, np.zeros(n), (n,), **problem.recorded())

@@ -244,11 +244,11 @@ def optimal_curve_uncertainty(
     values = preload_values(preload, n)
     task = OptimalTask(tuple(float(p) for p in values), len(values), frequency, mode)
     done = sweep(study, dict(samples), task, combine="zip", executor=executor, resume=resume, progress=progress)
-    nothing = [np.nan] * len(values)
+    nothing = np.full((len(done), len(values)), np.nan)
     return OptimalCurveUncertainty(
         preload=values,
-        amplitude=np.array([v.get("curve_amplitude", nothing) for v in done.values], float),
-        frequency=np.array([v.get("curve_frequency", nothing) for v in done.values], float),
+        amplitude=done.array("curve_amplitude") if done.quantities else nothing,
+        frequency=done.array("curve_frequency") if done.quantities else nothing,
         samples={name: np.asarray(column, float) for name, column in samples.items()},
         status=done.status,
         settings=done.settings,

@@ -15,6 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing, nullcontext
 from dataclasses import dataclass, is_dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +36,8 @@ from bdamper.util import plausible_ranges, validation
 from bdamper.util.display import Differences, Plottable
 from bdamper.util.errors import FAILED, NOT_RUN, BdamperError, SettingError, all_complete, called_by_user, status_word
 from bdamper.util.formatting import UNITS, amount, counted, peak_text, percent, short_repr, short_text, spaced
-from bdamper.util.progress import Cost, one_thread, shows_progress, with_progress
+from bdamper.util.progress import one_thread, shows_progress, with_progress
+from bdamper.util.records import named_fields, names_of, row_of
 from bdamper.util.storage import INSTALLED, Recorded, ResultsFile, Storable
 from bdamper.util.tables import Column, Tabular, concatenate
 
@@ -125,10 +127,10 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
     ----------
     names : tuple of str
         Names of the settings.
-    points : tuple of mapping
-        Settings of each point.
-    values : tuple of mapping
-        Results of each point; empty if there is none.
+    points : (n,) array with named fields
+        Settings of each point: ``points["preload"]`` are all preloads.
+    values : (n,) array with named fields
+        Results of each point; NaN or None if there is none.
     status : tuple of str
         "complete", "failed: " with the reason, or "not run" after an interruption, with the reason if the executor ended.
     seconds : (n,) float
@@ -138,26 +140,27 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
     settings : mapping
         Settings of the varied problem.
     model_hash : str
-    cost : tuple of Cost
+    cost : (n,) array with the fields of Cost, optional
         Cost of each point as returned by the evaluation; otherwise its elapsed time only.
     """
 
     names: tuple[str, ...]
-    points: tuple[dict[str, Any], ...]
-    values: tuple[dict[str, Any], ...]
+    points: NDArray
+    values: NDArray
     status: tuple[str, ...]
     seconds: NDArray
     shape: tuple[int, ...]
-    cost: tuple[Cost, ...] = ()
+    cost: NDArray | None = None
 
     def __len__(self) -> int:
         return len(self.points)
 
     def check_rows(self) -> None:
         """Raise ValueError unless every point of the grid has settings, values, status and time."""
-        counts = [int(np.prod(self.shape)), *map(len, (self.points, self.values, self.status, self.seconds))]
+        parts = self.points, self.values, self.status, self.seconds, self.seconds if self.cost is None else self.cost
+        counts = [int(np.prod(self.shape)), *(len(part) for part in parts)]
         if len(set(counts)) > 1:
-            raise ValueError(f"grid, points, values, status and seconds of {counts} points")
+            raise ValueError(f"grid, points, values, status, seconds and cost of {counts} points")
 
     @property
     def complete(self) -> bool:
@@ -167,12 +170,13 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warning of each point, empty if there is none."""
-        return tuple(str(value.get("warning", "")) for value in self.values)
+        found = self.values["warning"].tolist() if "warning" in self.quantities else [""] * len(self)
+        return tuple(str(warning or "") for warning in found)
 
     @property
     def quantities(self) -> tuple[str, ...]:
         """Names of the computed quantities."""
-        return tuple(dict.fromkeys(name for value in self.values for name in value))
+        return names_of(self.values)
 
     def array(self, quantity: str) -> NDArray:
         """Return a quantity as an array on the grid of settings; NaN at points without a value.
@@ -183,17 +187,20 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
             If there is no such quantity.
         """
         validation.choice("quantity", quantity, self.quantities)
-        known = next(np.asarray(value[quantity]) for value in self.values if quantity in value)
+        column = self.values[quantity]
+        if column.dtype != object:
+            return column.astype(float).reshape(self.shape)
+        known = next((np.asarray(value) for value in column if value is not None), np.array(""))
         if known.dtype.kind not in "fiub":
-            flat = [value.get(quantity, "") for value in self.values]
-            return np.array(flat, object).reshape(self.shape)
-        rows = [np.asarray(value.get(quantity, np.full(known.shape, np.nan)), float) for value in self.values]
+            return np.fromiter(("" if value is None else value for value in column), object, len(self)).reshape(self.shape)
+        rows = [np.full(known.shape, np.nan) if value is None else np.asarray(value, float) for value in column]
         return np.array(rows).reshape(*self.shape, *known.shape)
 
     def _grid(self) -> dict[str, Any]:
-        if len(self.shape) != len(self.names) or any(isinstance(v, (list, dict)) for p in self.points for v in p.values()):
+        columns = {name: self.points[name].tolist() for name in self.names}
+        if len(self.shape) != len(self.names) or any(isinstance(v, (list, dict)) for c in columns.values() for v in c):
             return {}
-        grid = {name: list(dict.fromkeys(point[name] for point in self.points)) for name in self.names}
+        grid = {name: list(dict.fromkeys(column)) for name, column in columns.items()}
         for (name, values), n in zip(grid.items(), self.shape):
             if len(values) != n:
                 raise SettingError(
@@ -206,7 +213,7 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
         """Return one row for each point with settings, quantities, status and time; lists have a second dimension in
         xarray.
         """
-        settings = {name: np.array([str(p[name]) if isinstance(p[name], dict) else p[name] for p in self.points])
+        settings = {name: np.array([str(v) if isinstance(v, dict) else v for v in self.points[name].tolist()])
                     for name in self.names}  # fmt: skip
         out = {name: Column(values, UNITS.get(name, "")) for name, values in settings.items()}
         for name in self.quantities:
@@ -231,7 +238,9 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
         if not np.isfinite(known).any():
             return f"{points}{next((f': {why}' for why in self.warnings if why), '')}."
         i, j = int(np.nanargmin(known)), int(np.nanargmax(known))
-        ends = (f"{amount(known[k], UNITS.get(name, ''))} ({as_words(self.points[k])})" for k in dict.fromkeys((i, j)))
+        ends = (
+            f"{amount(known[k], UNITS.get(name, ''))} ({as_words(row_of(self.points, k))})" for k in dict.fromkeys((i, j))
+        )
         return f"{spaced(name).capitalize()} {'from ' * (i != j)}{' to '.join(ends)}; {points}."
 
 
@@ -259,12 +268,12 @@ class _Job:
         varied = {name: value for name, value in settings.items() if name != "preload"}
         return vary(self.study, varied) if varied else self.study
 
-    def check(self, points: Sequence[Mapping[str, Any]]) -> None:
+    def check(self, points: NDArray) -> None:
         """Raise the first error if the settings of no point are valid."""
         first: BdamperError | None = None
-        for settings in points:
+        for i in range(len(points)):
             try:
-                self._varied(settings)
+                self._varied(row_of(points, i))
                 return
             except BdamperError as error:
                 first = first or error
@@ -276,22 +285,23 @@ class _Job:
         return self.evaluate(self._varied(settings), None if preload is None else float(preload))
 
 
-def _points(over: Any, combine: str) -> tuple[tuple[str, ...], list[dict[str, Any]], tuple[int, ...]]:
+def _points(over: Any, combine: str) -> tuple[tuple[str, ...], NDArray, tuple[int, ...]]:
     """Return names, settings of each point, and shape of the grid."""
     validation.check_value(isinstance(over, Mapping) and over, "over", "a mapping of setting to values", over)
     names = tuple(over)
-    columns: list[list[Any]] = []
+    columns: dict[str, Sequence[Any]] = {}
     for name in names:
         if isinstance(over[name], (str, bytes)) or not isinstance(over[name], (Sequence, np.ndarray)):
             raise SettingError(f"over '{name}': expected a sequence of values, found {over[name]!r}")
-        columns.append([v.item() if isinstance(v, np.generic) else v for v in over[name]])
-        validation.check(columns[-1], f"over '{name}'", "at least one value", "none")
+        columns[name] = [v.item() if isinstance(v, np.generic) else v for v in over[name]]
+        validation.check(columns[name], f"over '{name}'", "at least one value", "none")
+    lengths = [len(column) for column in columns.values()]
     if combine == "product":
-        return names, [dict(zip(names, row)) for row in itertools.product(*columns)], tuple(len(c) for c in columns)
+        columns = dict(zip(names, zip(*itertools.product(*columns.values()))))
+        return names, named_fields(columns, len(columns[names[0]])), tuple(lengths)
     if combine == "zip":
-        lengths = {len(c) for c in columns}
-        validation.check(len(lengths) == 1, 'combine="zip"', "as many values of each setting", [len(c) for c in columns])
-        return names, [dict(zip(names, row)) for row in zip(*columns)], (len(columns[0]),)
+        validation.check(len({*lengths}) == 1, 'combine="zip"', "as many values of each setting", lengths)
+        return names, named_fields(columns, lengths[0]), (lengths[0],)
     raise SettingError(f'combine: expected "product" or "zip", found {combine!r}')
 
 
@@ -330,16 +340,18 @@ def _check_plausible(problem: Problem, evaluate: Task, over: Mapping[str, Any], 
             free_and_stuck(problem.at(float(preload.max())), evaluate.mode)
 
 
-def _check_loads(problem: Problem, evaluate: Task, points: Sequence[Mapping[str, Any]]) -> None:
+def _check_loads(problem: Problem, evaluate: Task, points: NDArray) -> None:
     """Warn once if a sweep over speed or mass of the damper has preloads that contradict its centrifugal load."""
+    if not {"speed", "damper_mass"} & {*names_of(points)}:
+        return
     groups: dict[tuple[Any, float], list[float]] = {}
-    for point in points:
+    for i in range(len(points)):
+        point = row_of(points, i)
         preload = point.get("preload", getattr(evaluate, "preload", None))
         if preload is not None:
             at = point.get("speed", problem.settings.speed), point.get("damper_mass", 1.0)
             groups.setdefault(at, []).extend(np.ravel(preload))
-    if "speed" in points[0] or "damper_mass" in points[0]:
-        any(problem.sizes.check_preload(np.array(preloads), *at) for at, preloads in groups.items())
+    any(problem.sizes.check_preload(np.array(preloads), *at) for at, preloads in groups.items())
 
 
 def _header(job: _Job, over: Mapping[str, Any], combine: str) -> dict[str, Any]:
@@ -411,11 +423,9 @@ def sweep(
         _ = problem.stiffness  # computed once, before the job is sent to the workers
     opened = nullcontext() if resume is None else closing(ResultsFile(resume, _header(job, over, combine)))
     with opened as store:
-        ordered = run_stored(job, points, range(len(points)), executor, store, progress, "sweep", "point")
-    values, status, seconds, cost = zip(*((r["values"], r["status"], r["seconds"], Cost(**r["cost"])) for r in ordered))
-    return SweepResult(
-        names, tuple(points), values, status, np.array(seconds), shape, cost, **problem.recorded()
-    )  # fmt: skip
+        point = partial(row_of, points)
+        found = run_stored(job, point, range(len(points)), executor, store, progress, "sweep", "point")
+    return SweepResult(names, points, shape=shape, **vars(found), **problem.recorded())
 
 
 # ---- Comparison of studies ----

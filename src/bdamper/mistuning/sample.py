@@ -24,7 +24,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.analyses.executors import Record, check_executor, run_stored
+from bdamper.analyses.executors import Records, check_executor, run_stored
 from bdamper.harmonic_balance.checks import Asking, problem_of
 from bdamper.harmonic_balance.parameters import study_fingerprint
 from bdamper.harmonic_balance.problem import Problem
@@ -38,6 +38,7 @@ from bdamper.util.display import Fact, Plottable, Summarised, draw
 from bdamper.util.errors import COMPLETE, FAILED, NOT_RUN, BdamperError, SettingError, all_complete, status_word
 from bdamper.util.formatting import amount, short_repr
 from bdamper.util.progress import one_thread, shows_progress
+from bdamper.util.records import numbers_of
 from bdamper.util.storage import INSTALLED, FilePath, Recorded, ResultsFile, Storable
 from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Resonance, Seconds, Tabular
 
@@ -394,16 +395,16 @@ class _Sample:
         disk = self.disk.replace(mistuning=self.mistuning(standard_deviation, seed=seed))
         return disk.replace(dampers=DamperVariation.random(disk.n_blades, **dampers, seed=seed)) if dampers else disk
 
-    def audits(self, peaks: list[Record], share: float, drawn: NDArray) -> list[int]:
+    def audits(self, peaks: Records, share: float, drawn: NDArray) -> list[int]:
         """Return the indices of the points to search again: the disks ``drawn`` in advance and the highest disks.
 
         Nothing is returned before all peaks are known.
         """
-        if any(status_word(r["status"]) == NOT_RUN for r in peaks):
+        if any(status_word(status) == NOT_RUN for status in peaks.status):
             return []
-        height = np.array([r["values"].get("amplitude", np.nan) for r in peaks]).reshape(self.shape)
+        height = numbers_of(peaks.values, "amplitude").reshape(self.shape)
         chosen = highest_disks(height, share) | np.isin(self.over["disk"], drawn)[:, None, None]
-        return [int(i) for i in np.flatnonzero(chosen) if "interval" in peaks[i]["values"]]
+        return [int(i) for i in np.flatnonzero(chosen & np.isfinite(height))]
 
     def __call__(self, settings: Mapping[str, Any]) -> Mapping[str, Any]:
         """Search for the highest peak of one disk at one preload, thoroughly if an interval is given."""
@@ -513,32 +514,35 @@ def mistuned_sample(
     results = nullcontext() if resume is None else closing(ResultsFile(resume, sample.header(), "sample of bladed disks"))
     with results as store:
         run = partial(run_stored, sample, executor=executor, store=store, progress=progress)
-        peaks, curves = _records(sample, audit, audited, run)
-    return _result(sample, peaks, curves, tuned=tuned, audited=audited, audit_share=float(audit))
+        records = _records(sample, audit, audited, run)
+    return _result(sample, *records, tuned=tuned, audited=audited, audit_share=float(audit))
 
 
 def _records(
-    sample: _Sample, audit: float, audited: NDArray, run: Callable[..., list[Record]]
-) -> tuple[list[Record], list[Record]]:
-    """Return the records of all peaks, and of the thorough searches (empty if not run)."""
+    sample: _Sample, audit: float, audited: NDArray, run: Callable[..., Records]
+) -> tuple[Records, Records, list[int]]:
+    """Return the records of all peaks, those of the thorough searches, and the indices of the latter."""
     cells = list(itertools.product(*sample.over.values()))
     points, names = [dict(zip(sample.over, cell)) for cell in cells], [" ".join(map(str, cell)) for cell in cells]
-    peaks = run(points, names, what="disks", unit="peak")
+    peaks = run(points.__getitem__, names, what="disks", unit="peak")
     indices = sample.audits(peaks, audit, audited)
-    searches = [points[i] | {"interval": peaks[i]["values"]["interval"]} for i in indices]
-    records = dict(zip(indices, run(searches, [f"audit {names[i]}" for i in indices], what="audit", unit="search")))
-    return peaks, [records.get(i, {}) for i in range(len(points))]
+    searches = [points[i] | {"interval": peaks.values["interval"][i]} for i in indices]
+    searched = run(searches.__getitem__, [f"audit {names[i]}" for i in indices], what="audit", unit="search")
+    return peaks, searched, indices
 
 
 def _result(
-    sample: _Sample, peaks: list[Record], curves: list[Record], *, tuned: list[Peak], **audit: Any
+    sample: _Sample, peaks: Records, searched: Records, indices: list[int], *, tuned: list[Peak], **audit: Any
 ) -> MistunedSample:
     """Assemble the sample from the records of all searches."""
 
-    def array(records: list[Record], name: str, group: str = "values", missing: float = np.nan) -> NDArray:
-        return np.array([r.get(group, {}).get(name, missing) for r in records], float).reshape(sample.shape)
+    def of_searched(values: NDArray, missing: float) -> NDArray:
+        out = np.full(len(peaks.status), missing)
+        out[indices] = values
+        return out.reshape(sample.shape)
 
-    columns: dict[str, Any] = {name: array(peaks, name) for name in OF_PEAKS}
+    columns: dict[str, Any] = {name: numbers_of(peaks.values, name).reshape(sample.shape) for name in OF_PEAKS}
+    curve_status = dict(zip(indices, searched.status))
     disks, deviations, preloads = map(np.array, sample.over.values())
     return MistunedSample(
         n_blades=sample.disk.n_blades,
@@ -548,11 +552,11 @@ def _result(
         **columns,
         **audit,
         tuned_amplitude=np.array([p.amplitude for p in tuned]),
-        status=tuple(r["status"] for r in peaks),
-        curve_amplitude=array(curves, "amplitude"),
-        curve_status=tuple(str(r.get("status", "not asked")) for r in curves),
-        processor=array(peaks, "processor", "cost", 0.0),
-        curve_processor=array(curves, "processor", "cost", 0.0),
+        status=peaks.status,
+        curve_amplitude=of_searched(numbers_of(searched.values, "amplitude"), np.nan),
+        curve_status=tuple(curve_status.get(i, "not asked") for i in range(len(peaks.status))),
+        processor=numbers_of(peaks.cost, "processor").reshape(sample.shape),
+        curve_processor=of_searched(numbers_of(searched.cost, "processor"), 0.0),
         drawn=dict(sample.random),
         settings=sample.disk.structure.tuned.record(),
         model_hash=sample.disk.study.model.hash,

@@ -80,7 +80,7 @@ def plot_campbell(campbell: Campbell, ax: Axes = NEW) -> None:
     damped = [pair for result in campbell.damped for pair in zip(result.points, result.values)]
     masses = sorted({point["damper_mass"] for point, _ in damped})
     for point, value in damped:
-        if value and point["engine_order"] in orders:
+        if np.isfinite(value["speed"]) and point["engine_order"] in orders:
             look = looks(len(masses))[masses.index(point["damper_mass"])]
             look |= {"markersize": 5.0, "markeredgecolor": "k", "linestyle": "none", "zorder": 4}
             look["label"] = once(ax, f"damped, {1e3 * value['mass']:.3g} g")

@@ -46,6 +46,7 @@ from bdamper.response.sensitivity import Sensitivities
 from bdamper.response.verification import Convergence
 from bdamper.util.errors import SettingError
 from bdamper.util.formatting import UNITS, amount, peak_text, percent, spaced
+from bdamper.util.records import row_of
 from bdamper.util.tables import FEW_ROWS, Tabular, axis_label, quantities
 
 # ---- Design studies ----
@@ -80,11 +81,12 @@ def plot_sweep(result: SweepResult, quantity: str | None = None, ax: Axes = NEW)
     if values.ndim != len(result.shape) or values.dtype.kind != "f":
         raise SettingError(f"quantity must have one number for each point, '{quantity}' has the shape {values.shape}")
     name, last = result.names[-1], result.shape[-1]
-    x = [point[name] for point in result.points[:last]]
+    x = result.points[name][:last].tolist()
     numeric = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in x)
     across = np.array(x if numeric else [str(value) for value in x])
     rows = values.reshape(-1, last)
-    for others, row, look in zip(result.points[::last], rows, looks(len(rows))):
+    for k, row, look in zip(range(0, len(result), last), rows, looks(len(rows))):
+        others = row_of(result.points, k)
         ax.plot(across, row, **look, label=as_words({key: others[key] for key in result.names[:-1]}) or None)
         lost(ax, across[~np.isfinite(row)], look["color"], "no value")
     if numeric and min(x) > 0.0 and max(x) > 20.0 * min(x):

@@ -41,7 +41,7 @@ from bdamper.response.sensitivity import amplitude_sensitivity
 from bdamper.util import validation
 from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND, BdamperError, with_reason
 from bdamper.util.progress import Cost, LongWork, executor_errors, one_thread, progress_stages, stopped_by
-from bdamper.util.storage import INSTALLED, ResultsFile
+from bdamper.util.storage import INSTALLED, ResultsFile, json_line
 
 # ---- response at one preload ----
 
@@ -206,7 +206,7 @@ class Curves:
             header |= INSTALLED.attributes() | {"frequency": self.frequency} | self.asked
             self.file = ResultsFile(self.resume, header, "search for an optimal curve")
             self.stack.enter_context(closing(self.file))
-            self.stored = self.file.records
+            self.stored = {record["index"]: record for record in self.file.finished()}
         if self.executor is None:
             self.executor = self.stack.enter_context(ThreadPoolExecutor(os.cpu_count() or 1))
         self.report = self.stack.enter_context(progress_stages(self.progress, "optimal curve", "curve"))
@@ -261,7 +261,7 @@ class Curves:
     def _store(self, there: AtPreload) -> None:
         self.known[there.preload] = there
         if self.file is not None:
-            self.file.append(there.record())
+            self.file.append(json_line(there.record()))
 
     def cost(self, start: float) -> Cost:
         """Return the cost of all curves on all threads, with the elapsed time since the start."""

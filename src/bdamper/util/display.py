@@ -12,7 +12,7 @@ import importlib
 import re
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import astuple, dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from functools import reduce, wraps
 from os import PathLike
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
@@ -23,6 +23,7 @@ from bdamper.util import validation
 from bdamper.util.errors import COMPLETE, FAILED, BdamperError, not_run_lines, status_word
 from bdamper.util.formatting import UNITS, aligned, amount, counted, percent, short_repr, spaced, table_lines, text_of
 from bdamper.util.progress import Cost
+from bdamper.util.records import names_of
 from bdamper.util.tables import FEW_ROWS, Quantity, Tabular, quantities
 
 # ---- Summaries and figures ----
@@ -146,8 +147,8 @@ class Summarised:
         if isinstance(status, tuple):
             texts += not_run_lines(status, "parts") + [s for s in dict.fromkeys(status) if status_word(s) == FAILED]
         table = table_lines(self._rows(), "  ", whole=True)
-        if isinstance(cost, tuple) and cost:  # one cost for each part
-            cost = Cost(*map(sum, zip(*map(astuple, cost))))
+        if isinstance(cost, np.ndarray):  # one cost for each part
+            cost = Cost(**{name: sum(cost[name].tolist()) for name in names_of(cost)})
         texts += [str(cost or "").strip()]
         lines = [self._headline(), *aligned([(fact.name, fact.to_digits(6)) for fact in facts], "  "), *table, *texts]
         return "\n".join(line for line in lines if line)

@@ -299,8 +299,9 @@ class CostMeter:
     def read(self, *parts: Cost) -> Cost:
         """Return the cost so far, including the parts of :meth:`add`."""
         own: dict[str, Any] = {
-            name: sum(getattr(system.core.cost, name) - getattr(before, name) for system, before in self.systems)
-            for name in ("contact", "assembly", "algebra", *WEIGHED)
+            name: sum((getattr(system.core.cost, name) - getattr(before, name) for system, before in self.systems), zero)
+            for names, zero in ((("contact", "assembly", "algebra"), 0.0), (WEIGHED, 0))
+            for name in names
         }
         mine = Cost(**own, iterations=self.iterations, failed_steps=self.failed_steps)
         seconds, processor = time.perf_counter() - self.start, time.thread_time() - self.processor_start

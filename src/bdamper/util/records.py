@@ -1,7 +1,8 @@
 """Records in HDF5: dataclasses described by the annotated types of their fields.
 
 A :class:`Record` is a group.  Numbers and texts are attributes, arrays are datasets, mappings and nested records are
-groups, and all other values are texts in JSON.  A field that is None is omitted.  :class:`Data` sets units, type and path.
+groups, and all other values are texts in JSON, also the objects in an array with named fields.  A field that is None is
+omitted.  :class:`Data` sets units, type and path.
 
 :func:`read_record` rejects unknown names, since a misspelt optional dataset would have no effect.  It also rejects links to
 other places, external storage and virtual datasets, since a file must contain all its data.  It ignores other attributes.
@@ -11,7 +12,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, InitVar, asdict, dataclass, fields, is_dataclass
 from functools import cache
 from types import NoneType, UnionType
@@ -203,6 +204,7 @@ def new_group(group: h5py.Group, path: str) -> h5py.Group:
 
 def _write_array(group: h5py.Group, name: str, array: NDArray, data: Data) -> None:
     array = array.astype(_SINGLE[array.dtype.kind]) if data.kind == "picture" else array
+    array = _texts_of_objects(array) if array.dtype.kind == "V" else array
     large = {"compression": "gzip", "compression_opts": 4, "shuffle": True}
     dataset = group.create_dataset(name, data=array, **large if array.nbytes > COMPRESS_FROM else {})
     if data.units:
@@ -307,6 +309,8 @@ def _read_dataset(group: h5py.Group, name: str, item: Item) -> Any:
     check(isinstance(dataset, h5py.Dataset), at, "a dataset", f"a {type(dataset).__name__.lower()}")
     _check_storage(dataset, at)
     if not data.units:
+        if dataset.dtype.kind == "V":
+            return _objects_of_texts(dataset[()])
         text = h5py.check_string_dtype(dataset.dtype) is not None
         return from_json(item.kind, json.loads(dataset[()])) if text else dataset[()]
     letters, words = TYPES[data.kind]
@@ -357,6 +361,62 @@ def _text(value: Any, item: str) -> str:
         value = value.decode("utf-8", errors="replace")
     check(isinstance(value, str), item, "a text", repr(value))
     return str(value)
+
+
+# ---- Arrays with named fields ----
+
+
+def named_fields(columns: Mapping[str, Sequence[Any] | NDArray], n: int) -> NDArray:
+    """Return an array (n,) with a field for each column: float, int or bool if all its values are, otherwise objects.
+
+    None, a missing value, is NaN in a field of floats.
+    """
+    arrays = {name: _narrowed(column) for name, column in columns.items()}
+    out = np.zeros(n, [(name, array.dtype) for name, array in arrays.items()])
+    for name, array in arrays.items():
+        out[name] = array
+    return out
+
+
+def _narrowed(column: Sequence[Any] | NDArray) -> NDArray:
+    if isinstance(column, np.ndarray) and column.dtype != object:
+        return column
+    values, kinds = list(column), {*map(type, column)}
+    narrow = kinds in ({int}, {bool}, {float}, {float, NoneType})
+    return np.array(values, float if float in kinds else None) if narrow else np.fromiter(values, object, len(values))
+
+
+def names_of(rows: NDArray) -> tuple[str, ...]:
+    """Return the names of the fields of an array."""
+    return rows.dtype.names or ()
+
+
+def row_of(rows: NDArray, i: int) -> dict[str, Any]:
+    """Return the values of a row by the names of the fields."""
+    return dict(zip(names_of(rows), rows[i].item()))
+
+
+def numbers_of(rows: NDArray, name: str) -> NDArray:
+    """Return a field as (n,) float; NaN if there is no such field or no value."""
+    return rows[name].astype(float) if name in names_of(rows) else np.full(len(rows), np.nan)
+
+
+def _texts_of_objects(rows: NDArray) -> NDArray:
+    objects = {name: rows.dtype[name].hasobject for name in names_of(rows)}
+    kinds = [(name, h5py.string_dtype() if objects[name] else rows.dtype[name]) for name in objects]
+    out = np.zeros(len(rows), kinds or "V1")
+    for name in objects:
+        out[name] = [json.dumps(v, default=to_json) for v in rows[name]] if objects[name] else rows[name]
+    return out
+
+
+def _objects_of_texts(stored: NDArray) -> NDArray:
+    columns: dict[str, Any] = {name: stored[name] for name in names_of(stored)}
+    for name, column in columns.items():
+        if column.dtype == object:
+            known = {text: json.loads(text) for text in set(column)}  # equal values share their memory
+            columns[name] = [known[text] for text in column]
+    return named_fields(columns, len(stored))
 
 
 # ---- JSON ----

@@ -286,11 +286,6 @@ class ResultsFile:
     work : str
         Kind of work for errors: "sweep", "search for an optimal curve".
 
-    Attributes
-    ----------
-    records : dict of (int or str) to mapping
-        Finished parts by "index", a number or a name.
-
     Raises
     ------
     BdamperError
@@ -301,14 +296,13 @@ class ResultsFile:
         self.path = Path(path)
         self.header = dict(header)
         self.expected, self.work = f"a results file of a {work}", work
-        self.records: dict[int | str, dict[str, Any]] = {}
         self.waiting, self.synced = b"", -math.inf
         check_regular(self.path)
         with file_errors(self.path):
             self.file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o666)
             try:
                 self._lock()
-                self._read()
+                self._check()
                 _OPEN.add(self)
             except BaseException:
                 os.close(self.file)
@@ -327,32 +321,34 @@ class ResultsFile:
     def _mismatch(self, expected: str, found: str) -> BdamperError:
         return BdamperError(f"{self.path}: expected {expected}, found {found}")
 
-    def _read(self) -> None:
-        whole = 0
+    def _check(self) -> None:
         with open(self.path, "rb") as lines:
             first = lines.readline()
-            if not first.endswith(b"\n"):
-                if not json_line(self.header).startswith(first):
-                    raise self._mismatch(self.expected, "something else")
-                os.ftruncate(self.file, 0)
-                self._write(self.header)
-                return
-            try:
-                found = json.loads(first)
-            except ValueError as error:
-                raise self._mismatch(self.expected, "something else") from error
-            self._compare(found)
-            whole = len(first)
+            whole = len(first) + sum(len(line) for line in lines if line.endswith(b"\n"))
+        if not first.endswith(b"\n"):
+            if not json_line(self.header).startswith(first):
+                raise self._mismatch(self.expected, "something else")
+            os.ftruncate(self.file, 0)
+            self._write(json_line(self.header))
+            return
+        try:
+            found = json.loads(first)
+        except ValueError as error:
+            raise self._mismatch(self.expected, "something else") from error
+        self._compare(found)
+        os.ftruncate(self.file, whole)  # without the incomplete line of a killed run
+
+    def finished(self) -> Iterator[dict[str, Any]]:
+        """Read the finished parts one after the other; "index" is the number or name of a part."""
+        with open(self.path, "rb") as lines:
+            next(lines)
             for number, line in enumerate(lines, 2):
-                if not line.endswith(b"\n"):  # incomplete line of a killed run
-                    os.ftruncate(self.file, whole)
-                    break
                 try:
                     record = from_line(line)
-                    self.records[record["index"]] = record
+                    _ = record["index"]
                 except (ValueError, KeyError, TypeError) as error:
                     raise self._mismatch(f"one finished part in line {number}", repr(line[:60])) from error
-                whole += len(line)
+                yield record
 
     def _compare(self, found: Any) -> None:
         if not isinstance(found, dict) or found.get("format") != self.header["format"]:
@@ -366,22 +362,21 @@ class ResultsFile:
                 values = f"{truncate(json.dumps(found.get(name)), 100)}, here {truncate(json.dumps(expected), 100)}"
                 raise self._mismatch(f"results of this {self.work}", f"results of other settings: {name} is {values}")
 
-    def _write(self, *records: Mapping[str, Any]) -> None:
-        self.waiting += b"".join(map(json_line, records))
+    def _write(self, *lines: bytes) -> None:
+        self.waiting += b"".join(lines)
         while self.waiting:
             self.waiting = self.waiting[os.write(self.file, self.waiting) :]
-        if not records or time.monotonic() > self.synced + 1.0:  # on a disk 4 ms, as long as a small point
+        if not lines or time.monotonic() > self.synced + 1.0:  # on a disk 4 ms, as long as a small point
             os.fsync(self.file)
             self.synced = time.monotonic()
 
-    def append(self, *records: dict[str, Any]) -> None:
-        """Add finished parts in one write.
+    def append(self, *lines: bytes) -> None:
+        """Add the lines (:func:`json_line`) of finished parts in one write.
 
         If the disk is full, warn and retry with the next parts.
         """
-        self.records |= {record["index"]: record for record in records}
         try:
-            self._write(*records)
+            self._write(*lines)
         except OSError as error:
             warn(f"{self.path}: expected free disk space, found {one_line(error)}; finished parts remain in memory")
 
