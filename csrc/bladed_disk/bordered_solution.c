@@ -63,6 +63,7 @@ bd_status bd_wheel_factor(bd_equations *e, const bd_border *border) {
     }
     ++w->cost.n_factorisation;
     const bd_status status = bd_ring_factor(&w->ring, &(bd_ring_matrix){.tangent = w->tangent,
+                                                                        .form = w->form,
                                                                         .blade = in->stiffness,
                                                                         .common = sector_part,
                                                                         .damping = damping,

@@ -77,6 +77,7 @@ bd_status bd_ring_create(bd_ring *w, const bd_ring_input *in) {
                  {&w->next_side, n_sector_unknown * n_sector_unknown},
                  {&w->Z, 3 * (size_t)in->n_point * n_sector_unknown},
                  {&w->rows, 3 * (size_t)(in->n_point * w->sector_size)},
+                 {&w->picked_rows, 3 * (size_t)(in->n_point * w->sector_size)},
                  {&w->rows_transposed, 3 * (size_t)(in->n_point * w->sector_size)},
                  {&w->columns, e * q},
                  {&w->outer, q * q + N * (e + 2 * q)},
@@ -85,7 +86,7 @@ bd_status bd_ring_create(bd_ring *w, const bd_ring_input *in) {
     size_t total = BD_KERNEL_PAD;
     for (size_t i = 0; i < sizeof parts / sizeof *parts; ++i) total += parts[i].n;
     w->memory = malloc(sizeof(double) * total);
-    w->pivot = malloc(sizeof(int) * (most + (size_t)in->n_point));
+    w->pivot = malloc(sizeof(int) * (most + 2 * (size_t)in->n_point));
     if (!w->memory || !w->pivot) {
         bd_ring_destroy(w);
         return BD_NO_MEMORY;
@@ -96,6 +97,7 @@ bd_status bd_ring_create(bd_ring *w, const bd_ring_input *in) {
     for (size_t i = 0; i < total; ++i) w->memory[i] = NAN;
 #endif
     w->point = w->pivot + most;
+    w->picked = w->point + in->n_point;
     int at[2] = {0, w->n_group[0]};
     for (int p = 0; p < in->n_point; ++p) {
         const int k = at[in->on_next[p] != 0]++, row = 3 * w->sector_size;
@@ -118,16 +120,28 @@ static void fill_row(const bd_ring *w, const double *const block[3], const doubl
     }
 }
 
-/* Tangents of the points of one sector on its blade, or on the next one: (n_coef, sector_size, n_coef, sector_size). */
-static void contact_matrix(bd_ring *w, int g, const double *T, double *out) {
-    const int nc = w->input.n_coef, ns = w->sector_size, wide = nc * ns, n = w->n_group[g],
-              *point = w->point + g * w->n_group[0];
-    const double *rows = w->rows + 3 * ns * g * w->n_group[0];
-    const size_t nn = (size_t)(nc * nc);
+/* Pick the points of a group whose tangents have a form, and copy their rows; return their number. */
+static int pick_points(bd_ring *w, int g, const unsigned char *form, bd_block wanted) {
+    const int first = g * w->n_group[0], row = 3 * w->sector_size;
+    int n = 0;
+    for (int p = first; p < first + w->n_group[g]; ++p) {
+        if (form[w->point[p]] != wanted) continue;
+        memcpy(w->picked_rows + n * row, w->rows + p * row, sizeof(double) * (size_t)row);
+        w->picked[n++] = w->point[p];
+    }
+    return n;
+}
+
+/* Tangents of the points of sector k on its blade, or on the next one: (n_coef, sector_size, n_coef, sector_size). */
+static void contact_matrix(bd_ring *w, int g, const bd_ring_matrix *m, int k, double *out) {
+    const int nc = w->input.n_coef, ns = w->sector_size, wide = nc * ns;
+    const size_t nn = (size_t)(nc * nc), first = (size_t)k * (size_t)w->input.n_point;
+    const double *T = m->tangent + 7 * nn * first, *rows = w->picked_rows;
     memset(out, 0, sizeof(double) * (size_t)wide * (size_t)wide);
+    int n = pick_points(w, g, m->form + first, BD_BLOCK_FULL);
     for (int c = 0; c < nc; ++c) {
         for (int p = 0; p < n; ++p) {
-            const double *t = T + ((size_t)point[p] * 7 * (size_t)nc + (size_t)c) * (size_t)nc;
+            const double *t = T + ((size_t)w->picked[p] * 7 * (size_t)nc + (size_t)c) * (size_t)nc;
             const double *u = rows + 3 * p * ns, *v = u + ns, *normal = v + ns;
             double *z = w->Z + (size_t)(3 * p) * (size_t)wide;
             fill_row(w, (const double *[]){t, t + 2 * nn, t + 4 * nn}, (const double *[]){u, normal, v}, z);
@@ -137,6 +151,17 @@ static void contact_matrix(bd_ring *w, int g, const double *T, double *out) {
         }
         w->kernel->product((size_t)ns, (size_t)wide, (size_t)(3 * n), rows, w->Z, (size_t)wide,
                            out + (size_t)(c * ns) * (size_t)wide, (size_t)wide);
+    }
+    n = pick_points(w, g, m->form + first, BD_BLOCK_LINEAR);
+    for (int c = 0; c < nc; ++c) {
+        for (int i = 0; i < 3 * n; ++i) {
+            const int block = i % 3 == 2 ? 6 : i % 3;
+            const size_t at = (size_t)(7 * w->picked[i / 3] + block) * nn + (size_t)(c * (nc + 1));
+            const double stiffness = T[at];
+            for (int j = 0; j < ns; ++j) w->Z[i * ns + j] = stiffness * rows[i * ns + j];
+        }
+        w->kernel->product((size_t)ns, (size_t)ns, (size_t)(3 * n), rows, w->Z, (size_t)ns,
+                           out + (size_t)(c * ns) * ((size_t)wide + 1), (size_t)wide);
     }
 }
 
@@ -285,12 +310,11 @@ static int eliminate_ring(bd_ring *w) {
 
 bd_status bd_ring_factor(bd_ring *w, const bd_ring_matrix *m) {
     const size_t N = (size_t)w->input.n_sector, all = sizeof(double) * N * (size_t)w->n_ring * (size_t)w->n_ring;
-    const size_t of_sector = 7 * (size_t)w->input.n_point * (size_t)(w->input.n_coef * w->input.n_coef);
     w->sign = 1;
     memset(w->diagonal, 0, all), memset(w->lower, 0, all), memset(w->upper, 0, all);
     for (size_t n = 0; n < N; ++n) {
-        contact_matrix(w, 0, m->tangent + n * of_sector, w->own_side);
-        contact_matrix(w, 1, m->tangent + (n + N - 1) % N * of_sector, w->next_side);
+        contact_matrix(w, 0, m, (int)n, w->own_side);
+        contact_matrix(w, 1, m, (int)((n + N - 1) % N), w->next_side);
         add_blade(w);
         add_linear(w, m, (int)n);
         if (!eliminate_blade(w, (int)n)) return BD_SINGULAR;

@@ -2,6 +2,7 @@
 #ifndef BD_BLADED_DISK_CYCLIC_ELIMINATION_H
 #define BD_BLADED_DISK_CYCLIC_ELIMINATION_H
 
+#include "contact/element.h"
 #include "util/kernels.h"
 #include "util/conventions.h"
 
@@ -19,10 +20,11 @@ typedef struct {
 
 /* Parts of the matrix of the linear equations; some depend on the harmonic l = 0 ... n_harm. */
 typedef struct {
-    const double *tangent;   /* (n_sector, n_point, 7, n_coef, n_coef) blocks in the order of bd_response */
-    const double *blade;     /* (n_sector, n_blade, n_blade) */
-    const double *common;    /* (n_harm + 1, n_blade, n_blade) common to all blades, added to `blade` */
-    const double *damping;   /* (n_harm + 1, n_blade, n_blade) damping matrix times the frequency of the harmonic */
+    const double *tangent;     /* (n_sector, n_point, 7, n_coef, n_coef) blocks in the order of bd_response */
+    const unsigned char *form; /* (n_sector, n_point) bd_block: zero, full, or linear: multiples of the identity */
+    const double *blade;       /* (n_sector, n_blade, n_blade) */
+    const double *common;      /* (n_harm + 1, n_blade, n_blade) common to all blades, added to `blade` */
+    const double *damping;     /* (n_harm + 1, n_blade, n_blade) damping matrix times the frequency of the harmonic */
     const double *damper;    /* (n_harm + 1, n_sector, 2, n_damper) stiffness minus inertia, and damping times frequency */
     const double *springs;   /* (n_sector, n_damper) additional stiffness of the mean of dampers */
     const double *neighbour; /* (n_harm + 1, n_kept, n_kept) coupling to the previous sector */
@@ -41,6 +43,8 @@ typedef struct {
     double *rows;            /* rows of the points on the blade of the sector, then of the points on the next blade */
     double *rows_transposed; /* the same transposed, (sector_size, 3 n) of either group */
     int n_group[2], *point;
+    double *picked_rows; /* rows of the points of one group and form */
+    int *picked;
     double *memory;
     int *pivot;
     const bd_kernel *kernel;

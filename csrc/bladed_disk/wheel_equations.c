@@ -243,6 +243,7 @@ static void evaluate_points(bd_wheel *w, int first, int n, int derivative) {
     }
     bd_contact_evaluate_many(n, w->element + first, w->X + 3 * nc * (size_t)first, out, w->share + first, &w->evaluator);
     for (int i = 0; derivative && i < n; ++i) {
+        w->form[first + i] = (unsigned char)bd_element_form(out + i);
         bd_element_write_blocks(w->element + first + i, w->input.n_harm, out + i);
         double *block = w->tangent + 7 * nn * (size_t)(first + i);
         for (size_t c = 0; c < nc; ++c) {
@@ -346,6 +347,7 @@ static void destroy_wheel(bd_equations *e) {
     free(w->memory);
     free(w->element);
     free(w->share);
+    free(w->form);
     free((void *)w->input.on_next);
     free(w);
 }
@@ -512,7 +514,8 @@ static bd_status parts_create(bd_wheel *w, const bd_wheel_input *in) {
     copies->on_next = flags;
     w->element = malloc(sizeof(bd_element) * (points + 1));
     w->share = malloc(sizeof(bd_status_share) * (points + 1));
-    if (!flags || !w->element || !w->share) return BD_NO_MEMORY;
+    w->form = malloc(points + 1);
+    if (!flags || !w->element || !w->share || !w->form) return BD_NO_MEMORY;
     copies->active = flags + in->n_point, copies->pinned = copies->active + nc;
     memcpy(flags, in->on_next, (size_t)in->n_point);
     memcpy(flags + in->n_point, in->active, nc);

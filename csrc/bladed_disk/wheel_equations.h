@@ -55,6 +55,7 @@ typedef struct {
     double *cosine, *sine;     /* (n_wave, n_sector), the sine negative */
     bd_element *element;       /* (n_sector n_point) */
     bd_status_share *share;
+    unsigned char *form; /* (n_sector n_point) bd_block of the tangents */
     /* motion, force (n_coef) and tangents (7, n_coef, n_coef) of the points in the latest evaluation */
     double *X, *F, *tangent;
     double *x;                      /* the current point */

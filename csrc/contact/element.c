@@ -235,6 +235,10 @@ static void set_diagonal(double *block, int n_coef, double value) {
     for (int i = 0; i < n_coef; ++i) block[(size_t)i * (size_t)n_coef + (size_t)i] = value;
 }
 
+bd_block bd_element_form(const bd_response *out) {
+    return out->tangential[0] == out->normal && out->tangential[1] == out->normal ? out->normal : BD_BLOCK_FULL;
+}
+
 void bd_element_write_blocks(const bd_element *element, int n_harm, bd_response *out) {
     const int n_coef = bd_n_coef(n_harm);
     for (int d = 0; d < 2; ++d) {

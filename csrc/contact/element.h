@@ -121,6 +121,9 @@ void bd_element_open(const bd_element *element, int n_harm, bd_response *out);
 /* Cubic springs, exact for the truncated motion x (3, n_coef). */
 void bd_element_cubic(const bd_element *element, int n_harm, const double *x, bd_response *out);
 
+/* Common form of all blocks; full if they differ. */
+bd_block bd_element_form(const bd_response *out);
+
 /* Write the blocks that an evaluation omitted because they are zero or diagonal. */
 void bd_element_write_blocks(const bd_element *element, int n_harm, bd_response *out);
 

@@ -8,8 +8,8 @@ bd_status bd_evaluate(bd_equations *e, const double *y, int derivative) {
     return status;
 }
 
-bd_status bd_trial_residual(bd_equations *e, const double *y) {
-    const bd_status status = e->type->evaluate(e, y, 0);
+bd_status bd_trial(bd_equations *e, const double *y) {
+    const bd_status status = e->type->evaluate(e, y, e->J == NULL);
     if (status != BD_OK) e->stage = BD_EMPTY;
     return status;
 }

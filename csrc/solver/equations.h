@@ -57,8 +57,8 @@ struct bd_equations {
 };
 
 bd_status bd_evaluate(bd_equations *equations, const double *y, int derivative);
-/* r alone; the factors of the previous point remain valid */
-bd_status bd_trial_residual(bd_equations *equations, const double *y);
+/* r, and unless J is stored C and the data for factor; the factors of the previous point remain valid */
+bd_status bd_trial(bd_equations *equations, const double *y);
 bd_status bd_product(bd_equations *equations, int transposed, const double *x, double *out); /* (n) */
 bd_status bd_factor(bd_equations *equations, const bd_border *border);
 bd_status bd_solve_linear(bd_equations *equations, double tolerance, double *b);

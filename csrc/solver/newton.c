@@ -51,6 +51,7 @@ typedef struct {
     double stall_residual; /* residual at the first of them */
     int arrived;
     double fraction;                   /* fraction of the latest step */
+    int derived;                       /* whether the latest trial is y, with the data for the next factorisation */
     double linear_tolerance;           /* tolerance of the linear equations of a step */
     double condition_residual;         /* of a linear condition: row . (z - z_predicted), updated in each step */
     double tangent_step, slope_before; /* of a stationary point: the latest step along the tangent, and phi before it */
@@ -169,7 +170,7 @@ static void search_step_length(newton_run *run) {
     run->fraction = 1.0;
     for (int i = 0; i < 8; ++i, fraction *= 0.5) {
         move(run, fraction);
-        if (bd_trial_residual(e, run->y) != BD_OK) continue;
+        if (bd_trial(e, run->y) != BD_OK) continue;
         for (size_t j = 0; j < n; ++j) next[j] = -e->r[j];
         next[n] = -(1.0 - fraction) * run->condition_residual;
         const double now = bd_solve_linear(e, fmin(TRIAL_TOLERANCE, 100.0 * run->linear_tolerance), next) == BD_OK
@@ -178,6 +179,7 @@ static void search_step_length(newton_run *run) {
         if (now < best) best = now, run->fraction = fraction;
         if (now < (1.0 - 0.25 * fraction) * full_length) break;
     }
+    run->derived = !e->J && run->fraction == fraction && e->stage == BD_FACTORED;
     move(run, run->fraction);
 }
 
@@ -243,8 +245,9 @@ static bd_status iterate(newton_run *run) {
     bd_solver_report *report = run->report;
     const int stationary = run->condition->kind == BD_STATIONARY;
     for (int i = 0; !run->arrived; ++i) {
-        bd_status status = bd_evaluate(run->equations, run->y, 1);
+        bd_status status = run->derived ? BD_OK : bd_evaluate(run->equations, run->y, 1);
         if (status != BD_OK) return status;
+        run->derived = 0;
         run->residual_before = report->residual;
         report->residual = largest(run->equations);
         report->iterations = i;
@@ -263,7 +266,7 @@ static bd_status iterate(newton_run *run) {
         if (run->options->accepted_residual > 0.0 && oscillates(run)) return BD_NOT_CONVERGED;
         if (run->fraction < 1.0 || report->last_step >= run->options->step_tolerance) continue;
         if (run->tangent) status = find_tangent(run);
-        if (status == BD_OK) status = bd_evaluate(run->equations, run->y, 0);
+        if (status == BD_OK && !run->derived) status = bd_evaluate(run->equations, run->y, 0);
         if (status != BD_OK) return status;
         report->residual = largest(run->equations);
         if (run->options->accepted_residual == 0.0 || report->residual <= run->options->accepted_residual) {
