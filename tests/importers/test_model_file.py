@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 
 import bdamper.model.model_file as model_file
-from bdamper.model.fields import layout
 from bdamper.model.modal_basis import LocalBasis, ModalBasis, SpeedBasis, SpinStatic
 from bdamper.model.model_file import load_model, save_model
 from bdamper.model.structure import (
@@ -32,6 +31,7 @@ from bdamper.model.structure import (
     feed_digest,
 )
 from bdamper.util.errors import BdamperError, ModelError
+from bdamper.util.records import layout
 from tests.each import each
 from tests.models import ALL_MODELS, complete_model, shroud_model, wedge_model
 

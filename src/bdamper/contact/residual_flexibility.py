@@ -33,10 +33,9 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from bdamper.model.fields import check
 from bdamper.model.kinematics import Coordinate, Coupling, HarmonicBasis
 from bdamper.util import validation
-from bdamper.util.errors import mismatch
+from bdamper.util.errors import check, mismatch
 from bdamper.util.formatting import short_repr
 
 MARGIN = 0.1

@@ -36,11 +36,10 @@ import scipy
 from numpy.typing import NDArray
 
 from bdamper.contact.static_state import STICK, law_tangent, limited_forces
-from bdamper.model.fields import check
 from bdamper.model.kinematics import Coupling
 from bdamper.util import validation
 from bdamper.util.display import Summarised
-from bdamper.util.errors import ModelError, SettingError
+from bdamper.util.errors import ModelError, SettingError, check
 from bdamper.util.formatting import short_repr
 
 TOLERANCE = 1e-12

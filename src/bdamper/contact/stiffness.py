@@ -37,11 +37,10 @@ from numpy.typing import NDArray
 
 from bdamper.contact.residual_flexibility import ResidualModes, ResidualSet
 from bdamper.contact.static_contact import solve_static_contact, static_contact_problem
-from bdamper.model.fields import check
 from bdamper.model.kinematics import Coupling
 from bdamper.model.structure import ContactStiffness
 from bdamper.util import validation
-from bdamper.util.errors import SettingError
+from bdamper.util.errors import SettingError, check
 from bdamper.util.formatting import short_repr
 
 METHODS = ("residual_modes", "unit_traction", "cigeroglu2009")

@@ -41,8 +41,8 @@ from bdamper.importers.fe_body import (
     reader,
 )
 from bdamper.importers.input_file import Deck
-from bdamper.model.fields import check, check_all
-from bdamper.util.errors import mismatch
+from bdamper.util.errors import check, mismatch
+from bdamper.util.records import check_all
 from bdamper.util.storage import FilePath
 
 _FRD_SOLIDS = {1: 8, 2: 6, 3: 4, 4: 20, 5: 15, 6: 10}

@@ -50,8 +50,8 @@ from bdamper.importers.fe_body import (
     reader,
     rotate_to_file,
 )
-from bdamper.model.fields import check, check_all
-from bdamper.util.errors import mismatch
+from bdamper.util.errors import check, mismatch
+from bdamper.util.records import check_all
 from bdamper.util.storage import FilePath
 
 _INTEGERS, _SHORT, _ZLIB, _WINDOWS, _BITS = 0x80, 0x40, 0x20, 0x10, 0x08

@@ -32,9 +32,9 @@ from numpy.typing import NDArray
 
 from bdamper.fem.surface import N_CORNER
 from bdamper.importers.fe_body import BODIES, LARGEST_COUNT, FEBody, by_kind, check_count, data_lines, read_body, reader
-from bdamper.model.fields import check, check_all
 from bdamper.util import validation
-from bdamper.util.errors import mismatch
+from bdamper.util.errors import check, mismatch
+from bdamper.util.records import check_all
 from bdamper.util.storage import MOST_BYTES, FilePath
 
 # ---- MATLAB files of version 5 to 7.2 ----

@@ -38,11 +38,10 @@ from bdamper.importers.fe_body import BOUNDS, FEBody, Modes
 from bdamper.importers.options import NodeSet, Sector
 from bdamper.importers.plausibility import check_rigid_motion, compare_frequencies
 from bdamper.importers.prepared_body import PreparedBody, Ring
-from bdamper.model.fields import check
 from bdamper.model.modal_basis import fix_phase, rigid_motions
 from bdamper.model.structure import Body, BodyLoad, Interface, ModalBasis
 from bdamper.util import validation
-from bdamper.util.errors import SettingError
+from bdamper.util.errors import SettingError, check
 
 if TYPE_CHECKING:
     from bdamper.fem.element_stress import StressRows

@@ -41,13 +41,12 @@ from bdamper.importers.options import DAMPER_MODES, HARMONICS, Checks, Placement
 from bdamper.importers.plausibility import check_bodies, check_lowest
 from bdamper.importers.prepared_body import ImportReport, PreparedBody, Ring
 from bdamper.importers.stress_sets import stress_rows
-from bdamper.model.fields import check
 from bdamper.model.model_file import save_model
 from bdamper.model.structure import Body, Location, ModalBasis, Model
 from bdamper.model.validation import check_model
 from bdamper.util import validation
 from bdamper.util.display import Plottable
-from bdamper.util.errors import SettingError
+from bdamper.util.errors import SettingError, check
 from bdamper.util.formatting import short_repr
 from bdamper.util.progress import one_thread, progress_stages, shows_progress
 from bdamper.util.storage import FilePath

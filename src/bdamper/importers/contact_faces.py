@@ -19,10 +19,9 @@ from bdamper.fem.contact_patches import Patches, PatchMeans, patches_on_faces, p
 from bdamper.fem.surface import Facets, area_vectors
 from bdamper.importers.fe_body import BOUNDS
 from bdamper.importers.prepared_body import FaceSet, PreparedBody
-from bdamper.model.fields import check
 from bdamper.model.structure import ContactStiffness, Interface, Port, turn
 from bdamper.util import validation
-from bdamper.util.errors import warn_implausible
+from bdamper.util.errors import check, warn_implausible
 from bdamper.util.formatting import short_repr
 
 

@@ -15,8 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import NoReturn
 
-from bdamper.model.fields import check
-from bdamper.util.errors import mismatch
+from bdamper.util.errors import check, mismatch
 
 
 def _table(text: str) -> frozenset[str]:

@@ -25,11 +25,11 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
-from bdamper.model.fields import check, check_all
 from bdamper.util import validation
 from bdamper.util.display import Summarised
-from bdamper.util.errors import BdamperError, mismatch
+from bdamper.util.errors import BdamperError, check, mismatch
 from bdamper.util.formatting import short_repr
+from bdamper.util.records import check_all
 from bdamper.util.storage import MOST_BYTES, FilePath, as_path
 
 # ---- Data of one body ----

@@ -29,8 +29,7 @@ from numpy.typing import NDArray
 from bdamper.fem.surface import FACES, N_CORNER, oriented_facet
 from bdamper.importers.deck_keywords import adds_to_matrices
 from bdamper.importers.fe_body import LARGEST_COUNT, ElementKind, FEBody, Included, data_lines, mesh_body, parsing
-from bdamper.model.fields import check
-from bdamper.util.errors import mismatch
+from bdamper.util.errors import check, mismatch
 
 _SOLIDS = {"C3D4": 4, "C3D10": 10, "C3D6": 6, "C3D15": 15, "C3D8": 8, "C3D20": 20}
 _BITS = 30

@@ -17,9 +17,10 @@ import scipy  # scipy.signal loads on first use
 from numpy.typing import NDArray
 
 from bdamper.importers.measurements import HERTZ, motion_unit, read_columns
-from bdamper.model.fields import check, check_all
 from bdamper.util import validation
+from bdamper.util.errors import check
 from bdamper.util.formatting import short_repr
+from bdamper.util.records import check_all
 
 STRAIGHT = 0.05
 """Relative deviation of the amplitude of a decay from a line, from which noise determines it."""

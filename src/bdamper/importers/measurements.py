@@ -25,11 +25,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.importers.fe_body import data_lines, parsing, reader
-from bdamper.model.fields import check, check_all
 from bdamper.util import validation
 from bdamper.util.display import Plottable
-from bdamper.util.errors import import_extra, mismatch
+from bdamper.util.errors import check, import_extra, mismatch
 from bdamper.util.formatting import short_repr
+from bdamper.util.records import check_all
 from bdamper.util.storage import Storable, existing
 from bdamper.util.tables import Column, Hertz, Radians, Tabular
 

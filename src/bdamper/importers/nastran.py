@@ -32,8 +32,7 @@ from numpy.typing import NDArray
 from bdamper.importers.arrays import square_matrix, triangle_to_full
 from bdamper.importers.deck_keywords import BDF_HARMLESS, BDF_IN_MATRICES, BDF_READ, BDF_TIES, CURE, refuse
 from bdamper.importers.fe_body import ElementKind, FEBody, Included, Modes, check_count, mesh_body, reader, rotate_to_file
-from bdamper.model.fields import check
-from bdamper.util.errors import import_extra, mismatch
+from bdamper.util.errors import check, import_extra, mismatch
 from bdamper.util.storage import FilePath
 
 _EXTRA = "reading a file of Nastran", "nastran"

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from bdamper.fem.surface import N_CORNER, enclosed_volume, twisted
 from bdamper.importers.fe_body import BOUNDS, UNITS
 from bdamper.importers.prepared_body import PreparedBody
-from bdamper.model.fields import check
 from bdamper.model.modal_basis import rigid_motions
 from bdamper.model.structure import Body
+from bdamper.util.errors import check
 
 
 def ratio_in_words(ratio: float) -> str | None:

@@ -25,9 +25,8 @@ from bdamper.fem.surface import Facets, Structure, boundary_facets, facets_on_no
 from bdamper.importers.arrays import square_matrix
 from bdamper.importers.fe_body import BOUNDS, FEBody, parsing
 from bdamper.importers.options import NodeSet, Placement
-from bdamper.model.fields import check
 from bdamper.util import validation
-from bdamper.util.errors import ModelError, mismatch, warn
+from bdamper.util.errors import ModelError, check, mismatch, warn
 
 FaceSet = str | NDArray | tuple[NDArray, ...]
 

@@ -37,11 +37,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from bdamper.model.fields import DAMPING
 from bdamper.util import validation
 from bdamper.util.errors import SettingError
 from bdamper.util.formatting import short_repr
-from bdamper.util.records import Data, Record
+from bdamper.util.records import DAMPING, Data, Record
 from bdamper.util.validation import Limits
 
 MODAL: Any = ("n_modes", "n_modes"), "field"

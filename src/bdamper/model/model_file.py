@@ -17,13 +17,21 @@ from typing import Any
 import h5py
 import numpy as np
 
-from bdamper.model.fields import Sizes, check, check_record
 from bdamper.model.modal_basis import SpeedBasis
 from bdamper.model.structure import ModalBasis, Model
 from bdamper.model.validation import as_checked, check_model
 from bdamper.util import validation
-from bdamper.util.errors import ModelError
-from bdamper.util.records import check_text, place, read_attribute, read_record, write_record, write_text
+from bdamper.util.errors import ModelError, check
+from bdamper.util.records import (
+    Sizes,
+    check_record,
+    check_text,
+    place,
+    read_attribute,
+    read_record,
+    write_record,
+    write_text,
+)
 from bdamper.util.storage import as_path, read_hdf5, register_reader, write_hdf5
 
 FORMAT = "bdamper-model"

@@ -25,23 +25,22 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from bdamper.model.fields import (
+from bdamper.model.kinematics import RIGID_NAMES
+from bdamper.model.modal_basis import LocalBasis, SpeedBasis, SpinStatic, rigid_motions
+from bdamper.model.structure import Body, BodyLoad, Interface, ModalBasis, Model, StressSet, turn
+from bdamper.util.errors import check, mismatch
+from bdamper.util.records import (
     ROUNDING,
     SINGLE,
     Sizes,
-    check,
     check_all,
     check_hermitian,
     check_integer,
     check_record,
     check_type,
     is_positive_definite,
+    layout,
 )
-from bdamper.model.kinematics import RIGID_NAMES
-from bdamper.model.modal_basis import LocalBasis, SpeedBasis, SpinStatic, rigid_motions
-from bdamper.model.structure import Body, BodyLoad, Interface, ModalBasis, Model, StressSet, turn
-from bdamper.util.errors import mismatch
-from bdamper.util.records import layout
 
 N_RIGID = len(RIGID_NAMES)
 RIGID_TOLERANCE = 1e-5
