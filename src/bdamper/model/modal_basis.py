@@ -40,11 +40,12 @@ from scipy.linalg import eigh
 from bdamper.util import validation
 from bdamper.util.errors import SettingError
 from bdamper.util.formatting import short_repr
-from bdamper.util.records import DAMPING, Data, Record
+from bdamper.util.records import Data, Record
 from bdamper.util.validation import Limits
 
 MODAL: Any = ("n_modes", "n_modes"), "field"
 FLEXIBLE: Any = ("n_forces", "n_forces"), "field"
+DAMPING = Limits(least=0.0, below=1.0)
 NotNegative = Annotated[float, Data(limits=validation.Limits(least=0.0))]
 
 

@@ -45,7 +45,6 @@ Shape = tuple[int | str | None, ...]
 Sizes = dict[str, int | None]
 """Sizes by name; None if unknown."""
 ANY = Limits()
-DAMPING = Limits(least=0.0, below=1.0)
 SINGLE, ROUNDING = 1e-6, 1e-8
 """Relative tolerances: for data that are often in single precision (normals, modes), and for the rounding of a large
 factorisation.
