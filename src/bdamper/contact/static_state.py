@@ -520,9 +520,9 @@ def _loaded(system: StaticSystem, load: float, state: PreloadState, steps: int) 
     while change and left:
         step = left if min(step, longest) > left - SHORTEST else min(step, longest)
         at, before = load - (left - step) * change, _slider_memory(system, state)
-        # initial states: latest, all points in contact sticking, all points sticking
-        # without it: two more random studies depend on the number of steps without the first (wide seeds 121, 151), one
-        # without the second (wide seed 20), whose force changes by 16 % without the third
+        # Initial states: latest, all points in contact sticking, all points sticking.
+        # Without it: wide random studies 121 and 151 depend on the number of steps without the first.
+        # Study 20 does without the second.  Its force changes by 16 % without the third.
         apart = state.closing < -1e-9 * np.abs(state.closing).max(initial=0.0)
         stuck = np.where((state.status == OPEN) & apart[:, None], OPEN, STICK)
         iterations = 0
