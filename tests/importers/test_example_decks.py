@@ -1,12 +1,23 @@
 """Example decks: their files, jobs read by the files beside a deck, and models from the command line."""
 
+import re
 from pathlib import Path
 
 import pytest
 
 import bdamper as bd
 from bdamper.__main__ import main
-from bdamper.importers import example_decks, read_job
+from bdamper.importers import (
+    Checks,
+    ContactFaces,
+    Placement,
+    Reduction,
+    Sector,
+    build_model,
+    example_decks,
+    read_calculix,
+    read_job,
+)
 from bdamper.util.errors import ModelError, SettingError
 
 WEDGE = ["--units", "mm-t-s", "--axis", "1", "0", "0", "--faces", "LOW", "HIGH", "--engine-order", "4", "--harmonics", "1",
@@ -40,6 +51,30 @@ def test_a_job_is_read_by_the_files_beside_its_deck(tmp_path):
         read_job(tmp_path / "other.cdb")
 
 
+@pytest.mark.parametrize(
+    ("keyword", "line", "elasticity", "text"),
+    [
+        ("DENSITY", "4.43e-9", None, "density: expected 4430 kg/m3 of the elements C3D8, found 7850 kg/m3 in the matrices"),
+        ("ELASTIC", "1.14e5, 0.3", None, "expected 1.14e\\+11 Pa of the elements C3D8, found 2.1e\\+11 Pa in the"),
+        ("ELASTIC", "2.1e5, 0.33", None, "Poisson's ratio 0.33: expected 2.1e\\+11 Pa of the elements C3D8, found 1.827"),
+        ("ELASTIC", "2.1e5, 0.3", (2e5, 0.3), "expected 2e\\+11 Pa of the elements C3D8, found 2.1e\\+11 Pa in the"),
+    ],
+)
+def test_a_material_that_is_not_that_of_the_matrices(keyword, line, elasticity, text, tmp_path):
+    """Deck and matrices of different materials are a failed comparison, by rows away from the held bore."""
+    example_decks("calculix", tmp_path)
+    deck = tmp_path / "sector.inp"
+    deck.write_text(re.sub(rf"\*{keyword}\n.*", f"*{keyword}\n{line}", deck.read_text()))
+    pairs = ("left", "RIGHT"), ("right", "LEFT")
+    faces = [ContactFaces(a, a.upper(), f"{b}_UNDERSIDE", points=(2, 2)) for a, b in pairs]
+    settings = {
+        "placement": Placement("mm-t-s", axis=(1, 0, 0)), "reduction": Reduction(engine_order=4, harmonics=1, n_modes=8),
+        "sector": Sector(36, ("LOW", "HIGH"), elasticity=elasticity), "contacts": faces, "checks": Checks(strict=True),
+    }  # fmt: skip
+    with pytest.raises(ModelError, match=text):
+        build_model(read_calculix(tmp_path / "sector"), read_calculix(tmp_path / "damper"), **settings)
+
+
 def test_decks_and_instances_give_the_same_model_on_the_command_line(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(["decks", "calculix"]) == main(["decks", "abaqus"]) == main(["decks", "ansys"]) == 0
@@ -49,6 +84,7 @@ def test_decks_and_instances_give_the_same_model_on_the_command_line(tmp_path, m
     out = capsys.readouterr()
     assert "wrote sector.h5, sector.txt, sector.png" in out.err
     assert (tmp_path / "sector.txt").read_text() in out.out
+    assert "blade: density of the matrices 7850 kg/m3" in out.out  # the bore is held and has no rows
     assert (tmp_path / "sector.png").stat().st_size > 10_000
     files = ["sector.cdb", "--damper", "damper.cdb", "--out", "ansys", "--tip", "117"]
     assert main(["import", *files, *WEDGE]) == 0

@@ -89,18 +89,24 @@ def _values(element: object, points: NDArray) -> tuple[NDArray, NDArray]:
     return np.array([value for value, _ in both]), np.array([gradient for _, gradient in both])
 
 
-def _wedge(points: NDArray) -> NDArray:
-    """Return gradients (15, 3, n_points) of the second-order wedge: corners, edges of the triangles, other edges."""
+def _wedge(points: NDArray) -> tuple[NDArray, NDArray]:
+    """Return shape functions and gradients of the second-order wedge: corners, edges of the triangles, other edges."""
     (t, dt), (p, dp) = (_values(e, points[:2]) for e in (ElementTriP2(), ElementTriP1()))
     (l, dl), (q, dq) = (_values(e, points[2:]) for e in (ElementLineP1(), ElementLineP2()))
     b, db = q[2], dq[2]
 
     def product(f: NDArray, df: NDArray, g: NDArray, dg: NDArray) -> NDArray:
-        return np.concatenate([df * g, (f * dg[0])[:, None]], axis=1)
+        return np.concatenate([(f * g)[:, None], df * g, (f * dg[0])[:, None]], axis=1)
 
     upright = product(p, dp, b, db)
     ends = [product(t, dt, l[e], dl[e]) for e in (0, 1)]
-    return np.concatenate([*(end[:3] - 0.5 * upright for end in ends), *(end[3:] for end in ends), upright])
+    both = np.concatenate([*(end[:3] - 0.5 * upright for end in ends), *(end[3:] for end in ends), upright])
+    return both[:, 0], both[:, 1:]
+
+
+def _shape_functions(n_nodes: int, points: NDArray) -> tuple[NDArray, NDArray]:
+    """Return shape functions (n_nodes, n_points) and gradients (n_nodes, 3, n_points) of an element."""
+    return _wedge(points) if n_nodes == 15 else _values({**_FIRST, **_SECOND}[n_nodes], points)
 
 
 @cache
@@ -171,7 +177,7 @@ def _gradients(group: Solids, x: NDArray) -> tuple[NDArray, NDArray | None]:
     """
     n, bubbles = x.shape[1], None
     points, spread = _samples(group.kind, n)
-    local = _wedge(points) if n == 15 else _values({**_FIRST, **_SECOND}[n], points)[1]
+    local = _shape_functions(n, points)[1]
     jacobian = np.einsum("eai,ajp->epij", x, local, optimize=True)
     gradient = np.einsum("ajp,epji->epai", local, np.linalg.inv(jacobian), optimize=True)
     volume = np.abs(np.linalg.det(jacobian))
@@ -181,6 +187,44 @@ def _gradients(group: Solids, x: NDArray) -> tuple[NDArray, NDArray | None]:
     elif group.kind == "C3D8I":
         gradient, bubbles = _with_bubbles(group, x, points, gradient, volume)
     return np.einsum("Lp,epai->eLai", spread, gradient, optimize=True), bubbles
+
+
+def nodal_integrals(elements: NDArray, nodes: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    """Integrate the shape functions of solid elements and their gradients.
+
+    Parameters
+    ----------
+    elements : (n_elements, n) int
+        See :class:`Solids`.
+    nodes : (n_nodes, 3) float, m
+
+    Returns
+    -------
+    ordered : (n_elements, n) int
+        Nodes of the elements in the order of the integrals.
+    volume : (n_elements, n) float, m3
+    gradient : (n_elements, n, 3) float, m2
+
+    Raises
+    ------
+    ValueError
+        If an element lacks a midside node.
+    """
+    ordered = in_reference_order(elements, nodes)
+    n = elements.shape[1]
+    if N_CORNER[n] == 6:  # scikit-fem has no rule for wedges
+        (across, weight), (line, length) = (get_quadrature(e, 4) for e in (ElementTriP1(), ElementLineP1()))
+        points = np.vstack([np.repeat(across, len(length), axis=1), np.tile(line, len(weight))])
+        weight = np.outer(weight, length).ravel()
+    else:
+        points, weight = get_quadrature(_FIRST[N_CORNER[n]], 4)
+    values, local = _shape_functions(n, points)
+    jacobian = np.einsum("eai,ajp->epij", nodes[ordered], local, optimize=True)
+    cofactor = np.stack([np.cross(jacobian[..., (k + 1) % 3], jacobian[..., (k + 2) % 3]) for k in range(3)], axis=-1)
+    determinant = np.einsum("epi,epi->ep", jacobian[..., 0], cofactor[..., 0])
+    signed = weight * np.sign(determinant)
+    gradient = np.einsum("ep,ajp,epij->eai", signed, local, cofactor, optimize=True)
+    return ordered, (signed * determinant) @ values.T, gradient
 
 
 def _with_bubbles(

@@ -349,7 +349,7 @@ class _Archive:
         self.types: dict[int, str] = {}
         self.elements: list[list[int]] = []
         self.owners: list[tuple[str, int]] = []  # element type and material number
-        self.elastic: dict[str, dict[int, float]] = {}
+        self.constants: dict[str, dict[int, float]] = {}
         self.sets: dict[str, NDArray] = {}
         self.skipped: Counter[str] = Counter()
 
@@ -388,8 +388,8 @@ class _Archive:
                 self._component(words)
             elif key == "ET" and len(words) >= 3 and words[1].isdigit():
                 self.types[int(words[1])] = words[2].upper().removeprefix("SOLID")
-            elif key == "MPDATA" and len(words) >= 7 and words[3].upper() in ("EX", "NUXY", "PRXY") and words[4].isdigit():
-                self.elastic.setdefault(words[3].upper(), {}).setdefault(int(words[4]), float(words[6]))
+            elif key == "MPDATA" and len(words) >= 7 and words[4].isdigit():
+                self.constants.setdefault(words[3].upper(), {}).setdefault(int(words[4]), float(words[6]))
             else:
                 self._skip(key, line)
         axes = {n: _node_axes(np.array(a)) for n, a in zip(self.numbers, self.angles) if any(a)}
@@ -410,9 +410,10 @@ class _Archive:
 
     def _kind(self, owner: tuple[str, int], nodes: list[int]) -> ElementKind:
         name, material = owner
-        poisson = self.elastic.get("PRXY", {}) | self.elastic.get("NUXY", {})
+        poisson = self.constants.get("PRXY", {}) | self.constants.get("NUXY", {})
         plain = f"C3D{len(nodes)}" + ("R" if name == "186" and len(nodes) == 20 else "")
-        return ElementKind(plain, self.elastic.get("EX", {}).get(material), poisson.get(material))
+        young, density = (self.constants.get(key, {}).get(material) for key in ("EX", "DENS"))
+        return ElementKind(plain, young, poisson.get(material), density)
 
     def _nodes(self) -> None:
         (whole, first), *fields = self._fields("NBLOCK")

@@ -247,7 +247,7 @@ def build_model(
     for d in expected:
         check(d in diameters, "expected_frequencies", f"nodal diameters out of {list(diameters)}", d)
     ring = Ring(faces, diameters, excited or diameters, expected)
-    check_bodies(bodies, faces.n_sectors, checks.check_units)
+    check_bodies(bodies, faces.n_sectors, checks.check_units, sector.elasticity)
     contacts, bodies = from_first_sector(contacts, bodies, faces.n_sectors)
     laid, places = lay_contacts(contacts, bodies, faces.n_sectors), _locations(locations, bodies, forces)
     rows = stress_rows(bodies["blade"], sector, laid, ring)

@@ -167,13 +167,14 @@ class ElementKind:
     ----------
     name : str
         Type in the notation of CalculiX and Abaqus, such as "C3D20R".
-    youngs_modulus, poisson_ratio : float, optional
-        Elastic constants in the units of the file.
+    youngs_modulus, poisson_ratio, density : float, optional
+        Constants of the material in the units of the file.
     """
 
     name: str
     youngs_modulus: float | None = None
     poisson_ratio: float | None = None
+    density: float | None = None
 
 
 def by_kind(
@@ -542,6 +543,9 @@ class Bounds:
     agreement: float = 0.01
     """Largest difference of frequencies of two programs, of areas of equal faces, and of singular values from 1 for modes
     of two rotor speeds."""
+    material: float = 0.02
+    """Largest difference of density and Young's modulus of elements and matrices; at most 0.006 with the elements of
+    CalculiX, distorted by 15 % of their length."""
     axes: float = 1e-6
     """Scalar product of two perpendicular directions, and deviation of their lengths from 1."""
 

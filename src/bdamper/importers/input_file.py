@@ -76,7 +76,7 @@ class Deck:
         self.instances: dict[str, int] = {}
         self.instance = ""
         self.motion = np.eye(3), np.zeros(3)
-        self.elastic: dict[str, tuple[float, float]] = {}
+        self.materials: dict[str, dict[str, float]] = {}
         self.material = ""
         self.notes: list[str] = []
         self.included = Included()
@@ -155,11 +155,18 @@ class Deck:
         elif keyword == "*ELASTIC" and rows and parameters.get("TYPE", "ISO").upper().startswith("ISO"):
             with self._parsing(rows[0], "Young's modulus, Poisson's ratio"):
                 young, poisson = map(float, rows[0][1][:2])  # of the lowest temperature
-                self.elastic[self.material] = young, poisson
+                self._constants.update(youngs_modulus=young, poisson_ratio=poisson)
+        elif keyword == "*DENSITY" and rows:
+            with self._parsing(rows[0], "a density"):
+                self._constants["density"] = float(rows[0][1][0])
         elif keyword == "*SOLIDSECTION":
             self.scope.sections[parameters.get("ELSET", "").upper()] = parameters.get("MATERIAL", "").upper()
 
     # ---- Words of data lines ----
+
+    @property
+    def _constants(self) -> dict[str, float]:
+        return self.materials.setdefault(self.material, {})
 
     def _parsing(self, row: tuple[int, list[str]], expected: str) -> AbstractContextManager[None]:
         return parsing(f"{self.source}: line {row[0]}", expected, ", ".join(row[1]))
@@ -412,12 +419,12 @@ class Deck:
             item = f"{self.source}: *SURFACE, NAME={name}"
             members = [code for word in words for code in self._members(word, model.node_sets, item, what="a node")]
             sets.setdefault(name, members)
-        elastic = {
-            element: self.elastic.get(material, ())
+        constants = {
+            element: self.materials.get(material, {})
             for name, material in model.sections.items()
             for element in model.element_sets.get(name, ())
         }
-        kinds = [ElementKind(model.type_of[element], *elastic.get(element, ())) for element in model.element_of]
+        kinds = [ElementKind(model.type_of[element], **constants.get(element, {})) for element in model.element_of]
         if len(self.instances) > 1:  # a label that a part lacks is the number of another node of the assembly
             sets = {name: [code for code in members if code in number] for name, members in sets.items()}
             for element, nodes in model.element_of.items():

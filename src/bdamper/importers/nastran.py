@@ -215,7 +215,9 @@ def _line_of(card: str, lines: list[tuple[Path, int, str]], source: Path) -> tup
 def _kind(model: Any, pid: int, n_nodes: int) -> ElementKind:
     """Return type and material (MAT1) of an element from its section (PSOLID)."""
     material = model.materials.get(getattr(model.properties.get(pid), "mid", None))
-    return ElementKind(f"C3D{n_nodes}", getattr(material, "e", None), getattr(material, "nu", None))
+    weight = model.params["WTMASS"].values[0] if "WTMASS" in model.params else 1.0
+    density = weight * getattr(material, "rho", 0.0) or None  # a blank field is 0
+    return ElementKind(f"C3D{n_nodes}", getattr(material, "e", None), getattr(material, "nu", None), density)
 
 
 def _displacement_axes(model: Any, numbers: NDArray, nodes: NDArray) -> dict[int, NDArray]:

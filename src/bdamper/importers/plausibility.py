@@ -5,7 +5,7 @@ Values outside :data:`bdamper.importers.fe_body.BOUNDS` indicate mistaken units.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,6 +93,15 @@ def check_rigid_motion(body: PreparedBody) -> None:
     body.passed(f"{body.name}: rigid motions strain it by {strain.max():.1g} of a stretch of equal size")
 
 
+def _away_from_held(body: PreparedBody) -> NDArray:
+    """Return whether each node (n_nodes,) belongs to elements and is neither held nor a neighbour of a held node."""
+    held = np.asarray(body.fixed(None).any(axis=1))
+    away = np.isin(np.arange(len(held)), body.used) & ~held
+    for elements in body.elements:
+        away[elements[held[elements].any(axis=1)]] = False
+    return away
+
+
 def check_table(body: PreparedBody) -> None:
     """Check that the rows of the stiffness matrix are in the order of the table of nodes and components.
 
@@ -104,10 +113,7 @@ def check_table(body: PreparedBody) -> None:
     ModelError
         If forces arise at more than the fraction ``BOUNDS.odd_ones`` of the nodes.
     """
-    held = np.asarray(body.fixed(None).any(axis=1))
-    away = np.isin(np.arange(len(held)), body.used) & ~held
-    for elements in body.elements:
-        away[elements[held[elements].any(axis=1)]] = False
+    away = _away_from_held(body)
     if not away.any():
         body.passed(f"{body.name}: order of the rows not checked, every node is a neighbour of a held one")
         return
@@ -211,7 +217,7 @@ def check_sizes(body: PreparedBody) -> None:
         fitting = [name for name, u in UNITS.items() if low <= in_file * u.mass / u.length**3 <= high]
         hint = f"units='{fitting[0]}' would fit" if fitting else "the mass matrix is in other units"
         _check_within(body, "mass matrix", "a density of", BOUNDS.density, density, "kg/m3", hint)
-        body.passed(f"{body.name}: mass {mass:.6g} kg on free nodes, {density:.4g} kg/m3")
+        body.passed(f"{body.name}: mass {mass:.6g} kg on free nodes")
     speed, (low, high) = wave_speed(body), BOUNDS.wave_speed
     if body.fixed(None).any():
         high = np.inf  # the material at fixed nodes is strained as well
@@ -220,6 +226,52 @@ def check_sizes(body: PreparedBody) -> None:
     what = "a material in which longitudinal waves travel at"
     _check_within(body, "stiffness and mass matrix", what, (low, high), speed, "m/s", hint)
     body.passed(f"{body.name}: longitudinal waves travel at {speed:.4g} m/s in its material")
+
+
+@np.errstate(all="ignore")  # constants that are unknown or impossible
+def check_material(body: PreparedBody, elasticity: Sequence[float] | None) -> None:
+    r"""Compare density and Young's modulus of the elements with the matrices, at nodes away from held ones.
+
+    A translation along an axis and a uniform strain along it cause the nodal forces
+
+    .. math:: M 1 = \sum_e \rho_e \int N\,dV, \qquad K u = \sum_e \int \sigma_e \nabla N\,dV.
+
+    The densities are compared by the sums of all nodes, the moduli by the median of the nodes, since springs act on few.  A
+    difference is a failed comparison.
+    """
+    try:
+        from bdamper.fem.element_stress import lame_constants, nodal_integrals
+    except ImportError:
+        body.report.missing.append(f"{body.name}: comparison of the material of elements and matrices (extra bdamper[fe])")
+        return
+    n, eye, units, inner = len(body.nodes), np.eye(3), body.placement.units, _away_from_held(body)
+    factors = np.array([units.mass / units.length, 1.0, units.mass / units.length**3])
+    force = (body.structure.stiffness @ (body.nodes[:, :, None] * eye).reshape(3 * n, 3)).reshape(n, 9)
+    inertia = np.trace((body.structure.mass @ np.tile(eye, (n, 1))).reshape(n, 3, 3), axis1=1, axis2=2) / 3.0
+    volume, mass, load, groups = np.zeros(n), np.zeros(n), np.zeros((n, 9)), []
+    for kind, elements in zip(body.kinds, body.elements):
+        with body.refusing(f"elements {kind.name}", "all nodes between corners"):
+            nodes, share, normal = nodal_integrals(elements, body.nodes)
+        given = (kind.youngs_modulus, kind.poisson_ratio) if elasticity is None else elasticity
+        young, poisson, density = factors * np.array([*given, kind.density], float)
+        lame, shear = lame_constants(young, poisson)
+        stress = normal[..., None] * (lame + 2.0 * shear * eye)
+        for total, part in ((volume, share), (mass, density * share), (load, stress.reshape(*share.shape, 9))):
+            np.add.at(total, nodes, part)
+        modulus = f"Young's modulus with Poisson's ratio {poisson:g}"
+        groups.append((kind.name, np.isin(np.arange(n), nodes) & inner, density, modulus, young))
+    size, stiffer = (load**2).sum(axis=1), (load * force).sum(axis=1)
+    for name, rows, density, modulus, young in groups:
+        loaded = rows & (size > 1e-4 * size[rows].max(initial=0.0))
+        found = [("density", "kg/m3", density, inertia[rows].sum() / mass[rows].sum())]
+        if loaded.any():
+            found.append((modulus, "Pa", young, np.median(stiffer[loaded] / size[loaded])))
+        for item, unit, value, ratio in found:
+            with body.report.comparison():
+                words = f"{ratio * value:.4g} {unit} in the matrices: files of different models suspected"
+                good = not abs(ratio - 1.0) > BOUNDS.material  # unknown constants are not compared
+                body.require(good, item, f"{value:.4g} {unit} of the elements {name}", words)
+    body.passed(f"{body.name}: density of the matrices {inertia[inner].sum() / volume[inner].sum():.4g} kg/m3")
 
 
 def check_lowest(body: PreparedBody, reduced: Body) -> None:
@@ -232,8 +284,10 @@ def check_lowest(body: PreparedBody, reduced: Body) -> None:
                 _check_within(body, f"nodal diameter {d}", "a lowest frequency of", BOUNDS.frequency, lowest, "Hz", hint)
 
 
-def check_bodies(bodies: Mapping[str, PreparedBody], n_blades: int, check_units: bool) -> None:
-    """Check the bodies of an import before their reduction; if ``check_units``, also their sizes and material."""
+def check_bodies(
+    bodies: Mapping[str, PreparedBody], n_blades: int, check_units: bool, elasticity: Sequence[float] | None
+) -> None:
+    """Check the bodies of an import before their reduction; if ``check_units``, also their sizes and units."""
     check_radial(bodies["blade"], n_blades)
     for body in bodies.values():
         body.check_repeated()
@@ -244,3 +298,5 @@ def check_bodies(bodies: Mapping[str, PreparedBody], n_blades: int, check_units:
         check_corners(body)
         if check_units:
             check_sizes(body)
+        if body.has_matrices and body.elements:
+            check_material(body, elasticity if body.name == "blade" else None)

@@ -23,7 +23,7 @@ from scipy.spatial import cKDTree
 from bdamper.fem.sector_faces import SectorFaces
 from bdamper.fem.surface import Facets, Structure, boundary_facets, facets_on_nodes
 from bdamper.importers.arrays import square_matrix
-from bdamper.importers.fe_body import BOUNDS, FEBody, parsing
+from bdamper.importers.fe_body import BOUNDS, ElementKind, FEBody, parsing
 from bdamper.importers.options import NodeSet, Placement
 from bdamper.util import validation
 from bdamper.util.errors import ModelError, check, mismatch, warn
@@ -202,6 +202,14 @@ class PreparedBody:
     def elements(self) -> tuple[NDArray, ...]:
         """Node indices of the solid elements, an array for each type."""
         return tuple(self.index(nodes, "elements") for nodes in self.raw.elements)
+
+    @cached_property
+    def kinds(self) -> tuple[ElementKind, ...]:
+        """Type and material of each array of :attr:`elements`."""
+        kinds = self.raw.element_kinds or tuple(ElementKind(f"C3D{e.shape[1]}") for e in self.elements)
+        n = len(self.elements)
+        self.require(len(kinds) == n, "element_kinds", f"one for each of {n} arrays", len(kinds))
+        return kinds
 
     @cached_property
     def used(self) -> NDArray:

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from bdamper.fem.contact_patches import Patches
 from bdamper.importers.contact_faces import LaidContacts
-from bdamper.importers.fe_body import ElementKind
 from bdamper.importers.options import Sector
 from bdamper.importers.prepared_body import PreparedBody, Ring
 from bdamper.model.structure import turn
@@ -89,11 +88,8 @@ def _solids(body: PreparedBody, nodes: NDArray, constants: Sequence[float] | Non
     """Return the elements at nodes, with elastic constants in SI units."""
     from bdamper.fem.element_stress import Solids
 
-    kinds = body.raw.element_kinds or tuple(ElementKind(f"C3D{e.shape[1]}") for e in body.elements)
-    n = len(body.elements)
-    body.require(len(kinds) == n, "element_kinds", f"one for each of {n} arrays", len(kinds))
     modulus, out = body.placement.units.mass / body.placement.units.length, []
-    for kind, elements in zip(kinds, body.elements):
+    for kind, elements in zip(body.kinds, body.elements):
         if not np.isin(elements, nodes).any():
             continue
         young, poisson = constants if constants is not None else (kind.youngs_modulus, kind.poisson_ratio)
