@@ -78,7 +78,7 @@ def test_one_curve_serves_all_preloads():
     study = bd.Study(
         bd.reference_model("turbine_blade"), bd.Excitation("tip", "tangential"), engine_order=5, friction_coefficient=0.3
     )
-    assert study.problem.static_system.n0.min() < 0.0
+    assert study.problem.static_system(1.0).n0.min() < 0.0
     mode = study.nonlinear_mode(100.0, 1, (2e-5, 3e-5))
     assert 100.0 < mode.scales_to < np.inf
     with pytest.raises(bd.SettingError, match="that scales to"):
@@ -96,7 +96,7 @@ def test_a_constant_force_keeps_a_mode_at_its_preload():
     force = 1e-3 * np.arange(1.0, 1.0 + body.bases[0].n_modes)
     model = replace(study.model, bodies=study.model.bodies | {name: replace(body, constant_force=force)})
     pushed = study.replace(model=model)
-    assert pushed.problem.static_system.constant_force.any()
+    assert pushed.problem.static_system(1.0).constant_force.any()
     assert study.nonlinear_mode(wedge.LOAD, 2, (1e-7, 1e-6)).scales_to == np.inf
     assert pushed.nonlinear_mode(wedge.LOAD, 2, (1e-7, 1e-6)).scales_to == 0.0
 

@@ -81,7 +81,7 @@ def test_the_preload_comes_after_the_assembly():
     """Friction remembers the order: fixed loads and preload that grow together lead to another equilibrium."""
     shares = {"front": 0.3, "rear": 0.7}
     study = split_study("bladed_disk", shares, {"front": 0.3}).replace(constant_loads={"rear": 210.0})
-    state, system = study.static(300.0), study.problem.static_system
+    state, system = study.static(300.0), study.problem.static_system(300.0)
     after = static_state(system, 300.0, start=static_state(system, 0.0))
     together = replace(
         system, force=system.force + system.constant_force / 300.0, constant_force=0.0 * system.constant_force,

@@ -183,7 +183,7 @@ def test_a_loose_wedge_lands_in_the_same_way_with_any_number_of_steps():
     study = lumped_study(6, 1, n_c=2, r=2)
     gap = {name: face.gap + 2e-7 for name, face in study.problem.coupling.model.interfaces.items()}
     apart = study.replace(gap=gap)
-    system = apart.problem.static_system
+    system = apart.problem.static_system(0.0)
     found = [static_state(system, 300.0, steps=steps).q for steps in (1, 8, 80, 800)]
     for q in found[1:]:
         np.testing.assert_allclose(q, found[0], rtol=0.0, atol=1e-6 * np.abs(found[0]).max())

@@ -17,7 +17,7 @@ def shrouded(load, **settings):
 
 def check(study, preload, load):
     """Equilibrium and the limits of friction, from the state alone; the shroud has its load before the dampers have any."""
-    state, system = study.static(preload), study.problem.static_system
+    state, system = study.static(preload), study.problem.static_system(preload)
     assert state.converged, f"{preload:g} N, {load:g} N: {state.note}"
     pulled = np.einsum("pdm,pd->m", system.G, state.force) + system.stiffness * state.q
     applied = preload * system.force + system.constant_force

@@ -451,7 +451,7 @@ def microslip(
     d = direction_vector(direction, "microslip direction") @ np.pad(along, ((0, 0), (0, basis.n_modes - along.shape[1])))
     if not np.any(d):
         raise SettingError(f"microslip: expected a location that moves along {direction}, '{location}' does not")
-    static = problem.static_system
+    static = problem.static_system(preload)
     system = replace(
         static, force=d.real, shift=np.zeros_like(static.shift),
         constant_force=preload * static.force + static.constant_force, constant_shift=static.shift_at(preload),

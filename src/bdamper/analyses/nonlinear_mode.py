@@ -478,10 +478,10 @@ def _scales_to(problem: Problem, system: Equations[Mode], u: NDArray, preload: f
 
     Without interference, cubic springs and constant forces the contact is homogeneous as long as no gap closes in a cycle.
     """
-    static = problem.static_system
+    static = problem.static_system(preload)
     if preload == 0.0 or problem.settings.residual_slip_std or np.any(static.cubic):
         return 0.0
-    if np.any(static.n0 > 0.0) or np.any(static.constant_force):
+    if np.any(static.n0 > 0.0) or np.any(static.constant_force) or np.any(problem.displacement_by_rotation):
         return 0.0
     gapped = static.n0 < 0.0
     gap = -static.n0[gapped] / static.kn[gapped]

@@ -150,10 +150,6 @@ def _of_mass(problem: Problem, name: str, part: str, factor: float) -> Problem:
     if name == "damper_mass_factor":
         expected = f"no rotor speed, where load and mass of a body go together; vary damper_mass.{part}"
         validation.check(settings.speed is None or not one, f"{name}.{part}", expected, f"{settings.speed} rad/s")
-        # the displacement by rotation does not change at this load
-        spun = [(key, body, body.spin) for key, body in model.bodies.items()]
-        moved = {key: replace(b, spin=s and replace(s, contact=factor * s.contact)) for key, b, s in spun}
-        model = replace(model, bodies=moved if not one else model.bodies)
     elif part and settings.speed is None:
         loads = settings.given_loads("load_per_preload").items()
         scaled = {key: factor * share if key == part else share for key, share in loads}

@@ -309,9 +309,6 @@ class Problem:
     def damper_load(self) -> tuple[NDArray, NDArray]:
         """Modal force (n_modes,), and displacement (n_points, 3) that the modes do not contain, per newton of preload."""
         force, shift = self.coupling.load(self.body_loads)
-        arms = centrifugal_arms(self.model)
-        if self.settings.speed is not None and arms:
-            shift = shift + self.coupling.closing_by_rotation() / next(iter(arms.values()))
         loads = normal_loads(self.coupling, self.settings, "load_per_preload")
         return self._padded(force), shift + approach(self._unloaded, loads, np.zeros(len(loads), bool), "load_per_preload")
 
@@ -320,8 +317,6 @@ class Problem:
         """Modal force (n_modes,), N kg^-1/2, and displacement (n_points, 3), m, without preload; see ``damper_load``."""
         constant_loads = self.settings.constant_loads or {}
         force, shift = self.coupling.load({name: float(np.sum(load)) for name, load in constant_loads.items()})
-        if self.settings.speed is not None and not centrifugal_arms(self.model):
-            shift = shift + self.settings.speed**2 * self.coupling.closing_by_rotation()
         constant = self._padded(self.coupling.constant_force())
         loads = normal_loads(self.coupling, self.settings, "constant_loads")
         touching = np.isin(self.coupling.interface_of, self.settings.constrained_faces)
@@ -383,9 +378,17 @@ class Problem:
         )
 
     @made_once
-    def static_system(self) -> StaticSystem:
-        """Static contact problem under the loads."""
+    def displacement_by_rotation(self) -> NDArray:
+        """Displacement (n_points, 3) of the faces by the centrifugal load of the blade at the rotor speed, m."""
+        return (self.settings.speed or 0.0) ** 2 * self.coupling.closing_by_rotation()
+
+    def static_system(self, preload: float) -> StaticSystem:
+        """Return the static contact problem under the loads; displacement by rotation and preload rise together from 0."""
         (force, shift), (fixed, moved) = self.damper_load, self.fixed_load
+        if preload > 0.0:
+            shift = shift + self.displacement_by_rotation / preload
+        else:
+            moved = moved + self.displacement_by_rotation
         return replace(self._unloaded, force=force, shift=shift, constant_force=fixed, constant_shift=moved)
 
     @made_once
@@ -414,11 +417,12 @@ class Problem:
         factors = self.settings.load_history if history is None else check_history("history", history)
         key, settings = (preload, *factors), self.settings
         if key not in self.static_states:
-            watch, system, state = CostMeter(), self.static_system, None
+            watch, system, state = CostMeter(), self.static_system(preload), None
             if len(factors) == 1 and preload > 0.0 and not (settings.residual_slip_std or settings.constant_loads):
                 # scale the state of one fixed load, so that results do not depend on the order of calls
-                unit = self.static_states.get((1.0, 1.0)) or replace(static_state(system, 1.0), **self._surfaces)
-                self.static_states[(1.0, 1.0)] = unit
+                of = (1.0, 1.0, preload * np.any(self.displacement_by_rotation))
+                unit = self.static_states.get(of) or replace(static_state(system, 1.0), **self._surfaces)
+                self.static_states[of] = unit
                 state = scaled_state(system, unit, factors[0] * preload)
             if state is None:
                 offset = assembly_offsets(settings.residual_slip_std, settings.residual_slip_seed, self.friction)
@@ -563,7 +567,7 @@ class LoadCase:
         force[mean] = (state.load * load + constant)[mean]
         for harmonic, e in forces.items():
             force[np.r_[layout.slices(harmonic)]] = np.append(e.real, -e.imag)
-        shift = problem.static_system.shift_at(state.load)
+        shift = problem.static_system(self.preload).shift_at(state.load)
         if not problem.settings.bias:
             shift = shift + problem.static_basis.G.real @ state.q
         points = PointArrays(

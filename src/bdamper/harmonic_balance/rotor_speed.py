@@ -202,7 +202,7 @@ def at_speed(problem: Problem, /, omega: float | None = None, *, rpm: float | No
     -------
     Problem or Study, as given
         ``preload`` of such a study is the centrifugal load of the damper at this speed.  An analysis at another preload
-        still has this speed; the displacement of the faces by rotation scales with the preload.
+        still has this speed, and the displacement of the faces by rotation with it.
 
     Raises
     ------
