@@ -67,6 +67,21 @@ def test_margins_of_a_peak(study, peak):
     np.testing.assert_array_equal(again.factor, margins.factor)
 
 
+def test_a_table_that_is_cut_keeps_the_worst_points_and_counts_the_others():
+    """The highest of ten points was left out where it was one of the last two."""
+    model = with_stress(bd.reference_model("bladed_disk", 9), n=10)
+    ten = bd.Study(model, bd.Excitation("tip", "tangential", 2.0), 5, blade_modes=5)
+    cycle = ten.stress(ten.peak(200.0))
+    lines = str(cycle).split("\n")
+    table = [line for line in lines if "root " in line and "MPa" not in line]
+    high = np.argsort(-np.where(cycle.counted, cycle.amplitude, -1.0))[:8]
+    assert [line.split("root ")[1].split()[0] for line in table] == [cycle.names[i].split()[1] for i in high]
+    assert lines[-1] == "  2 further rows; summary() has the rest"
+    factors = ten.margin(cycle, AISI_1050)
+    first = next(line for line in factors.summary().split("\n") if "root" in line and "Least" not in line)
+    assert f" {factors.names[factors.critical]} " in f"{first} "
+
+
 def test_what_a_blade_keeps_scales_the_vibration(study, peak):
     """The largest period is a fifth above the balance: so is the vibration, and the margin on it a sixth smaller."""
     kept = TimeResponse(1.1e-6, 1e-6, 1.2 * peak.amplitude, peak.frequency, 200.0, peak.amplitude)

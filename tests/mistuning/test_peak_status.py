@@ -8,6 +8,7 @@ import pytest
 from bdamper.mistuning import BladedDisk, DiskPeakOptions
 from bdamper.mistuning.peak_search import Search
 from bdamper.mistuning.peak_search import band as band_of
+from bdamper.util.errors import BdamperWarning
 from tests.mistuning.test_symmetry import PATTERN, study
 
 
@@ -33,6 +34,10 @@ def test_a_part_of_the_band_without_solutions_leaves_a_lower_bound(monkeypatch, 
     step = whole.sweep_frequency[1] - whole.sweep_frequency[0]
     assert hidden[0] < low < hidden[0] + step and min(hidden[1], band[1] + 1e-9) - step < high < hidden[1]
     assert "no solution found between" in part.reason
+    assert part._headline().startswith("Not for design: a higher blade may exist. Highest of")
+    assert ", at least " in part._headline()
+    with pytest.warns(BdamperWarning, match="amplification: a lower bound, since the peak is incomplete"):
+        assert part.amplification == pytest.approx(whole.amplification, rel=1e-5)
     assert (np.diff(part.sweep_frequency) > 0.0).all()
     ends = band_of(wheel, 2000.0)
     hidden = ends[0] + 0.3 * (ends[1] - ends[0]), ends[0] + 0.6 * (ends[1] - ends[0])

@@ -168,7 +168,7 @@ class TestBottomLine:
         assert f"Amplitude for the stress: 1 m; in time at {amount(1.35 * o.preload, 'N')} 0.8 to 1 m, by" in more
         assert "motion in time" not in more
         lines = str(curve).split("\n")
-        assert len(lines) <= 14 and lines[-1] == "  summary() has the rest"
+        assert len(lines) <= 14 and lines[-1] == "  1 further row; summary() has the rest"
         assert "does not matter" in replace(curve, optimum=replace(o, preload=np.nan, kind="flat"))._headline()
 
     @pytest.mark.parametrize(

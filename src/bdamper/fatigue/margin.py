@@ -130,6 +130,9 @@ class Margins(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, kind
         """Index of the counted point with the least factor."""
         return int(np.where(self.counted, self.factor, np.inf).argmin())
 
+    def _order(self) -> NDArray:
+        return np.lexsort((self.factor, ~self.counted))
+
     @property
     def least(self) -> float:
         """Margin of the solution: the least factor of the counted points."""

@@ -105,6 +105,9 @@ class StressCycle(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, 
         """Index of the counted point with the largest von Mises amplitude."""
         return int(np.where(self.counted, self.amplitude, -1.0).argmax())
 
+    def _order(self) -> NDArray:
+        return np.lexsort((-self.amplitude, ~self.counted))
+
     def _headline(self) -> str:
         i, cycle = self.critical, self.amplitude_and_mean()
         stress = f"{amount(cycle.amplitude[i], 'Pa')} about a mean of {amount(cycle.mean[i], 'Pa')}"

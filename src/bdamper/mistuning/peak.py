@@ -31,7 +31,7 @@ from bdamper.model.structure import Model
 from bdamper.response.peak import Peak
 from bdamper.util import validation
 from bdamper.util.display import Plottable, draw
-from bdamper.util.errors import COMPLETE, HELD, INCOMPLETE, NOT_FOUND
+from bdamper.util.errors import COMPLETE, HELD, INCOMPLETE, NOT_FOUND, warn
 from bdamper.util.formatting import amount, peak_text, short_repr
 from bdamper.util.progress import Cost, CostMeter, one_thread, shows_progress, with_progress
 from bdamper.util.storage import FilePath, Recorded, Storable
@@ -110,7 +110,9 @@ class DiskPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
 
     @property
     def amplification(self) -> float:
-        """Amplitude relative to the peak of the tuned disk."""
+        """Amplitude relative to the peak of the tuned disk; a lower bound, with a warning, if the peak is incomplete."""
+        if self.status == INCOMPLETE:
+            warn(f"amplification: a lower bound, since the peak is incomplete: {self.reason}")
         return self.amplitude / self.tuned_amplitude
 
     @property
@@ -130,11 +132,13 @@ class DiskPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
     def _headline(self) -> str:
         if not np.isfinite(self.amplitude):
             return f"No peak of the bladed disk at a preload of {amount(self.preload, 'N')}: {self.reason}."
-        top = peak_text(self.amplitude, self.frequency)
-        tuned = f"{self.amplification:.3g} times the tuned disk ({amount(self.tuned_amplitude, 'm')})"
+        lower = self.status == INCOMPLETE
+        times = f"{'at least ' if lower else ''}{self.amplitude / self.tuned_amplitude:.3g} times"
+        tuned = f"{times} the tuned disk ({amount(self.tuned_amplitude, 'm')})"
+        doubt = "Not for design: a higher blade may exist. " if lower else ""
         warning = "" if self.converged else f" {self.status.capitalize()}: {self.reason}."
         head = f"Highest of {len(self.response)} blades at a preload of {amount(self.preload, 'N')}"
-        return f"{head}: number {self.blade}, {top}, {tuned}.{warning}"
+        return f"{doubt}{head}: number {self.blade}, {peak_text(self.amplitude, self.frequency)}, {tuned}.{warning}"
 
 
 MISSED = 0.045

@@ -160,7 +160,8 @@ class Summarised:
         # no line break between a number and its unit
         sentences = re.sub(r"(\d) (?=(?:\S{1,2}|[kMG]Pa|rad/s)\b)", "\\1\0", self._headline())
         first = textwrap.fill(sentences, width=100).replace("\0", " ").split("\n")
-        lines = [*lines[:9], "summary() has the rest"]
+        left = f"{counted(len(lines) - 9, 'further row')}; " if shown and len(lines) > 9 else ""
+        lines = [*lines[:9], f"{left}summary() has the rest"]
         return "\n".join([*first, *(f"  {line.removeprefix('  ')}" for line in lines)])
 
     def _rows(self) -> list[tuple[str, ...]]:

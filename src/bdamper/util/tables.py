@@ -191,6 +191,10 @@ class Tabular:
         """Return the coordinates of the grid of the rows, the fastest last; empty if there is no grid."""
         return {}
 
+    def _order(self) -> Sequence[int] | NDArray:
+        """Return the indices of the rows in the order of their texts."""
+        return range(len(next(iter(self._flat().values())).values))
+
     def _flat(self) -> dict[str, Column]:
         return {name: column for name, column in self.columns().items() if not column.dims}
 
@@ -210,7 +214,8 @@ class Tabular:
         cells = [[texts.get(text, text) for text in column] for column in cells]
         head = [f"{spaced(n)} ({s.strip()}{c.unit})" if c.unit else spaced(n) for (n, c), s in zip(table.items(), scale)]
         if len(values[0]) <= FEW_ROWS:
-            return [tuple(head), *zip(*cells)]
+            rows = list(zip(*cells))
+            return [tuple(head), *(rows[i] for i in self._order())]
         known = [[v for v in column if isinstance(v, float) and v == v] for column in values]
         ends = [(h, v.index(min(k)), v.index(max(k)), c) for h, v, k, c in zip(head, values, known, cells) if k]
         first = f"{spaced(self._dimension())}: {len(values[0])}", "least", "largest"
