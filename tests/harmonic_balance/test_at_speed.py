@@ -44,12 +44,12 @@ def test_the_preload_is_mass_times_radius_times_squared_speed(study):
 
 @pytest.mark.parametrize("factor", [0.7, 1.5])
 def test_another_preload_at_a_speed_is_a_lighter_or_heavier_damper(study, factor):
-    """The faces are displaced by the centrifugal load of the blade, whatever the preload: at 0.7 of it 16 % differed."""
+    """The faces are displaced by the load of the blade, whatever the preload; in proportion to it, forces differ by 15 %."""
     at = study.at_speed(SPEED)
     other = vary(at, {"damper_mass": factor})
     ours, theirs = at.static(factor * at.preload), other.static(other.preload)
     np.testing.assert_allclose(ours.force, theirs.force, rtol=0.0, atol=1e-9 * theirs.force.max())
-    assert (at.static(at.preload).force * factor - ours.force).max() > 0.03 * theirs.force.max(), "not in proportion"
+    assert (at.static(at.preload).force * factor - ours.force).max() > 0.1 * theirs.force.max(), "not in proportion"
     inert = vary(at, {"damper_mass_factor": factor})
     amplitude = other.peak(other.preload).amplitude
     assert inert.peak(other.preload).amplitude == pytest.approx(amplitude, rel=1e-6)
