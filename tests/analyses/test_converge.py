@@ -111,9 +111,19 @@ class TestPeaks:
         found = study.harmonic_convergence(study.peak(5000.0, INTERVAL), harmonics=(6,))
         assert found.status == "complete" and found.peaks[-1].harmonics == 6
         assert [n for n, _ in asked][:2] == [6, 3] and max(n for _, n in asked[1:]) <= 3
+
+    def test_the_curve_near_the_peak_where_newton_fails(self, study, monkeypatch):
+        """It gives the same peak; Newton's method failed so on a blade of nickel alloy, whose convergence then ended."""
+        peak = study.peak(5000.0, INTERVAL)
+        by_newton = study.harmonic_convergence(peak, harmonics=(5,)).peaks[-1]
         monkeypatch.setattr(room, "peak_of_sign", lambda *_, **__: ("too far", 0))
-        broken = study.harmonic_convergence(study.peak(5000.0, INTERVAL), harmonics=(6,))
-        assert broken.status == "incomplete: no peak was found near this one with 6 harmonics (too far)"
+        found = study.harmonic_convergence(peak, harmonics=(5,))
+        assert found.status == "complete" and found.peaks[-1].harmonics == 5
+        assert found.peaks[-1].amplitude == pytest.approx(by_newton.amplitude, rel=1e-6)
+        monkeypatch.setattr(room, "NEARBY_BUDGET", 20)
+        broken = study.harmonic_convergence(peak, harmonics=(6,))
+        start = "incomplete: no peak was found near this one with 6 harmonics (too far; near it the response curve is "
+        assert broken.status.startswith(f"{start}incomplete:")
         assert len(broken.peaks) == 1 and not broken.converged and "not known with more harmonics" in broken.note
 
     def test_after_ctrl_c_with_what_is_known(self, study, monkeypatch):

@@ -4,8 +4,9 @@ Harmonic convergence
     With ``H`` harmonics a peak solves ``r_H(u, omega) = 0`` and ``phi_H = 0``, the derivative of the amplitude along the
     curve (``bdamper.response.peak``). The initial guess is the peak with fewer harmonics; new harmonics are zero. Newton's
     method with line search solves at the phase of that peak, or at its frequency, then the peak is located. It must have
-    the sign of det J of the first peak. This sign changes at every fold: another sign is another part of the curve.
-    If this fails, half of the new harmonics are added first.
+    the sign of det J of that peak. This sign changes at every fold: another sign is another part of the curve.
+    If this fails, half of the new harmonics are added first; if that fails too, the response curve with all of them is
+    followed near the peak and its highest maximum is taken.
 
     A few equal results do not prove convergence, since a higher harmonic may be resonant. At its optimum the turbine blade
     has 75.3, 75.0, 75.0, 75.2 and 74.2 um with 3, 5, 7, 9 and 12 harmonics, and 69.4 um with 16. The sequence therefore
@@ -53,7 +54,7 @@ from bdamper.harmonic_balance.checks import Asking, check_question, like, proble
 from bdamper.harmonic_balance.effects import MAX_HARMONIC
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response.highest_peak import NEAR as NEAR_HIGHEST
-from bdamper.response.highest_peak import highest_peak
+from bdamper.response.highest_peak import found_at, highest_peak
 from bdamper.response.linear_limits import peak_interval
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.peak import Peak, PeakOptions, check_peak, peak_of_sign, sign_of_jacobian
@@ -79,6 +80,8 @@ NEAR_MODE = 0.05
 
 Slip and separation shift natural frequencies of the turbine blade by up to 3 %.
 """
+NEARBY, NEARBY_BUDGET = 0.03, 3000
+"""Relative half width of the interval, and evaluations of a curve, in the search for a peak that Newton's method loses."""
 OPTIONS = PeakOptions(tolerance=1e-8, position_tolerance=1e-4, max_trials=24)
 """Tolerances of the peaks."""
 
@@ -126,11 +129,10 @@ def harmonic_convergence(
     progress = shows_progress(progress)
     with LongWork() as work, progress_stages(progress, "harmonic convergence", "step") as report:
         internal_resonances = tuple(_meetings(([problem] + problems)[-1], peak))
-        sign = sign_of_jacobian(problem.system(peak.parameter), peak.y)
         for i, richer in enumerate(problems):
             n = richer.harmonic_numbers[-1]
             report(f"{n} harmonics", i, len(problems))
-            outcome = evaluate_peak(richer, partial(_richer_peak, problem, peak, sign, meter))
+            outcome = evaluate_peak(richer, partial(_near_or_highest, problem, peak, meter))
             if outcome.reason:
                 status = with_reason(INCOMPLETE, f"no peak was found near this one with {n} harmonics ({outcome.reason})")
                 break
@@ -260,6 +262,25 @@ def _meetings(problem: Problem, peak: Peak) -> Iterator[Meeting]:
         if abs(distance[k]) <= NEAR_MODE:
             diameter = problem.bases[l].nodal_diameter if problem.model.n_blades > 1 else -1
             yield Meeting(l, k + 1, diameter, float(modes[k]), float(distance[k]))
+
+
+def _near_or_highest(known: Problem, peak: Peak, meter: CostMeter, problem: Problem) -> Peak:
+    """Return the peak of a problem with more harmonics by Newton's method, or the highest of its curve near the known one.
+
+    Raises
+    ------
+    BdamperError
+        If both fail, with the reason of the first.
+    """
+    try:
+        return _richer_peak(known, peak, sign_of_jacobian(known.system(peak.parameter), peak.y), meter, problem)
+    except BdamperError as error:
+        frequency = ((1.0 - NEARBY) * peak.frequency, (1.0 + NEARBY) * peak.frequency)
+        highest = found_at(problem, peak.parameter, frequency, options=OPTIONS, budget=NEARBY_BUDGET)
+        meter.count(highest.cost.iterations, highest.cost.failed_steps)
+        if highest.top is None or highest.status != COMPLETE:
+            raise BdamperError(f"{error}; near it the response curve is {highest.status}") from None
+        return highest.top.peak
 
 
 def _richer_peak(known: Problem, peak: Peak, sign: int, meter: CostMeter, problem: Problem) -> Peak:
