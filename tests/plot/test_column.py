@@ -114,7 +114,9 @@ def without(name):
     """Return a result without the values that its picture shows."""
     result, lost = of_masses(name), MISSING[name]
     if lost == ("values",):
-        return replace(result, values=tuple(values | {"amplitude": np.nan} for values in result.values))
+        values = result.values.copy()
+        values["amplitude"] = np.nan
+        return replace(result, values=values)
     return replace(result, **{key: np.full_like(getattr(result, key), np.nan) for key in lost})
 
 
