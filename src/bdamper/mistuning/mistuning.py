@@ -131,7 +131,8 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         ----------
         n_blades : int
         standard_deviation : float
-            Standard deviation of the distribution; the standard deviation of one drawn pattern scatters about it.
+            Standard deviation of the distribution. Mean and standard deviation of one drawn pattern scatter about zero and
+            this value; :meth:`without_mean` removes the mean.
         distribution : {"normal", "uniform"} or Mistuning
             A measured pattern is resampled with repetition, whole blades at a time.  Its mean is removed and its standard
             deviation over all modes is scaled to ``standard_deviation``.
