@@ -135,7 +135,7 @@ def test_a_coarse_curve_that_is_not_whole_is_followed_again(study, monkeypatch):
     module, asked = sys.modules["bdamper.response.highest_peak"], []
     inner = module.frequency_response
 
-    def coarse_is_lost(*args, options):
+    def coarse_is_lost(*args, options, **_):
         asked.append(options.tolerance)
         found = inner(*args, options=options)
         return replace(found, status="incomplete") if options.tolerance > 1e-8 else found
@@ -152,7 +152,7 @@ def test_a_curve_given_up_among_folds_is_followed_again(study, monkeypatch, leas
     folds = LeftOut(290.0, 300.0, "many folds: 400 points of folds")
     whole = module.frequency_response(study.problem, 1000.0, INTERVAL)
 
-    def given_up(*args, options):
+    def given_up(*args, options, **_):
         asked.append("coarse" if options.tolerance > 1e-8 else "close")
         if asked[-1] == least:
             return replace(whole, harmonics=0.5 * whole.harmonics, missing_ranges=(folds,))
