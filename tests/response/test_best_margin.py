@@ -131,12 +131,12 @@ def test_a_margin_needs_a_material_and_stress(study):
 
 @pytest.mark.slow
 def test_over_speed_the_lighter_damper_has_the_larger_margin():
-    """Two of three contact points are open at rest there, which is no sign of rattling."""
+    """Lower preloads than the optimum have no steady response, and the largest margin lies at its edge."""
     at = bd.Study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip", amplitude=20.0), 5, harmonics=1,
                   friction_coefficient=0.3).at_speed(480.0)  # fmt: skip
-    curve = at.optimal_curve((530.0, 740.0), 5, check=False, quantity="margin", material=AISI_1050)
-    assert np.isfinite(curve.amplitude).all()
+    curve = at.optimal_curve((350.0, 600.0), 5, check=False, quantity="margin", material=AISI_1050)
+    assert curve.optimum.kind == "edge" and np.isfinite(curve.amplitude).sum() == 3
     (margins,) = curve.margins
-    assert margins.best_value < 0.95 * curve.optimum.preload
-    assert margins.best_margin > 1.02 * np.interp(curve.optimum.preload, margins.values, margins.margin)
+    assert 0.98 * curve.optimum.preload < margins.best_value < curve.optimum.preload
+    assert margins.best_margin > 1.005 * np.interp(curve.optimum.preload, margins.values, margins.margin)
     assert margins.best_status == "complete: refined between its neighbours"
