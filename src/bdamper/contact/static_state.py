@@ -521,9 +521,9 @@ def _loaded(system: StaticSystem, load: float, state: PreloadState, steps: int) 
         step = left if min(step, longest) > left - SHORTEST else min(step, longest)
         at, before = load - (left - step) * change, _slider_memory(system, state)
         # Initial states: extrapolated, latest, all points in contact sticking, all points sticking.
-        # Without it: the deck of a shroud with two strips finds another state without the first, wide random studies 121 and
-        # 151 depend on the number of steps without the second, study 20 without the third; without the fourth its force
-        # changes by 16 %.
+        # Without it: the deck of a shroud with two strips finds another state without the first, wide random studies 121
+        # and 151 depend on the number of steps without the second, study 20 without the third; without the fourth its
+        # force changes by 16 %.
         apart = state.closing < -1e-9 * np.abs(state.closing).max(initial=0.0)
         stuck = np.where((state.status == OPEN) & apart[:, None], OPEN, STICK)
         ahead = () if slope is None else (_law(system, x + step * slope, before)[1],)
