@@ -31,7 +31,7 @@ from bdamper.contact.stiffness import report
 from bdamper.fatigue import margin as margins
 from bdamper.fatigue import stress_cycle as stresses
 from bdamper.fatigue.criteria import Material
-from bdamper.harmonic_balance import checks
+from bdamper.harmonic_balance import checks, parameters
 from bdamper.harmonic_balance import rotor_speed as at_speed
 from bdamper.harmonic_balance.checks import asked, check_question, check_settings, check_unloaded
 from bdamper.harmonic_balance.problem import Problem
@@ -141,7 +141,7 @@ class Study(Comparable):
         lines = [report(name, contact) for name, contact in self.problem.stiffness.items()]
         return "\n".join(filter(None, [*lines, self.problem.contact.note]))
 
-    replace = asked(Problem.replace)
+    replace = asked(parameters.replace_settings)
     static = analysis(validation.check_arguments(Problem.static, name="static"))
     response_at = analysis(validation.check_arguments(checks.response_at))
     wedge_friction = analysis(validation.check_arguments(Problem.wedge_friction, name="wedge_friction"))
@@ -162,6 +162,9 @@ class Study(Comparable):
         bases = {name: next(iter(s.model.bodies[name].bases.values())) for name in coupling.modes}
         stored = [f"{name} {len(modes)} of {bases[name].n_modes}" for name, modes in coupling.modes.items()]
 
+        def shown(value: Any) -> str:
+            return f"{value:.6g}" if isinstance(value, float) else text_of(value)
+
         def force(e: Excitation) -> str:
             return f"{e.amplitude:g} N {e.shown}, order {e.engine_order or s.engine_order}"
 
@@ -177,7 +180,7 @@ class Study(Comparable):
             Fact("contact points", coupling.n_points),
             Fact("modes", sum(map(len, coupling.modes.values())), f"({', '.join(stored)})"),
             Fact("unknowns", self.problem.n_unknowns),
-            *(Fact(spaced(name), f"{text_of(getattr(s, name))} {UNITS.get(name, '')}".strip()) for name in other),
+            *(Fact(spaced(name), f"{shown(getattr(s, name))} {UNITS.get(name, '')}".strip()) for name in other),
             Fact("neglected", "; ".join(s.model.neglected_over_speed(s.needed_diameters)) if s.speed else ""),
         )
 

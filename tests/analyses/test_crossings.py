@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.analyses import crossings
 from bdamper.analyses.campbell import run_up
 from bdamper.analyses.crossings import SpeedFamily, exact, follow_line
 from bdamper.harmonic_balance.rotor_speed import RPM, Conditions
@@ -126,6 +127,16 @@ def test_a_run_up_is_a_curve_over_speed(study, found, tmp_path):
         bd.SettingError, match=r"curve: expected a response curve .study.frequency_response., found a run-up curve"
     ):
         study.hysteresis(run)
+
+
+def test_a_missing_peak_at_fixed_speed_has_its_reason(study, monkeypatch):
+    """A crossing that is complete otherwise, and a run-up, state why."""
+    peak = replace(study.peak(5800.0), status="not found: tried")
+    monkeypatch.setattr(crossings, "find_peak", lambda *_, **__: peak)
+    row = study.resonance_crossings(SPEEDS, [5]).values[0]
+    why = "no peak at fixed speed: from the highest point on the line, not found: tried"
+    assert (row["kind"], row["warning"]) == ("complete", why) and np.isnan(row["fixed_speed"])
+    assert study.run_up((420.0, 465.0)).summary().count(why) == 1
 
 
 @pytest.mark.slow

@@ -32,6 +32,15 @@ def test_one_harmonic_is_the_closed_form():
     assert max(jenkins.closed_form(a * s)[1] for s in (0.999, 1.001)) < mode.damping_ratio[top]
 
 
+def test_values_at_an_amplitude_are_interpolated_over_its_logarithm():
+    mode = oscillator(1).nonlinear_mode(0.0, 1, (1e-3, 100.0))
+    i = mode.point_kind.index("maximum")
+    f, zeta = mode.frequency[i : i + 2], mode.damping_ratio[i : i + 2]
+    (between,) = mode.at(mode.amplitude[i] ** 0.75 * mode.amplitude[i + 1] ** 0.25)
+    assert between == pytest.approx((0.75 * f[0] + 0.25 * f[1], 0.75 * zeta[0] + 0.25 * zeta[1]), rel=1e-9)
+    assert mode.at(200.0) == []
+
+
 def test_many_harmonics_are_the_exact_solution():
     mode = oscillator(tuple(range(1, 22, 2))).nonlinear_mode(0.0, 1, (1.5, 20.0), options=FINE)
     worst = []

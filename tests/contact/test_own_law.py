@@ -254,3 +254,29 @@ def test_the_example_with_numba():
     exec(code, names)
     expected, found = own_curve(names["law"])
     np.testing.assert_allclose(found.amplitude, expected.amplitude, rtol=1e-9)
+
+
+def test_the_jacobian_of_states_that_depend_on_each_other():
+    """A law whose states decay with the distance by a full matrix, against finite differences."""
+    decay, b, c = np.array([[0.5, 0.3], [-0.2, 0.7]]), np.array([0.4, -0.1]), np.array([0.3, 0.5])
+
+    @ctypes.CFUNCTYPE(None, *[NUMBER] * 10, ctypes.c_void_p)
+    def function(x, before, p, s0, s1, F, Fx, Fs, sx, ss, data):
+        step, state = x[0] - before[0], np.array([s0[0], s0[1]])
+        rate, change = b - np.sign(step) * decay @ state, np.eye(2) - abs(step) * decay
+        s1[0], s1[1] = state + rate * step
+        F[0], F[1], F[2] = x[0] + c[0] * s1[0] + c[1] * s1[1], 0.0, 0.0
+        if Fx:
+            Fx[0] = 1.0
+            for i in range(2):
+                Fs[i], sx[6 * i], sx[6 * i + 3] = c[i], rate[i], -rate[i]
+                ss[2 * i], ss[2 * i + 1] = change[i]
+
+    law = bd.ContactLaw(LowLevelCallable(function), n_state=2, parameters=[0.0], stick=[1.0, 0.0, 0.0])
+    system = joint(law, harmonics=2, contact_forces=bd.AFT(32)).problem.system(0.0)
+    y = np.append(np.random.default_rng(5).normal(size=system.n_unknowns), 1.3)
+    jacobian, h = system.evaluate_at(y)[1], 1e-6
+    for k in range(system.n_unknowns):
+        step = h * np.eye(len(y))[k]
+        expected = (system.residual(y + step) - system.residual(y - step)) / (2.0 * h)
+        np.testing.assert_allclose(jacobian[:, k], expected, rtol=0.0, atol=1e-7 * np.abs(jacobian).max())

@@ -33,7 +33,7 @@ def test_the_preload_is_mass_times_radius_times_squared_speed(study):
     heavy = vary(study.at_speed(SPEED), {"damper_mass": 2.0})
     assert "neglected" not in str(heavy)
     assert heavy.preload == pytest.approx(2.0 * study.at_speed(SPEED).preload, rel=1e-12), "load and inertia together"
-    assert re.search(r"speed +400\.0 rad/s", str(heavy))
+    assert re.search(r"speed +400 rad/s", str(heavy))
     inert = vary(study.at_speed(SPEED), {"damper_mass_factor": 2.0})
     at = study.at_speed(SPEED)
     same = [one.problem.displacement_by_rotation for one in (at, heavy, inert)]
@@ -125,6 +125,14 @@ def test_speeds_and_bodies_that_do_not_fit(study):
     assert preload_at(study.problem, SPEED) > 0.0
 
 
+def test_a_study_replaces_the_names_that_a_sweep_varies(study):
+    changed = study.replace(damper_mass_factor=1.5, harmonics=1, **{"friction_coefficient.left": 0.2})
+    assert changed.settings.harmonics == (1,) and changed.settings.friction_by_interface()["left"] == 0.2
+    assert changed.model.hash == vary(study, {"damper_mass_factor": 1.5}).model.hash != study.model.hash
+    with pytest.raises(bd.SettingError, match="no argument 'friction_coefficent'; did you mean friction_coefficient"):
+        study.replace(friction_coefficent=0.2)
+
+
 def test_a_speed_is_varied_with_its_model(study):
     """As sweeps do; the factor on the mass comes with its own preload."""
     found, at = vary(study, {"speed": SPEED, "damper_mass": 2.0}), study.at_speed(SPEED)
@@ -193,6 +201,16 @@ def doubted(ask, load, found):
 def test_a_preload_that_contradicts_the_speed_of_the_study_is_named_once(quick, peak, name):
     found = "1000 to 2000 N" if name in ("optimal curve", "sweep of preloads", "uncertainty") else "2000 N"
     doubted(lambda: CONTRADICTIONS[name](quick.at_speed(SPEED), peak), "4782 N", f"{found}: a damper of 0.418 times")
+
+
+def test_stress_and_margin_of_a_contradiction_repeat_it_in_the_headline(quick):
+    """The search has warned at the speed of the study."""
+    at = quick.at_speed(SPEED)
+    with pytest.warns(PlausibilityWarning) as caught:
+        found = at.peak(LOW, BAND)
+        results = at.stress(found), at.margin(found, AISI_1050)
+    assert len(caught) == 1
+    assert all("2000 N: a damper of 0.418 times the mass" in result._headline() for result in results)
 
 
 def test_an_optimum_that_contradicts_the_speed_of_the_study_is_named_once(quick, peak):

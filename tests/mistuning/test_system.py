@@ -210,3 +210,23 @@ def test_the_elimination_keeps_what_contacts_bend_most_where_there_are_harmonics
 
     last, first = (stuck(s.reduced(shapes[:, at])) for at in (np.arange(5, 13), np.r_[0:7, 12]))
     assert stuck(s) < last < first
+
+
+def test_a_travelling_wave_is_a_mode_of_the_ring_with_springs():
+    """By the forces on all blades and dampers, for each direction of travel."""
+    s = wheel(5, 1).structure
+    springs, n, root = s.tuned.point_stiffness, s.n, slice(s.n - s.n_root, s.n)
+    for d in range(5):
+        squares, phi, motion = s.wave(d, springs)
+        turned = np.exp(2j * np.pi * d * np.arange(5) / 5)[:, None]
+        for k in (0, 1, 2):
+            z = turned * phi[:, k]
+            parts = z.real, z.imag
+            contact = sum(f * s.gathered(springs * s.motion(part)) for f, part in zip((1.0, 1j), parts))
+            elastic = sum(f * s.elastic_forces(part[:, :n]) for f, part in zip((1.0, 1j), parts))
+            force = contact + np.hstack([elastic, s.damper_stiffness * z[:, n:]])
+            inertia = np.hstack([z[:, :n] @ s.mass.T, s.damper_mass.mean(axis=0) * z[:, n:]])
+            inertia[:, root] += z[:, root] @ s.disk_mass[d].T
+            np.testing.assert_allclose(force, squares[k] * inertia, rtol=0.0, atol=1e-9 * np.abs(squares[k] * inertia).max())
+            here = s.motion(z.real)[0] + 1j * s.motion(z.imag)[0]
+            np.testing.assert_allclose(motion[:, k], here.ravel(), rtol=0.0, atol=1e-12 * np.abs(motion).max())

@@ -3,11 +3,13 @@
 import hashlib
 from dataclasses import replace
 
+import h5py
 import numpy as np
 import pytest
 
 import bdamper as bd
 from bdamper.model.modal_basis import SpeedBasis
+from bdamper.model.model_file import read_model, write_model
 from bdamper.model.structure import ModalBasis, feed_digest
 from bdamper.model.validation import check_model
 from bdamper.util.errors import ModelError, SettingError
@@ -130,6 +132,18 @@ def changed(model, **parts):
 def test_data_over_speed_that_contradict_the_basis_are_refused(turning, parts, words):
     with pytest.raises(ModelError, match=words):
         check_model(changed(turning, **parts))
+
+
+def test_a_file_without_what_its_bases_cannot_supply_is_refused(turning, tmp_path):
+    """Without flexibility nothing tells the residual flexibility at standstill."""
+    basis = at(turning)
+    bases = {**turning.bodies["blade"].bases, 5: replace(basis, flexibility=None)}
+    model = replace(turning, bodies={**turning.bodies, "blade": replace(turning.bodies["blade"], bases=bases)})
+    with h5py.File(tmp_path / "model.h5", "w") as file:
+        write_model(file, model)
+        del file["bodies/blade/nd005/speed/residual0"]
+        with pytest.raises(ModelError, match="residual0: expected this dataset where the basis has no flexibility"):
+            read_model(file)
 
 
 def test_a_speed_that_tears_the_structure_is_refused(turning):

@@ -325,10 +325,11 @@ def _with_maximum(curve: ResponseCurve, index: int, top: Peak, harmonics: NDArra
     return replace(curve, **columns, unknowns=np.zeros((len(curve), 0)))
 
 
-def _comparison_text(top: Peak, fixed: Peak | None) -> str:
+def _comparison_text(top: Peak, fixed: Peak | str) -> str:
     """Return a text about the highest maximum and the peak at fixed speed."""
-    comparison = "no peak at fixed speed near it lies on the line"
-    if fixed is not None:
+    if isinstance(fixed, str):
+        comparison = fixed
+    else:
         above = percent(top.amplitude / fixed.amplitude - 1.0)
         reference = f"{amount(fixed.amplitude, 'm', 4)} at {fixed.parameter:.5g} rad/s"
         comparison = f"{above} above the peak at fixed speed, {reference}"

@@ -266,8 +266,8 @@ def _watched(family: SpeedFamily, equations: Equations[Family], mode: int) -> li
     return out
 
 
-def at_fixed_speed(equations: Equations[Family], top: Peak, meter: CostMeter) -> Peak | None:
-    """Return the peak at fixed speed that lies on the line, by secant steps from the highest point along it.
+def at_fixed_speed(equations: Equations[Family], top: Peak, meter: CostMeter) -> Peak | str:
+    """Return the peak at fixed speed that lies on the line, by secant steps from the highest point along it, or why not.
 
     Steps are halved if no peak is found. From a shoulder of the response to the peak they amount to some per cent.
     """
@@ -283,7 +283,7 @@ def at_fixed_speed(equations: Equations[Family], top: Peak, meter: CostMeter) ->
         meter.count(peak.iterations)
         if not peak.converged:
             if before is None:
-                return None
+                return f"no peak at fixed speed: from the highest point on the line, {peak.status}"
             omega = 0.5 * (omega + before[0])
             continue
         off = float(peak.y[-1]) - omega
@@ -293,8 +293,8 @@ def at_fixed_speed(equations: Equations[Family], top: Peak, meter: CostMeter) ->
         before, guess = (omega, off), peak.y
         omega = omega - off / (slope if slope < -0.2 else -1.0)
         if not low <= omega <= high:
-            return None
-    return None
+            return f"no peak at fixed speed: it leaves the range of speeds, {speeds.min():.5g} to {speeds.max():.5g} rad/s"
+    return f"no peak at fixed speed on the line after {options.max_iterations} steps"
 
 
 def exact(family: SpeedFamily, top: Peak) -> tuple[Peak, float]:
@@ -408,8 +408,8 @@ class CrossingTask:
         results = self._results(problem, meter)
         neglected = problem.model.neglected_over_speed(problem.settings.needed_diameters)
         results["warning"] = "; ".join([*results["warning"], *(f"neglected: {note}" for note in neglected)])
-        mass = next(b.mass for b in problem.model.bodies.values() if b.kind == "free" and b.load is not None)
-        return dict.fromkeys(NUMBERS, np.nan) | {"mass": mass} | results | {"cost": meter.read()}
+        loaded = (b.mass for b in problem.model.bodies.values() if b.kind == "free" and b.load is not None)
+        return dict.fromkeys(NUMBERS, np.nan) | {"mass": next(loaded, np.nan)} | results | {"cost": meter.read()}
 
     def _results(self, problem: Problem, meter: CostMeter) -> dict[str, Any]:
         """Return the results without NaN, and warnings as a list."""
@@ -434,7 +434,9 @@ class CrossingTask:
             **{name: float(x) for name, x in zip(("stick", "slip", "open"), solution.shares)},
         }  # fmt: skip
         fixed = at_fixed_speed(equations, top, meter)
-        if fixed is not None:
+        if isinstance(fixed, str):
+            warnings.append(fixed)
+        else:
             out |= {"fixed_speed": fixed.parameter, "fixed_speed_amplitude": fixed.amplitude}
         if self.margin is not None:
             at_speed, unknowns = family.problem(solution.parameter), solution.y[:-1]

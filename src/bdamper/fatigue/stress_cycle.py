@@ -244,14 +244,15 @@ def check_loads(
 ) -> tuple[str, ...]:
     """Compare the preloads with the centrifugal load of the damper at the rotor speed.
 
-    Warn if they contradict each other.  If the speed follows from the engine order, return the contradiction as a note.
+    Warn of a contradiction at a given speed.  Otherwise return it as a note: at the speed of the study the search that
+    found the solutions has warned, and other studies need a speed for the static stress alone.
     """
     turning = speeds(problem, solutions.frequency, speed)
-    if speed is not None or problem.settings.speed is not None:
+    if speed is not None:
         problem.sizes.check_preload(solutions.preload, turning)
         return ()
     contradiction = problem.sizes.contradiction(solutions.preload, turning)
-    if contradiction is None or all(s.static is None for s in chosen):
+    if contradiction is None or (problem.settings.speed is None and all(s.static is None for s in chosen)):
         return ()
     return ("{}{}, found {}".format(DOUBTED_LOAD, *contradiction),)
 

@@ -99,7 +99,8 @@ def unknowns_of(problem: Problem, result: SomeResult) -> NDArray:
     elif hasattr(given, "unknowns"):
         unknowns = np.asarray(given.unknowns)
     else:
-        raise SettingError(f"result: expected a peak or a curve with its solutions, found a {type(result).__name__}")
+        expected = "a peak or a curve with its solutions, such as study.peak(preload)"
+        raise SettingError(f"result: expected {expected}, found {type(result).__name__}")
     if not len(unknowns) or unknowns.shape[1] != problem.n_unknowns:
         n = unknowns.shape[1] if len(unknowns) else 0
         expected = f"a result of this study, with {problem.n_unknowns} unknowns"

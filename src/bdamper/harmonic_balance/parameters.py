@@ -115,6 +115,25 @@ def vary(problem: Problem, settings: Mapping[str, Any]) -> Problem:
     return problem
 
 
+def replace_settings(problem: Problem, /, **settings: Any) -> Problem:
+    """Return the same study under other settings, given by name.
+
+    Parameters
+    ----------
+    **settings
+        Arguments of :class:`bdamper.Study`, and other names that a sweep varies, such as ``damper_mass_factor``,
+        ``gap_factor`` or ``friction_coefficient.left``.
+
+    Raises
+    ------
+    SettingError
+        If there is no setting of that name, or its value is not valid.
+    """
+    own = {f.name for f in fields(problem.settings)}
+    varied = {name: settings.pop(name) for name in setting_names(problem) if name in settings and name not in own}
+    return vary(problem.replace(**settings), varied)
+
+
 def _scaled(problem: Problem, name: str, part: str, factor: float) -> Problem:
     factor = validation.number(f"{name}.{part}" if part else name, factor, above=0.0)
     if name == "gap_factor":

@@ -255,6 +255,8 @@ def _draw_optimal(ax: Axes, result: OptimalCurve, quantity: str) -> None:
     for k in np.flatnonzero(~goes_on[1:]):  # another resonance becomes the highest, or one was not found
         ax.plot(preload[k : k + 2], values[k : k + 2], ":", color="0.1", linewidth=0.8)
     if quantity == "shift":
+        if not np.isfinite(values).any():
+            note(ax, "no frequency shift: no peak or no free resonance is known", empty=True)
         return
     levels = {name: getattr(result, name).amplitude for name in LIMITS}
     if min(levels.values()) > ALIKE * max(levels.values()):

@@ -550,10 +550,7 @@ class Page:
         low, high = self.answers.band(question)
         lines = [self.source]
         if question.settings:
-            lines += [
-                "from bdamper.harmonic_balance.parameters import vary",
-                f"study = vary(study, {dict(question.settings)!r})",
-            ]
+            lines.append(f"study = study.replace(**{dict(question.settings)!r})")
         lines.append(f"curve = study.frequency_response({question.preload!r}, ({low!r}, {high!r}))")
         if question.preloads:
             lines.append(f"optimal = study.optimal_curve({question.preloads!r}, mode={question.mode})")

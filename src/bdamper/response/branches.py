@@ -10,7 +10,7 @@ without a solution; all omissions are reported.
 1. Newton iteration from the static state (:mod:`bdamper.contact.static_state`) plus the linear response in stick,
 2. Newton iteration with line search, and least norm for a rank-deficient Jacobian,
 3. continuation in the level of the excitation from the static state, around folds,
-4. a support homotopy: free bodies (all, if none is free) rest on springs and dampers that fade out as the excitation grows.
+4. fading supports: free bodies (all, if none is free) rest on springs and dampers that fade out as the excitation grows.
 
 The log lists all attempts.
 """

@@ -25,7 +25,7 @@ from bdamper.util.storage import FilePath, Recorded, Storable
 from bdamper.util.tables import Hertz, Kinds, Metres, Newtons, Numbers, PerRow, Quantity, Resonance, Shares, Tabular
 
 KINDS = {
-    "smooth": "zero slope", "crossing": "two peaks of equal height", "jump": "a higher peak ends here",
+    "smooth": "smooth minimum", "crossing": "two peaks of equal height", "jump": "on one side of it there is a higher peak",
     "unknown": "not located", "flat": "none, the preload has no effect", "none": "none", **ENDS,
 }  # fmt: skip
 """Words for the kinds of an optimum."""
