@@ -36,6 +36,9 @@ class Ends(Executor):
             raise RuntimeError("cannot schedule new futures after shutdown")
         elif self.how == "broken":
             future.set_exception(BrokenExecutor("the workers\nare gone"))
+        elif self.how == "killed":  # Dask, where a task has ended four workers
+            killed = pytest.importorskip("distributed").KilledWorker
+            future.set_exception(type("Killed", (killed,), {"__str__": lambda self: REASONS["killed"]})("", None, 3))
         else:
             future.cancel()
             future.set_running_or_notify_cancel()
@@ -45,6 +48,7 @@ class Ends(Executor):
 REASONS = {
     "shut down": "cannot schedule new futures after shutdown",
     "broken": "the workers are gone",
+    "killed": "Attempted to run task '_run-1' on 4 different workers",
     "cancelled": "its tasks were cancelled",
 }
 

@@ -1,6 +1,7 @@
 """Sweeps on any executor, results files that survive being killed, samples and percentiles."""
 
 import json
+import multiprocessing
 import os
 import random
 import signal
@@ -8,9 +9,10 @@ import subprocess
 import sys
 import time
 import tracemalloc
+from collections import Counter
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
-from contextlib import closing
-from dataclasses import replace
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -89,6 +91,41 @@ def deadly_question(study, preload):
     return {"value": preload}
 
 
+@dataclass(frozen=True)
+class Logged:
+    """A question that writes a line for each call, and ends its process (SIGKILL) once, at a preload (N)."""
+
+    log: str
+    deadly: float = np.nan
+
+    def __call__(self, study, preload):
+        with open(self.log, "a") as log:
+            log.write(f"{preload}\n")
+        time.sleep(0.01)
+        if preload == self.deadly and self.calls()[preload] == 1:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return residual_norm(study, preload)
+
+    def calls(self):
+        with open(self.log) as log:
+            return Counter(map(float, log))
+
+
+@contextmanager
+def dask_executor():
+    distributed = pytest.importorskip("distributed", reason="dask.distributed is not installed")
+    with (
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        yield client.get_executor()
+
+
+def sweep_on_dask(study, over, question, path):
+    with dask_executor() as executor:
+        return bd.sweep(study, over, question, executor=executor, resume=path)
+
+
 class TestAnswers:
     def test_each_point_is_what_the_study_gives_alone(self, study, serial):
         assert serial.complete
@@ -107,12 +144,8 @@ class TestAnswers:
 
     @pytest.mark.slow
     def test_dask_gives_the_same(self, study, serial):
-        distributed = pytest.importorskip("distributed", reason="dask.distributed is not installed")
-        with (
-            distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
-            distributed.Client(cluster) as client,
-        ):
-            result = bd.sweep(study, over=OVER, frequency=INTERVAL, executor=client.get_executor())
+        with dask_executor() as executor:
+            result = bd.sweep(study, over=OVER, frequency=INTERVAL, executor=executor)
         assert answers(result) == answers(serial)
 
     def test_a_question_of_ones_own_and_factors(self, study):
@@ -182,6 +215,38 @@ class TestInterrupted:
         assert result.status[:2] == ("complete", "complete") and result.array("value")[:2].tolist() == [100.0, 200.0]
         assert all(s.startswith("not run: A process in the process pool was terminated") for s in result.status[2:])
         assert "2 of 4 parts were not run: A process" in result.summary()
+
+    @pytest.mark.slow
+    def test_dask_replaces_a_killed_worker(self, study, tmp_path):
+        """The points of its tasks run again; those that it had finished and not yet sent, too."""
+        question, over = Logged(str(tmp_path / "log"), 250.0), {"preload": np.arange(1.0, 501.0)}
+        with dask_executor() as executor:
+            result = bd.sweep(study, over, question, executor=executor, resume=tmp_path / "r.jsonl")
+        assert question.calls()[250.0] == 2
+        assert result.complete and len((tmp_path / "r.jsonl").read_text().splitlines()) == 501
+        assert answers(result) == answers(bd.sweep(study, over, residual_norm))
+
+    @pytest.mark.slow
+    def test_a_killed_client_of_dask_continues(self, study, tmp_path):
+        """Finished points are neither lost nor computed again, except for those of the few tasks on the workers."""
+        question, path = Logged(str(tmp_path / "log")), tmp_path / "r.jsonl"
+        arguments = study, {"preload": np.arange(1.0, 1001.0)}, question, path
+        client = multiprocessing.get_context("spawn").Process(target=sweep_on_dask, args=arguments)
+        client.start()
+        while not path.exists() or path.read_bytes().count(b"\n") < 200:
+            assert client.is_alive()
+            time.sleep(0.01)
+        client.kill()
+        client.join()
+        time.sleep(1.0)  # its workers end
+        stored = {json.loads(line)["index"] + 1.0 for line in path.read_bytes().split(b"\n")[1:-1]}
+        before = question.calls()
+        assert set(before.values()) == {1} and 200 <= len(stored) <= len(before) < 1000
+        result = sweep_on_dask(*arguments)
+        again = {preload for preload, calls in question.calls().items() if calls > 1}
+        assert again <= set(before) - stored, "no stored point is computed again"
+        assert len(again) <= 4 * 20, "points of at most two tasks on each worker"
+        assert result.complete and answers(result) == answers(bd.sweep(study, arguments[1], residual_norm))
 
     def test_points_finished_while_one_is_written_are_kept(self, study, tmp_path, monkeypatch):
         """Ctrl-C while the first line after the header is written; all four points are finished by then."""
