@@ -12,7 +12,7 @@
 #   make kernels   tests of the core under each kernel of the core
 #   make portability  tests that rounding affects, under each kernel of the core and of OpenBLAS; more folders with the oldest dependencies
 #   make nastran   Nastran readers, with the NumPy that pyNastran asks for
-#   make others    models that other programs wrote and other packages carry (Debian: calculix-ccx, calculix-ccx-test; a network)
+#   make others    models that other programs wrote and other packages carry, and sweeps on MPI (Debian: calculix-ccx, calculix-ccx-test; a network)
 #   make oldest    quick tests of the core and its equations with the oldest supported dependencies
 #   make newest    quick tests with the newest dependencies
 #   make wheel     source distribution and a wheel for every Python of this machine, in dist/, each tried in an empty environment
@@ -25,6 +25,7 @@ PYTHON ?= python3
 VENV := .venv
 PEERS := pyHarm-os==1.2.2
 OTHERS := ansys-mapdl-reader==0.56.0
+MPI := "mpi4py>=4.1" "mpich>=5"
 PY := $(VENV)/bin/python
 # curves are computed in parallel, not the small linear systems of one curve
 export OPENBLAS_NUM_THREADS ?= 1
@@ -107,7 +108,8 @@ nastran: | prerequisites
 	$(call step,Nastran readers in an environment of their own,PYTHON=$(PYTHON) sh tools/test_nastran.sh)
 
 others: $(VENV)/dev.stamp $(VENV)-others/files.stamp
-	$(call step,models by others,$(PY) -m pytest tests/others)
+	$(call step,MPI,$(PY) -m pip install -qq $(MPI))
+	$(call step,models by others and sweeps on MPI,$(PY) -m pytest tests/others)
 
 # their files alone: nothing of these packages is imported
 $(VENV)-others/files.stamp: | $(VENV)/bin/python

@@ -41,11 +41,10 @@ class ExecutorEnded(KeyboardInterrupt):
 @contextmanager
 def executor_errors(refusal: type[Exception] = BrokenExecutor) -> Iterator[None]:
     """Convert errors of an executor that has ended, and its refusal of tasks, into :class:`ExecutorEnded`."""
-    killed = getattr(sys.modules.get("distributed"), "KilledWorker", refusal)  # of Dask
     try:
         yield
-    except (BrokenExecutor, CancelledError, killed, refusal) as error:
-        raise ExecutorEnded(one_line(error) or "its tasks were cancelled") from error
+    except (BrokenExecutor, CancelledError, refusal, getattr(sys.modules.get("distributed"), "KilledWorker", refusal)) as e:
+        raise ExecutorEnded(one_line(e) or "its tasks were cancelled") from e
 
 
 class LongWork:
