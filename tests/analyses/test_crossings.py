@@ -52,6 +52,8 @@ def test_the_headline_is_the_highest_crossing_or_says_that_there_is_none(study, 
     rows = [{**top, "kind": "incomplete", "warning": "why", "margin": 1.25}, *(row_of(found.values, k) for k in (0, 1))]
     doubted = {name: [row.get(name) for row in rows] for name in rows[0]}
     said = replace(found, values=named_fields(doubted, 3))._headline()
+    noted = {name: ["complete" if name == "kind" else x for x in column] for name, column in doubted.items()}
+    assert " Note: why. Least" in replace(found, values=named_fields(noted, 3))._headline()
     least = "Least margin against fatigue 1.25 (damper mass 0.999, engine order 5)."
     assert said.endswith(f" There may be a higher point: why. {least}")
     none = study.resonance_crossings((10.0, 20.0), [5])

@@ -58,10 +58,11 @@ def test_wedge_of_second_order_has_its_own_functions():
     from bdamper.fem.element_stress import _wedge
 
     places, (t, w) = _places(15), np.polynomial.legendre.leggauss(4)
+    np.testing.assert_allclose(_wedge(places.T)[0], np.eye(15), atol=1e-12)
     for a in range(15):
         for b in range(15):
             line = places[a][:, None] + (places[b] - places[a])[:, None] * 0.5 * (t + 1.0)
-            change = np.einsum("nip,i,p->n", _wedge(line), places[b] - places[a], 0.5 * w)
+            change = np.einsum("nip,i,p->n", _wedge(line)[1], places[b] - places[a], 0.5 * w)
             np.testing.assert_allclose(change, np.eye(15)[b] - np.eye(15)[a], atol=1e-12)
 
 

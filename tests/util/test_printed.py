@@ -145,8 +145,8 @@ class TestBottomLine:
             f"{span(low, high, 'N')}. "
             f"Amplitude for the stress: {amount(o.amplitude, 'm')} at {amount(o.frequency, 'Hz')}, "
             f"by harmonic balance alone, {curve.free.amplitude / o.amplitude:.3g} times below the free blade "
-            f"({amount(curve.free.amplitude, 'm')}). Not covered: motion in time, mistuning, wear, friction coefficients "
-            "other than 0.4."
+            f"({amount(curve.free.amplitude, 'm')}). Not covered: motion in time, mistuning, wear, more contact "
+            "points, friction coefficients other than 0.4."
         )
         assert low == 200.0, "the first preload: the amplitude has not risen there"
         assert "rises faster" not in said

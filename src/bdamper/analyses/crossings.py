@@ -462,7 +462,8 @@ class Crossings(SweepResult, kind="bdamper-crossings"):
         place = f"{top['speed']:.5g} rad/s ({top['speed'] * RPM:.0f} rpm), {as_words(row_of(self.points, i))}"
         out = [f"Highest crossing: {peak_text(amplitude[i], top['frequency'])}, {place}, "
                f"under a preload of {amount(top['preload'], 'N')}."]  # fmt: skip
-        out += [f"There may be a higher point: {top['warning']}."] if top["kind"] != COMPLETE else []
+        doubt = "Note: " if top["kind"] == COMPLETE else "There may be a higher point: "
+        out += [f"{doubt}{top['warning']}."] if top["warning"] else []
         margins = numbers_of(self.values, "margin")
         if np.isfinite(margins).any():
             k = int(np.nanargmin(margins))

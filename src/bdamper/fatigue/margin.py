@@ -336,8 +336,9 @@ def _scaled_to_time(cycle: StressCycle, time_response: SteadyAmplitude | None) -
     coefficients = cycle.coefficients.copy()
     coefficients[..., 1:] *= time_response.factor
     highest = amount(time_response.highest, "m")
-    note = f"vibration scaled by {time_response.factor:.3g}: the highest blade reaches {highest} in time"
-    doubt = () if status_word(time_response.status) == COMPLETE else (f"the amplitude in time is {time_response.status}",)
+    note = f"{over_cycle.SCALED}{time_response.factor:.3g}: the highest blade reaches {highest} in time"
+    settled = status_word(time_response.status) == COMPLETE
+    doubt = () if settled else (f"{over_cycle.UNSETTLED}{time_response.status}",)
     return replace(cycle, coefficients=coefficients, notes=(*cycle.notes, note, *doubt))
 
 

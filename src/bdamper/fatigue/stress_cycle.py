@@ -220,6 +220,8 @@ def _highest(result: Any, solutions: Solutions) -> int:
 
 
 DOUBTED_LOAD = "the centrifugal stress belongs to a preload of "
+SCALED = "vibration scaled by "
+UNSETTLED = "the amplitude in time is "
 
 
 def speeds(problem: Problem, frequency: NDArray, speed: float | None = None) -> NDArray:
@@ -269,8 +271,9 @@ def check_ends(result: SomeResult) -> None:
 
 
 def doubts(notes: Sequence[str]) -> str:
-    """Return the contradiction of :func:`check_loads` among the notes as a sentence."""
-    return "".join(f" {note[0].upper()}{note[1:]}." for note in notes if note.startswith(DOUBTED_LOAD))
+    """Return as sentences the notes on a contradiction of :func:`check_loads` and on a scaling to the amplitude in time."""
+    shown = [note for note in notes if note.startswith((DOUBTED_LOAD, SCALED, UNSETTLED))]
+    return "".join(f" {note[0].upper()}{note[1:]}." for note in shown)
 
 
 def chosen_sets(problem: Problem, sets: str | Sequence[str] | None = None) -> tuple[StressSet, ...]:

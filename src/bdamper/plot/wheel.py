@@ -91,7 +91,7 @@ def plot_wheel_peak(peak: DiskPeak, ax: Axes = NEW) -> None:
         return
     _bars(ax, peak.amplitudes, peak.blade)
     ax.axhline(peak.tuned_amplitude, color="k", linewidth=1.0, label="tuned peak")
-    ax.set_title(_of_peak(peak, f"amplification factor {peak.amplification:.3f}"))
+    ax.set_title(_of_peak(peak, f"amplification factor {'' if peak.converged else 'at least '}{peak.amplification:.3f}"))
 
 
 def _of_peak(peak: DiskPeak, result: str) -> str:

@@ -195,5 +195,5 @@ def _not_covered(curve: OptimalCurve) -> str:
     every = np.atleast_1d(list(friction.values()) if isinstance(friction, Mapping) else friction)
     values = ", ".join(f"{mu:g}" for mu in np.unique(every[every > 0.0]))
     other = [f"friction coefficients other than {values}"] * bool(values)
-    left = [*["motion in time"] * (not any(map(known_in_time, curve.time_response))), "mistuning", "wear", *other]
-    return f"Not covered: {', '.join(left)}."
+    time = ["motion in time"] * (not any(map(known_in_time, curve.time_response)))
+    return f"Not covered: {', '.join([*time, 'mistuning', 'wear', 'more contact points', *other])}."
