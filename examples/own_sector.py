@@ -22,8 +22,8 @@ def main(folder: Path) -> tuple[bd.Study, bd.BladedDisk, float]:
         read_calculix(folder / "sector"), read_calculix(folder / "damper"),
         sector=Sector(36, ("LOW", "HIGH"), blade_nodes="BLADE", stress="FILLET"),
         placement=Placement("mm-t-s", axis=(1, 0, 0)), reduction=Reduction(engine_order=4, n_modes=20),
-        contacts=[ContactFaces("left", "LEFT", "RIGHT_UNDERSIDE", points=(2, 3)),
-                  ContactFaces("right", "RIGHT", "LEFT_UNDERSIDE", points=(2, 3))],
+        contacts=[ContactFaces("left", "LEFT", "RIGHT_UNDERSIDE", points=(3, 4)),
+                  ContactFaces("right", "RIGHT", "LEFT_UNDERSIDE", points=(3, 4))],
         locations={"tip": (0.0, 346.6, 0.0)},
     )  # fmt: skip
     print(built)

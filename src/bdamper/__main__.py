@@ -182,7 +182,7 @@ def parser() -> argparse.ArgumentParser:
     add("--contact", nargs="+", required=True, metavar="NAME=SET,SET", help=contact)
     stop = "faces of a damper that the ground stops without friction at a distance, in the unit of the decks"
     add("--stop", nargs="+", default=(), metavar="NAME=SET,GAP", help=stop)
-    add("--points", default=(2, 3), type=int, help="contact points of a pair, or two numbers, default 2 3", **some)
+    add("--points", default=(24,), type=int, help="contact points of a pair, or along t1 and t2, default 24", **some)
     add("--units", default="m-kg-s", help="of the decks: m-kg-s, mm-t-s, mm-kg-s or in-lbf-s, default %(default)s")
     for name, text, direction in (("axis", "of rotation", (0.0, 0.0, 1.0)), ("radial", "to the blade", (0.0, 1.0, 0.0))):
         add(f"--{name}", nargs=3, type=float, default=direction, help=f"direction {text} in the decks, default {direction}")

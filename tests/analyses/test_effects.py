@@ -150,13 +150,41 @@ def test_constant_normal_load_limits_friction_by_its_static_value(full):
 # ---- contact points ----
 
 
-def test_groups_of_patches_are_of_equal_area_and_compact(model):
-    face = bd.reference_model("bladed_disk", 24).interfaces["left"]
-    for n in (1, 4, 6, 12):
-        label = group_patches(face, n)
-        assert sorted(np.unique(label)) == list(range(n))
-        area = np.bincount(label, face.area)
-        assert np.ptp(area) < 0.35 * area.mean()
+@pytest.mark.parametrize("side", ["left", "right"])
+@each(
+    ("points", "most", "grid"),
+    [(24, 12, (3, 4)), (24, 9, (3, 3)), (24, 10, (3, 3)), (48, 24, (4, 6)), (48, 16, (4, 4)), (48, 9, (3, 3))],
+)
+def test_groups_of_patches_are_a_symmetric_grid_with_three_rows(side, points, most, grid):
+    """Rows of 3 x 8 and 4 x 12 patches; four rows in three groups are one, two and one."""
+    face = bd.reference_model("bladed_disk", points).interfaces[side]
+    label = group_patches(face, most)
+    count = np.bincount(label)
+    assert len(count) == grid[0] * grid[1]
+    place = np.einsum("pij,pj->pi", face.frame, face.points - face.points.mean(axis=0))[:, :2]
+    centre = np.array([place[label == k].mean(axis=0) for k in range(len(count))])
+    for axis in (0, 1):
+        assert len(np.unique(centre[:, axis].round(9))) == grid[axis]
+    turned = [int(np.abs(centre + c).sum(axis=1).argmin()) for c in centre]
+    np.testing.assert_allclose(centre[turned], -centre, atol=1e-12)
+    np.testing.assert_array_equal(count[turned], count)
+
+
+@each(("points", "most"), [(24, 1), (24, 4), (24, 23), (48, 2), (48, 31)])
+def test_any_number_of_groups_is_possible(points, most):
+    face = bd.reference_model("bladed_disk", points).interfaces["left"]
+    label = group_patches(face, most)
+    assert sorted(np.unique(label)) == list(range(label.max() + 1)) and 0.7 * most < label.max() + 1 <= most
+
+
+@each(("points", "most"), [(48, 24), (48, 12), (48, 9), (24, 12), (24, 9)])
+def test_united_points_have_the_peak_of_a_model_with_as_many(points, most):
+    """Two rows of groups along t1 let the damper roll: 0.84 to 1.1 mm where models of 9, 24 and 48 points have 16 to 17 um."""
+    settings = {"engine_order": 5, "friction_coefficient": 0.3, "harmonics": 1}
+    studies = [bd.Study(bd.reference_model("bladed_disk", n), bd.Excitation("tip", "tangential"), **settings) for n in (points, 9)]
+    peak, other = studies[0].replace(contact_points=most).peak(34.0), studies[1].peak(34.0)
+    assert peak.status == other.status == "complete"
+    assert peak.amplitude == pytest.approx(other.amplitude, rel=0.07)
 
 
 def test_united_points_keep_rigid_motion_area_and_energy(model):

@@ -1,5 +1,6 @@
 """Where a damper is drawn, which way the rotor turns and along which axis it stands makes no difference to the model."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -112,3 +113,15 @@ def wheel_of(bodies, axis, radial, sense, flank):
     tip = int(bodies[0].numbers[bodies[0].nodes[:, 1].argmax()])
     model = build(blade, damper, **settings, locations={"tip": tip}).model
     return bd.BladedDisk(bd.Study(model, bd.Excitation("tip"), engine_order=1, friction_coefficient=0.3, harmonics=1))
+
+
+@pytest.mark.parametrize(("points", "warned"), [((2, 2), True), ((2, 6), True), (10, True), ((3, 2), False), (9, False)])
+def test_two_rows_of_points_let_a_damper_roll(bodies, points, warned):
+    """Along t1, on faces with friction; the constraint planes of the settings have two."""
+    pairs = [replace(c, points=points) for c in contacts(4)[:2]] + contacts(4)[2:]
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        build(*bodies, **{**SETTINGS, "contacts": pairs})
+    found = [str(w.message) for w in caught if "rows of contact points" in str(w.message)]
+    assert [text.split(":")[0] for text in found] == ["contact 'left'", "contact 'right'"] * warned
+    assert all("plausible at least 3" in text and "found 2" in text for text in found)

@@ -69,7 +69,9 @@ def test_neighbours_on_request(study, curve, monkeypatch):
     lone = replace(found, time_response=(low, replace(middle, mean=np.nan), replace(high, mean=np.nan)))
     assert lone.optimum_in_time is None and f"Preload: {amount(best, 'N')}" in lone._headline()
     wide = replace(half, status="incomplete: not settled")
-    said = replace(found, time_response=(low, wide, high))._headline()
+    doubtful = replace(found, time_response=(low, wide, high))
+    said = doubtful._headline()
+    assert doubtful.failures and said.startswith(f"Not for design: {'; '.join(doubtful.failures)}. ")
     assert "is incomplete: not settled. " in said and f"for the stress: {amount(wide.highest_period, 'm')}" in said
     stopped = replace(found, time_response=(low, replace(wide, status="interrupted"), high))
     assert stopped.optimum_in_time in (low, high)

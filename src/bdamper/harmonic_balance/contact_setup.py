@@ -57,7 +57,7 @@ SMALLEST_SHARE = 1e-3
 
 
 def at_points(
-    name: str, value: float | NDArray, face: Interface, whole: Interface, united: Callable[..., NDArray]
+    name: str, value: float | NDArray, face: Interface, settings: Settings, united: Callable[..., NDArray]
 ) -> NDArray:
     """Return the values (n_points,) of one interface.
 
@@ -67,8 +67,10 @@ def at_points(
         Name in error messages.
     value : float or (n,) float
         One value for all points, or one for each point of the study or of the model.
-    face, whole : Interface
-        Interface in the study and in the model.
+    face : Interface
+        Interface in the study.
+    settings : Settings
+        Settings with the interface in the model.
     united : callable
         ``united(whole, n_points, values)`` converts values at the points of the model to values at the points of the study.
 
@@ -79,9 +81,9 @@ def at_points(
     """
     if np.ndim(value) == 0:
         return np.full(face.n_points, validation.number(name, value))
-    values = validation.numbers(name, value)
+    values, whole = validation.numbers(name, value), settings.model.interfaces[face.name]
     if len(values) == whole.n_points != face.n_points:
-        values = united(whole, face.n_points, values)
+        values = united(whole, settings.contact_points, values)
     validation.check_value(values.shape == (face.n_points,), name, f"one or {face.n_points} finite numbers", values)
     return values
 
@@ -99,8 +101,8 @@ def normal_loads(coupling: Coupling, settings: Settings, item: str) -> NDArray:
     out = np.full(coupling.n_points, np.nan)
     for name, load in (getattr(settings, item) or {}).items():
         if name in coupling.interfaces:
-            face, whole = coupling.model.interfaces[name], settings.model.interfaces[name]
-            values = at_points(f"{item} of '{name}'", load, face, whole, united_sum)
+            face = coupling.model.interfaces[name]
+            values = at_points(f"{item} of '{name}'", load, face, settings, united_sum)
             out[coupling.rows(name)] = values * face.area / face.area.sum() if np.ndim(load) == 0 else values
     return out
 
@@ -150,7 +152,7 @@ def gaps(coupling: Coupling, settings: Settings) -> NDArray:
         face = coupling.model.interfaces[name]
         gap = face.gap
         if name in given:
-            gap = at_points(f"gap of '{name}'", given[name], face, settings.model.interfaces[name], united_mean)
+            gap = at_points(f"gap of '{name}'", given[name], face, settings, united_mean)
         if settings.law_by_interface().get(name) == LAW_BONDED and (gap > 0.0).any():
             raise SettingError(
                 f"gap of '{name}': a bonded interface cannot have a gap, found {gap.max():.3g} m at the widest of "

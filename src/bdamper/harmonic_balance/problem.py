@@ -225,8 +225,8 @@ class Problem:
         """Friction coefficient of each point, (n_points,)."""
         mu = np.zeros(self.coupling.n_points)
         for name, value in self.settings.friction_by_interface().items():
-            faces = self.coupling.model.interfaces[name], self.model.interfaces[name]
-            mu[self.coupling.rows(name)] = at_points("friction_coefficient", value, *faces, united_mean)
+            face = self.coupling.model.interfaces[name]
+            mu[self.coupling.rows(name)] = at_points("friction_coefficient", value, face, self.settings, united_mean)
         return mu
 
     @made_once

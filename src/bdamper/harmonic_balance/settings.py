@@ -101,7 +101,7 @@ class Settings(validation.Answering):
         Whether the mean moves, the friction limit follows the normal load, and surfaces open and close.
         :class:`~bdamper.harmonic_balance.effects.Effects` describes the assumptions otherwise.
     contact_points : int, optional
-        Largest number of contact points on each friction face; neighbouring patches are united.
+        Largest number of contact points on each friction face; neighbouring patches are united.  Use at least 9.
     gap : mapping of interface name to float or (n_points,) float, optional
         Initial gap of the surfaces in m, instead of the values of the model; negative for interference.  See
         :func:`bdamper.face_gap`.  Not possible for the law "bonded".

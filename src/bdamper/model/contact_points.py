@@ -1,7 +1,6 @@
 """Contact points of a face: union of neighbouring patches, and gaps of imperfect surfaces.
 
-To reduce the number of contact points, the patches of a face are divided recursively by area, across the longer direction
-first.  A group has the area-weighted mean displacement ``m = A u`` of its patches, and ``A^H`` distributes its force over
+To reduce the number of contact points, the patches of a face are united to a coarser grid of groups.  A group has the area-weighted mean displacement ``m = A u`` of its patches, and ``A^H`` distributes its force over
 them.  Its static receptance is ``A R A^H``; the work of the forces does not change.
 """
 
@@ -22,26 +21,49 @@ from bdamper.util.records import Kind, Shape, layout
 # ---- Union of patches ----
 
 
+ROWS = 3
+"""Number of groups in each direction that is kept if possible.
+
+Two rows of points carry moments over half of the length of a face, three over two thirds.  With two rows a wedge rolls too
+easily: the bladed disk has 0.84 mm instead of 16 um at its optimum.
+"""
+SAME_ROW = 0.1
+"""Distance over the side of an average patch below which the centres of two patches lie in one row."""
+
+
+def rows_of_points(face: Interface) -> list[NDArray]:
+    """Number the rows of contact points along t1 and along t2; return the two numbers of each point, 2 x (n_points,)."""
+    out, apart = [], SAME_ROW * np.sqrt(face.area.mean())
+    for x in np.einsum("pij,pj->ip", face.frame, face.points - face.points.mean(axis=0))[:2]:
+        order, row = np.argsort(x), np.zeros(len(x), int)
+        row[order[1:]] = np.cumsum(np.diff(x[order]) > apart)
+        out.append(row)
+    return out
+
+
 def group_patches(face: Interface, n_groups: int) -> NDArray:
-    """Divide the patches of a face into groups of about equal area; return the group number of each patch (n_points,)."""
-    plane = np.einsum("pij,pj->pi", face.frame, face.points - face.points.mean(axis=0))[:, :2]
-    label = np.zeros(face.n_points, int)
+    """Divide the patches of a face into a grid of at most ``n_groups`` groups; return the group of each patch (n_points,).
 
-    def split(members: NDArray, first: int, groups: int) -> None:
-        if groups == 1:
-            label[members] = first
-            return
-        low = groups // 2
-        spread = np.ptp(plane[members], axis=0)
-        order = members[np.lexsort((plane[members, 1 - np.argmax(spread)], plane[members, np.argmax(spread)]))]
-        area = np.cumsum(face.area[order])
-        cut = int(np.argmin(np.abs(area - area[-1] * low / groups))) + 1
-        cut = min(max(cut, low), len(order) - (groups - low))  # at least one patch per group
-        split(order[:cut], first, low)
-        split(order[cut:], first + low, groups - low)
+    The grid has at least three groups in both directions if the number allows it, and is symmetric if it can be.
+    """
+    rows = rows_of_points(face)
+    n1, n2 = (int(row.max()) + 1 for row in rows)
 
-    split(np.arange(face.n_points), 0, n_groups)
+    def quality(grid: tuple[int, int]) -> tuple[int, ...]:
+        a, b = grid
+        return min(a, b, ROWS), a * b, -bool(n1 % a) - bool(n2 % b), min(a, b)
+
+    grid = max(((a, min(n2, n_groups // a)) for a in range(1, min(n1, n_groups) + 1)), key=quality)
+    first, second = (_symmetric(row, n, groups) for row, n, groups in zip(rows, (n1, n2), grid))
+    label: NDArray = np.unique(first * n2 + second, return_inverse=True)[1]
     return label
+
+
+def _symmetric(row: NDArray, n_rows: int, n_groups: int) -> NDArray:
+    """Return the group of each row; both ends have groups of the same sizes."""
+    nearer = np.minimum(row, n_rows - 1 - row)
+    group = (2 * nearer + 1) * n_groups // (2 * n_rows)
+    return np.where(row == nearer, group, n_groups - 1 - group)
 
 
 class _Groups:
@@ -123,7 +145,7 @@ def _united(record: Any, body: Body, groups: dict[str, _Groups]) -> Any:
     return replace(record, **changed)
 
 
-def united_sum(face: Interface, n_points: int, values: NDArray) -> NDArray:
+def united_sum(face: Interface, n_points: int | None, values: NDArray) -> NDArray:
     """Return sums (n_groups, ...) over the groups of a face, for stiffness or loads (n_points, ...) of its patches."""
     sums: NDArray = _Groups(face, n_points).sum @ values
     return sums
@@ -131,7 +153,8 @@ def united_sum(face: Interface, n_points: int, values: NDArray) -> NDArray:
 
 def united_mean(face: Interface, n_points: int | None, values: NDArray) -> NDArray:
     """Return area-weighted means (n_groups,) over the groups of a face, for gaps or coefficients of its patches."""
-    return values if n_points is None else _Groups(face, n_points).mean @ values
+    means: NDArray = _Groups(face, n_points).mean @ values
+    return means
 
 
 # ---- Gaps of imperfect surfaces ----

@@ -196,4 +196,6 @@ def _not_covered(curve: OptimalCurve) -> str:
     values = ", ".join(f"{mu:g}" for mu in np.unique(every[every > 0.0]))
     other = [f"friction coefficients other than {values}"] * bool(values)
     time = ["motion in time"] * (not any(map(known_in_time, curve.time_response)))
-    return f"Not covered: {', '.join([*time, 'mistuning', 'wear', 'more contact points', *other])}."
+    stiffness = curve.settings.get("contact_stiffness", "")
+    points = ["more contact points"] * (stiffness != "model" and "values" not in stiffness)  # else each point is a joint
+    return f"Not covered: {', '.join([*time, 'mistuning', 'wear', *points, *other])}."

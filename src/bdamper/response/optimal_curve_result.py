@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bdamper.fatigue.margin import MarginCurve
 from bdamper.harmonic_balance.checks import Asking
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.response.headline import ENDS, headline, known_in_time
+from bdamper.response.headline import ENDS, checks, headline, known_in_time
 from bdamper.response.linear_limits import Limit
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import Convergence, TimeResponse
@@ -180,6 +180,11 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
             known = f", preload known to a relative {o.uncertainty:.2g}" if o.uncertainty > 1e-5 else ""
             out.append(f"optimum {o.status}{known}")
         return tuple(out)
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """Failed checks, with which the headline begins; empty if no check failed."""
+        return tuple(check.failure for check in checks(self) if check.colour == "red")
 
     @property
     def shift_percent(self) -> Annotated[NDArray, Quantity("%", name="frequency_shift")]:

@@ -41,9 +41,11 @@ class ExecutorEnded(KeyboardInterrupt):
 @contextmanager
 def executor_errors(refusal: type[Exception] = BrokenExecutor) -> Iterator[None]:
     """Convert errors of an executor that has ended, and its refusal of tasks, into :class:`ExecutorEnded`."""
+    dask = sys.modules.get("distributed")  # imported if one of its executors is in use
+    killed = (dask.KilledWorker,) if dask else ()
     try:
         yield
-    except (BrokenExecutor, CancelledError, refusal, getattr(sys.modules.get("distributed"), "KilledWorker", refusal)) as e:
+    except (BrokenExecutor, CancelledError, refusal, *killed) as e:
         raise ExecutorEnded(one_line(e) or "its tasks were cancelled") from e
 
 
