@@ -94,7 +94,7 @@ def test_decks_and_instances_give_the_same_model_on_the_command_line(tmp_path, m
         assert third.bodies["blade"].bases[d].omega2[:8] == pytest.approx(basis.omega2[:8], rel=2e-5)  # others: ten digits
     areas = [[face.area.sum() for face in model.interfaces.values()] for model in (one, third)]
     assert areas[1] == pytest.approx(areas[0], rel=1e-9)  # of wedges, stored as hexahedra, as of hexahedra
-    assert [face.n_points for face in one.interfaces.values()] == [6, 6, 4, 4]
+    assert [face.n_points for face in one.interfaces.values()] == [24, 24, 4, 4]
     assert [one.interfaces[name].gap.tolist() for name in ("front", "back")] == [pytest.approx([2e-4] * 4)] * 2
     assert one.locations["tip"].position == pytest.approx(other.locations["tip"].position)
 

@@ -23,9 +23,9 @@ left out.  Bonded points neither open nor slip and remain unchanged.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +43,7 @@ from bdamper.contact.residual_flexibility import ResidualModes
 from bdamper.contact.static_state import OPEN, PreloadState, StaticSystem, static_state
 from bdamper.contact.stiffness import Contact, PerArea, contact_stiffness
 from bdamper.harmonic_balance.settings import Settings
-from bdamper.model.contact_points import united_mean, united_sum
+from bdamper.model.contact_points import united
 from bdamper.model.kinematics import Coupling, HarmonicBasis
 from bdamper.model.structure import Interface
 from bdamper.util import validation
@@ -57,7 +57,7 @@ SMALLEST_SHARE = 1e-3
 
 
 def at_points(
-    name: str, value: float | NDArray, face: Interface, settings: Settings, united: Callable[..., NDArray]
+    name: str, value: float | NDArray, face: Interface, settings: Settings, kind: Literal["sum", "mean"]
 ) -> NDArray:
     """Return the values (n_points,) of one interface.
 
@@ -71,8 +71,8 @@ def at_points(
         Interface in the study.
     settings : Settings
         Settings with the interface in the model.
-    united : callable
-        ``united(whole, n_points, values)`` converts values at the points of the model to values at the points of the study.
+    kind : {"sum", "mean"}
+        Values of united points from those of the points of the model.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def at_points(
         return np.full(face.n_points, validation.number(name, value))
     values, whole = validation.numbers(name, value), settings.model.interfaces[face.name]
     if len(values) == whole.n_points != face.n_points:
-        values = united(whole, settings.contact_points, values)
+        values = united(whole, settings.contact_points, values, kind)
     validation.check_value(values.shape == (face.n_points,), name, f"one or {face.n_points} finite numbers", values)
     return values
 
@@ -102,7 +102,7 @@ def normal_loads(coupling: Coupling, settings: Settings, item: str) -> NDArray:
     for name, load in (getattr(settings, item) or {}).items():
         if name in coupling.interfaces:
             face = coupling.model.interfaces[name]
-            values = at_points(f"{item} of '{name}'", load, face, settings, united_sum)
+            values = at_points(f"{item} of '{name}'", load, face, settings, "sum")
             out[coupling.rows(name)] = values * face.area / face.area.sum() if np.ndim(load) == 0 else values
     return out
 
@@ -152,7 +152,7 @@ def gaps(coupling: Coupling, settings: Settings) -> NDArray:
         face = coupling.model.interfaces[name]
         gap = face.gap
         if name in given:
-            gap = at_points(f"gap of '{name}'", given[name], face, settings, united_mean)
+            gap = at_points(f"gap of '{name}'", given[name], face, settings, "mean")
         if settings.law_by_interface().get(name) == LAW_BONDED and (gap > 0.0).any():
             raise SettingError(
                 f"gap of '{name}': a bonded interface cannot have a gap, found {gap.max():.3g} m at the widest of "
@@ -240,7 +240,7 @@ def _contact_by(settings: Settings, coupling: Coupling, friction: NDArray, metho
         for name, k in whole.items():
             face = settings.model.interfaces[name]
             values = np.broadcast_to(np.asarray(k, float), (face.n_points, 3))
-            method[name] = united_sum(face, settings.contact_points, values)
+            method[name] = united(face, settings.contact_points, values, "sum")
     return replace(contact_stiffness(coupling, method, friction), method=given)
 
 

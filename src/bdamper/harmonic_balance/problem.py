@@ -35,7 +35,7 @@ from bdamper.harmonic_balance.equations import Equations, Layout
 from bdamper.harmonic_balance.model_sizes import Sizes
 from bdamper.harmonic_balance.sector import Sector
 from bdamper.harmonic_balance.settings import Settings, check_history
-from bdamper.model.contact_points import unite_contact_points, united_mean
+from bdamper.model.contact_points import unite_contact_points
 from bdamper.model.kinematics import (
     Coordinate,
     Coupling,
@@ -226,7 +226,7 @@ class Problem:
         mu = np.zeros(self.coupling.n_points)
         for name, value in self.settings.friction_by_interface().items():
             face = self.coupling.model.interfaces[name]
-            mu[self.coupling.rows(name)] = at_points("friction_coefficient", value, face, self.settings, united_mean)
+            mu[self.coupling.rows(name)] = at_points("friction_coefficient", value, face, self.settings, "mean")
         return mu
 
     @made_once
