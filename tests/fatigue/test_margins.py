@@ -92,6 +92,8 @@ def test_what_a_blade_keeps_scales_the_vibration(study, peak):
     assert not any("the amplitude in time" in note for note in scaled.notes)
     cut = study.margin(peak, AISI_1050, time_response=replace(kept, status="interrupted"))
     assert "the amplitude in time is interrupted" in cut.notes and "in time is interrupted." in cut._headline()
+    printed = study.margin(peak, AISI_1050, time_response=replace(kept, preload=199.51))  # three digits were typed
+    assert printed.least == scaled.least
     with pytest.raises(SettingError, match=r"^time_response: expected a time integration at 200 N, found .* at 100 N"):
         study.margin(peak, AISI_1050, time_response=replace(kept, preload=100.0))
 
