@@ -5,9 +5,11 @@ import pytest
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
+from bdamper.fem.contact_patches import patch_grid
 from bdamper.fem.generated_models import averaging_matrix, end_patches, face_frame, wedge_patches
 from bdamper.fem.meshes import turn
 from bdamper.model.modal_basis import rigid_motions
+from tests.each import each
 
 GRIDS = [9, 24, 48, 96, (2, 7)]
 
@@ -85,3 +87,15 @@ def test_patch_off_the_surface_is_refused(fe):
     wide = type(patches)(patches.centre, patches.frame, patches.size * 1.5)
     with pytest.raises(ValueError, match=r"patch 0 .* covers"):
         averaging_matrix(fe.damper.body, wide)
+
+
+@each(
+    ("points", "edges", "grid"),
+    [
+        (24, (12.0, 36.0), (3, 8)), (24, (6.0, 48.0), (3, 8)), (12, (1.0, 20.0), (3, 4)), (9, (1.0, 9.0), (3, 3)),
+        (4, (1.0, 3.0), (2, 2)), (10, (1.0, 4.0), (2, 5)), (7, (1.0, 2.0), (1, 7)), ((2, 5), (1.0, 1.0), (2, 5)),
+    ],
+)  # fmt: skip
+def test_a_grid_has_three_rows_on_long_faces_too(points, edges, grid):
+    """Patches as close to squares as possible would be two rows of twelve on the second face."""
+    assert patch_grid(points, *edges) == grid

@@ -107,13 +107,14 @@ class PatchMeans:
 def patch_grid(points: int | tuple[int, int], length: float, width: float) -> tuple[int, int]:
     """Return the number of patches along the two edges of a face.
 
-    A single number is factorised so that the patches are as close to squares as possible.
+    A single number is factorised so that both directions have at least three patches, if it can be, and the patches are as
+    close to squares as possible.
     """
     if not isinstance(points, (int, np.integer)):
         return int(points[0]), int(points[1])
     check(points >= 1, f"points must be at least 1, not {points}")
     factors = [n for n in range(1, points + 1) if points % n == 0]
-    n_s = min(factors, key=lambda n: (abs(np.log(length / n / (width / (points // n)))), n))
+    n_s = min(factors, key=lambda n: (min(n, points // n) < 3, abs(np.log(length / n / (width / (points // n)))), n))
     # nine points are always three by three, although longer patches may be closer to squares
     root = round(np.sqrt(points))
     return (root, root) if root * root == points else (n_s, points // n_s)
