@@ -27,7 +27,12 @@ def test_matrices_of_a_full_file():
     assert str(FREQUENCIES[2]) in (ANSYS / "examples.py").read_text()
     body = read_ansys(ANSYS / "file.full", ANSYS / "HexBeam.cdb")
     contact, tip = rub(body)
-    made = build(body, contacts=[contact], locations=tip, expected_frequencies={0: FREQUENCIES}, strict=True, **BEAM)
+    settings = {"contacts": [contact], "locations": tip, "expected_frequencies": {0: FREQUENCIES}} | BEAM
+    with pytest.raises(bd.ModelError, match=r"density: expected 2700 kg/m3 of the elements C3D20R, found 0\.0004141 kg/m3"):
+        build(body, strict=True, **settings)  # the archive has another material
+    with pytest.warns(UserWarning, match="density"):
+        made = build(body, **settings)
+    assert made.failed and all("files of different models suspected" in text for text in made.failed)
     np.testing.assert_allclose(made.frequencies[0][:3], FREQUENCIES, rtol=1e-9)
 
 
