@@ -28,7 +28,7 @@ print(*(one.replace(">=", sys.argv[1]) for one in project["dependencies"] + proj
 "$venv/bin/python" -m pip install -qq --upgrade --upgrade-strategy eager . $dependencies pytest pytest-xdist pytest-timeout hypothesis
 "$venv/bin/python" -m pip list 2>/dev/null | grep -iE '^(numpy|scipy|h5py|matplotlib|scikit-fem) '
 rm -rf "$place" && mkdir -p "$place"
-cp -r tests pyproject.toml "$place/"
+cp -r tests csrc pyproject.toml "$place/"
 mkdir "$place/docs" && cp -r docs/*.md docs/evidence docs/specification "$place/docs/"
 BDAMPER_MODELS=$PWD/models
 export BDAMPER_MODELS

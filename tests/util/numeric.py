@@ -21,6 +21,7 @@ from bdamper.harmonic_balance.settings import Settings
 from bdamper.importers import Checks, ContactFaces, Placement, Reduction, Sector, Units, build_model, over_speed
 from bdamper.importers.contact_faces import Patches
 from bdamper.mistuning import BladedDisk, DamperVariation, DiskPeakOptions, Mistuning
+from bdamper.util.records import is_array
 
 FURTHER = (
     LeastMargin, Material, ContactFaces, Units, Sector, Placement, Reduction, Checks, build_model, over_speed, Patches,
@@ -36,13 +37,13 @@ PLAIN = (float, int, complex, np.ndarray, np.generic)
 def holds_numbers(hint: Any) -> bool:
     """Whether values of a type are numbers, or hold them."""
     origin = get_origin(hint)
-    if hint is Any or hint is ArrayLike:
+    if hint is Any or hint is ArrayLike or is_array(hint):
         return True
     if origin is Annotated:
         return holds_numbers(get_args(hint)[0])
-    if origin in (Union, types.UnionType, tuple, list, Sequence, Mapping, np.ndarray):
+    if origin in (Union, types.UnionType, tuple, list, Sequence, Mapping):
         inner = get_args(hint)[1:] if origin is Mapping else get_args(hint)
-        return origin is np.ndarray or any(holds_numbers(part) for part in inner)
+        return any(holds_numbers(part) for part in inner)
     return isinstance(hint, type) and issubclass(hint, PLAIN) and hint is not bool
 
 

@@ -153,6 +153,11 @@ def layout(cls: Kind) -> tuple[Item, ...]:
     return tuple(item for item in items if item.file != ".")
 
 
+def is_array(hint: Any) -> bool:
+    """Return whether a type hint is an array; the alias of NumPy has an origin only in some versions."""
+    return np.ndarray is get_origin(hint) or NDArray in (hint, get_origin(hint))
+
+
 def _item(cls: Kind, field: Any) -> Item:
     kind, optional, _ = declared = declarations(cls)[field.name]
     keys, inner = None, get_args(kind)
@@ -160,8 +165,7 @@ def _item(cls: Kind, field: Any) -> Item:
         keys, kind = inner
     elif get_origin(kind) is tuple and isinstance(inner[0], type) and issubclass(inner[0], Record):
         keys, kind = tuple, inner[0]
-    if np.ndarray is get_origin(kind) or NDArray in (kind, get_origin(kind)):  # the alias has an origin up to Python 3.11
-        kind = np.ndarray
+    kind = np.ndarray if is_array(kind) else kind
     data = declared.mark(Data) or Data()
     optional = optional or kind is Any
     default = field.default is not MISSING or field.default_factory is not MISSING
@@ -439,7 +443,7 @@ def _from_json(hint: Any, value: Any) -> Any:
     origin, inner = get_origin(hint), get_args(hint)
     if value is None or hint is Any or origin in (dict, Mapping):
         return value
-    if origin is np.ndarray:
+    if is_array(hint):
         return value["real"] + 1j * np.array(value["imag"]) if isinstance(value, Mapping) else np.array(value)
     if origin is tuple:
         kinds = inner[:1] * len(value) if inner[-1] is ... else inner
