@@ -153,8 +153,11 @@ def test_constant_normal_load_limits_friction_by_its_static_value(full):
 @pytest.mark.parametrize("side", ["left", "right"])
 @each(
     ("points", "most", "grid"),
-    [(24, 12, (3, 4)), (24, 9, (3, 3)), (24, 10, (3, 3)), (48, 24, (4, 6)), (48, 16, (4, 4)), (48, 9, (3, 3))],
-)
+    [
+        (24, 12, (3, 4)), (24, 9, (3, 3)), (24, 10, (3, 3)), (48, 24, (4, 6)), (48, 16, (4, 4)), (48, 9, (3, 3)),
+        (48, 8, (4, 2)), (48, 6, (3, 2)),
+    ],
+)  # fmt: skip
 def test_groups_of_patches_are_a_symmetric_grid_with_three_rows(side, points, most, grid):
     """Rows of 3 x 8 and 4 x 12 patches; four rows in three groups are one, two and one."""
     face = bd.reference_model("bladed_disk", points).interfaces[side]

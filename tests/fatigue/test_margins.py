@@ -96,6 +96,8 @@ def test_what_a_blade_keeps_scales_the_vibration(study, peak):
     assert printed.least == scaled.least
     with pytest.raises(SettingError, match=r"^time_response: expected a time integration at 200 N, found .* at 100 N"):
         study.margin(peak, AISI_1050, time_response=replace(kept, preload=100.0))
+    with pytest.raises(SettingError, match=r"found .* at 202 N"):
+        study.margin(peak, AISI_1050, time_response=replace(kept, preload=202.0))
 
 
 def test_all_harmonics_count(study, peak):

@@ -1,5 +1,6 @@
 """Where a damper is drawn, which way the rotor turns and along which axis it stands makes no difference to the model."""
 
+import re
 import warnings
 from dataclasses import replace
 
@@ -115,7 +116,9 @@ def wheel_of(bodies, axis, radial, sense, flank):
     return bd.BladedDisk(bd.Study(model, bd.Excitation("tip"), engine_order=1, friction_coefficient=0.3, harmonics=1))
 
 
-@pytest.mark.parametrize(("points", "warned"), [((2, 2), True), ((2, 6), True), (10, True), ((3, 2), False), (9, False)])
+@pytest.mark.parametrize(
+    ("points", "warned"), [((2, 2), True), ((2, 6), True), (10, True), (1, True), ((3, 2), False), (9, False)]
+)
 def test_two_rows_of_points_let_a_damper_roll(bodies, points, warned):
     """Along t1, on faces with friction; the constraint planes of the settings have two."""
     pairs = [replace(c, points=points) for c in contacts(4)[:2]] + contacts(4)[2:]
@@ -124,4 +127,4 @@ def test_two_rows_of_points_let_a_damper_roll(bodies, points, warned):
         build(*bodies, **{**SETTINGS, "contacts": pairs})
     found = [str(w.message) for w in caught if "rows of contact points" in str(w.message)]
     assert [text.split(":")[0] for text in found] == ["contact 'left'", "contact 'right'"] * warned
-    assert all("plausible at least 3" in text and "found 2" in text for text in found)
+    assert all("plausible at least 3" in text and re.search("found [12]:", text) for text in found)

@@ -17,7 +17,7 @@ are normalised to the sum 1, so that the mean of a rigid motion is exact up to r
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -87,6 +87,8 @@ class PatchMeans:
         Mean positions on each body; b is None without a second body.
     matrix_a, matrix_b : (3 n, 3 n_nodes) sparse
         Matrices from nodal displacements to patch means along t1, t2, n.
+    rows : int
+        Number of rows of a grid along t1; 0 if the patches are not a grid.
     """
 
     area: NDArray
@@ -95,6 +97,7 @@ class PatchMeans:
     points_b: NDArray | None
     matrix_a: sp.csr_matrix
     matrix_b: sp.csr_matrix | None
+    rows: int = 0
 
     @property
     def distance(self) -> NDArray:
@@ -425,7 +428,8 @@ def patches_on_faces(
     windows = [rectangle(corners[i, j], corners[i + 1, j + 1]) for i, j in np.ndindex(n_1, n_2)]
     cells = _without_small(_cells(pieces, windows, 1e-13 * whole), float((high - low).prod()) / len(windows), n_2)
     frames = np.broadcast_to(frame, (len(cells), 3, 3)).copy()
-    return _means(cells, frames, (flat_a, flat_b), (nodes_a, nodes_b if flat_b is not None else None))
+    means = _means(cells, frames, (flat_a, flat_b), (nodes_a, nodes_b if flat_b is not None else None))
+    return replace(means, rows=n_1)
 
 
 def _without_small(cells: list[list[_Piece]], full: float, n_2: int) -> list[list[_Piece]]:

@@ -19,7 +19,7 @@ from bdamper.fem.contact_patches import Patches, PatchMeans, patches_on_faces, p
 from bdamper.fem.surface import Facets, area_vectors
 from bdamper.importers.fe_body import BOUNDS
 from bdamper.importers.prepared_body import FaceSet, PreparedBody
-from bdamper.model.contact_points import ROWS, rows_of_points
+from bdamper.model.contact_points import ROWS
 from bdamper.model.structure import ContactStiffness, Interface, Port, turn
 from bdamper.util import validation
 from bdamper.util.errors import check, warn_implausible
@@ -260,10 +260,9 @@ def _laid(
     gap = distance.copy() if isinstance(contact.gap, str) else np.full(len(means.area), float(contact.gap))
     points = (means.points_a, means.area, means.frame)
     interface = Interface(contact.name, contact.kind, body_a, 0, body_b, sector, *points, gap)
-    rows = int(rows_of_points(interface)[0].max()) + 1
-    if contact.kind == "friction" and body_a != "blade" and rows < ROWS:
+    if contact.kind == "friction" and body_a != "blade" and 0 < means.rows < ROWS:
         expected = f"at least {ROWS} rows of contact points along t1, which keep a damper from rolling on its faces"
-        warn_implausible(item, expected, f"{rows}: amplitudes and the optimum may be wrong by several times")
+        warn_implausible(item, expected, f"{means.rows}: amplitudes of a wedge may be wrong by several times")
     area = float(means.area.sum())
     fractions = ", ".join(f"{100 * area / whole:.4g} % of face {side}" for side, whole in zip("ab", areas))
     normal = ", ".join(f"{c:.4f}" for c in means.frame[:, 2].mean(axis=0))

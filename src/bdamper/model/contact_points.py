@@ -30,39 +30,40 @@ easily: the bladed disk has 0.84 mm instead of 16 um at its optimum.
 """
 
 
-def rows_of_points(face: Interface) -> list[NDArray]:
-    """Number the rows of contact points along t1 and along t2; return the two numbers of each point, 2 x (n_points,)."""
-    out, apart = [], 0.1 * np.sqrt(face.area.mean())  # centres in one row may be this far apart
-    for x in np.einsum("pij,pj->ip", face.frame, face.points - face.points.mean(axis=0))[:2]:
-        order, row = np.argsort(x), np.zeros(len(x), int)
-        row[order[1:]] = np.cumsum(np.diff(x[order]) > apart)
-        out.append(row)
-    return out
-
-
 def group_patches(face: Interface, n_groups: int) -> NDArray:
-    """Divide the patches of a face into a grid of at most ``n_groups`` groups; return the group of each patch (n_points,).
+    """Divide the patches of a face into at most ``n_groups`` groups; return the group of each patch (n_points,).
 
-    The grid has at least three groups in both directions if the number allows it, and is symmetric if it can be.
+    Strips of about equal area along t1 are divided into groups of about equal area along t2.  Both directions have at least
+    three groups, or else t1, if the number allows it.  On a grid whole rows are united, with equal numbers at both ends.
     """
-    rows = rows_of_points(face)
-    n1, n2 = (int(row.max()) + 1 for row in rows)
+    place = np.einsum("pij,pj->pi", face.frame, face.points - face.points.mean(axis=0))[:, :2]
+    apart = 0.2 * np.sqrt(face.area.mean())  # smaller differences are those within a row
+    n1, n2 = 1 + (np.diff(np.sort(place, axis=0), axis=0) > apart).sum(axis=0)
+    share = face.n_points / (n1 * n2)
+    if not 0.5 <= share <= 1.0:  # no rows
+        n1, n2 = (int(max(1.0, np.sqrt(share) * n)) for n in (n1, n2))
 
     def quality(grid: tuple[int, int]) -> tuple[int, ...]:
         a, b = grid
-        return min(a, b, ROWS), a * b, -bool(n1 % a) - bool(n2 % b), min(a, b)
+        return min(a, b, ROWS), min(a, ROWS), a * b, -bool(n1 % a) - bool(n2 % b), min(a, b)
 
-    grid = max(((a, min(n2, n_groups // a)) for a in range(1, min(n1, n_groups) + 1)), key=quality)
-    first, second = (_symmetric(row, n, groups) for row, n, groups in zip(rows, (n1, n2), grid))
-    label: NDArray = np.unique(first * n2 + second, return_inverse=True)[1]
-    return label
+    strips, groups = max(((a, min(n2, n_groups // a)) for a in range(1, min(n1, n_groups) + 1)), key=quality)
+    label = groups * _equal_parts(place[:, 0], face.area, strips, apart)
+    for strip in np.unique(label):
+        inside = label == strip
+        label[inside] += _equal_parts(place[inside, 1], face.area[inside], groups, apart)
+    ordered: NDArray = np.unique(label, return_inverse=True)[1]
+    return ordered
 
 
-def _symmetric(row: NDArray, n_rows: int, n_groups: int) -> NDArray:
-    """Return the group of each row; both ends have groups of the same sizes."""
-    nearer = np.minimum(row, n_rows - 1 - row)
-    group = (2 * nearer + 1) * n_groups // (2 * n_rows)
-    return np.where(row == nearer, group, n_groups - 1 - group)
+def _equal_parts(x: NDArray, area: NDArray, n: int, apart: float) -> NDArray:
+    """Divide patches at coordinates ``x`` into ``n`` parts of about equal area, those of a row into the same part.
+
+    A hundredth of a part decides nothing, so that rounding does not either.
+    """
+    below = np.clip(0.5 + (x[:, None] - x) / apart, 0.0, 1.0) @ area / area.sum()
+    part = (n * np.minimum(below, 1.0 - below) + 0.01).astype(int)
+    return np.where(below < 0.51, part, n - 1 - part)
 
 
 class _Groups:

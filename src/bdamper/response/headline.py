@@ -81,6 +81,11 @@ def checks(curve: OptimalCurve) -> list[Check]:
     return out
 
 
+def failed(curve: OptimalCurve) -> list[Check]:
+    """Return the failed checks; none if the preload does not matter."""
+    return [check for check in checks(curve) if check.colour == "red" and curve.optimum.kind != "flat"]
+
+
 def _in_time(curve: OptimalCurve) -> Check:
     """Compare the amplitudes of harmonic balance and of time integration at the preload nearest to the optimum."""
     rule = f"green below {percent(GOOD)} of difference, amber below {percent(FAIR)}, red above, white if not run"
@@ -122,13 +127,13 @@ def headline(curve: OptimalCurve) -> str:
     """Return the headline of an optimal curve, with failed checks first."""
     o = curve.optimum
     if not np.isfinite(o.preload):
-        failed = [
+        gone = [
             f"; at {amount(p, 'N')} {why}" for p, why in zip(curve.preload, curve.status) if status_word(why) != COMPLETE
         ]
         if o.kind == "flat":
             return f"The preload does not matter: {peak_text(o.amplitude, o.frequency)}."
-        return f"No optimum: {o.status}{''.join(failed[:1])}."
-    red = [check for check in checks(curve) if check.colour == "red"]
+        return f"No optimum: {o.status}{''.join(gone[:1])}."
+    red = failed(curve)
     remedies = "; ".join(check.remedy for check in red)
     doubt = f"Not for design: {'; '.join(check.failure for check in red)}. {remedies[:1].upper()}{remedies[1:]}."
     return " ".join(filter(None, [doubt if red else "", _preload(curve), _amplitude(curve), _not_covered(curve)]))
@@ -197,5 +202,6 @@ def _not_covered(curve: OptimalCurve) -> str:
     other = [f"friction coefficients other than {values}"] * bool(values)
     time = ["motion in time"] * (not any(map(known_in_time, curve.time_response)))
     stiffness = curve.settings.get("contact_stiffness", "")
-    points = ["more contact points"] * (stiffness != "model" and "values" not in stiffness)  # else each point is a joint
+    joints = stiffness == "model" or "values" in stiffness  # each point is a joint
+    points = ["more contact points"] * (not joints or curve.settings.get("contact_points") is not None)
     return f"Not covered: {', '.join([*time, 'mistuning', 'wear', *points, *other])}."

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bdamper.fatigue.margin import MarginCurve
 from bdamper.harmonic_balance.checks import Asking
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.response.headline import ENDS, checks, headline, known_in_time
+from bdamper.response.headline import ENDS, failed, headline, known_in_time
 from bdamper.response.linear_limits import Limit
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import Convergence, TimeResponse
@@ -183,8 +183,8 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """Failed checks, with which the headline begins; empty if no check failed."""
-        return tuple(check.failure for check in checks(self) if check.colour == "red")
+        """Failed checks, with which the headline begins; empty if none failed or the preload does not matter."""
+        return tuple(check.failure for check in failed(self))
 
     @property
     def shift_percent(self) -> Annotated[NDArray, Quantity("%", name="frequency_shift")]:

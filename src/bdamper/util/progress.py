@@ -42,10 +42,10 @@ class ExecutorEnded(KeyboardInterrupt):
 def executor_errors(refusal: type[Exception] = BrokenExecutor) -> Iterator[None]:
     """Convert errors of an executor that has ended, and its refusal of tasks, into :class:`ExecutorEnded`."""
     dask = sys.modules.get("distributed")  # imported if one of its executors is in use
-    killed = (dask.KilledWorker,) if dask else ()
+    killed = getattr(dask, "KilledWorker", BrokenExecutor)
     try:
         yield
-    except (BrokenExecutor, CancelledError, refusal, *killed) as e:
+    except (BrokenExecutor, CancelledError, refusal, killed) as e:
         raise ExecutorEnded(one_line(e) or "its tasks were cancelled") from e
 
 
