@@ -154,7 +154,17 @@ def layout(cls: Kind) -> tuple[Item, ...]:
 
 
 def is_array(hint: Any) -> bool:
-    """Return whether a type hint is an array; the alias of NumPy has an origin only in some versions."""
+    """Return whether a type hint is an array.
+
+    Parameters
+    ----------
+    hint
+        Type hint; the alias of NumPy has an origin only in some versions.
+
+    Returns
+    -------
+    bool
+    """
     return np.ndarray is get_origin(hint) or NDArray in (hint, get_origin(hint))
 
 
