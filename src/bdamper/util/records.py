@@ -153,18 +153,8 @@ def layout(cls: Kind) -> tuple[Item, ...]:
     return tuple(item for item in items if item.file != ".")
 
 
-def is_array(hint: Any) -> bool:
-    """Return whether a type hint is an array.
-
-    Parameters
-    ----------
-    hint
-        Type hint; the alias of NumPy has an origin only in some versions.
-
-    Returns
-    -------
-    bool
-    """
+def is_array(hint: object) -> bool:
+    """Return whether a type hint is an array; the alias of NumPy has an origin only in some versions."""
     return np.ndarray is get_origin(hint) or NDArray in (hint, get_origin(hint))
 
 
