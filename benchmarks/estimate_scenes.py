@@ -84,14 +84,14 @@ def run(number: int, sources: tuple[str, ...] = SOURCES) -> list[Outcome]:
         begin = time.process_time()
         estimate = study.estimate_errors(curve, sources=[source])[source]
         middle = time.process_time()
-        rich = study._with_problem(richer.problem.replace())
+        rich = study._with_problem(richer[0].replace())
         whole = rich.frequency_response(preload, interval)
         if whole.peak_at_end and not curve.peak_at_end:
             whole = rich.frequency_response(preload, (interval[0] / BEYOND, interval[1] * BEYOND))
         end = time.process_time()
         true = np.nan
         if whole.complete:
-            pairs = (study.problem, curve), (richer.problem, whole)
+            pairs = (study.problem, curve), (richer[0], whole)
             top, highest = (highest_of_curve(p.system(preload), c).peak for p, c in pairs)
             true = max(abs(highest.amplitude / top.amplitude - 1.0), abs(highest.frequency / top.frequency - 1.0))
         out.append(Outcome(estimate, true, middle - begin, end - middle, own))
