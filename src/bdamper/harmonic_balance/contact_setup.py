@@ -72,7 +72,7 @@ def at_points(
     settings : Settings
         Settings with the interface in the model.
     kind : {"sum", "mean"}
-        Values of united points from those of the points of the model.
+        How united points get their values from the points of the model.
 
     Raises
     ------

@@ -57,7 +57,7 @@ def group_patches(face: Interface, n_groups: int) -> NDArray:
 
 
 def _equal_parts(x: NDArray, area: NDArray, n: int, apart: float) -> NDArray:
-    """Divide patches at coordinates ``x`` into ``n`` parts of about equal area, those of a row into the same part.
+    """Divide patches at coordinates ``x`` into ``n`` parts of about equal area without dividing rows.
 
     A hundredth of a part decides nothing, so that rounding does not either.
     """
@@ -146,7 +146,7 @@ def _united(record: Any, body: Body, groups: dict[str, _Groups]) -> Any:
 
 
 def united(face: Interface, n_points: int | None, values: NDArray, kind: Literal["sum", "mean"]) -> NDArray:
-    """Return values (n_groups, ...) of the groups of a face from those of its patches (n_points, ...).
+    """Return values (n_groups, ...) of the groups of a face from values (n_points, ...) of its patches.
 
     Stiffness and loads are summed; gaps and coefficients are means weighted with the area.
     """
