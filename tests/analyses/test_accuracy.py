@@ -113,9 +113,9 @@ def test_resonance_that_comes_into_the_interval_is_found(number):
     assert np.abs(compared.true).max() > 0.05
 
 
-@pytest.mark.parametrize("number", [*(pytest.param(n, marks=pytest.mark.slow) for n in (5, 116)), 2045, 2205])
+@pytest.mark.parametrize("number", [*(pytest.param(n, marks=pytest.mark.slow) for n in (61, 173)), 29, 69])
 def test_resonance_that_leaves_the_interval_is_followed(number):
-    """With more modes or points the response is highest at an end; in the last case a lower peak is left within."""
+    """With more points the response is highest at an end."""
     compared = accuracy_cases.compare(number)
     assert compared.text.endswith("computed by a complete response curve, outside the interval")
     assert 0.9 < compared.effectivity < 1.1, compared
