@@ -500,7 +500,8 @@ def test_a_rich_truth_fitted_with_a_coarse_model():
     """
     rig, whole = bd.reference_model("test_rig"), {"contact_stiffness": "unit_traction"}
     rich = bd.Study(rig, bd.Excitation("tip"), friction_coefficient=0.45, harmonics=5, blade_modes=10, **whole)
-    truth = vary(rich, {"contact_stiffness_factor": 0.6, "frequency_factor": 1.01, "damping_ratio": 0.003})
+    constants = {"contact_stiffness_factor": 0.6, "frequency_factor": 1.01, "damping_ratio": 0.003}
+    truth = vary(rich, constants)
     loaded = vary(truth, {"excitation.amplitude": 1.05})  # the load cell has shown 1 N
     top = truth.free((240.0, 320.0)).peak.frequency
     peaks = {load: loaded.peak(load) for load in (60.0, 120.0, 250.0, 500.0, 2000.0, 4000.0)}
@@ -527,8 +528,10 @@ def test_a_rich_truth_fitted_with_a_coarse_model():
         found.apply(rich)
     best = vary(found.apply(coarse), {"excitation.amplitude": found["force_factor"]})
     misses = {load: best.peak(load).amplitude / peaks[load].amplitude - 1.0 for load in (120.0, 250.0, 2000.0)}
-    print(misses)
-    assert all(abs(miss) < 0.15 for miss in misses.values()), misses
+    true = vary(vary(coarse, {"friction_coefficient": 0.45, **constants}), {"excitation.amplitude": 1.05})
+    others = {load: true.peak(load).amplitude / peaks[load].amplitude - 1.0 for load in misses}
+    print(misses, others)
+    assert max(map(abs, misses.values())) < 0.25 and max(map(abs, others.values())) > 0.3, (misses, others)
 
 
 def several(sliders, spread, harmonics):
