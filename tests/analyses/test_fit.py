@@ -522,7 +522,7 @@ def test_a_rich_truth_fitted_with_a_coarse_model():
     assert found.misfit > 3.0 and "the model is wrong by more than the noise" in found._headline()
     assert "True constants may lie outside" in found._headline()
     stiffness = found.names.index("contact_stiffness_factor")
-    assert found.low[stiffness] > 0.6, "it makes up for what the coarse model leaves out"
+    assert found.low[stiffness] > 0.6, "the true value lies outside"
     assert "contact points 9" in found._headline()
     with pytest.raises(bd.SettingError, match="contact points 9"):
         found.apply(rich)
