@@ -173,6 +173,29 @@ def test_groups_of_patches_are_a_symmetric_grid_with_three_rows(side, points, mo
     np.testing.assert_array_equal(count[turned], count)
 
 
+@pytest.mark.parametrize("inside", [lambda x, y: x + y < 1.0, lambda x, y: (2 * x - 1) ** 2 + (2 * y - 1) ** 2 < 1.0])
+def test_groups_on_a_face_without_rows(inside):
+    """Centres and areas of a grid of 4 by 12 patches that a triangle and an ellipse clip, in any order of the points."""
+    x, y = (np.arange(80.0).reshape(-1, 1) + 0.5) / 80.0, (np.arange(240.0) + 0.5) / 240.0
+    cells = [(k // 12, k % 12) for k in range(48)]
+    parts = [np.s_[20 * i : 20 * i + 20, 20 * j : 20 * j + 20] for i, j in cells]
+    covered = [inside(x, y)[part] for part in parts]
+    kept = [k for k in range(48) if covered[k].sum() > 8]
+    area = np.array([covered[k].mean() for k in kept])
+    centre = [[12.0 * (x + 0.0 * y)[parts[k]][covered[k]].mean(), 36.0 * (y + 0.0 * x)[parts[k]][covered[k]].mean(), 0.0]
+              for k in kept]  # fmt: skip
+    whole = bd.reference_model("bladed_disk", 9).interfaces["left"]
+    frame, order = np.broadcast_to(np.eye(3), (len(kept), 3, 3)), np.random.default_rng(5).permutation(len(kept))
+    face = replace(whole, points=np.array(centre), area=9.0 * area, frame=frame, gap=np.zeros(len(kept)))
+    mixed = replace(face, points=face.points[order], area=face.area[order])
+    for most in (4, 6, 9, 12, 16, 24):
+        label = group_patches(face, most)
+        sums = np.bincount(label, face.area)
+        assert 0.6 * most < len(sums) <= most
+        assert sums.max() < 2.5 * sums.mean(), "no group has several times its share"
+        np.testing.assert_array_equal(group_patches(mixed, most), label[order])
+
+
 @each(("points", "most"), [(24, 1), (24, 4), (24, 23), (48, 2), (48, 31)])
 def test_any_number_of_groups_is_possible(points, most):
     face = bd.reference_model("bladed_disk", points).interfaces["left"]

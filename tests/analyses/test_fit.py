@@ -531,7 +531,8 @@ def test_a_rich_truth_fitted_with_a_coarse_model():
     true = vary(vary(coarse, {"friction_coefficient": 0.45, **constants}), {"excitation.amplitude": 1.05})
     others = {load: true.peak(load).amplitude / peaks[load].amplitude - 1.0 for load in misses}
     print(misses, others)
-    assert max(map(abs, misses.values())) < 0.25 and max(map(abs, others.values())) > 0.3, (misses, others)
+    assert max(map(abs, misses.values())) < max(map(abs, others.values())), "better than the true constants"
+    assert max(abs(misses[load]) for load in (120.0, 250.0)) < 0.15, misses
 
 
 def several(sliders, spread, harmonics):

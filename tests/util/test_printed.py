@@ -169,7 +169,11 @@ class TestBottomLine:
         assert "motion in time" not in more
         lines = str(curve).split("\n")
         assert len(lines) <= 14 and lines[-1] == "  1 further row; summary() has the rest"
-        assert "does not matter" in replace(curve, optimum=replace(o, preload=np.nan, kind="flat"))._headline()
+        flat = replace(curve, optimum=replace(o, preload=np.nan, kind="flat", status="not found: flat"))
+        assert "does not matter" in flat._headline() and not flat.failures
+        for stiffness, points, more in (("model", None, False), ({"values": 1e7}, None, False), ({"values": 1e7}, 9, True)):
+            given = replace(curve, settings=curve.settings | {"contact_stiffness": stiffness, "contact_points": points})
+            assert ("more contact points" in given._headline()) == more, "contact points with given stiffnesses are joints"
 
     @pytest.mark.parametrize(
         ("change", "first"),

@@ -330,6 +330,7 @@ def _scaled_to_time(cycle: StressCycle, time_response: SteadyAmplitude | None) -
     if time_response is None:
         return cycle
     validation.instance("time_response", time_response, SteadyAmplitude, "a TimeResponse of this study")
+    # preloads are printed with three digits
     if not np.isfinite(time_response.factor) or abs(time_response.preload - cycle.preload) > 5e-3 * cycle.preload:
         expected = f"a time integration at {cycle.preload:g} N"
         raise validation.invalid("time_response", expected, f"{time_response.text} at {time_response.preload:g} N")

@@ -110,8 +110,8 @@ class PatchMeans:
 def patch_grid(points: int | tuple[int, int], length: float, width: float) -> tuple[int, int]:
     """Return the number of patches along the two edges of a face.
 
-    A single number is factorised so that both directions have at least three patches, if it can be, and the patches are as
-    close to squares as possible.
+    A single number is factorised.  If possible, both edges have at least three patches; then the patches are as close to
+    squares as possible.
     """
     if not isinstance(points, (int, np.integer)):
         return int(points[0]), int(points[1])

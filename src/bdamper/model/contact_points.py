@@ -23,18 +23,17 @@ from bdamper.util.records import Kind, Shape, layout
 
 
 ROWS = 3
-"""Number of groups in each direction that is kept if possible.
+"""Smallest number of rows of contact points along t1 with which a wedge does not roll too easily.
 
-Two rows of points carry moments over half of the length of a face, three over two thirds.  With two rows a wedge rolls too
-easily: the bladed disk has 0.84 mm instead of 16 um at its optimum.
+Two rows carry moments over half of the length of a face, three over two thirds (docs/evidence/measured.md).
 """
 
 
 def group_patches(face: Interface, n_groups: int) -> NDArray:
     """Divide the patches of a face into at most ``n_groups`` groups; return the group of each patch (n_points,).
 
-    Strips of about equal area along t1 are divided into groups of about equal area along t2.  Both directions have at least
-    three groups, or else t1, if the number allows it.  On a grid whole rows are united, with equal numbers at both ends.
+    Strips of about equal area along t1 are divided into groups of about equal area along t2.  If the number allows it, both
+    directions have at least three groups, otherwise t1.  On a grid whole rows are united, symmetrically.
     """
     place = np.einsum("pij,pj->pi", face.frame, face.points - face.points.mean(axis=0))[:, :2]
     apart = 0.2 * np.sqrt(face.area.mean())  # smaller differences are those within a row
@@ -59,7 +58,7 @@ def group_patches(face: Interface, n_groups: int) -> NDArray:
 def _equal_parts(x: NDArray, area: NDArray, n: int, apart: float) -> NDArray:
     """Divide patches at coordinates ``x`` into ``n`` parts of about equal area without dividing rows.
 
-    A hundredth of a part decides nothing, so that rounding does not either.
+    A hundredth of a part is neglected, so that rounding changes no group.
     """
     below = np.clip(0.5 + (x[:, None] - x) / apart, 0.0, 1.0) @ area / area.sum()
     part = (n * np.minimum(below, 1.0 - below) + 0.01).astype(int)
