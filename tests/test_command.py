@@ -12,13 +12,16 @@ from tests.each import each
 
 QUICK = {
     "response": ["--preload", "104", "--band", "630", "690"],
-    "optimum": ["--preloads", "80", "160", "-n", "4"],
+    "optimum": ["--preloads", "80", "160", "-n", "4", "--no-check"],
     "crossings": ["--speeds", "9000", "9500", "--orders", "5"],
     "margin": ["--preload", "104", "--endurance=300", "--ultimate=1200", "--yield=900"],
 }
 
 
-@pytest.mark.parametrize("command", [pytest.param(c, marks=[pytest.mark.slow] * (c == "optimum")) for c in QUICK])
+SLOW = ("optimum", "margin")
+
+
+@pytest.mark.parametrize("command", [pytest.param(c, marks=[pytest.mark.slow] * (c in SLOW)) for c in QUICK])
 def test_answers_are_printed_and_written(command, tmp_path, capsys):
     files = [f"--{kind}={tmp_path / f'out.{kind}'}" for kind in ("csv", "h5", "png")]
     files += [f"--html={tmp_path / 'out.html'}"] * (command == "optimum")
@@ -26,6 +29,7 @@ def test_answers_are_printed_and_written(command, tmp_path, capsys):
     out = capsys.readouterr().out
     result = bd.load(tmp_path / "out.h5")
     assert str(result).splitlines()[0] in out
+    assert ("by harmonic balance alone" in out) == (command == "optimum"), "a margin has the amplitude in time"
     assert (tmp_path / "out.csv").read_text().count("\n") > 2
     assert (tmp_path / "out.png").read_bytes()[1:4] == b"PNG"
     assert (tmp_path / "out.html").exists() == (command == "optimum")
@@ -39,7 +43,7 @@ def test_what_is_asked_is_what_the_study_answers(capsys, tmp_path):
     assert "excitation direction: plausible along the motion of a mode" in told and wrote == f"wrote {picture}"
     study = bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip", "axial", 2.0), 5, 0.5, harmonics=1)
     assert_array_equal(bd.load(path).amplitude, study.frequency_response(104.0, (630.0, 690.0)).amplitude)
-    strength = ["--endurance=300", "--ultimate=1200", "--yield=900", "--speed=7639.437268410977"]
+    strength = ["--endurance=300", "--ultimate=1200", "--yield=900", "--no-check", "--speed=7639.437268410977"]
     assert main(["margin", "--demo", "--harmonics=1", "--preload=3616", *strength, "--quiet", "--h5", str(path)]) == 0
     assert bd.load(path).speed == 800.0 == bd.load(path).settings["speed"] and "contradict" not in capsys.readouterr().err
 
@@ -94,7 +98,7 @@ def test_wrong_use_is_told_in_a_line(arguments, words, capsys, tmp_path, monkeyp
 
 
 def test_the_check_of_an_optimum_is_one_that_a_study_has(capsys):
-    assert main(["optimum", "--demo", "--check", "-n", "1"]) == 2
+    assert main(["optimum", "--demo", "-n", "1"]) == 2
     assert capsys.readouterr().err == "bdamper: n: expected a whole number >= 2, found 1\n", "not refused for the check"
 
 

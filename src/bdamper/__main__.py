@@ -99,7 +99,11 @@ def margin(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
     if not peak.converged:
         return peak, False
     strength = [1e6 * getattr(given, name) for name in ("endurance", "ultimate", "yield")]
-    return study.margin(peak, Material(*strength)), True
+    response = study.time_response(peak, progress=not given.quiet) if given.check else None
+    if response is not None:
+        print(response)
+    known = None if response is None or np.isnan(response.mean) else response
+    return study.margin(peak, Material(*strength), time_response=known), True
 
 
 QUESTIONS = {
@@ -163,13 +167,15 @@ def parser() -> argparse.ArgumentParser:
         own[name].add_argument(
             "--band", help="frequency interval in Hz, by default around the resonances of the mode", **two
         )
+    for name in ("margin", "optimum"):
+        text = "check in time (an optimum: and more), at several times the cost; the default"
+        own[name].add_argument("--check", action=argparse.BooleanOptionalAction, default=True, help=text)
     for name in ("response", "margin", "optimum"):
         speed = "rotor speed in rpm of modes and stresses, default without rotation"
         own[name].add_argument("--speed", type=float, metavar="RPM", help=speed)
     add = own["optimum"].add_argument
     add("--preloads", default=(20.0, 2000.0), help="range of preloads in N, default 20 2000", **two)
     add("-n", type=int, default=20, help="number of preloads, default %(default)s")
-    add("--check", action="store_true", help="compare with more harmonics and time integration, at five times the cost")
     add("--html", metavar="FILE", type=partial(file_to_write, (".html",)), help="write a report for a review")
     own["crossings"].add_argument("--speeds", default=(5000.0, 10000.0), help="in rpm, default 5000 10000", **two)
     own["crossings"].add_argument("--orders", type=int, help="engine orders, default --engine-order", **some)

@@ -20,12 +20,11 @@ from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, get_type_hints
 from numpy.typing import NDArray
 
 from bdamper.analyses import accuracy as more_harmonics
-from bdamper.analyses import campbell, crossings, error_estimates, flutter
+from bdamper.analyses import campbell, crossings, error_estimates, flutter, robust_optimum
 from bdamper.analyses import campbell as campbell_diagram
 from bdamper.analyses import effect_significance as significance
 from bdamper.analyses import hysteresis as cycles
 from bdamper.analyses import nonlinear_mode as modes
-from bdamper.analyses import robust_optimum as best_margin
 from bdamper.analyses.executors import check_executor
 from bdamper.contact.stiffness import report
 from bdamper.fatigue import margin as margins
@@ -310,8 +309,9 @@ class Study(Comparable):
         check : {"time", "neighbours", False}
             "time": compute the peak at the optimum with up to 16 harmonics (``curve.convergence``,
             :meth:`harmonic_convergence`), and the amplitude by time integration at the optimum and at 1.35 times its
-            preload (``curve.time_response``, ``curve.optimum_in_time``).  "neighbours": also integrate below the optimum,
-            at its preload divided by 1.35.
+            preload (``curve.time_response``, ``curve.optimum_in_time``).  The better of both preloads also has the peaks
+            with 0.7 and 1.3 times the friction coefficient (``curve.other_friction``).  "neighbours": also integrate below
+            the optimum, at its preload divided by 1.35.
         progress : bool, optional
             Show the current step and the remaining time; by default in a terminal and a notebook.
         resume : path, optional
@@ -349,9 +349,11 @@ class Study(Comparable):
                 problem, plain, lambda: in_time.with_time_response(problem, plain, places, progress=progress)
             )
         stopped = curve.interrupted or any(k.status == INTERRUPTED for k in curve.time_response)
+        if check and not stopped:
+            curve = robust_optimum.with_other_friction(problem, curve)
         if margin and material is not None and not stopped:
             with suppress(KeyboardInterrupt):
-                curve = replace(curve, margins=(best_margin.best_margin(problem, curve, material),))
+                curve = replace(curve, margins=(robust_optimum.best_margin(problem, curve, material),))
         return curve
 
     peak_sensitivities = analysis(sensitivity.peak_sensitivities)
@@ -367,7 +369,7 @@ class Study(Comparable):
     gauge_stress = analysis(stresses.gauge_stress)
     margin = analysis(margins.margin)
 
-    best_margin = analysis(best_margin.best_margin)
+    best_margin = analysis(robust_optimum.best_margin)
 
     # importance of physical effects
     effect_significance = analysis(significance.effect_significance)

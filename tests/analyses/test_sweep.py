@@ -4,6 +4,7 @@ import json
 import multiprocessing
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
@@ -13,12 +14,15 @@ from collections import Counter
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
+import h5py
 import numpy as np
 import pytest
 from scipy import stats
 
 import bdamper as bd
+from bdamper.analyses import robust_optimum
 from bdamper.analyses.sweep import OptimalTask, PeakTask
 from bdamper.harmonic_balance.parameters import study_fingerprint
 from bdamper.response.events import ContinuationOptions
@@ -305,20 +309,29 @@ class TestInterrupted:
             return made[-1]
 
         monkeypatch.setattr(sys.modules["bdamper.analyses.sweep"], "optimal_curve", stopped)
-        samples = {"friction_coefficient": [0.25, 0.3]}
         four = {"friction_coefficient": [0.25, 0.3, 0.35, 0.4]}
         curve = bd.optimal_curve_uncertainty(study, four, (1e3, 2e3), 3, frequency=INTERVAL)
         assert curve.status == ("complete", "complete", "complete", "not run")
         assert np.array_equal(curve.percentile(100.0), curve.amplitude[:3].max(axis=0))
         assert "interrupted: 1 of 4 parts were not run" in curve.summary() and "without a peak" not in curve.summary()
-        ways = {"n": 5, "tolerance": 1e-3, "frequency": INTERVAL}
-        made.clear()
-        found = bd.robust_optimum(study, samples, (1e3, 2e3), **ways)
-        assert found.status == "interrupted"
+
+    def test_of_a_robust_optimum(self, study, monkeypatch):
+        """It is never taken over a part of the draws."""
+        peak, left = study.peak(1e3, INTERVAL), [14]
+
+        def stopped(*args, **options):
+            left[0] -= 1
+            if left[0] < 0:
+                raise KeyboardInterrupt
+            return peak
+
+        monkeypatch.setattr(sys.modules["bdamper.analyses.sweep"], "highest_peak", stopped)
+        samples, ways = {"friction_coefficient": [0.25, 0.3]}, {"n": 5, "tolerance": 1e-3, "frequency": INTERVAL}
+        assert bd.robust_optimum(study, samples, (1e3, 2e3), **ways).status == "interrupted"
         with pytest.raises(KeyboardInterrupt):
             bd.robust_optimum(study, samples, (1e3, 2e3), **ways)
-        monkeypatch.setattr(sys.modules["bdamper.analyses.sweep"], "optimal_curve", lambda *_, **__: made[0])
-        found = bd.robust_optimum(study, samples, (1e3, 2e3), executor=Ends(3, "broken"), **ways)
+        left[0] = 100
+        found = bd.robust_optimum(study, samples, (1e3, 2e3), executor=Ends(13, "broken"), **ways)
         assert found.status == "interrupted: the workers are gone"
         with pytest.raises(bd.BdamperError, match="robust optimum: the workers are gone"):
             bd.robust_optimum(study, samples, (1e3, 2e3), executor=Ends(0, "broken"), **ways)
@@ -523,8 +536,6 @@ class TestWarnings:
         assert "optimum incomplete: lost" in curve.summary()
         curve.save(tmp_path / "curve.h5")
         assert bd.load(tmp_path / "curve.h5").warnings == (expected,)
-        robust = bd.robust_optimum(study, samples, (500.0, 3000.0), n=5, tolerance=0.9, frequency=INTERVAL)
-        assert robust.warnings == 1
 
 
 class TestUncertainty:
@@ -556,10 +567,76 @@ class TestUncertainty:
         assert worst[1] == pytest.approx(found.amplitude, rel=1e-9)
         assert worst[1] <= min(worst[0], worst[2])
 
+    def test_robust_optimum_of_given_peaks(self, study, monkeypatch):
+        """Amplitudes |ln(p/p0)| with p0 in proportion to 1/mu: the least maximum is at the geometric mean of the ends.
+
+        A preload at which a draw has no peak is no candidate, and the status says so.
+        """
+        like = {"shares": np.zeros(3), "frequency": 1.0, "residual": 0.0, "search_status": "incomplete: why", "cost": None}
+
+        def stands_in(lost):
+            def found(problem, preload, *_, **__):
+                far = 1.0 + abs(np.log(preload * problem.settings.friction_coefficient / 300.0))
+                gone = lost(problem.settings.friction_coefficient, preload)
+                return SimpleNamespace(**like | {"amplitude": far, "converged": not gone})
+
+            return found
+
+        def answer(lost, **ways):
+            monkeypatch.setattr(sys.modules["bdamper.analyses.sweep"], "highest_peak", stands_in(lost))
+            draws = {"friction_coefficient": [0.2, 0.3, 0.4]}
+            return bd.robust_optimum(study, draws, (100.0, 1e4), percentile=100.0, **ways)
+
+        whole = answer(lambda mu, p: False, tolerance=1e-6)
+        best = 300.0 / np.sqrt(0.2 * 0.4)
+        assert whole.preload == pytest.approx(best, rel=2e-6) and whole.status == "complete"
+        assert whole.amplitude == pytest.approx(1.0 + 0.5 * np.log(2.0), rel=1e-5) and whole.warnings == 3 * 12
+        part = answer(lambda mu, p: mu == 0.4 and p < 1.2 * best)
+        assert 1.2 * best <= part.preload < 1.3 * best
+        assert re.fullmatch(r"incomplete: \d+ preloads without a peak in every draw could be lower", part.status)
+        with pytest.raises(bd.BdamperError, match="no preload from 100 to 10000 N has a peak in every draw"):
+            answer(lambda mu, p: mu == 0.2)
+
+    def test_other_friction_is_that_of_other_studies(self, study, monkeypatch, tmp_path):
+        curve = study.optimal_curve((500.0, 3000.0), 3, frequency=INTERVAL, check=False)
+        found = robust_optimum.with_other_friction(study.problem, curve)
+        best = curve.optimum
+        own, *others = found.other_friction
+        assert (own.factor, own.preload, own.amplitude) == (1.0, best.preload, best.amplitude)
+        for k, factor in zip(others, (0.7, 1.3), strict=True):
+            peak = study.replace(friction_coefficient=factor * 0.3).peak(best.preload, INTERVAL)
+            assert (k.factor, k.preload, k.status) == (factor, best.preload, peak.search_status)
+            assert k.amplitude == pytest.approx(peak.amplitude, rel=1e-9) != pytest.approx(best.amplitude, rel=1e-3)
+        assert found.cost.evaluations > curve.cost.evaluations and found.cost.seconds > curve.cost.seconds
+        found.save(tmp_path / "found.h5")
+        stored = bd.load(tmp_path / "found.h5")
+        assert stored.other_friction == found.other_friction and stored.mass_radius == found.mass_radius
+        with h5py.File(tmp_path / "found.h5", "a") as file:  # as a file of an earlier version
+            del file["other_friction"], file.attrs["mass_radius"]
+        assert bd.load(tmp_path / "found.h5").other_friction == () and np.isnan(bd.load(tmp_path / "found.h5").mass_radius)
+        smooth = study.replace(friction_coefficient=0.0)
+        assert robust_optimum.with_other_friction(smooth.problem, curve) is curve
+
+        def stop(*_, **__):
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(robust_optimum, "highest_peak", stop)
+        assert robust_optimum.with_other_friction(study.problem, curve) is curve
+
+    def test_a_factor_on_all_friction_coefficients(self, study):
+        assert study.replace(friction_factor=1.5).settings.friction_coefficient == pytest.approx(0.45)
+        points = study.model.interfaces["left"].n_points
+        each_one = study.replace(friction_coefficient={"left": np.linspace(0.1, 0.5, points), "right": 0.2})
+        scaled = each_one.replace(friction_factor=0.5).settings.friction_coefficient
+        np.testing.assert_allclose(scaled["left"], np.linspace(0.05, 0.25, points))
+        assert scaled["right"] == pytest.approx(0.1)
+
     @pytest.mark.parametrize(
         ("call", "message"),
         [
             (lambda s: bd.sample({}, 8), "distributions: expected"),
+            (lambda s: bd.robust_optimum(s, {"preload": [1.0]}), "other than the preload"),
+            (lambda s: bd.robust_optimum(s, {}), "other than the preload, found none"),
             (lambda s: bd.sample({"x": 3}, 8), "one of scipy.stats"),
             (lambda s: bd.sample({"x": stats.norm()}, 7), "power of two"),
             (lambda s: bd.optimal_curve_uncertainty(s, {"preload": [1.0]}), "other than the preload"),

@@ -68,7 +68,7 @@ def test_the_margin_is_asked_for_after_the_time_integration(study, curve, monkey
     """Not where it was interrupted: then there is an end of it."""
     monkeypatch.setattr(study_room.optimal, "optimal_curve", lambda *_, **__: replace(curve, margins=()))
     asked = SimpleNamespace(best_status="complete")
-    monkeypatch.setattr(study_room.best_margin, "best_margin", lambda problem, curve, material: asked)
+    monkeypatch.setattr(study_room.robust_optimum, "best_margin", lambda problem, curve, material: asked)
     for status, margins in (("complete", 1), ("interrupted", 0)):
         kept = TimeResponse(*(np.nan,) * 4, 90.0, 1e-6, status=status)
         monkeypatch.setattr(

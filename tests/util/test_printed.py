@@ -23,10 +23,11 @@ from bdamper.mistuning.sample import BestPreload
 from bdamper.mistuning.statistics import WeibullTail
 from bdamper.response.headline import NEAR_BEST, checks
 from bdamper.response.sensitivity import PeakSensitivity, Sensitivities
-from bdamper.response.verification import Convergence, HarmonicPeak, TimeResponse
+from bdamper.response.verification import Convergence, FrictionPeak, HarmonicPeak, TimeResponse
 from bdamper.util.display import Fact
 from bdamper.util.formatting import amount, span, table_lines
 from bdamper.util.progress import LongWork, shows_progress
+from tests.each import each
 from tests.mistuning.lumped import lumped_study
 from tests.plain import plain_study
 
@@ -141,10 +142,10 @@ class TestBottomLine:
         o, said = curve.optimum, curve._headline()
         low, high = curve.preloads_within(NEAR_BEST * o.amplitude)
         assert said == (
-            f"Preload: {amount(o.preload, 'N')} per newton of excitation; the amplitude is within 20 % of the minimum from "
-            f"{span(low, high, 'N')}. "
-            f"Amplitude for the stress: {amount(o.amplitude, 'm')} at {amount(o.frequency, 'Hz')}, "
-            f"by harmonic balance alone, {curve.free.amplitude / o.amplitude:.3g} times below the free blade "
+            f"Preload: {amount(o.preload, 'N')} per newton of excitation; by harmonic balance the amplitude is within 20 % "
+            f"of the minimum from {span(low, high, 'N')}. "
+            f"Amplitude by harmonic balance alone, not for the stress: {amount(o.amplitude, 'm')} at "
+            f"{amount(o.frequency, 'Hz')}, {curve.free.amplitude / o.amplitude:.3g} times below the free blade "
             f"({amount(curve.free.amplitude, 'm')}). Not covered: motion in time, mistuning, wear, more contact "
             "points, friction coefficients other than 0.4."
         )
@@ -160,11 +161,16 @@ class TestBottomLine:
                 said = c._headline().partition(". Amplitude")[0]
                 assert said.endswith(side) and ("faster" in said) == bool(side)
         at_twenty = {**curve.settings, "excitation": {**curve.settings["excitation"], "amplitude": 20.0}}
-        assert f"{amount(o.preload, 'N')} at 20 N of excitation;" in replace(curve, settings=at_twenty)._headline()
+        said = replace(curve, settings=at_twenty)._headline()
+        assert f"{amount(o.preload, 'N')} at 20 N of excitation;" in said
+        load = study.at_speed(2.0 * np.pi * o.frequency / 5.0).preload
+        assert f" The damper has {amount(load, 'N')} at {amount(12.0 * o.frequency, 'rpm')}; the preload needs " in said
+        assert f" {o.preload / load:.2g} times its mass. Amplitude" in said
+        assert "times its mass" not in replace(curve, settings=at_twenty, mass_radius=np.nan)._headline()
         in_time = tuple(TimeResponse(0.9 * a, 0.8 * a, a, 1.0, p * o.preload, a) for p, a in ((1.0, 2.0), (1.35, 1.0)))
         best = f"Preload: {amount(1.35 * o.preload, 'N')} per newton of excitation, least in time (harmonic balance alone: "
         more = replace(curve, time_response=in_time)._headline()
-        assert more.startswith(f"{best}{amount(o.preload, 'N')}); higher preloads were not integrated; the amplitude")
+        assert more.startswith(f"{best}{amount(o.preload, 'N')}); higher preloads were not integrated; by harmonic")
         assert f"Amplitude for the stress: 1 m; in time at {amount(1.35 * o.preload, 'N')} 0.8 to 1 m, by" in more
         assert "motion in time" not in more
         lines = str(curve).split("\n")
@@ -184,8 +190,7 @@ class TestBottomLine:
             (np.nan, "time integration at 1 N is not found: why. Integrate at other preloads, study."),
             (
                 [1.0, 1.3, 1.31],
-                "the number of harmonics does not suffice, 1 m with 3 harmonics, 1.3 to 1.31 m with 5 to 7: not converged "
-                "with 3. Use harmonics=5.",
+                "more harmonics may be needed, 1.3 to 1.31 m with 5 to 7: not converged with 3. Use harmonics=5.",
             ),
         ],
     )
@@ -203,6 +208,27 @@ class TestBottomLine:
             curve = replace(curve, optimum=o, time_response=(response,))
         assert str(curve).replace("\n", " ").startswith(f"Not for design: {first}")
         assert " Preload: " in curve._headline() and "complete\n" not in str(curve)
+
+    @each(
+        ("factors", "status", "colour"),
+        [((1.1, 0.9), "complete", "green"), ((1.9, 1.0), "complete", "amber"), ((1.0, 1.1), "incomplete: why", "amber"),
+         ((0.9, np.nan), "not found: why", "amber"), ((np.nan, 2.1), "incomplete: why", "red"),
+         ((2.1, 0.5), "complete", "red")],
+    )  # fmt: skip
+    def test_other_friction(self, bonded, factors, status, colour):
+        """Red where one of the amplitudes is more than twice as high, even if it is a lower bound."""
+        o = replace(bonded.optimum, preload=1000.0, kind="smooth", status="complete")
+        each_one = zip((1.0, 0.7, 1.3), (1.0, *factors), ("complete", "complete", status))
+        peaks = [FrictionPeak(k, 1000.0, a, s) for k, a, s in each_one]
+        curve = replace(bonded, optimum=o, other_friction=tuple(peaks))
+        (check,) = [c for c in checks(curve) if c.name == "Other friction coefficients"]
+        heights = " and ".join("unknown" if np.isnan(a) else amount(a, "m") for a in factors)
+        found = f"{heights} with 0.7 and 1.3 times the friction, by harmonic balance"
+        assert (check.colour, check.found) == (colour, found)
+        failure = f"Not for design: at 1 kN the amplitude is {found}. Choose a preload for these friction coefficients"
+        assert (failure in curve._headline()) == (colour == "red")
+        assert (f" Other friction: {check.found}. Not covered" in curve._headline()) == (colour != "red")
+        assert "friction coefficients beyond 0.7 to 1.3 times 0.4." in curve._headline()
 
     def test_the_margin_is_that_near_the_preload(self, bonded):
         o = replace(bonded.optimum, preload=1000.0, kind="smooth", status="complete")

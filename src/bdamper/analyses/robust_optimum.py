@@ -16,6 +16,7 @@ Largest fatigue margin
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
@@ -30,12 +31,15 @@ from bdamper.analyses.sweep import OptimalTask, sweep
 from bdamper.fatigue.criteria import Material
 from bdamper.fatigue.margin import LeastMargin, MarginCurve
 from bdamper.harmonic_balance.checks import Asking
+from bdamper.harmonic_balance.parameters import vary
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response import response_curve as tracking
+from bdamper.response.highest_peak import highest_peak
 from bdamper.response.optimal_curve import Curves, preload_values
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.peak import Peak, find_peak
 from bdamper.response.scalar_search import Sample, find_minimum
+from bdamper.response.verification import FrictionPeak
 from bdamper.util import validation
 from bdamper.util.display import Plottable, Summarised
 from bdamper.util.errors import (
@@ -50,7 +54,7 @@ from bdamper.util.errors import (
     with_reason,
 )
 from bdamper.util.formatting import amount, counted, percent, short_repr, spaced
-from bdamper.util.progress import one_thread
+from bdamper.util.progress import LongWork, one_thread
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import ROW, Column, Newtons, Quantity, Tabular
 
@@ -108,10 +112,10 @@ class RobustOptimum(Summarised):
     kind : {"interior", "end"}
         Whether the preload is inside the range or at one of its ends.
     warnings : int
-        Number of draws whose last optimal curve has a warning; see :attr:`OptimalCurveUncertainty.warnings`.
+        Number of peaks in the last grid whose search is incomplete.
     status : str
-        "complete"; "incomplete" if the bracket is wider than the tolerance; "interrupted", with the reason if the executor
-        ended.
+        "complete"; "incomplete" if the bracket is wider than the tolerance, or a preload has no peak in one of the draws;
+        "interrupted", with the reason if the executor ended.
     """
 
     preload: float
@@ -125,7 +129,7 @@ class RobustOptimum(Summarised):
     def __str__(self) -> str:
         edge = ", an end of the range," if self.kind == "end" else ""
         doubts = "" if self.status == COMPLETE else f" The search is {self.status}."
-        doubts += f" {self.warnings} of the last optimal curves have warnings." if self.warnings else ""
+        doubts += f" {self.warnings} of the last searches are incomplete." if self.warnings else ""
         return (
             f"At a preload of {amount(self.preload, 'N')}{edge} {self.percentile:g} % of the draws stay below "
             f"{amount(self.amplitude, 'm')}: least of all preloads, known to {percent(self.uncertainty)}.{doubts}"
@@ -239,8 +243,7 @@ def optimal_curve_uncertainty(
     -------
     OptimalCurveUncertainty
     """
-    validation.instance("samples", samples, Mapping, "a mapping of settings to numbers, as draw returns it")
-    validation.check("preload" not in samples, "samples", "settings other than the preload", "'preload'")
+    _check_samples(samples)
     values = preload_values(preload, n)
     task = OptimalTask(tuple(float(p) for p in values), len(values), frequency, mode)
     done = sweep(study, dict(samples), task, combine="zip", executor=executor, resume=resume, progress=progress)
@@ -257,6 +260,39 @@ def optimal_curve_uncertainty(
     )
 
 
+def _check_samples(samples: Any) -> None:
+    validation.instance("samples", samples, Mapping, "a mapping of settings to numbers, as sample returns it")
+    expected = "settings other than the preload"
+    validation.check(samples and "preload" not in samples, "samples", expected, ", ".join(samples) or "none")
+
+
+OTHER_FRICTION = (0.7, 1.3)
+"""Factors on the friction coefficients in the check of an optimum; those of one pair of materials scatter as much."""
+
+
+@one_thread
+def with_other_friction(problem: Problem, curve: OptimalCurve) -> OptimalCurve:
+    """Return the optimal curve with the peaks at its recommended preload with lower and higher friction coefficients.
+
+    Without an optimum or without friction, or after Ctrl-C, the curve is returned as it is.
+    """
+    best, least = curve.optimum, curve.optimum_in_time
+    preload, amplitude = (best.preload, best.amplitude) if least is None else (least.preload, least.balance)
+    if not np.isfinite(preload) or not problem.settings.friction_values():
+        return curve
+    start, out, cost = time.perf_counter(), [FrictionPeak(1.0, preload, amplitude)], curve.cost
+    with LongWork() as work:
+        for factor in OTHER_FRICTION:
+            peak = highest_peak(vary(problem, {"friction_factor": factor}), preload, tuple(curve.settings["frequency"]))
+            found, status = (peak.amplitude, peak.search_status) if peak.converged else (np.nan, peak.status)
+            out.append(FrictionPeak(factor, preload, found, status))
+            cost = cost if peak.cost is None else cost + peak.cost
+    if work.interrupted:
+        return curve
+    cost = replace(cost, seconds=curve.cost.seconds + time.perf_counter() - start)
+    return replace(curve, other_friction=tuple(out), cost=cost)
+
+
 @validation.check_arguments
 def robust_optimum(
     study: Asking | Problem,
@@ -265,7 +301,7 @@ def robust_optimum(
     *,
     percentile: float = 95.0,
     n: int = 12,
-    tolerance: float = 1e-3,
+    tolerance: float = 0.02,
     frequency: tuple[float, float] | None = None,
     mode: int = 1,
     executor: Executor | None = None,
@@ -273,8 +309,8 @@ def robust_optimum(
 ) -> RobustOptimum:
     """Find the preload that minimises a percentile of the resonance amplitude over a sample.
 
-    Percentiles are computed from peaks at each preload of a grid, without interpolation in the preload. The grid is refined
-    around its least value down to the tolerance.
+    Percentiles are computed from the highest peaks at each preload of a grid, without interpolation in the preload. The
+    grid is refined around its least value down to the tolerance.
 
     Parameters
     ----------
@@ -298,35 +334,40 @@ def robust_optimum(
     Raises
     ------
     BdamperError
-        If a draw has no peak at a preload of a grid, or the executor ended within the first grid.
+        If no preload of a grid has a peak in every draw, or the executor ended within the first grid.
     KeyboardInterrupt
         If the first grid was interrupted.
     """
+    _check_samples(samples)
     percentile = validation.number("percentile", percentile, least=0.0, most=100.0)
     n = validation.integer("n", n, least=5)
     tolerance = validation.number("tolerance", tolerance, above=0.0, below=1.0)
     limits = preload_values(preload, 2)[[0, -1]]
     low, high = (float(p) for p in limits)
     optimum: RobustOptimum | None = None
+    unknown: set[float] = set()
     for _ in range(30):
-        curve = optimal_curve_uncertainty(
-            study, samples, (low, high), n, frequency=frequency, mode=mode, executor=executor, progress=progress
-        )
-        left = [s.removeprefix(NOT_RUN) for s in curve.status if status_word(s) == NOT_RUN]
+        grid = preload_values((low, high), n)
+        points: dict[str, Any] = {name: [value for value in values for _ in grid] for name, values in samples.items()}
+        points["preload"] = np.resize(grid, len(next(iter(points.values()))))
+        ways: dict[str, Any] = {"frequency": frequency, "mode": mode, "executor": executor, "progress": progress}
+        done = sweep(study, points, combine="zip", **ways)
+        left = [s.removeprefix(NOT_RUN) for s in done.status if status_word(s) == NOT_RUN]
         if left:
             if optimum is None:
                 raise BdamperError(f"robust optimum{left[0]}") if left[0] else KeyboardInterrupt
             return replace(optimum, status=f"{INTERRUPTED}{left[0]}")
-        height = np.percentile(curve.amplitude, percentile, axis=0)
-        if not np.isfinite(height).all():
-            bad = int(np.flatnonzero(~np.isfinite(curve.amplitude).all(axis=1))[0])
-            raise BdamperError(f"robust optimum: draw {bad} has no peak at every preload from {low:g} to {high:g} N")
-        k = int(np.argmin(height))
-        best, low, high = (float(curve.preload[i]) for i in (k, max(k - 1, 0), min(k + 1, n - 1)))
+        height = np.percentile(done.array("amplitude").reshape(-1, n), percentile, axis=0)
+        if not np.isfinite(height).any():
+            raise BdamperError(f"robust optimum: no preload from {low:g} to {high:g} N has a peak in every draw")
+        unknown |= {float(p) for p in grid[np.isnan(height)]}
+        k = int(np.nanargmin(height))
+        best, low, high = (float(grid[i]) for i in (k, max(k - 1, 0), min(k + 1, n - 1)))
         width = float(np.log(high / low)) / 2.0
-        status = COMPLETE if width <= tolerance else with_reason(INCOMPLETE, "bracket not narrowed further")
-        kind = "end" if best in limits else "interior"
-        warned = sum(map(bool, curve.warnings))
+        why = "bracket not narrowed further" if width > tolerance else ""
+        why = f"{counted(len(unknown), 'preload')} without a peak in every draw could be lower" if unknown else why
+        status = with_reason(INCOMPLETE, why) if why else COMPLETE
+        kind, warned = "end" if best in limits else "interior", sum(map(bool, done.warnings))
         optimum = RobustOptimum(best, float(height[k]), float(percentile), width, kind, warned, status)
         if width <= tolerance:
             break

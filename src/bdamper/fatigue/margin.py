@@ -169,7 +169,9 @@ class Margins(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, kind
         judged = "the vibration is below the limit" if self.least >= 1.0 else "the limit is exceeded"
         yields = " It yields in the first cycle." if self.yields else ""
         least = f"Least at {self.names[i]}, {stress}."
-        return f"Margin against fatigue {self.least:.3g}: {judged}. {least}{yields}{over_cycle.doubts(self.notes)}"
+        scaled = any(note.startswith(over_cycle.SCALED) for note in self.notes)
+        how = "" if scaled else " by harmonic balance alone"
+        return f"Margin against fatigue {self.least:.3g}{how}: {judged}. {least}{yields}{over_cycle.doubts(self.notes)}"
 
 
 @short_repr
@@ -273,7 +275,8 @@ class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
         i, j = self.least, self.greatest
         value, best = (self.values[j], self.margin[j]) if np.isnan(self.best_value) else (self.best_value, self.best_margin)
         worst = f"{self.margin[i]:.3g} at {amount(self.values[i], self.unit)} ({self.names[self.critical[i]]})"
-        head = f"Margin against fatigue over {self.over}: largest {best:.3g} at {amount(value, self.unit)}"
+        how = "" if self.in_time else " by harmonic balance alone"
+        head = f"Margin against fatigue over {self.over}{how}: largest {best:.3g} at {amount(value, self.unit)}"
         limit = ["Below 1 the limit is exceeded."] if min([self.margin[i], *(m.least for m in self.in_time)]) < 1.0 else []
         why = ["; ".join(note for note in m.notes if note not in self.notes) for m in self.in_time]
         in_time = (f"At {amount(m.preload, 'N')} it is {m.least:.3g} in time, {w}." for m, w in zip(self.in_time, why))

@@ -3,6 +3,7 @@
 Names are the settings of a :class:`bdamper.Study`, with a dot for parts of the excitation and the response
 (``"friction_coefficient"``, ``"excitation.amplitude"``, ``"response.location"``).  Factors scale other quantities:
 
+- ``"friction_factor"``: all friction coefficients;
 - ``"contact_stiffness_factor"``: contact stiffness, or one direction with ``".tangential"`` or ``".normal"``;
 - ``"damping_factor"``: all modal damping ratios, not the damping of the damper;
 - ``"damper_mass_factor"``: density of free bodies at the same shape, stiffness and static load;
@@ -42,7 +43,8 @@ from bdamper.util import validation
 
 
 FACTORS = (
-    "damping_factor", "damper_mass_factor", "damper_mass", "contact_stiffness_factor", "frequency_factor", "gap_factor"
+    "friction_factor", "damping_factor", "damper_mass_factor", "damper_mass", "contact_stiffness_factor",
+    "frequency_factor", "gap_factor",
 )  # fmt: skip
 OF_LOAD = ("load_per_preload", "constant_loads")
 OF_MASS = ("damper_mass_factor", "damper_mass")
@@ -136,6 +138,10 @@ def replace_settings(problem: Problem, /, **settings: Any) -> Problem:
 
 def _scaled(problem: Problem, name: str, part: str, factor: float) -> Problem:
     factor = validation.number(f"{name}.{part}" if part else name, factor, above=0.0)
+    if name == "friction_factor":
+        given = problem.settings.friction_coefficient
+        scaled = {face: factor * mu for face, mu in given.items()} if isinstance(given, Mapping) else factor * given
+        return problem.replace(friction_coefficient=scaled)
     if name == "gap_factor":
         faces, gap = problem.coupling.interfaces, problem.point_gaps
         changed = {f: gap[problem.coupling.rows(f)] * (factor if part in (f, "") else 1.0) for f in faces}

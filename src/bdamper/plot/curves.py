@@ -42,7 +42,7 @@ from bdamper.plot.axes import (
 from bdamper.plot.contact import OF_WHOLE
 from bdamper.plot.speed_and_fatigue import SPEED
 from bdamper.plot.studies import draw_table
-from bdamper.response.headline import NEAR_BEST, checks
+from bdamper.response.headline import NEAR_BEST
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.response_curve import NO_STEADY
 from bdamper.response.response_curve_result import ResponseCurve, unstable_points
@@ -51,7 +51,7 @@ from bdamper.response.verification import TimeResponse
 from bdamper.time_domain.frequency_sweep import TimeSweep
 from bdamper.util import validation
 from bdamper.util.display import register_plot
-from bdamper.util.formatting import amount, percent, spaced
+from bdamper.util.formatting import amount, counted, percent, spaced
 from bdamper.util.tables import axis_label as label_of
 
 # ---- Response and optimal curves ----
@@ -234,7 +234,7 @@ def plot_optimal(
     Dotted lines connect different resonances.  A filled star is a verified optimum, an open star the least known value.
     The shaded preloads have an amplitude within a fifth of it.  Hatched preloads have no value; open triangles there are
     lower bounds.  A bar at the optimum is the range of its peak with more harmonics.  Diamonds with bars are means and
-    ranges in time.
+    ranges in time.  Triangles to the left and to the right have lower and higher friction coefficients.
     """
     shown = SHOWN if ax is None else (validation.choice("quantity", quantity, SHOWN),)
     given = new_axes(height=3.5, rows=2, height_ratios=(1.8, 1.0)) if ax is None else ax
@@ -282,12 +282,15 @@ def with_optimum(result: OptimalCurve, quantity: str = "amplitude") -> tuple[NDA
 
 
 def _mark_checks(ax: Axes, result: OptimalCurve) -> None:
-    """Mark results of time integration and of more harmonics."""
+    """Mark results of time integration, of other friction coefficients and of more harmonics."""
     for response in result.time_response:
         if np.isfinite(response.mean):
             mark_time_response(response, ax, response.preload)
     if k := result.optimum_in_time:
         ax.plot(k.preload, k.mean, "D", color=IN_TIME, markersize=4.5, zorder=6.0, label="least in time")
+    for marker, peak in zip("<>", result.other_friction[1:]):
+        name = f"{peak.factor:g} times the friction"
+        ax.plot(peak.preload, peak.amplitude, marker, color="0.35", markersize=4.5, label=name)
     if result.convergence is not None and len(result.convergence.peaks) > 1:
         low, high = result.convergence.range
         ax.errorbar(result.convergence.preload, low, [[0.0], [high - low]], fmt="none", ecolor="0.35", elinewidth=1.0,
@@ -303,14 +306,16 @@ def _mark_optimum(ax: Axes, result: OptimalCurve) -> None:
     ends = {"end": "least at the end of the range", "edge": "least at the limit of steady responses"}
     name = {**ends, "jump": "optimum at a jump"}.get(o.kind, "optimum")
     name = name if o.verified else (name if o.kind in ends else "least value") + ", not verified"
-    ax.plot(o.preload, o.amplitude, "*", color=OPTIMUM, markersize=9.0, markerfacecolor=OPTIMUM if o.verified else "w")
+    fill = OPTIMUM if o.verified else "w"
+    ax.plot(o.preload, o.amplitude, "*", color=OPTIMUM, markersize=9.0, markerfacecolor=fill, zorder=7.0)
     low, high = result.preloads_within(NEAR_BEST * o.amplitude)
     ax.axvspan(low, high, color=OPTIMUM, alpha=0.1, linewidth=0.0, label=f"at most {percent(NEAR_BEST - 1.0)} higher")
     ax.margins(y=0.25)  # for the name
     lines = [f"{name}: {amount(o.preload, 'N')}, {amount(o.amplitude, 'm')}"]
-    failed = [check.name for check in checks(result)[2:] if check.colour == "red"]  # the first two are in the name
-    lines += [f"check failed: {check[:1].lower()}{check[1:]}" for check in failed]
-    name_point(ax, "\n".join(wrapped(line, 28) for line in lines), (o.preload, o.amplitude), color=OPTIMUM)
+    if k := result.optimum_in_time:
+        lines.append(f"in time: {amount(k.preload, 'N')}, {amount(k.highest, 'm')}")
+    lines += [f"not for design: {counted(len(result.failures), 'check')} failed"] * bool(result.failures)
+    name_point(ax, "\n".join(wrapped(line, 32) for line in lines), (o.preload, o.amplitude), color=OPTIMUM)
 
 
 def _mark_gaps(ax: Axes, result: OptimalCurve) -> None:

@@ -27,6 +27,8 @@ CLEARLY = 1.5
 """Smallest ratio of the slopes on both sides of an optimum at which the headline names the steeper one."""
 GOOD, FAIR = 0.05, 0.2
 """Largest relative differences of a green and of an amber check."""
+MUCH = 2.0
+"""Amplitude with another friction coefficient over that of the study above which a check is red."""
 SAFE = 1.5
 """Smallest fatigue margin of a green check."""
 
@@ -68,6 +70,7 @@ def checks(curve: OptimalCurve) -> list[Check]:
               "amber if a curve is incomplete"),
         _in_time(curve),
         _more_harmonics(curve),
+        _other_friction(curve),
     ]  # fmt: skip
     for margins in curve.margins:
         preload = (curve.optimum_in_time or best).preload
@@ -111,11 +114,27 @@ def _more_harmonics(curve: OptimalCurve) -> Check:
         return Check("white", "More harmonics", "not run", rule)
     first, *others = more.peaks
     change = max((abs(p.amplitude / first.amplitude - 1.0) for p in others), default=np.inf)
-    enough = (more.settled if len(more.settled) > 1 else more.peaks[-1:])[0].harmonics
-    failure = f"the number of harmonics does not suffice, {more.note}"
+    enough = more.settled[0].harmonics if len(more.settled) > 1 and more.status == COMPLETE else first.harmonics
+    failure = f"more harmonics may be needed, {more.verdict}"
     colour = "green" if more.converged else graded(change, 0.0, FAIR)
     remedy = f"use harmonics={enough}" if enough > first.harmonics else "rely on the amplitude in time"
     return Check(colour, "More harmonics", more.note, rule, failure, remedy)
+
+
+def _other_friction(curve: OptimalCurve) -> Check:
+    """Compare the peaks at the recommended preload with lower and higher friction coefficients."""
+    name = "Other friction coefficients"
+    rule = f"green up to {NEAR_BEST:g} times the amplitude, red above {MUCH:g} times, white if not run"
+    if not curve.other_friction:
+        return Check("white", name, "not run", rule)
+    own, *others = curve.other_friction
+    ratio = np.array([k.amplitude for k in others]) / own.amplitude
+    known = all(k.status == COMPLETE for k in others)
+    colour = "red" if np.any(ratio > MUCH) else "green" if known and np.all(ratio <= NEAR_BEST) else "amber"
+    heights = " and ".join(amount(k.amplitude, "m") if k.amplitude > 0.0 else "unknown" for k in others)
+    found = f"{heights} with {' and '.join(f'{k.factor:g}' for k in others)} times the friction, by harmonic balance"
+    failure = f"at {amount(own.preload, 'N')} the amplitude is {found}"
+    return Check(colour, name, found, rule, failure, "choose a preload for these friction coefficients, bd.robust_optimum")
 
 
 def known_in_time(response: TimeResponse) -> bool:
@@ -133,10 +152,11 @@ def headline(curve: OptimalCurve) -> str:
         if o.kind == "flat":
             return f"The preload does not matter: {peak_text(o.amplitude, o.frequency)}."
         return f"No optimum: {o.status}{''.join(gone[:1])}."
-    red = failed(curve)
+    red, friction = failed(curve), _other_friction(curve)
+    other = f"Other friction: {friction.found}." if friction.colour in ("green", "amber") else ""
     remedies = "; ".join(check.remedy for check in red)
     doubt = f"Not for design: {'; '.join(check.failure for check in red)}. {remedies[:1].upper()}{remedies[1:]}."
-    return " ".join(filter(None, [doubt if red else "", _preload(curve), _amplitude(curve), _not_covered(curve)]))
+    return " ".join(filter(None, [doubt if red else "", _preload(curve), _amplitude(curve), other, _not_covered(curve)]))
 
 
 def _preload(curve: OptimalCurve) -> str:
@@ -153,8 +173,20 @@ def _preload(curve: OptimalCurve) -> str:
     if least is not None and best in (known[0], known[-1]):
         where += f"; {'lower' if best == known[0] else 'higher'} preloads were not integrated"
     low, high = curve.preloads_within(NEAR_BEST * o.amplitude)
-    within = f"the amplitude is within {percent(NEAR_BEST - 1.0)} of the minimum from {span(low, high, 'N')}"
-    return f"{where}; {within}{_steeper(curve)}."
+    within = f"by harmonic balance the amplitude is within {percent(NEAR_BEST - 1.0)} of the minimum from"
+    return f"{where}; {within} {span(low, high, 'N')}{_steeper(curve)}.{_of_damper(curve, best)}"
+
+
+def _of_damper(curve: OptimalCurve, preload: float) -> str:
+    """Compare a preload with the centrifugal load of the damper at the rotor speed of the resonance."""
+    order, speed = curve.settings.get("engine_order", 0), curve.settings.get("speed")
+    normalised = curve.settings.get("excitation", {}).get("amplitude") == 1.0  # the preload is one per newton
+    if normalised or not (order and curve.mass_radius > 0.0):
+        return ""
+    speed = speed or 2.0 * np.pi * curve.optimum.frequency / order
+    load = curve.mass_radius * speed**2
+    at = f"at {amount(30.0 * speed / np.pi, 'rpm')}"
+    return f" The damper has {amount(load, 'N')} {at}; the preload needs {preload / load:.2g} times its mass."
 
 
 def _steeper(curve: OptimalCurve) -> str:
@@ -183,7 +215,7 @@ def _amplitude(curve: OptimalCurve) -> str:
     ends = f" ({span(low, high, 'm')} with more harmonics)" if more is not None else ""
     if shown is None:
         top = peak_text(max(high, o.amplitude), o.frequency)
-        return f"Amplitude for the stress: {top}, by harmonic balance alone{ends}{gain}."
+        return f"Amplitude by harmonic balance alone, not for the stress: {top}{ends}{gain}."
     high = float(np.fmax(shown.highest, shown.highest_period))
     at = "" if np.isclose(shown.preload, o.preload) else f" at {amount(shown.preload, 'N')}"
     least, most = shown.spread
@@ -199,7 +231,9 @@ def _not_covered(curve: OptimalCurve) -> str:
     friction = curve.settings.get("friction_coefficient", 0.0)
     every = np.atleast_1d(list(friction.values()) if isinstance(friction, Mapping) else friction)
     values = ", ".join(f"{mu:g}" for mu in np.unique(every[every > 0.0]))
-    other = [f"friction coefficients other than {values}"] * bool(values)
+    ends = [k.factor for k in curve.other_friction]
+    beyond = f"beyond {min(ends):g} to {max(ends):g} times" if ends else "other than"
+    other = [f"friction coefficients {beyond} {values}"] * bool(values)
     time = ["motion in time"] * (not any(map(known_in_time, curve.time_response)))
     stiffness = curve.settings.get("contact_stiffness", "")
     joints = stiffness == "model" or "values" in stiffness  # each point is a joint

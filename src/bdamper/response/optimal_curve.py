@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from bdamper.harmonic_balance.parameters import study_fingerprint
 from bdamper.harmonic_balance.problem import Problem
+from bdamper.model.kinematics import centrifugal_load
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.headline import NEAR_BEST
 from bdamper.response.highest_peak import REACH, AtPreload, check_options, found_at, given_up
@@ -39,7 +40,7 @@ from bdamper.response.response_curve import NO_STEADY, open_at_rest, rattles, wi
 from bdamper.response.scalar_search import Sample, find_minimum, find_root, on_one_branch
 from bdamper.response.sensitivity import amplitude_sensitivity
 from bdamper.util import validation
-from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND, BdamperError, with_reason
+from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND, BdamperError, SettingError, with_reason
 from bdamper.util.progress import Cost, LongWork, executor_errors, one_thread, progress_stages, stopped_by
 from bdamper.util.storage import INSTALLED, ResultsFile, json_line
 
@@ -161,11 +162,15 @@ def optimal_curve(
             f"between {frequency[0]:.6g} and {frequency[1]:.6g} Hz: {ends}"
         )
     edge = rattling_below(known)
+    arm = float("nan")
+    with suppress(SettingError):  # a body on the axis, or without a mass
+        arm = centrifugal_load(problem.model) if problem.settings.engine_order else arm
     settings = problem.record(None) | {"frequency": [float(f) for f in frequency]}
     return OptimalCurve(
         **_columns(known, values, edge, problem.n_unknowns),
         curves=tuple(known[p].curve for p in sorted(known)), free=free, stuck=stuck, optimum=optimum,
         cost=curves.cost(start), settings=settings, model_hash=problem.model.hash, lowest_steady_preload=edge,
+        mass_radius=arm,
     )  # fmt: skip
 
 

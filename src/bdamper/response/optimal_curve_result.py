@@ -15,12 +15,13 @@ from bdamper.harmonic_balance.problem import Problem
 from bdamper.response.headline import ENDS, failed, headline, known_in_time
 from bdamper.response.linear_limits import Limit
 from bdamper.response.response_curve_result import ResponseCurve
-from bdamper.response.verification import Convergence, TimeResponse
+from bdamper.response.verification import Convergence, FrictionPeak, TimeResponse
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Fact, InContact, draw
 from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED
 from bdamper.util.formatting import percent, short_repr
 from bdamper.util.progress import Cost
+from bdamper.util.records import Data
 from bdamper.util.storage import FilePath, Recorded, Storable
 from bdamper.util.tables import Hertz, Kinds, Metres, Newtons, Numbers, PerRow, Quantity, Resonance, Shares, Tabular
 
@@ -128,6 +129,11 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
         Margins against fatigue along the curve, if requested.
     time_response : tuple of TimeResponse
         Time integrations at the optimum and at the preloads of :meth:`bdamper.Study.with_time_response`.
+    other_friction : tuple of FrictionPeak
+        Peaks at the recommended preload with lower and higher friction coefficients, by harmonic balance; the first one
+        has those of the study.
+    mass_radius : float, kg m
+        Mass times radius of the body to which the preload is applied; NaN if unknown or without rotation.
     """
 
     preload: Newtons
@@ -149,6 +155,8 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
     lowest_steady_preload: float = 0.0
     margins: tuple[MarginCurve, ...] = ()
     time_response: tuple[TimeResponse, ...] = ()
+    other_friction: tuple[FrictionPeak, ...] = ()
+    mass_radius: Annotated[float, Data(derived=True)] = float("nan")
     _summary_fields = (
         "optimum.preload", "optimum.amplitude", "optimum.frequency", "time_response", "optimum_in_time", "convergence",
         "free", "stuck", "ratio", "stuck_shift_percent", "margins", "detached",

@@ -13,6 +13,7 @@ from bdamper.util.display import Fact, Plottable, Summarised, draw
 from bdamper.util.errors import COMPLETE, status_word
 from bdamper.util.formatting import amount, peak_text, percent, short_repr, span
 from bdamper.util.progress import Cost
+from bdamper.util.records import Record
 from bdamper.util.storage import FilePath, Recorded, Storable
 from bdamper.util.tables import (
     ROW,
@@ -315,6 +316,26 @@ class HarmonicPeak:
     amplitude: Metre
     frequency: Cycles
     seconds: Second = 0.0
+
+
+@dataclass(frozen=True)
+class FrictionPeak(Record):
+    """Highest peak with other friction coefficients.
+
+    Parameters
+    ----------
+    factor : float
+        Factor on all friction coefficients.
+    preload : float, N
+    amplitude : float, m
+        NaN if no peak was found.
+    status : str
+    """
+
+    factor: float
+    preload: Newton
+    amplitude: Metre
+    status: str = COMPLETE
 
 
 class Meeting(NamedTuple):

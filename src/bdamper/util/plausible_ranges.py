@@ -218,6 +218,7 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
         "by the size of its faces",
     ),
     # settings that a study varies by name
+    "Study.friction_factor": Range(0.1, 10.0, above=FACTOR, below=FACTOR),
     "Study.damping_factor": Range(0.02, 50.0, above=FACTOR, below=FACTOR),
     "Study.damper_mass_factor": Range(0.02, 15.0, above=GRAMS, below="kilograms suspected"),
     "Study.damper_mass": Range(0.02, 15.0, above=GRAMS, below="kilograms suspected"),
