@@ -199,7 +199,7 @@ def parser() -> argparse.ArgumentParser:
     add("--stress", metavar="SET", help="nodes with stress")
     add("--engine-order", default=(5,), type=int, help="engine orders, default 5", **some)
     add("--harmonics", type=int, metavar="H", help="harmonics of the engine orders, by default for all studies")
-    add("--modes", type=int, default=20, help="modes of the sector at each nodal diameter, default %(default)s")
+    add("--modes", type=int, default=40, help="modes of the sector at each nodal diameter, default %(default)s")
     add("--tip", nargs="+", type=float, metavar="X", help="node number or position of the location 'tip'")
     add("--out", metavar="NAME", help="name of the files, by default that of the deck")
     add("--quiet", action="store_true", help="do not show progress")

@@ -135,7 +135,7 @@ class DiskPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
         lower = self.status == INCOMPLETE
         times = f"{'at least ' if lower else ''}{self.amplitude / self.tuned_amplitude:.3g} times"
         tuned = f"{times} the tuned disk ({amount(self.tuned_amplitude, 'm')})"
-        doubt = "Not for design: a higher blade may exist. " if lower else ""
+        doubt = "Not for design: a higher blade may exist; try DiskPeakOptions(least=240). " if lower else ""
         warning = "" if self.converged else f" {self.status.capitalize()}: {self.reason}."
         head = f"Highest of {len(self.response)} blades at a preload of {amount(self.preload, 'N')}"
         return f"{doubt}{head}: number {self.blade}, {peak_text(self.amplitude, self.frequency)}, {tuned}.{warning}"
