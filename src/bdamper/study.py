@@ -307,11 +307,10 @@ class Study(Comparable):
         executor : concurrent.futures.Executor, optional
             Executor of the curves; threads by default.
         check : {"time", "neighbours", False}
-            "time": compute the peak at the optimum with up to 16 harmonics (``curve.convergence``,
-            :meth:`harmonic_convergence`), and the amplitude by time integration at the optimum and at 1.35 times its
-            preload (``curve.time_response``, ``curve.optimum_in_time``).  The better of both preloads also has the peaks
-            with 0.7 and 1.3 times the friction coefficient (``curve.other_friction``).  "neighbours": also integrate below
-            the optimum, at its preload divided by 1.35.
+            "time": compute the peak at the optimum with up to 16 harmonics (``curve.convergence``) and the amplitude by
+            time integration there and at 1.35 times its preload (``curve.time_response``).  At the better of both preloads
+            compute the peaks with 0.7 and 1.3 times the friction (``curve.other_friction``).  "neighbours": also integrate
+            at the preload of the optimum divided by 1.35.
         progress : bool, optional
             Show the current step and the remaining time; by default in a terminal and a notebook.
         resume : path, optional

@@ -1,14 +1,16 @@
 """Parameters from synthetic measurements: recovered where the model is right, bracketed where it is not."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import bdamper as bd
 from bdamper.analyses import response_residuals
-from bdamper.analyses.fit import UNLOADED, Objective, _profile, _stage, covariance, fit, left_out, repetitions
+from bdamper.analyses.fit import UNLOADED, Objective, _predictions, _profile, _stage, covariance, fit, left_out, repetitions
 from bdamper.analyses.response_residuals import Separation, Variations, _Swept
 from bdamper.harmonic_balance.parameters import vary
 from bdamper.importers.measured_modes import MeasuredMode
@@ -533,6 +535,21 @@ def test_a_rich_truth_fitted_with_a_coarse_model():
     print(misses, others)
     assert max(map(abs, misses.values())) < max(map(abs, others.values())), "better than the true constants"
     assert max(abs(misses[load]) for load in (120.0, 250.0)) < 0.15, misses
+
+
+def test_a_fit_to_a_part_leads_out_of_a_local_minimum():
+    """One parameter, two tests: a line through 2, and a bump at 0 on the way from -1.5."""
+    valley = SimpleNamespace(bounds=np.array([[-3.0], [3.0]]))
+    valley.residual = lambda x: np.array([0.3 * (x[0] - 2.0), 0.0, 3.0 * np.exp(-4.0 * x[0] ** 2), 0.0])
+    valley.jacobian = lambda x: np.array([[0.3], [0.0], [-24.0 * x[0] * np.exp(-4.0 * x[0] ** 2)], [0.0]])
+    valley.least = partial(Objective.least, valley)
+    group, every = np.array([0, 0, 1, 1]), np.ones(1, bool)
+    low = valley.least(np.array([-1.5]), every)
+    assert -1.2 < low[0] < -0.6, "a local minimum"
+    prediction, other = _predictions(valley, low, group)
+    assert other[0] > 1.5 and prediction[1, 0] == pytest.approx(valley.residual(other)[2])
+    lowest = valley.least(other, every)
+    assert lowest == pytest.approx([2.0], abs=1e-4) and _predictions(valley, lowest, group)[1] is None
 
 
 def several(sliders, spread, harmonics):

@@ -637,6 +637,7 @@ class TestUncertainty:
             (lambda s: bd.sample({}, 8), "distributions: expected"),
             (lambda s: bd.robust_optimum(s, {"preload": [1.0]}), "other than the preload"),
             (lambda s: bd.robust_optimum(s, {}), "other than the preload, found none"),
+            (lambda s: bd.robust_optimum(s, {"friction_factor": 0.7}), "'friction_factor': expected a sequence of values"),
             (lambda s: bd.sample({"x": 3}, 8), "one of scipy.stats"),
             (lambda s: bd.sample({"x": stats.norm()}, 7), "power of two"),
             (lambda s: bd.optimal_curve_uncertainty(s, {"preload": [1.0]}), "other than the preload"),

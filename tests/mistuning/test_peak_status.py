@@ -34,7 +34,8 @@ def test_a_part_of_the_band_without_solutions_leaves_a_lower_bound(monkeypatch, 
     step = whole.sweep_frequency[1] - whole.sweep_frequency[0]
     assert hidden[0] < low < hidden[0] + step and min(hidden[1], band[1] + 1e-9) - step < high < hidden[1]
     assert "no solution found between" in part.reason
-    assert part._headline().startswith("Not for design: a higher blade may exist; try DiskPeakOptions(least=240). Highest of")
+    doubt = "Not for design: a higher blade may exist; try DiskPeakOptions(least=240). Highest of"
+    assert part._headline().startswith(doubt)
     assert ", at least " in part._headline()
     with pytest.warns(BdamperWarning, match="amplification: a lower bound, since the peak is incomplete"):
         assert part.amplification == pytest.approx(whole.amplification, rel=1e-5)

@@ -230,6 +230,12 @@ class TestBottomLine:
         assert (f" Other friction: {check.found}. Not covered" in curve._headline()) == (colour != "red")
         assert "friction coefficients beyond 0.7 to 1.3 times 0.4." in curve._headline()
 
+    def test_friction_coefficients_of_points(self, study):
+        points = {"left": np.array([0.0, 0.5, 0.2]), "right": 0.3}
+        curve = study.optimal_curve((200.0, 5e3), 4, frequency=INTERVAL, check=False)
+        said = replace(curve, settings=curve.settings | {"friction_coefficient": points})._headline()
+        assert said.endswith("friction coefficients other than 0.2, 0.3, 0.5.")
+
     def test_the_margin_is_that_near_the_preload(self, bonded):
         o = replace(bonded.optimum, preload=1000.0, kind="smooth", status="complete")
         margins = SimpleNamespace(preload=np.array([800.0, 1000.0, 2000.0]), margin=np.array([1.8, 0.8, 2.0]))

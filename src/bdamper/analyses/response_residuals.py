@@ -481,9 +481,11 @@ class _Swept:
         longest = max(norm2(chord), 1e-300)
         c = self.system.solve(self.y[i], Plane(chord / longest), self.scale, self.tolerance, self.most)
         for _ in range(self.most):
+            if c.status != OK or c.y[-1] <= 0.0:
+                return None
             gap, way = self.away(c, target, units)
             size = norm2(way)
-            if c.status != OK or size < EDGE:  # only the mean changes along the curve
+            if size < EDGE:  # only the mean changes along the curve
                 return None
             step = -float(gap @ way) / size**2
             if abs(step) * size < EDGE:

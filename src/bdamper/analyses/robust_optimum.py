@@ -264,6 +264,8 @@ def _check_samples(samples: Any) -> None:
     validation.instance("samples", samples, Mapping, "a mapping of settings to numbers, as sample returns it")
     expected = "settings other than the preload"
     validation.check(samples and "preload" not in samples, "samples", expected, ", ".join(samples) or "none")
+    for name, values in samples.items():
+        validation.check(np.ndim(values) > 0, f"samples '{name}'", "a sequence of values", values)
 
 
 OTHER_FRICTION = (0.7, 1.3)

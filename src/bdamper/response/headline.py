@@ -229,7 +229,7 @@ def _amplitude(curve: OptimalCurve) -> str:
 def _not_covered(curve: OptimalCurve) -> str:
     """Return the effects that the amplitude does not contain."""
     friction = curve.settings.get("friction_coefficient", 0.0)
-    every = np.atleast_1d(list(friction.values()) if isinstance(friction, Mapping) else friction)
+    every = np.concatenate([np.ravel(mu) for mu in (friction.values() if isinstance(friction, Mapping) else [friction])])
     values = ", ".join(f"{mu:g}" for mu in np.unique(every[every > 0.0]))
     ends = [k.factor for k in curve.other_friction]
     beyond = f"beyond {min(ends):g} to {max(ends):g} times" if ends else "other than"
