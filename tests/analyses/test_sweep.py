@@ -608,6 +608,12 @@ class TestUncertainty:
             assert (k.factor, k.preload, k.status) == (factor, best.preload, peak.search_status)
             assert k.amplitude == pytest.approx(peak.amplitude, rel=1e-9) != pytest.approx(best.amplitude, rel=1e-3)
         assert found.cost.evaluations > curve.cost.evaluations and found.cost.seconds > curve.cost.seconds
+        high = [k for k in others if k.amplitude > 1.2 * own.amplitude]
+        worse = replace(found, other_friction=(own, others[0], replace(others[1], amplitude=3.0 * own.amplitude)))
+        for shown, names in ((found, high), (worse, [*[k for k in high if k.factor < 1.0], worse.other_friction[2]])):
+            labels = shown.plot().axes[0].get_legend_handles_labels()[1]
+            drawn = [label for label in labels if "times the friction" in label]
+            assert drawn == [f"{k.factor:g} times the friction" for k in names]
         found.save(tmp_path / "found.h5")
         stored = bd.load(tmp_path / "found.h5")
         assert stored.other_friction == found.other_friction and stored.mass_radius == found.mass_radius

@@ -45,10 +45,11 @@ def pasted(page, folder, monkeypatch):
 
 
 def how_to(seen, page, folder):
-    assert len(seen) == 10 and max(len(block.splitlines()) for block in blocks(page)) <= 10
-    chosen, mass, compared, swept, resumed = seen[1:6]
+    assert len(seen) == 11 and max(len(block.splitlines()) for block in blocks(page)) <= 10
+    chosen, robust, mass, compared, swept, resumed = seen[1:7]
     space = seen[-1]
     assert chosen["best"].verified and chosen["low"] < chosen["best"].preload < chosen["high"]
+    assert robust["robust"].amplitude < 1.1 * chosen["best"].amplitude and robust["robust"].status == "complete"
     assert 0.42 < mass["radius"] < 0.45 and mass["mass"] < mass["damper"].mass
     assert "a damper of 6 g" in mass["change"]
     assert compared["designs"].curves[1].peak.amplitude < 0.9 * compared["designs"].curves[0].peak.amplitude

@@ -234,7 +234,8 @@ def plot_optimal(
     Dotted lines connect different resonances.  A filled star is a verified optimum, an open star the least known value.
     The shaded preloads have an amplitude within a fifth of it.  Hatched preloads have no value; open triangles there are
     lower bounds.  A bar at the optimum is the range of its peak with more harmonics.  Diamonds with bars are means and
-    ranges in time.  Triangles to the left and to the right have lower and higher friction coefficients.
+    ranges in time.  Triangles to the left and to the right are clearly higher amplitudes with lower and
+    higher friction coefficients.
     """
     shown = SHOWN if ax is None else (validation.choice("quantity", quantity, SHOWN),)
     given = new_axes(height=3.5, rows=2, height_ratios=(1.8, 1.0)) if ax is None else ax
@@ -290,7 +291,8 @@ def _mark_checks(ax: Axes, result: OptimalCurve) -> None:
         ax.plot(k.preload, k.mean, "D", color=IN_TIME, markersize=4.5, zorder=6.0, label="least in time")
     for marker, peak in zip("<>", result.other_friction[1:]):
         name = f"{peak.factor:g} times the friction"
-        ax.plot(peak.preload, peak.amplitude, marker, color="0.35", markersize=4.5, label=name)
+        if peak.amplitude > NEAR_BEST * result.other_friction[0].amplitude:  # others would lie on the star
+            ax.plot(peak.preload, peak.amplitude, marker, color="0.35", markersize=4.5, label=name)
     if result.convergence is not None and len(result.convergence.peaks) > 1:
         low, high = result.convergence.range
         ax.errorbar(result.convergence.preload, low, [[0.0], [high - low]], fmt="none", ecolor="0.35", elinewidth=1.0,
