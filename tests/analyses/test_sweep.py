@@ -626,6 +626,12 @@ class TestUncertainty:
         def stop(*_, **__):
             raise KeyboardInterrupt
 
+        def lost(*_, **__):
+            raise bd.BdamperError("why")
+
+        monkeypatch.setattr(robust_optimum, "highest_peak", lost)
+        kept = robust_optimum.with_other_friction(study.problem, curve).other_friction
+        assert [k.status for k in kept] == ["complete", "not found: why", "not found: why"] and np.isnan(kept[2].amplitude)
         monkeypatch.setattr(robust_optimum, "highest_peak", stop)
         assert robust_optimum.with_other_friction(study.problem, curve) is curve
 

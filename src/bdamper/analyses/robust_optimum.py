@@ -35,7 +35,7 @@ from bdamper.harmonic_balance.parameters import vary
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response import response_curve as tracking
 from bdamper.response.highest_peak import highest_peak
-from bdamper.response.optimal_curve import Curves, preload_values
+from bdamper.response.optimal_curve import LOST, Curves, preload_values
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.peak import Peak, find_peak
 from bdamper.response.scalar_search import Sample, find_minimum
@@ -46,6 +46,7 @@ from bdamper.util.errors import (
     COMPLETE,
     INCOMPLETE,
     INTERRUPTED,
+    NOT_FOUND,
     NOT_RUN,
     BdamperError,
     SettingError,
@@ -285,7 +286,11 @@ def with_other_friction(problem: Problem, curve: OptimalCurve) -> OptimalCurve:
     start, out, cost = time.perf_counter(), [FrictionPeak(1.0, preload, amplitude)], curve.cost
     with LongWork() as work:
         for factor in OTHER_FRICTION:
-            peak = highest_peak(vary(problem, {"friction_factor": factor}), preload, tuple(curve.settings["frequency"]))
+            try:
+                peak = highest_peak(vary(problem, {"friction_factor": factor}), preload, tuple(curve.settings["frequency"]))
+            except (*LOST, BdamperError) as error:
+                out.append(FrictionPeak(factor, preload, np.nan, with_reason(NOT_FOUND, error)))
+                continue
             found, status = (peak.amplitude, peak.search_status) if peak.converged else (np.nan, peak.status)
             out.append(FrictionPeak(factor, preload, found, status))
             cost = cost if peak.cost is None else cost + peak.cost

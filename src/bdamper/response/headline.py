@@ -181,7 +181,7 @@ def _of_damper(curve: OptimalCurve, preload: float) -> str:
     """Compare a preload with the centrifugal load of the damper at the rotor speed of the resonance."""
     order, speed = curve.settings.get("engine_order", 0), curve.settings.get("speed")
     normalised = curve.settings.get("excitation", {}).get("amplitude") == 1.0  # the preload is one per newton
-    if normalised or not (order and curve.mass_radius > 0.0):
+    if normalised or curve.settings.get("load_per_preload") or not (order and curve.mass_radius > 0.0):
         return ""
     speed = speed or 2.0 * np.pi * curve.optimum.frequency / order
     load = curve.mass_radius * speed**2
