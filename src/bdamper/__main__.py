@@ -17,6 +17,7 @@ import numpy as np
 
 import bdamper as bd
 from bdamper.fatigue.criteria import Material
+from bdamper.response.headline import known_in_time
 from bdamper.response.linear_limits import peak_interval
 
 
@@ -94,15 +95,16 @@ def resonance_crossings(study: bd.Study, given: argparse.Namespace) -> tuple[Any
 
 def margin(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
     """Return the fatigue margins at the highest peak of a preload, and whether there is a peak."""
-    peak = study.peak(given.preload, given.band, mode=given.mode)
-    print(peak)
+    peak, response = study.peak(given.preload, given.band, mode=given.mode), None
     if not peak.converged:
         return peak, False
+    try:
+        response = study.time_response(peak, progress=not given.quiet) if given.check else None
+    except bd.BdamperError as error:
+        print(f"bdamper: no amplitude in time: {error}", file=sys.stderr)
+    print(response or peak)
     strength = [1e6 * getattr(given, name) for name in ("endurance", "ultimate", "yield")]
-    response = study.time_response(peak, progress=not given.quiet) if given.check else None
-    if response is not None:
-        print(response)
-    known = None if response is None or np.isnan(response.mean) else response
+    known = response if response is not None and known_in_time(response) else None
     return study.margin(peak, Material(*strength), time_response=known), True
 
 

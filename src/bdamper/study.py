@@ -350,6 +350,7 @@ class Study(Comparable):
         stopped = curve.interrupted or any(k.status == INTERRUPTED for k in curve.time_response)
         if check and not stopped:
             curve = robust_optimum.with_other_friction(problem, curve)
+            stopped = any(k.status == INTERRUPTED for k in curve.other_friction)
         if margin and material is not None and not stopped:
             with suppress(KeyboardInterrupt):
                 curve = replace(curve, margins=(robust_optimum.best_margin(problem, curve, material),))

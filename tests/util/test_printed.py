@@ -230,7 +230,8 @@ class TestBottomLine:
         failure = f"Not for design: at 1 kN the amplitude is {found}. Choose a preload for these friction coefficients"
         assert (failure in curve._headline()) == (colour == "red")
         assert (f" Other friction: {check.found}. Not covered" in curve._headline()) == (colour != "red")
-        assert "friction coefficients beyond 0.7 to 1.3 times 0.4." in curve._headline()
+        known = "1.3" if status == "complete" else "1"  # what was not found is not covered
+        assert f"friction coefficients beyond 0.7 to {known} times 0.4." in curve._headline()
 
     def test_friction_coefficients_of_points(self, study):
         points = {"left": np.array([0.0, 0.5, 0.2]), "right": 0.3}

@@ -27,23 +27,25 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from bdamper.analyses.sweep import OptimalTask, sweep
+from bdamper.analyses.sweep import OptimalTask, PeakTask, SweepResult, Values, sweep
 from bdamper.fatigue.criteria import Material
 from bdamper.fatigue.margin import LeastMargin, MarginCurve
-from bdamper.harmonic_balance.checks import Asking
+from bdamper.harmonic_balance.checks import Asking, problem_of
 from bdamper.harmonic_balance.parameters import vary
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response import response_curve as tracking
-from bdamper.response.highest_peak import highest_peak
-from bdamper.response.optimal_curve import LOST, Curves, preload_values
+from bdamper.response.linear_limits import peak_interval
+from bdamper.response.optimal_curve import Curves, at_preload, preload_values
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.peak import Peak, find_peak
+from bdamper.response.response_curve import NO_STEADY
 from bdamper.response.scalar_search import Sample, find_minimum
 from bdamper.response.verification import FrictionPeak
 from bdamper.util import validation
 from bdamper.util.display import Plottable, Summarised
 from bdamper.util.errors import (
     COMPLETE,
+    FAILED,
     INCOMPLETE,
     INTERRUPTED,
     NOT_FOUND,
@@ -113,10 +115,10 @@ class RobustOptimum(Summarised):
     kind : {"interior", "end"}
         Whether the preload is inside the range or at one of its ends.
     warnings : int
-        Number of peaks in the last grid whose search is incomplete.
+        Number of peaks in the last grid that are lower bounds.
     status : str
-        "complete"; "incomplete" if the bracket is wider than the tolerance, or a preload has no peak in one of the draws;
-        "interrupted", with the reason if the executor ended.
+        "complete"; "incomplete" if a preload without a peak in every draw could have a lower percentile; "interrupted", with
+        the reason if the executor ended.
     """
 
     preload: float
@@ -130,7 +132,7 @@ class RobustOptimum(Summarised):
     def __str__(self) -> str:
         edge = ", an end of the range," if self.kind == "end" else ""
         doubts = "" if self.status == COMPLETE else f" The search is {self.status}."
-        doubts += f" {self.warnings} of the last searches are incomplete." if self.warnings else ""
+        doubts += f" {self.warnings} of the last peaks are lower bounds." if self.warnings else ""
         return (
             f"At a preload of {amount(self.preload, 'N')}{edge} {self.percentile:g} % of the draws stay below "
             f"{amount(self.amplitude, 'm')}: least of all preloads, known to {percent(self.uncertainty)}.{doubts}"
@@ -267,37 +269,63 @@ def _check_samples(samples: Any) -> None:
     validation.check(samples and "preload" not in samples, "samples", expected, ", ".join(samples) or "none")
     for name, values in samples.items():
         validation.check(np.ndim(values) > 0, f"samples '{name}'", "a sequence of values", values)
+    lengths = [len(values) for values in samples.values()]
+    validation.check(len({*lengths}) == 1, "samples", "as many values of each setting", lengths)
 
 
-OTHER_FRICTION = (0.7, 1.3)
-"""Factors on the friction coefficients in the check of an optimum; those of one pair of materials scatter as much."""
+class SteadyPeak(PeakTask):
+    """Evaluation of the highest peak at a preload, as the search for an optimum counts it.
+
+    The amplitude is a lower bound if it is not known, zero if nothing was found, and infinite if the damper rattles.
+    """
+
+    def __call__(self, study: Asking | Problem, preload: float | None) -> Values:
+        problem, load = problem_of(study), float(preload or 0.0)
+        there = at_preload(problem, load, peak_interval(problem.at(load), self.frequency, self.mode))
+        height = np.inf if there.rattles else float(np.nan_to_num(there.height))
+        status = with_reason(NOT_FOUND, f"{NO_STEADY}: {there.rattles}") if there.rattles else there.status
+        return {"amplitude": height, "known": there.known, "search": status, "cost": there.cost}
+
+
+OTHER_FRICTION = (1.0, 0.7, 1.3)
+"""Factors on the friction coefficients in the check of an optimum; typical ones, 0.2 to 0.6, differ more."""
 
 
 @one_thread
 def with_other_friction(problem: Problem, curve: OptimalCurve) -> OptimalCurve:
     """Return the optimal curve with the peaks at its recommended preload with lower and higher friction coefficients.
 
-    Without an optimum or without friction, or after Ctrl-C, the curve is returned as it is.
+    Without an optimum or without friction the curve is returned as it is.  After Ctrl-C the peaks that are missing have the
+    status "interrupted".
     """
-    best, least = curve.optimum, curve.optimum_in_time
-    preload, amplitude = (best.preload, best.amplitude) if least is None else (least.preload, least.balance)
+    preload = (curve.optimum_in_time or curve.optimum).preload
     if not np.isfinite(preload) or not problem.settings.friction_values():
         return curve
-    start, out, cost = time.perf_counter(), [FrictionPeak(1.0, preload, amplitude)], curve.cost
-    with LongWork() as work:
+    start, cost = time.perf_counter(), curve.cost
+    out = {k: FrictionPeak(k, preload, np.nan, INTERRUPTED) for k in OTHER_FRICTION}
+    evaluate = SteadyPeak(frequency=tuple(curve.settings["frequency"]))
+    with LongWork():
         for factor in OTHER_FRICTION:
             try:
-                peak = highest_peak(vary(problem, {"friction_factor": factor}), preload, tuple(curve.settings["frequency"]))
-            except (*LOST, BdamperError) as error:
-                out.append(FrictionPeak(factor, preload, np.nan, with_reason(NOT_FOUND, error)))
+                found = evaluate(vary(problem, {"friction_factor": factor}), preload)
+            except BdamperError as error:
+                out[factor] = replace(out[factor], status=with_reason(NOT_FOUND, error))
                 continue
-            found, status = (peak.amplitude, peak.search_status) if peak.converged else (np.nan, peak.status)
-            out.append(FrictionPeak(factor, preload, found, status))
-            cost = cost if peak.cost is None else cost + peak.cost
-    if work.interrupted:
-        return curve
+            size = found["amplitude"] if 0.0 < found["amplitude"] < np.inf else np.nan
+            out[factor], cost = FrictionPeak(factor, preload, size, found["search"]), cost + found["cost"]
     cost = replace(cost, seconds=curve.cost.seconds + time.perf_counter() - start)
-    return replace(curve, other_friction=tuple(out), cost=cost)
+    return replace(curve, other_friction=tuple(out.values()), cost=cost)
+
+
+def _percentiles(done: SweepResult, n: int, percentile: float) -> list[tuple[float, bool]]:
+    """Return the percentile of the amplitude at each of ``n`` preloads, and whether it is known or a lower bound."""
+    for i, status in enumerate(done.status):
+        if status_word(status) == FAILED:
+            raise BdamperError(f"robust optimum: draw {i // n} {status}")
+    size, known = (done.array(name).reshape(-1, n) for name in ("amplitude", "known"))
+    steady = ~np.isinf(size).any(axis=0)
+    height = np.percentile(np.where(steady, size, 0.0), percentile, axis=0)
+    return [(float(h) if s else np.inf, bool(k.all())) for h, s, k in zip(height, steady, known.T)]
 
 
 @validation.check_arguments
@@ -317,7 +345,7 @@ def robust_optimum(
     """Find the preload that minimises a percentile of the resonance amplitude over a sample.
 
     Percentiles are computed from the highest peaks at each preload of a grid, without interpolation in the preload. The
-    grid is refined around its least value down to the tolerance.
+    grid is refined around its least value down to the tolerance. Preloads at which a damper rattles do not count.
 
     Parameters
     ----------
@@ -341,44 +369,42 @@ def robust_optimum(
     Raises
     ------
     BdamperError
-        If no preload of a grid has a peak in every draw, or the executor ended within the first grid.
+        If a draw fails, no preload of the first grid has a peak in every draw, or the executor ended within it.
     KeyboardInterrupt
         If the first grid was interrupted.
     """
     _check_samples(samples)
     percentile = validation.number("percentile", percentile, least=0.0, most=100.0)
     n = validation.integer("n", n, least=5)
-    tolerance = validation.number("tolerance", tolerance, above=0.0, below=1.0)
+    tolerance = validation.number("tolerance", tolerance, least=1e-9, below=1.0)
     limits = preload_values(preload, 2)[[0, -1]]
     low, high = (float(p) for p in limits)
     optimum: RobustOptimum | None = None
-    unknown: set[float] = set()
-    for _ in range(30):
-        grid = preload_values((low, high), n)
+    known = dict[float, tuple[float, bool]]()  # percentile, or a lower bound of it, and which of the two
+    while optimum is None or optimum.uncertainty > tolerance:
+        grid = [float(p) for p in preload_values((low, high), n) if float(p) not in known]
         points: dict[str, Any] = {name: [value for value in values for _ in grid] for name, values in samples.items()}
-        points["preload"] = np.resize(grid, len(next(iter(points.values()))))
-        ways: dict[str, Any] = {"frequency": frequency, "mode": mode, "executor": executor, "progress": progress}
-        done = sweep(study, points, combine="zip", **ways)
+        points["preload"] = grid * (len(next(iter(points.values()))) // len(grid))
+        task = SteadyPeak(frequency=frequency, mode=mode)
+        done = sweep(study, points, task, combine="zip", executor=executor, progress=progress)
         left = [s.removeprefix(NOT_RUN) for s in done.status if status_word(s) == NOT_RUN]
         if left:
             if optimum is None:
                 raise BdamperError(f"robust optimum{left[0]}") if left[0] else KeyboardInterrupt
             return replace(optimum, status=f"{INTERRUPTED}{left[0]}")
-        height = np.percentile(done.array("amplitude").reshape(-1, n), percentile, axis=0)
-        if not np.isfinite(height).any():
-            raise BdamperError(f"robust optimum: no preload from {low:g} to {high:g} N has a peak in every draw")
-        unknown |= {float(p) for p in grid[np.isnan(height)]}
-        k = int(np.nanargmin(height))
-        best, low, high = (float(grid[i]) for i in (k, max(k - 1, 0), min(k + 1, n - 1)))
+        known |= dict(zip(grid, _percentiles(done, len(grid), percentile)))
+        places = sorted(known)
+        k = min(range(len(places)), key=lambda i: known[places[i]][0] if known[places[i]][1] else np.inf)
+        best, (amplitude, found) = places[k], known[places[k]]
+        if not (found and amplitude < np.inf):
+            raise BdamperError(f"robust optimum: no preload from {low:g} to {high:g} N has a steady peak in every draw")
+        lower = sum(value < amplitude for value, certain in known.values() if not certain)
+        low, high = places[max(k - 1, 0)], places[min(k + 1, len(places) - 1)]
         width = float(np.log(high / low)) / 2.0
-        why = "bracket not narrowed further" if width > tolerance else ""
-        why = f"{counted(len(unknown), 'preload')} without a peak in every draw could be lower" if unknown else why
-        status = with_reason(INCOMPLETE, why) if why else COMPLETE
-        kind, warned = "end" if best in limits else "interior", sum(map(bool, done.warnings))
-        optimum = RobustOptimum(best, float(height[k]), float(percentile), width, kind, warned, status)
-        if width <= tolerance:
-            break
-    assert optimum is not None
+        why = f"{counted(lower, 'preload')} without a peak in every draw could be lower"
+        status = with_reason(INCOMPLETE, why) if lower else COMPLETE
+        kind, unsure = "end" if best in limits else "interior", int(np.count_nonzero(done.array("known") == 0.0))
+        optimum = RobustOptimum(best, amplitude, float(percentile), width, kind, unsure, status)
     return optimum
 
 

@@ -140,8 +140,11 @@ def _scaled(problem: Problem, name: str, part: str, factor: float) -> Problem:
     factor = validation.number(f"{name}.{part}" if part else name, factor, above=0.0)
     if name == "friction_factor":
         given = problem.settings.friction_coefficient
-        scaled = {face: factor * mu for face, mu in given.items()} if isinstance(given, Mapping) else factor * given
-        return problem.replace(friction_coefficient=scaled)
+        expected = "a friction interface whose law has a friction coefficient above 0"
+        validation.check(problem.settings.friction_values(), name, expected, "none")
+        if isinstance(given, Mapping):
+            return problem.replace(friction_coefficient={face: factor * np.asarray(mu) for face, mu in given.items()})
+        return problem.replace(friction_coefficient=factor * given)
     if name == "gap_factor":
         faces, gap = problem.coupling.interfaces, problem.point_gaps
         changed = {f: gap[problem.coupling.rows(f)] * (factor if part in (f, "") else 1.0) for f in faces}

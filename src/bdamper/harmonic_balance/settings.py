@@ -410,8 +410,9 @@ class Settings(validation.Answering):
         return out
 
     def friction_values(self) -> list[float]:
-        """Return the positive friction coefficients, ascending."""
-        values = [np.atleast_1d(value) for value in self.friction_by_interface().values()]
+        """Return the positive friction coefficients that a law uses, ascending."""
+        of_law = {face for face, law in self.law_by_interface().items() if law in (LAW_SEPARABLE, LAW_COUPLED)}
+        values = [np.atleast_1d(value) for face, value in self.friction_by_interface().items() if face in of_law]
         return [mu for mu in np.unique(np.concatenate([*values, [0.0]])).tolist() if mu > 0.0]
 
     @property

@@ -125,11 +125,12 @@ def _other_friction(curve: OptimalCurve) -> Check:
     """Compare the peaks at the recommended preload with lower and higher friction coefficients."""
     name = "Other friction coefficients"
     rule = f"green up to {NEAR_BEST:g} times the amplitude, red above {MUCH:g} times, white if not run"
-    if not curve.other_friction:
-        return Check("white", name, "not run", rule)
+    recommended = (curve.optimum_in_time or curve.optimum).preload
+    if not curve.other_friction or not np.isclose(curve.other_friction[0].preload, recommended):
+        return Check("white", name, f"not run at {amount(recommended, 'N')}", rule)
     own, *others = curve.other_friction
     ratio = np.array([k.amplitude for k in others]) / own.amplitude
-    known = all(k.status == COMPLETE for k in others)
+    known = all(k.status == COMPLETE for k in curve.other_friction)
     colour = "red" if np.any(ratio > MUCH) else "green" if known and np.all(ratio <= NEAR_BEST) else "amber"
     heights = " and ".join(amount(k.amplitude, "m") if k.amplitude > 0.0 else "unknown" for k in others)
     found = f"{heights} with {' and '.join(f'{k.factor:g}' for k in others)} times the friction, by harmonic balance"
@@ -231,8 +232,9 @@ def _not_covered(curve: OptimalCurve) -> str:
     friction = curve.settings.get("friction_coefficient", 0.0)
     every = np.concatenate([np.ravel(mu) for mu in (friction.values() if isinstance(friction, Mapping) else [friction])])
     values = ", ".join(f"{mu:g}" for mu in np.unique(every[every > 0.0]))
-    ends = [k.factor for k in curve.other_friction]
-    beyond = f"beyond {min(ends):g} to {max(ends):g} times" if ends else "other than"
+    ends = [k.factor for k in curve.other_friction if k.status == COMPLETE]
+    checked = len(ends) > 1 and _other_friction(curve).colour != "white"
+    beyond = f"beyond {min(ends):g} to {max(ends):g} times" if checked else "other than"
     other = [f"friction coefficients {beyond} {values}"] * bool(values)
     time = ["motion in time"] * (not any(map(known_in_time, curve.time_response)))
     stiffness = curve.settings.get("contact_stiffness", "")

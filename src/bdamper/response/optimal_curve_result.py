@@ -159,7 +159,7 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
     mass_radius: Annotated[float, Data(derived=True)] = float("nan")
     _summary_fields = (
         "optimum.preload", "optimum.amplitude", "optimum.frequency", "time_response", "optimum_in_time", "convergence",
-        "free", "stuck", "ratio", "stuck_shift_percent", "margins", "detached",
+        "other_friction", "free", "stuck", "ratio", "stuck_shift_percent", "margins", "detached",
     )  # fmt: skip
 
     def __len__(self) -> int:

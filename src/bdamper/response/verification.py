@@ -328,7 +328,7 @@ class FrictionPeak(Record):
         Factor on all friction coefficients.
     preload : float, N
     amplitude : float, m
-        NaN if no peak was found.
+        A lower bound if the status is incomplete, NaN if it is "not found".
     status : str
     """
 
@@ -336,6 +336,10 @@ class FrictionPeak(Record):
     preload: Newton
     amplitude: Metre
     status: str = COMPLETE
+
+    def __str__(self) -> str:
+        size = amount(self.amplitude, "m") if self.amplitude > 0.0 else "unknown"
+        return f"{size} with {self.factor:g} times the friction{'' if self.status == COMPLETE else f' ({self.status})'}"
 
 
 class Meeting(NamedTuple):
