@@ -48,6 +48,16 @@ def test_what_is_asked_is_what_the_study_answers(capsys, tmp_path):
     assert bd.load(path).speed == 800.0 == bd.load(path).settings["speed"] and "contradict" not in capsys.readouterr().err
 
 
+def test_a_margin_without_an_amplitude_in_time(capsys, monkeypatch):
+    def lost(*_, **__):
+        raise bd.BdamperError("why")
+
+    monkeypatch.setattr(bd.Study, "time_response", lost)
+    assert main(["margin", "--demo", "--harmonics=1", "--quiet", *QUICK["margin"]]) == 0
+    out, err = capsys.readouterr()
+    assert "bdamper: no amplitude in time: why\n" in err and "by harmonic balance alone" in " ".join(out.split())
+
+
 def test_info_of_a_file(capsys, tmp_path):
     bd.save_model(bd.reference_model("blade_to_ground"), tmp_path / "model.h5")
     assert main(["info", str(tmp_path / "model.h5"), "--png", str(tmp_path / "model.png")]) == 0

@@ -637,6 +637,10 @@ class TestUncertainty:
         found = robust(lambda mu, p, own: found_at_all(own if p == alone else 0.0, known=p == alone), n=n)
         assert found.preload == alone and found.status.startswith("incomplete: ")
 
+    def test_a_draw_that_fails_is_named(self, study):
+        with pytest.raises(bd.BdamperError, match="robust optimum: draw 0 failed: friction_coefficient: expected a finite"):
+            bd.robust_optimum(study, {"friction_coefficient": [-0.1, 0.3]}, (1e3, 2e3), n=5, frequency=INTERVAL)
+
     def test_the_mode_sets_the_interval(self, study, monkeypatch):
         seen = set()
 
@@ -715,6 +719,8 @@ class TestUncertainty:
         scaled = each_one.replace(friction_factor=0.5).settings.friction_coefficient
         np.testing.assert_allclose(scaled["left"], np.linspace(0.05, 0.25, points))
         assert scaled["right"] == pytest.approx(0.1)
+        listed = study.replace(friction_coefficient={"left": [0.3] * points, "right": 0.2}).replace(friction_factor=0.5)
+        np.testing.assert_allclose(listed.settings.friction_coefficient["left"], 0.15)
 
     @pytest.mark.parametrize(
         ("call", "message"),
@@ -722,6 +728,8 @@ class TestUncertainty:
             (lambda s: bd.sample({}, 8), "distributions: expected"),
             (lambda s: bd.robust_optimum(s, {"preload": [1.0]}), "other than the preload"),
             (lambda s: bd.robust_optimum(s, {}), "other than the preload, found none"),
+            (lambda s: bd.robust_optimum(s, {"friction_factor": [1.0, 2.0], "gap_factor": [1.0]}), r"found \[2, 1\]"),
+            (lambda s: s.replace(friction_law="bonded").replace(friction_factor=2.0), "friction_factor: expected a fric"),
             (lambda s: bd.robust_optimum(s, {"friction_factor": 0.7}), "'friction_factor': expected a sequence of values"),
             (lambda s: bd.sample({"x": 3}, 8), "one of scipy.stats"),
             (lambda s: bd.sample({"x": stats.norm()}, 7), "power of two"),

@@ -14,7 +14,7 @@ from bdamper import study as study_room
 from bdamper.analyses import robust_optimum
 from bdamper.fatigue import AISI_1050
 from bdamper.fatigue.margin import LeastMargin
-from bdamper.response.verification import TimeResponse
+from bdamper.response.verification import FrictionPeak, TimeResponse
 from bdamper.util.errors import SettingError
 from bdamper.util.formatting import amount
 from tests.fatigue.test_margins import with_stress
@@ -69,7 +69,11 @@ def test_the_margin_is_asked_for_after_the_time_integration(study, curve, monkey
     monkeypatch.setattr(study_room.optimal, "optimal_curve", lambda *_, **__: replace(curve, margins=()))
     asked = SimpleNamespace(best_status="complete")
     monkeypatch.setattr(study_room.robust_optimum, "best_margin", lambda problem, curve, material: asked)
-    for status, margins in (("complete", 1), ("interrupted", 0)):
+    for status, ended, margins in (("complete", "complete", 1), ("complete", "interrupted", 0), ("interrupted", "", 0)):
+        other = (FrictionPeak(1.0, 90.0, np.nan, ended),) * bool(ended)
+        monkeypatch.setattr(
+            study_room.robust_optimum, "with_other_friction", lambda _, c, other=other: replace(c, other_friction=other)
+        )
         kept = TimeResponse(*(np.nan,) * 4, 90.0, 1e-6, status=status)
         monkeypatch.setattr(
             study_room.in_time,
@@ -78,6 +82,7 @@ def test_the_margin_is_asked_for_after_the_time_integration(study, curve, monkey
         )
         found = study.optimal_curve((40.0, 400.0), 6, quantity="margin", material=AISI_1050)
         assert found.time_response == (kept,) and found.margins == (asked,) * margins
+        assert found.other_friction == other
 
 
 def test_ctrl_c_in_the_margins_keeps_what_was_computed(study, curve, monkeypatch):

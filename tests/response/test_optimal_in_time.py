@@ -36,6 +36,8 @@ def test_by_default_it_is_computed_at_the_optimum_and_above(study, curve, monkey
     found = study.optimal_curve((1000.0, 5000.0), 3, frequency=(280.0, 370.0))
     one, above = found.time_response
     assert above.preload == pytest.approx(1.35 * one.preload)
+    best = found.optimum_in_time.preload
+    assert [(k.factor, k.preload) for k in found.other_friction] == [(1.0, best), (0.7, best), (1.3, best)]
     assert found.convergence.preload == one.preload == curve.optimum.preload
     assert one.balance == pytest.approx(curve.optimum.amplitude, rel=1e-3)
     assert f"Amplitude for the stress: {amount(one.highest_period, 'm')}; in time " in found._headline()

@@ -167,6 +167,8 @@ class TestBottomLine:
         assert f" The damper has {amount(load, 'N')} at {amount(12.0 * o.frequency, 'rpm')}; the preload needs " in said
         assert f" {o.preload / load:.2g} times its mass. Amplitude" in said
         assert "times its mass" not in replace(curve, settings=at_twenty, mass_radius=np.nan)._headline()
+        faster = replace(curve, settings=at_twenty | {"speed": 4.0 * np.pi * o.frequency / 5.0})._headline()
+        assert f" The damper has {amount(4.0 * load, 'N')} at {amount(24.0 * o.frequency, 'rpm')}; the" in faster
         shares = at_twenty | {"load_per_preload": {"damper": 2.0}}  # the load is not the preload
         assert "times its mass" not in replace(curve, settings=shares)._headline()
         in_time = tuple(TimeResponse(0.9 * a, 0.8 * a, a, 1.0, p * o.preload, a) for p, a in ((1.0, 2.0), (1.35, 1.0)))

@@ -117,8 +117,8 @@ class RobustOptimum(Summarised):
     warnings : int
         Number of peaks in the last grid that are lower bounds.
     status : str
-        "complete"; "incomplete" if a preload without a peak in every draw could have a lower percentile; "interrupted", with
-        the reason if the executor ended.
+        "complete"; "incomplete" if a preload without a peak in every draw could have a lower percentile; "interrupted",
+        with the reason if the executor ended.
     """
 
     preload: float
@@ -270,7 +270,7 @@ def _check_samples(samples: Any) -> None:
     for name, values in samples.items():
         validation.check(np.ndim(values) > 0, f"samples '{name}'", "a sequence of values", values)
     lengths = [len(values) for values in samples.values()]
-    validation.check(len({*lengths}) == 1, "samples", "as many values of each setting", lengths)
+    validation.check(len({*lengths}) == 1, "samples", "equal numbers of values", lengths)
 
 
 class SteadyPeak(PeakTask):
