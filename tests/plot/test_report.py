@@ -128,6 +128,21 @@ def test_balance_against_time(curve, ratio, colour):
     assert colours(curve, "Harmonic balance against time") == "white"
 
 
+def test_the_recommended_preload_is_checked(curve):
+    """Time integration contradicts the optimum of the harmonic balance, and agrees at the preload with less in time."""
+    high = curve.optimum.amplitude
+    best, other = curve.optimum.preload, 1.35 * curve.optimum.preload
+    here = TimeResponse(2.0 * high, 2.0 * high, 2.0 * high, 660.0, best, high)
+    there = TimeResponse(1.2 * high, 1.2 * high, 1.2 * high, 660.0, other, 1.21 * high)
+    both = replace(curve, time_response=(here, there))
+    assert both.recommended_preload == other and curve.recommended_preload == best
+    assert colours(both, "Harmonic balance against time") == "green"
+    assert f"by harmonic balance {amount(1.21 * high, 'm')} there, at its optimum {amount(high, 'm')}" in str(both)
+    swapped = replace(curve, time_response=(replace(here, preload=other), replace(there, preload=best, balance=0.5 * high)))
+    assert swapped.recommended_preload == best
+    assert colours(swapped, "Harmonic balance against time") == "red"
+
+
 @pytest.mark.parametrize(
     ("misfit", "settings", "mu", "colour"),
     [(1.0, {}, None, "green"), (2.0, {}, None, "amber"), (4.0, {}, None, "red"), (1.0, {"harmonics": [1, 3]}, None, "red"),

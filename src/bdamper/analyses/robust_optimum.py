@@ -298,7 +298,7 @@ def with_other_friction(problem: Problem, curve: OptimalCurve) -> OptimalCurve:
     Without an optimum or without friction the curve is returned as it is.  After Ctrl-C the peaks that are missing have the
     status "interrupted".
     """
-    preload = (curve.optimum_in_time or curve.optimum).preload
+    preload = curve.recommended_preload
     if not np.isfinite(preload) or not problem.settings.friction_values():
         return curve
     start, cost = time.perf_counter(), curve.cost

@@ -73,8 +73,7 @@ def checks(curve: OptimalCurve) -> list[Check]:
         _other_friction(curve),
     ]  # fmt: skip
     for margins in curve.margins:
-        preload = (curve.optimum_in_time or best).preload
-        least = float(margins.margin[np.abs(margins.preload - preload).argmin()])
+        least = float(margins.margin[np.abs(margins.preload - curve.recommended_preload).argmin()])
         colour = graded(-least, -SAFE, -1.0)
         failure = f"the margin against fatigue is {least:.3g} near the preload"
         out.append(
@@ -90,12 +89,12 @@ def failed(curve: OptimalCurve) -> list[Check]:
 
 
 def _in_time(curve: OptimalCurve) -> Check:
-    """Compare the amplitudes of harmonic balance and of time integration at the preload nearest to the optimum."""
+    """Compare the amplitudes of harmonic balance and of time integration at the preload nearest to the recommended one."""
     rule = f"green below {percent(GOOD)} of difference, amber below {percent(FAIR)}, red above, white if not run"
     name, remedy = "Harmonic balance against time", "take the upper bound in time, or another preload"
     if not curve.time_response:
         return Check("white", name, "not run", rule)
-    nearest = min(curve.time_response, key=lambda k: abs(np.log(k.preload / curve.optimum.preload)))
+    nearest = min(curve.time_response, key=lambda k: abs(np.log(k.preload / curve.recommended_preload)))
     if not known_in_time(nearest) or status_word(nearest.status) != COMPLETE:
         failure = f"time integration at {amount(nearest.preload, 'N')} is {nearest.status}"
         other = "integrate at other preloads, study.with_time_response(curve, preloads)"
@@ -125,9 +124,8 @@ def _other_friction(curve: OptimalCurve) -> Check:
     """Compare the peaks at the recommended preload with lower and higher friction coefficients."""
     name = "Other friction coefficients"
     rule = f"green up to {NEAR_BEST:g} times the amplitude, red above {MUCH:g} times, white if not run"
-    recommended = (curve.optimum_in_time or curve.optimum).preload
-    if not curve.other_friction or not np.isclose(curve.other_friction[0].preload, recommended):
-        return Check("white", name, f"not run at {amount(recommended, 'N')}", rule)
+    if not curve.other_friction or not np.isclose(curve.other_friction[0].preload, curve.recommended_preload):
+        return Check("white", name, f"not run at {amount(curve.recommended_preload, 'N')}", rule)
     own, *others = curve.other_friction
     ratio = np.array([k.amplitude for k in others]) / own.amplitude
     known = all(k.status == COMPLETE for k in curve.other_friction)
@@ -162,8 +160,7 @@ def headline(curve: OptimalCurve) -> str:
 
 def _preload(curve: OptimalCurve) -> str:
     """Return the recommended preload and the range of preloads around the optimum."""
-    o, least = curve.optimum, curve.optimum_in_time
-    best = o.preload if least is None else least.preload
+    o, least, best = curve.optimum, curve.optimum_in_time, curve.recommended_preload
     force = curve.settings.get("excitation", {}).get("amplitude", 0.0)
     shares = loads_text(curve.settings.get("load_per_preload"))
     per = " per newton of excitation" if force == 1.0 else f" at {amount(force, 'N')} of excitation" if force else ""
@@ -218,12 +215,14 @@ def _amplitude(curve: OptimalCurve) -> str:
         top = peak_text(max(high, o.amplitude), o.frequency)
         return f"Amplitude by harmonic balance alone, not for the stress: {top}{ends}{gain}."
     high = float(np.fmax(shown.highest, shown.highest_period))
-    at = "" if np.isclose(shown.preload, o.preload) else f" at {amount(shown.preload, 'N')}"
+    at, balance = "", peak_text(o.amplitude, o.frequency)
+    if not np.isclose(shown.preload, o.preload):
+        at, balance = f" at {amount(shown.preload, 'N')}", f"{amount(shown.balance, 'm')} there, at its optimum {balance}"
     least, most = shown.spread
     alike = f" Blades do not vibrate alike: {span(least, most, 'm')}." if shown.parted else ""
     return (
         f"Amplitude for the stress: {amount(high, 'm')}; in time{at} {span(shown.lowest, high, 'm')}, by harmonic balance "
-        f"{peak_text(o.amplitude, o.frequency)}{ends}{gain}.{alike}"
+        f"{balance}{ends}{gain}.{alike}"
     )
 
 

@@ -242,6 +242,11 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
         return min(self._known, key=lambda k: np.fmax(k.highest, k.highest_period)) if len(self._known) > 1 else None
 
     @property
+    def recommended_preload(self) -> float:
+        """Preload (N) with the least upper bound of the amplitude in time, or that of the optimum; NaN without both."""
+        return (self.optimum_in_time or self.optimum).preload
+
+    @property
     def _known(self) -> list[TimeResponse]:
         """Time responses with a range, even if it is wide."""
         return [k for k in self.time_response if known_in_time(k)]
