@@ -89,7 +89,7 @@ def failed(curve: OptimalCurve) -> list[Check]:
 
 
 def _in_time(curve: OptimalCurve) -> Check:
-    """Compare the amplitudes of harmonic balance and of time integration at the preload nearest to the recommended one."""
+    """Compare harmonic balance and time integration at the preload nearest to the recommended preload."""
     rule = f"green below {percent(GOOD)} of difference, amber below {percent(FAIR)}, red above, white if not run"
     name, remedy = "Harmonic balance against time", "take the upper bound in time, or another preload"
     if not curve.time_response:

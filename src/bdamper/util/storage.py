@@ -31,7 +31,7 @@ from weakref import WeakSet
 import h5py
 
 from bdamper.util import validation
-from bdamper.util.errors import BdamperError, SettingError, one_line, warn
+from bdamper.util.errors import BdamperError, one_line, warn
 from bdamper.util.formatting import truncate
 from bdamper.util.records import Record, read_attribute, read_record, subgroup, to_json, write_record, write_text
 
@@ -268,8 +268,8 @@ def _read(cls: type[Storable], path: FilePath) -> Any:
             raise BdamperError(f"{path}: expected {expected}, found version {found}, {_written_by(file)}; compute it again")
         try:
             return read_record(file, cls)
-        except SettingError as error:  # invalid fields
-            raise ValueError(str(error)) from error
+        except Exception as error:  # invalid fields, or those of another version of bdamper
+            raise ValueError(f"{one_line(error) or type(error).__name__}, {_written_by(file)}") from error
 
 
 # ---- Finished parts of long work ----
