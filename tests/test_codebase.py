@@ -4,7 +4,6 @@ import ast
 import gc
 import os
 import re
-import runpy
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -477,18 +476,6 @@ def test_the_stub_of_the_core_names_all_of_it():
         skipped = {"n_fields", "n_sequence_fields", "n_unnamed_fields", "count", "index"}
         there = {n for n in vars(kind) if not n.startswith("_")} - (skipped if issubclass(kind, tuple) else set())
         assert {n for n in members if not n.startswith("__")} == there, name
-
-
-@pytest.mark.slow
-def test_readme_code_runs(tmp_path, monkeypatch, capsys):
-    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.S)
-    assert blocks, "the README shows no code"
-    script = tmp_path / "readme.py"
-    script.write_text("\n".join(blocks))
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("MPLBACKEND", "Agg")
-    runpy.run_path(str(script))
-    assert "Preload: 104 N per newton of excitation; " in capsys.readouterr().out
 
 
 def test_no_machine_paths_in_texts():

@@ -4,12 +4,15 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import bdamper as bd
+from tests.hard.random_studies import FULL
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "fit.md"
 
 
+@pytest.mark.skipif(not FULL, reason="three minutes: make hard")
 def test_a_fit_leaves_a_local_minimum(tmp_path, monkeypatch):
     """From the initial values the least squares end at a misfit of 5.8; a fit without one test leads out of there."""
     monkeypatch.chdir(tmp_path)
