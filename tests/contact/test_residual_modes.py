@@ -123,13 +123,13 @@ def test_all_patterns_are_the_whole_flexibility():
         np.testing.assert_allclose(approximate, R, atol=1e-9 * np.abs(R).max())
 
 
-def test_all_patterns_of_points_that_share_nodes():
-    """Two contact points that move alike: half of the forces move nothing, and the others are represented exactly."""
+def points_alike(apart=0.0):
+    """Contact points of which every second one moves as the one before it, with a part ``apart`` of its own motion."""
     model = wedge_model(n_points=2)
     bodies = {}
     for name, body in model.bodies.items():
         n = 3 * len(body.bases[0].contact_modes) if body.bases else 0
-        first = np.kron(np.eye(n // 6), np.kron([[1.0, 0.0], [1.0, 0.0]], np.eye(3))) if n else None
+        first = np.kron(np.eye(n // 6), np.kron([[1.0, 0.0], [1.0 - apart, apart]], np.eye(3))) if n else None
         bases = {
             d: replace(
                 b, contact_modes=(first @ b.contact_modes.reshape(n, -1)).reshape(b.contact_modes.shape),
@@ -138,7 +138,26 @@ def test_all_patterns_of_points_that_share_nodes():
             for d, b in body.bases.items()
         }  # fmt: skip
         bodies[name] = replace(body, bases=bases)
-    coupling = coupling_of(replace(model, bodies=bodies))
+    return coupling_of(replace(model, bodies=bodies))
+
+
+def test_forces_that_the_mesh_hardly_resolves_do_not_stiffen_the_contact():
+    """Points almost alike, as on a mesh with fewer nodes than points, have the contact stiffness of equal points."""
+    friction = np.full(points_alike().n_points, 0.3)
+    equal, almost = (ResidualSet.make(points_alike(e), friction, ResidualModes()) for e in (0.0, 1e-4))
+    assert almost.share == pytest.approx(equal.share, rel=1e-2) and equal.share > 0.05
+    np.testing.assert_allclose(almost.flexibility, equal.flexibility, rtol=1e-2)
+    for harmonic in (0, 1, 2):
+        found, expected = almost.basis(harmonic), equal.basis(harmonic)
+        assert found.G.shape == expected.G.shape
+        G = [s.G.reshape(-1, s.G.shape[2]) for s in (found, expected)]
+        a, b = ((G[k] / s.omega2) @ G[k].conj().T for k, s in enumerate((found, expected)))
+        np.testing.assert_allclose(a, b, atol=1e-3 * np.abs(b).max())
+
+
+def test_all_patterns_of_points_that_share_nodes():
+    """Two contact points that move alike: half of the forces move nothing, and the others are represented exactly."""
+    coupling = points_alike()
     friction = np.full(coupling.n_points, 0.3)
     made = ResidualSet.make(coupling, friction, ResidualModes("all", inertia=False))
     active = active_components(coupling, friction).ravel()

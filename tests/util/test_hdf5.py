@@ -260,6 +260,13 @@ class TestVersions:
         with pytest.raises(bd.BdamperError, match=refused):
             bd.load(path)
 
+    def test_fields_that_this_version_does_not_know_are_refused_with_the_version_that_wrote_them(self, tmp_path, curve):
+        curve.save(path := tmp_path / "curve.h5")
+        with h5py.File(path, "a") as file:
+            file.move("residual", "remainder")
+        with pytest.raises(bd.BdamperError, match=r"\(written by bdamper 0\.4\.0, .*: .*/remainder: expected"):
+            bd.load(path)
+
     def test_files_of_a_later_version_are_refused(self, tmp_path, curve):
         curve.save(tmp_path / "curve.h5")
         with h5py.File(tmp_path / "curve.h5", "a") as file:

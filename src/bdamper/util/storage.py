@@ -269,7 +269,7 @@ def _read(cls: type[Storable], path: FilePath) -> Any:
         try:
             return read_record(file, cls)
         except Exception as error:  # invalid fields, or those of another version of bdamper
-            raise ValueError(f"{one_line(error) or type(error).__name__}, {_written_by(file)}") from error
+            raise ValueError(f"{_written_by(file)}: {one_line(error) or type(error).__name__}") from error
 
 
 # ---- Finished parts of long work ----
