@@ -17,7 +17,7 @@ from tests.util.test_disk import pressed
 
 WORK = {
     "peak": (lambda: pressed().peak, (2.0, BAND), "response curve"),
-    "time_response": (lambda: pressed().time_response, lambda: (result("peak"),), "time response: "),
+    "time_response": (lambda: pressed().time_response, lambda: (result("peak"),), "time integration at "),
     "effect_significance": (lambda: pressed().effect_significance, (2.0, BAND), "effect significance: without "),
     "harmonic_convergence": (lambda: pressed().harmonic_convergence, lambda: (result("peak"),), "harmonic convergence: "),
     "nonlinear_mode": (lambda: pressed().nonlinear_mode, (2.0, 1, (1e-3, 10.0)), "nonlinear mode"),

@@ -62,8 +62,8 @@ from bdamper.util.errors import (
     warn_implausible,
     with_reason,
 )
-from bdamper.util.formatting import amount, peak_text
-from bdamper.util.progress import Cost, CostMeter, LongWork, one_thread, progress_stages, shows_progress, with_progress
+from bdamper.util.formatting import amount, counted, peak_text
+from bdamper.util.progress import Cost, CostMeter, LongWork, one_thread, progress_stages, shows_progress
 
 NEIGHBOUR = 1.35
 """Ratio of the preloads at which an optimum is checked in time: the amplitude rises steeply below it and slowly above."""
@@ -206,7 +206,8 @@ def time_response(
     runs: dict[str, SteadyPoint] = {}
     others: dict[str, float] = {}
     cost = Cost()
-    with LongWork() as work, progress_stages(progress, "time response", "step") as report:
+    what = f"time integration at {amount(preload, 'N')}, {counted(ring.n, 'blade')}"
+    with LongWork() as work, progress_stages(progress, what, "step") as report:
         search.on_frequency = lambda frequency: report(f"{frequency:.6g} Hz", len(runs), 3 + starts)
         try:
             search.run()
@@ -222,6 +223,8 @@ def time_response(
                 others = _other_starts(search, best, starts)
         except IntegrationFailed as error:
             search.failure = str(error)
+    if search.best is None and search.failure and structure.settings.blade_modes != problem.settings.blade_modes:
+        search.failure += f"; try a response curve with blade_modes={structure.settings.blade_modes}, as in time"
     cost = watch.read(ring.cost + cost)
     none = replace(none, periods=search.periods, diameters=ring.nodal_diameters, cost=cost, fall=search.fall)
     omitted = "" if result.complete else f"there may be a higher peak, as the curve is {result.status}"
@@ -353,7 +356,7 @@ def with_time_response(
     preload : sequence of float, N, optional
         By default the optimum and a preload 1.35 times as large.
     progress : bool, optional
-        Show a progress bar of the preloads; by default in a terminal and a notebook.
+        Show a progress bar of each preload; by default in a terminal and a notebook.
 
     Returns
     -------
@@ -379,11 +382,11 @@ def with_time_response(
     none = {p: TimeResponse(*(np.nan,) * 4, p, np.nan, status=INTERRUPTED) for p in preloads}
     responses, cost = none | {k.preload: k for k in curve.time_response}, curve.cost
     with LongWork():
-        for p in with_progress(preloads, progress, "time integration", "preload"):
+        for p in preloads:
             try:
                 tracked = uninterrupted(frequency_response(problem, p, curve.settings["frequency"], options=options))
                 cost += tracked.cost
-                responses[p] = time_response(problem, tracked)
+                responses[p] = time_response(problem, tracked, progress=progress)
                 cost += responses[p].cost
             except BdamperError as error:
                 responses[p] = replace(none[p], status=with_reason(NOT_FOUND, error))

@@ -160,19 +160,23 @@ def progress_bar(show: bool, low: float, high: float, what: str) -> Iterator[Cal
 
 
 def _bar(*items: Any, **given: Any) -> Any:
-    """Return a progress bar; print a line at each tenth if standard error is not a terminal."""
+    """Return a progress bar; print a line at each tenth, and every half minute, if standard error is not a terminal."""
     from tqdm.auto import tqdm
 
     if sys.stderr.isatty() or "ipykernel.kernelapp" in sys.modules:
         return tqdm(*items, **given, delay=1.0)  # short work has no bar
 
     class Lines(tqdm):  # type: ignore[misc]
-        tenths = 0
+        tenths, printed = 0, time.monotonic()
+
+        def set_description(self, desc: str | None = None, refresh: bool | None = True) -> None:
+            super().set_description(desc, refresh=False)
+            self.display()
 
         def display(self, msg: str | None = None, pos: int | None = None) -> None:
             tenth = int(10.0 * self.n / self.total + 1e-9) if self.total else 0
-            if tenth > self.tenths:
-                self.tenths = tenth
+            if tenth > self.tenths or time.monotonic() > self.printed + 30.0:
+                self.tenths, self.printed = tenth, time.monotonic()
                 self.fp.write(f"{self.desc}{': ' * (not self.desc.endswith(': '))}{10 * tenth} %\n")
 
     return Lines(*items, **given, mininterval=0.0, miniters=1, leave=False)
