@@ -18,9 +18,8 @@ Bonded points always stick, with springs in tension and compression.  Points wit
 slipping between.
 
 Friction acts independently along both tangential directions, as in the paper, also if the vibration analysis uses a coupled
-law.  This makes the equations linear between changes of state.  With slip in both directions the friction force may exceed
-``mu N`` by up to the square root of two.  The evaluation of the coupled law then moves the slider to the edge of the
-admissible disk (``csrc/contact/coupled_friction.c``).
+law: the equations are linear between changes of state.  With slip in both directions friction may exceed ``mu N`` by up to
+the square root of two; the coupled law then moves the slider (``csrc/contact/coupled_friction.c``).
 """
 
 from __future__ import annotations
@@ -542,8 +541,7 @@ def _loaded(system: StaticSystem, load: float, state: PreloadState, steps: int) 
             step = max(1e-3 * step, least)
             continue
         else:  # the equilibrium is lost: the motion jumps; without it: 135 random loads fail, not 11
-            # at first a body may have to cross a gap, with a speed in proportion to its load; without the longer step:
-            # a shroud with two unloaded strips has no static state
+            # at first a body may have to cross a gap: without the longer step a shroud with two strips has no state
             for tried in (step, longest) if left == 1.0 else (step,):
                 step, at = tried, load - (left - tried) * change
                 q, reached, iterations, residual = _creep(system, at, state, size)
@@ -571,19 +569,14 @@ def _loaded(system: StaticSystem, load: float, state: PreloadState, steps: int) 
 def scaled_state(system: StaticSystem, state: PreloadState, load: float) -> PreloadState | None:
     """Return the state at another load by proportionality, or None if it does not apply.
 
-    Without initial gaps the state is proportional to the load.  Points with a gap have no effect if they remain open up to
-    the larger load.
+    Without initial gaps the state after loading from zero is proportional to the load.  Points with a gap have no effect if
+    they remain open up to the larger load.
 
     Parameters
     ----------
     system : StaticSystem
     state : PreloadState
-        State after loading from zero.
     load : float, N
-
-    Returns
-    -------
-    PreloadState or None
     """
     if not (state.converged and state.load > 0.0 and load > 0.0):
         return None
