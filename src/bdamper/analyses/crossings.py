@@ -426,7 +426,8 @@ class CrossingTask:
         warnings += [highest.note] if highest.note else []
         equations, top, solution, error = refined(family, equations, highest.peak, meter)
         if not error <= CLOSE:
-            warnings.append(f"interpolation over speed leaves a residual of {error:.2g} at the highest point")
+            left = f"a residual of {error:.2g} times the excitation at the highest point; give a shorter range of speeds"
+            warnings.append(f"interpolation over speed leaves {left}")
         out: dict[str, Any] = {
             "kind": INCOMPLETE if warnings else COMPLETE, "speed": solution.parameter, "amplitude": solution.amplitude,
             "frequency": solution.frequency, "preload": family.preload(solution.parameter), "residual": solution.residual,
