@@ -1,10 +1,14 @@
 """One motion in time: periodic, subharmonic and irregular responses, beside an integrator of its own."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 import bdamper as bd
+from bdamper.response.verification import energy_doubts, energy_shares
 from bdamper.time_domain.transient import CRITERIA, repeats_after, to_come
 from tests.each import each
 from tests.hard.test_time_domain import rig
@@ -34,6 +38,36 @@ def test_kind_of_response(stop, omega, repeats):
     assert found.lowest <= found.mean <= found.highest
     assert (found.highest > 1.02 * found.lowest) == (repeats != 1)
     assert {1: "periodic", 2: "2-periodic", None: "irregular"}[repeats] in found.summary()
+
+
+def test_energy_from_the_contacts_is_an_error_of_the_time_steps():
+    """A stop returns no more than it stores; with long steps it supplied most of the energy of a "complete" motion."""
+    found = motion(1000.0, 1.5, 160, 32)
+    assert found.energy[2] < -30.0 * found.energy[0], "the stop supplies energy"
+    said = r"incomplete: the time steps change its energy by \d+ % per period; use steps_per_period=128"
+    assert re.fullmatch(said, found.status)
+    shares = re.search("energy of a period *(.*)", found.summary()).group(1)
+    assert all(abs(float(x)) <= 100.0 for x in re.findall(r"(\S+) %", shares)) and shares.count("%") == 4
+    agrees = replace(found, verdict="agrees", balance=1.0, reason="+1 %")
+    assert agrees._headline().endswith(f" (+1 %). Status: {found.status}.")
+    assert "Status" not in replace(agrees, verdict="undecided", status="incomplete: undecided")._headline()
+    fine = motion(1000.0, 1.5, 160, 400)
+    assert "time steps" not in fine.status and abs(fine.numerical_loss) < 1e-2
+
+
+@pytest.mark.parametrize(("energy", "error", "change"), [
+    ((26.2e-6, 42.4e-6, -2.038e-3, 5.8e-6),
+     "the time steps change its energy by 98 % per period; use steps_per_period=1024", ""),
+    ((-5.1e-4, 1.2e-5, -9.7e-5, -4.3e-4),
+     "", "its stored energy changes by -82 % of the energy of a period; use more periods"),
+    ((1e-3, 0.95e-3, 0.04e-3, 0.0), "", ""),
+    ((0.0, 0.0, 0.0, 0.0), "", ""),
+])  # fmt: skip
+def test_doubts_of_an_energy_balance(energy, error, change):
+    """The first motion was printed as "damping 162 %, contacts -7780 %, numerical 7696 %" of the work of 26.2 µJ."""
+    assert energy_doubts(energy, 256) == (error, change)
+    supplied, shares = energy_shares(energy)
+    assert np.abs(shares).max() <= 1.0 and shares.sum() * supplied == pytest.approx(energy[0])
 
 
 @pytest.mark.slow

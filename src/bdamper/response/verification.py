@@ -40,6 +40,31 @@ BEATS = 0.1
 """Excess of the highest period over the mean amplitude from which the headline names it."""
 
 
+def energy_shares(energy: tuple[float, ...]) -> tuple[float, NDArray]:
+    """Return the energy (J) supplied in a period, and the shares of it taken by damping, contacts, rise and time steps.
+
+    The work of the excitation is the supply, with everything that gives energy instead of taking it: far from a resonance
+    the work alone may be close to zero.
+    """
+    taken = np.array([*energy[1:], energy[0] - sum(energy[1:])])
+    supplied = max(energy[0], 0.0) - taken[taken < 0.0].sum()
+    return float(supplied), taken / max(supplied, 1e-300)
+
+
+def energy_doubts(energy: tuple[float, ...], steps: int) -> tuple[str, str]:
+    """Return the error of ``steps`` time steps in the energies of a period, and the change of the stored energy, or "".
+
+    Contacts return no more than they store.  They exchange it with the motion and the loads at rest; any other supply from
+    them is an error.
+    """
+    supplied, (_, contacts, rise, numerical) = energy_shares(energy)
+    most = 0.2  # the time steps take up to 0.07 on difficult disks
+    error = max(abs(numerical), -contacts - abs(rise) - abs(energy[0]) / max(supplied, 1e-300))
+    wrong = f"the time steps change its energy by {percent(error)} per period; use steps_per_period={4 * steps}"
+    moving = f"its stored energy changes by {percent(rise, True)} of the energy of a period; use more periods"
+    return wrong if error > most else "", moving if abs(rise) > most else ""
+
+
 class AllBlades(Summarised):
     """Base class of motions in time: differences between the blades, energy of a period, and travelling waves."""
 
@@ -67,8 +92,8 @@ class AllBlades(Summarised):
 
     @property
     def numerical_loss(self) -> float:
-        """Error of the energy balance of a period relative to the work of the excitation; NaN without time integration."""
-        return (self.energy[0] - sum(self.energy[1:])) / self.energy[0] if self.energy else float("nan")
+        """Error of the energy balance of a period relative to the energy supplied; NaN without time integration."""
+        return float(energy_shares(self.energy)[1][3]) if self.energy else float("nan")
 
     def _unlike(self) -> str:
         return f" Blades do not vibrate alike: {span(*self.spread, 'm')}." if self.parted else ""
@@ -78,14 +103,13 @@ class AllBlades(Summarised):
         unequal = self.blades.size and not self.waves.size
         out = [Fact("blade", self.blade)] * bool(unequal) + list(super()._facts())
         if self.energy:
-            work = self.energy[0]
-            shares = [f"{name} {percent(x / work)}" for name, x in zip(("damping", "contacts"), self.energy[1:])]
-            loss = f"numerical {percent(self.numerical_loss)}, rise {percent(self.energy[3] / work)}"
-            out.append(Fact("energy of a period", f"{amount(work, 'J')}: {', '.join(shares)}, {loss}"))
+            supplied, shares = energy_shares(self.energy)
+            listed = [f"{name} {percent(x)}" for name, x in zip(("damping", "contacts", "rise", "numerical"), shares)]
+            out.append(Fact("energy of a period", f"{amount(supplied, 'J')}: {', '.join(listed)}"))
         if len(self.waves) > 1:
             out.append(Fact("lowest to highest blade", span(*self.spread, "m")))
-            listed = [(d, a) for d, a in self.waves if a > ALIKE * self.waves[0, 1]]
-            ways = [f"{abs(d):.0f} {'backward' if d < 0 else 'forward'} {amount(float(a), 'm')}" for d, a in listed]
+            high = [(d, a) for d, a in self.waves if a > ALIKE * self.waves[0, 1]]
+            ways = [f"{abs(d):.0f} {'backward' if d < 0 else 'forward'} {amount(float(a), 'm')}" for d, a in high]
             out.append(Fact("waves, nodal diameters", ", ".join(ways)))
         return tuple(out)
 
@@ -293,7 +317,8 @@ class MotionInTime(AllBlades, Plottable, Tabular, Recorded, Storable, kind="bdam
             f"it is undecided whether time integration agrees with {solution}" if self.verdict == "undecided"
             else f"time integration {self.verdict} with {solution}"
         )  # fmt: skip
-        return f"{at} {verdict}: {comes} ({self.reason}).{self._unlike()}"
+        doubt = f" Status: {self.status}." if self.status != COMPLETE and self.verdict not in self.status else ""
+        return f"{at} {verdict}: {comes} ({self.reason}).{self._unlike()}{doubt}"
 
 
 # ---- convergence with harmonics ----

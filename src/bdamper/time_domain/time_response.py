@@ -36,7 +36,7 @@ from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.peak import Peak
 from bdamper.response.response_curve import check_curve, frequency_response
 from bdamper.response.response_curve_result import ResponseCurve, uninterrupted
-from bdamper.response.verification import MotionInTime, TimeResponse
+from bdamper.response.verification import MotionInTime, TimeResponse, energy_doubts
 from bdamper.time_domain.integration import STEPS, IntegrationFailed, Ring, ring_of, transfer
 from bdamper.time_domain.steady_amplitude import BalanceCurve, SteadySearch
 from bdamper.time_domain.transient import (
@@ -468,8 +468,8 @@ def motion_in_time(
     Returns
     -------
     MotionInTime
-        With ``frequency`` it has no verdict, and is incomplete while the mean changes.  After Ctrl-C it contains the
-        periods computed so far.
+        With ``frequency`` it has no verdict, and is incomplete while the mean changes.  It is also incomplete if the energy
+        of a period does not balance to 20 %.  After Ctrl-C it contains the periods computed so far.
 
     Raises
     ------
@@ -498,28 +498,36 @@ def motion_in_time(
     steps = steps if steps_per_period is None else steps_per_period
     watch, ring = CostMeter(), ring_of(problem, curve.preload)
     transient = disturbed(ring, curve.unknowns[i], TWO_PI * frequency, steps)
-    more: dict[str, Any] = {}
     if free:
-        status = _without_decision(transient, periods, progress)
+        status, more = _without_decision(transient, periods, progress)
     else:
         expected = problem.system(curve.preload).response(curve.unknowns[i])
         status, more = _with_decision(transient, expected, tolerance, periods, progress)
     amplitude = second_half(transient.amplitude)
+    blades, recorded = of_blades(transient, len(amplitude)), problem.recorded()
     return MotionInTime(
         float(amplitude.mean()), float(amplitude.min()), float(amplitude.max()), frequency, curve.preload,
         transient.response, repeats_after=repeats_after(transient.response), diameters=ring.nodal_diameters,
-        status=status, cost=watch.read(ring.cost), **of_blades(transient, len(amplitude)), **more, **problem.recorded(),
+        status=_with_energy(status, blades, transient.steps), cost=watch.read(ring.cost), **(blades | more | recorded),
     )  # fmt: skip
 
 
-def _without_decision(transient: Transient, periods: int, progress: bool) -> str:
-    """Integrate a number of periods and return the status, incomplete while the mean changes."""
+def _with_energy(status: str, blades: Mapping[str, Any], steps: int) -> str:
+    """Return the status with doubts from the energy of a period: first an error of the time steps, last a change."""
+    error, change = energy_doubts(blades["energy"], steps)
+    reason = error or status.partition(": ")[2] or change
+    return with_reason(INCOMPLETE, reason) if reason and status != INTERRUPTED else status
+
+
+def _without_decision(transient: Transient, periods: int, progress: bool) -> tuple[str, dict[str, Any]]:
+    """Integrate a number of periods and return the status, incomplete while the mean changes, without further fields."""
     interrupted = transient.run(periods, progress)
     if interrupted and len(transient.harmonics) < CRITERIA.look:
         raise KeyboardInterrupt
     change = to_come(transient.amplitude, transient.memory)
     moving = f"the mean changes by another {100.0 * change:+.2g} % by estimate; use more periods"
-    return INTERRUPTED if interrupted else with_reason(INCOMPLETE, moving) if abs(change) > CRITERIA.drift else COMPLETE
+    reason = moving if abs(change) > CRITERIA.drift else ""
+    return INTERRUPTED if interrupted else with_reason(INCOMPLETE, reason) if reason else COMPLETE, {}
 
 
 def _with_decision(
