@@ -1,5 +1,6 @@
 """Crossings over rotor speed, the run-up along a line, and both against each other."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -57,7 +58,7 @@ def test_the_headline_is_the_highest_crossing_or_says_that_there_is_none(study, 
     least = "Least margin against fatigue 1.25 (damper mass 0.999, engine order 5)."
     assert said.endswith(f" There may be a higher point: why. {least}")
     none = study.resonance_crossings((10.0, 20.0), [5])
-    why = "engine order 5 crosses no resonance of mode 1 between 10 and 20 rad/s"
+    why = "engine order 5 meets mode 1 with free contacts at 3601.8 rpm, above the range of 95.493 to 190.99 rpm"
     assert none._headline() == f"No crossing: {why}." and " nan" not in str(none)
     rows = [*(row_of(found.values, k) for k in (0, 1)), row_of(none.values, 0)]
     mixed = replace(found, values=named_fields({name: [r.get(name) for r in rows] for name in rows[0]}, 3))._headline()
@@ -260,19 +261,37 @@ def test_tables_are_asked_where_they_reach(study):
         study.run_up(friction={300.0: 0.3, 400.0: 0.3})
 
 
-def test_a_line_without_a_maximum_is_told(study):
-    """The range ends before the highest point."""
+def test_a_line_without_a_maximum_says_where_the_order_meets_the_mode(study):
+    """The range ends before the highest point: the mode with stuck contacts lies above it."""
     found = study.resonance_crossings((400.0, 425.0), [5])
     assert found.values[0]["kind"] == "not found" and np.isnan(found.values[0]["amplitude"])
+    assert found.warnings == ("engine order 5 meets mode 1 with stuck contacts at 4532 rpm, above the range of 3819.7 to "
+                              "4058.5 rpm",)  # fmt: skip
+
+
+@pytest.mark.parametrize("resonances", [(0.0, 0.0), (405.0, 420.0)])
+def test_a_line_without_a_maximum_is_told(study, resonances, monkeypatch):
+    """No resonance is known outside the range."""
+    monkeypatch.setattr(crossings, "interval", lambda family, low, high, mode: (low, high))
+    monkeypatch.setattr(crossings, "follow_line", lambda *_: (None, None, None))
+    monkeypatch.setattr(crossings.SpeedFamily, "resonances", lambda *_: resonances)
+    found = study.resonance_crossings((400.0, 425.0), [5])
     assert "no maximum of mode 1 between 400 and 425 rad/s; check that excitation" in found.warnings[0], str(found)
+    monkeypatch.setattr(crossings, "interval", lambda *_: None)
+    found = study.resonance_crossings((400.0, 425.0), [5])
+    assert found.warnings == ("engine order 5 crosses no resonance of mode 1 between 400 and 425 rad/s",)
 
 
-def test_no_crossing_in_the_range(study):
-    found = study.resonance_crossings((100.0, 200.0), [5])
+@pytest.mark.parametrize(("speeds", "where"), [
+    ((100.0, 200.0), "free contacts at 3601.7 rpm, above the range of 954.93 to 1909.9 rpm"),
+    ((600.0, 700.0), "stuck contacts at 4.* rpm, below the range of 5729.6 to 6684.5 rpm"),
+])  # fmt: skip
+def test_no_crossing_in_the_range(study, speeds, where):
+    found = study.resonance_crossings(speeds, [5])
     assert found.values[0]["kind"] == "none" and np.isnan(found.values[0]["speed"]) and found.complete
-    assert found.warnings == ("engine order 5 crosses no resonance of mode 1 between 100 and 200 rad/s",)
-    with pytest.raises(bd.BdamperError, match="expected a crossing of mode 1 with engine order 5 between 100 and 200"):
-        study.run_up((100.0, 200.0))
+    assert re.fullmatch(f"engine order 5 meets mode 1 with {where}", found.warnings[0])
+    with pytest.raises(bd.BdamperError, match="expected a crossing of mode 1 with engine order 5 between"):
+        study.run_up(speeds)
 
 
 def test_a_range_whose_end_is_highest_is_named(study):

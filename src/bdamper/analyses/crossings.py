@@ -417,11 +417,12 @@ class CrossingTask:
         where = "mode {} between {:.6g} and {:.6g} rad/s".format(self.mode, *self.speeds)
         speeds = interval(family, *self.speeds, self.mode)
         if speeds is None:
-            return {"kind": "none", "warning": [f"engine order {problem.engine_order} crosses no resonance of {where}"]}
+            why = self._outside(family) or f"engine order {problem.engine_order} crosses no resonance of {where}"
+            return {"kind": "none", "warning": [why]}
         equations, curve, highest = follow_line(family, speeds, self.mode, meter)
         if highest is None:
             why = f"the response along the line has no maximum of {where}; check that excitation and response act on it"
-            return {"kind": NOT_FOUND, "warning": [why]}
+            return {"kind": NOT_FOUND, "warning": [self._outside(family) or why]}
         warnings = [f"curve {curve.status}: {curve.reason}"] if curve.status != COMPLETE else []
         warnings += [highest.note] if highest.note else []
         equations, top, solution, error = refined(family, equations, highest.peak, meter)
@@ -443,6 +444,18 @@ class CrossingTask:
             at_speed, unknowns = family.problem(solution.parameter), solution.y[:-1]
             out["margin"] = self.margin(at_speed, unknowns, float(solution.y[-1]), out["preload"])
         return out | {"warning": warnings}
+
+    def _outside(self, family: SpeedFamily) -> str:
+        """Return where the free or the stuck resonance meets the line outside the range, or "" if neither is known to."""
+        (low, high), (free, stuck) = self.speeds, family.resonances(*self.speeds, self.mode)
+        for contacts, speed, side in (
+            ("free", free, "above" * (free > high)), ("stuck", stuck, "above" * (stuck > high)),
+            ("stuck", stuck, "below" * (0.0 < stuck < low)), ("free", free, "below" * (0.0 < free < low)),
+        ):  # fmt: skip
+            if side:
+                met = f"engine order {family.whole.engine_order} meets mode {self.mode} with {contacts} contacts"
+                return f"{met} at {speed * RPM:.5g} rpm, {side} the range of {low * RPM:.5g} to {high * RPM:.5g} rpm"
+        return ""
 
 
 @short_repr
