@@ -1,11 +1,12 @@
 """A problem makes its parts once, and a study asks one for responses."""
 
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.harmonic_balance.parameters import vary
+from bdamper.harmonic_balance.parameters import aligned, vary
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.settings import Settings
 from bdamper.response.response_curve import frequency_response
@@ -62,3 +63,10 @@ def test_motions_across_the_load_carry_none(problem, motions):
     with pytest.raises(bd.SettingError, match=r"preload: expected 0, since .* \['damper'\] along the load .*, found 100 N"):
         across.check_preload(100.0)
     assert across.check_preload(0.0) == 0.0 and problem.replace(rigid_modes=("TX", "TY")).carries_load
+
+
+def test_residual_modes_that_change_come_with_a_remedy(problem):
+    """A run-up of a deck with residual modes failed without one; it is computed with unit tractions."""
+    basis = problem.bases[1]
+    with pytest.raises(bd.SettingError, match=r'give a shorter one, or contact_stiffness="unit_traction"$'):
+        aligned(replace(basis, coordinates=basis.coordinates[:-1]), basis)
