@@ -504,18 +504,21 @@ def motion_in_time(
         expected = problem.system(curve.preload).response(curve.unknowns[i])
         status, more = _with_decision(transient, expected, tolerance, periods, progress)
     amplitude = second_half(transient.amplitude)
-    blades, recorded = of_blades(transient, len(amplitude)), problem.recorded()
+    more |= of_blades(transient, len(amplitude))
     return MotionInTime(
         float(amplitude.mean()), float(amplitude.min()), float(amplitude.max()), frequency, curve.preload,
         transient.response, repeats_after=repeats_after(transient.response), diameters=ring.nodal_diameters,
-        status=_with_energy(status, blades, transient.steps), cost=watch.read(ring.cost), **(blades | more | recorded),
+        status=_with_energy(status, more, transient.steps), cost=watch.read(ring.cost), **more, **problem.recorded(),
     )  # fmt: skip
 
 
-def _with_energy(status: str, blades: Mapping[str, Any], steps: int) -> str:
-    """Return the status with doubts from the energy of a period: first an error of the time steps, last a change."""
-    error, change = energy_doubts(blades["energy"], steps)
-    reason = error or status.partition(": ")[2] or change
+def _with_energy(status: str, result: Mapping[str, Any], steps: int) -> str:
+    """Return the status with doubts from the energy of a period: first an error of the time steps, last a change.
+
+    A motion with a verdict has settled, and only exchanges energy with the loads at rest.
+    """
+    error, change = energy_doubts(result["energy"], steps)
+    reason = error or status.partition(": ")[2] or ("" if "verdict" in result else change)
     return with_reason(INCOMPLETE, reason) if reason and status != INTERRUPTED else status
 
 
