@@ -121,6 +121,52 @@ def test_along_a_curve_the_margin_is_that_of_each_point_and_continuous_over_fold
     assert len(curve.folds) and margins.margin[int(curve.amplitude.argmax())] < 2.0 * margins.margin.min()
 
 
+def test_a_free_curve_has_the_stress_of_all_modes_under_the_excitation_alone(study):
+    """Closed form without contact forces and without the mean stress of the dampers."""
+    free, root = study.free((200.0, 400.0)), study.model.stress["root"]
+    i, basis = free.peak_index, study.model.bodies["blade"].bases[5]
+    w, cycle = 2.0 * np.pi * free.frequency[i], study.stress(free, i)
+    dynamic = basis.omega2 - w**2 + 2j * basis.damping_ratio * np.sqrt(basis.omega2) * w
+    expected = root.modes[5] @ (2.0 * basis.locations["tip"][0].conj() / dynamic)
+    np.testing.assert_allclose(cycle.coefficients[..., 1], expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+    np.testing.assert_allclose(cycle.coefficients[..., 0], cycle.speed**2 * root.static, rtol=1e-12)
+    along, one = study.margin(free, AISI_1050), study.margin(free, AISI_1050, i)
+    assert along.margin[i] == pytest.approx(one.least, rel=1e-12)
+    assert not [note for note in one.notes if "preload" in note]  # the centrifugal stress is that without dampers
+    gauge = study.gauge_stress(free, "root 1", (1.0, 0.0, 0.0))
+    np.testing.assert_allclose(gauge[i], cycle.coefficients[0, 0], rtol=1e-12)
+
+
+def test_a_stuck_curve_has_the_stress_of_a_bonded_contact(study):
+    """By the equations of that law; linear in the excitation, the same for all coefficients of friction."""
+    bonded = study.replace(friction_law="bonded", constraint_planes=False)
+    limit, peak = (bonded.stress(x) for x in (bonded.stuck((200.0, 400.0), 200.0), bonded.peak(200.0, (200.0, 400.0))))
+    tiny = 1e-6 * np.abs(peak.coefficients[..., 1:]).max()
+    np.testing.assert_allclose(limit.coefficients[..., 1:], peak.coefficients[..., 1:], rtol=1e-6, atol=tiny)
+    study = study.replace(contact_stiffness=1e8)  # that of the model depends on the slip at rest
+    stuck = study.stuck((200.0, 400.0), 200.0)
+    own = study.stress(stuck).coefficients[..., 1:]
+    for other, factor in [
+        (study.replace(excitation=bd.Excitation("tip", "tangential", 6.0)), 3.0),
+        (study.replace(friction_coefficient=0.33), 1.0),
+    ]:
+        there = other.stress(other.stuck((200.0, 400.0), 200.0)).coefficients[..., 1:]
+        np.testing.assert_allclose(there, factor * own, rtol=1e-6, atol=1e-6 * np.abs(own).max())
+    resting = study.replace(bias=False)
+    still = resting.stress(resting.peak(200.0), speed=0.0).coefficients[..., 0]
+    np.testing.assert_allclose(study.stress(stuck, speed=0.0).coefficients[..., 0], still, rtol=1e-9)
+
+
+def test_linear_limits_are_refused_where_the_contact_law_is_evaluated(study):
+    """A peak does not say that it belongs to a limit, but it does not solve the equations."""
+    for limit in (study.free((200.0, 400.0)), study.stuck((200.0, 400.0))):
+        with pytest.raises(SettingError, match=rf"^plot_contacts: expected a response .*, found a {limit.kind} curve"):
+            limit.plot_contacts(study)
+        for refuses in (study.margin, study.stress, study.hysteresis, lambda peak, *_: peak.plot_contacts(study)):
+            with pytest.raises(SettingError, match="found a free or stuck limit"):
+                refuses(limit.peak, *([AISI_1050] if refuses == study.margin else []))
+
+
 def test_more_speed_leaves_less_margin_and_a_mean_beyond_the_strength_none(study, peak):
     slow, fast, broken = (study.margin(peak, AISI_1050, speed=speed) for speed in (0.0, 300.0, 3000.0))
     assert slow.least > fast.least > broken.least == 0.0 and broken.yields

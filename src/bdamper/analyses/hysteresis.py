@@ -42,7 +42,7 @@ from bdamper.harmonic_balance.sector import Sector
 from bdamper.model.loads import direction_vector
 from bdamper.model.structure import Interface
 from bdamper.response.optimal_curve_result import OptimalCurve
-from bdamper.response.peak import Peak, check_peak
+from bdamper.response.peak import Peak
 from bdamper.response.response_curve import check_curve
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import validation
@@ -256,8 +256,6 @@ def _solutions(problem: Problem, result: Solved) -> tuple[Solutions, NDArray]:
     validation.instance("result", result, kinds, "a response curve, a peak or an optimal curve of this study")
     if isinstance(result, ResponseCurve):
         check_curve(problem, result)
-    elif isinstance(result, Peak):
-        check_peak(problem, result, "result")
     solved, branch = solutions_of(problem, result), np.zeros(1, int)
     if isinstance(result, ResponseCurve):
         branch = result.branch
@@ -298,7 +296,7 @@ def dissipation(problem: Problem, result: Solved) -> Hysteresis:
         If the result belongs to another problem or contains no solution.
     """
     solved, branch = _solutions(problem, result)
-    rows = [_of_solution(problem, *solution) for solution in zip(*solved)]
+    rows = [_of_solution(problem, u, frequency, preload) for u, frequency, preload, _ in zip(*solved)]
     columns: dict[str, Any] = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     return Hysteresis(branch=branch, **columns, **_identity(problem))
 
@@ -364,7 +362,7 @@ def hysteresis(problem: Problem, result: Solved, index: int | None = None, *, n_
         index = int(np.argmin(known)) if len(known) else None
     solved, branch = _solutions(problem, result)
     k = 0 if index is None else validation.integer("index of a point", index, -len(branch), len(branch) - 1)
-    u, frequency, preload = (column[k] for column in solved)
+    u, frequency, preload, _ = (column[k] for column in solved)
     system = problem.system(preload)
     theta = np.linspace(0.0, 2.0 * np.pi, n_theta + 1)
     X, F = histories(system, u, theta)

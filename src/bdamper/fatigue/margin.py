@@ -392,7 +392,7 @@ class LeastMargin(Rule):
         time_response : TimeResponse, optional
             Time integration to whose largest amplitude the vibration is scaled.
         """
-        solution = Solutions(y[None, :-1], y[-1:] / (2.0 * np.pi), np.array([preload]))
+        solution = Solutions(y[None, :-1], y[-1:] / (2.0 * np.pi), np.array([preload]), np.array(["response"]))
         cycle = over_cycle.of_solution(problem, solution, over_cycle.chosen_sets(problem, self.sets), self.speed)
         return self.of_cycle(_scaled_to_time(cycle, time_response))
 

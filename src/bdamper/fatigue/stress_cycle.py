@@ -5,12 +5,13 @@ r"""Stress over the vibration cycle of a solution at the points of stress sets.
 
 All modes of the model contribute. The solution contains the coordinates of the retained modes. The other modes respond to
 contact forces and excitation at ``l omega``. The centrifugal stress belongs to the rotor without dampers; the effect of the
-dampers is contained in ``q_0`` and ``F_0``.
+dampers is contained in ``q_0`` and ``F_0``. A free curve has no contact forces. In a stuck curve linear springs
+replace the contacts, and the mean is the static state.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
@@ -21,9 +22,7 @@ from bdamper.contact.laws import PointArrays
 from bdamper.fatigue import criteria
 from bdamper.harmonic_balance.checks import Solutions, SomeResult, solutions_of
 from bdamper.harmonic_balance.contact_setup import without_separation
-from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.sector import Sector
 from bdamper.model.loads import Direction, direction_vector
 from bdamper.model.structure import Body, ModalBasis, StressSet
 from bdamper.util import validation
@@ -249,6 +248,8 @@ def check_loads(
     Warn of a contradiction at a given speed.  Otherwise return it as a note: at the speed of the study the search that
     found the solutions has warned, and other studies need a speed for the static stress alone.
     """
+    if (solutions.kind == "free").all():  # without dampers
+        return ()
     turning = speeds(problem, solutions.frequency, speed)
     if speed is not None:
         problem.sizes.check_preload(solutions.preload, turning)
@@ -315,21 +316,18 @@ def coefficients_of(
     present = sorted({0, *problem.settings.active_harmonics})
     parts = {l: [_Rows.make(problem, s, l) for s in sets] for l in present}
     turning = speeds(problem, solutions.frequency, speed)
-    systems: dict[float, tuple[Equations[Sector], NDArray]] = {}
-    for i, (u, frequency, preload) in enumerate(zip(*solutions)):
+    contacts: dict[tuple[float, str], Callable[[NDArray], list[NDArray]]] = {}
+    for i, (u, frequency, preload, kind) in enumerate(zip(*solutions)):
         if not np.isfinite(u).all():
             continue
-        if preload not in systems:
-            systems = {preload: (problem.system(preload), _contact_axes(problem, preload))}
-        system, axes = systems[preload]
-        F = system.contact(u)[1]
+        if (preload, kind) not in contacts:
+            contacts = {(preload, kind): _contact_forces(problem, preload, kind)}
+        forces = contacts[preload, kind](u)
         out[i] = 0.0
         for l in present:
-            f = F[..., 0] if l == 0 else F[..., 2 * l - 1] - 1j * F[..., 2 * l]
-            force = np.einsum("pdk,pd->k", axes, f)
-            q = system.layout.amplitudes(u, l)
+            force, q = forces[l], problem.layout.amplitudes(u, l)
             coordinates = problem.bases[l].coordinates
-            if l == 0 and not problem.settings.bias:
+            if l == 0 and (kind == "stuck" or (kind != "free" and not problem.settings.bias)):
                 state = problem.at(preload).equilibrium
                 q, force, coordinates = state.q, state.force.ravel(), problem.static_basis.coordinates
             by_body: dict[str, dict[int, complex]] = {}
@@ -339,6 +337,25 @@ def coefficients_of(
             out[i, ..., l] = np.concatenate(values)
         out[i, ..., 0] = out[i, ..., 0].real + turning[i] ** 2 * centrifugal
     return out
+
+
+def _contact_forces(problem: Problem, preload: float, kind: str) -> Callable[[NDArray], list[NDArray]]:
+    """Return the function that gives the contact forces (3 n_points,) of each harmonic from the unknowns of a solution."""
+    case = problem.at(preload)
+    if kind in ("free", "stuck"):
+        linear = case.sector.linear
+        springs = linear.springs + (case.stuck_springs(touching=True) if kind == "stuck" else 0.0)
+        return lambda u: [
+            (springs * (basis.G @ linear.layout.amplitudes(u, l))).ravel() for l, basis in enumerate(linear.bases)
+        ]
+    system, axes = case.equations, _contact_axes(problem, preload)
+
+    def forces(u: NDArray) -> list[NDArray]:
+        F = system.contact(u)[1]
+        harmonics = np.concatenate([F[..., :1], F[..., 1::2] - 1j * F[..., 2::2]], axis=-1)
+        return list(np.einsum("pdk,pdl->lk", axes, harmonics))
+
+    return forces
 
 
 def _contact_axes(problem: Problem, preload: float) -> NDArray:

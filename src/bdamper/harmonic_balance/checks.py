@@ -111,11 +111,12 @@ def unknowns_of(problem: Problem, result: SomeResult) -> NDArray:
 
 
 class Solutions(NamedTuple):
-    """Unknowns (m, n), frequency (Hz) and preload (N) of solutions, each (m,)."""
+    """Unknowns (m, n), frequency (Hz), preload (N) and kind ("response", "free", "stuck" ...) of solutions, each (m,)."""
 
     unknowns: NDArray
     frequency: NDArray
     preload: NDArray
+    kind: NDArray
 
 
 def solutions_of(problem: Problem, result: SomeResult) -> Solutions:
@@ -124,14 +125,16 @@ def solutions_of(problem: Problem, result: SomeResult) -> Solutions:
     Raises
     ------
     SettingError
-        See :func:`unknowns_of`.
+        See :func:`unknowns_of`, and if a peak does not solve the equations, such as the peak of a free or stuck limit.
     """
     given: Any = result
     unknowns = unknowns_of(problem, result)
     preload = np.asarray(given.parameter if hasattr(given, "y") else given.preload, float)
     validation.check(np.isfinite(preload).all(), "result", "one at a known preload", "none")
-    n = len(unknowns)
-    return Solutions(unknowns, np.broadcast_to(np.asarray(given.frequency, float), n), np.broadcast_to(preload, n))
+    if hasattr(given, "y"):
+        check_solution(problem, float(preload), given.y, given.residual, "result")
+    columns = np.asarray(given.frequency, float), preload, np.asarray(getattr(given, "kind", "response"))
+    return Solutions(unknowns, *(np.broadcast_to(column, len(unknowns)) for column in columns))
 
 
 def response_at(problem: Problem, result: SomeResult, location: str, direction: Direction = "tangential") -> NDArray:

@@ -24,7 +24,8 @@ from bdamper.plot.motion import PLAIN, STATES, ContactStatus, contact_status
 from bdamper.plot.studies import draw_table
 from bdamper.response.highest_peak import highest_peak
 from bdamper.response.optimal_curve_result import OptimalCurve
-from bdamper.response.peak import Peak
+from bdamper.response.peak import Peak, check_peak
+from bdamper.response.response_curve import check_curve
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import validation
 from bdamper.util.display import InContact, register_plot
@@ -198,7 +199,10 @@ def _states(
     check_result(problem, result)
     if isinstance(result, OptimalCurve):
         result = highest_peak(problem, result.optimum.preload, result.settings.get("frequency"))
+    if isinstance(result, ResponseCurve):
+        check_curve(problem, result, "plot_contacts")
     if isinstance(result, Peak):
+        check_peak(problem, result, "plot_contacts")
         solution, preload, frequency = result.y[:-1], result.parameter, result.frequency
     else:
         i = result.peak_index if isinstance(result, ResponseCurve) else int(np.argmax(result.amplitude))
