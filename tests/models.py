@@ -229,6 +229,7 @@ def complete_model() -> Model:
         static=rng.standard_normal((2, 6)),
         spread=np.array([0.1, 0.2]),
         near_contact=np.array([True, False]),
+        nodes=np.array([7, 215]),
         source="numbers",
     )
     blade = small.bodies["blade"]

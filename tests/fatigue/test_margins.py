@@ -57,7 +57,7 @@ def curve(study, peak):
 
 def test_margins_of_a_peak(study, peak):
     cycle, margins = study.stress(peak), study.margin(peak, AISI_1050)
-    assert isinstance(margins, Margins) and len(margins) == 3 and margins.names[0] == "root 1"
+    assert isinstance(margins, Margins) and len(margins) == 3 and margins.names[0] == "root point 1"
     np.testing.assert_allclose(margins.amplitude, cycle.amplitude_and_mean().amplitude)
     np.testing.assert_allclose(margins.factor, AISI_1050.factor(margins.amplitude, margins.mean))
     assert margins.critical != 2 and margins.least == margins.factor[:2].min()  # the last is next to a contact
@@ -75,7 +75,7 @@ def test_a_table_that_is_cut_keeps_the_worst_points_and_counts_the_others():
     lines = str(cycle).split("\n")
     table = [line for line in lines if "root " in line and "MPa" not in line]
     high = np.argsort(-np.where(cycle.counted, cycle.amplitude, -1.0))[:8]
-    assert [line.split("root ")[1].split()[0] for line in table] == [cycle.names[i].split()[1] for i in high]
+    assert [line.split("root point ")[1].split()[0] for line in table] == [cycle.names[i].split()[2] for i in high]
     assert lines[-1] == "  2 further rows; summary() has the rest"
     factors = ten.margin(cycle, AISI_1050)
     first = next(line for line in factors.summary().split("\n") if "root" in line and "Least" not in line)
@@ -133,7 +133,7 @@ def test_a_free_curve_has_the_stress_of_all_modes_under_the_excitation_alone(stu
     along, one = study.margin(free, AISI_1050), study.margin(free, AISI_1050, i)
     assert along.margin[i] == pytest.approx(one.least, rel=1e-12)
     assert not [note for note in one.notes if "preload" in note]  # the centrifugal stress is that without dampers
-    gauge = study.gauge_stress(free, "root 1", (1.0, 0.0, 0.0))
+    gauge = study.gauge_stress(free, "root point 1", (1.0, 0.0, 0.0))
     np.testing.assert_allclose(gauge[i], cycle.coefficients[0, 0], rtol=1e-12)
 
 

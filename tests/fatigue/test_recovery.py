@@ -124,21 +124,21 @@ def test_a_gauge_reads_the_tensor_along_its_direction(model):
     tensor = np.stack([study.stress(curve, i).coefficients[3] for i in some])  # (2, 6, H + 1)
     xx, yy, zz, xy, yz, xz = tensor.transpose(1, 0, 2)
     close = functools.partial(np.testing.assert_allclose, rtol=1e-9, atol=1e-9 * np.abs(tensor).max())
-    close(study.gauge_stress(curve, "blade 4", (1.0, 0.0, 0.0))[some], xx)
-    close(study.gauge_stress(curve, "blade 4", (0.0, 1.0, 1.0))[some], (yy + zz) / 2 + yz)
-    close(study.gauge_stress(curve, "blade 4", (1.0, -2.0, 0.0))[some], (xx + 4 * yy - 4 * xy) / 5)
+    close(study.gauge_stress(curve, "blade point 4", (1.0, 0.0, 0.0))[some], xx)
+    close(study.gauge_stress(curve, "blade point 4", (0.0, 1.0, 1.0))[some], (yy + zz) / 2 + yz)
+    close(study.gauge_stress(curve, "blade point 4", (1.0, -2.0, 0.0))[some], (xx + 4 * yy - 4 * xy) / 5)
     near = model.stress["blade"].points[3] + 1e-6
     close(study.gauge_stress(curve, near, (1.0, 0.0, 1.0))[some], (xx + zz) / 2 + xz)
     # Hooke's law along an axis, and the sum of three strains
     modulus, poisson = 2.1e11, 0.28
-    strains = [study.gauge_stress(curve, "blade 4", axis, (modulus, poisson))[some] * modulus for axis in np.eye(3)]
+    strains = [study.gauge_stress(curve, "blade point 4", axis, (modulus, poisson))[some] * modulus for axis in np.eye(3)]
     close(strains[1], yy - poisson * (xx + zz))
     close(sum(strains), (1 - 2 * poisson) * (xx + yy + zz))
     peak = study.peak(PRELOAD)
-    close(study.gauge_stress(peak, "blade 4", (0, 0, 1)), study.stress(peak).coefficients[3, 2][None])
+    close(study.gauge_stress(peak, "blade point 4", (0, 0, 1)), study.stress(peak).coefficients[3, 2][None])
     for given, message in [
-        (("blade 0", "axial"), "gauge: expected one of"), (("blade 4", (0, 0, 0)), "direction"),
-        (("blade 4", "axial", (0.0, 0.3)), "elastic: expected a modulus above 0"),
+        (("blade point 0", "axial"), "gauge: expected one of"), (("blade point 4", (0, 0, 0)), "direction"),
+        (("blade point 4", "axial", (0.0, 0.3)), "elastic: expected a modulus above 0"),
         (((1, 2), "axial"), "gauge, m: expected 3"), ((1e3 * near, "axial"), r"gauge: expected coordinates within .* away"),
     ]:  # fmt: skip
         with pytest.raises(bd.SettingError, match=message):
@@ -152,9 +152,9 @@ def test_a_gauge_is_near_a_point_or_refused(model):
     first = int(points[:, 2].argmax())
     outward = np.array([0.0, 0.0, largest])
     near, far = (points[first] + share * outward for share in (0.049, 0.051))
-    own = study.gauge_stress(peak, f"blade {first + 1}", "axial")
+    own = study.gauge_stress(peak, f"blade point {first + 1}", "axial")
     np.testing.assert_array_equal(study.gauge_stress(peak, near, "axial"), own)
-    with pytest.raises(bd.SettingError, match=rf"gauge: .* found 'blade {first + 1}' as the nearest"):
+    with pytest.raises(bd.SettingError, match=rf"gauge: .* found 'blade point {first + 1}' as the nearest"):
         study.gauge_stress(peak, far, "axial")
 
 

@@ -76,6 +76,10 @@ def test_it_is_that_of_the_finite_element_model(fe, bodies, as_arrays):
     theirs, reference = model.stress["blade"], model.bodies["blade"]
     order = np.argsort(at)  # sets come in the order of the nodes
     np.testing.assert_allclose(ours.points, theirs.points[order], atol=1e-12)
+    np.testing.assert_array_equal(ours.nodes, FIRST_NUMBER + np.sort(at))
+    assert ours.point_names[1] == f"blade node {FIRST_NUMBER + np.sort(at)[1]}"
+    unnumbered = replace(built.model, stress={"blade": replace(ours, nodes=None)})
+    assert unnumbered.hash == built.model.hash  # node numbers influence no result
     text = str(built)
     assert "damper: mass, centre and inertia from the mass matrix" in text
     assert "stiffness and mass matrix of the files, not compared with those of the program" in text

@@ -41,7 +41,7 @@ class AtPoints:
     ----------
     points : (n, 3) float, m
     names : tuple of str
-        Name of the stress set and number of the point in it, from 1.
+        Stress set and node number of each point, or its position in the set from 1: "root node 215", "root point 3".
     counted : (n,) bool
         Points away from contact faces; margins ignore the others.
     spread : (n,) float
@@ -174,8 +174,8 @@ def gauge_stress(
     result : Peak, ResponseCurve or OptimalCurve
         Result of this problem.
     gauge : str or (3,) float, m
-        Name of a point of a stress set ("root 12", as in :class:`StressCycle`), or coordinates. The nearest point is used;
-        its distance is limited to a twentieth of the largest coordinate.
+        Name of a point of a stress set ("root node 215" or "root point 3", as in :class:`StressCycle`), or coordinates. The
+        nearest point is used; its distance is limited to a twentieth of the largest coordinate.
     direction : {"tangential", "radial", "axial"} or three floats
         Direction of the gauge.
     elastic : (Young's modulus in Pa, Poisson's ratio), optional
@@ -192,7 +192,7 @@ def gauge_stress(
     SettingError
         If there is no such point, no point near the coordinates, or the result belongs to another problem.
     """
-    named = {f"{s.name} {k + 1}": (s, k) for s in chosen_sets(problem) for k in range(len(s))}
+    named = {name: (s, k) for s in chosen_sets(problem) for k, name in enumerate(s.point_names)}
     if not isinstance(gauge, str):
         position, points = validation.numbers("gauge, m", gauge, 3), np.array([s.points[k] for s, k in named.values()])
         away, near = np.linalg.norm(points - position, axis=1), 0.05 * np.abs(points).max()
@@ -294,7 +294,7 @@ def of_solution(
     notes += [f"set '{s.name}' has no centrifugal stress: the mean stress neglects it" for s in chosen if s.static is None]
     return StressCycle(
         points=np.concatenate([s.points for s in chosen]),
-        names=tuple(f"{s.name} {k + 1}" for s in chosen for k in range(len(s))),
+        names=tuple(name for s in chosen for name in s.point_names),
         coefficients=coefficients_of(problem, solution, chosen, speed)[0],
         counted=np.concatenate([s.counted for s in chosen]),
         spread=np.concatenate([np.full(len(s), np.nan) if s.spread is None else s.spread for s in chosen]),

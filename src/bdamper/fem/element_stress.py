@@ -407,9 +407,10 @@ class StressRows:
         single = np.complex64 if np.iscomplexobj(out) else np.float32
         return out.astype(single).astype(out.dtype)
 
-    def set(self, body: str, source: str) -> StressSet:
-        """Return the stress set of the added nodal diameters for the named body of the model."""
+    def set(self, body: str, source: str, numbers: NDArray | None = None) -> StressSet:
+        """Return the stress set of the added nodal diameters for the named body, with the numbers of all its nodes."""
         return StressSet(
             name=self.name, body=body, points=self.points, modes=self._modes, contact=self._contact, static=self._static,
             spread=self._spread, near_contact=self._near, source=source,
+            nodes=None if numbers is None else numbers[self.nodes],
         )  # fmt: skip

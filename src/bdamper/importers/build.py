@@ -494,13 +494,14 @@ def _assembled(
     report: ImportReport, bases: Sequence[str],
 ) -> BuiltModel:  # fmt: skip
     """Return the model with its report."""
+    averaged = "bdamper.importers.build_model, mean over elements at nodes"
     model = Model(
         n_blades=n_blades,
         bodies=made,
         interfaces=laid.interfaces,
         locations={key: _location(key, bodies[b], place) for key, (b, place) in places.items()},
         contact=laid.stiffness,
-        stress={row.name: row.set("blade", "bdamper.importers.build_model, mean over elements at nodes") for row in rows},
+        stress={row.name: row.set("blade", averaged, np.asarray(bodies["blade"].raw.numbers)) for row in rows},
         meshes={
             name: picture_mesh(body.boundary, body.nodes, pictures if name == "blade" else {})
             for name, body in bodies.items()

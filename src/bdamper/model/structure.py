@@ -73,6 +73,8 @@ class StressSet(Record):
         relative to their mean.
     near_contact : (n,) bool, optional
         Points on or next to a contact face.  Their stress depends on the patches, so margins exclude them.
+    nodes : (n,) int, optional
+        Node numbers of the points in the finite element model.
     source : str
     """
 
@@ -86,10 +88,18 @@ class StressSet(Record):
     static: Annotated[NDArray, Data("Pa s2", ("n", 6), file="static_stress")] | None = None
     spread: Annotated[NDArray, Data("1", ("n",))] | None = None
     near_contact: Annotated[NDArray, Data("1", ("n",), "bool")] | None = None
+    nodes: Annotated[NDArray, Data("1", ("n",), "integer")] | None = None
     source: str = ""
 
     def __len__(self) -> int:
         return len(self.points)
+
+    @property
+    def point_names(self) -> tuple[str, ...]:
+        """Name of each point: the set with the node number, or with the position in the set from 1 if it has no nodes."""
+        if self.nodes is None:
+            return tuple(f"{self.name} point {k + 1}" for k in range(len(self)))
+        return tuple(f"{self.name} node {node}" for node in self.nodes)
 
     @property
     def counted(self) -> NDArray:
@@ -433,7 +443,8 @@ def feed_digest(digest: Digest, key: str, value: object) -> None:
             later = ("constant_force", "drag", "kind", "local", "speed", "spin", "static_shapes")
             if isinstance(value, ModalBasis) and isinstance(part, SpeedBasis) and value.flexibility is not None:
                 part = replace(part, residual0=None)
-            if not (part is None and item.name in later):
+            for_names = isinstance(value, StressSet) and item.name == "nodes"
+            if not (for_names or (part is None and item.name in later)):
                 feed_digest(digest, f"{key}.{item.name}", part)
     else:
         digest.update(f"{key}={value!r};".encode())

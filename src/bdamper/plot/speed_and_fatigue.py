@@ -265,7 +265,7 @@ def plot_critical(margins: Margins, model: Model) -> Axes:
     model : Model
         Model with the surface of the body.
     """
-    names = {name.rsplit(" ", 1)[0] for name in margins.names}
+    names = {name.rsplit(" ", 2)[0] for name in margins.names}
     bodies = sorted({model.stress[name].body for name in names if name in model.stress})
     meshes = [model.meshes[body] for body in bodies if body in model.meshes]
     validation.check(meshes, "model", f"a mesh of {bodies or 'the body of the points'}", "none")
