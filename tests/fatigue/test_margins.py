@@ -200,6 +200,35 @@ def test_points_beside_contact_faces_do_not_count(study):
             beside.margin(result, AISI_1050)
 
 
+def test_the_headline_says_what_makes_the_least_margin_doubtful(study):
+    """Elements that differ at its point, and smaller factors that are left out; not doubts about other points."""
+    one, root = study.replace(harmonics=1, friction_law="bonded"), study.model.stress["root"]
+
+    def printed(**changes):
+        other = one.replace(model=replace(one.model, stress={"root": replace(root, **changes)}))
+        peak, curve = other.peak(200.0, (285.0, 400.0)), other.frequency_response(200.0, (350.0, 375.0))
+        return [other.margin(result, AISI_1050) for result in (peak, curve)]
+
+    plain = printed(near_contact=None)
+    for margins in plain:
+        assert "Elements" not in margins._headline() and "Left out" not in margins._headline()
+    factor, critical = plain[0].factor, plain[0].critical
+    numbered = {"nodes": np.array([215, 7, 88]), "spread": np.where(np.arange(3) == critical, 0.597, 0.1)}
+    name = f"root node {numbered['nodes'][critical]}"
+    doubt = f" Elements at {name} differ by 59.7 %: its stress may not have converged with the mesh."
+    for margins in printed(near_contact=None, **numbered):
+        assert doubt in margins._headline() and any(at in margins._headline() for at in (f"Least at {name}, ", f"({name})"))
+    largest = np.arange(3) == factor.argmax()
+    for margins in printed(near_contact=largest, spread=0.9 * largest):  # neither concerns the least margin
+        assert "differ" not in margins._headline() and "Left out" not in margins._headline()
+        assert "left out: 1 point on or next to contact faces" in margins.notes
+    in_time = replace(plain[0], notes=("vibration scaled by 1.2", doubt.strip()[:-1].replace("E", "e"), *margins.notes))
+    assert f"in time, vibration scaled by 1.2;{doubt.replace('E', 'e')}" in replace(margins, in_time=(in_time,))._headline()
+    for margins in printed(near_contact=np.arange(3) == critical):
+        text = " Left out: 1 point on or next to contact faces, 1 of them with a smaller factor."
+        assert text in margins._headline()
+
+
 def test_a_curve_without_any_margin_says_so(study, curve, tmp_path):
     none = replace(study.margin(curve, AISI_1050), margin=np.full(len(curve), np.nan))
     assert "found at any" in str(none) and not any("margin" in fact.name for fact in none._facts() if fact.known)

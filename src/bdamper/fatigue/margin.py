@@ -23,7 +23,7 @@ from bdamper.harmonic_balance.problem import Problem
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Plottable, draw
 from bdamper.util.errors import COMPLETE, BdamperError, status_word
-from bdamper.util.formatting import UNITS, amount, short_repr
+from bdamper.util.formatting import UNITS, amount, counted, short_repr
 from bdamper.util.storage import FilePath, Recorded, Storable
 from bdamper.util.tables import ROW, Column, Hertz, Metres, Newtons, Numbers, Quantity, RadiansPerSecond, Tabular
 
@@ -146,18 +146,10 @@ class Margins(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, kind
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings about the margin."""
-        out = list(self.notes)
-        i = self.critical
-        if self.yields:
-            worst = int(np.where(self.counted, self.yield_factor, np.inf).argmin())
-            out.append(f"{self.names[worst]} yields in the first cycle: factor {self.yield_factor[worst]:.3g}")
-        large_spread = 0.2  # relative difference between elements above which the stress counts as uncertain
-        if self.spread[i] > large_spread:
-            apart = f"{100.0 * self.spread[i]:.3g} %"
-            out.append(f"elements at {self.names[i]} differ by {apart}: its stress may not have converged with the mesh")
-        if not self.counted.all():
-            out.append(f"{int((~self.counted).sum())} points on or next to contact faces are left out")
-        return tuple(out)
+        if not self.yields:
+            return self.notes
+        worst = int(np.where(self.counted, self.yield_factor, np.inf).argmin())
+        return *self.notes, f"{self.names[worst]} yields in the first cycle: factor {self.yield_factor[worst]:.3g}"
 
     def plot_critical(self, model: Any, path: FilePath | None = None) -> Any:
         """Draw the points on the body in 3-D, coloured by their factor (:func:`bdamper.plot.plot_critical`)."""
@@ -278,7 +270,8 @@ class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
         how = "" if self.in_time else " by harmonic balance alone"
         head = f"Margin against fatigue over {self.over}{how}: largest {best:.3g} at {amount(value, self.unit)}"
         limit = ["Below 1 the limit is exceeded."] if min([self.margin[i], *(m.least for m in self.in_time)]) < 1.0 else []
-        why = ["; ".join(note for note in m.notes if note not in self.notes) for m in self.in_time]
+        own = (over_cycle.SCALED, over_cycle.UNSETTLED, over_cycle.APART)
+        why = ["; ".join(x for x in m.notes if x.startswith(own) and x not in self.notes) for m in self.in_time]
         in_time = (f"At {amount(m.preload, 'N')} it is {m.least:.3g} in time, {w}." for m, w in zip(self.in_time, why))
         return " ".join([f"{head}, least {worst}.", *in_time, *limit]) + over_cycle.doubts(self.notes)
 
@@ -346,6 +339,20 @@ def _scaled_to_time(cycle: StressCycle, time_response: SteadyAmplitude | None) -
     return replace(cycle, coefficients=coefficients, notes=(*cycle.notes, note, *doubt))
 
 
+def _caveats(cycle: StressCycle, factor: NDArray) -> tuple[str, ...]:
+    """Return as notes a large difference of the elements at the critical point, and the points that are left out."""
+    i, out = int(np.where(cycle.counted, factor, np.inf).argmin()), []
+    large_spread = 0.2  # relative difference between elements above which the stress counts as uncertain
+    if cycle.spread[i] > large_spread:
+        apart = f"{100.0 * cycle.spread[i]:.3g} %"
+        out.append(f"{over_cycle.APART}{cycle.names[i]} differ by {apart}: its stress may not have converged with the mesh")
+    if not cycle.counted.all():
+        smaller = int((factor < factor[i])[~cycle.counted].sum())
+        which = f", {smaller}{over_cycle.SMALLER}" if smaller else ""
+        out.append(f"left out: {counted(int((~cycle.counted).sum()), 'point')} on or next to contact faces{which}")
+    return tuple(out)
+
+
 @validation.check_arguments
 @dataclass(frozen=True)
 class LeastMargin(Rule):
@@ -400,6 +407,7 @@ class LeastMargin(Rule):
         """Return the margins of a stress cycle."""
         amplitude, mean, factor, to_yield = self.judge(cycle.coefficients, self.material)
         copied = {f.name: getattr(cycle, f.name) for f in fields(AtPoints)} | self._of(cycle)
+        copied["notes"] += _caveats(cycle, factor)
         return Margins(amplitude=amplitude, mean=mean, factor=factor, yield_factor=to_yield, **copied)
 
     def _of(self, cycle: StressCycle) -> dict[str, Any]:
@@ -431,6 +439,7 @@ class LeastMargin(Rule):
             column[known] = x.reshape(m, n)
         counted = np.where(first.counted & known[:, None], factor, np.inf)
         critical = np.where(known, counted.argmin(axis=1), -1)
+        shared["notes"] += _caveats(first, factor[counted.min(axis=1).argmin()])
         over = "preload" if np.ndim(curve.preload) else "frequency"
         return MarginCurve(
             over=over, unit=UNITS[over], values=np.asarray(getattr(curve, over), float),

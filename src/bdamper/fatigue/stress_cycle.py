@@ -221,6 +221,8 @@ def _highest(result: Any, solutions: Solutions) -> int:
 DOUBTED_LOAD = "the centrifugal stress belongs to a preload of "
 SCALED = "vibration scaled by "
 UNSETTLED = "the amplitude in time is "
+APART = "elements at "
+SMALLER = " of them with a smaller factor"
 
 
 def speeds(problem: Problem, frequency: NDArray, speed: float | None = None) -> NDArray:
@@ -272,8 +274,9 @@ def check_ends(result: SomeResult) -> None:
 
 
 def doubts(notes: Sequence[str]) -> str:
-    """Return as sentences the notes on a contradiction of :func:`check_loads` and on a scaling to the amplitude in time."""
-    shown = [note for note in notes if note.startswith((DOUBTED_LOAD, SCALED, UNSETTLED))]
+    """Return as sentences the notes that a reader of the largest stress or the least margin must know."""
+    starts = (DOUBTED_LOAD, SCALED, UNSETTLED, APART)
+    shown = [note for note in notes if note.startswith(starts) or note.endswith(SMALLER)]
     return "".join(f" {note[0].upper()}{note[1:]}." for note in shown)
 
 
