@@ -116,6 +116,11 @@ def test_an_optimum_at_the_end_of_the_range_is_red(study, curve):
     assert colours(curve, "Optimum within the range") == "green"
     end = study.optimal_curve((150.0, 300.0), 4, check=False)
     assert end.optimum.kind == "end" and colours(end, "Optimum within the range") == "red"
+    assert "Include preloads below 150 N" in end._headline()
+    amplitude = end.amplitude.copy()
+    amplitude[1] = np.nan
+    alone = replace(end, amplitude=amplitude)._headline()
+    assert "Include preloads" not in alone and "find a value at the next preload first" in alone.replace("Find", "find")
 
 
 @pytest.mark.parametrize(("ratio", "colour"), [(0.97, "green"), (0.9, "amber"), (1.1, "amber"), (0.7, "red"), (1.3, "red")])

@@ -56,12 +56,15 @@ def checks(curve: OptimalCurve) -> list[Check]:
     known, edge = np.isfinite(curve.amplitude), curve.lowest_steady_preload
     missing = bool(np.any(~known & (curve.preload > edge)))
     steady = f", no steady response up to {amount(edge, 'N')}" if edge else ""
-    beyond = f"{'above' if best.preload > np.median(curve.preload) else 'below'} {amount(best.preload, 'N')}"
+    above = best.preload > np.median(curve.preload)
+    beyond = f"include preloads {'above' if above else 'below'} {amount(best.preload, 'N')}"
+    if len(curve) > 1 and not known[-2 if above else 1]:
+        beyond = 'find a value at the next preload first, with other contact_points or contact_stiffness="unit_traction"'
     out = [
         Check("green" if inside else "red", "Optimum within the range", ENDS.get(best.kind, "inside"),
               "red at an end of the range of preloads",
               f"the least amplitude is at the {ENDS.get(best.kind, '')}",
-              f"include preloads {beyond}" if best.kind == "end" else "add damping to the damper"),
+              beyond if best.kind == "end" else "add damping to the damper"),
         Check("green" if best.verified else "red", "Optimum verified", best.status,
               "red if a lower value may exist at another preload",
               f"the search for the optimum is {best.status}",
