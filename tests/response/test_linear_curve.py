@@ -74,3 +74,11 @@ def test_faces_of_a_damper_keep_their_rule():
         curve = study.stuck((250.0, 400.0), preload=0.0)
     assert np.all(curve.shares == [0.0, 0.0, 1.0])
     assert curve.peak.amplitude == pytest.approx(study.free((250.0, 400.0)).peak.amplitude, rel=1e-9)
+
+
+def test_stuck_at_a_rotor_speed_has_the_preload_of_the_damper():
+    study = bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5, friction_coefficient=0.3, harmonics=1)
+    at = study.at_speed(850.0)
+    stuck = at.stuck((600.0, 700.0))
+    assert stuck.preload == at.preload > 1000.0 and study.stuck((600.0, 700.0)).preload == 1.0
+    np.testing.assert_array_equal(stuck.amplitude, at.stuck((600.0, 700.0), at.preload).amplitude)

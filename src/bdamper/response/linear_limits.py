@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from bdamper.harmonic_balance.checks import check_interval
 from bdamper.harmonic_balance.problem import LoadCase, Problem
+from bdamper.harmonic_balance.rotor_speed import preload_at
 from bdamper.harmonic_balance.sector import NEAREST, around
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import validation
@@ -41,21 +42,24 @@ def free(problem: Problem, frequency: tuple[float, float]) -> ResponseCurve:
 
 @validation.check_arguments
 @one_thread
-def stuck(problem: Problem, frequency: tuple[float, float], preload: float = 1.0) -> ResponseCurve:
+def stuck(problem: Problem, frequency: tuple[float, float], preload: float | None = None) -> ResponseCurve:
     """Compute the response with all closed points stuck, the limit of high preload.
 
     Parameters
     ----------
     problem : Problem
     frequency : (low, high), Hz
-    preload : float, N
-        Preload that closes the points; without gaps its size has no effect.  An interface that touches without a normal
-        load counts as stuck, with a warning.
+    preload : float, N, optional
+        Preload that closes the points; without gaps its size has no effect.  By default that of the damper at the rotor
+        speed of the study, otherwise 1 N.  An interface that touches without a normal load counts as stuck, with a warning.
 
     Returns
     -------
     ResponseCurve
     """
+    if preload is None:
+        speed = problem.settings.speed
+        preload = 1.0 if speed is None else preload_at(problem, speed)
     case = problem.at(preload if problem.carries_load else 0.0)
     return _linear(case, "stuck", frequency, case.stuck_springs(touching=True))
 
