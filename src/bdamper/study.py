@@ -349,7 +349,7 @@ class Study(Comparable):
             )
         stopped = curve.interrupted or any(k.status == INTERRUPTED for k in curve.time_response)
         if check and not stopped:
-            curve = robust_optimum.with_other_friction(problem, curve)
+            curve = robust_optimum.with_other_friction(problem, curve, progress)
             stopped = any(k.status == INTERRUPTED for k in curve.other_friction)
         if margin and material is not None and not stopped:
             with suppress(KeyboardInterrupt):

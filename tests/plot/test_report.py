@@ -98,6 +98,8 @@ def test_the_lines_that_do_it_again(study, curve, tmp_path, monkeypatch):
     curve.report(tmp_path / "review.html")
     page = Page((tmp_path / "review.html").read_text())
     assert "the report was made without the study" in page.said
+    named = Page(curve.report(tmp_path / "named.html", model_file="stage.h5").read_text()).said
+    assert 'bd.load_model("stage.h5")' in named and 'bd.load_model("model.h5")' in page.said
     lines = page.said[page.said.index("import bdamper as bd") :].strip().splitlines()
     curve.save(tmp_path / "best.h5")
     bd.save_model(study.model, tmp_path / "model.h5")

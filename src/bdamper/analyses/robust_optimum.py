@@ -57,7 +57,7 @@ from bdamper.util.errors import (
     with_reason,
 )
 from bdamper.util.formatting import amount, counted, percent, short_repr, spaced
-from bdamper.util.progress import LongWork, one_thread
+from bdamper.util.progress import LongWork, one_thread, with_progress
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import ROW, Column, Newtons, Quantity, Tabular
 
@@ -292,7 +292,7 @@ OTHER_FRICTION = (1.0, 0.7, 1.3)
 
 
 @one_thread
-def with_other_friction(problem: Problem, curve: OptimalCurve) -> OptimalCurve:
+def with_other_friction(problem: Problem, curve: OptimalCurve, progress: bool = False) -> OptimalCurve:
     """Return the optimal curve with the peaks at its recommended preload with lower and higher friction coefficients.
 
     Without an optimum or without friction the curve is returned as it is.  After Ctrl-C the peaks that are missing have the
@@ -305,7 +305,7 @@ def with_other_friction(problem: Problem, curve: OptimalCurve) -> OptimalCurve:
     out = {k: FrictionPeak(k, preload, np.nan, INTERRUPTED) for k in OTHER_FRICTION}
     evaluate = SteadyPeak(frequency=tuple(curve.settings["frequency"]))
     with LongWork():
-        for factor in OTHER_FRICTION:
+        for factor in with_progress(OTHER_FRICTION, progress, "other friction coefficients", "peak"):
             try:
                 found = evaluate(vary(problem, {"friction_factor": factor}), preload)
             except BdamperError as error:

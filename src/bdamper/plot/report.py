@@ -90,6 +90,7 @@ def write_report(
     found = lights(curve, fit)
     colours = [light.colour for light in found if light.name != "Contact constants" or fit is not None]
     other = [f"{light.name.lower()}: {light.found}" for light in found if light.colour == "red" and not light.failure]
+    model = subject.get("model_file") or "model.h5"
     text = page.render(
         curve=curve, fit=fit, figures=figures, lights=found, sensitivities=rows, subject=_subject(curve, subject),
         headline=" ".join([*(f"Not for design: {each}." for each in other), curve._headline()]),
@@ -98,7 +99,7 @@ def write_report(
         range=f"{amount(low, 'N')} to {amount(high, 'N')}", given=study is not None,
         lines=(
             "import bdamper as bd",
-            'study = bd.load_study("best.h5", bd.load_model("model.h5"))  # best.save("best.h5") has the settings',
+            f'study = bd.load_study("best.h5", bd.load_model("{model}"))  # best.save("best.h5") has the settings',
             f"best = study.optimal_curve(({curve.preload[0]:.12g}, {curve.preload[-1]:.12g}), {len(curve)}{band}{check})",
         ),
     )  # fmt: skip

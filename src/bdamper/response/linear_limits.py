@@ -51,7 +51,8 @@ def stuck(problem: Problem, frequency: tuple[float, float], preload: float | Non
     frequency : (low, high), Hz
     preload : float, N, optional
         Preload that closes the points; without gaps its size has no effect.  By default that of the damper at the rotor
-        speed of the study, otherwise 1 N.  An interface that touches without a normal load counts as stuck, with a warning.
+        speed of the study, otherwise 1 N.  Open points stay open here.  If vibration closes them, a resonance may lie above
+        this limit.  An interface that touches without a normal load counts as stuck, with a warning.
 
     Returns
     -------
