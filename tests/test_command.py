@@ -69,8 +69,8 @@ def test_info_of_a_file(capsys, tmp_path):
     ("arguments", "code", "text"),
     [
         (["info", "nowhere.h5"], 1, "nowhere.h5"),
-        (["crossings", "--demo", "--speeds", "1000", "2000"], 1, "crosses no resonance of mode 1 between 104.72 and"),
-        (["crossings", "--demo", "--speeds", "1000", "2000", "--orders", "10"], 1, "crosses no resonance of mode 1"),
+        (["crossings", "--demo", "--speeds", "1000", "2000"], 1, "engine order 5 meets mode 1 with"),
+        (["crossings", "--demo", "--speeds", "1000", "2000", "--orders", "10"], 1, "above the range of 1000 to 2000 rpm"),
         (["response", "--demo", "--preload", "-1"], 2, "preload"),
         (["response", "--demo", "--engine-order", "4"], 2, "nodal diameter"),
     ],

@@ -143,10 +143,10 @@ def test_what_cannot_be_integrated_says_why_beside_what_can(found, monkeypatch):
     at_optimum = study.frequency_response(curve.optimum.preload, curve.settings["frequency"], options=options)
     expected = study.time_response(at_optimum).mean
 
-    def failing(problem, tracked):
+    def failing(problem, tracked, progress=None):
         if tracked.preload == 70.0:
             raise bd.SettingError("no structure in time")
-        return own(problem, tracked)
+        return own(problem, tracked, progress=progress)
 
     monkeypatch.setattr(in_time, "time_response", failing)
     out = study.with_time_response(curve, [80.0, 70.0])
