@@ -72,7 +72,7 @@ def test_the_margin_is_asked_for_after_the_time_integration(study, curve, monkey
     for status, ended, margins in (("complete", "complete", 1), ("complete", "interrupted", 0), ("interrupted", "", 0)):
         other = (FrictionPeak(1.0, 90.0, np.nan, ended),) * bool(ended)
         monkeypatch.setattr(
-            study_room.robust_optimum, "with_other_friction", lambda _, c, other=other: replace(c, other_friction=other)
+            study_room.robust_optimum, "with_other_friction", lambda s, c, *_, other=other: replace(c, other_friction=other)
         )
         kept = TimeResponse(*(np.nan,) * 4, 90.0, 1e-6, status=status)
         monkeypatch.setattr(
