@@ -64,6 +64,17 @@ def test_a_structure_without_more_modes_is_its_own():
     assert name == "all modes" and richer.settings.contact_stiffness == "unit_traction"
 
 
+def test_a_search_without_a_motion_names_the_modes_of_the_structure_in_time(monkeypatch):
+    """Four blade modes in the curve may put its peak where the structure in time has none."""
+    study = disk(harmonics=1, blade_modes=4)
+    curve = study.frequency_response(125.0, (300.0, 360.0))
+    monkeypatch.setattr(SteadySearch, "run", lambda self: setattr(self, "failure", "the motion falls"))
+    found = study.time_response(curve)
+    whole = study.model.bodies["blade"].bases[5].n_natural
+    assert whole > 4
+    assert found.status == f"not found: the motion falls; try a response curve with blade_modes={whole}, as in time"
+
+
 def test_a_motion_carried_to_another_structure_has_the_same_displacements_at_the_contacts():
     """Of all modes but the residual ones; carried to its own structure it is the same, and so it is when carried back."""
     own = disk(harmonics=1, blade_modes=4)

@@ -2,6 +2,8 @@
 
 import re
 from dataclasses import fields
+from itertools import count
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -119,6 +121,16 @@ def test_work_without_parts_or_with_fewer_than_expected(capsys):
     assert capsys.readouterr().err == "work: first: 10 %\nwork: 100 %\n"
     assert list(with_progress([1, 2], True, "work", "part")) == [1, 2]
     assert capsys.readouterr().err == "work: 50 %\nwork: 100 %\n"
+
+
+def test_where_there_is_no_terminal_a_line_comes_every_half_minute(capsys, monkeypatch):
+    clock = count(0.0, 11.0)
+    monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: next(clock)))
+    with progress_stages(True, "work", "part") as report:
+        for stage in "abcdefgh":
+            report(stage, 0, 10)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[-1] == "work: 100 %" and 2 <= len(lines) - 1 <= 4 and all(line.endswith(": 0 %") for line in lines[:-1])
 
 
 def test_a_curve_reports_each_point_once(monkeypatch):

@@ -68,7 +68,7 @@ class ResidualModes(validation.Checked):
     n_vectors : int or "all"
         Number of force vectors, and thus of coordinates, per harmonic.  Five vectors give five exact stuck frequencies.
         With ten blade modes, six vectors give the highest peak to 8 %, and twelve to 4 % at twice the time
-        (measured.md).  "all" is exact, with as many unknowns as contact force components; it serves as a reference.
+        (measured.md).  "all" is exact for the forces that the mesh resolves; it serves as a reference.
     contact_share : float
         Upper bound of the fraction of the point flexibility in the contact stiffness.
     inertia : bool
