@@ -69,8 +69,8 @@ def test_info_of_a_file(capsys, tmp_path):
     ("arguments", "code", "text"),
     [
         (["info", "nowhere.h5"], 1, "nowhere.h5"),
-        (["crossings", "--demo", "--speeds", "1000", "2000"], 1, "engine order 5 meets mode 1 with"),
-        (["crossings", "--demo", "--speeds", "1000", "2000", "--orders", "10"], 1, "above the range of 1000 to 2000 rpm"),
+        (["crossings", "--demo", "--speeds", "1000", "2000"], 1, "give a range wider than 1000 to 2000 rpm"),
+        (["crossings", "--demo", "--speeds", "1000", "2000", "--orders", "10"], 1, "rpm with free contacts and at"),
         (["response", "--demo", "--preload", "-1"], 2, "preload"),
         (["response", "--demo", "--engine-order", "4"], 2, "nodal diameter"),
     ],

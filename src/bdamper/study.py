@@ -231,6 +231,7 @@ class Study(Comparable):
         validation.flag("stability", stability)
         check_question(problem, [problem.check_preload(preload)], frequency)
         curve = tracking.frequency_response(problem, preload, frequency, options=options, progress=shows_progress(progress))
+        problem.sizes.check_faces(preload)
         compute = len(curve) and curve.status != "interrupted" and (stability or self.settings.stability)
         return floquet.with_stability(problem, curve) if compute else curve
 
@@ -275,6 +276,7 @@ class Study(Comparable):
         problem, progress = self.problem, shows_progress(progress)
         frequency = peak_interval(problem.at(preload), frequency, mode)
         check_question(problem, [preload], frequency)
+        problem.sizes.check_faces(preload)
         return highest_peak.highest_peak(problem, preload, frequency, mode=mode, options=options, progress=progress)
 
     @validation.check_arguments
@@ -339,13 +341,14 @@ class Study(Comparable):
             stresses.chosen_sets(problem)
         curve = optimal.optimal_curve(problem, preload, n, executor=executor, **ways, progress=progress, resume=resume)
         problem.sizes.check_optimum(curve.optimum.preload, values)
+        problem.sizes.check_faces(curve.optimum.preload)
         if check and not curve.interrupted:
             best = curve.optimum.preload  # NaN if there is no optimum
             below = [best / in_time.NEIGHBOUR, best, best * in_time.NEIGHBOUR]
             places = below if check == "neighbours" and best > 0.0 else None
             plain = curve
             curve = more_harmonics.with_convergence(
-                problem, plain, lambda: in_time.with_time_response(problem, plain, places, progress=progress)
+                problem, plain, lambda: in_time.with_time_response(problem, plain, places, progress=progress), progress
             )
         stopped = curve.interrupted or any(k.status == INTERRUPTED for k in curve.time_response)
         if check and not stopped:

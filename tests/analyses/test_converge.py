@@ -242,8 +242,9 @@ class TestClaims:
 
 
 class TestOptimalCurve:
-    def test_has_it_at_its_optimum(self, study, curve, tmp_path):
-        found = room.with_convergence(study.problem, curve, lambda: curve)
+    def test_has_it_at_its_optimum(self, study, curve, tmp_path, capsys):
+        found = room.with_convergence(study.problem, curve, lambda: curve, progress=True)
+        assert "harmonic convergence: 7 harmonics: " in capsys.readouterr().err
         more = found.convergence
         assert [p.harmonics for p in more.peaks][:3] == [1, 5, 7] and max(p.harmonics for p in more.peaks) <= 16
         assert more.peaks[0].amplitude == pytest.approx(curve.optimum.amplitude, rel=1e-4)

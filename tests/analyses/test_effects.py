@@ -8,7 +8,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.contact.laws import LAW_CONSTANT
-from bdamper.contact.static_state import OPEN
+from bdamper.contact.preload_state import OPEN
 from bdamper.harmonic_balance.effects import ASSUMED
 from bdamper.harmonic_balance.equations import OK, Correction
 from bdamper.model.contact_points import group_patches, unite_contact_points

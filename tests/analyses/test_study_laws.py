@@ -7,7 +7,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_NORMAL
-from bdamper.contact.static_state import STICK
+from bdamper.contact.preload_state import STICK
 from bdamper.response.response_curve import self_locking
 from tests.models import acyclic_model, wedge_model
 from tests.plain import plain_study

@@ -15,8 +15,8 @@ if shutil.which("ccx") is None:
 
 from skfem import MeshHex
 
+from bdamper.contact.preload_state import OPEN
 from bdamper.contact.static_contact import StaticContactProblem, solve_static_contact
-from bdamper.contact.static_state import OPEN
 from bdamper.fem.generated_models import averaging_matrix, wedge_patches
 from bdamper.fem.meshes import Geometry, Material, MeshDensity, damper_mesh, discretise, join_blocks, turn
 from bdamper.fem.reduced_bodies import FreeBody

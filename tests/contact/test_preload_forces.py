@@ -7,8 +7,8 @@ import pytest
 
 import bdamper as bd
 from bdamper.contact import static_contact, static_state
+from bdamper.contact.preload_state import OPEN
 from bdamper.contact.static_contact import StaticContactProblem, solve_static_contact, static_contact_problem
-from bdamper.contact.static_state import OPEN
 from bdamper.model.kinematics import Coupling, retained_modes
 from bdamper.util.errors import ModelError
 from tests.certificate import certify, worst

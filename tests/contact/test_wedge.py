@@ -10,6 +10,7 @@ from bdamper.contact.static_contact import solve_static_contact, static_contact_
 from bdamper.contact.stiffness import METHODS, contact_stiffness, paper_contact
 from bdamper.model.structure import StaticContact
 from bdamper.util.errors import ModelError, SettingError
+from bdamper.util.formatting import amount
 from tests.models import wedge_model
 from tests.plain import plain_study
 
@@ -137,6 +138,23 @@ def test_a_misfit_shrinks_the_contact_and_closes_under_load():
     area = [s.static(20.0).contact_area["left"] for s in (fit, bad)]
     assert area[1] < area[0]
     assert bad.static(2e5).contact_area["left"] > area[1]
+
+
+def test_edge_contact_is_named_with_its_pressure_once(recwarn):
+    """A face with two of nine points that stand out; without the gap it touches on five."""
+    model = bd.reference_model("bladed_disk", 9)
+    s = study(gap={"left": np.where(np.isin(np.arange(9), (1, 7)), 0.0, 1e-3)})
+    state = s.static(20.0)
+    part = state.contact_area["left"] / model.interfaces["left"].area.sum()
+    pressure = state.normal_force["left"] / state.contact_area["left"]
+    words = f"'left' touches with {100.0 * part:.2g} % of its area, where the mean pressure is {amount(pressure, 'Pa')}"
+    assert 0.0 < part < 0.3 and state.edges == words and f"Edge contact: {words}." in str(" ".join(str(state).split()))
+    assert not study().static(20.0).edges and "Edge" not in str(study().static(20.0))
+    recwarn.clear()
+    for load in (20.0, 21.0):
+        s.problem.sizes.check_faces(load)
+    told = [str(w.message) for w in recwarn]
+    assert told == [f"contact at rest: plausible faces that touch over their area, found {words} under 20 N"]
 
 
 @pytest.mark.parametrize("kind", [{"crowning": 1e-5}, {"crowning": 1e-5, "axial_crowning": 1e-5}, {"angle": 2e-4}])

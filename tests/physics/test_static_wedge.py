@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.contact.static_state import OPEN, SLIP_MINUS, SLIP_PLUS, STICK, StaticSystem, static_state
+from bdamper.contact.preload_state import OPEN, SLIP_MINUS, SLIP_PLUS, STICK
+from bdamper.contact.static_state import StaticSystem, static_state
 from tests.each import each
 from tests.models import wedge_frames, wedge_model
 from tests.plain import plain_study

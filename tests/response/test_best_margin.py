@@ -47,12 +47,14 @@ def test_the_best_is_no_less_than_at_every_preload_and_near_a_fresh_peak(study, 
 def test_what_a_blade_keeps_has_a_margin_of_its_own(study, curve, tmp_path):
     """The largest period is a fifth above the balance at one preload, and not known at another."""
     p, top = curve.optimum.preload, curve.optimum.amplitude
-    known = TimeResponse(1.1 * top, top, 1.2 * top, curve.optimum.frequency, p, top, periods=9)
+    known = TimeResponse(1.1 * top, top, 1.15 * top, curve.optimum.frequency, p, top, highest_period=1.2 * top, periods=9)
     others = TimeResponse(*(np.nan,) * 4, 300.0, top), replace(known, preload=200.0)  # of another peak than there
     found = study.best_margin(replace(curve, time_response=(known, *others)), AISI_1050)
     (one,) = found.in_time
     assert one.preload == p and one.least == pytest.approx(study.margin(study.peak(p), AISI_1050).least / 1.2, rel=1e-6)
-    said = f"At {amount(p, 'N')} it is {one.least:.3g} in time, vibration scaled by 1.2: the highest blade reaches"
+    highest = amount(1.2 * top, "m")  # a single period, above the mean
+    scaled = f"vibration scaled by 1.2: the highest blade reaches {highest}"
+    said = f"At {amount(p, 'N')} it is {one.least:.3g} in time, {scaled}"
     assert said in found._headline() and said in replace(curve, margins=(found,)).summary()
     assert "highest blade in time" in found.plot().axes[0].get_legend_handles_labels()[1]
     plt.close("all")

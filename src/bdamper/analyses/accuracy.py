@@ -146,7 +146,7 @@ def harmonic_convergence(
     return Convergence(peak.parameter, tolerance, tuple(peaks), internal_resonances, limit, status, meter.read())
 
 
-def at_optimum(problem: Problem, curve: OptimalCurve) -> Convergence | None:
+def at_optimum(problem: Problem, curve: OptimalCurve, progress: bool = False) -> Convergence | None:
     """Compute the peak at the optimum of an optimal curve with up to 16 harmonics; return None without an optimum."""
     best, convergence, status = curve.optimum, None, INTERRUPTED
     if not np.isfinite(best.preload):
@@ -156,7 +156,8 @@ def at_optimum(problem: Problem, curve: OptimalCurve) -> Convergence | None:
             peak = highest_peak(problem, best.preload, tuple(curve.settings["frequency"]))
             if not abs(peak.amplitude / best.amplitude - 1.0) <= NEAR_HIGHEST:
                 raise BdamperError(f"the highest peak there is {peak_text(peak.amplitude, peak.frequency)}")
-            convergence = harmonic_convergence(problem, peak, harmonics=[n for n in HARMONICS if n <= 16])
+            numbers = [n for n in HARMONICS if n <= 16]
+            convergence = harmonic_convergence(problem, peak, harmonics=numbers, progress=progress)
             convergence = replace(convergence, cost=convergence.cost if peak.cost is None else convergence.cost + peak.cost)
         except BdamperError as error:
             status = with_reason(NOT_FOUND, error)
@@ -164,26 +165,17 @@ def at_optimum(problem: Problem, curve: OptimalCurve) -> Convergence | None:
     return convergence or Convergence(best.preload, TOLERANCE, (known,), status=status)
 
 
-def with_convergence(problem: Problem, curve: OptimalCurve, work: Callable[[], OptimalCurve]) -> OptimalCurve:
+def with_convergence(
+    problem: Problem, curve: OptimalCurve, work: Callable[[], OptimalCurve], progress: bool = False
+) -> OptimalCurve:
     """Run work on an optimal curve and, on a second thread, the harmonic convergence at its optimum.
 
-    The cost of the returned curve includes both, with their common elapsed time.
-
-    Parameters
-    ----------
-    problem : Problem
-    curve : OptimalCurve
-    work : callable
-        Returns the processed curve.
-
-    Returns
-    -------
-    OptimalCurve
-        The processed curve with ``convergence``.
+    ``work`` returns the processed curve.  The result is this curve with ``convergence``; its cost includes both, with their
+    common elapsed time.
     """
     start, stop = time.perf_counter(), Event()
     with ThreadPoolExecutor(1) as pool:
-        more = pool.submit(stopped_by(stop)(at_optimum), problem, curve)
+        more = pool.submit(stopped_by(stop)(at_optimum), problem, curve, progress)
         try:
             processed = work()
             if any(k.status == INTERRUPTED for k in processed.time_response):

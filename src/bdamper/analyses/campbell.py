@@ -19,7 +19,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.analyses.crossings import CLOSE, SpeedFamily, at_fixed_speed, exact, follow_line, interval, speed_values
+from bdamper.analyses.crossings import (
+    CLOSE,
+    SpeedFamily,
+    at_fixed_speed,
+    exact,
+    follow_line,
+    follow_mode,
+    interval,
+    refined,
+    speed_values,
+)
 from bdamper.analyses.sweep import SweepResult
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.rotor_speed import RPM, Conditions, asked_speeds, preload_at, responses, under
@@ -29,7 +39,7 @@ from bdamper.response.peak import Peak
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import validation
 from bdamper.util.display import Fact, Plottable, draw
-from bdamper.util.errors import BdamperError
+from bdamper.util.errors import INCOMPLETE, BdamperError
 from bdamper.util.formatting import amount, percent, short_repr
 from bdamper.util.progress import CostMeter, one_thread, shows_progress, with_progress
 from bdamper.util.storage import FilePath, Recorded, Storable
@@ -290,21 +300,21 @@ def run_up(
     meter = CostMeter()
     family = SpeedFamily(problem, operating)
     low, high, progress = float(limits[0]), float(limits[-1]), shows_progress(progress)
-    holds = interval(family, low, high, mode)
-    why = ""
-    if holds is not None:
-        speeds = (low, high) if narrow else holds
-        equations, curve, highest = follow_line(family, speeds, mode, meter, options, progress)
-        why = "" if highest is not None else f": {curve._headline()}"
-    if holds is None or highest is None:
-        raise BdamperError(
-            f"run-up: expected a crossing of mode {mode} with engine order {problem.engine_order} between {low:.6g} and "
-            f"{high:.6g} rad/s, found none{why}"
-        )
-    top, error = exact(family, highest.peak)
-    left = f"a residual of {error:.2g} after interpolation over it; give a shorter one"
-    validation.check(error <= CLOSE, "speeds", "a range in which the equations change smoothly", left)
-    fixed = at_fixed_speed(equations, highest.peak, meter)
+    follow = follow_line if narrow and interval(family, low, high, mode) else follow_mode
+    found = follow(family, (low, high), mode, meter, options, progress)
+    highest = None if found is None else found[2]
+    if found is None or highest is None:
+        end = "" if found is None else f"; {found[1]._headline()}"
+        raise BdamperError(f"run-up: no maximum: {family.limits_text(low, high, mode)}{end}")
+    equations, curve, _ = found
+    error = exact(family, highest.peak)[1]
+    equations, _, top, last = refined(family, equations, highest.peak, meter)
+    left = f"a residual of {last:.2g} after interpolation over it; give a shorter one"
+    validation.check(last <= CLOSE, "speeds", "a range in which the equations change smoothly", left)
+    if error > CLOSE:
+        why = f"interpolation over speed leaves a residual of {error:.2g} at the highest point"
+        curve = replace(curve, status=INCOMPLETE, reason=f"{curve.reason}; {why}; give a shorter range of speeds")
+    fixed = at_fixed_speed(equations, top, meter)
     out = _with_maximum(curve, highest.index, top, responses(equations, top.y[None])[0])
     notes = _comparison_text(top, fixed), f"interpolation over speed leaves a residual of {error:.1e} there"
     return replace(out, notes=(*curve.notes, *notes), cost=meter.read())

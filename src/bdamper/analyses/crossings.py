@@ -150,6 +150,15 @@ class SpeedFamily:
             crossings.append(float(np.sqrt(max(square, 0.0))))
         return min(crossings), max(crossings)
 
+    def limits_text(self, low: float, high: float, mode: int) -> str:
+        """Return where the free and the stuck resonance cross the line, and what to do if no maximum is found."""
+        met = {name: speed for name, speed in zip(("free", "stuck"), self.resonances(low, high, mode)) if speed}
+        where = " and ".join(f"at {speed * RPM:.5g} rpm with {name} contacts" for name, speed in met.items())
+        inside = any(low <= speed <= high for speed in met.values())
+        also = ", or check that excitation and response act on the mode" if inside else ""
+        cure = f"give a range wider than {low * RPM:.5g} to {high * RPM:.5g} rpm"
+        return f"engine order {self.whole.engine_order} meets mode {mode} {where or 'at no speed'}; {cure}{also}"
+
     def _linear(self, omega: float, mode: int) -> NDArray:
         """Return the free and the stuck resonance (2,), rad/s, of a mode of the constrained bodies at a speed (rad/s)."""
         both = free_and_stuck(self.problem(omega).at(self.preload(omega)), mode)
@@ -315,6 +324,36 @@ def exact(family: SpeedFamily, top: Peak) -> tuple[Peak, float]:
     return replace(top, y=c.y, amplitude=amplitude_at(system, c.y), shares=np.array(c.shares), residual=c.residual), error
 
 
+def follow_mode(
+    family: SpeedFamily, within: tuple[float, float], mode: int, meter: CostMeter, *args: Any
+) -> tuple[Equations[Family], ResponseCurve, Highest | None] | None:
+    """Compute the response curve of a run-up across the resonance of a mode; None if it cannot cross the line.
+
+    Vibration may close contacts that are open at rest, so that the resonance lies above the stuck one. If the curve is
+    highest at its upper end, it is repeated up to the next mode or the end of the range.
+
+    Parameters
+    ----------
+    within : (low, high), rad/s
+        Range of rotor speeds.
+    *args
+        Options and progress, see :func:`follow_line`.
+    """
+    speeds = interval(family, *within, mode)
+    if speeds is None:
+        return None
+    found = follow_line(family, speeds, mode, meter, *args)
+    curve = found[1]
+    if not curve.peak_at_end or TWO_PI * curve.peak.frequency < int(family.whole.engine_order) * np.mean(speeds):
+        return found
+    try:
+        following = family.resonances(*within, mode + 1)[0]
+    except SettingError:  # no such mode
+        following = 0.0
+    top = min(within[1], following or within[1])
+    return follow_line(family, (speeds[0], top), mode, meter, *args) if top > speeds[1] else found
+
+
 # ---- Crossings ----
 
 
@@ -414,15 +453,12 @@ class CrossingTask:
     def _results(self, problem: Problem, meter: CostMeter) -> dict[str, Any]:
         """Return the results without NaN, and warnings as a list."""
         family = SpeedFamily(problem, self.conditions)
-        where = "mode {} between {:.6g} and {:.6g} rad/s".format(self.mode, *self.speeds)
-        speeds = interval(family, *self.speeds, self.mode)
-        if speeds is None:
-            why = self._outside(family) or f"engine order {problem.engine_order} crosses no resonance of {where}"
-            return {"kind": "none", "warning": [why]}
-        equations, curve, highest = follow_line(family, speeds, self.mode, meter)
-        if highest is None:
-            why = f"the response along the line has no maximum of {where}; check that excitation and response act on it"
-            return {"kind": NOT_FOUND, "warning": [self._outside(family) or why]}
+        found = follow_mode(family, self.speeds, self.mode, meter)
+        highest = None if found is None else found[2]
+        if found is None or highest is None:
+            why = family.limits_text(*self.speeds, self.mode)
+            return {"kind": "none" if found is None else NOT_FOUND, "warning": [why]}
+        equations, curve, _ = found
         warnings = [f"curve {curve.status}: {curve.reason}"] if curve.status != COMPLETE else []
         warnings += [highest.note] if highest.note else []
         equations, top, solution, error = refined(family, equations, highest.peak, meter)
@@ -432,7 +468,7 @@ class CrossingTask:
         out: dict[str, Any] = {
             "kind": INCOMPLETE if warnings else COMPLETE, "speed": solution.parameter, "amplitude": solution.amplitude,
             "frequency": solution.frequency, "preload": family.preload(solution.parameter), "residual": solution.residual,
-            **by_mass(family, equations, top),
+            **(by_mass(family, equations, top) if error <= CLOSE else {}),
             **{name: float(x) for name, x in zip(("stick", "slip", "open"), solution.shares)},
         }  # fmt: skip
         fixed = at_fixed_speed(equations, top, meter)
@@ -444,18 +480,6 @@ class CrossingTask:
             at_speed, unknowns = family.problem(solution.parameter), solution.y[:-1]
             out["margin"] = self.margin(at_speed, unknowns, float(solution.y[-1]), out["preload"])
         return out | {"warning": warnings}
-
-    def _outside(self, family: SpeedFamily) -> str:
-        """Return where the free or the stuck resonance meets the line outside the range, or "" if neither is known to."""
-        (low, high), (free, stuck) = self.speeds, family.resonances(*self.speeds, self.mode)
-        for contacts, speed, side in (
-            ("free", free, "above" * (free > high)), ("stuck", stuck, "above" * (stuck > high)),
-            ("stuck", stuck, "below" * (0.0 < stuck < low)), ("free", free, "below" * (0.0 < free < low)),
-        ):  # fmt: skip
-            if side:
-                met = f"engine order {family.whole.engine_order} meets mode {self.mode} with {contacts} contacts"
-                return f"{met} at {speed * RPM:.5g} rpm, {side} the range of {low * RPM:.5g} to {high * RPM:.5g} rpm"
-        return ""
 
 
 @short_repr

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper import _core
-from bdamper.contact.static_state import PreloadState
+from bdamper.contact.preload_state import PreloadState
 from bdamper.harmonic_balance.contact_cycle import at_angles
 from bdamper.harmonic_balance.equations import OK, Correction, Equations, Rows, norm2
 from bdamper.harmonic_balance.problem import Problem

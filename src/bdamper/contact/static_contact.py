@@ -35,7 +35,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from bdamper.contact.static_state import STICK, law_tangent, limited_forces
+from bdamper.contact.preload_state import STICK
+from bdamper.contact.static_state import law_tangent, limited_forces
 from bdamper.model.kinematics import Coupling
 from bdamper.util import validation
 from bdamper.util.display import Summarised

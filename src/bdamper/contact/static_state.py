@@ -24,23 +24,17 @@ the square root of two; the coupled law then moves the slider (``csrc/contact/co
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import Annotated
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
 
 from bdamper.contact.laws import OwnLaws, PointArrays
-from bdamper.util.display import InContact
-from bdamper.util.formatting import amount, counted, short_repr
-from bdamper.util.progress import Cost
-from bdamper.util.storage import Storable
-from bdamper.util.tables import Kinds, Metres, Pascals, PerRow, Places, Quantity, SquareMetres, Tabular
+from bdamper.contact.preload_state import OPEN, SLIP_MINUS, SLIP_PLUS, STICK, PreloadState
+from bdamper.util.formatting import short_repr
 
 _getrf, _getrs, _gecon = get_lapack_funcs(("getrf", "getrs", "gecon"), dtype=float)
-
-STICK, SLIP_PLUS, SLIP_MINUS, OPEN = range(4)
 
 
 @short_repr
@@ -95,96 +89,6 @@ class StaticSystem:
         """Whether nothing acts without the load, so that states are proportional to the load except for gaps."""
         pressed = np.any(self.n0 + self.kn * self.shift_at(0.0)[:, 2] > 0.0)
         return not (pressed or np.any(self.constant_force) or np.any(self.constant_shift))
-
-
-@short_repr
-@dataclass(frozen=True)
-class PreloadState(InContact, Tabular, Storable, kind="bdamper-static", row="contact_point"):
-    """Static contact state under a load.
-
-    ``plot`` draws pressure, gap or friction utilisation over the faces (:func:`bdamper.plot.plot_static`).
-
-    Parameters
-    ----------
-    load : float, N
-    q : (n_modes,) float
-        Modal coordinates of the mean position.
-    slider : (n_points, 2) float, m
-    force : (n_points, 3) float, N
-        T1, T2, N.
-    closing : (n_points,) float, m
-        Penetration of the contact spring if positive, gap if negative, including the initial gap.
-    status : (n_points, 2) int
-        0 stick, 1 slip +, 2 slip -, 3 separation.
-    residual : float
-        Largest residual of modal equilibrium, relative to the modal load.
-    steps, iterations : int
-        Number of load steps and of Newton iterations.
-    converged : bool
-    note : str
-        Reason if not converged.
-    cost : Cost
-    interface : tuple of str
-        Interface of each contact point; empty if unknown.
-    memory : (n_points, width) float, optional
-        Latest motion and state of points with compiled laws.
-    points, frame, area, friction : (n_points, 3) m, (n_points, 3, 3), (n_points,) m2, (n_points,) float, optional
-        Positions, contact axes, areas and friction coefficients; None in states from files without them.
-    """
-
-    load: float
-    q: NDArray
-    slider: NDArray
-    force: Annotated[NDArray, Quantity("N", parts=("t1", "t2", "n"))]
-    closing: Metres
-    status: PerRow
-    residual: float
-    steps: int
-    iterations: int
-    converged: bool
-    note: str = ""
-    cost: Cost = field(default_factory=Cost)
-    interface: Annotated[tuple[str, ...], Quantity()] = ()
-    memory: NDArray | None = None
-    points: Places | None = None
-    frame: PerRow | None = None
-    area: SquareMetres | None = None
-    friction: PerRow | None = None
-    _summary_fields = ("contact_area",)
-
-    @property
-    def state(self) -> Kinds:
-        """State of each point: "stick", "slip" (in at least one direction) or "open"."""
-        stuck, open_ = (self.status == STICK).all(axis=1), (self.status == OPEN).any(axis=1)
-        return tuple(np.select([open_, stuck], ["open", "stick"], "slip").tolist())
-
-    def _headline(self) -> str:
-        stuck, slipping, apart = (self.state.count(name) for name in ("stick", "slip", "open"))
-        open_ = "" if self.converged else f" Not converged: {self.note}."
-        forces = [f"{name} {amount(force, 'N')}" for name, force in self.normal_force.items()]
-        return (
-            f"Under a load of {amount(self.load, 'N')}, of {counted(len(self.status), 'contact point')}: {stuck} in stick, "
-            f"{slipping} in slip, {apart} open; normal forces: {', '.join(forces)}.{open_}"
-        )
-
-    @property
-    def normal_force(self) -> dict[str, float]:
-        """Total normal force (N) on each interface, or on all together if the interfaces are unknown."""
-        names = np.array(self.interface or ["in all"] * len(self.force))
-        return {str(name): float(self.force[names == name, 2].sum()) for name in dict.fromkeys(names)}
-
-    @property
-    def pressure(self) -> Pascals | None:
-        """Contact pressure (n_points,), Pa."""
-        return None if self.area is None else self.force[:, 2] / self.area
-
-    @property
-    def contact_area(self) -> dict[str, float]:
-        """Area in contact (m2) on each interface; empty if areas are unknown."""
-        if self.area is None:
-            return {}
-        names, closed = np.array(self.interface), (self.status != OPEN).all(axis=1)
-        return {str(name): float(self.area[closed & (names == name)].sum()) for name in dict.fromkeys(names)}
 
 
 EQUILIBRIUM = 1e-10

@@ -25,8 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC, LAW_USER
+from bdamper.contact.preload_state import OPEN, SLIP_MINUS, SLIP_PLUS, STICK
 from bdamper.contact.residual_flexibility import RESIDUAL
-from bdamper.contact.static_state import OPEN, SLIP_MINUS, SLIP_PLUS, STICK
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.sector import Sector, segments
 

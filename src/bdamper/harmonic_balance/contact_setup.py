@@ -39,8 +39,9 @@ from bdamper.contact.laws import (
     LAW_SEPARABLE,
     PointArrays,
 )
+from bdamper.contact.preload_state import OPEN, PreloadState
 from bdamper.contact.residual_flexibility import ResidualModes
-from bdamper.contact.static_state import OPEN, PreloadState, StaticSystem, static_state
+from bdamper.contact.static_state import StaticSystem, static_state
 from bdamper.contact.stiffness import Contact, PerArea, contact_stiffness
 from bdamper.harmonic_balance.settings import Settings
 from bdamper.model.contact_points import united

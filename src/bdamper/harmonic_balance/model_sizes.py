@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -20,9 +20,12 @@ class Sizes:
     Parameters
     ----------
     problem : Problem
+    told : set of str
+        Subjects of warnings that are given once.
     """
 
     problem: Any
+    told: set[str] = field(default_factory=set)
 
     @property
     def lumped(self) -> bool:
@@ -124,12 +127,25 @@ class Sizes:
         return expected, f"{found} N: a damper of {preload[i] / load[i]:.3g} times the mass, or another speed suspected"
 
     def check_preload(self, preload: NDArray, speed: float | NDArray | None = None, mass: float = 1.0) -> bool:
-        """Warn if preloads contradict the centrifugal load, by default at the speed of the study; return whether it did."""
-        speed = self.problem.settings.speed if speed is None else speed
+        """Warn if preloads contradict the centrifugal load, and return whether they do.
+
+        Without ``speed`` the study's speed is used, and only the first contradiction is reported.
+        """
+        own, speed = speed is None, self.problem.settings.speed if speed is None else speed
         contradiction = None if speed is None else self.contradiction(preload, speed, mass)
-        if contradiction:
+        if contradiction and not (own and "preload" in self.told):
             warn_implausible("preload", *contradiction)
+            self.told.update(["preload"] * own)
         return contradiction is not None
+
+    def check_faces(self, preload: float) -> None:
+        """Warn once if friction faces touch at an edge under a preload."""
+        if "faces" in self.told or not (self.problem.carries_load and preload > 0.0):
+            return
+        edges = self.problem.at(preload).static.edges
+        if edges:
+            self.told.add("faces")
+            warn_implausible("contact at rest", "faces that touch over their area", f"{edges} under {preload:.4g} N")
 
     def check_optimum(self, preload: float, preloads: NDArray) -> None:
         """Warn if the preload of an optimum contradicts the centrifugal load, which the computed preloads contain."""

@@ -17,9 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.contact.laws import LAW_BONDED, LAW_CUBIC, LAW_NORMAL, LAW_USER, OwnLaws, PointArrays
+from bdamper.contact.preload_state import OPEN, PreloadState
 from bdamper.contact.residual_flexibility import ResidualModes, joined
 from bdamper.contact.static_contact import WedgeFriction, wedge_friction
-from bdamper.contact.static_state import OPEN, PreloadState, StaticSystem, scaled_state, static_state
+from bdamper.contact.static_state import StaticSystem, scaled_state, static_state
 from bdamper.contact.stiffness import Contact, check_method
 from bdamper.harmonic_balance.contact_setup import (
     approach,
@@ -352,7 +353,7 @@ class Problem:
         rows[0] = rows[0].real
         return rows
 
-    @property
+    @made_once
     def sizes(self) -> Sizes:
         """Characteristic sizes of the model, as reference for plausible settings."""
         return Sizes(self)

@@ -15,7 +15,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from bdamper.analyses.hysteresis import AXES, WHOLE, Hysteresis
-from bdamper.contact.static_state import PreloadState
+from bdamper.contact.preload_state import PreloadState
 from bdamper.harmonic_balance.checks import Asking, check_result, problem_of
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.model.structure import Model

@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.contact.static_state import PreloadState
+from bdamper.contact.preload_state import PreloadState
 from bdamper.harmonic_balance.equations import OK, STATUS_TEXT, Correction, Equations
 from bdamper.harmonic_balance.sector import Sector, excitation_ramp, supported_by
 from bdamper.response.continuation import DRIFTED_OFF, TWO_PI, Follower, follow

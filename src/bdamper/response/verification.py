@@ -197,7 +197,10 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
 
     @property
     def settled(self) -> bool:
-        """Whether the status is complete: all ``answers`` agree, and nothing indicates a higher motion."""
+        """Whether the status is complete: all ``answers`` agree, and nothing indicates a higher motion.
+
+        Single periods may still differ, from ``lowest`` to ``highest``.
+        """
         return status_word(self.status) == COMPLETE
 
     @property

@@ -49,7 +49,7 @@ from bdamper.contact.laws import (
     LAW_CUBIC,
     refuse,
 )
-from bdamper.contact.static_state import OPEN, SLIP_MINUS, SLIP_PLUS, STICK
+from bdamper.contact.preload_state import OPEN, SLIP_MINUS, SLIP_PLUS, STICK
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.sector import Sector, segments
