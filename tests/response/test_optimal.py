@@ -415,6 +415,18 @@ def test_the_least_just_above_the_preloads_that_rattle_is_found(study, monkeypat
     assert len(curve.curves) <= 7 + (10 if np.isnan(slope) else 5)  # down to two that rattle, then halved
 
 
+def test_a_curve_that_uses_up_its_first_budget_is_followed_again(study, monkeypatch):
+    """So that no value is missing where study.peak has one; but not where the damper rattles."""
+    monkeypatch.setattr(optimal_curve, "BUDGET", 100)
+    curve = study.optimal_curve([500.0, 1000.0, 2000.0], frequency=INTERVAL, check=False)
+    assert curve.amplitude == pytest.approx([study.peak(p, INTERVAL).amplitude for p in curve.preload], rel=1e-9)
+    used = [c.cost.evaluations for c in curve.curves]
+    assert min(used) > 200 and curve.cost.evaluations >= sum(used) + 100 * len(used), "both budgets count"
+    monkeypatch.setattr(optimal_curve, "rattles", lambda curve, at_rest: "it rattles")
+    there = optimal_curve.at_preload(study.problem, 1000.0, INTERVAL)
+    assert not there.known and there.cost.evaluations < 200
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("n", [2, 3, 4, 6])
 def test_few_preloads_lead_to_the_same_optimum_as_many(n):

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.response.optimal_curve import BUDGET
 from bdamper.time_domain import time_response as in_time
 
 
@@ -38,10 +37,7 @@ def test_what_is_kept_is_that_of_the_curve_at_the_preload(found, tmp_path):
     plain = {"cost": own.cost, "fall": 0.0}  # NaN, as the motion does not fall
     assert replace(there, **plain) == replace(own, **plain) and there.model_hash == curve.model_hash and there.settings
     assert there.status == "complete" and there._headline() in out.summary()
-    coarse = bd.ContinuationOptions(budget=BUDGET)
-    tracked = [
-        study.frequency_response(k.preload, curve.settings["frequency"], options=coarse).cost for k in out.time_response
-    ]
+    tracked = [study.frequency_response(k.preload, curve.settings["frequency"]).cost for k in out.time_response]
     for count in ("evaluations", "factorisations", "iterations"):
         parts = [curve.cost, *tracked, *(k.cost for k in out.time_response)]
         assert getattr(out.cost, count) == sum(getattr(part, count) for part in parts) > getattr(curve.cost, count)
@@ -139,8 +135,8 @@ def test_steps_and_curve_are_those_of_the_search(found, monkeypatch):
 def test_what_cannot_be_integrated_says_why_beside_what_can(found, monkeypatch):
     """By rising preload; without preloads at the optimum and at 1.35 times its preload."""
     study, curve = found
-    own, options = in_time.time_response, bd.ContinuationOptions(budget=BUDGET)
-    at_optimum = study.frequency_response(curve.optimum.preload, curve.settings["frequency"], options=options)
+    own = in_time.time_response
+    at_optimum = study.frequency_response(curve.optimum.preload, curve.settings["frequency"])
     expected = study.time_response(at_optimum).mean
 
     def failing(problem, tracked, progress=None):

@@ -30,8 +30,6 @@ from bdamper.contact.residual_flexibility import ResidualModes
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.model.kinematics import RIGID_NAMES
 from bdamper.response.continuation import TWO_PI
-from bdamper.response.events import ContinuationOptions
-from bdamper.response.optimal_curve import BUDGET
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.peak import Peak
 from bdamper.response.response_curve import check_curve, frequency_response
@@ -373,7 +371,7 @@ def with_time_response(
     validation.instance("curve", curve, OptimalCurve)
     if curve.model_hash != problem.model.hash:
         raise validation.invalid("curve", "an optimal curve of this study", "a curve of another model")
-    options, progress = ContinuationOptions(budget=BUDGET), shows_progress(progress)
+    progress = shows_progress(progress)
     if preload is None:
         best = curve.optimum.preload
         preloads = [p for p in (best, NEIGHBOUR * best) if np.isfinite(p)]
@@ -384,7 +382,7 @@ def with_time_response(
     with LongWork():
         for p in preloads:
             try:
-                tracked = uninterrupted(frequency_response(problem, p, curve.settings["frequency"], options=options))
+                tracked = uninterrupted(frequency_response(problem, p, curve.settings["frequency"]))
                 cost += tracked.cost
                 responses[p] = time_response(problem, tracked, progress=progress)
                 cost += responses[p].cost
