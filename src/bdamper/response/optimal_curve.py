@@ -52,7 +52,7 @@ LOST = (ArithmeticError, np.linalg.LinAlgError)
 BUDGET = 8000
 """First budget of a curve in evaluations.
 
-Curves with many folds take some 4,000, with 50 contact points on a face up to 10,000.  A curve that needs more is followed
+Curves with many folds take some 4,000, with contacts 20 times too stiff up to 10,000.  A curve that needs more is followed
 again with the default budget, unless the damper rattles: such curves do not count.  With the default budget for all curves
 a search on the reference disk (from 10 N, three harmonics) takes 23 instead of 11 s, with 24 points 105 instead of 35 s.
 """
