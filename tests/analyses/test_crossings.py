@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.analyses import crossings
+from bdamper.analyses import crossings, engine_order_line
 from bdamper.analyses.campbell import run_up
-from bdamper.analyses.crossings import SpeedFamily, exact, follow_line
+from bdamper.analyses.engine_order_line import SpeedFamily, exact, follow_line
 from bdamper.harmonic_balance.rotor_speed import RPM, Conditions
 from bdamper.plot import plot_crossings
 from bdamper.response.peak import amplitude_at
@@ -137,7 +137,7 @@ def test_a_run_up_is_a_curve_over_speed(study, found, tmp_path):
 def test_a_missing_peak_at_fixed_speed_has_its_reason(study, monkeypatch):
     """A crossing that is complete otherwise, and a run-up, state why."""
     peak = replace(study.peak(5800.0), status="not found: tried")
-    monkeypatch.setattr(crossings, "find_peak", lambda *_, **__: peak)
+    monkeypatch.setattr(engine_order_line, "find_peak", lambda *_, **__: peak)
     row = study.resonance_crossings(SPEEDS, [5]).values[0]
     why = "no peak at fixed speed: from the highest point on the line, not found: tried"
     assert (row["kind"], row["warning"]) == ("complete", why) and np.isnan(row["fixed_speed"])
@@ -277,16 +277,16 @@ def test_a_line_without_a_maximum_says_where_the_order_meets_the_mode(study):
 
 def test_a_resonance_above_the_stuck_one_is_found(study, found, monkeypatch):
     """Vibration may close contacts that are open at rest; here the first curve is made to end below the resonance."""
-    first, followed = crossings.interval, []
-    monkeypatch.setattr(crossings, "interval", lambda *args: (first(*args)[0], 425.0))
-    follow = crossings.follow_line
-    monkeypatch.setattr(crossings, "follow_line", lambda *args: followed.append(args[1]) or follow(*args))
+    first, followed = engine_order_line.interval, []
+    monkeypatch.setattr(engine_order_line, "interval", lambda *args: (first(*args)[0], 425.0))
+    follow = engine_order_line.follow_line
+    monkeypatch.setattr(engine_order_line, "follow_line", lambda *args: followed.append(args[1]) or follow(*args))
     wide = study.resonance_crossings(SPEEDS, [5])
     assert followed == [(400.0, 425.0), (400.0, 560.0)] and wide.values[0]["kind"] == "complete"
     assert wide.values[0]["amplitude"] == pytest.approx(found.values[1]["amplitude"], rel=1e-6)
     followed.clear()
-    resonances = crossings.SpeedFamily.resonances
-    monkeypatch.setattr(crossings.SpeedFamily, "resonances", lambda self, low, high, mode: (
+    resonances = SpeedFamily.resonances
+    monkeypatch.setattr(SpeedFamily, "resonances", lambda self, low, high, mode: (
         resonances(self, low, high, mode) if mode == 1 else (430.0, 440.0)))  # fmt: skip
     below = study.resonance_crossings(SPEEDS, [5])
     assert followed == [(400.0, 425.0), (400.0, 430.0)] and below.values[0]["kind"] == "not found", "up to the next mode"
@@ -298,7 +298,7 @@ def test_a_resonance_above_the_stuck_one_is_found(study, found, monkeypatch):
                      "wider than 3819.7 to 4058.5 rpm, or check that excitation and response act on the mode"),
 ])  # fmt: skip
 def test_a_line_without_a_maximum_is_told(study, resonances, where, monkeypatch):
-    monkeypatch.setattr(crossings.SpeedFamily, "resonances", lambda *_: resonances)
+    monkeypatch.setattr(SpeedFamily, "resonances", lambda *_: resonances)
     monkeypatch.setattr(crossings, "follow_mode", lambda *_: (None, None, None))
     found = study.resonance_crossings((400.0, 425.0), [5])
     assert (found.values[0]["kind"], *found.warnings) == ("not found", f"engine order 5 meets mode 1 {where}")
@@ -324,13 +324,27 @@ def test_a_range_whose_end_is_highest_is_named(study):
         study.run_up(np.array([400.0, 425.0]))
 
 
-def test_an_inaccurate_interpolation_has_no_derivatives_and_no_run_up(study, monkeypatch):
-    exact = crossings.exact
-    monkeypatch.setattr(crossings, "exact", lambda *args: (exact(*args)[0], 0.1))
-    found = study.resonance_crossings(SPEEDS, [5]).values[0]
-    assert found["kind"] == "incomplete" and np.isnan(found["amplitude_by_mass"])
+def test_where_interpolation_fails_the_peak_at_fixed_speed_is_found_exactly(study, found, monkeypatch):
+    """No value of the interpolated equations is shown, no derivative, and no run-up."""
+    exact = engine_order_line.exact
+    monkeypatch.setattr(engine_order_line, "exact", lambda *args: (exact(*args)[0], 0.1))
+    value = study.resonance_crossings(SPEEDS, [5]).values[0]
+    words = "interpolation over speed leaves a residual of 0.1 times the excitation at the highest point"
+    assert value["warning"] == f"{words}; this is the peak at fixed speed, to 0.3 % in speed"
+    assert value["kind"] == "incomplete" and np.isnan(value["amplitude_by_mass"])
+    assert value["speed"] == value["fixed_speed"] == pytest.approx(found.values[1]["fixed_speed"], rel=3e-3)
+    assert value["amplitude"] == pytest.approx(found.values[1]["fixed_speed_amplitude"], rel=1e-3)
+    assert value["preload"] == study.at_speed(value["speed"]).preload
     with pytest.raises(bd.BdamperError, match="speeds: expected a range in which the equations change smoothly"):
         study.run_up(SPEEDS)
+
+    def none_there(*_, **__):
+        raise bd.BdamperError("no peak found")
+
+    monkeypatch.setattr(engine_order_line, "highest_peak", none_there)
+    value = study.resonance_crossings(SPEEDS, [5]).values[0]
+    assert value["kind"] == "not found" and np.isnan(value["amplitude"])
+    assert value["warning"] == f"{words}; no peak found; give a shorter range of speeds"
 
 
 @pytest.mark.parametrize(

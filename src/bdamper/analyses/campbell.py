@@ -5,7 +5,7 @@ excites modes of this nodal diameter only, with the frequency ``EO Omega/(2 pi)`
 the modes of its nodal diameter over speed. The interference (SAFE) diagram shows all modes over nodal diameter at one
 speed, with the line of the excitation folded at N/2.
 
-The run-up is one response curve over rotor speed at the preload of each speed (:mod:`bdamper.analyses.crossings`).
+The run-up is one response curve over rotor speed at the preload of each speed (:mod:`bdamper.analyses.engine_order_line`).
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.analyses.crossings import (
+from bdamper.analyses.crossings import speed_values
+from bdamper.analyses.engine_order_line import (
     CLOSE,
     SpeedFamily,
-    at_fixed_speed,
     exact,
     follow_line,
     follow_mode,
+    interpolated_at_fixed_speed,
     interval,
     refined,
-    speed_values,
 )
 from bdamper.analyses.sweep import SweepResult
 from bdamper.harmonic_balance.problem import Problem
@@ -314,7 +314,7 @@ def run_up(
     if error > CLOSE:
         why = f"interpolation over speed leaves a residual of {error:.2g} at the highest point"
         curve = replace(curve, status=INCOMPLETE, reason=f"{curve.reason}; {why}; give a shorter range of speeds")
-    fixed = at_fixed_speed(equations, top, meter)
+    fixed = interpolated_at_fixed_speed(equations, top, meter)
     out = _with_maximum(curve, highest.index, top, responses(equations, top.y[None])[0])
     notes = _comparison_text(top, fixed), f"interpolation over speed leaves a residual of {error:.1e} there"
     return replace(out, notes=(*curve.notes, *notes), cost=meter.read())

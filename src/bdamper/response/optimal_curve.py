@@ -41,6 +41,7 @@ from bdamper.response.scalar_search import Sample, find_minimum, find_root, on_o
 from bdamper.response.sensitivity import amplitude_sensitivity
 from bdamper.util import validation
 from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND, BdamperError, SettingError, with_reason
+from bdamper.util.formatting import counted
 from bdamper.util.progress import Cost, LongWork, executor_errors, one_thread, progress_stages, stopped_by
 from bdamper.util.storage import INSTALLED, ResultsFile, json_line
 
@@ -315,7 +316,8 @@ def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
     status = COMPLETE
     lower = [p for p in sorted(known) if p > edge and not known[p].known and not known[p].height >= at.top.peak.amplitude]
     if lower:
-        status = with_reason(INCOMPLETE, f"{len(lower)} preloads without a value could be lower, first {lower[0]:.6g} N")
+        unknown = counted(len(lower), "preload")
+        status = with_reason(INCOMPLETE, f"{unknown} without a value could be lower, first {lower[0]:.6g} N")
     elif best.open is not None:
         low, high = np.exp(best.open)
         status = with_reason(INCOMPLETE, f"the highest peak could be lower between {low:.6g} and {high:.6g} N")

@@ -1,0 +1,414 @@
+"""Response along an engine order line, over rotor speed.
+
+Response along the line
+    With the excitation frequency ``omega = EO Omega`` as an unknown, a run-up is a response curve of equations that depend
+    on the speed (:class:`~bdamper.harmonic_balance.rotor_speed.Family`). The curve is followed from both ends of an
+    interval of speeds that contains the free and the stuck resonance on the line, with a margin.
+    :mod:`bdamper.response.highest_peak` locates the highest point.
+
+    At a fixed speed only the frequency changes. The peak at fixed speed that lies on the line is lower than the highest
+    point. The difference is small for a sharp, round peak, and some per cent if the response has a shoulder or ends a
+    plateau.
+
+Equations over speed
+    At every node speed the problem is assembled: modes, contact stiffness, preload and static state. Its unknowns are
+    transformed to the basis of the nearest known speed, so that they are comparable
+    (:mod:`bdamper.harmonic_balance.parameters`). The equations are interpolated between the nodes. At the highest point the
+    exact equations are assembled; they measure the interpolation error and give the final solution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.harmonic_balance.equations import OK, Equations
+from bdamper.harmonic_balance.parameters import like, vary
+from bdamper.harmonic_balance.problem import LoadCase, Problem
+from bdamper.harmonic_balance.rotor_speed import (
+    RPM,
+    Conditions,
+    Family,
+    family_equations,
+    node_speeds,
+    preload_at,
+    responses,
+    under,
+)
+from bdamper.harmonic_balance.sector import Sector
+from bdamper.model.validation import as_checked
+from bdamper.response.branches import Coverage, ending, evaluation_budget, first_point
+from bdamper.response.continuation import TWO_PI
+from bdamper.response.events import ContinuationOptions
+from bdamper.response.highest_peak import Highest, highest_of_curve, highest_peak
+from bdamper.response.linear_limits import beyond, free_and_stuck
+from bdamper.response.peak import LOOSEST, Peak, PeakOptions, amplitude_at, coarse_options, find_peak
+from bdamper.response.response_curve import as_curve
+from bdamper.response.response_curve_result import ResponseCurve
+from bdamper.util.errors import BdamperError, SettingError
+from bdamper.util.progress import Cost, CostMeter, progress_bar
+
+# ---- Equations over speed ----
+
+
+T = TypeVar("T")
+
+
+def with_needed_bases(problem: Problem) -> Problem:
+    """Remove the nodal diameters that no harmonic uses from the model, which makes the assembly at a speed faster."""
+    model = problem.model
+
+    def needed(by_diameter: Mapping[int, T]) -> dict[int, T]:
+        return {d: item for d, item in by_diameter.items() if d in problem.settings.needed_diameters}
+
+    bodies = {n: b if b.kind == "free" else replace(b, bases=needed(b.bases)) for n, b in model.bodies.items()}
+    stress = {n: replace(rows, modes=needed(rows.modes), contact=needed(rows.contact)) for n, rows in model.stress.items()}
+    return problem.replace(model=as_checked(replace(model, bodies=bodies, stress=stress)))
+
+
+class SpeedFamily:
+    """Problem as a function of rotor speed.
+
+    Parameters
+    ----------
+    problem : Problem
+        Problem at any speed or without speed.
+    conditions : Conditions
+    """
+
+    def __init__(self, problem: Problem, conditions: Conditions) -> None:
+        self.whole = problem
+        self.base = with_needed_bases(problem)
+        self.conditions = conditions
+        self._made: dict[float, Problem] = {}
+
+    def problem(self, omega: float) -> Problem:
+        """Return the problem at a speed (rad/s); its unknowns are comparable over speed."""
+        if omega not in self._made:
+            made = under(self.base, omega, self.conditions)
+            known = min(self._made, key=lambda other: abs(other - omega), default=None)
+            self._made[omega] = made if known is None else like(made, self._made[known])
+        return self._made[omega]
+
+    def preload(self, omega: float) -> float:
+        """Return the preload (N) at a speed (rad/s)."""
+        return preload_at(self.whole, omega)
+
+    def system(self, omega: float, mass: float = 1.0) -> Equations[Sector]:
+        """Return the equations at a speed (rad/s); ``mass`` multiplies load and inertia of the free bodies."""
+        problem = self.problem(omega)
+        if mass != 1.0:
+            problem = like(vary(problem, {"damper_mass": mass}), problem)
+        return problem.system(mass * self.preload(omega))
+
+    def along(self, low: float, high: float, nodes: int, mass: float = 1.0) -> Equations[Family]:
+        """Return the equations along the engine order line, interpolated between node speeds.
+
+        Parameters
+        ----------
+        low, high : float, rad/s
+            Range of speeds.
+        nodes : int
+            Number of speeds at which the equations are assembled.
+        mass : float
+            Factor on load and inertia of the free bodies.
+        """
+        speeds = node_speeds(low, high, nodes)
+        systems = [self.system(float(omega), mass) for omega in speeds]
+        return family_equations(systems, speeds, int(self.whole.engine_order))
+
+    def resonances(self, low: float, high: float, mode: int) -> tuple[float, float]:
+        """Return the speeds (rad/s) at which the free and the stuck resonance of a mode cross the engine order line.
+
+        They follow from the resonances at two speeds, since squared frequencies are nearly linear in the squared speed. The
+        result is 0 if a resonance does not cross the line.
+        """
+        squares, order = np.square([low, high]), float(self.whole.engine_order)
+        crossings = []
+        for column in np.transpose([self._linear(omega, mode) for omega in (low, high)]):
+            slope = float(np.diff(column**2)[0] / np.diff(squares)[0])
+            square = (column[0] ** 2 - slope * squares[0]) / (order**2 - slope) if order**2 > slope else 0.0
+            crossings.append(float(np.sqrt(max(square, 0.0))))
+        return min(crossings), max(crossings)
+
+    def limits_text(self, low: float, high: float, mode: int) -> str:
+        """Return where the free and the stuck resonance cross the line, and what to do if no maximum is found."""
+        met = {name: speed for name, speed in zip(("free", "stuck"), self.resonances(low, high, mode)) if speed}
+        where = " and ".join(f"at {speed * RPM:.5g} rpm with {name} contacts" for name, speed in met.items())
+        inside = any(low <= speed <= high for speed in met.values())
+        also = ", or check that excitation and response act on the mode" if inside else ""
+        cure = f"give a range wider than {low * RPM:.5g} to {high * RPM:.5g} rpm"
+        return f"engine order {self.whole.engine_order} meets mode {mode} {where or 'at no speed'}; {cure}{also}"
+
+    def _linear(self, omega: float, mode: int) -> NDArray:
+        """Return the free and the stuck resonance (2,), rad/s, of a mode of the constrained bodies at a speed (rad/s)."""
+        both = free_and_stuck(self.problem(omega).at(self.preload(omega)), mode)
+        return 2.0 * np.pi * np.array(both)[:, mode - 1]
+
+
+# ---- Response along the line ----
+
+
+NODES = 6
+"""Number of speeds at which the equations of a line are assembled."""
+CLOSE = 1e-3
+"""Largest residual of the interpolation at the highest point, relative to the excitation."""
+AROUND = (0.03, 0.01, 0.003)
+"""Successive relative half-widths of the range around a highest point with too large an interpolation error.
+
+The error is large if a table over speed has a corner in the range.
+"""
+
+
+def interval(family: SpeedFamily, low: float, high: float, mode: int) -> tuple[float, float] | None:
+    """Return the speeds (rad/s) in a range between which the resonance of a mode can cross the line; None if it cannot.
+
+    The margin beyond free and stuck resonance is half the margin of a curve over frequency. The full margin takes 10 % more
+    evaluations on four crossings and gives the same highest points to 1e-8.
+    """
+    free, stuck = family.resonances(low, high, mode)
+    margin = 0.5 * beyond(free, stuck)
+    if free - margin > high or stuck + margin < low:
+        return None
+    return max(low, free - margin), min(high, stuck + margin)
+
+
+def follow_line(
+    family: SpeedFamily,
+    speeds: tuple[float, float],
+    mode: int,
+    meter: CostMeter,
+    options: ContinuationOptions | None = None,
+    progress: bool = False,
+) -> tuple[Equations[Family], ResponseCurve, Highest | None]:
+    """Compute the response curve of a run-up: over rotor speed, with excitation along the engine order line.
+
+    Parameters
+    ----------
+    family : SpeedFamily
+    speeds : (low, high), rad/s
+        Range of rotor speeds.
+    mode : int
+        Mode of the constrained bodies, 1 for the lowest. Steps are short near its resonances.
+    meter : CostMeter
+        Counts the cost.
+    options : ContinuationOptions, optional
+        Step sizes and tolerances; by default the options of a coarse curve.
+    progress : bool
+        Show a progress bar.
+
+    Returns
+    -------
+    equations : Equations
+        Equations interpolated over speed, with the excitation frequency as the parameter.
+    curve : ResponseCurve
+    highest : Highest or None
+        Highest maximum, with the speed (rad/s) as its parameter; None if the highest point is an end of the curve.
+    """
+    low, high = speeds
+    wide, reach = 0.05 * (high - low), family.conditions.reach(int(family.whole.engine_order))
+    # a branch may leave the interval and return; tables over speed limit the range
+    equations = family.along(max(low - wide, 0.5 * low, reach[0]), min(high + wide, reach[1]), NODES)
+    meter.watch(equations)
+    options = options or coarse_options()
+    budget = options.budget or evaluation_budget(equations)
+    order = equations.structure.engine_order
+    system = replace(equations.within(budget), watched=_watched(family, equations, mode))
+    search = Coverage(system, (order * low, order * high), replace(options, budget=budget), meter)
+
+    def find_start(omega: float) -> NDArray | None:
+        case, here = _nearest(family, equations, omega / order), equations.structure.at(omega)
+        meter.watch(here)
+        highest, tried, _ = first_point(here, case.equilibrium, case.stuck_springs(), omega, options, meter)
+        for line in tried:
+            search.note(omega, line)
+        return highest
+
+    with progress_bar(progress, *search.limits, "run-up") as search.on_point:
+        search.cover(find_start)
+    status, reason, left = ending(search.pieces, *search.limits)
+    lowest = _nearest(family, equations, low).problem
+    curve = as_curve(lowest, search, (status, reason, (*left, *search.lost)), kind="run-up", preload=np.nan)
+    harmonics = responses(equations, np.column_stack([curve.unknowns, TWO_PI * curve.frequency]))
+    speed = TWO_PI * curve.frequency / order
+    curve = replace(curve, harmonics=harmonics, speed=speed, **family.whole.recorded(search.options))
+    try:
+        top = highest_of_curve(equations, curve)
+    except BdamperError:  # no point on a connected branch
+        return equations, curve, None
+    meter.count(top.peak.iterations)
+    highest = None if top.kind == "end" else replace(top, peak=replace(top.peak, parameter=float(top.peak.y[-1]) / order))
+    return equations, curve, highest
+
+
+def _nearest(family: SpeedFamily, equations: Equations[Family], speed: float) -> LoadCase:
+    """Return the problem under its preload at the node speed nearest to a speed (rad/s)."""
+    nearest = float(min(equations.structure.speeds, key=lambda other: abs(other - speed)))
+    return family.problem(nearest).at(family.preload(nearest))
+
+
+def _watched(family: SpeedFamily, equations: Equations[Family], mode: int) -> list[tuple[float, float, NDArray]]:
+    """Return frequency, half-width (rad/s) and modal row of the free and the stuck resonance on the engine order line."""
+    ends = float(equations.structure.speeds.min()), float(equations.structure.speeds.max())
+    out = []
+    for stuck, speed in enumerate(family.resonances(*ends, mode)):
+        springs = _nearest(family, equations, speed).stuck_springs() if stuck else None
+        omega = equations.structure.engine_order * speed
+        if not ends[0] < speed < ends[1]:
+            continue
+        resonances = equations.structure.at(omega).structure.linear.resonances((springs,), 0.9 * omega, 1.1 * omega)
+        out += [(omega, width, row) for _, width, row in sorted(resonances, key=lambda one: abs(one[0] - omega))[:1]]
+    return out
+
+
+def at_fixed_speed(
+    peak_at: Callable[[float, NDArray], Peak], order: float, speeds: NDArray, top: Peak, tolerance: float
+) -> Peak | str:
+    """Return the peak at fixed speed that lies on the line, by secant steps from a point on it, or why there is none.
+
+    Steps are halved if no peak is found. From a shoulder of the response to the peak they amount to some per cent.
+
+    Parameters
+    ----------
+    peak_at : callable
+        Function of a speed (rad/s) and a solution near the peak, which returns the peak.
+    order : float
+        Engine order.
+    speeds : (n,) float, rad/s
+        Range of speeds.
+    top : Peak
+        First point.
+    tolerance : float
+        Relative distance from the line.
+    """
+    low, high = order * speeds.min(), order * speeds.max()
+    omega, guess = float(top.y[-1]), top.y
+    before: tuple[float, float] | None = None
+    steps = PeakOptions().max_iterations
+    for _ in range(steps):
+        peak = peak_at(omega / order, guess)
+        if not peak.converged:
+            if before is None:
+                return f"no peak at fixed speed: from the highest point on the line, {peak.status}"
+            omega = 0.5 * (omega + before[0])
+            continue
+        off = float(peak.y[-1]) - omega
+        if abs(off) <= tolerance * omega:
+            return peak
+        slope = -1.0 if before is None or before[0] == omega else (off - before[1]) / (omega - before[0])
+        before, guess = (omega, off), peak.y
+        omega = min(max(low, omega - off / (slope if slope < -0.2 else -1.0)), high)
+        if omega == before[0]:
+            return f"no peak at fixed speed: it leaves the range of speeds, {speeds.min():.5g} to {speeds.max():.5g} rad/s"
+    return f"no peak at fixed speed on the line after {steps} steps"
+
+
+def interpolated_at_fixed_speed(equations: Equations[Family], top: Peak, meter: CostMeter) -> Peak | str:
+    """Return the peak at fixed speed that lies on the line, from interpolated equations, or why there is none."""
+    structure = equations.structure
+
+    def peak_at(speed: float, guess: NDArray) -> Peak:
+        system = structure.at(structure.engine_order * speed)
+        meter.watch(system)
+        peak = find_peak(system, guess, parameter=speed)
+        meter.count(peak.iterations)
+        return peak
+
+    return at_fixed_speed(peak_at, structure.engine_order, structure.speeds, top, PeakOptions().position_tolerance)
+
+
+def exact_at_fixed_speed(
+    family: SpeedFamily, speeds: tuple[float, float], mode: int, top: Peak, meter: CostMeter
+) -> Peak | str:
+    """Return the peak at fixed speed that lies on the line, by a search at each speed, or why there is none."""
+
+    def peak_at(speed: float, _: NDArray) -> Peak:
+        peak = highest_peak(family.problem(speed), family.preload(speed), mode=mode)
+        meter.add(peak.cost or Cost())
+        return replace(peak, parameter=speed)
+
+    try:
+        return at_fixed_speed(peak_at, float(family.whole.engine_order), np.array(speeds), top, AROUND[-1])
+    except BdamperError as error:
+        return str(error)
+
+
+def exact(family: SpeedFamily, top: Peak) -> tuple[Peak, float]:
+    """Solve the highest point with the equations assembled at its speed.
+
+    Returns
+    -------
+    peak : Peak
+    error : float
+        Residual of the interpolated solution, relative to the excitation.
+    """
+    system = family.system(top.parameter)
+    error = system.error(top.y)
+    options = PeakOptions()
+    c = system.correct_at(top.y[:-1], float(top.y[-1]), top.scale, max(options.tolerance, LOOSEST), options.max_iterations)
+    if c.status != OK:
+        return top, error
+    return replace(top, y=c.y, amplitude=amplitude_at(system, c.y), shares=np.array(c.shares), residual=c.residual), error
+
+
+def follow_mode(
+    family: SpeedFamily, within: tuple[float, float], mode: int, meter: CostMeter, *args: Any
+) -> tuple[Equations[Family], ResponseCurve, Highest | None] | None:
+    """Compute the response curve of a run-up across the resonance of a mode; None if it cannot cross the line.
+
+    Vibration may close contacts that are open at rest, so that the resonance lies above the stuck one. If the curve is
+    highest at its upper end, it is repeated up to the next mode or the end of the range.
+
+    Parameters
+    ----------
+    within : (low, high), rad/s
+        Range of rotor speeds.
+    *args
+        Options and progress, see :func:`follow_line`.
+    """
+    speeds = interval(family, *within, mode)
+    if speeds is None:
+        return None
+    found = follow_line(family, speeds, mode, meter, *args)
+    curve = found[1]
+    if not curve.peak_at_end or TWO_PI * curve.peak.frequency < int(family.whole.engine_order) * np.mean(speeds):
+        return found
+    try:
+        following = family.resonances(*within, mode + 1)[0]
+    except SettingError:  # no such mode
+        following = 0.0
+    top = min(within[1], following or within[1])
+    return follow_line(family, (speeds[0], top), mode, meter, *args) if top > speeds[1] else found
+
+
+def refined(
+    family: SpeedFamily, equations: Equations[Family], top: Peak, meter: CostMeter
+) -> tuple[Equations[Family], Peak, Peak, float]:
+    """Repeat the interpolation on shorter ranges until its error at the highest point is small.
+
+    Returns
+    -------
+    equations : Equations
+    top : Peak
+        Highest point of the interpolated equations.
+    solution : Peak
+        Highest point of the equations assembled at its speed.
+    error : float
+        Residual of the interpolation.
+    """
+    solution, error = exact(family, top)
+    for part in AROUND:
+        if error <= CLOSE:
+            break
+        shorter = family.along((1.0 - part) * solution.parameter, (1.0 + part) * solution.parameter, NODES)
+        meter.watch(shorter)
+        peak = find_peak(shorter, solution.y, tangent=solution.tangent, scale=solution.scale)
+        if not peak.converged:
+            break
+        equations, top = shorter, replace(peak, parameter=float(peak.y[-1]) / shorter.structure.engine_order)
+        solution, error = exact(family, top)
+    return equations, top, solution, error
