@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import MISSING, dataclass, fields, replace
+from functools import wraps
 from inspect import getdoc, signature
 from pathlib import Path
 from types import MethodType
@@ -26,6 +27,7 @@ from bdamper.analyses import effect_significance as significance
 from bdamper.analyses import hysteresis as cycles
 from bdamper.analyses import nonlinear_mode as modes
 from bdamper.analyses.executors import check_executor
+from bdamper.contact.preload_state import PreloadState
 from bdamper.contact.stiffness import report
 from bdamper.fatigue import margin as margins
 from bdamper.fatigue import stress_cycle as stresses
@@ -52,7 +54,7 @@ from bdamper.time_domain import time_response as in_time
 from bdamper.time_domain.frequency_sweep import frequency_sweep
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Fact
-from bdamper.util.errors import INTERRUPTED, BdamperError, SettingError
+from bdamper.util.errors import INTERRUPTED, BdamperError, SettingError, warn
 from bdamper.util.formatting import UNITS, aligned, short_repr, spaced, text_of
 from bdamper.util.progress import one_thread, shows_progress
 from bdamper.util.records import new_group, read_attribute
@@ -78,6 +80,15 @@ class analysis(Generic[P, R]):
     def __get__(self, study: Study, owner: type) -> Callable[P, R]: ...
     def __get__(self, study: Study | None, owner: type) -> Callable[..., R]:
         return self.function if study is None else MethodType(self.function, study.problem)
+
+
+@wraps(Problem.static)
+def _static(*args: Any, **given: Any) -> PreloadState:
+    """Warn of a state that has not converged."""
+    state = Problem.static(*args, **given)
+    if not state.converged:
+        warn(f"{state.note}; the result is the state at that load")
+    return state
 
 
 def signature_of(makes: Callable[S, Any]) -> Callable[[Callable[..., None]], Callable[Concatenate[Study, S], None]]:
@@ -141,7 +152,7 @@ class Study(Comparable):
         return "\n".join(filter(None, [*lines, self.problem.contact.note]))
 
     replace = asked(parameters.replace_settings)
-    static = analysis(validation.check_arguments(Problem.static, name="static"))
+    static = analysis(validation.check_arguments(_static, name="static"))
     response_at = analysis(validation.check_arguments(checks.response_at))
     wedge_friction = analysis(validation.check_arguments(Problem.wedge_friction, name="wedge_friction"))
 

@@ -42,13 +42,16 @@ def test_an_order_that_the_model_has_no_modes_for_fails_alone(study, found):
     assert both.warnings == ("", "")
 
 
+NOT_CHECKED = "Not checked in time or with more blade modes and contact points."
+
+
 def test_the_headline_is_the_highest_crossing_or_says_that_there_is_none(study, found, tmp_path):
     i = int(np.argmax(found.values["amplitude"]))
     top, mass = row_of(found.values, i), found.points[i]["damper_mass"]
     assert found._headline() == (
         f"Highest crossing: {peak_text(top['amplitude'], top['frequency'])}, {top['speed']:.5g} rad/s "
         f"({top['speed'] * RPM:.0f} rpm), damper mass {mass:g}, engine order 5, "
-        f"under a preload of {amount(top['preload'], 'N')}."
+        f"under a preload of {amount(top['preload'], 'N')}. {NOT_CHECKED}"
     )
     rows = [{**top, "kind": "incomplete", "warning": "why", "margin": 1.25}, *(row_of(found.values, k) for k in (0, 1))]
     doubted = {name: [row.get(name) for row in rows] for name in rows[0]}
@@ -56,7 +59,7 @@ def test_the_headline_is_the_highest_crossing_or_says_that_there_is_none(study, 
     noted = {name: ["complete" if name == "kind" else x for x in column] for name, column in doubted.items()}
     assert " Note: why. Least" in replace(found, values=named_fields(noted, 3))._headline()
     least = "Least margin against fatigue 1.25 (damper mass 0.999, engine order 5)."
-    assert said.endswith(f" There may be a higher point: why. {least}")
+    assert said.endswith(f" There may be a higher point: why. {least} {NOT_CHECKED}")
     none = study.resonance_crossings((10.0, 20.0), [5])
     why = none.warnings[0]
     assert re.fullmatch(r"engine order 5 meets mode 1 at 3601.8 rpm with free contacts and at \S+ rpm with stuck contacts; "
@@ -322,6 +325,16 @@ def test_a_range_whose_end_is_highest_is_named(study):
     end = r"rpm; Highest response of .* rpm \(425 rad/s\). It lies at an end of the curve .* and is not a peak."
     with pytest.raises(bd.BdamperError, match=end):
         study.run_up(np.array([400.0, 425.0]))
+
+
+def test_edge_contact_at_a_crossing_is_noted(study, found, monkeypatch):
+    """That of the static state at its speed, in the table and in the headline."""
+    at = study.at_speed(found.values[1]["speed"])
+    assert not at.static(at.preload).edges and found.warnings == ("", "", "")
+    monkeypatch.setattr("bdamper.contact.preload_state.EDGE", 1.1)
+    noted = study.resonance_crossings(SPEEDS, [5])
+    words = f"edge contact, more blade modes may change it: {at.static(at.preload).edges}"
+    assert noted.values[0]["kind"] == "complete" and noted.warnings == (words,) and f"Note: {words}." in noted._headline()
 
 
 def test_where_interpolation_fails_the_peak_at_fixed_speed_is_found_exactly(study, found, monkeypatch):

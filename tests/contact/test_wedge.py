@@ -9,7 +9,7 @@ import bdamper as bd
 from bdamper.contact.static_contact import solve_static_contact, static_contact_problem
 from bdamper.contact.stiffness import METHODS, contact_stiffness, paper_contact
 from bdamper.model.structure import StaticContact
-from bdamper.util.errors import ModelError, SettingError
+from bdamper.util.errors import BdamperWarning, ModelError, SettingError
 from bdamper.util.formatting import amount
 from tests.models import wedge_model
 from tests.plain import plain_study
@@ -138,6 +138,15 @@ def test_a_misfit_shrinks_the_contact_and_closes_under_load():
     area = [s.static(20.0).contact_area["left"] for s in (fit, bad)]
     assert area[1] < area[0]
     assert bad.static(2e5).contact_area["left"] > area[1]
+
+
+def test_a_state_that_has_not_converged_is_warned_of(monkeypatch):
+    s = study()
+    lost = replace(s.static(20.0), converged=False, note="found no equilibrium")
+    monkeypatch.setattr(type(s.problem), "static", lambda *_: lost)
+    with pytest.warns(BdamperWarning, match="found no equilibrium; the result is the state at that load") as caught:
+        s.static(20.0)
+    assert caught[0].filename == __file__
 
 
 def test_edge_contact_is_named_with_its_pressure_once(recwarn):

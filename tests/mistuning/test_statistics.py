@@ -107,6 +107,7 @@ def test_the_tail_of_a_weibull_distribution_is_found():
 
 
 def test_every_number_of_a_best_preload_has_its_unit():
+    assert Interval(np.nan, np.nan, np.nan).to_text("m") == "not known"
     best = BestPreload(90.0, 0.03, 1230.0, Interval(7.1e-4, 7.5e-4, np.inf), 987.6, 1543.0, "interior", 950.0, 6.9e-4, 40)
     assert str(best).endswith(
         "1.23 kN (987.6 N to 1.543 kN) (interior of the preload range), 750 µm (710 µm to not bounded by the sample); "

@@ -159,6 +159,7 @@ def test_the_range_is_an_error(found):
     assert found.text == "10.9 mm (10.8 to 11.1)"
     beats = replace(found, highest_period=1.2 * found.mean)
     assert "Single periods reach 13.1 mm." in beats._headline() and "Single periods" not in found._headline()
+    assert beats.largest == beats.highest_period and found.largest == found.highest
     assert beats.factor == beats.highest_period / found.balance and found.factor == found.highest / found.balance
 
 

@@ -146,8 +146,8 @@ class TestBottomLine:
             f"of the minimum from {span(low, high, 'N')}. "
             f"Amplitude by harmonic balance alone, not for the stress: {amount(o.amplitude, 'm')} at "
             f"{amount(o.frequency, 'Hz')}, {curve.free.amplitude / o.amplitude:.3g} times below the free blade "
-            f"({amount(curve.free.amplitude, 'm')}). Not covered: motion in time, mistuning, wear, more contact "
-            "points, friction coefficients other than 0.4."
+            f"({amount(curve.free.amplitude, 'm')}). Not covered: motion in time, more blade modes, "
+            "mistuning, wear, more contact points, friction coefficients other than 0.4."
         )
         assert low == 200.0, "the first preload: the amplitude has not risen there"
         assert "rises faster" not in said

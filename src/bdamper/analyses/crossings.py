@@ -141,6 +141,8 @@ class CrossingTask:
         if self.margin is not None:
             at_speed, unknowns = family.problem(solution.parameter), solution.y[:-1]
             out["margin"] = self.margin(at_speed, unknowns, float(solution.y[-1]), out["preload"])
+        edges = family.problem(solution.parameter).at(out["preload"]).static.edges
+        warnings += [f"edge contact, more blade modes may change it: {edges}"] if edges else []
         return out | {"warning": warnings}
 
 
@@ -168,6 +170,7 @@ class Crossings(SweepResult, kind="bdamper-crossings"):
         if np.isfinite(margins).any():
             k = int(np.nanargmin(margins))
             out.append(f"Least margin against fatigue {margins[k]:.3g} ({as_words(row_of(self.points, k))}).")
+        out.append("Not checked in time or with more blade modes and contact points.")
         reasons = [self.warnings[k] or self.status[k] for k in others]
         out += [f"No crossing at {len(others)} of {counted(len(self), 'point')}: {reasons[0]}."] if others else []
         return " ".join(out)

@@ -88,7 +88,7 @@ class SteadyAmplitude(Protocol):
     @property
     def preload(self) -> float: ...
     @property
-    def balance(self) -> float: ...
+    def largest(self) -> float: ...
     @property
     def status(self) -> str: ...
     @property
@@ -332,7 +332,7 @@ def _scaled_to_time(cycle: StressCycle, time_response: SteadyAmplitude | None) -
         raise validation.invalid("time_response", expected, f"{time_response.text} at {time_response.preload:g} N")
     coefficients = cycle.coefficients.copy()
     coefficients[..., 1:] *= time_response.factor
-    highest = amount(time_response.factor * time_response.balance, "m")
+    highest = amount(time_response.largest, "m")
     note = f"{over_cycle.SCALED}{time_response.factor:.3g}: the highest blade reaches {highest} in time"
     settled = status_word(time_response.status) == COMPLETE
     doubt = () if settled else (f"{over_cycle.UNSETTLED}{time_response.status}",)

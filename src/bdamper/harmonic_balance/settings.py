@@ -120,7 +120,7 @@ class Settings(validation.Answering):
         Whether response curves include the stability of every point.
     speed : float, rad/s, optional
         Rotor speed of the model, set by :meth:`bdamper.Study.at_speed`.  The static analysis then includes the displacement
-        of the faces by rotation, per newton of the damper's centrifugal load.
+        of the faces by rotation at this speed, which does not depend on the preload.
     residual_slip_std : float, m
         Standard deviation of the slider positions after assembly, drawn for each contact point.  The static analysis starts
         from them.

@@ -33,6 +33,8 @@ class Interval(NamedTuple):
 
     def to_text(self, unit: str) -> str:
         """Return the value and the ends with four digits and the unit."""
+        if self.value != self.value:
+            return "not known"
         low, high = (amount(x, unit, 4) if np.isfinite(x) else "not bounded by the sample" for x in (self.low, self.high))
         return f"{amount(self.value, unit, 4)} ({low} to {high})"
 

@@ -315,7 +315,7 @@ def _mark_optimum(ax: Axes, result: OptimalCurve) -> None:
     ax.margins(y=0.25)  # for the name
     lines = [f"{name}: {amount(o.preload, 'N')}, {amount(o.amplitude, 'm')}"]
     if k := result.optimum_in_time:
-        lines.append(f"in time: {amount(k.preload, 'N')}, {amount(k.highest, 'm')}")
+        lines.append(f"in time: {amount(k.preload, 'N')}, {amount(k.largest, 'm')}")
     lines += [f"not for design: {counted(len(result.failures), 'check')} failed"] * bool(result.failures)
     name_point(ax, "\n".join(wrapped(line, 32) for line in lines), (o.preload, o.amplitude), color=OPTIMUM)
 

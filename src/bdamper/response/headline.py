@@ -217,7 +217,7 @@ def _amplitude(curve: OptimalCurve) -> str:
     if shown is None:
         top = peak_text(max(high, o.amplitude), o.frequency)
         return f"Amplitude by harmonic balance alone, not for the stress: {top}{ends}{gain}."
-    high = float(np.fmax(shown.highest, shown.highest_period))
+    high = shown.largest
     at, balance = "", peak_text(o.amplitude, o.frequency)
     if not np.isclose(shown.preload, o.preload):
         at, balance = f" at {amount(shown.preload, 'N')}", f"{amount(shown.balance, 'm')} there, at its optimum {balance}"
@@ -238,7 +238,7 @@ def _not_covered(curve: OptimalCurve) -> str:
     checked = len(ends) > 1 and _other_friction(curve).colour != "white"
     beyond = f"beyond {min(ends):g} to {max(ends):g} times" if checked else "other than"
     other = [f"friction coefficients {beyond} {values}"] * bool(values)
-    time = ["motion in time"] * (not any(map(known_in_time, curve.time_response)))
+    time = [] if any(map(known_in_time, curve.time_response)) else ["motion in time", "more blade modes"]
     stiffness = curve.settings.get("contact_stiffness", "")
     joints = stiffness == "model" or "values" in stiffness  # each point is a joint
     points = ["more contact points"] * (not joints or curve.settings.get("contact_points") is not None)

@@ -239,7 +239,7 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
     @property
     def optimum_in_time(self) -> TimeResponse | None:
         """Time response with the least upper bound of the amplitude, of two or more preloads; otherwise None."""
-        return min(self._known, key=lambda k: np.fmax(k.highest, k.highest_period)) if len(self._known) > 1 else None
+        return min(self._known, key=lambda k: k.largest) if len(self._known) > 1 else None
 
     @property
     def recommended_preload(self) -> float:

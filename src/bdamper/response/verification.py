@@ -204,9 +204,14 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
         return status_word(self.status) == COMPLETE
 
     @property
+    def largest(self) -> float:
+        """Amplitude (m) for the stress: the larger of ``highest`` and ``highest_period``."""
+        return float(np.fmax(self.highest, self.highest_period))
+
+    @property
     def factor(self) -> float:
-        """Highest amplitude in time over the amplitude by harmonic balance, as a factor on stress."""
-        return float(np.fmax(self.highest, self.highest_period)) / self.balance
+        """Largest amplitude in time over the amplitude by harmonic balance, as a factor on stress."""
+        return self.largest / self.balance
 
     @property
     def text(self) -> str:
