@@ -6,8 +6,9 @@ import pytest
 import bdamper as bd
 from bdamper.mistuning import BladedDisk, DamperVariation
 from bdamper.mistuning.peak_search import band
+from bdamper.model.kinematics import Coupling
 from bdamper.response.events import ContinuationOptions
-from bdamper.util.errors import SettingError
+from bdamper.util.errors import BdamperWarning, SettingError
 from tests.mistuning.lumped import lumped_study
 from tests.mistuning.test_symmetry import PATTERN, study
 
@@ -66,3 +67,10 @@ def test_a_disk_at_a_rotor_speed_is_refused():
     turning = bd.Study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), 5, harmonics=1).at_speed(400.0)
     with pytest.raises(SettingError, match=r"^speed: the modes of a bladed disk .* without rotation, found 400 rad/s"):
         BladedDisk(turning)
+
+
+def test_faces_that_rotation_displaces_are_warned_of(monkeypatch):
+    BladedDisk(lumped_study(3, 1))
+    monkeypatch.setattr(Coupling, "closing_by_rotation", lambda self: np.ones((self.n_points, 3)))
+    with pytest.warns(BdamperWarning, match="modes and faces at standstill, although rotation displaces the faces"):
+        BladedDisk(lumped_study(3, 1))

@@ -45,7 +45,7 @@ from bdamper.model.loads import direction_vector
 from bdamper.model.modal_basis import LocalBasis
 from bdamper.model.structure import Model, SurfaceMesh
 from bdamper.model.validation import as_checked
-from bdamper.util.errors import ModelError, SettingError
+from bdamper.util.errors import ModelError, SettingError, warn
 from bdamper.util.formatting import short_repr
 
 
@@ -297,6 +297,8 @@ def tuned_problem(study: Problem) -> Problem:
             f"speed: the modes of a bladed disk are known without rotation, found {speed:g} rad/s; pass the study without "
             "at_speed, and the preload of this speed to the disk"
         )
+    if np.any(study.coupling.closing_by_rotation()):
+        warn("bladed disk: modes and faces at standstill, although rotation displaces the faces of this model")
     model = local_model(study.model)
     local = next(body.local for body in model.bodies.values() if body.local is not None)
     stiffness = study.settings.contact_stiffness
