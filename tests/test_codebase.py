@@ -253,7 +253,7 @@ def test_tests_mirror_the_rooms():
 
 # ---- what is counted, and what stands in one place ----
 
-CODE, CONSTANTS = 24_228, 308
+CODE, CONSTANTS = 24_240, 308
 """Lines with code and numeric constants of modules that the package may have."""
 
 

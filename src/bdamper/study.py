@@ -87,7 +87,7 @@ def _static(*args: Any, **given: Any) -> PreloadState:
     """Warn of a state that has not converged."""
     state = Problem.static(*args, **given)
     if not state.converged:
-        warn(f"{state.note}; the result is the state at that load")
+        warn(f"{state.note}; the result is the last state that was found")
     return state
 
 

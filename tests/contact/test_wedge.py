@@ -144,7 +144,7 @@ def test_a_state_that_has_not_converged_is_warned_of(monkeypatch):
     s = study()
     lost = replace(s.static(20.0), converged=False, note="found no equilibrium")
     monkeypatch.setattr(type(s.problem), "static", lambda *_: lost)
-    with pytest.warns(BdamperWarning, match="found no equilibrium; the result is the state at that load") as caught:
+    with pytest.warns(BdamperWarning, match="found no equilibrium; the result is the last state that was found") as caught:
         s.static(20.0)
     assert caught[0].filename == __file__
 

@@ -23,7 +23,6 @@ from bdamper.analyses.crossings import speed_values
 from bdamper.analyses.engine_order_line import (
     CLOSE,
     SpeedFamily,
-    exact,
     follow_line,
     follow_mode,
     interpolated_at_fixed_speed,
@@ -307,15 +306,16 @@ def run_up(
         end = "" if found is None else f"; {found[1]._headline()}"
         raise BdamperError(f"run-up: no maximum: {family.limits_text(low, high, mode)}{end}")
     equations, curve, _ = found
-    error = exact(family, highest.peak)[1]
-    equations, _, top, last = refined(family, equations, highest.peak, meter)
+    near, _, top, error, last = refined(family, equations, highest.peak, meter)
     left = f"a residual of {last:.2g} after interpolation over it; give a shorter one"
     validation.check(last <= CLOSE, "speeds", "a range in which the equations change smoothly", left)
     if error > CLOSE:
         why = f"interpolation over speed leaves a residual of {error:.2g} at the highest point"
         curve = replace(curve, status=INCOMPLETE, reason=f"{curve.reason}; {why}; give a shorter range of speeds")
-    fixed = interpolated_at_fixed_speed(equations, top, meter)
-    out = _with_maximum(curve, highest.index, top, responses(equations, top.y[None])[0])
+    fixed = interpolated_at_fixed_speed(equations, highest.peak, meter)
+    out = _with_maximum(curve, highest.index, top, responses(near, top.y[None])[0])
+    left = f"a residual of {error:.2g} after interpolation over it, which gives another highest point; give a shorter one"
+    validation.check(out.peak_index == highest.index, "speeds", "a range in which the equations change smoothly", left)
     notes = _comparison_text(top, fixed), f"interpolation over speed leaves a residual of {error:.1e} there"
     return replace(out, notes=(*curve.notes, *notes), cost=meter.read())
 

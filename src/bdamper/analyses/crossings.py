@@ -119,14 +119,19 @@ class CrossingTask:
         equations, curve, _ = found
         warnings = [f"curve {curve.status}: {curve.reason}"] if curve.status != COMPLETE else []
         warnings += [highest.note] if highest.note else []
-        equations, top, solution, error = refined(family, equations, highest.peak, meter)
+        equations, top, solution, first, error = refined(family, equations, highest.peak, meter)
         if not error <= CLOSE:
             left = f"interpolation over speed leaves a residual of {error:.2g} times the excitation at the highest point"
             fixed = exact_at_fixed_speed(family, self.speeds, self.mode, top, meter)
             if isinstance(fixed, str):
-                return {"kind": NOT_FOUND, "warning": [*warnings, left, fixed, "give a shorter range of speeds"]}
+                where = family.limits_text(*self.speeds, self.mode)
+                return {"kind": NOT_FOUND, "warning": [*warnings, left, fixed, where]}
             solution = fixed
-            warnings.append(f"{left}; this is the peak at fixed speed, to {percent(AROUND[-1])} in speed")
+            doubt = "" if fixed.status == COMPLETE else f" ({fixed.status})"
+            warnings.append(f"{left}; this is the peak at fixed speed, to {percent(AROUND[-1])} in speed{doubt}")
+        elif not first <= CLOSE:
+            left = f"a residual of {first:.2g} times the excitation at the highest point"
+            warnings.append(f"interpolation over the whole range leaves {left}; a shorter range may have a higher one")
         out: dict[str, Any] = {
             "kind": INCOMPLETE if warnings else COMPLETE, "speed": solution.parameter, "amplitude": solution.amplitude,
             "frequency": solution.frequency, "preload": family.preload(solution.parameter), "residual": solution.residual,

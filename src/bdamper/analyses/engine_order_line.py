@@ -45,11 +45,11 @@ from bdamper.response.branches import Coverage, ending, evaluation_budget, first
 from bdamper.response.continuation import TWO_PI
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.highest_peak import Highest, highest_of_curve, highest_peak
-from bdamper.response.linear_limits import beyond, free_and_stuck
+from bdamper.response.linear_limits import beyond, free_and_stuck, resonance_interval
 from bdamper.response.peak import LOOSEST, Peak, PeakOptions, amplitude_at, coarse_options, find_peak
 from bdamper.response.response_curve import as_curve
 from bdamper.response.response_curve_result import ResponseCurve
-from bdamper.util.errors import BdamperError, SettingError
+from bdamper.util.errors import NOT_FOUND, BdamperError, SettingError, with_reason
 from bdamper.util.progress import Cost, CostMeter, progress_bar
 
 # ---- Equations over speed ----
@@ -141,8 +141,9 @@ class SpeedFamily:
         where = " and ".join(f"at {speed * RPM:.5g} rpm with {name} contacts" for name, speed in met.items())
         inside = any(low <= speed <= high for speed in met.values())
         also = ", or check that excitation and response act on the mode" if inside else ""
-        cure = f"give a range wider than {low * RPM:.5g} to {high * RPM:.5g} rpm"
-        return f"engine order {self.whole.engine_order} meets mode {mode} {where or 'at no speed'}; {cure}{also}"
+        wider = f"give a range wider than {low * RPM:.5g} to {high * RPM:.5g} rpm{also}"
+        cure = wider if met else "give another order or mode"
+        return f"engine order {self.whole.engine_order} meets mode {mode} {where or 'at no speed'}; {cure}"
 
     def _linear(self, omega: float, mode: int) -> NDArray:
         """Return the free and the stuck resonance (2,), rad/s, of a mode of the constrained bodies at a speed (rad/s)."""
@@ -326,15 +327,19 @@ def exact_at_fixed_speed(
 ) -> Peak | str:
     """Return the peak at fixed speed that lies on the line, by a search at each speed, or why there is none."""
 
+    order, reach = float(family.whole.engine_order), 1.1  # vibration may close contacts and raise the resonance
+
     def peak_at(speed: float, _: NDArray) -> Peak:
-        peak = highest_peak(family.problem(speed), family.preload(speed), mode=mode)
+        problem, preload = family.problem(speed), family.preload(speed)
+        try:
+            low, high = resonance_interval(problem.at(preload), mode)
+            peak = highest_peak(problem, preload, (low, max(high, reach * order * speed / TWO_PI)), mode=mode)
+        except BdamperError as error:
+            return replace(top, parameter=speed, status=with_reason(NOT_FOUND, error))
         meter.add(peak.cost or Cost())
         return replace(peak, parameter=speed)
 
-    try:
-        return at_fixed_speed(peak_at, float(family.whole.engine_order), np.array(speeds), top, AROUND[-1])
-    except BdamperError as error:
-        return str(error)
+    return at_fixed_speed(peak_at, order, np.array(speeds), top, AROUND[-1])
 
 
 def exact(family: SpeedFamily, top: Peak) -> tuple[Peak, float]:
@@ -382,12 +387,13 @@ def follow_mode(
     except SettingError:  # no such mode
         following = 0.0
     top = min(within[1], following or within[1])
-    return follow_line(family, (speeds[0], top), mode, meter, *args) if top > speeds[1] else found
+    wider = follow_line(family, (speeds[0], top), mode, meter, *args) if top > speeds[1] else found
+    return found if wider[2] is None else wider
 
 
 def refined(
     family: SpeedFamily, equations: Equations[Family], top: Peak, meter: CostMeter
-) -> tuple[Equations[Family], Peak, Peak, float]:
+) -> tuple[Equations[Family], Peak, Peak, float, float]:
     """Repeat the interpolation on shorter ranges until its error at the highest point is small.
 
     Returns
@@ -397,10 +403,11 @@ def refined(
         Highest point of the interpolated equations.
     solution : Peak
         Highest point of the equations assembled at its speed.
-    error : float
-        Residual of the interpolation.
+    first, last : float
+        Residuals of the interpolation over the whole and over the last range.
     """
     solution, error = exact(family, top)
+    first = error
     for part in AROUND:
         if error <= CLOSE:
             break
@@ -411,4 +418,4 @@ def refined(
             break
         equations, top = shorter, replace(peak, parameter=float(peak.y[-1]) / shorter.structure.engine_order)
         solution, error = exact(family, top)
-    return equations, top, solution, error
+    return equations, top, solution, first, error

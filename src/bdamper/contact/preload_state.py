@@ -96,7 +96,7 @@ class PreloadState(InContact, Tabular, Storable, kind="bdamper-static", row="con
     def edges(self) -> str:
         """Faces with friction that touch with less than :data:`EDGE` of their area, and the pressure there; or ""."""
         found, names = [], np.array(self.interface)
-        if self.area is None or self.friction is None:
+        if not self.converged or self.area is None or self.friction is None:
             return ""
         for name, area in self.contact_area.items():
             part = area / float(self.area[names == name].sum())

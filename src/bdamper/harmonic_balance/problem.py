@@ -140,7 +140,7 @@ class Problem:
 
     def given(self, **parts: Any) -> Problem:
         """Return the same problem with the given derived quantities; others that exist are reused."""
-        derived = {name: part for name, part in vars(self).items() if name not in ("settings", "_load_cases")}
+        derived = {name: part for name, part in vars(self).items() if name not in ("settings", "sizes", "_load_cases")}
         return Problem(self.settings, derived | parts)
 
     # ---- derived quantities, computed once ----
