@@ -24,7 +24,7 @@ import numpy as np
 import bdamper as bd
 from bdamper.response.highest_peak import AtPreload
 from bdamper.response.linear_limits import peak_interval
-from bdamper.response.optimal_curve import MAX_RATTLING, at_preload, optimal_curve, rattling_below
+from bdamper.response.optimal_curve import BUDGET, MAX_RATTLING, at_preload, optimal_curve, rattling_below
 
 STUDIES = 60
 ABOVE = 0.01
@@ -57,7 +57,7 @@ def search_status(
     there: dict[float, AtPreload] = {}
     row = 0
     for p in preloads[::-1]:
-        at = there[float(p)] = at_preload(study.problem, float(p), frequency)
+        at = there[float(p)] = at_preload(study.problem, float(p), frequency, None, BUDGET)
         higher = at.value > min(a.value for a in there.values()) + np.log(rises)
         row = row + 1 if at.rattles or higher else 0
         if row == MAX_RATTLING:

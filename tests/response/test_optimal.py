@@ -423,7 +423,7 @@ def test_a_curve_that_uses_up_its_first_budget_is_followed_again(study, monkeypa
     used = [c.cost.evaluations for c in curve.curves]
     assert min(used) > 200 and curve.cost.evaluations >= sum(used) + 100 * len(used), "both budgets count"
     monkeypatch.setattr(optimal_curve, "rattles", lambda curve, at_rest: "it rattles")
-    there = optimal_curve.at_preload(study.problem, 1000.0, INTERVAL)
+    there = optimal_curve.at_preload(study.problem, 1000.0, INTERVAL, budget=100)
     assert not there.known and there.cost.evaluations < 200
 
 

@@ -315,5 +315,5 @@ def test_speeds_in_revolutions_per_minute(study):
         low, high = 1000.0 * turn, 1500.0 * turn
         assert study.campbell(rpm=(1000.0, 1200.0, 1500.0), modes=1).speed[[0, -1]] == pytest.approx([low, high])
         assert study.resonance_crossings(rpm=(1000.0, 1500.0), engine_orders=[5]).values[0]["kind"] == "none"
-        with pytest.raises(bd.BdamperError, match=r"engine order 5 between 104\.72 and 157\.08 rad/s"):
+        with pytest.raises(bd.BdamperError, match=r"maximum of mode 1, found none: .* wider than 1000 to 1500 rpm"):
             study.run_up(rpm=(1000.0, 1500.0))

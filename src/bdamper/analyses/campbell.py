@@ -303,8 +303,8 @@ def run_up(
     found = follow(family, (low, high), mode, meter, options, progress)
     highest = None if found is None else found[2]
     if found is None or highest is None:
-        end = "" if found is None else f"; {found[1]._headline()}"
-        raise BdamperError(f"run-up: no maximum: {family.limits_text(low, high, mode)}{end}")
+        why = family.limits_text(low, high, mode) + ("" if found is None else f"; {found[1]._headline()}")
+        raise BdamperError(f"run-up: expected a maximum of mode {mode}, found none: {why}")
     equations, curve, _ = found
     near, _, top, error, last = refined(family, equations, highest.peak, meter)
     left = f"a residual of {last:.2g} after interpolation over it; give a shorter one"

@@ -65,21 +65,25 @@ def at_preload(
     preload: float,
     frequency: tuple[float, float],
     options: PeakOptions | None = None,
+    budget: int | None = None,
     stop: Event | None = None,
 ) -> AtPreload:
-    """Compute the response at a preload; another thread stops it by setting ``stop``."""
+    """Compute the response at a preload; another thread stops it by setting ``stop``.
+
+    A curve that uses up ``budget`` is followed again with the default budget, unless the damper rattles.
+    """
     cost, slope = Cost(), np.nan
-    for budget in (BUDGET, None):
+    for most in dict.fromkeys((budget, None)):
         with stopped_by(stop or Event()):
             try:
-                response = found_at(problem, preload, frequency, options=options, budget=budget)
+                response = found_at(problem, preload, frequency, options=options, budget=most)
             except LOST as error:
                 why = f"failed: {type(error).__name__}: {error}"
                 lost = without_points(problem, preload, why, ContinuationOptions(), Cost())
                 response = AtPreload(preload, lost, None, np.nan, "", Cost())
         curve, cost = response.curve, cost + response.cost
         why = rattles(curve, open_at_rest(problem.at(preload))) if response.top else ""
-        if response.known or why or curve.cost.evaluations < BUDGET:
+        if response.known or why or (most and curve.cost.evaluations < most):
             break
     if response.top is not None:
         peak = response.top.peak
@@ -230,7 +234,7 @@ class Curves:
         self.stack.close()
         return quiet
 
-    def follow(self, preloads: Sequence[float], row: int = 0) -> list[AtPreload]:
+    def follow(self, preloads: Sequence[float], budget: int | None = None, row: int = 0) -> list[AtPreload]:
         """Compute the response curves at preloads (N) in parallel, and return them in the given order.
 
         If ``row`` is not 0, the computation stops after this number of consecutive preloads at which the damper rattles.
@@ -245,7 +249,7 @@ class Curves:
                     self.known[p] = AtPreload.of(self.stored[repr(p)])
                 elif p not in self.known:
                     threads = isinstance(self.executor, ThreadPoolExecutor)
-                    job = at_preload, self.problem, p, self.frequency, self.options, stop if threads else None
+                    job = at_preload, self.problem, p, self.frequency, self.options, budget, stop if threads else None
                     with executor_errors(RuntimeError):  # raised by an executor that was shut down
                         running[p] = self.executor.submit(*((copy_context().run, *job) if threads else job))
             for i, p in enumerate(preloads):
@@ -280,7 +284,7 @@ class Curves:
 
 def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
     """Find the preload of minimum amplitude; compute more curves at preloads near which it may lie."""
-    curves.follow([float(p) for p in values[::-1]], row=MAX_RATTLING)
+    curves.follow([float(p) for p in values[::-1]], BUDGET, row=MAX_RATTLING)
     known = curves.known
     edge = rattling_below(known)
     by_log = {float(np.log(p)): known[p] for p in known if p >= edge}  # with the edge: the minimum may lie just above it
