@@ -130,8 +130,7 @@ class CrossingTask:
             doubt = "" if fixed.status == COMPLETE else f" ({fixed.status})"
             warnings.append(f"{left}; this is the peak at fixed speed, to {percent(AROUND[-1])} in speed{doubt}")
         elif not first <= CLOSE:
-            left = f"a residual of {first:.2g} times the excitation at the highest point"
-            warnings.append(f"interpolation over the whole range leaves {left}; a shorter range may have a higher one")
+            warnings.append(f"interpolation over the range leaves a residual of {first:.2g}; give a shorter one")
         out: dict[str, Any] = {
             "kind": INCOMPLETE if warnings else COMPLETE, "speed": solution.parameter, "amplitude": solution.amplitude,
             "frequency": solution.frequency, "preload": family.preload(solution.parameter), "residual": solution.residual,

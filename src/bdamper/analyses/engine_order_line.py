@@ -145,6 +145,13 @@ class SpeedFamily:
         cure = wider if met else "give another order or mode"
         return f"engine order {self.whole.engine_order} meets mode {mode} {where or 'at no speed'}; {cure}"
 
+    def following(self, omega: float, mode: int) -> float:
+        """Return the free resonance (rad/s) of the next mode at a speed (rad/s), or infinity."""
+        try:
+            return float(self._linear(omega, mode + 1)[0])
+        except SettingError:  # no such mode
+            return np.inf
+
     def _linear(self, omega: float, mode: int) -> NDArray:
         """Return the free and the stuck resonance (2,), rad/s, of a mode of the constrained bodies at a speed (rad/s)."""
         both = free_and_stuck(self.problem(omega).at(self.preload(omega)), mode)
@@ -325,15 +332,18 @@ def interpolated_at_fixed_speed(equations: Equations[Family], top: Peak, meter: 
 def exact_at_fixed_speed(
     family: SpeedFamily, speeds: tuple[float, float], mode: int, top: Peak, meter: CostMeter
 ) -> Peak | str:
-    """Return the peak at fixed speed that lies on the line, by a search at each speed, or why there is none."""
+    """Return the peak at fixed speed that lies on the line, by a search at each speed, or why there is none.
 
-    order, reach = float(family.whole.engine_order), 1.1  # vibration may close contacts and raise the resonance
+    The search goes beyond the line, up to the next mode, because vibration may raise the resonance above the stuck one.
+    """
+    order, reach = float(family.whole.engine_order), 1.1
 
     def peak_at(speed: float, _: NDArray) -> Peak:
         problem, preload = family.problem(speed), family.preload(speed)
         try:
             low, high = resonance_interval(problem.at(preload), mode)
-            peak = highest_peak(problem, preload, (low, max(high, reach * order * speed / TWO_PI)), mode=mode)
+            beyond_line = min(reach * order * speed, family.following(speed, mode)) / TWO_PI
+            peak = highest_peak(problem, preload, (low, max(high, beyond_line)), mode=mode)
         except BdamperError as error:
             return replace(top, parameter=speed, status=with_reason(NOT_FOUND, error))
         meter.add(peak.cost or Cost())
@@ -379,14 +389,10 @@ def follow_mode(
     if speeds is None:
         return None
     found = follow_line(family, speeds, mode, meter, *args)
-    curve = found[1]
-    if not curve.peak_at_end or TWO_PI * curve.peak.frequency < int(family.whole.engine_order) * np.mean(speeds):
+    curve, order = found[1], float(family.whole.engine_order)
+    if not curve.peak_at_end or TWO_PI * curve.peak.frequency < order * np.mean(speeds):
         return found
-    try:
-        following = family.resonances(*within, mode + 1)[0]
-    except SettingError:  # no such mode
-        following = 0.0
-    top = min(within[1], following or within[1])
+    top = min(within[1], family.following(speeds[1], mode) / order)
     wider = follow_line(family, (speeds[0], top), mode, meter, *args) if top > speeds[1] else found
     return found if wider[2] is None else wider
 
