@@ -255,6 +255,14 @@ class TestOptimalCurve:
         found.save(tmp_path / "optimal.h5")
         assert bd.load(tmp_path / "optimal.h5").convergence == more
 
+    def test_shows_its_progress_if_the_curve_does(self, study, curve, monkeypatch):
+        shown = []
+        monkeypatch.setattr(room, "with_convergence", lambda _, plain, work, progress: shown.append(progress) or plain)
+        monkeypatch.setattr("bdamper.analyses.robust_optimum.with_other_friction", lambda problem, plain, progress: plain)
+        for progress in (True, False):
+            study.optimal_curve(curve.preload[-2:], frequency=INTERVAL, progress=progress)
+        assert shown == [True, False]
+
     def test_says_why_there_is_none(self, study, curve):
         wrong = replace(curve, optimum=replace(curve.optimum, amplitude=0.5 * curve.optimum.amplitude))
         assert room.at_optimum(study.problem, wrong).status.startswith("not found: the highest peak there is ")

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,9 +10,10 @@ import pytest
 import bdamper as bd
 from bdamper.analyses import crossings, engine_order_line
 from bdamper.analyses.campbell import run_up
-from bdamper.analyses.engine_order_line import SpeedFamily, exact, follow_line
+from bdamper.analyses.engine_order_line import SpeedFamily, exact, exact_at_fixed_speed, follow_line, follow_mode
 from bdamper.harmonic_balance.rotor_speed import RPM, Conditions
 from bdamper.plot import plot_crossings
+from bdamper.response.linear_limits import free_and_stuck, resonance_interval
 from bdamper.response.peak import amplitude_at
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util.formatting import amount, peak_text
@@ -298,6 +300,28 @@ def test_a_resonance_above_the_stuck_one_is_found(study, found, monkeypatch):
     assert followed == [(400.0, 425.0), (400.0, 430.0)] and below.values[0]["kind"] == "not found", "up to the next mode"
 
 
+def test_a_wider_run_up_without_a_maximum_does_not_replace_one_with_a_maximum(study, monkeypatch):
+    """A flank of the next mode may be higher than the peak."""
+    at_end = SimpleNamespace(peak_at_end=True, peak=SimpleNamespace(frequency=1e3))
+    runs = iter([("equations", at_end, "peak"), ("other equations", at_end, None)])
+    monkeypatch.setattr(engine_order_line, "interval", lambda *_: (400.0, 425.0))
+    monkeypatch.setattr(engine_order_line, "follow_line", lambda *_: next(runs))
+    assert follow_mode(SpeedFamily(study.problem, Conditions()), (400.0, 560.0), 1, CostMeter())[2] == "peak"
+    assert not [*runs], "both were followed"
+
+
+@pytest.mark.parametrize("speed", [300.0, 500.0, 900.0])
+def test_the_exact_search_reaches_beyond_the_line_but_not_the_next_mode(study, monkeypatch, speed):
+    family, asked = SpeedFamily(study.problem, Conditions()), []
+    monkeypatch.setattr(engine_order_line, "highest_peak", lambda problem, preload, band, mode: asked.append(band) or lost)
+    lost = replace(study.peak(5800.0), status="not found: tried", y=np.array([0.0, 5.0 * speed]))
+    exact_at_fixed_speed(family, (200.0, 1000.0), 1, lost, CostMeter())
+    case = family.problem(speed).at(family.preload(speed))
+    low, high = resonance_interval(case, 1)
+    following = free_and_stuck(case, 2)[0][1]
+    assert asked[0] == pytest.approx((low, max(high, min(1.1 * 5.0 * speed / (2.0 * np.pi), following))), rel=1e-12)
+
+
 @pytest.mark.parametrize(("resonances", "where"), [
     ((0.0, 0.0), "at no speed; give another order or mode"),
     ((405.0, 420.0), "at 3867.5 rpm with free contacts and at 4010.7 rpm with stuck contacts; give a range "
@@ -353,6 +377,12 @@ def test_where_interpolation_fails_the_peak_at_fixed_speed_is_found_exactly(stud
     assert value["preload"] == study.at_speed(value["speed"]).preload
     with pytest.raises(bd.BdamperError, match="speeds: expected a range in which the equations change smoothly"):
         study.run_up(SPEEDS)
+
+    searched = engine_order_line.highest_peak
+    cut = lambda *args, **given: replace(searched(*args, **given), status="incomplete: out of budget")  # noqa: E731
+    monkeypatch.setattr(engine_order_line, "highest_peak", cut)
+    doubted = study.resonance_crossings(SPEEDS, [5]).values[0]["warning"]
+    assert doubted.endswith("this is the peak at fixed speed, to 0.3 % in speed (incomplete: out of budget)")
 
     def none_there(*_, **__):
         raise bd.BdamperError("no peak there")

@@ -9,7 +9,7 @@ import bdamper as bd
 from bdamper.contact.static_contact import solve_static_contact, static_contact_problem
 from bdamper.contact.stiffness import METHODS, contact_stiffness, paper_contact
 from bdamper.model.structure import StaticContact
-from bdamper.util.errors import BdamperWarning, ModelError, SettingError
+from bdamper.util.errors import BdamperWarning, ModelError, PlausibilityWarning, SettingError
 from bdamper.util.formatting import amount
 from tests.models import wedge_model
 from tests.plain import plain_study
@@ -140,6 +140,18 @@ def test_a_misfit_shrinks_the_contact_and_closes_under_load():
     assert bad.static(2e5).contact_area["left"] > area[1]
 
 
+@pytest.mark.parametrize("ask", [
+    lambda s: s.peak(1000.0), lambda s: s.frequency_response(1000.0, (300.0, 330.0)),
+    lambda s: s.optimal_curve((1000.0, 2000.0), 2, check=False),
+])  # fmt: skip
+def test_answers_warn_of_edge_contact(ask, monkeypatch):
+    """Every face counts as one that touches at an edge."""
+    monkeypatch.setattr("bdamper.contact.preload_state.EDGE", 1.1)
+    s = plain_study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), 5, friction_coefficient=0.4)
+    with pytest.warns(PlausibilityWarning, match="faces that touch over their area, found 'left' touches with"):
+        ask(s)
+
+
 def test_a_state_that_has_not_converged_is_warned_of(monkeypatch):
     s = study()
     lost = replace(s.static(20.0), converged=False, note="found no equilibrium")
@@ -158,6 +170,8 @@ def test_edge_contact_is_named_with_its_pressure_once(recwarn):
     pressure = state.normal_force["left"] / state.contact_area["left"]
     words = f"'left' touches with {100.0 * part:.2g} % of its area, where the mean pressure is {amount(pressure, 'Pa')}"
     assert 0.0 < part < 0.3 and state.edges == words and f"Edge contact: {words}." in str(" ".join(str(state).split()))
+    assert not replace(state, converged=False).edges, "a state at a smaller load"
+    assert not replace(state, friction=0.0 * state.friction).edges, "an axial stop touches where it may"
     assert not study().static(20.0).edges and "Edge" not in str(study().static(20.0))
     recwarn.clear()
     for load in (20.0, 21.0):

@@ -70,3 +70,9 @@ def test_residual_modes_that_change_come_with_a_remedy(problem):
     basis = problem.bases[1]
     with pytest.raises(bd.SettingError, match=r'give a shorter one, or contact_stiffness="unit_traction"$'):
         aligned(replace(basis, coordinates=basis.coordinates[:-1]), basis)
+
+
+def test_the_same_problem_with_given_parts_has_sizes_and_warnings_of_its_own(problem):
+    assert problem.sizes is problem.sizes
+    other = problem.given(static_states=problem.static_states)
+    assert other.sizes.problem is other and other.sizes.told is not problem.sizes.told
