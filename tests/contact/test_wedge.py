@@ -171,7 +171,7 @@ def test_edge_contact_is_named_with_its_pressure_once(recwarn):
     words = f"'left' touches with {100.0 * part:.2g} % of its area, where the mean pressure is {amount(pressure, 'Pa')}"
     assert 0.0 < part < 0.3 and state.edges == words and f"Edge contact: {words}." in str(" ".join(str(state).split()))
     assert not replace(state, converged=False).edges, "a state at a smaller load"
-    assert not replace(state, friction=0.0 * state.friction).edges, "an axial stop touches where it may"
+    assert not replace(state, friction=0.0 * state.friction).edges, "an axial stop may touch at one point"
     assert not study().static(20.0).edges and "Edge" not in str(study().static(20.0))
     recwarn.clear()
     for load in (20.0, 21.0):

@@ -51,7 +51,10 @@ def test_what_a_blade_keeps_has_a_margin_of_its_own(study, curve, tmp_path):
     others = TimeResponse(*(np.nan,) * 4, 300.0, top), replace(known, preload=200.0)  # of another peak than there
     found = study.best_margin(replace(curve, time_response=(known, *others)), AISI_1050)
     two = replace(curve, time_response=(known, replace(known, preload=1.35 * p, highest_period=1.3 * top)))
-    (text,) = (t.get_text() for t in two.plot().axes[0].texts if "in time" in t.get_text())
+    ax = two.plot().axes[0]
+    middle, _, (bars,) = ax.containers[0].lines
+    assert bars.get_segments()[0][1, 1] / middle.get_ydata()[0] == pytest.approx(1.2 / 1.1), "up to the highest period"
+    (text,) = (t.get_text() for t in ax.texts if "in time" in t.get_text())
     assert f"in time: {amount(p, 'N')}, {amount(1.2 * top, 'm')}" in " ".join(text.split())
     (one,) = found.in_time
     assert one.preload == p and one.least == pytest.approx(study.margin(study.peak(p), AISI_1050).least / 1.2, rel=1e-6)

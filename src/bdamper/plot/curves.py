@@ -344,7 +344,7 @@ def _mark_gaps(ax: Axes, result: OptimalCurve) -> None:
 def mark_time_response(time_response: TimeResponse, ax: Axes, x: float | None = None) -> None:
     """Mark the mean and range of the highest blade in time as a point with a bar, by default at its frequency."""
     mean, name = time_response.mean, "highest blade in time, and range"
-    ends = [[mean - time_response.lowest], [time_response.highest - mean]]
+    ends = [[mean - time_response.lowest], [time_response.largest - mean]]
     ax.errorbar(time_response.frequency if x is None else x, mean, ends, fmt="D", color=IN_TIME, markerfacecolor="w",
                 markersize=4.5, capsize=3.0, linewidth=1.2, zorder=5.0, label=once(ax, name))  # fmt: skip
 

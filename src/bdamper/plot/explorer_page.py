@@ -416,7 +416,7 @@ class Page:
             self.texts["time"] = f"In time: {html.escape(found.status)}."
             return
         self._put("time", [found.frequency], [1e6 * found.mean])
-        self._put("range", [found.frequency] * 2, [1e6 * found.lowest, 1e6 * found.highest])
+        self._put("range", [found.frequency] * 2, [1e6 * found.lowest, 1e6 * found.largest])
         warning = "" if found.status.startswith("complete") else f", {html.escape(found.status)}"
         self.texts["time"] = f"◇ In time {found.text}{warning}."
 
