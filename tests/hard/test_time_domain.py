@@ -248,7 +248,7 @@ def test_without_a_mean_the_wave_alone_is_integrated():
                         bias=False, excitation=bd.Excitation("tip", "tangential", 200.0))  # fmt: skip
     curve = study.frequency_response(400.0, (250.0, 255.0))
     assert Ring(study.problem.system(400.0), 8, 2).families == {1: 1}
-    found = compared(study.problem.system(400.0), curve.unknowns[0], 2 * np.pi * curve.frequency[0], 8, 2, 256)
+    found = compared(study.problem.system(400.0), curve.unknowns[0], 2 * np.pi * curve.frequency[0], 8, 2, 1024)
     last = np.abs(found.transient.response[-1])
     assert found.verdict == AGREES and last[0] < 1e-3 * last[1]
 

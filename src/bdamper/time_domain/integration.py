@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper import _core
-from bdamper.contact.laws import AFT, LAW_BONDED, LAW_CUBIC
+from bdamper.contact.laws import AFT, LAW_BONDED, LAW_COUPLED, LAW_CUBIC, LAW_NORMAL, LAW_SEPARABLE
 from bdamper.contact.residual_flexibility import RESIDUAL
 from bdamper.harmonic_balance.equations import Equations
 from bdamper.harmonic_balance.problem import Problem
@@ -47,12 +47,15 @@ them beats are lost or time steps fail.
 """
 TOLERANCE = 1e-4
 """Relative residual of the contact forces; each factor of ten changes the cost by about a tenth."""
-RADIUS = 0.7
-"""Spectral radius of a time step at infinite frequency.  From 0.75 on unresolved modes (up to 39 kHz, with 256 steps in a
-period of 312 Hz) gain up to thousands of times the work of the excitation at the contacts; 0.7 loses 0.02 to 7 % of it.
+RADIUS = 0.3
+"""Spectral radius of a time step at infinite frequency.
+
+A step averages the contact forces of its two ends.  Modes that the steps do not resolve then gain energy at stiff contacts
+with gaps and friction: with 0.7, and with 0.5, up to 4e7 times the work of the excitation on sectors of other meshes.
+With 0.3 no sector of twelve gains energy, and the steps lose 0.2 to 1.2 % of the work on the reference models.
 """
-RADIUS_WITHOUT_MASS = 0.5
-"""Spectral radius with massless coordinates: no gain of energy, at a loss of 0.02 to 0.1 % per period."""
+RADIUS_WITHOUT_MASS = 0.3
+"""Spectral radius with massless coordinates."""
 MOST_SECTORS = 33
 """Largest number of sectors for which all nodal diameters are integrated by default.
 
@@ -373,8 +376,12 @@ class Ring:
         share = np.concatenate([np.full(s.stop - s.start, 0.5 * self.n / factor) for _, s, _, factor in self.blocks])
         modes = (np.tile(k * share, 2) @ y**2 for k, y in ((self.mass, motion.v), (self.stiffness, motion.q)))
         force = a["n0"] + a["kn"] * x[..., 2]
-        pressed = force**2 / np.where(a["kn"] > 0.0, a["kn"], np.inf)
-        limit = a["mu"] * np.maximum(np.abs(force), a["load"])
+        # an open point of a law with separation carries no force and stores nothing; the other laws have a spring that
+        # carries tension as well
+        separates = np.isin(a["law"], (LAW_SEPARABLE, LAW_NORMAL, LAW_COUPLED))
+        normal_force = np.where(separates, np.maximum(force, 0.0), force)
+        pressed = normal_force**2 / np.where(a["kn"] > 0.0, a["kn"], np.inf)
+        limit = a["mu"] * np.maximum(np.abs(normal_force), a["load"])
         reach = np.where(self.held, np.inf, limit[..., None] / np.where(a["kt"] > 0.0, a["kt"], np.inf))
         stretched = np.minimum(np.abs(x[..., :2] - motion.w[..., :2]), reach)
         stretched = np.where((a["law"] == LAW_CUBIC)[:, None], x[..., :2] ** 2 / np.sqrt(2.0), stretched)
