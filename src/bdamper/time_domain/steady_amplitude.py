@@ -4,8 +4,8 @@ The peak of the harmonic balance is the highest periodic solution of its equatio
 another may be higher.  The search therefore follows motions in time, from two places:
 
 * **from the flank**, at a frequency next to the resonance with one solution, in a slow sweep towards the tip and beyond;
-* **from the tip**, with the solution of the harmonic balance.  If its motion is higher than the sweep there, it is followed
-  by sweeps in both directions.
+* **from the tip**, with the solution of the harmonic balance.  Its motion always settles.  If it is higher than the sweep
+  there, it is also followed by sweeps in both directions.
 
 A sweep is continuous: the frequency changes by the half width of the resonance in a given number of periods.  The motion is
 stored at equal numbers of periods (:class:`Place`).  A sweep ends if the amplitude remains below a fraction of its highest
@@ -198,12 +198,33 @@ class SteadySearch:
                     self.settle_back(places, parting)
                     if self.best is not best:
                         self.below = along if any(places is way for way in from_tip) else np.nan
+            self._settle_tip(start, along, way, parting)
             parted: list[SteadyPoint] = []
             while (best := self.best) is not None and best not in parted:
                 self.points.remove(best)
                 parted.append(self.settle(best.frequency, best.transient.motion, best.mean, parting=True))
             if self.points:
                 return
+
+    def _settle_tip(self, start: Place, along: float, way: float, parting: bool) -> None:
+        """Settle the motion from the tip, and search around it if it is the highest one.
+
+        ``along`` is the highest amplitude (m) of the sweep from the flank.  A sweep at a distance of up to the tolerance
+        of 5 % below the tip would otherwise hide a motion that is higher than the stated range.
+        """
+        best = self.best
+        if best is not None and start.mean < CRITERIA.jump * best.mean:
+            return  # the motion has left the tip within the first periods
+        motion = self.ring.seeded(start.motion, CRITERIA.seed, 0)
+        point = self.settle_apart(self.ring, start.frequency, motion, start.mean, parting=parting)
+        # the tip may belong to another level than the sweep, so its fall says nothing about the motion of the sweep
+        if not point.stays or (best is not None and point.mean <= best.mean):
+            return
+        self.points.append(point)
+        self.failure = ""
+        if point.mean > (1.0 + CRITERIA.drift) * along:
+            self.below = along
+        self.look_around(point, way or 1.0)
 
     def start(self, frequency: float) -> Motion:
         """Return the highest solution of the balance closest to a frequency, with disturbances of all blades."""
@@ -251,22 +272,33 @@ class SteadySearch:
             )
 
     def settle(
-        self, frequency: float, motion: Motion, expected: float, finer: int = 0, ring: Ring | None = None,
-        parting: bool = False,
-    ) -> SteadyPoint:  # fmt: skip
+        self, frequency: float, motion: Motion, expected: float, parting: bool = False
+    ) -> SteadyPoint:
         """Integrate a motion at a frequency (Hz) until it settles near the amplitude ``expected`` (m), or falls.
 
-        The result is added to ``points``, or its frequency to ``fell``; with ``finer``, a factor on the number of time
-        steps, it is only returned.
+        The result is added to ``points``, or its frequency to ``fell``.
         """
+        point = self.settle_apart(self.ring, frequency, motion, expected, parting=parting)
+        if point.stays:
+            self.points.append(point)
+        else:
+            self.fell.append(frequency)
+        return point
+
+    def settle_apart(
+        self,
+        ring: Ring,
+        frequency: float,
+        motion: Motion,
+        expected: float,
+        step_factor: int = 1,
+        parting: bool = False,
+    ) -> SteadyPoint:
+        """Integrate as :meth:`settle` does, in any structure and with more time steps, without keeping the result."""
         self.on_frequency(frequency)
-        transient = Transient(ring or self.ring, TWO_PI * frequency, motion, max(finer, 1) * self.steps)
+        transient = Transient(ring, TWO_PI * frequency, motion, step_factor * self.steps)
         point = settle(transient, expected, parting)
         self.periods += len(transient.harmonics)
-        if not finer and point.stays:
-            self.points.append(point)
-        elif not finer:
-            self.fell.append(frequency)
         return point
 
     def at_end(self, point: SteadyPoint) -> bool:

@@ -247,9 +247,21 @@ def _refine(search: SteadySearch, points: list[SteadyPoint], ring: Ring, finer: 
 
     If the motion falls, the next highest one of ``points`` is used.
     """
-    for point in filter(lambda p: p.stays, points):
-        motion = transfer(search.ring, point.transient.motion, ring) if ring is not search.ring else point.transient.motion
-        refined = search.settle(point.frequency, motion._replace(a=None), point.mean, finer, ring)
+    for point in points:
+        if not point.stays:
+            continue
+        motion = point.transient.motion
+        if ring is not search.ring:
+            motion = transfer(search.ring, motion, ring)
+        motion = motion._replace(a=None)
+        refined = search.settle_apart(ring, point.frequency, motion, point.mean, finer)
+        # a beat that the longer steps had damped needs more periods to show its full range
+        moved = abs(refined.mean / point.mean - 1.0) > 0.5 * CRITERIA.drift
+        if refined.stays and moved:
+            latest = refined.transient.motion
+            refined = search.settle_apart(
+                ring, point.frequency, latest, refined.mean, finer, parting=True
+            )
         if refined.stays:
             break
     return refined
@@ -272,7 +284,7 @@ def _other_starts(search: SteadySearch, best: SteadyPoint, starts: int) -> dict[
     for k in range(1, starts):
         name = list(tractions)[(k - 1) % len(tractions)]
         motion = search.ring.seeded(best.transient.motion._replace(w=tractions[name]), CRITERIA.seed, k)
-        out[f"start {k}, {name}"] = search.settle(best.frequency, motion, best.mean, 1, search.ring).mean
+        out[f"start {k}, {name}"] = search.settle_apart(search.ring, best.frequency, motion, best.mean).mean
     return out
 
 
@@ -295,7 +307,9 @@ def _stated(
     higher = {name: mean for name, mean in others.items() if mean > best.mean}
     lowest, highest, doubt = error_range(answers | higher, runs.values())
     end = "the curve ends before the motion falls; widen the interval" if search.at_end(best) else ""
-    left = "; ".join(filter(None, (doubt, search.failure, end, omitted)))
+    energy = of_blades(best.transient, len(best.amplitude))["energy"]
+    energy_error, _ = energy_doubts(energy, search.steps)
+    left = "; ".join(filter(None, (energy_error, doubt, search.failure, end, omitted)))
     carried, all_ = len(search.ring.nodal_diameters), search.ring.n // 2 + 1
     said = "; ".join(filter(None, (
         f"from the tip; a sweep from the flank has at most {amount(search.below, 'm')}"
