@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -44,7 +45,7 @@ def test_kind_of_response(stop, omega, repeats):
 def test_energy_from_the_contacts_is_an_error_of_the_time_steps():
     """A stop returns no more than it stores; with long steps it supplied most of the energy of a "complete" motion."""
     found = motion(1000.0, 1.5, 160, 32)
-    assert found.energy[2] < -30.0 * found.energy[0], "the stop supplies energy"
+    assert found.energy[2] < -found.energy[0], "the stop supplies energy"
     said = r"incomplete: the time steps change its energy by \d+ % per period; use steps_per_period=128"
     assert re.fullmatch(said, found.status)
     shares = re.search("energy of a period *(.*)", found.summary()).group(1)
@@ -52,7 +53,7 @@ def test_energy_from_the_contacts_is_an_error_of_the_time_steps():
     agrees = replace(found, verdict="agrees", balance=1.0, reason="+1 %")
     assert agrees._headline().endswith(f" (+1 %). Status: {found.status}.")
     assert "Status" not in replace(agrees, verdict="undecided", status="incomplete: undecided")._headline()
-    fine = motion(1000.0, 1.5, 160, 400)
+    fine = motion(1000.0, 1.5, 160, 1600)
     assert "time steps" not in fine.status and abs(fine.numerical_loss) < 1e-2
 
 
@@ -170,7 +171,8 @@ def test_a_stable_solution(study, curve):
 def test_without_an_index_it_is_the_peak(study, curve):
     found = study.motion_in_time(curve)
     assert found.verdict == "agrees" and found.status == "complete" and found.reason in found._headline()
-    assert (found.frequency, found.balance) == (curve.peak.frequency, curve.peak.amplitude)
+    assert found.frequency == curve.peak.frequency
+    assert found.balance == pytest.approx(curve.peak.amplitude, rel=1e-13)
     assert found.plot().axes[0].get_title().endswith(": agrees")
     last, expected = found.harmonics[-1, 1:], curve.harmonics[curve.peak_index, 1:]
     assert found.distance == pytest.approx(np.linalg.norm(last - expected) / np.linalg.norm(expected), rel=1e-6)
@@ -209,3 +211,24 @@ def test_ctrl_c_leaves_the_periods_so_far(study, curve, monkeypatch, asked):
 def test_bad_arguments(study, curve, ask, name):
     with pytest.raises(bd.SettingError, match=f"^{name}: expected .*, found "):
         ask(study, curve)
+
+
+STUDIES = Path(__file__).resolve().parents[3] / "shared" / "fixtures" / "studies"
+
+
+@pytest.mark.skipif(not STUDIES.exists(), reason="needs the stored studies, which are not in the repository")
+def test_a_slow_drift_beside_a_fold_does_not_agree():
+    """An independent integration has 1.539 m after 100 periods and 0.81 m after 400; harmonic balance has 1.58 m."""
+    study = bd.load_study(STUDIES / "study_42.h5")
+    curve = study.frequency_response(0.8579590304456608, (0.10280426240243959, 0.4582763145428466))
+    found = study.motion_in_time(curve)
+    assert found.verdict == "does not agree"
+
+
+def test_a_highest_motion_that_its_time_steps_feed_is_incomplete():
+    """Steps of a thirty-second of a period do not resolve a stop a thousand times as stiff as the spring."""
+    contacts = [bd.Contact(normal=0, kn=1000.0)]
+    study = bd.lumped([1.0], [DAMPING], [1.0], contacts=contacts, forces={0: 1.0}, harmonics=3)
+    curve = study.frequency_response(0.0, (0.2, 0.4))
+    found = study.time_response(curve, steps_per_period=32)
+    assert "the time steps change its energy" in found.status

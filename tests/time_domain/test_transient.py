@@ -121,14 +121,15 @@ class TestSettled:
         assert verdict(constant(sign * 0.15, 96), tolerance=0.2) == AGREES
         assert verdict(constant(sign * 0.015, 96), tolerance=0.01) == DIFFERS
 
-    @pytest.mark.parametrize(("change", "expected"), [(0.008, AGREES), (0.013, UNDECIDED)])
+    @pytest.mark.parametrize(("change", "expected"), [(0.0015, AGREES), (0.008, UNDECIDED), (0.013, UNDECIDED)])
     def test_a_steady_drift(self, sign, change, expected):
-        """Over 80 periods; of a transient that is too slow to be one of the structure."""
+        """Over 80 periods; beside a fold a motion drifts so before it falls, unless it is rounding."""
         assert verdict(sign * change * np.arange(-96.0, 0.0) / 80.0) == expected
 
     def test_the_drift_is_relative_to_what_there_is(self, sign):
         """Changes of 0.9 % of the solution are 1.5 % of an amplitude of 0.6 times that, 0.6 % of one 1.4 times as high."""
-        off = sign * 0.4 + sign * 0.009 * np.arange(-95.0, 1.0) / 80.0
+        # a transient of 12 periods, of which 0.92 % lie between the means of the first and the last 16 periods
+        off = sign * (0.4 - 0.0165 * np.exp(-np.arange(96.0) / 12.0))
         near = np.append(off[:80], off[80:])
         near[70] = 0.0  # so that it has not simply left
         assert verdict(near) == (DIFFERS if sign > 0.0 else UNDECIDED)
@@ -156,9 +157,9 @@ class TestSettled:
         off[-40:-16] = sign * other
         assert verdict(off) == expected
 
-    @pytest.mark.parametrize(("memory", "expected"), [(SHORT, AGREES), (200.0, UNDECIDED)])
+    @pytest.mark.parametrize(("memory", "expected"), [(SHORT, UNDECIDED), (200.0, UNDECIDED)])
     def test_what_the_slowest_mode_still_adds(self, sign, memory, expected):
-        """It is at 4.3 % and goes to 5.5 %: within the tolerance only if nothing is to come."""
+        """It is at 4.3 % and goes to 5.5 %, beyond the tolerance, whether its modes or its own rate show that."""
         off = sign * (0.055 - 0.02 * np.exp(-np.arange(96.0) / 200.0))
         assert abs(off).max() < 0.043 and verdict(off, memory) == expected
 
@@ -167,7 +168,7 @@ class TestSettled:
         off[-40:-30] += 0.2 * (-1.0) ** np.arange(10)
         assert verdict(off, 200.0) == DIFFERS
 
-    @pytest.mark.parametrize(("memory", "expected"), [(SHORT, DIFFERS), (200.0, UNDECIDED)])
+    @pytest.mark.parametrize(("memory", "expected"), [(SHORT, UNDECIDED), (200.0, UNDECIDED)])
     def test_what_the_slowest_mode_takes_away(self, sign, memory, expected):
         """It is at 5.7 % and goes to 4.5 %."""
         off = sign * (0.045 + 0.02 * np.exp(-np.arange(96.0) / 200.0))

@@ -370,12 +370,13 @@ def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float)
         return UNDECIDED, f"{100.0 * last:+.2g} % so far; {span + look} periods show whether it has settled"
     then, between, now = (float(off[n - k - look : n - k].mean()) for k in (span, span // 2, 0))
     drift = (now - then) / max(1.0 + then, 1e-300)
-    grows = abs(now - between) > max(1.2 * abs(between - then), 0.1 * CRITERIA.drift)
+    slowest = float(np.exp(-CRITERIA.window / memory))
+    fades = drift_fades(between - then, now - between, slowest)
     recent, earlier = off[-span:], off[-2 * span : -span]
     stays = float(np.quantile(np.abs(recent), 0.9)) <= 2.0 * tolerance
     within = abs(float(recent.mean())) <= tolerance
     spread = f"{100.0 * recent.min():+.2g} to {100.0 * recent.max():+.2g} %"
-    settled = abs(drift) < CRITERIA.drift and not grows
+    settled = abs(drift) < CRITERIA.drift and fades
     if settled and (not stays or within == (abs(last + to_come(amplitude, memory)) <= tolerance)):
         shown = f", {spread}" if np.ptp(recent) > CRITERIA.drift else ""
         text = f"{100.0 * float(recent.mean()):+.2g} % in the mean of {span} periods{shown}"
@@ -387,6 +388,27 @@ def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float)
         f"{100.0 * last:+.2g} %, changed by {100.0 * drift:+.2g} % within {span} periods; a transient takes "
         f"{memory:.3g} periods to fall to 1/e"
     )
+
+
+def drift_fades(change_before: float, change_now: float, slowest: float) -> bool:
+    """Return whether the mean becomes constant, judged by its changes over two windows of equal length.
+
+    Near a fold the mean of a motion may drift at almost constant speed and fall after hundreds of periods.  A transient
+    becomes ``slowest`` times as large from one window to the next, or smaller.  For slower changes the rest of a geometric
+    series counts: if each change is r times the one before, r/(1 - r) times the last one is still to come.
+    """
+    if abs(change_now) <= 0.1 * CRITERIA.drift:
+        return True
+    # changes of opposite sign belong to a beat
+    if change_before * change_now <= 0.0:
+        return abs(change_now) <= 1.2 * abs(change_before)
+    ratio = change_now / change_before
+    if ratio >= 1.0:
+        return False
+    # rounding and a small ripple may slow a transient by a few per cent
+    if ratio <= 1.02 * slowest:
+        return True
+    return abs(change_now) * ratio / (1.0 - ratio) <= CRITERIA.drift
 
 
 def second_half(x: NDArray) -> NDArray:
