@@ -142,7 +142,11 @@ def test_a_stuck_curve_has_the_stress_of_a_bonded_contact(study):
     bonded = study.replace(friction_law="bonded", constraint_planes=False)
     limit, peak = (bonded.stress(x) for x in (bonded.stuck((200.0, 400.0), 200.0), bonded.peak(200.0, (200.0, 400.0))))
     tiny = 1e-6 * np.abs(peak.coefficients[..., 1:]).max()
-    np.testing.assert_allclose(limit.coefficients[..., 1:], peak.coefficients[..., 1:], rtol=1e-6, atol=tiny)
+    # a maximum found from its values is known to the square root of the rounding, and the phase turns fast there
+    one, other = limit.coefficients[..., 1:], peak.coefficients[..., 1:]
+    turn = np.vdot(one, other) / abs(np.vdot(one, other))
+    assert abs(np.angle(turn)) < 1e-4
+    np.testing.assert_allclose(turn * one, other, rtol=1e-6, atol=tiny)
     study = study.replace(contact_stiffness=1e8)  # that of the model depends on the slip at rest
     stuck = study.stuck((200.0, 400.0), 200.0)
     own = study.stress(stuck).coefficients[..., 1:]

@@ -76,7 +76,8 @@ def test_a_part_of_a_step_is_taken_where_the_whole_leads_further_away():
         for line_search in found:
             c = system.correct_at(y[:-1], y[-1], system.structure.units_about(y, 1.0), 1e-9, 60, line_search)
             found[line_search] += c.status == 0
-    assert max(found[0], found[1]) < 14 < found[2] == 16, found
+    # 15 or 16, by the rounding of the processor
+    assert max(found[0], found[1]) < 14 < found[2], found
 
 
 def test_steps_that_lead_to_and_fro_end_early_where_a_rough_point_is_enough():
