@@ -87,11 +87,16 @@ def compare(number: int) -> Compared | None:
     if top is None:
         return None
     base = own if curve.peak_at_end else curve.peak  # a search follows its curve coarsely, and corners are points of it
-    error = top[0] / base.amplitude - 1.0, top[1] / base.frequency - 1.0
+    error = top[0] / known_amplitude(base) - 1.0, top[1] / base.frequency - 1.0
     if max(map(abs, error)) < 1e-8:
         return None
     found = estimate_errors(study.problem, curve, sources=[source])[source]
     return Compared(case, source, (found.amplitude, found.frequency), error, len(curve.folds) > 0, found.against)
+
+
+def known_amplitude(peak: Peak) -> float:
+    """Amplitude of a peak, or of the highest maximum beside a higher end of the interval."""
+    return peak.amplitude if peak.converged else peak.lower_bound
 
 
 def highest_of_richer(study: bd.Study, richer: bd.Study, curve: ResponseCurve, own: Peak) -> tuple[float, float] | None:
@@ -112,7 +117,7 @@ def highest_of_richer(study: bd.Study, richer: bd.Study, curve: ResponseCurve, o
         tops.append(apart)
     if at_end or not finer.peak_at_end:
         tops.append(finer.peak)
-    return max(((top.amplitude, top.frequency) for top in tops), default=(np.nan, np.nan))
+    return max(((known_amplitude(top), top.frequency) for top in tops), default=(np.nan, np.nan))
 
 
 def beyond(study: bd.Study, curve: ResponseCurve) -> tuple[float, float] | None:

@@ -757,4 +757,4 @@ def test_answers_do_not_depend_on_order(study):
     fresh = study._with_problem(study.problem.replace())
     first = bd.sweep(fresh, over={"preload": loads}, frequency=INTERVAL)
     again = bd.sweep(study._with_problem(study.problem.replace()), over={"preload": loads[::-1]}, frequency=INTERVAL)
-    assert first.values.tolist() == again.values[::-1].tolist()
+    assert repr(first.values.tolist()) == repr(again.values[::-1].tolist()), "NaN is not equal to itself"

@@ -27,9 +27,11 @@ def test_a_highest_point_is_reached_by_a_slow_sweep_within_the_interval():
     for one, highest in zip(drawn, swept):
         study = one.study(harmonics=7)
         curve, peak = study.frequency_response(0.0, one.band), study.peak(0.0, one.band)
-        assert curve.complete and peak.converged != curve.peak_at_end
+        assert curve.complete
+        assert peak.converged == (not curve.peak_at_end and "widen the interval" not in str(curve))
         assert curve.peak.amplitude == pytest.approx(highest, rel=0.05)
-        assert peak.amplitude == pytest.approx(curve.peak.amplitude, rel=1e-6)
+        known = peak.amplitude if peak.converged else peak.lower_bound
+        assert known == pytest.approx(curve.peak.amplitude, rel=1e-6)
         assert ("widen the interval" in str(curve)) == ("widen the interval" in str(peak)) == (one in (drawn[0], drawn[-1]))
         assert "Not checked in time." in curve._headline()
         assert ("Not checked in time." in peak._headline()) == peak.converged

@@ -28,6 +28,8 @@ from tests.util.test_disk import pressed
 
 def same(a, b):
     """Whether two results hold the same, arrays bit by bit."""
+    if isinstance(a, np.ndarray) and a.dtype.names:
+        return a.dtype == b.dtype and all(same(a[name], b[name]) for name in a.dtype.names)
     if isinstance(a, np.ndarray):
         return isinstance(b, np.ndarray) and a.dtype == b.dtype and np.array_equal(a, b, equal_nan=a.dtype.kind in "fc")
     if isinstance(a, Storable):

@@ -74,10 +74,17 @@ class PeakTask(validation.Checked):
         stick, slip, separation = (float(s) for s in peak.shares)
         amplitude, frequency = (peak.amplitude, peak.frequency) if peak.converged else (np.nan, np.nan)
         return {
-            "amplitude": amplitude, "frequency": frequency, "residual": peak.residual, "stick": stick,
-            "slip": slip, "open": separation, "search_status": peak.search_status,
-            "warning": "" if peak.search_status == "complete" else f"scan {peak.search_status}", "cost": peak.cost,
-        }  # fmt: skip
+            "amplitude": amplitude,
+            "lower_bound": peak.lower_bound,
+            "frequency": frequency,
+            "residual": peak.residual,
+            "stick": stick,
+            "slip": slip,
+            "open": separation,
+            "search_status": peak.search_status,
+            "warning": "" if peak.search_status == "complete" else f"scan {peak.search_status}",
+            "cost": peak.cost,
+        }
 
 
 @dataclass(frozen=True)

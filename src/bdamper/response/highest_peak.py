@@ -73,10 +73,16 @@ class Highest:
 
     @property
     def status(self) -> str:
-        """Status of the peak; "incomplete" with the reason at an end of the interval."""
-        if self.kind != "end":
-            return self.peak.status
-        return with_reason(INCOMPLETE, "; ".join(filter(None, (f"{AT_END}, without a maximum in it", self.note))))
+        """Status of the peak: "incomplete" at an end of the interval, or if a higher amplitude is known."""
+        if self.kind == "end":
+            reason = f"{AT_END}, without a maximum in it"
+            if self.note:
+                reason = f"{reason}; {self.note}"
+            return with_reason(INCOMPLETE, reason)
+        # a branch or an end that is higher than the highest maximum: the maximum is no answer
+        if self.note:
+            return with_reason(INCOMPLETE, self.note)
+        return self.peak.status
 
 
 def highest_of_curve(system: Equations, curve: ResponseCurve, *, options: PeakOptions | None = None) -> Highest:
@@ -245,8 +251,10 @@ class AtPreload:
 
     @property
     def known(self) -> bool:
-        """Whether the highest point is a maximum of a complete curve; see :func:`given_up`."""
-        return self.top is not None and self.curve.complete and self.top.kind != "end"
+        """Whether the highest point is a maximum of a complete curve, and nothing higher is known."""
+        if self.top is None or not self.curve.complete:
+            return False
+        return self.top.kind != "end" and not self.top.note
 
     @property
     def height(self) -> float:
@@ -264,9 +272,9 @@ class AtPreload:
         if self.top is None or not self.curve.complete:
             status = NOT_FOUND if self.top is None else INCOMPLETE
             return with_reason(status, f"{self.curve.status}: {self.curve.reason}".removeprefix(f"{status}: "))
-        if self.top.kind == "end":
+        if status_word(self.top.status) == INCOMPLETE:
             return self.top.status
-        return with_reason(COMPLETE, "; ".join(filter(None, (self.top.note, given_up(self.curve)))))
+        return with_reason(COMPLETE, given_up(self.curve))
 
     def record(self) -> dict[str, Any]:
         """Return all data as numbers, texts, lists and arrays."""
@@ -362,8 +370,9 @@ def highest_peak(
     Returns
     -------
     Peak
-        ``corner`` is set unless it is a smooth maximum; ``search_status`` reports a higher end of the interval.  If the
-        interval contains no maximum, the status is "incomplete" and the amplitude is the highest response, at an end.
+        ``corner`` is set unless it is a smooth maximum.  The status is "incomplete" if the curve is incomplete, has no
+        maximum in the interval, or is higher at an end or on a separate branch.  The amplitude is then NaN, and
+        ``lower_bound`` has the highest computed maximum, or the end.
 
     Raises
     ------
@@ -380,10 +389,18 @@ def highest_peak(
         )
     settings = problem.record() | {"frequency": list(frequency)}
     status = response.top.status if status_word(response.status) == COMPLETE else response.status
-    return replace(
-        response.top.peak, cost=response.cost, search_status=response.status, status=status, settings=settings,
+    peak = replace(
+        response.top.peak,
+        cost=response.cost,
+        search_status=response.status,
+        status=status,
+        settings=settings,
         model_hash=problem.model.hash,
-    )  # fmt: skip
+    )
+    if status_word(status) == COMPLETE:
+        return peak
+    # a number that only its status makes harmless would be read as an answer
+    return replace(peak, amplitude=float("nan"), lower_bound=peak.amplitude)
 
 
 def check_options(options: PeakOptions | None) -> None:

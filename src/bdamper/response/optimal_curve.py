@@ -77,7 +77,8 @@ def at_preload(
         with stopped_by(stop or Event()):
             try:
                 response = found_at(problem, preload, frequency, options=options, budget=most)
-            except LOST as error:
+            # InterruptedCurve is a KeyboardInterrupt, which ends the search with its results
+            except (*LOST, BdamperError) as error:
                 why = f"failed: {type(error).__name__}: {error}"
                 lost = without_points(problem, preload, why, ContinuationOptions(), Cost())
                 response = AtPreload(preload, lost, None, np.nan, "", Cost())
@@ -290,7 +291,10 @@ def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
     by_log = {float(np.log(p)): known[p] for p in known if p >= edge}  # with the edge: the minimum may lie just above it
     with_value = [item for item in by_log.values() if np.isfinite(item.value) and item.preload > edge]
     if not with_value:
-        return OptimumPoint(np.nan, np.nan, np.nan, "none", np.inf, with_reason(NOT_FOUND, "no preload has a value"))
+        reason = "no preload has a value"
+        if any(item.top is not None and item.top.note for item in by_log.values()):
+            reason += "; another resonance is higher, widen frequency"
+        return OptimumPoint(np.nan, np.nan, np.nan, "none", np.inf, with_reason(NOT_FOUND, reason))
     height = [item.value for item in with_value]
     if len(with_value) > 1 and max(height) - min(height) <= FLAT:
         peak = with_value[int(np.argmin(height))].top.peak  # type: ignore[union-attr]
@@ -327,10 +331,6 @@ def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
         status = with_reason(INCOMPLETE, f"the highest peak could be lower between {low:.6g} and {high:.6g} N")
     elif why := given_up(at.curve):
         status = with_reason(INCOMPLETE, f"{why}, where its peak could be higher")
-    elif at.top.note:
-        status = with_reason(
-            INCOMPLETE, f"the response is {at.top.note}; another resonance may be highest, widen frequency"
-        )
     return OptimumPoint(at.preload, at.top.peak.amplitude, at.top.peak.frequency, kind, best.uncertainty, status)
 
 

@@ -31,7 +31,7 @@ from bdamper.response.continuation import Follower
 from bdamper.response.events import AtLeastTwo, ContinuationOptions, Step
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Fact, InContact
-from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, status_word, with_reason
+from bdamper.util.errors import COMPLETE, NOT_FOUND, status_word, with_reason
 from bdamper.util.formatting import peak_text, preload_text, short_repr
 from bdamper.util.progress import Cost
 from bdamper.util.storage import Recorded, Storable
@@ -98,7 +98,7 @@ class Peak(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
         Preload (N) of the equations; NaN if they do not depend on a preload.
     frequency : float, Hz
     amplitude : float, m
-        Amplitude of the first harmonic of the response.
+        Amplitude of the first harmonic of the response; NaN for the highest peak of an incomplete search.
     y, tangent, scale : (n_unknowns + 1,) float
         Point, tangent and units; the tangent has unit length in unknowns divided by ``scale``, and is zero if unknown.
     slope, curvature : float
@@ -110,14 +110,16 @@ class Peak(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
     corner : bool
         Whether the peak is not a smooth maximum: at a corner the slopes on either side differ in sign but do not vanish.
     status : str
-        "complete"; "incomplete: ..." at the end of an interval without a maximum, or if ``search_status`` is incomplete;
-        "not found: ..." with the reason.
+        "complete"; "incomplete: ..." at the end of an interval without a maximum, if a higher response is known, or if
+        ``search_status`` is incomplete; "not found: ..." with the reason.
     cost : Cost, optional
     search_status : str
         Status of the curve on which it is the highest peak; unless "complete" there may be a higher one.
     settings : mapping
         Settings of the problem; empty for :func:`find_peak`.
     model_hash : str
+    lower_bound : float, m
+        Amplitude of the highest computed point of an incomplete search; NaN if ``amplitude`` is known.
     """
 
     parameter: Annotated[float, Quantity("N", name="preload")]
@@ -137,12 +139,13 @@ class Peak(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
     status: str = COMPLETE
     cost: Cost | None = None
     search_status: str = ""
-    _summary_fields = ("parameter", "amplitude", "frequency", "shares", "search_status")
+    lower_bound: Metre = float("nan")
+    _summary_fields = ("parameter", "amplitude", "lower_bound", "frequency", "shares", "search_status")
 
     @property
     def converged(self) -> bool:
-        """Whether this is a maximum that solves the equations, even if an incomplete curve may have a higher one."""
-        return self.status == COMPLETE or (status_word(self.status) == INCOMPLETE and AT_END not in self.status)
+        """Whether this is a maximum that solves the equations, and no higher response is known or possible."""
+        return status_word(self.status) == COMPLETE
 
     def _facts(self) -> tuple[Fact, ...]:
         """Return the peak and its reliability, or only the reason if there is none."""
@@ -150,8 +153,10 @@ class Peak(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
 
     def _headline(self) -> str:
         if not self.converged:
-            top = f" The highest response is {peak_text(self.amplitude, self.frequency)}."
-            return f"No peak: {self.status}.{top if status_word(self.status) == INCOMPLETE else ''}"
+            if not np.isfinite(self.lower_bound):
+                return f"No peak: {self.status}."
+            bound = peak_text(self.lower_bound, self.frequency)
+            return f"No peak: {self.status}. Lower bound of the amplitude: {bound}."
         load = f" under {preload_text(self.parameter, self.settings)}" if np.isfinite(self.parameter) else ""
         certain = self.search_status in ("", "complete")
         open_ = "" if certain else f" There may be a higher one, the curve ended as: {self.search_status}."
