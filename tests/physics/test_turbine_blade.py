@@ -44,10 +44,10 @@ def test_limits_and_peaks_at_the_optimum(study, height):
 
 @pytest.mark.slow
 def test_motion_in_time_is_lower(study):
-    """Not a success: with the default number of patterns of the contacts' flexibility it settles 6 to 9 % below."""
+    """Not a success: with the default number of patterns of the contacts' flexibility it settles 5 to 9 % below."""
     seen = study.motion_in_time(study.frequency_response(OPTIMUM, (655.0, 668.0)), steps_per_period=512)
     assert seen.blades.shape[1] == 12
-    assert 0.91 < seen.mean / seen.balance < 0.94
+    assert 0.91 < seen.mean / seen.balance < 0.95
 
 
 @pytest.mark.slow
