@@ -42,8 +42,10 @@ from bdamper.util.errors import BdamperError, SettingError, quiet
 from bdamper.util.progress import Cost
 
 STEPS = 256
-"""Default time steps per period.  Twice as many change the mean amplitude of beating motions by up to 1 %.  With half of
-them beats are lost or time steps fail.
+"""Default time steps per period.
+
+With shorter steps the mean amplitude of motions that beat rises by up to 2 % with 512, and by 3 % with 1,024 steps.  Some
+beats that 1,024 steps show are damped with 512.
 """
 TOLERANCE = 1e-4
 """Relative residual of the contact forces; each factor of ten changes the cost by about a tenth."""

@@ -4,8 +4,8 @@ The peak of the harmonic balance is the highest periodic solution of its equatio
 another may be higher.  The search therefore follows motions in time, from two places:
 
 * **from the flank**, at a frequency next to the resonance with one solution, in a slow sweep towards the tip and beyond;
-* **from the tip**, with the solution of the harmonic balance.  Its motion always settles.  If it is higher than the sweep
-  there, it is also followed by sweeps in both directions.
+* **from the tip**, with the solution of the harmonic balance.  Its motion settles, unless it leaves the tip at once.  If it
+  is more than 5 % higher than the sweep there, it is also followed by sweeps in both directions.
 
 A sweep is continuous: the frequency changes by the half width of the resonance in a given number of periods.  The motion is
 stored at equal numbers of periods (:class:`Place`).  A sweep ends if the amplitude remains below a fraction of its highest
