@@ -509,7 +509,7 @@ class TestWarnings:
         peak = study.peak(3000.0, wide)
         assert peak.search_status.startswith("incomplete")
         result = bd.sweep(study, {"preload": [3000.0]}, frequency=wide)
-        assert result.complete
+        assert not result.complete and result.status == (peak.status,)
         assert result.array("search_status").tolist() == [peak.search_status]
         assert result.warnings == (f"scan {peak.search_status}",)
         assert "failed" not in result._headline() and result.summary().count(f"\nscan {peak.search_status}") == 1

@@ -308,6 +308,7 @@ def test_a_peak_below_a_known_branch_is_incomplete():
     peak = study.peak(0.02992052878335502, interval)
     assert peak.status.startswith("incomplete: ") and "443.6 mm" in peak.status
     found = bd.sweep(study, {"preload": [0.02992052878335502]}, frequency=interval)
+    assert found.status == (peak.status,) and not found.complete
     assert np.isnan(found.array("amplitude")[0]) and found.array("search_status")[0] == peak.status
     assert found.array("lower_bound")[0] == peak.lower_bound == pytest.approx(0.0149, rel=1e-2)
     assert np.isnan(peak.amplitude) and "Lower bound of the amplitude: 14.9 mm" in peak.summary()
@@ -330,3 +331,22 @@ def test_an_error_at_one_preload_leaves_the_others(study, monkeypatch):
     assert np.isnan(kept[30.0][0]) and "the response curve has no point" in kept[30.0][1]
     expected = dict(zip(whole.preload, whole.amplitude))
     assert kept[100.0][0] == pytest.approx(expected[100.0], rel=1e-9)
+
+
+def test_a_curve_of_closed_branches_alone_has_no_peak(study, monkeypatch):
+    """The peak says so, and a sweep keeps its other points."""
+    module = sys.modules["bdamper.response.highest_peak"]
+    plain = module.highest_of_curve
+
+    def unreachable(system, curve, *, options=None):
+        if curve.preload < 50.0:
+            raise bd.BdamperError("the response curve has no point that is connected with an end of the interval")
+        return plain(system, curve, options=options)
+
+    monkeypatch.setattr(module, "highest_of_curve", unreachable)
+    peak = study.peak(30.0, INTERVAL)
+    assert peak.status.startswith("not found: ") and "connected with an end" in peak.status
+    assert np.isnan(peak.amplitude) and not peak.converged
+    found = bd.sweep(study, {"preload": [30.0, 100.0]}, frequency=INTERVAL)
+    assert found.status[0] == peak.status and found.status[1] == "complete"
+    assert np.isnan(found.array("amplitude")[0]) and np.isfinite(found.array("amplitude")[1])

@@ -154,6 +154,8 @@ def at_optimum(problem: Problem, curve: OptimalCurve, progress: bool = False) ->
     with LongWork():
         try:
             peak = highest_peak(problem, best.preload, tuple(curve.settings["frequency"]))
+            if not peak.converged:
+                raise BdamperError(f"the highest peak is {peak.status}")
             if not abs(peak.amplitude / best.amplitude - 1.0) <= NEAR_HIGHEST:
                 raise BdamperError(f"the highest peak there is {peak_text(peak.amplitude, peak.frequency)}")
             numbers = [n for n in HARMONICS if n <= 16]

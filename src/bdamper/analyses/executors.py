@@ -49,12 +49,17 @@ Job = Callable[[Mapping[str, Any]], Mapping[str, Any]]
 def recorded(job: Job, settings: Mapping[str, Any]) -> Record:
     """Return the record of one point: its named results, or the reason of a failure.
 
-    A result "cost" of type :class:`bdamper.util.progress.Cost` is the cost of the point.
+    A result "cost" of type :class:`bdamper.util.progress.Cost` is the cost of the point, and a result "status" that begins
+    with a word of :data:`bdamper.util.errors.STATUSES` is its status.
     """
     watch, ending, values = CostMeter(), errors.COMPLETE, dict[str, Any]()
     try:
         with LongWork() as work:  # in a worker there is no outer LongWork
             values = dict(job(settings))
+        # a job that returned may still have an answer that is incomplete
+        status = values.get("status")
+        if isinstance(status, str) and errors.status_word(status) in errors.STATUSES:
+            ending = values.pop("status")
         if work.interrupted:
             raise ExecutorEnded(work.reason) if work.reason else KeyboardInterrupt
     except (BdamperError, ArithmeticError, np.linalg.LinAlgError, ExecutorEnded) as error:

@@ -82,6 +82,7 @@ class PeakTask(validation.Checked):
             "slip": slip,
             "open": separation,
             "search_status": peak.search_status,
+            "status": peak.status,
             "warning": "" if peak.search_status == "complete" else f"scan {peak.search_status}",
             "cost": peak.cost,
         }

@@ -332,8 +332,12 @@ def found_at(
         top: Highest | None = None
         meter.count(curve.cost.iterations, curve.cost.failed_steps)
         if len(curve):
-            top = highest_of_curve(case.equations, curve, options=options)
-            meter.count(top.peak.iterations)
+            try:
+                top = highest_of_curve(case.equations, curve, options=options)
+                meter.count(top.peak.iterations)
+            except BdamperError as error:
+                # closed branches alone: no sweep over the interval reaches them
+                curve = replace(curve, status=INCOMPLETE, reason=str(error))
         height = (1.0 + LEVEL) * top.peak.amplitude if curve.complete and top is not None else 0.0
         if before is not None and before[1].peak.amplitude > height:
             curve, top = before
@@ -372,22 +376,15 @@ def highest_peak(
     Peak
         ``corner`` is set unless it is a smooth maximum.  The status is "incomplete" if the curve is incomplete, has no
         maximum in the interval, or is higher at an end or on a separate branch.  The amplitude is then NaN, and
-        ``lower_bound`` has the highest computed maximum, or the end.
-
-    Raises
-    ------
-    BdamperError
-        If no response was found in the interval.
+        ``lower_bound`` has the highest computed maximum, or the end.  It is "not found" with the reason, and without
+        unknowns, if no response was found in the interval.
     """
     frequency = peak_interval(problem.at(preload), frequency, mode)
     check_options(options)
     response = found_at(problem, preload, frequency, options=options, progress=progress)
-    if response.top is None:
-        raise BdamperError(
-            f"no peak found at {preload:g} N between {frequency[0]:.6g} and {frequency[1]:.6g} Hz; the response curve "
-            f"ended as: {response.status}"
-        )
     settings = problem.record() | {"frequency": list(frequency)}
+    if response.top is None:
+        return _nothing_found(response, settings, problem.model.hash)
     status = response.top.status if status_word(response.status) == COMPLETE else response.status
     peak = replace(
         response.top.peak,
@@ -401,6 +398,31 @@ def highest_peak(
         return peak
     # a number that only its status makes harmless would be read as an answer
     return replace(peak, amplitude=float("nan"), lower_bound=peak.amplitude)
+
+
+def _nothing_found(response: AtPreload, settings: dict[str, Any], model_hash: str) -> Peak:
+    """Return a peak without values, whose status says why the response curve has no point."""
+    none, nothing = float("nan"), np.zeros(0)
+    return Peak(
+        parameter=response.preload,
+        frequency=none,
+        amplitude=none,
+        y=nothing,
+        tangent=nothing,
+        scale=nothing,
+        slope=none,
+        curvature=none,
+        shares=np.full(3, none),
+        residual=none,
+        iterations=0,
+        trials=0,
+        rank_deficiency=0,
+        status=response.status,
+        cost=response.cost,
+        search_status=response.status,
+        settings=settings,
+        model_hash=model_hash,
+    )
 
 
 def check_options(options: PeakOptions | None) -> None:
