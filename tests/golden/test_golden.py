@@ -28,4 +28,5 @@ def test_answer(name):
         found, want = np.asarray(values[key], float), np.asarray(value, float)
         assert found.shape == want.shape, (key, values[key], value)
         tolerance = 1e-6 if key in FREQUENCY else 1e-9
-        np.testing.assert_allclose(found, want, rtol=tolerance, atol=tolerance * np.nanmax(np.abs(want), initial=0.0), err_msg=key)
+        size = np.nanmax(np.abs(want), initial=0.0)
+        np.testing.assert_allclose(found, want, rtol=tolerance, atol=tolerance * size, err_msg=key)
