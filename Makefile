@@ -150,7 +150,7 @@ lint: $(VENV)/dev.stamp
 	$(call step,ruff,$(PY) -m ruff check .)
 	$(call step,codespell,$(VENV)/bin/codespell)
 	$(call step,sentences,$(PY) tools/prose.py)
-	$(call step,mypy,$(PY) -m mypy src/bdamper)
+	$(call step,mypy,$(PY) -m mypy bdamper)
 	$(call step,clang-format,$(VENV)/bin/clang-format --dry-run --Werror csrc/*/*.c csrc/*/*.h $(wildcard tests/c/*.c tests/c/*.h))
 	$(call step,compiler warnings,PATH="$(CURDIR)/$(VENV)/bin:$$PATH" sh tools/warnings.sh)
 

@@ -23,7 +23,7 @@ from benchmarks import PLAIN
 WORKERS = 2
 STAND_IN = 200_000
 REAL = 2_000
-MODEL = Path(__file__).parents[1] / "models" / "paper_disk_24.h5"
+MODEL = Path(__file__).parents[1] / "tests" / "models" / "paper_disk_24.h5"
 
 
 def stand_in(study: bd.Study, preload: float) -> dict[str, float | str]:

@@ -7,7 +7,7 @@ they show and draws the pictures of docs/wheel.md.  ``python -m benchmarks.bench
 takes ten times as long, which are compared with the former.
 
 Peaks are kept in ``benchmarks/results/wheel_<harmonics>.jsonl`` as they come, so that a sample goes on where it was
-interrupted, with more wheels, too; what is complete with one harmonic is ``src/bdamper/data/wheels.h5``.
+interrupted, with more wheels, too; what is complete with one harmonic is ``bdamper/data/wheels.h5``.
 """
 
 from __future__ import annotations

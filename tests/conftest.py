@@ -12,6 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+# before the import of the package, for processes of the tests as well: an installed package does not know its checkout
+os.environ.setdefault("BDAMPER_MODELS", str(Path(__file__).parent / "models"))
+
 import bdamper as bd
 
 ROUNDING = {"anchors", "contact", "hard", "harmonic_balance", "physics", "response", "time_domain"}

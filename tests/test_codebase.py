@@ -14,7 +14,7 @@ import pytest
 from tests.each import each
 
 ROOT = Path(__file__).parents[1]
-PACKAGE = ROOT / "src" / "bdamper"
+PACKAGE = ROOT / "bdamper"
 
 # every C file may include its own header and those on lower levels
 C_LEVELS = [

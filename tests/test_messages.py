@@ -19,7 +19,7 @@ def texts(node: ast.AST) -> str:
 
 
 def sources() -> dict[str, ast.Module]:
-    paths = sorted((ROOT / "src").rglob("*.py"))
+    paths = sorted((ROOT / "bdamper").rglob("*.py"))
     return {str(path.relative_to(ROOT)): ast.parse(path.read_text(encoding="utf-8")) for path in paths}
 
 
@@ -43,7 +43,7 @@ def test_every_warning_is_on_the_page():
     for tree in sources().values():
         calls = (node for node in ast.walk(tree) if isinstance(node, ast.Call))
         found += [texts(call) for call in calls if getattr(call.func, "id", "") in ("warn", "warn_implausible")]
-    ranges = texts(sources()["src/bdamper/util/plausible_ranges.py"]).splitlines()
+    ranges = texts(sources()["bdamper/util/plausible_ranges.py"]).splitlines()
     found = [text for text in found if len(text) > 60] + [text for text in ranges if text.endswith("suspected")]
     assert len(found) > 40
     assert not [text for text in found if not any(part in text for part in parts)]

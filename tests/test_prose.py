@@ -42,18 +42,18 @@ def test_texts_of_a_module(tmp_path):
 
 def test_the_list_may_only_become_shorter(tmp_path):
     """A copy of the tool with a list of one line: both directions of the comparison fail."""
-    for name in ("src", "csrc", "tests", "tools"):
+    for name in ("bdamper", "csrc", "tests", "tools"):
         (tmp_path / name).mkdir()
     tool = tmp_path / "tools" / "prose.py"
     tool.write_text((ROOT / "tools" / "prose.py").read_text(encoding="utf-8"), encoding="utf-8")
-    module = tmp_path / "src" / "module.py"
+    module = tmp_path / "bdamper" / "module.py"
     module.write_text("# What the rows of it represent.\n")
 
     def run(*arguments):
         done = subprocess.run([sys.executable, str(tool), *arguments], capture_output=True, text=True)
         return done.returncode, done.stdout
 
-    assert run()[0] == 1 and "src/module.py:1: start" in run()[1]
+    assert run()[0] == 1 and "bdamper/module.py:1: start" in run()[1]
     assert run("--update")[0] == 0 and run() == (0, "")
     module.write_text("# The rows are points.\n")
     code, text = run()

@@ -19,7 +19,7 @@ ROOT = Path(__file__).parents[1]
 def test_every_public_name_is_in_the_reference():
     reference = (ROOT / "docs" / "api.md").read_text()
     named = re.findall(r"^(?:   |\.\. py:data:: )bdamper\.(\w+)$", reference, re.M)
-    rooms = {path.stem for path in (ROOT / "src" / "bdamper").iterdir()}
+    rooms = {path.stem for path in (ROOT / "bdamper").iterdir()}
     public = set(bd.__all__) - rooms
     assert set(named) - rooms == public
     assert len(public) <= 44

@@ -1,4 +1,4 @@
-"""Make the example decks of the package with CalculiX (ccx): four archives in src/bdamper/data/decks.
+"""Make the example decks of the package with CalculiX (ccx): four archives in bdamper/data/decks.
 
     python -m tools.make_example_decks
 
@@ -20,7 +20,7 @@ from tests.ansys_files import collapsed, write_cdb, write_full
 from tests.own_sector import OwnSector, deck, of_kind
 from tools.shrouded import meshes
 
-DECKS = Path(__file__).resolve().parents[1] / "src" / "bdamper" / "data" / "decks"
+DECKS = Path(__file__).resolve().parents[1] / "bdamper" / "data" / "decks"
 STEPS = ["*STEP", "*FREQUENCY, SOLVER=MATRIXSTORAGE", "6,", "*END STEP", ""]
 MATERIAL = {"EX  ": 210000.0, "PRXY": 0.3, "DENS": 7.85e-9}
 STAGE = """*HEADING

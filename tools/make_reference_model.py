@@ -2,8 +2,8 @@
 
     python tools/make_reference_model.py            writes turbine_blade_9.h5, bladed_disk_9.h5, paper_disk_9.h5,
                                                     blade_to_ground_24.h5, test_rig_24.h5, shrouded_blade_4.h5 to
-                                                    src/bdamper/data, which is in the wheel, and
-                                                    {bladed,paper}_disk_{24,48}.h5 to models
+                                                    bdamper/data, which is in the wheel, and
+                                                    {bladed,paper}_disk_{24,48}.h5 to tests/models
     python tools/make_reference_model.py test_rig   writes only the files whose names start so
     python tools/make_reference_model.py --keep bladed_disk_9
                                                     only the nodal diameters over speed that the stored file lacks;
@@ -48,7 +48,7 @@ SPEED_REST = ("coriolis", "checked_at", "error", "source")
 SPEED_ORDERS, SPEED_HARMONICS, TOP_SPEED = range(3, 11), 3, 600.0
 """Engine orders of the model over rotor speed with harmonics of each, and the speed (rad/s) at which it is checked."""
 ROOT = Path(__file__).resolve().parent.parent
-FOLDERS = (ROOT / "src" / "bdamper" / "data", ROOT / "models")
+FOLDERS = (ROOT / "bdamper" / "data", ROOT / "tests" / "models")
 """Of the wheel, and of what is too large for it."""
 TURBINE = Geometry(
     n_blades=60, bore_radius=0.200, rim_radius=0.260, axial_length=0.036, shank_width=0.013, face_angle=np.radians(25),

@@ -1,6 +1,6 @@
 """Check the sentences of docstrings, comments and messages against rules of plain English.
 
-    python tools/prose.py             check src, csrc and the messages of tests; exit code 1 for differences from the list
+    python tools/prose.py             check bdamper, csrc and the messages of tests; exit code 1 for differences from the list
     python tools/prose.py --update    write the list again from the sentences of today
     python tools/prose.py --rules     print the rules, with an example of each
     python tools/prose.py FILE ...    show all sentences of these files that break a rule
@@ -229,7 +229,7 @@ def main() -> int:
     if arguments.rules:
         print(*(f"{rule.name}\n    not: {rule.instead_of}\n    but: {rule.write}" for rule in RULES), sep="\n")
         return 0
-    folders = (("src", "*.py"), ("csrc", "*.[ch]"), ("tests", "*.py"))
+    folders = (("bdamper", "*.py"), ("csrc", "*.[ch]"), ("tests", "*.py"))
     files = [f.resolve() for f in arguments.files] or sorted(p for name, ends in folders for p in (ROOT / name).rglob(ends))
     found = [(sentence, names) for path in files for sentence in sentences(path) if (names := broken_rules(sentence))]
     now = {sentence.text for sentence, _ in found}

@@ -19,7 +19,7 @@ from examples.calculix.decks import sector_input
 from tests.calculix_runs import clamped_input, free_input, run
 from tools.rig import rig_structure
 
-SHIPPED = Path(__file__).resolve().parents[2] / "models" / "bladed_disk_24.h5"
+SHIPPED = Path(__file__).resolve().parents[1] / "models" / "bladed_disk_24.h5"
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ import bdamper as bd
 from bdamper.fem import reference_models
 from tests.test_codebase import ROOT
 
-SMALL = ROOT / "src" / "bdamper" / "data" / "blade_to_ground_24.h5"
+SMALL = ROOT / "bdamper" / "data" / "blade_to_ground_24.h5"
 
 
 @pytest.fixture
@@ -88,7 +88,7 @@ def test_folder_of_the_environment_variable(installed, tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("path", ["models/paper_disk_24.h5", "src/bdamper/data/shrouded_blade_4.h5"])
+@pytest.mark.parametrize("path", ["tests/models/paper_disk_24.h5", "bdamper/data/shrouded_blade_4.h5"])
 def test_what_is_made_is_what_is_stored(path):
     """Up to rounding, 1.4e-9 for the flexibility of a free damper, whose factors a shift keeps from singularity."""
     large = pytest.importorskip("bdamper.fem.generated_models", reason="scikit-fem is not installed (extra bdamper[fe])")

@@ -1,7 +1,7 @@
 """Reference models: shipped with the package, or large ones computed by `bdamper.fem` on first use and cached.
 
-The search order is the installed package, the folder in the environment variable BDAMPER_MODELS, ``models/`` of a checkout,
-and the cache folder of the user, where the first use stores the model.
+The search order is the installed package, the folder in the environment variable BDAMPER_MODELS, ``tests/models`` of a
+checkout, and the cache folder of the user, where the first use stores the model.
 """
 
 from __future__ import annotations
@@ -62,7 +62,10 @@ def reference_model(name: str = "bladed_disk", contact_points: int | None = None
     if points not in CONTACT_POINTS[name]:
         raise SettingError(f"contact_points of '{name}': expected one of {CONTACT_POINTS[name]}, found {points}")
     package = Path(__file__).resolve().parents[1]
-    folders = (package / "data", Path(os.environ.get("BDAMPER_MODELS", package / "data")), package.parents[1] / "models")
+    shipped = package / "data"
+    chosen = Path(os.environ.get("BDAMPER_MODELS", shipped))
+    of_checkout = package.parent / "tests" / "models"
+    folders = (shipped, chosen, of_checkout)
     paths = (folder / f"{name}_{points}.h5" for folder in folders)
     stored = next((path for path in paths if path.is_file()), None)
     return _kept(name, points) if stored is None else load_model(stored)
