@@ -38,7 +38,7 @@ from scipy.spatial.transform import Rotation
 
 from bdamper.fem.surface import N_CORNER
 from bdamper.importers.arrays import triangle_to_full
-from bdamper.importers.deck_keywords import CDB_HARMLESS, CDB_READ, refuse
+from bdamper.importers.deck_keywords import CDB_READ, changes_mesh, refuse
 from bdamper.importers.fe_body import (
     ElementKind,
     FEBody,
@@ -352,6 +352,7 @@ class _Archive:
         self.constants: dict[str, dict[int, float]] = {}
         self.sets: dict[str, NDArray] = {}
         self.skipped: Counter[str] = Counter()
+        self.passed_over: Counter[str] = Counter()
 
     def _integers(self, what: str, fields: list[tuple[bool, slice]]) -> list[int]:
         text = self.lines.take(what)
@@ -377,36 +378,63 @@ class _Archive:
         return fields
 
     def body(self) -> FEBody:
+        self._leave_out_iges()
         for line in self.lines:
-            words = [w.strip() for w in line.split(",")]
-            key = words[0].split(" ")[0].upper()
-            if key == "NBLOCK":
-                self._nodes()
-            elif key == "EBLOCK":
-                self._elements("SOLID" in (w.upper() for w in words))
-            elif key == "CMBLOCK" and len(words) >= 4:
-                self._component(words)
-            elif key == "ET" and len(words) >= 3 and words[1].isdigit():
-                self.types[int(words[1])] = words[2].upper().removeprefix("SOLID")
-            elif key == "MPDATA" and len(words) >= 7 and words[4].isdigit():
-                self.constants.setdefault(words[3].upper(), {}).setdefault(int(words[4]), float(words[6]))
-            else:
-                self._skip(key, line)
+            for command in _commands(line):
+                self._read(command)
         axes = {n: _node_axes(np.array(a)) for n, a in zip(self.numbers, self.angles) if any(a)}
         kinds = map(self._kind, self.owners, self.elements)
         notes = [f"{count} elements of type {name} are not solids and are not read" for name, count in self.skipped.items()]
+        if self.passed_over:
+            notes.append(f"commands of the archive that are not read: {', '.join(self.passed_over)}")
         return mesh_body(
             self.source, "a block of nodes (NBLOCK)", self.numbers, self.positions, self.elements, kinds,
             node_sets=self.sets, node_axes=axes, notes=tuple(notes),
         )  # fmt: skip
 
-    def _skip(self, key: str, line: str) -> None:
-        """Raise ModelError for a command that could change the mesh; other commands need no action."""
-        assigned = "$" not in line and re.match(r"\s*\w+\s*=", line)
-        end = key in ("N", "EN") and re.search(r"\s-1[\s,]*$", line)  # end of a block
-        known = end or assigned or key in (*CDB_HARMLESS, *CDB_READ[-1:])
-        if re.match(r"[*/]?[A-Z_]", key) and (not known or ("$" in line and not key.startswith("/"))):
-            refuse(line.strip()[:40], self.lines.item, CDB_READ)
+    def _leave_out_iges(self) -> None:
+        """Advance to the commands behind geometry in IGES form, with which an archive of the solid model begins."""
+        if not self.lines.follows_match(_IGES_START):
+            return
+        while not self.lines.take("the line :CDWRITE behind the geometry (IGES)").upper().startswith(":CDWRITE"):
+            pass
+
+    def _read(self, command: str) -> None:
+        words = [w.strip() for w in command.split(",")]
+        key = words[0].split(" ")[0].upper()
+        if key == "NBLOCK":
+            self._nodes()
+        elif key == "EBLOCK":
+            self._elements("SOLID" in (w.upper() for w in words))
+        elif key == "CMBLOCK" and len(words) >= 4:
+            self._component(words)
+        elif key == "ET" and len(words) >= 3 and words[1].isdigit():
+            self.types[int(words[1])] = words[2].upper().removeprefix("SOLID")
+        elif key == "ETBLOCK":
+            self._types()
+        elif key == "MPDATA" and len(words) >= 7 and words[4].isdigit():
+            self.constants.setdefault(words[3].upper(), {}).setdefault(int(words[4]), float(words[6]))
+        elif not _ends_block(words):
+            self._pass_over(key, words, command)
+
+    def _pass_over(self, key: str, words: list[str], command: str) -> None:
+        """Keep the name of a command for the note; raise ModelError if it changes the mesh or a set of nodes."""
+        numbers_of_a_block = not re.match(r"[*/~]?[A-Z_]", key)
+        if numbers_of_a_block or _ASSIGNMENT.match(command):
+            return
+        incomplete = key in ("ET", "CMBLOCK")
+        names_nodes = key == "CM" and (len(words) < 3 or words[2].upper().startswith("NODE"))
+        renumbers = key.startswith("NUMO") and bool(self.numbers)  # NUMOFF; an archive begins with it
+        if changes_mesh(key) or incomplete or names_nodes or renumbers:
+            refuse(command.strip()[:40], self.lines.item, CDB_READ)
+        self.passed_over[key] += 1
+
+    def _types(self) -> None:
+        """Read numbers and names of element types."""
+        fields = self._fields("ETBLOCK")
+        while (words := self._integers("the end of ETBLOCK (-1)", fields))[:1] != [-1]:
+            self.lines.require(len(words) >= 2, "number and name of an element type", words)
+            self.types[words[0]] = str(words[1])
 
     def _kind(self, owner: tuple[str, int], nodes: list[int]) -> ElementKind:
         name, material = owner
@@ -421,7 +449,8 @@ class _Archive:
         reals = [columns for is_whole, columns in fields if not is_whole]
         while True:
             line = self.lines.take("the end of NBLOCK (-1)")
-            if line.startswith(("N,", "-1")) or not line.strip():
+            words = [w.strip() for w in line.split(",")]
+            if line.startswith("-1") or not line.strip() or _ends_block(words):
                 break
             with parsing(self.lines.item, "a node", line):
                 number = int(line[first])
@@ -473,6 +502,27 @@ class _Archive:
             last = abs(number)
         if kind.startswith("NODE") and total:
             self.sets[name] = np.concatenate(members)
+
+
+_IGES_START = re.compile(r".{72}S {0,6}\d+\s*$")  # the letter of the section and a number in columns 73 to 80
+_TEXT = re.compile(r"\s*(/COM|/TIT|/STI|C\*\*\*)", re.IGNORECASE)
+_QUOTED_OR_COMMENT = re.compile(r"'[^']*'|!.*")
+_ASSIGNMENT = re.compile(r"\s*\w+(\([^)]*\))?\s*=")
+
+
+def _commands(line: str) -> list[str]:
+    """Return the commands of a line, which $ separates; a title or comment is none."""
+    if _TEXT.match(line):
+        return []
+    # a quoted text may hold $ or !
+    plain = _QUOTED_OR_COMMENT.sub(lambda found: "''" if found[0].startswith("'") else "", line)
+    return plain.split("$")
+
+
+def _ends_block(words: list[str]) -> bool:
+    """Return whether a command such as N,R5.3,LOC,-1 or EN,R5.5,ATTR,-1 ends a block."""
+    last = {"N": "LOC", "EN": "ATTR"}.get(words[0].upper())
+    return len(words) >= 4 and words[2].upper() == last and words[3] == "-1" and not any(words[4:])
 
 
 def _without_repeats(nodes: list[int]) -> list[int]:

@@ -1,8 +1,9 @@
 """Keywords of mesh files, grouped by their effect on nodes, elements and sets.
 
-Readers accept three groups of keywords: keywords of the mesh, keywords without effect on the mesh, and keywords that add
-stiffness or mass, which only the matrices contain.  Any other keyword is an error, since it could create, move or tie
-nodes, elements or sets.
+For decks of CalculiX, Abaqus and Nastran the readers accept three groups of keywords: keywords of the mesh, keywords
+without effect on the mesh, and keywords that add stiffness or mass, which only the matrices contain.  Any other keyword
+is an error, since it could create, move or tie nodes, elements or sets.  For archives of Ansys the table holds the
+commands that change the mesh; the reader notes the names of all other commands.
 
 References
 ----------
@@ -142,19 +143,37 @@ def adds_to_matrices(keyword: str, parameters: Mapping[str, str], item: str) -> 
 # -----------------------------------------------------------------------------------------------------------
 # Ansys
 
-CDB_READ = ("NBLOCK", "EBLOCK", "CMBLOCK", "ET", "MPDATA")
-CDB_HARMLESS = _table(
-    """*DEL *ELSE *ELSEIF *ENDIF *IF *SET /BATCH /COM /CONFIG /GO /GOPR /NOPR /PREP7 /SOLU /TITLE /UNITS /WB ACEL ALPHAD
-    ANTYPE AUTOTS BETAD BF BFBLOCK BFE BFEBLOCK BFUNIF C*** CGLOC CGOMEGA CMACEL CMDOMEGA CMOMEGA CNVTOL CORIOLIS CRPLIM
-    CSCIR CSYS D DCGOMG DDELE DELTIM DMPRAT DMPSTR DOF DOMEGA DSYS EQSLV ERESX ESYS EXTOPT F
-    FDELE FINISH HARFRQ HROPT IC
-    INISTATE IRLF KBC KEYOP KEYOPT KUSE LOCAL LUMPM MAT MDAMP MODCONTROL MODOPT MP MPAMOD MPTEMP MPTGEN MXPAND NCNV NEQIT
-    NLGEOM NROPT NSUBST NUMOFF OMEGA OUTPR OUTRES PSTRES QRDOPT R RATE REAL RESCONTROL RLBLOCK RMORE SECBLOCK SECCONTROLS
-    SECDATA SECNUM SECOFFSET SECTYPE SF SFBEAM SFDELE SFE SHPP SOLCONTROL SSTATE SSTIF TB TBDATA TBDELE TBFIELD TBPT
-    TBTEMP TIME TIMINT TINTP TOFFST TREF TRNOPT TUNIF TYPE"""
+CDB_READ = ("NBLOCK", "EBLOCK", "CMBLOCK", "ET", "ETBLOCK", "MPDATA")
+
+# Each release of Ansys writes further settings.  Listed are therefore the commands that act on the mesh.
+_CDB_NODES = """N NGEN NMODIF NROTAT NSCALE NSYM NDELE NREAD NKPT NORA NORL NANG NAXIS FILL QUAD CENTER MOVE TRANSFER
+    NUMMRG NUMCMP UPGEOM UPCOORD DAMORPH DEMORPH DVMORPH"""
+_CDB_ELEMENTS = """E EN EMORE EGEN ENGEN ENSYM ESYM EMODIF EDELE EREAD EMID EMTGEN EINTF EORIENT ESURF AFSURF LFSURF NDSURF
+    GCGEN PSMESH ENDRELEASE SHSD SWGEN SWADD SE SESYMM SETRAN BRANCH RUN BEND MITER TEE REDUCE VALVE FLANGE BELLOW"""
+_CDB_MESHING = """KMESH LMESH AMESH VMESH FVMESH IMESH VSWEEP VEXT VOFFST VROTAT VDRAG KGEN LGEN AGEN VGEN KSYMM LSYMM ARSYM
+    VSYMM KTRAN LTRAN ATRAN VTRAN KCLEAR LCLEAR ACLEAR VCLEAR NREFINE EREFINE KREFINE LREFINE AREFINE AREMESH REMESH
+    MSHCOPY MODMSH MAP2DTO3D"""
+_CDB_TIES = """CE CEINTF CERIG CESGEN CECYC CECMOD CEDELE CP CPINTF CPNGEN CPSGEN CPLGEN CPCYC CPMERGE CPDELE RBE3 PERBC2D
+    CYCLIC EDCNSTR EDWELD"""
+_CDB_FILES = "CDREAD RESUME /CLEAR /INPUT *USE *ULIB"
+_CDB_SIGNIFICANT = 4  # characters of a command's name that Ansys reads
+_CDB_CHANGES = frozenset(
+    name[:_CDB_SIGNIFICANT]
+    for group in (_CDB_NODES, _CDB_ELEMENTS, _CDB_MESHING, _CDB_TIES, _CDB_FILES)
+    for name in group.split()
 )
-"""Materials, sections, loads, supports, coordinate systems and settings of a solution.  TYPE, MAT, REAL and ESYS apply
-to elements of the command E only, since the lines of an EBLOCK contain these numbers."""
+
+
+def changes_mesh(command: str) -> bool:
+    """Return whether a command of Ansys makes, moves, deletes or ties nodes or elements, or reads another file.
+
+    Parameters
+    ----------
+    command : str
+        Name in capitals, in full or abbreviated.
+    """
+    return command[:_CDB_SIGNIFICANT] in _CDB_CHANGES
+
 
 # -----------------------------------------------------------------------------------------------------------
 # Nastran

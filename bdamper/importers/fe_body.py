@@ -11,6 +11,7 @@ the file, its expected content and the content found.  :func:`read_body` selects
 
 from __future__ import annotations
 
+import re
 import struct
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -488,6 +489,10 @@ class Lines:
     def follows(self, *starts: str) -> bool:
         """Return whether the next line starts with one of the texts."""
         return self._read < len(self._lines) and self._lines[self._read].startswith(starts)
+
+    def follows_match(self, pattern: re.Pattern[str]) -> bool:
+        """Return whether the next line matches a pattern from its start."""
+        return self._read < len(self._lines) and pattern.match(self._lines[self._read]) is not None
 
     @property
     def item(self) -> str:

@@ -341,7 +341,7 @@ def test_truncated_files(files, share):
         ("(3i9,6e21.13e3)", "(x)", "a format like"),
         ("N,R5.3,LOC,       -1,\nEBLOCK", "EBLOCK", "a node"),
         ("       10        0        0", "       xx        0        0", "expected a node"),
-        ("NBLOCK", "NBLICK", r"line 3: expected a mesh of NBLOCK, .*found NBLICK,6,SOLID"),
+        ("NBLOCK", "NBLICK", r"expected a block of nodes \(NBLOCK\), found none"),
         ("ENDS    ,NODE,       3", "ENDS    ,NODE,      99", "whole numbers in the columns .*, found 'FINISH'"),
         ("       -13", "        -5", "ranges in component"),
         ("FINISH", "EBLOCK,19,SOLID,9,9\n(19i9)", r"the end of EBLOCK"),

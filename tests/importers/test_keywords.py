@@ -1,11 +1,12 @@
 """Keywords of mesh files that make, move or tie nodes, elements or sets: each is read, or refused by name with its line."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from bdamper.importers import read_body, read_inp
+from bdamper.importers import read_body, read_cdb, read_inp
 from bdamper.util.errors import ModelError
 from tests.ansys_files import write_cdb
 from tests.each import each
@@ -127,29 +128,54 @@ MSHCOPY,VOLU
 CDREAD,DB,more,cdb
 /INPUT,more,cdb
 *USE,macro
-X=1 $ NGEN,2,100,1,8,1,0.25
-*SET,X,1 $ CP,1,UX,1,2"""
-CDB_HARMLESS = """/COM,ANSYS RELEASE 19.2 $ of NGEN
-TYPE,        3
-MAT,1
-REAL,1
-ESYS,0
+RESUME,stage,db
+CERI,1,2,UXYZ
+NUMM,NODE
+FILL,1,8
+VMESH,ALL
+RBE3,1,ALL,2
+N,UNBL,LOC,  77,-1
+N,77,1,2,-1
+N,R5.3,LOC,  77,  1.0, -1
+ET,KIND,185
+NUMOFF,NODE,100"""
+CDB_ON_ONE_LINE = {
+    "X=1 $ NGEN,2,100,1,8,1,0.25": "NGEN,2,100",
+    "*SET,X,1 $ CP,1,UX,1,2": "CP,1,UX,1,2",
+    "*SET,NAME,'a long name of a directory! with $ in it' $ EGEN,2,100,ALL": "EGEN,2,100,ALL",
+}
+CDB_TEXTS = """/COM,ANSYS RELEASE 19.2 $ of NGEN
 /TITLE, CP and $ NGEN
+C*** NGEN,2,100
 ! NGEN,2,100
-*IF,_CDRDOFF,EQ,1,THEN     !if solid model was read in
 _CDRDOFF=             !reset flag
-NUMOFF,NODE,        8
-*ENDIF
+CE=3
+X(2)=1
+N,R5.3,LOC,       -1,
+N,UNBL,LOC,-1,
+EN,R5.5,ATTR,      -1"""
+CDB_NOTED = """TYPE,        3
+MAT,1 $ REAL,1
+*IF,_CDRDOFF,EQ,1,THEN     !if solid model was read in
+*ELSE $ *ENDIF
 DOF,DELETE
 KEYOPT,1,2,3
+DMPOPT,ESAV,NO
+NLDIAG,NRRE,0
+SECCONTROL, 0.00000000    , 0.00000000
+*DIM,_WB_SOLVERFILES_DIR,STRING,  248,    1,    1,
+*SET,NAME,'NGEN $ EGEN'
 RLBLOCK,1,1,6,7
 (2i8,6g16.9)
        1       6  1.0
+DBLOCK,UX,        1
+(2i9,3x,a4,e21.13e3)
+        1        0   ALL 0.0000000000000E+000
+       -1
 LOCAL,R5.0,LOC,  11, 0, 0.25, 0., 0.
 D,      1,UX  ,  0.00000000    ,  0.00000000
 MPDATA,R5.0, 1,DENS,       1, 1,  7850.00000    ,
-N,R5.3,LOC,       -1,
-EN,R5.5,ATTR,      -1"""
+SETTING2031,ON"""
 
 
 @pytest.fixture
@@ -170,12 +196,69 @@ def test_commands_of_archives_that_could_change_the_mesh_are_refused(line, archi
     assert "\n" not in str(caught.value)
 
 
-def test_harmless_commands_of_archives_leave_the_mesh_as_it_is(archive):
+@each("line", list(CDB_ON_ONE_LINE))
+def test_commands_on_one_line_are_judged_one_by_one(line, archive):
+    lines = (archive / "plain.cdb").read_text().splitlines()
+    (archive / "a.cdb").write_text("\n".join([*lines, line, ""]))
+    found = re.escape(CDB_ON_ONE_LINE[line])
+    with pytest.raises(ModelError, match=rf"a\.cdb: line {len(lines) + 1}: expected .*, found {found}"):
+        read_body(archive / "a.cdb")
+
+
+def test_other_commands_of_archives_leave_the_mesh_as_it_is_and_are_named(archive):
     text = (archive / "plain.cdb").read_text()
-    (archive / "more.cdb").write_text(text.replace("FINISH", CDB_HARMLESS + "\nFINISH"))
+    (archive / "more.cdb").write_text(text.replace("FINISH", f"{CDB_TEXTS}\n{CDB_NOTED}\nFINISH"))
     plain, more = (read_body(archive / f"{name}.cdb") for name in ("plain", "more"))
     np.testing.assert_array_equal(more.nodes, plain.nodes)
-    assert str(more).replace("more.cdb", "plain.cdb") == str(plain)
+    np.testing.assert_array_equal(more.elements, plain.elements)
+    assert plain.notes == ("commands of the archive that are not read: /PREP7, FINISH",)
+    assert more.notes == (
+        "commands of the archive that are not read: /PREP7, TYPE, MAT, REAL, *IF, *ELSE, *ENDIF, DOF, KEYOPT, DMPOPT, "
+        "NLDIAG, SECCONTROL, *DIM, *SET, RLBLOCK, DBLOCK, LOCAL, D, SETTING2031, FINISH",
+    )
+
+
+def test_a_node_after_a_block_is_refused(archive):
+    text = (archive / "plain.cdb").read_text()
+    (archive / "a.cdb").write_text(text.replace("N,R5.3,LOC,       -1,", "N,R5.3,LOC,       77,  1.0\nN,R5.3,LOC,-1"))
+    with pytest.raises(ModelError, match=r"expected a node, found 'N,R5\.3,LOC"):
+        read_body(archive / "a.cdb")
+
+
+def test_element_types_of_a_block_are_read(archive):
+    """Type 1 is a solid; with type 200, which is for meshing only, no element is left."""
+    text = (archive / "plain.cdb").read_text()
+    for kind, count in (("185", 1), ("200", 0)):
+        fields = "".join(f"{v:>9}" for v in (1, kind, *[0] * 19))
+        block = f"ETBLOCK,        1,        1\n(2i9,19a9)\n{fields}\n       -1"
+        (archive / f"{kind}.cdb").write_text(text.replace("ET,1,185", block))
+        body = read_body(archive / f"{kind}.cdb")
+        assert sum(map(len, body.elements)) == count
+    assert "1 elements of type 200 are not solids and are not read" in body.notes
+
+
+def test_geometry_in_front_of_an_archive_is_left_out(archive):
+    """With the solid model, lines of 80 characters in IGES form precede the mesh; some contain commands."""
+    lines = ["NGEN of a blade".ljust(72) + "S      1", "EGEN,2,100,ALL".ljust(72) + "S      2", "S      2T      1"]
+    text = "\n".join([*lines, ":CDWRITE      ! START OF CDWRITE DATA", (archive / "plain.cdb").read_text()])
+    (archive / "both.cdb").write_text(text)
+    np.testing.assert_array_equal(read_body(archive / "both.cdb").nodes, read_body(archive / "plain.cdb").nodes)
+    (archive / "geometry.cdb").write_text("\n".join(lines))
+    with pytest.raises(ModelError, match=r"expected the line :CDWRITE behind the geometry \(IGES\), found the end"):
+        read_body(archive / "geometry.cdb")
+
+
+WORKBENCH = Path(__file__).resolve().parents[3] / "shared" / "fixtures" / "field" / "workbench.cdb"
+
+
+@pytest.mark.skipif(not WORKBENCH.exists(), reason="no archive of Workbench in ../shared/fixtures/field")
+def test_an_archive_of_a_current_release_is_read():
+    """Two bricks from z = 0 to 2, written in the form of release 2025 R1."""
+    body = read_cdb(WORKBENCH)
+    np.testing.assert_array_equal(body.numbers, np.arange(1, 13))
+    np.testing.assert_array_equal(body.node_sets["HELD"], [1, 2, 3, 4])
+    np.testing.assert_array_equal(np.sort(np.concatenate(body.elements), axis=1), [np.arange(1, 9), np.arange(5, 13)])
+    assert np.ptp(body.nodes, axis=0).tolist() == [1.0, 1.0, 2.0]
 
 
 # ---- Nastran ----
