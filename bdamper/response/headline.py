@@ -1,7 +1,7 @@
 """Checks of an optimal curve, and the headline that print, explorer, report and command line show.
 
-The headline gives the preload, the amplitude for the stress calculation with its bounds, and the effects that are not
-covered.  If a check has failed, it begins with the failure and a remedy.
+The headline gives the preload, the design amplitude with the values of each method, and the effects that are not covered.
+If a check has failed, it begins with the failure and a remedy, and there is no design amplitude.
 """
 
 from __future__ import annotations
@@ -94,14 +94,14 @@ def failed(curve: OptimalCurve) -> list[Check]:
 def _in_time(curve: OptimalCurve) -> Check:
     """Compare harmonic balance and time integration at the preload nearest to the recommended preload."""
     rule = f"green below {percent(GOOD)} of difference, amber below {percent(FAIR)}, red above, white if not run"
-    name, remedy = "Harmonic balance against time", "take the upper bound in time, or another preload"
-    if not curve.time_response:
+    name, nearest = "Harmonic balance against time", curve.recommended_response
+    if nearest is None:
         return Check("white", name, "not run", rule)
-    nearest = min(curve.time_response, key=lambda k: abs(np.log(k.preload / curve.recommended_preload)))
     if not known_in_time(nearest) or status_word(nearest.status) != COMPLETE:
         failure = f"time integration at {amount(nearest.preload, 'N')} is {nearest.status}"
-        other = "integrate at other preloads, study.with_time_response(curve, preloads)"
-        return Check("red", name, nearest.status, rule, failure, remedy if known_in_time(nearest) else other)
+        remedy = "integrate at other preloads, study.with_time_response(curve, preloads)"
+        return Check("red", name, nearest.status, rule, failure, remedy)
+    remedy = "add harmonics and blade modes until both agree, or choose another preload"
     found = f"{nearest.text} in time, {amount(nearest.balance, 'm')} by harmonic balance"
     change = nearest.mean / nearest.balance - 1.0
     failure = f"harmonic balance and time integration differ by {abs(100.0 * change):.0f} %"
@@ -127,7 +127,7 @@ def _other_friction(curve: OptimalCurve) -> Check:
     """Compare the peaks at the recommended preload with lower and higher friction coefficients."""
     name = "Other friction coefficients"
     rule = f"green up to {NEAR_BEST:g} times the amplitude, red above {MUCH:g} times, white if not run"
-    if not curve.other_friction or not np.isclose(curve.other_friction[0].preload, curve.recommended_preload):
+    if not _friction_tried(curve):
         return Check("white", name, f"not run at {amount(curve.recommended_preload, 'N')}", rule)
     own, *others = curve.other_friction
     ratio = np.array([k.amplitude for k in others]) / own.amplitude
@@ -137,6 +137,31 @@ def _other_friction(curve: OptimalCurve) -> Check:
     found = f"{heights} with {' and '.join(f'{k.factor:g}' for k in others)} times the friction, by harmonic balance"
     failure = f"at {amount(own.preload, 'N')} the amplitude is {found}"
     return Check(colour, name, found, rule, failure, "choose a preload for these friction coefficients, bd.robust_optimum")
+
+
+def _friction_tried(curve: OptimalCurve) -> bool:
+    """Return whether other friction coefficients were tried at the recommended preload."""
+    tried = curve.other_friction
+    return bool(tried) and bool(np.isclose(tried[0].preload, curve.recommended_preload))
+
+
+def checked_amplitudes(curve: OptimalCurve) -> dict[str, float]:
+    """Return the upper amplitude (m) of each check by its name; NaN if unknown, and nothing without time integration.
+
+    The amplitude with another friction coefficient is unknown if its peak is not complete: the peak may be higher.
+    """
+    response = curve.recommended_response
+    if response is None or not known_in_time(response):
+        return {}
+    amplitudes = {"in time": response.largest, "by harmonic balance": response.balance}
+    more = curve.convergence
+    if more is not None and len(more.peaks) > 1:
+        amplitudes["with more harmonics"] = more.range[1]
+    if _friction_tried(curve):
+        for peak in curve.other_friction[1:]:
+            size = peak.amplitude if peak.status == COMPLETE else np.nan
+            amplitudes[f"with {peak.factor:g} times the friction"] = size
+    return amplitudes
 
 
 def known_in_time(response: TimeResponse) -> bool:
@@ -206,27 +231,37 @@ def _steeper(curve: OptimalCurve) -> str:
 
 
 def _amplitude(curve: OptimalCurve) -> str:
-    """Return the amplitude for the stress calculation, which is the upper bound, and the bounds by each method."""
-    o, known = curve.optimum, [k for k in curve.time_response if known_in_time(k)]
-    shown = curve.optimum_in_time or next(iter(known), None)
+    """Return the design amplitude, unless a check has failed, and the amplitudes by each method."""
+    o, response = curve.optimum, curve.recommended_response
     free = curve.free.amplitude
     gain = f", {free / o.amplitude:.3g} times below the free blade ({amount(free, 'm')})" if np.isfinite(free) else ""
     more = curve.convergence if curve.convergence is not None and len(curve.convergence.peaks) > 1 else None
     low, high = more.range if more is not None else (o.amplitude, o.amplitude)
     ends = f" ({span(low, high, 'm')} with more harmonics)" if more is not None else ""
-    if shown is None:
-        top = peak_text(max(high, o.amplitude), o.frequency)
-        return f"Amplitude by harmonic balance alone, not for the stress: {top}{ends}{gain}."
-    high = shown.largest
+    if response is None or not known_in_time(response):
+        highest = max(o.amplitude, high)
+        alone = "Amplitude by harmonic balance alone, not for the stress"
+        return f"{alone}: {peak_text(highest, o.frequency)}{ends}{gain}."
     at, balance = "", peak_text(o.amplitude, o.frequency)
-    if not np.isclose(shown.preload, o.preload):
-        at, balance = f" at {amount(shown.preload, 'N')}", f"{amount(shown.balance, 'm')} there, at its optimum {balance}"
-    least, most = shown.spread
-    alike = f" Blades do not vibrate alike: {span(least, most, 'm')}." if shown.parted else ""
-    return (
-        f"Amplitude for the stress: {amount(high, 'm')}; in time{at} {span(shown.lowest, high, 'm')}, by harmonic balance "
-        f"{balance}{ends}{gain}.{alike}"
-    )
+    if not np.isclose(response.preload, o.preload):
+        at = f" at {amount(response.preload, 'N')}"
+        balance = f"{amount(response.balance, 'm')} there, at its optimum {balance}"
+    least, most = response.spread
+    differs = f" Blades do not vibrate alike: {span(least, most, 'm')}." if response.parted else ""
+    in_time = span(response.lowest, response.largest, "m")
+    return f"{_design(curve)} in time{at} {in_time}, by harmonic balance {balance}{ends}{gain}.{differs}"
+
+
+def _design(curve: OptimalCurve) -> str:
+    """Return the beginning of the sentence on amplitudes: the design amplitude and its check, or why there is none."""
+    amplitudes = checked_amplitudes(curve)
+    if failed(curve):
+        return "Amplitude"
+    unknown = [name for name, size in amplitudes.items() if np.isnan(size)]
+    if unknown:
+        return f"No design amplitude, it is not known {' and '.join(unknown)};"
+    highest = max(amplitudes, key=lambda name: amplitudes[name])
+    return f"Design amplitude: {amount(curve.design_amplitude, 'm')} ({highest});"
 
 
 def _not_covered(curve: OptimalCurve) -> str:
@@ -238,7 +273,9 @@ def _not_covered(curve: OptimalCurve) -> str:
     checked = len(ends) > 1 and _other_friction(curve).colour != "white"
     beyond = f"beyond {min(ends):g} to {max(ends):g} times" if checked else "other than"
     other = [f"friction coefficients {beyond} {values}"] * bool(values)
-    time = [] if any(map(known_in_time, curve.time_response)) else ["motion in time", "more blade modes"]
+    response = curve.recommended_response
+    in_time = response is not None and known_in_time(response)
+    time = [] if in_time else ["motion in time", "more blade modes"]
     stiffness = curve.settings.get("contact_stiffness", "")
     joints = stiffness == "model" or "values" in stiffness  # each point is a joint
     points = ["more contact points"] * (not joints or curve.settings.get("contact_points") is not None)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bdamper.fatigue.margin import MarginCurve
 from bdamper.harmonic_balance.checks import Asking
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.response.headline import ENDS, failed, headline, known_in_time
+from bdamper.response.headline import ENDS, checked_amplitudes, failed, headline, known_in_time
 from bdamper.response.linear_limits import Limit
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import Convergence, FrictionPeak, TimeResponse
@@ -158,8 +158,9 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
     other_friction: tuple[FrictionPeak, ...] = ()
     mass_radius: Annotated[float, Data(derived=True)] = float("nan")
     _summary_fields = (
-        "optimum.preload", "optimum.amplitude", "optimum.frequency", "time_response", "optimum_in_time", "convergence",
-        "other_friction", "free", "stuck", "ratio", "stuck_shift_percent", "margins", "detached",
+        "optimum.preload", "optimum.amplitude", "optimum.frequency", "design_amplitude", "time_response",
+        "optimum_in_time", "convergence", "other_friction", "free", "stuck", "ratio", "stuck_shift_percent", "margins",
+        "detached",
     )  # fmt: skip
 
     def __len__(self) -> int:
@@ -245,6 +246,26 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
     def recommended_preload(self) -> float:
         """Preload (N) with the least upper bound of the amplitude in time, or that of the optimum; NaN without both."""
         return (self.optimum_in_time or self.optimum).preload
+
+    @property
+    def recommended_response(self) -> TimeResponse | None:
+        """Time response nearest to the recommended preload, even if it has no amplitude; None without time integration."""
+        preload = self.recommended_preload
+        if not np.isfinite(preload):
+            return None
+        return min(self.time_response, key=lambda response: abs(np.log(response.preload / preload)), default=None)
+
+    @property
+    def design_amplitude(self) -> float:
+        """Largest amplitude (m) by time integration, more harmonics and other friction coefficients.
+
+        NaN without time integration, after a failed check, or if the amplitude with one of the friction coefficients is
+        unknown.
+        """
+        amplitudes = checked_amplitudes(self)
+        if not amplitudes or failed(self):
+            return float("nan")
+        return float(np.max(list(amplitudes.values())))  # NaN if one of them is
 
     @property
     def _known(self) -> list[TimeResponse]:

@@ -25,7 +25,7 @@ UNITS = {
     "excitation.phase": "rad", "load": "N", "linear_to": "m", "highest": "m", "scales_to": "N", "normal_force": "N",
     "speed": "rad/s", "fixed_speed": "rad/s", "fixed_speed_amplitude": "m", "amplitude_by_mass": "m",
     "speed_by_mass": "rad/s", "mass": "kg", "damper_drag": "N s/m", "residual_slip_std": "m",
-    "force": "N", "displacement": "m", "by_interface": "J",
+    "force": "N", "displacement": "m", "by_interface": "J", "design_amplitude": "m",
 }  # fmt: skip
 """Units of settings and results; a name that is not listed is a plain number or a text."""
 FITTING = {"m": "nµm ", "N": "m kM", "N/m": " kM", "J": "nµm k", "Pa": " kMG", "s": "µm ", "g": "m k"}

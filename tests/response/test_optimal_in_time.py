@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.response.verification import TimeResponse
+from bdamper.response.verification import Convergence, FrictionPeak, HarmonicPeak, TimeResponse
 from bdamper.time_domain import time_response as in_time
-from bdamper.util.formatting import amount
+from bdamper.util.formatting import amount, span
 from tests.plain import plain_study
 
 
@@ -40,7 +40,13 @@ def test_by_default_it_is_computed_at_the_optimum_and_above(study, curve, monkey
     assert [(k.factor, k.preload) for k in found.other_friction] == [(1.0, best), (0.7, best), (1.3, best)]
     assert found.convergence.preload == one.preload == curve.optimum.preload
     assert one.balance == pytest.approx(curve.optimum.amplitude, rel=1e-3)
-    assert f"Amplitude for the stress: {amount(one.highest_period, 'm')}; in time " in found._headline()
+    assert found.failures and ". Amplitude in time " in found._headline(), "the optimum is at the end of the range"
+    inside = replace(found, optimum=replace(found.optimum, kind="smooth", status="complete"))
+    # the integration is below the harmonic balance, and other friction coefficients are above it
+    least = found.optimum_in_time
+    tried = [least.largest, least.balance, found.convergence.range[1], *(k.amplitude for k in found.other_friction)]
+    assert not inside.failures and inside.design_amplitude == max(tried) > least.largest
+    assert f"Design amplitude: {amount(max(tried), 'm')} (with " in inside._headline()
     found.save(tmp_path / "optimal.h5")
     assert bd.load(tmp_path / "optimal.h5").time_response == found.time_response
     ax = found.plot().axes[0]
@@ -56,8 +62,8 @@ def test_neighbours_on_request(study, curve, monkeypatch):
     said, least = found._headline(), found.optimum_in_time
     tops = [max(k.highest, k.highest_period) for k in found.time_response]
     assert max(least.highest, least.highest_period) == min(tops) and least in found.time_response
-    at, most = amount(least.preload, "N"), amount(min(tops), "m")
-    assert f"Preload: {at}" in said and f"Amplitude for the stress: {most}" in said
+    assert f"Preload: {amount(least.preload, 'N')}" in said
+    assert f"in time at {amount(least.preload, 'N')} {span(least.lowest, min(tops), 'm')}, by harmonic" in said
     assert ("preloads were not integrated" in said) == (least.preload != best)
     assert ("optimum in time", least._headline()) in [fact[:2] for fact in found._facts()]
     assert "least in time" in found.plot().axes[0].get_legend_handles_labels()[1]
@@ -74,7 +80,8 @@ def test_neighbours_on_request(study, curve, monkeypatch):
     doubtful = replace(found, time_response=(low, wide, high))
     said = doubtful._headline()
     assert doubtful.failures and said.startswith(f"Not for design: {'; '.join(doubtful.failures)}. ")
-    assert "is incomplete: not settled. " in said and f"for the stress: {amount(wide.highest_period, 'm')}" in said
+    assert "is incomplete: not settled. " in said and f"Amplitude in time {span(wide.lowest, wide.largest, 'm')}" in said
+    assert np.isnan(doubtful.design_amplitude) and "esign amplitude" not in said
     stopped = replace(found, time_response=(low, replace(wide, status="interrupted"), high))
     assert stopped.optimum_in_time in (low, high)
 
@@ -98,3 +105,56 @@ def test_the_bottom_line_says_what_is_open(study, curve):
     said = replace(curve, time_response=(none,))._headline()
     assert "is not found: no motion stays. " in said and "by harmonic balance alone" in said
     assert "Not covered: motion in time, " in said
+
+
+def checked(curve, **changes):
+    """Return the curve with passed checks, each with another amplitude; ``changes`` replace checks."""
+    best = curve.optimum
+    size, preload = best.amplitude, best.preload
+    response = TimeResponse(*(k * size for k in (0.97, 0.96, 0.98)), best.frequency, preload, size, 0.99 * size)
+    peaks = tuple(HarmonicPeak(h, k * size, best.frequency) for h, k in ((3, 1.0), (5, 1.02), (7, 1.01)))
+    passed = {
+        "optimum": replace(best, kind="smooth", status="complete"),
+        "time_response": (response,),
+        "convergence": Convergence(preload, 0.05, peaks),
+        "other_friction": tuple(FrictionPeak(k, preload, a * size) for k, a in ((1.0, 1.0), (0.7, 1.1), (1.3, 1.05))),
+    }
+    return replace(curve, **passed | changes)
+
+
+def test_the_design_amplitude_is_the_largest_of_all_checks(curve):
+    size, passed = curve.optimum.amplitude, checked(curve)
+    (response,) = passed.time_response
+    assert not passed.failures and passed.design_amplitude == pytest.approx(1.1 * size, rel=1e-14)
+    assert f"Design amplitude: {amount(1.1 * size, 'm')} (with 0.7 times the friction); in time " in passed._headline()
+    single = replace(passed, time_response=(replace(response, highest_period=1.2 * size),))
+    assert single.design_amplitude == pytest.approx(1.2 * size, rel=1e-14)
+    assert "(in time); in time " in single._headline()
+    alone = replace(passed, other_friction=())
+    assert alone.design_amplitude == pytest.approx(1.02 * size, rel=1e-14)
+    assert "(with more harmonics); in time " in alone._headline()
+    only = replace(alone, convergence=None)
+    assert only.design_amplitude == size and "(by harmonic balance); in time " in only._headline()
+    elsewhere = replace(passed, other_friction=tuple(replace(k, preload=2.0 * k.preload) for k in passed.other_friction))
+    assert elsewhere.design_amplitude == alone.design_amplitude, "other preloads do not count"
+
+
+def test_without_a_known_amplitude_of_all_checks_there_is_no_design_amplitude(curve):
+    passed = checked(curve)
+    (response,) = passed.time_response
+    first, less, more = passed.other_friction
+    for unknown in (replace(less, amplitude=np.nan, status="not found: why"), replace(less, status="incomplete: why")):
+        doubtful = replace(passed, other_friction=(first, unknown, more))
+        assert np.isnan(doubtful.design_amplitude)
+        assert "No design amplitude, it is not known with 0.7 times the friction; in time " in doubtful._headline()
+    for change in (
+        {"other_friction": (first, replace(less, amplitude=3.0 * first.amplitude), more)},
+        {"time_response": (replace(response, status="incomplete: not settled"),)},
+        {"time_response": (replace(response, balance=1.5 * response.balance),)},
+    ):
+        failed = replace(passed, **change)
+        assert failed.failures and np.isnan(failed.design_amplitude)
+        assert failed._headline().startswith("Not for design: ") and "esign amplitude" not in str(failed)
+        assert ". Amplitude in time " in failed._headline()
+    without = replace(passed, time_response=())
+    assert np.isnan(without.design_amplitude) and "by harmonic balance alone, not for the stress" in without._headline()

@@ -175,7 +175,7 @@ class TestBottomLine:
         best = f"Preload: {amount(1.35 * o.preload, 'N')} per newton of excitation, least in time (harmonic balance alone: "
         more = replace(curve, time_response=in_time)._headline()
         assert more.startswith(f"{best}{amount(o.preload, 'N')}); higher preloads were not integrated; by harmonic")
-        assert f"Amplitude for the stress: 1 m; in time at {amount(1.35 * o.preload, 'N')} 0.8 to 1 m, by" in more
+        assert f"Design amplitude: 1 m (in time); in time at {amount(1.35 * o.preload, 'N')} 0.8 to 1 m, by" in more
         assert "motion in time" not in more
         lines = str(curve).split("\n")
         assert len(lines) <= 14 and lines[-1] == "  1 further row; summary() has the rest"
@@ -190,7 +190,7 @@ class TestBottomLine:
         [
             ({"kind": "end"}, "the least amplitude is at the end of the range, the optimum may lie beyond. Include"),
             ({"status": "incomplete: why"}, "the search for the optimum is incomplete: why. Compute other preloads near"),
-            (1.3, "harmonic balance and time integration differ by 30 %. Take the upper bound in time, or"),
+            (1.3, "harmonic balance and time integration differ by 30 %. Add harmonics and blade modes until both"),
             (np.nan, "time integration at 1 N is not found: why. Integrate at other preloads, study."),
             (
                 [1.0, 1.3, 1.31],
@@ -212,6 +212,7 @@ class TestBottomLine:
             curve = replace(curve, optimum=o, time_response=(response,))
         assert str(curve).replace("\n", " ").startswith(f"Not for design: {first}")
         assert " Preload: " in curve._headline() and "complete\n" not in str(curve)
+        assert np.isnan(curve.design_amplitude) and "esign amplitude" not in str(curve)
 
     @each(
         ("factors", "status", "colour"),
