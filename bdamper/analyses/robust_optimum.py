@@ -4,7 +4,8 @@ Uncertainty
     Settings are drawn from distributions of :mod:`scipy.stats` (any object with a ``ppf``) by a scrambled Sobol sequence,
     whose averages converge faster than those of independent draws. The optimal curve of every draw is one point of a
     :func:`bdamper.sweep`, with its executors and results files. Percentiles over the sample give bands, and the preload at
-    which a percentile of the amplitude is least.
+    which a percentile of the amplitude is least. Percentiles are values of draws, without interpolation between draws. A
+    draw without a peak counts as infinite, because its amplitude is unknown. Draws with invalid settings do not count.
 
 Largest fatigue margin
     A higher preload changes position and shape of the bending and increases the mean stress. The preload with the largest
@@ -19,7 +20,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -53,6 +54,7 @@ from bdamper.util.errors import (
     BdamperError,
     SettingError,
     all_complete,
+    one_line,
     status_word,
     with_reason,
 )
@@ -99,6 +101,68 @@ def sample(distributions: Mapping[str, Any], n: int, *, seed: int = 0) -> dict[s
     return {name: np.asarray(dist.ppf(unit[:, i]), float) for i, (name, dist) in enumerate(distributions.items())} | drawn
 
 
+def _upper_percentile(values: NDArray, q: float | Sequence[float]) -> NDArray:
+    """Return percentiles of draws (n, m) at each of m preloads, (m,) or (len(q), m).
+
+    A percentile between two draws is the higher one, so that at least its share of the draws is not above it.  A draw
+    without a value (NaN) counts as infinite.  Without draws the percentiles are NaN.
+    """
+    if not len(values):
+        return np.full((*np.shape(q), values.shape[1]), np.nan)
+    ranked = np.sort(np.where(np.isnan(values), np.inf, values), axis=0)
+    place = np.asarray(q) / 100.0 * (len(values) - 1)
+    rounding = 1e-9  # 7 % of 100 intervals are 7.000000000000001
+    return np.asarray(ranked[np.ceil(place - rounding).astype(int)])
+
+
+def _draws_text(percentile: float, n: int) -> str:
+    """Return "95 % of 32 draws", or "all 8 draws" if the percentile is the highest of them."""
+    draws = counted(n, "draw")
+    return f"{percentile:g} % of {draws}" if n >= _draws_needed(percentile) < np.inf else f"all {draws}"
+
+
+def _too_few_text(percentile: float, n: int) -> str:
+    """Return a remark if there are too few draws for a percentile, or ""."""
+    needed = _draws_needed(percentile)
+    return f" ({percentile:g} % needs {needed:g} draws)" if n < needed < np.inf else ""
+
+
+def _draws_needed(percentile: float) -> float:
+    """Return the smallest number of draws with a percentile below the highest draw; infinite for 100 %."""
+    share_above = 1.0 - percentile / 100.0
+    rounding = 1e-9
+    return float(np.ceil(1.0 / share_above + 1.0 - rounding)) if share_above > 0.0 else np.inf
+
+
+def _failed_text(failed: Mapping[int, str], n: int) -> str:
+    """Return a sentence that names the draws that do not count, by index and reason; empty without such draws."""
+    if not failed:
+        return ""
+    count = f"{len(failed)} of {counted(n, 'draw')} failed and {'does' if len(failed) == 1 else 'do'} not count"
+    return f"{count}, first draw {min(failed)}: {failed[min(failed)]}. "
+
+
+def _invalid_draws(study: Asking | Problem, samples: Mapping[str, Sequence[float] | NDArray]) -> dict[int, str]:
+    """Return the reason for each draw with invalid settings, for example a negative friction coefficient.
+
+    Raises
+    ------
+    BdamperError
+        If no draw is valid.
+    """
+    out, first, n = dict[int, str](), None, len(next(iter(samples.values())))
+    for i in range(n):
+        draw = {name: np.asarray(values)[i].item() for name, values in samples.items()}
+        try:
+            vary(study, draw)
+        except BdamperError as error:
+            first = first or error
+            out[i] = one_line(error)
+    if first is not None and len(out) == n:
+        raise first
+    return out
+
+
 @short_repr
 @dataclass(frozen=True)
 class RobustOptimum(Summarised):
@@ -108,7 +172,8 @@ class RobustOptimum(Summarised):
     ----------
     preload : float, N
     amplitude : float, m
-        Percentile of the amplitude at this preload.
+        Percentile of the amplitude at this preload: that of a draw, and of the next higher one.  Draws without a peak count
+        as infinite.
     percentile : float
     uncertainty : float
         Relative half-width of the last bracket of the preload.
@@ -119,6 +184,10 @@ class RobustOptimum(Summarised):
     status : str
         "complete"; "incomplete" if a preload without a peak in every draw could have a lower percentile; "interrupted",
         with the reason if the executor ended.
+    draws : int
+        Number of draws, without those that failed.
+    failed : mapping of int to str
+        Draws with invalid settings by index, with the reason.  They do not count.
     """
 
     preload: float
@@ -128,14 +197,18 @@ class RobustOptimum(Summarised):
     kind: str
     warnings: int = 0
     status: str = COMPLETE
+    draws: int = 0
+    failed: Mapping[int, str] = field(default_factory=dict)
 
     def __str__(self) -> str:
         edge = ", an end of the range," if self.kind == "end" else ""
         doubts = "" if self.status == COMPLETE else f" The search is {self.status}."
         doubts += f" {self.warnings} of the last peaks are lower bounds." if self.warnings else ""
+        draws, few = _draws_text(self.percentile, self.draws), _too_few_text(self.percentile, self.draws)
         return (
-            f"At a preload of {amount(self.preload, 'N')}{edge} {self.percentile:g} % of the draws stay below "
-            f"{amount(self.amplitude, 'm')}: least of all preloads, known to {percent(self.uncertainty)}.{doubts}"
+            f"{_failed_text(self.failed, self.draws + len(self.failed))}At a preload of {amount(self.preload, 'N')}{edge} "
+            f"{draws} reach at most {amount(self.amplitude, 'm')}{few}: least of all preloads, known to "
+            f"{percent(self.uncertainty)}.{doubts}"
         )
 
 
@@ -154,7 +227,8 @@ class OptimalCurveUncertainty(Plottable, Tabular, Recorded, Storable, kind="bdam
         Values of each draw in m and Hz; NaN without a peak or for draws that were not run.
     samples : mapping of setting to (n,) float
     status : tuple of str
-        Status of each draw, as in :class:`bdamper.analyses.sweep.SweepResult`.
+        Status of each draw, as in :class:`bdamper.analyses.sweep.SweepResult`: "failed" if its settings are invalid,
+        "not found" if it has no peak at any preload.  Draws that failed or were not run do not count in percentiles.
     settings : mapping
         Settings of the varied problem.
     model_hash : str
@@ -175,7 +249,8 @@ class OptimalCurveUncertainty(Plottable, Tabular, Recorded, Storable, kind="bdam
     def percentile(self, q: float | Sequence[float], quantity: str = "amplitude") -> NDArray:
         """Return percentiles over the sample at every preload, (m,) or (len(q), m).
 
-        Draws without a peak at a preload are ignored there.
+        A percentile is the value of a draw: of the two draws next to it, the higher one.  A draw without a peak counts as
+        an infinite amplitude.  Frequencies are NaN at preloads at which a draw has no peak.
 
         Parameters
         ----------
@@ -185,15 +260,26 @@ class OptimalCurveUncertainty(Plottable, Tabular, Recorded, Storable, kind="bdam
         """
         validation.choice("quantity", quantity, ("amplitude", "frequency"))
         validation.numbers("percentile", np.atleast_1d(q), least=0.0, most=100.0)
-        values = np.asarray(getattr(self, quantity))
-        known, out = np.isfinite(values).any(axis=0), np.full((*np.shape(q), values.shape[1]), np.nan)
-        out[..., known] = np.nanpercentile(values[:, known], q, axis=0)
+        out = _upper_percentile(np.asarray(getattr(self, quantity))[self._counted], q)
+        if quantity == "frequency":
+            # an unknown frequency has no place among the others, high or low
+            out[..., ~self._known_draws.all(axis=0)] = np.nan
         return out
 
     @property
+    def _counted(self) -> NDArray:
+        """Whether each draw (n,) counts in percentiles: it was run, and its settings are valid."""
+        return np.array([status_word(status) not in (FAILED, NOT_RUN) for status in self.status], bool)
+
+    @property
+    def _known_draws(self) -> NDArray:
+        """Whether each draw that counts has a peak at each preload."""
+        return np.isfinite(self.amplitude[self._counted])
+
+    @property
     def complete(self) -> bool:
-        """Whether every draw has an optimal curve."""
-        return all_complete(self.status)
+        """Whether every draw has a value at every preload."""
+        return all_complete(self.status) and bool(np.isfinite(self.amplitude).all())
 
     def columns(self) -> dict[str, Column]:
         """Return percentiles at each preload, and the curves of all draws for xarray."""
@@ -206,14 +292,21 @@ class OptimalCurveUncertainty(Plottable, Tabular, Recorded, Storable, kind="bdam
         return super().columns() | bands | samples
 
     def _headline(self) -> str:
+        failed = {i: s.removeprefix(f"{FAILED}: ") for i, s in enumerate(self.status) if status_word(s) == FAILED}
+        named, n = _failed_text(failed, len(self)), int(self._counted.sum())
         if not np.isfinite(self.amplitude).any():
-            return f"No peak at any preload of {counted(len(self), 'draw')}."
-        _, mid, high = self.percentile([5.0, 50.0, 95.0])
-        k = int(np.nanargmin(high))
+            return f"{named}No peak at any preload of {counted(n, 'draw')}."
+        settings, draws = ", ".join(map(spaced, self.samples)), _draws_text(95.0, n)
+        without = int((~self._known_draws).any(axis=1).sum())
+        infinite = f" Infinite where they have no peak: {without} of {counted(n, 'draw')}." if without else ""
+        mid, high = self.percentile([50.0, 95.0])
+        if not np.isfinite(high).any():
+            return f"{named}At no preload do {draws} of {settings} have a peak.{infinite}"
+        k = int(np.argmin(high))
         return (
-            f"At a preload of {amount(self.preload[k], 'N')} 95 % of {counted(len(self), 'draw')} of "
-            f"{', '.join(map(spaced, self.samples))} stay below {amount(high[k], 'm')}, "
-            f"half below {amount(mid[k], 'm')}: least of the preloads tried."
+            f"{named}At a preload of {amount(self.preload[k], 'N')} {draws} of {settings} reach at most "
+            f"{amount(high[k], 'm')}{_too_few_text(95.0, n)}, half at most {amount(mid[k], 'm')}: least of the preloads "
+            f"tried.{infinite}"
         )
 
 
@@ -250,17 +343,23 @@ def optimal_curve_uncertainty(
     values = preload_values(preload, n)
     task = OptimalTask(tuple(float(p) for p in values), len(values), frequency, mode)
     done = sweep(study, dict(samples), task, combine="zip", executor=executor, resume=resume, progress=progress)
+    invalid = _invalid_draws(study, samples)
     nothing = np.full((len(done), len(values)), np.nan)
     return OptimalCurveUncertainty(
         preload=values,
         amplitude=done.array("curve_amplitude") if done.quantities else nothing,
         frequency=done.array("curve_frequency") if done.quantities else nothing,
         samples={name: np.asarray(column, float) for name, column in samples.items()},
-        status=done.status,
+        status=tuple(s if i in invalid else _without_peak(s) for i, s in enumerate(done.status)),
         settings=done.settings,
         model_hash=done.model_hash,
         warnings=done.warnings,
     )
+
+
+def _without_peak(status: str) -> str:
+    """Return the status of a draw with valid settings: "not found" if its search for an optimal curve ended in an error."""
+    return with_reason(NOT_FOUND, status.removeprefix(f"{FAILED}: ")) if status_word(status) == FAILED else status
 
 
 def _check_samples(samples: Any) -> None:
@@ -317,15 +416,23 @@ def with_other_friction(problem: Problem, curve: OptimalCurve, progress: bool = 
     return replace(curve, other_friction=tuple(out.values()), cost=cost)
 
 
-def _percentiles(done: SweepResult, n: int, percentile: float) -> list[tuple[float, bool]]:
-    """Return the percentile of the amplitude at each of ``n`` preloads, and whether it is known or a lower bound."""
-    for i, status in enumerate(done.status):
-        if status_word(status) == FAILED:
-            raise BdamperError(f"robust optimum: draw {i // n} {status}")
+def _percentiles(done: SweepResult, n: int, percentile: float) -> list[tuple[float, float]]:
+    """Return the percentile of the amplitude at each of ``n`` preloads, and a lower bound of it.
+
+    Both are equal if every draw has a peak or rattles.  In the percentile a draw without a peak counts as infinite; in the
+    lower bound it has the highest amplitude that was found, or zero.
+    """
+    if not done.quantities:
+        return [(np.inf, 0.0)] * n
     size, known = (done.array(name).reshape(-1, n) for name in ("amplitude", "known"))
-    steady = ~np.isinf(size).any(axis=0)
-    height = np.percentile(np.where(steady, size, 0.0), percentile, axis=0)
-    return [(float(h) if s else np.inf, bool(k.all())) for h, s, k in zip(height, steady, known.T)]
+    upper = _upper_percentile(np.where(known == 1.0, size, np.inf), percentile)
+    lower = _upper_percentile(np.nan_to_num(size, posinf=np.inf), percentile)
+    return list(zip(upper.tolist(), lower.tolist()))
+
+
+def _lower_bounds(done: SweepResult) -> int:
+    """Return the number of points whose amplitude is not known."""
+    return int(np.count_nonzero(done.array("known") != 1.0)) if done.quantities else len(done)
 
 
 @validation.check_arguments
@@ -344,8 +451,9 @@ def robust_optimum(
 ) -> RobustOptimum:
     """Find the preload that minimises a percentile of the resonance amplitude over a sample.
 
-    Percentiles are computed from the highest peaks at each preload of a grid, without interpolation in the preload. The
-    grid is refined around its least value down to the tolerance. Preloads at which a damper rattles do not count.
+    Percentiles are computed from the highest peaks at each preload of a grid, without interpolation in the preload or
+    between draws. The grid is refined around its least value down to the tolerance. A draw without a peak, or whose damper
+    rattles, counts as infinite. Draws with invalid settings do not count, and the result names them.
 
     Parameters
     ----------
@@ -369,7 +477,8 @@ def robust_optimum(
     Raises
     ------
     BdamperError
-        If a draw fails, no preload of the first grid has a peak in every draw, or the executor ended within it.
+        If the settings of all draws are invalid, the percentile is finite at no preload of the first grid, or the executor
+        ended within it.
     KeyboardInterrupt
         If the first grid was interrupted.
     """
@@ -379,12 +488,15 @@ def robust_optimum(
     tolerance = validation.number("tolerance", tolerance, least=1e-9, below=1.0)
     limits = preload_values(preload, 2)[[0, -1]]
     low, high = (float(p) for p in limits)
+    failed = _invalid_draws(study, samples)
+    valid = {name: [value for i, value in enumerate(values) if i not in failed] for name, values in samples.items()}
+    n_draws = len(next(iter(valid.values())))
     optimum: RobustOptimum | None = None
-    known = dict[float, tuple[float, bool]]()  # percentile, or a lower bound of it, and which of the two
+    known = dict[float, tuple[float, float]]()  # percentile and its lower bound at each preload
     while optimum is None or optimum.uncertainty > tolerance:
         grid = [float(p) for p in preload_values((low, high), n) if float(p) not in known]
-        points: dict[str, Any] = {name: [value for value in values for _ in grid] for name, values in samples.items()}
-        points["preload"] = grid * (len(next(iter(points.values()))) // len(grid))
+        points: dict[str, Any] = {name: [value for value in values for _ in grid] for name, values in valid.items()}
+        points["preload"] = grid * n_draws
         task = SteadyPeak(frequency=frequency, mode=mode)
         done = sweep(study, points, task, combine="zip", executor=executor, progress=progress)
         left = [s.removeprefix(NOT_RUN) for s in done.status if status_word(s) == NOT_RUN]
@@ -394,17 +506,20 @@ def robust_optimum(
             return replace(optimum, status=f"{INTERRUPTED}{left[0]}")
         known |= dict(zip(grid, _percentiles(done, len(grid), percentile)))
         places = sorted(known)
-        k = min(range(len(places)), key=lambda i: known[places[i]][0] if known[places[i]][1] else np.inf)
-        best, (amplitude, found) = places[k], known[places[k]]
-        if not (found and amplitude < np.inf):
-            raise BdamperError(f"robust optimum: no preload from {low:g} to {high:g} N has a steady peak in every draw")
-        lower = sum(value < amplitude for value, certain in known.values() if not certain)
+        k = min(range(len(places)), key=lambda i: known[places[i]][0])
+        best, amplitude = places[k], known[places[k]][0]
+        if amplitude == np.inf:
+            raise BdamperError(
+                f"robust optimum: no preload from {low:g} to {high:g} N has a steady peak in "
+                f"{_draws_text(percentile, n_draws)}"
+            )
+        lower = sum(bound < min(amplitude, value) for value, bound in known.values())
         low, high = places[max(k - 1, 0)], places[min(k + 1, len(places) - 1)]
         width = float(np.log(high / low)) / 2.0
         why = f"{counted(lower, 'preload')} without a peak in every draw could be lower"
         status = with_reason(INCOMPLETE, why) if lower else COMPLETE
-        kind, unsure = "end" if best in limits else "interior", int(np.count_nonzero(done.array("known") == 0.0))
-        optimum = RobustOptimum(best, amplitude, float(percentile), width, kind, unsure, status)
+        kind, unsure = "end" if best in limits else "interior", _lower_bounds(done)
+        optimum = RobustOptimum(best, amplitude, float(percentile), width, kind, unsure, status, n_draws, failed)
     return optimum
 
 

@@ -98,15 +98,19 @@ def plot_sweep(result: SweepResult, quantity: str | None = None, ax: Axes = NEW)
 def plot_optimal_curve_uncertainty(result: OptimalCurveUncertainty, ax: Axes = NEW, *, quantity: str = "amplitude") -> None:
     """Plot percentile bands of optimal curves over the preload.
 
+    Preloads at which too many draws lack a peak are crosses at the lower edge.
+
     Parameters
     ----------
     result : OptimalCurveUncertainty
     quantity : {"amplitude", "frequency"}
     """
+    bands = {q: result.percentile(q, quantity) for q in (5.0, 25.0, 50.0, 75.0, 95.0)}
+    bands = {q: np.where(np.isfinite(values), values, np.nan) for q, values in bands.items()}
     for low, high, shade in ((5.0, 95.0, "0.85"), (25.0, 75.0, "0.7")):
-        edges = result.percentile([low, high], quantity)
-        ax.fill_between(result.preload, *edges, color=shade, linewidth=0.0, label=f"{low:g} to {high:g} %")
-    ax.plot(result.preload, result.percentile(50.0, quantity), color="0.1", label="median")
+        ax.fill_between(result.preload, bands[low], bands[high], color=shade, linewidth=0.0, label=f"{low:g} to {high:g} %")
+    ax.plot(result.preload, bands[50.0], color="0.1", label="median")
+    lost(ax, result.preload[np.isnan(bands[95.0])], "0.4", "95 %: no value")
     scale = "log" if quantity == "amplitude" else "linear"
     ax.set(xscale="log", yscale=scale, xlabel=_with_unit("preload"), ylabel=_with_unit(quantity))
 

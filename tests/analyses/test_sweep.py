@@ -620,7 +620,7 @@ class TestUncertainty:
         assert far.status == "incomplete: 1 preload without a peak in every draw could be lower"
         higher = robust(lambda mu, p, own: found_at_all(own, known=p > 150.0))
         assert higher.preload == pytest.approx(self.BEST, rel=0.03) and higher.status == "complete"
-        with pytest.raises(bd.BdamperError, match="no preload from 100 to 10000 N has a steady peak in every draw"):
+        with pytest.raises(bd.BdamperError, match="no preload from 100 to 10000 N has a steady peak in all 3 draws"):
             robust(bound(0.0, 1e5))
 
     def test_preloads_at_which_a_damper_rattles_are_no_candidates(self, robust):
@@ -637,9 +637,82 @@ class TestUncertainty:
         found = robust(lambda mu, p, own: found_at_all(own if p == alone else 0.0, known=p == alone), n=n)
         assert found.preload == alone and found.status.startswith("incomplete: ")
 
-    def test_a_draw_that_fails_is_named(self, study):
-        with pytest.raises(bd.BdamperError, match="robust optimum: draw 0 failed: friction_coefficient: expected a finite"):
-            bd.robust_optimum(study, {"friction_coefficient": [-0.1, 0.3]}, (1e3, 2e3), n=5, frequency=INTERVAL)
+    def test_an_unknown_draw_counts_as_infinite(self, robust):
+        """One unknown draw of three has no influence on the median, and excludes a preload from the maximum."""
+
+        def gone(mu, p, own):
+            return found_at_all(0.0 if mu == 0.2 else own, known=mu != 0.2)
+
+        # without 0.2, the highest of 0.3 and 0.4 is the median of all three: p0 of 1000 and 750 N
+        middle = robust(gone, percentile=50.0, tolerance=1e-6)
+        expected = np.sqrt(750.0 * 1000.0), 1.0 + 0.5 * np.log(4.0 / 3.0)
+        assert (middle.preload, middle.amplitude) == pytest.approx(expected, rel=1e-5)
+        with pytest.raises(bd.BdamperError, match="has a steady peak in all 3 draws"):
+            robust(gone)
+
+    def test_percentiles_of_a_robust_optimum_are_draws(self, robust):
+        """70 % of three draws: two of three are only 67 %, so that it is the highest one."""
+        found = robust(percentile=70.0, tolerance=1e-6)
+        assert (found.preload, found.amplitude) == pytest.approx((self.BEST, self.HEIGHT), rel=1e-5)
+        assert "all 3 draws reach at most" in str(found) and "(70 % needs 5 draws)" in str(found)
+        assert "50 % of 3 draws reach at most" in str(robust(percentile=50.0))
+        assert "needs" not in str(robust(percentile=100.0))
+
+    def test_a_draw_that_fails_is_named(self, study, monkeypatch):
+        """It does not count, and the other draws give the optimum that they give alone."""
+        monkeypatch.setattr(robust_optimum, "at_preload", lambda problem, p, frequency: found_at_all(1.0 + abs(p - 1500.0)))
+        ways = {"preload": (1e3, 2e3), "n": 5, "frequency": INTERVAL}
+        found = bd.robust_optimum(study, {"friction_coefficient": [0.2, -0.1, 0.3]}, **ways)
+        alone = bd.robust_optimum(study, {"friction_coefficient": [0.2, 0.3]}, **ways)
+        assert (found.preload, found.amplitude, found.draws) == (alone.preload, alone.amplitude, 2)
+        named = "1 of 3 draws failed and does not count, first draw 1: friction_coefficient: expected a finite"
+        assert str(found).startswith(named)
+        with pytest.raises(bd.SettingError, match="friction_coefficient: expected a finite"):
+            bd.robust_optimum(study, {"friction_coefficient": [-0.1]}, **ways)
+
+    def test_a_draw_without_a_peak_counts_as_infinite(self, curve):
+        """Seven draws of eight unknown: no amplitude bounds half of them."""
+        size = np.arange(1.0, 9.0)[:, None] * np.ones(2)
+        size[1:, 1] = np.nan
+        names = {"preload": np.array([1.0, 2.0]), "frequency": size, "status": ("complete",) * 8, "warnings": ()}
+        found = replace(curve, amplitude=size, samples={"friction_coefficient": np.ones(8)}, **names)
+        assert found.percentile(0.0).tolist() == [1.0, 1.0]
+        assert found.percentile([50.0, 95.0]).tolist() == [[5.0, np.inf], [8.0, np.inf]]
+        # any sequence of 4 unknown frequencies could be lower or higher than the others
+        assert found.percentile(50.0, "frequency").tolist() == pytest.approx([5.0, np.nan], nan_ok=True)
+        assert not found.complete
+        text = " ".join(str(found).split())
+        assert text.startswith("At a preload of 1 N all 8 draws of friction coefficient reach at most 8 m (95 % needs 21")
+        assert "half at most 5 m" in text and "Infinite where they have no peak: 7 of 8 draws." in text
+        failed = replace(found, status=("failed: why", *found.status[1:]))
+        assert failed.percentile(0.0).tolist() == [2.0, np.inf]
+        assert str(failed).startswith("1 of 8 draws failed and does not count, first draw 0: why. At a preload of 1 N all")
+        assert failed.plot().axes[0].get_legend_handles_labels()[1][-1] == "95 %: no value"
+
+    def test_percentiles_of_many_draws(self, curve):
+        """95 % of n draws are at or below the percentile, for every n; from 21 draws on it is below the highest."""
+        for n in range(2, 45):
+            size = np.random.default_rng(n).permutation(np.arange(1.0, n + 1.0))[:, None]
+            found = replace(curve, preload=np.array([1.0]), amplitude=size, frequency=size, status=("complete",) * n,
+                            samples={"friction_coefficient": np.ones(n)}, warnings=())  # fmt: skip
+            reached = float(found.percentile(95.0)[0])
+            assert np.count_nonzero(size <= reached) >= 0.95 * n and (reached < n) == (n >= 21)
+            assert ("95 % needs 21 draws" in str(found).replace("\n", " ")) == (n < 21)
+
+    def test_draws_of_an_uncertain_curve_that_fail(self, study, monkeypatch):
+        """A draw with invalid settings does not count; one whose search ends in an error is unknown."""
+        whole = optimal_curve
+
+        def some(problem, *args, **options):
+            if problem.settings.friction_coefficient == 0.25:
+                raise bd.BdamperError("no peak found")
+            return whole(problem, *args, **options)
+
+        monkeypatch.setattr(sys.modules["bdamper.analyses.sweep"], "optimal_curve", some)
+        draws = {"friction_coefficient": [-0.1, 0.3, 0.25]}
+        found = bd.optimal_curve_uncertainty(study, draws, (1e3, 2e3), 2, frequency=INTERVAL)
+        assert [s.partition(":")[0] for s in found.status] == ["failed", "complete", "not found"]
+        assert np.isinf(found.percentile(100.0)).all() and np.array_equal(found.percentile(0.0), found.amplitude[1])
 
     def test_the_mode_sets_the_interval(self, study, monkeypatch):
         seen = set()
