@@ -132,7 +132,7 @@ def write_rst(path, numbers, nodes, elements, sets, n_sectors):
         file.data = file.data[: 4 * at] + raw + file.data[4 * at + len(raw) :]
     sets_at = file.add(np.concatenate([starts, np.zeros(len(sets), int)]).astype(np.int32))
     header = file.header
-    header[[2, 3, 7, 8, 20]] = n, len(sets), MODAL, len(sets), n_sectors
+    header[[2, 3, 7, 8, 20, 48]] = n, len(sets), MODAL, len(sets), n_sectors, n
     header[10], header[11], header[14], header[15], header[16] = sets_at, frequency_at, nodes_at, geometry_at, index_at
     file.save(path)
 

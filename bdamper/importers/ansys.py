@@ -59,6 +59,8 @@ _HEADER = 103  # word at which the second record starts
 _FULL, _RESULT = 4, 12
 _KINDS = {_FULL: "matrices (.full)", _RESULT: "results (.rst)"}
 _MODAL = 2  # number of a modal analysis
+_COMBINE = "combine the files of a distributed run: /AUX2, then COMBINE,"
+_ONE_STAGE = "solve a sector of each stage alone, with CYCLIC"
 
 _SOLIDS = {"45": 8, "185": 8, "95": 20, "186": 20, "90": 20, "92": 10, "187": 10, "285": 4}
 
@@ -231,6 +233,8 @@ def read_full(path: Path) -> FullMatrices:
     ):
         check(not refused, head.item, expected, found)
     n_eq, n_nodes = head.count(2, "a number of equations"), head.count(33, "a number of nodes")
+    n_eq_of_model = head[62]  # 0 in files of older releases
+    check(n_eq_of_model <= n_eq, head.item, f"all {n_eq_of_model} equations of the model ({_COMBINE}FULL)", n_eq)
     _, dof_names, node_numbers = file.run(_HEADER, 3, "header, degrees of freedom and nodes")
     counts, constraint = file.run(head.pointer(36, 37), 2, "degrees of freedom of each node")
     dofs = _full_dofs(path, dof_names, node_numbers, counts, n_nodes, n_eq)
@@ -565,6 +569,10 @@ def read_rst(path: Path) -> FEBody:
     head = _Header(file, _HEADER, "header")
     check(head[8] == _MODAL, head.item, f"a modal analysis: number {_MODAL}", head[8])
     n_nodes, n_sets = head.count(3, "a number of nodes"), head.count(9, "a number of result sets")
+    # 0 in files of releases without distributed solution
+    n_nodes_of_model = head[49] or n_nodes
+    if n_nodes_of_model != n_nodes:
+        raise mismatch(head.item, f"all {n_nodes_of_model} nodes of the model ({_COMBINE}RST)", n_nodes)
     room = head.count(4, "room for result sets", n_sets)
     index = file.record(head.pointer(11, 41), "index of result sets")
     if len(index) < 2 * room or index.dtype.kind != "i":
@@ -572,10 +580,7 @@ def read_rst(path: Path) -> FEBody:
     words = [_long(index[k], index[room + k]) for k in range(n_sets)]
     frequency = file.record(head.pointer(12, 42), "frequencies")[:n_sets].astype(float)
     numbers = file.record(head.pointer(15, 46), "node numbers")[:n_nodes].astype(np.int64)
-    diameter = np.zeros(n_sets, int)
-    n_sectors, indices = head[21], head.pointer(17, 44)
-    if n_sectors > 1 and indices > 0:
-        diameter = np.abs(file.record(indices, "harmonic indices")[:n_sets].astype(int))
+    n_sectors, diameter = _rst_diameters(file, head, n_sets)
     if min(len(frequency), len(diameter)) < n_sets or len(numbers) < n_nodes:
         raise mismatch(str(path), f"{n_sets} result sets of {n_nodes} nodes", "shorter tables")
     body, axes = _rst_mesh(file, head.pointer(16, 47))
@@ -584,6 +589,23 @@ def read_rst(path: Path) -> FEBody:
     modes = modes_by_diameter(((d, hertz, 1.0, numbers, shape) for d, hertz, shape in each), str(path))
     notes = (f"{n_sectors} sectors",) if n_sectors > 1 else ()
     return replace(body, modes=modes, notes=notes)
+
+
+def _rst_diameters(file: _Binary, head: _Header, n_sets: int) -> tuple[int, NDArray]:
+    """Return the number of sectors and the nodal diameter of each result set."""
+    n_stages = _Header(file, head.pointer(16, 47), "geometry header")[54]
+    check(n_stages <= 1, head.item, f"sectors of one stage ({_ONE_STAGE})", f"a multistage result with {n_stages} stages")
+    n_sectors, pointer = head[21], head.pointer(17, 44)
+    diameter = np.zeros(n_sets, int)
+    if pointer > 0:
+        diameter = np.abs(file.record(pointer, "harmonic indices")[:n_sets].astype(int))
+    if n_sectors > 1:
+        check(pointer > 0, head.item, f"the nodal diameters of a disk with {n_sectors} sectors", "none")
+    else:
+        # each stage of a multistage model has its own number of sectors
+        several = f"harmonic indices up to {diameter.max(initial=0)} without a number of sectors"
+        check(not diameter.any(), head.item, f"sectors of one stage ({_ONE_STAGE})", several)
+    return n_sectors, diameter
 
 
 def _rst_mesh(file: _Binary, word: int) -> tuple[FEBody, dict[int, NDArray]]:

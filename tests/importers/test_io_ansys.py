@@ -15,7 +15,7 @@ from bdamper.fem.meshes import Material, discretise, join_blocks, local_order
 from bdamper.fem.sector_faces import find_faces
 from bdamper.fem.surface import FACES, enclosed_volume
 from bdamper.importers import read_ansys, read_cdb, read_full, read_rst
-from bdamper.importers.ansys import _Binary, _node_axes
+from bdamper.importers.ansys import _HEADER, _Binary, _Header, _node_axes
 from bdamper.importers.plausibility import check_corners
 from bdamper.importers.prepared_body import Placement, PreparedBody
 from bdamper.model.structure import turn
@@ -291,7 +291,12 @@ def patched(path, position, value, word=0):
         ("bar.rst", 8, 0, "expected a modal analysis: number 2, found 0"),
         ("bar.rst", 8, 3, "expected a modal analysis: number 2, found 3"),
         ("bar.rst", 9, 0, "expected a number of result sets from 1"),
-        ("bar.rst", 3, 10**6, "expected a number of nodes|result sets of"),
+        ("bar.rst", 3, 10**6, "expected a number of nodes"),
+        ("bar.rst", 3, 6, r"expected all 32 nodes of the model \(.* COMBINE,RST\), found 6"),
+        ("bar.rst", 49, 64, r"expected all 64 nodes of the model \(.* COMBINE,RST\), found 32"),
+        ("bar.full", 62, 192, r"expected all 192 equations of the model \(.* COMBINE,FULL\), found 96"),
+        ("bar.rst", 21, 0, "expected sectors of one stage .*, found harmonic indices up to 1 without a number of sectors"),
+        ("bar.rst", 17, 0, "expected the nodal diameters of a disk with 6 sectors, found none"),
         ("bar.rst", 16, 3, "geometry header: expected whole numbers"),
     ],
 )
@@ -302,6 +307,32 @@ def test_bad_headers(files, tmp_path, name, position, value, message):
     with pytest.raises(ModelError, match=message) as caught:
         reader(path)
     assert str(path) in str(caught.value)
+
+
+def test_results_of_several_stages_are_refused(files):
+    """Each stage has its own nodal diameters; item 54 of the geometry header counts the stages."""
+    path = files[0] / "bar.rst"
+    geometry = _Header(_Binary(path, 12), _HEADER, "header")[16]
+    patched(path, 0, 2, word=geometry + 2 + 54 - 1)
+    with pytest.raises(ModelError, match=r"expected sectors of one stage .*, found a multistage result with 2 stages"):
+        read_rst(path)
+
+
+def test_results_of_releases_without_distributed_solution_are_read(files):
+    """Their header has no number of nodes of the model."""
+    path = files[0] / "bar.rst"
+    numbers = read_rst(path).numbers
+    patched(path, 49, 0)
+    np.testing.assert_array_equal(read_rst(path).numbers, numbers)
+
+
+def test_one_domain_of_a_distributed_run_is_refused(tmp_path):
+    """In a real file, item 49 of the header is the number of its nodes; here half of the nodes are missing."""
+    path = Path(shutil.copy(fixture("file_cyclic.rst"), tmp_path / "file0.rst"))
+    assert len(read_rst(path).numbers) == 51
+    patched(path, 49, 102)
+    with pytest.raises(ModelError, match=r"expected all 102 nodes of the model .*, found 51"):
+        read_rst(path)
 
 
 def test_other_files_are_told_apart(files, tmp_path):
