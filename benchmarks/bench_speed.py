@@ -41,7 +41,7 @@ def table(points: int, masses: tuple[float, ...] = MASSES) -> None:
         return arm * omega**2 / SHARE
 
     start = time.process_time()
-    found = study.resonance_crossings(SPEEDS, ORDERS, damper_mass=masses, excitation=excitation)
+    found = study.resonance_crossings(SPEEDS, ORDERS, damper_mass_factor=masses, excitation=excitation)
     spent = time.process_time() - start
     print(f"{points} points: {len(found)} crossings, {spent:.1f} s of the processor, half of it on two cores\n\n{found}\n")
 

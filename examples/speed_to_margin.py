@@ -79,7 +79,7 @@ def main() -> None:
     parser.add_argument("--folder", type=Path, default=Path())
     given = parser.parse_args()
     asked = study(given.harmonics)
-    found = asked.resonance_crossings(SPEEDS, ORDERS, damper_mass=MASSES, margin=LeastMargin(STEEL), progress=True)
+    found = asked.resonance_crossings(SPEEDS, ORDERS, damper_mass_factor=MASSES, margin=LeastMargin(STEEL), progress=True)
     print(found)
     found.save(given.folder / "speed_to_margin.h5")
     curve = over_mass(asked)

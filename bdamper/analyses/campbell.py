@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import zip_longest
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,6 +82,10 @@ class Campbell(Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
 
     def __len__(self) -> int:
         return len(self.speed)
+
+    def with_present_names(self) -> Self:
+        """Return a result of version 3 of the format with the present names of settings."""
+        return replace(self, damped=tuple(result.with_present_names() for result in self.damped))
 
     def met_by(self, engine_order: int) -> int:
         """Return the nodal diameter that an engine order excites."""

@@ -31,6 +31,7 @@ from bdamper.analyses.sweep import SweepResult, as_words, sweep
 from bdamper.fatigue.margin import LeastMargin
 from bdamper.fatigue.stress_cycle import chosen_sets
 from bdamper.harmonic_balance.equations import Equations
+from bdamper.harmonic_balance.parameters import INERTIA, MASS
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.rotor_speed import (
     RPM,
@@ -47,7 +48,7 @@ from bdamper.util import validation
 from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, SettingError
 from bdamper.util.formatting import amount, counted, peak_text, percent, short_repr
 from bdamper.util.progress import CostMeter
-from bdamper.util.records import numbers_of, row_of
+from bdamper.util.records import named_fields, numbers_of, row_of
 
 NUMBERS = (
     "amplitude", "speed", "frequency", "preload", "mass", "stick", "slip", "open", "fixed_speed", "fixed_speed_amplitude",
@@ -153,31 +154,68 @@ class CrossingTask:
 @short_repr
 @dataclass(frozen=True)
 class Crossings(SweepResult, kind="bdamper-crossings"):
-    """Results of :class:`CrossingTask` over ``damper_mass`` and ``engine_order``.
+    """Results of :class:`CrossingTask` over ``damper_mass_factor`` and ``engine_order``.
 
     :func:`bdamper.plot.plot_crossings` draws them.
     """
 
     def _headline(self) -> str:
-        amplitude = numbers_of(self.values, "amplitude").tolist()
+        amplitude = numbers_of(self.values, "amplitude")
         if not np.isfinite(amplitude).any():
             reasons = [why for why in (*self.warnings, *self.status) if why not in ("", COMPLETE)]
             return f"No crossing: {'; '.join(dict.fromkeys(reasons))}."
-        i = int(np.nanargmax(amplitude))
-        top, others = row_of(self.values, i), [k for k, a in enumerate(amplitude) if not np.isfinite(a)]
-        place = f"{top['speed']:.5g} rad/s ({top['speed'] * RPM:.0f} rpm), {as_words(row_of(self.points, i))}"
-        out = [f"Highest crossing: {peak_text(amplitude[i], top['frequency'])}, {place}, "
-               f"under a preload of {amount(top['preload'], 'N')}."]  # fmt: skip
-        doubt = "Note: " if top["kind"] == COMPLETE else "There may be a higher point: "
-        out += [f"{doubt}{top['warning']}."] if top["warning"] else []
-        margins = numbers_of(self.values, "margin")
-        if np.isfinite(margins).any():
-            k = int(np.nanargmin(margins))
-            out.append(f"Least margin against fatigue {margins[k]:.3g} ({as_words(row_of(self.points, k))}).")
+        highest = self._highest_by_mass()
+        if len(highest) > 1:
+            best = min(highest, key=lambda mass: highest[mass])
+            of_best = self.points[MASS] == best
+            out = [f"Best damper mass factor: {best:g}.", *self._top(of_best)]
+            others = [value for mass, value in highest.items() if mass != best]
+            low, high = amount(min(others), "m"), amount(max(others), "m")
+            reached = low if low == high else f"{low} to {high}"
+            out.append(f"Highest {'crossings' if len(others) > 1 else 'crossing'} of the other masses: {reached}.")
+        else:
+            of_best = np.full(len(self), True)
+            out = self._top(of_best)
+        out += self._least_margin(of_best)
         out.append("Not checked in time or with more blade modes and contact points.")
-        reasons = [self.warnings[k] or self.status[k] for k in others]
-        out += [f"No crossing at {len(others)} of {counted(len(self), 'point')}: {reasons[0]}."] if others else []
+        missing = np.flatnonzero(~np.isfinite(amplitude))
+        if len(missing):
+            first = missing[0]
+            reason = self.warnings[first] or self.status[first]
+            out.append(f"No crossing at {len(missing)} of {counted(len(self), 'point')}: {reason}.")
         return " ".join(out)
+
+    def _highest_by_mass(self) -> dict[float, float]:
+        """Return the highest amplitude (m) of each damper mass whose crossings are all known.
+
+        Crossings that are known for no mass are ignored, and so are engine orders that meet no resonance.
+        """
+        amplitude, mass, order = numbers_of(self.values, "amplitude"), self.points[MASS], self.points["engine_order"]
+        known = np.isfinite(amplitude)
+        settled = known | np.array([kind == "none" for kind in self.values["kind"]])
+        comparable = np.isin(order, order[settled])
+        complete = [value for value in dict.fromkeys(mass.tolist()) if settled[comparable & (mass == value)].all()]
+        return {value: float(amplitude[of].max()) for value in complete if (of := known & (mass == value)).any()}
+
+    def _top(self, among: NDArray) -> list[str]:
+        """Return sentences about the highest of some crossings."""
+        i = int(np.nanargmax(np.where(among, numbers_of(self.values, "amplitude"), np.nan)))
+        top = row_of(self.values, i)
+        peak = peak_text(top["amplitude"], top["frequency"])
+        place = f"{top['speed']:.5g} rad/s ({top['speed'] * RPM:.0f} rpm), {as_words(row_of(self.points, i))}"
+        out = [f"Highest crossing: {peak}, {place}, under a preload of {amount(top['preload'], 'N')}."]
+        if top["warning"]:
+            doubt = "Note: " if top["kind"] == COMPLETE else "There may be a higher point: "
+            out.append(f"{doubt}{top['warning']}.")
+        return out
+
+    def _least_margin(self, among: NDArray) -> list[str]:
+        """Return a sentence about the least margin of some crossings; none without margins."""
+        margins = np.where(among, numbers_of(self.values, "margin"), np.nan)
+        if not np.isfinite(margins).any():
+            return []
+        k = int(np.nanargmin(margins))
+        return [f"Least margin against fatigue {margins[k]:.3g} ({as_words(row_of(self.points, k))})."]
 
 
 @partial(validation.check_arguments, also=Conditions.__dataclass_fields__)
@@ -188,7 +226,7 @@ def resonance_crossings(
     engine_orders: Sequence[int] = (),
     *,
     rpm: tuple[float, float] | Sequence[float] | NDArray | None = None,
-    damper_mass: Sequence[float] = (1.0,),
+    damper_mass_factor: Sequence[float] = (1.0,),
     mode: int = 1,
     executor: Executor | None = None,
     resume: str | Path | None = None,
@@ -204,7 +242,7 @@ def resonance_crossings(
     speeds, rpm : (low, high) or sequence of more than two values, rad/s or revolutions per minute
         Search range; give one of the two.
     engine_orders : sequence of int
-    damper_mass : sequence of float
+    damper_mass_factor : sequence of float
         Factors on the mass of the free bodies, which multiply centrifugal load and inertia.
     mode : int
         Mode of the constrained bodies, from 1.
@@ -226,7 +264,7 @@ def resonance_crossings(
     """
     values = speed_values(asked_speeds(problem, speeds, rpm))
     orders = validation.integers("engine_orders", engine_orders, least=1)
-    factors = validation.numbers("damper_mass", damper_mass, above=0.0)
+    factors = validation.numbers(MASS, damper_mass_factor, above=0.0)
     mode = validation.integer("mode", mode, least=1)
     validation.check(orders, "engine_orders", "at least one", "none")
     preload = preload_at(problem, float(values[-1]))
@@ -240,9 +278,12 @@ def resonance_crossings(
         validation.instance("margin", margin, LeastMargin)
         chosen_sets(problem)
     task = CrossingTask((float(values[0]), float(values[-1])), mode, operating, margin, named)
-    over = {"damper_mass": factors.tolist(), "engine_order": list(orders)}
+    # the points of the sweep have no speed yet; at each speed of a line the load follows from the mass
+    over = {INERTIA: factors.tolist(), "engine_order": list(orders)}
     found = sweep(problem, over, task, executor=executor, resume=resume, progress=progress)
-    return Crossings(**{f.name: getattr(found, f.name) for f in fields(found)})
+    points = named_fields({MASS: found.points[INERTIA], "engine_order": found.points["engine_order"]}, len(found))
+    swept = {f.name: getattr(found, f.name) for f in fields(found)}
+    return Crossings(**swept | {"names": (MASS, "engine_order"), "points": points})
 
 
 def speed_values(speeds: Any, n: int = 13) -> NDArray:

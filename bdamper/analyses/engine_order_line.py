@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.harmonic_balance.equations import OK, Equations
-from bdamper.harmonic_balance.parameters import like, vary
+from bdamper.harmonic_balance.parameters import MASS, like, vary
 from bdamper.harmonic_balance.problem import LoadCase, Problem
 from bdamper.harmonic_balance.rotor_speed import (
     RPM,
@@ -102,7 +102,7 @@ class SpeedFamily:
         """Return the equations at a speed (rad/s); ``mass`` multiplies load and inertia of the free bodies."""
         problem = self.problem(omega)
         if mass != 1.0:
-            problem = like(vary(problem, {"damper_mass": mass}), problem)
+            problem = like(vary(problem, {MASS: mass}), problem)
         return problem.system(mass * self.preload(omega))
 
     def along(self, low: float, high: float, nodes: int, mass: float = 1.0) -> Equations[Family]:

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.analyses.response_residuals import FORCE
 from bdamper.harmonic_balance.checks import A, check_result, problem_of
-from bdamper.harmonic_balance.parameters import vary
+from bdamper.harmonic_balance.parameters import present_name, vary
 from bdamper.util import validation
 from bdamper.util.display import Plottable
 from bdamper.util.errors import COMPLETE
@@ -88,6 +89,10 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
     status: str = COMPLETE
     notes: tuple[str, ...] = ()
     _summary_fields = ("status", "notes")
+
+    def with_present_names(self) -> Self:
+        """Return a result of version 3 of the format with the present names of settings."""
+        return replace(self, names=tuple(map(present_name, self.names)))
 
     @property
     def misfits(self) -> NDArray:

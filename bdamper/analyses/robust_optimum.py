@@ -22,7 +22,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import numpy as np
 import scipy
@@ -32,7 +32,7 @@ from bdamper.analyses.sweep import OptimalTask, PeakTask, SweepResult, Values, s
 from bdamper.fatigue.criteria import Material
 from bdamper.fatigue.margin import LeastMargin, MarginCurve
 from bdamper.harmonic_balance.checks import Asking, problem_of
-from bdamper.harmonic_balance.parameters import vary
+from bdamper.harmonic_balance.parameters import present_name, vary
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response import response_curve as tracking
 from bdamper.response.linear_limits import peak_interval
@@ -245,6 +245,10 @@ class OptimalCurveUncertainty(Plottable, Tabular, Recorded, Storable, kind="bdam
 
     def __len__(self) -> int:
         return len(self.amplitude)
+
+    def with_present_names(self) -> Self:
+        """Return a result of version 3 of the format with the present names of settings."""
+        return replace(self, samples={present_name(name): values for name, values in self.samples.items()})
 
     def percentile(self, q: float | Sequence[float], quantity: str = "amplitude") -> NDArray:
         """Return percentiles over the sample at every preload, (m,) or (len(q), m).

@@ -14,17 +14,17 @@ import itertools
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing, nullcontext
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass, is_dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.analyses.executors import check_executor, run_stored
 from bdamper.harmonic_balance.checks import Asking, check_question, like, problem_of
-from bdamper.harmonic_balance.parameters import check_name, study_fingerprint, vary
+from bdamper.harmonic_balance.parameters import MASS, check_name, present_name, study_fingerprint, vary
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response.headline import checks
 from bdamper.response.highest_peak import highest_peak
@@ -162,6 +162,12 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
 
     def __len__(self) -> int:
         return len(self.points)
+
+    def with_present_names(self) -> Self:
+        """Return a result of version 3 of the format with the present names of settings."""
+        columns = {present_name(name): self.points[name] for name in names_of(self.points)}
+        points = named_fields(columns, len(self))
+        return replace(self, names=tuple(map(present_name, self.names)), points=points)
 
     def check_rows(self) -> None:
         """Raise ValueError unless every point of the grid has settings, values, status and time."""
@@ -350,14 +356,14 @@ def _check_plausible(problem: Problem, evaluate: Task, over: Mapping[str, Any], 
 
 def _check_loads(problem: Problem, evaluate: Task, points: NDArray) -> None:
     """Warn once if a sweep over speed or mass of the damper has preloads that contradict its centrifugal load."""
-    if not {"speed", "damper_mass"} & {*names_of(points)}:
+    if not {"speed", MASS} & {*names_of(points)}:
         return
     groups: dict[tuple[Any, float], list[float]] = {}
     for i in range(len(points)):
         point = row_of(points, i)
         preload = point.get("preload", getattr(evaluate, "preload", None))
         if preload is not None:
-            at = point.get("speed", problem.settings.speed), point.get("damper_mass", 1.0)
+            at = point.get("speed", problem.settings.speed), point.get(MASS, 1.0)
             groups.setdefault(at, []).extend(np.ravel(preload))
     any(problem.sizes.check_preload(np.array(preloads), *at) for at, preloads in groups.items())
 
@@ -365,7 +371,7 @@ def _check_loads(problem: Problem, evaluate: Task, points: NDArray) -> None:
 def _header(job: _Job, over: Mapping[str, Any], combine: str) -> dict[str, Any]:
     """Return the identification of a sweep in its results file."""
     return {
-        "format": "bdamper-sweep-results", "version": 4, **INSTALLED.attributes(),
+        "format": "bdamper-sweep-results", "version": 5, **INSTALLED.attributes(),
         "study": study_fingerprint(problem_of(job.study)), "evaluate": _named(job.evaluate), "combine": combine,
         "over": {name: list(values) for name, values in over.items()},
     }  # fmt: skip

@@ -6,14 +6,15 @@ Names are the settings of a :class:`bdamper.Study`, with a dot for parts of the 
 - ``"friction_factor"``: all friction coefficients;
 - ``"contact_stiffness_factor"``: contact stiffness, or one direction with ``".tangential"`` or ``".normal"``;
 - ``"damping_factor"``: all modal damping ratios, not the damping of the damper;
-- ``"damper_mass_factor"``: density of free bodies at the same shape, stiffness and static load;
-- ``"damper_mass"``: the same at a rotor speed, where the static load is proportional to the mass;
+- ``"damper_inertia_factor"``: density of free bodies at the same shape, stiffness and static load;
+- ``"damper_mass_factor"``: their mass at a rotor speed, where their static load is proportional to it;
 - ``"frequency_factor"``: all natural frequencies, by the density of all bodies;
 - ``"gap_factor"``: initial gaps.
 
 A dot selects one interface (``"friction_coefficient.left"``, ``"gap_factor.left"``), one load
-(``"load_per_preload.rear"``, ``"constant_loads.shroud"``), or one free body (``"damper_mass_factor.rear"``,
-``"damper_mass.rear"``; the latter scales its fraction of the preload).
+(``"load_per_preload.rear"``, ``"constant_loads.shroud"``), or one free body (``"damper_inertia_factor.rear"``,
+``"damper_mass_factor.rear"``).  Without a rotor speed, ``"damper_mass_factor.rear"`` also scales the load of this body per
+newton of preload, and all bodies together have no such factor.
 
 To compare solutions of two problems, :func:`like` rotates the residual modes of one problem onto the residual modes of the
 other.  Modes of
@@ -38,16 +39,19 @@ from bdamper.model.kinematics import HarmonicBasis
 from bdamper.model.structure import Body, Model, feed_digest
 from bdamper.model.validation import as_checked
 from bdamper.util import validation
+from bdamper.util.errors import SettingError
 
 # ---- settings changed by name ----
 
 
 FACTORS = (
-    "friction_factor", "damping_factor", "damper_mass_factor", "damper_mass", "contact_stiffness_factor",
+    "friction_factor", "damping_factor", "damper_inertia_factor", "damper_mass_factor", "contact_stiffness_factor",
     "frequency_factor", "gap_factor",
 )  # fmt: skip
 OF_LOAD = ("load_per_preload", "constant_loads")
-OF_MASS = ("damper_mass_factor", "damper_mass")
+INERTIA, MASS = OF_MASS = ("damper_inertia_factor", "damper_mass_factor")
+RENAMED = {"damper_mass_factor": INERTIA, "damper_mass": MASS}
+"""Present names of settings in files of version 3 of the format."""
 SIDES = ("tangential", "normal")
 
 
@@ -61,6 +65,12 @@ def setting_names(problem: Problem) -> list[str]:
     names += [f"{factor}.{body}" for factor in OF_MASS for body in problem.settings.free_bodies]
     names += [f"{item}.{part}" for item in OF_LOAD for part in problem.settings.loaded]
     return [*names, *(f"contact_stiffness_factor.{side}" for side in SIDES), *FACTORS]
+
+
+def present_name(name: str) -> str:
+    """Return the present name of a setting in a file of version 3 of the format."""
+    head, dot, part = name.partition(".")
+    return f"{RENAMED.get(head, head)}{dot}{part}"
 
 
 def check_name(problem: Problem, name: str) -> None:
@@ -123,7 +133,7 @@ def replace_settings(problem: Problem, /, **settings: Any) -> Problem:
     Parameters
     ----------
     **settings
-        Arguments of :class:`bdamper.Study`, and other names that a sweep varies, such as ``damper_mass_factor``,
+        Arguments of :class:`bdamper.Study`, and other names that a sweep varies, such as ``damper_inertia_factor``,
         ``gap_factor`` or ``friction_coefficient.left``.
 
     Raises
@@ -132,7 +142,10 @@ def replace_settings(problem: Problem, /, **settings: Any) -> Problem:
         If there is no setting of that name, or its value is not valid.
     """
     own = {f.name for f in fields(problem.settings)}
-    varied = {name: settings.pop(name) for name in setting_names(problem) if name in settings and name not in own}
+    known = setting_names(problem)
+    for name in settings.keys() - {*own, *known}:
+        raise SettingError(f"Study: there is no argument '{name}'{validation.suggest_name(name, known)}")
+    varied = {name: settings.pop(name) for name in known if name in settings and name not in own}
     return vary(problem.replace(**settings), varied)
 
 
@@ -170,19 +183,28 @@ def _scaled(problem: Problem, name: str, part: str, factor: float) -> Problem:
 
 
 def _of_mass(problem: Problem, name: str, part: str, factor: float) -> Problem:
-    """Scale the mass of all free bodies or of one; "damper_mass" of one body scales its load in proportion."""
+    """Scale the mass of all free bodies or of one, with or without the load that is proportional to it."""
     settings = problem.settings
     names = (part,) if part else settings.free_bodies
     validation.check(names, "mass of the damper", "a model with a free body", "none")
-    model, one = denser(problem.model, factor, names), len(names) < len(settings.free_bodies)
-    if name == "damper_mass_factor":
-        expected = f"no rotor speed, where load and mass of a body go together; vary damper_mass.{part}"
+    model = denser(problem.model, factor, names)
+    if name == INERTIA:
+        one = len(names) < len(settings.free_bodies)
+        expected = f"no rotor speed, where load and mass of a body go together; vary {MASS}.{part}"
         validation.check(settings.speed is None or not one, f"{name}.{part}", expected, f"{settings.speed} rad/s")
-    elif part and settings.speed is None:
-        loads = settings.given_loads("load_per_preload").items()
-        scaled = {key: factor * share if key == part else share for key, share in loads}
-        return problem.replace(model=as_checked(model), load_per_preload=scaled or None)
-    return problem.replace(model=as_checked(model))
+        return problem.replace(model=as_checked(model))
+    if settings.speed is not None:
+        return problem.replace(model=as_checked(model))
+    if not part:
+        each = " and ".join(f"{MASS}.{body}" for body in names)
+        raise SettingError(
+            f"{MASS}: expected a study at a rotor speed, where the load is proportional to the mass, found none; use "
+            f"study.at_speed(...), or vary {each} with the load at a given preload, or {INERTIA} without it"
+        )
+    # without a speed the load of one body is its share of the preload
+    loads = settings.given_loads("load_per_preload").items()
+    scaled = {key: factor * share if key == part else share for key, share in loads}
+    return problem.replace(model=as_checked(model), load_per_preload=scaled or None)
 
 
 def _damped(body: Body, factor: float) -> Body:

@@ -311,7 +311,7 @@ class Settings(validation.Answering):
                 any(self.load_per_preload.values()), "load_per_preload", "at least one above 0", dict(self.load_per_preload)
             )
         if self.speed is not None:
-            expected = "none at a rotor speed, where mass times radius of the bodies decides (vary damper_mass there)"
+            expected = "none at a rotor speed, where mass times radius of the bodies decides (vary damper_mass_factor)"
             validation.check(self.load_per_preload is None, "load_per_preload", expected, self.load_per_preload)
             held = [name for name in self.constant_loads or () if name in bodies]
             validation.check(not held, "constant_loads", "those of interfaces alone at a rotor speed", held)

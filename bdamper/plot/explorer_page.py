@@ -16,6 +16,7 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.colors import to_hex
 
+from bdamper.harmonic_balance.parameters import INERTIA, MASS
 from bdamper.harmonic_balance.rotor_speed import RPM
 from bdamper.model.kinematics import centrifugal_load
 from bdamper.plot.axes import broken, ticks_within
@@ -46,6 +47,8 @@ SIZE = "12px"
 """Font size of all texts except the title and the answer."""
 DAMPER, BODY_EDGE = ("#e8b563", "#c08a2e"), "#a3aeb4"
 """Fill and line colours of free bodies, and the line colour of all others."""
+FACTOR_TITLES = {INERTIA: "Damper inertia (factor)", MASS: "Damper mass (factor)"}
+"""Titles of the factor at rest, where the preload is given, and with rotation, where it follows the mass."""
 MOVE = """
     const draw = (theta) => {
         const {x, y, cx, cy, sx, sy} = nodes.data, {a, b, c, d} = faces.data, [co, si] = [Math.cos(theta), Math.sin(theta)];
@@ -144,7 +147,7 @@ class Page:
             for name, title, load in loads if np.ndim(load) == 0 and load > 0.0
         ]  # fmt: skip
         if study.problem.carries_load and any(body.kind == "free" for body in model.bodies.values()):
-            rows.append(("mass", "Damper mass (factor)", 0.1, 10.0, 1.0))
+            rows.append(("mass", FACTOR_TITLES[INERTIA], 0.1, 10.0, 1.0))
             if any(basis.speed is not None for body in model.bodies.values() for basis in body.bases.values()):
                 radius = max(float(np.hypot(*location.position[:2])) for location in model.locations.values())
                 fastest = round(500.0 / radius * RPM)  # tip speed of 500 m/s
@@ -227,6 +230,8 @@ class Page:
         elif name in ("speed", "mass"):
             preload = centrifugal_load(self.study.model) * self.value("mass") * speed**2 if speed else self.resting
             number.title = PRELOAD + (", centrifugal" if speed else "")
+            if "mass" in self.numbers:
+                self.numbers["mass"].title = FACTOR_TITLES[MASS if speed else INERTIA]
             number.low, number.high = min(number.low, preload), max(number.high, preload)
             slider.start, slider.end = (self._place("preload", end) for end in (number.low, number.high))
             number.value = float(f"{preload:.6g}")
@@ -252,7 +257,7 @@ class Page:
         if speed:
             settings["speed"] = speed
         if "mass" in self.numbers and self.value("mass") != 1.0:
-            settings["damper_mass" if speed else "damper_mass_factor"] = self.value("mass")
+            settings[MASS if speed else INERTIA] = self.value("mass")
         unit = self.value(FORCE) * (self.mu / self.value("friction_coefficient") if self.mu else 1.0)
         # range of the preload relative to the excitation, at the friction coefficient of the study
         relative_range = (20.0, 5000.0)

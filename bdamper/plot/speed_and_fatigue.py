@@ -16,6 +16,7 @@ from bdamper.analyses.crossings import Crossings
 from bdamper.fatigue.criteria import LINES, von_mises
 from bdamper.fatigue.margin import MarginCurve, Margins
 from bdamper.fatigue.stress_cycle import StressCycle
+from bdamper.harmonic_balance.parameters import MASS
 from bdamper.harmonic_balance.rotor_speed import RPM
 from bdamper.model.structure import COMPONENTS, Model
 from bdamper.plot.axes import (
@@ -78,10 +79,10 @@ def plot_campbell(campbell: Campbell, ax: Axes = NEW) -> None:
             if marker == "o" and np.isfinite(x):
                 name_point(ax, f"{x:.0f} rpm", (x, y))
     damped = [pair for result in campbell.damped for pair in zip(result.points, result.values)]
-    masses = sorted({point["damper_mass"] for point, _ in damped})
+    masses = sorted({point[MASS] for point, _ in damped})
     for point, value in damped:
         if np.isfinite(value["speed"]) and point["engine_order"] in orders:
-            look = looks(len(masses))[masses.index(point["damper_mass"])]
+            look = looks(len(masses))[masses.index(point[MASS])]
             look |= {"markersize": 5.0, "markeredgecolor": "k", "linestyle": "none", "zorder": 4}
             look["label"] = once(ax, f"damped, {1e3 * value['mass']:.3g} g")
             ax.plot(value["speed"] * RPM, value["frequency"], **look)

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.harmonic_balance.equations import Correction, Equations, Fixed, Plane, norm2
-from bdamper.harmonic_balance.parameters import FACTORS, OF_LOAD, like, setting_names, vary
+from bdamper.harmonic_balance.parameters import FACTORS, INERTIA, MASS, OF_LOAD, OF_MASS, like, setting_names, vary
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.peak import DIFFERENCE, Family, Peak, check_peak, slope_along, with_tangent
@@ -430,7 +430,7 @@ def _check(peak: Peak) -> None:
 
 
 PARAMETERS = (
-    "preload", "friction_coefficient", "contact_stiffness_factor", "excitation.amplitude", "damper_mass_factor",
+    "preload", "friction_coefficient", "contact_stiffness_factor", "excitation.amplitude", INERTIA,
     "damping_factor",
 )  # fmt: skip
 
@@ -446,8 +446,8 @@ def peak_sensitivities(problem: Problem, peak: Peak, parameters: Sequence[str] =
         Peak of this problem, at a preload of ``peak.parameter`` newtons.
     parameters : sequence of str
         "preload" or any numeric setting (see :mod:`bdamper.harmonic_balance.parameters`); factors have the value 1.
-        "damper_mass" is a factor on the mass of the free bodies and on the preload proportional to it at fixed rotor speed;
-        "damper_mass_factor" is their inertia alone; "damper_mass.rear" and "damper_mass_factor.rear" apply to one body.
+        "damper_mass_factor" is a factor on the mass of the free bodies and on the preload, which is proportional to it at a
+        rotor speed.  "damper_inertia_factor" is their inertia alone.
 
     Returns
     -------
@@ -557,7 +557,7 @@ def families(problem: Problem, parameters: Sequence[str], preload: float) -> dic
             continue
         if name == "contact_stiffness_factor" and problem.settings.holds_preload:
             continue
-        if name.startswith("damper_mass") and not any(b.kind == "free" for b in problem.model.bodies.values()):
+        if name.partition(".")[0] in OF_MASS and not any(b.kind == "free" for b in problem.model.bodies.values()):
             continue
         out[name] = (setting_family(problem, name, preload), setting_value(problem, name))
     return out
@@ -589,7 +589,7 @@ def setting_family(problem: Problem, name: str, preload: float) -> Family:
 
     # at a rotor speed the preload is the load of the first body
     turning = problem.settings.speed is not None
-    on_first = ("damper_mass", *(f"damper_mass.{body}" for body in list(problem.body_loads or ())[:1] if turning))
+    on_first = (MASS, *(f"{MASS}.{body}" for body in list(problem.body_loads or ())[:1] if turning))
 
     def family(value: float) -> Equations:
         varied = like(vary(problem, {name: value}), problem)

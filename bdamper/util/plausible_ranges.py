@@ -220,8 +220,8 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     # settings that a study varies by name
     "Study.friction_factor": Range(0.1, 10.0, above=FACTOR, below=FACTOR),
     "Study.damping_factor": Range(0.02, 50.0, above=FACTOR, below=FACTOR),
+    "Study.damper_inertia_factor": Range(0.02, 15.0, above=GRAMS, below="kilograms suspected"),
     "Study.damper_mass_factor": Range(0.02, 15.0, above=GRAMS, below="kilograms suspected"),
-    "Study.damper_mass": Range(0.02, 15.0, above=GRAMS, below="kilograms suspected"),
     "Study.frequency_factor": Range(0.5, 2.0, above="Hz suspected, where a factor is expected", below=FACTOR),
     "Study.gap_factor": Range(1e-3, 1e3, above=FACTOR, below="metres suspected, where a factor is expected"),
     "Study.force_factor": Range(1e-2, 1e2, above="newtons suspected, where a factor is expected", below=FACTOR),
@@ -235,7 +235,7 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     # arguments of analyses
     "preload": PRELOAD,
     "preloads": PRELOAD,
-    "resonance_crossings.damper_mass": Range(
+    "resonance_crossings.damper_mass_factor": Range(
         0.05, 10.0, "times the mass of the damper", "grams suspected, where factors are expected",
         "kilograms suspected, where factors are expected",
     ),

@@ -25,7 +25,7 @@ from dataclasses import asdict, dataclass, field
 from functools import partial
 from importlib import metadata
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 from weakref import WeakSet
 
 import h5py
@@ -68,8 +68,10 @@ INSTALLED = Versions(*(metadata.version(name) for name in ("bdamper", "numpy", "
 
 FilePath = str | os.PathLike[str]
 
-VERSION = 3
+VERSION = 4
 """Version of the format of all results."""
+OLDEST = 3
+"""Oldest version that can be read; its names of settings are replaced (:meth:`Storable.with_present_names`)."""
 MOST_BYTES = 1_600_000_000
 """Largest size of all arrays in a file (bytes); a larger size indicates damage, unless the file is as large."""
 MOST_TEXT = 2**28
@@ -148,6 +150,10 @@ class Storable(Record):
             write_text(file, "format", self._format)
             file.attrs["version"] = VERSION
             write_record(file, self)
+
+    def with_present_names(self) -> Self:
+        """Return a result of version 3 of the format with the present names of settings."""
+        return self
 
 
 @dataclass(frozen=True)
@@ -263,11 +269,12 @@ def _check_bytes(file: h5py.File, size: int) -> None:
 def _read(cls: type[Storable], path: FilePath) -> Any:
     with read_hdf5(path, f"a file written by {cls.__name__}.save") as file:
         found = read_attribute(file, "version", int)
-        if found != VERSION:
-            expected = f"version {VERSION} of the format '{cls._format}'"
+        if not OLDEST <= found <= VERSION:
+            expected = f"version {OLDEST} or {VERSION} of the format '{cls._format}'"
             raise BdamperError(f"{path}: expected {expected}, found version {found}, {_written_by(file)}; compute it again")
         try:
-            return read_record(file, cls)
+            result = read_record(file, cls)
+            return result if found == VERSION else result.with_present_names()
         except Exception as error:  # invalid fields, or those of another version of bdamper
             raise ValueError(f"{_written_by(file)}: {one_line(error) or type(error).__name__}") from error
 

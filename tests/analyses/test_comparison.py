@@ -18,7 +18,7 @@ from bdamper.util.formatting import amount
 from tests.plain import plain_study
 
 INTERVAL = (350.0, 358.0)
-DESIGNS = {"smooth": {"friction_coefficient": 0.2}, "heavier": {"damper_mass_factor": 1.5}}
+DESIGNS = {"smooth": {"friction_coefficient": 0.2}, "heavier": {"damper_inertia_factor": 1.5}}
 
 
 def ask(study):

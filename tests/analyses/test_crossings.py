@@ -4,6 +4,7 @@ import re
 from dataclasses import replace
 from types import SimpleNamespace
 
+import h5py
 import numpy as np
 import pytest
 
@@ -33,7 +34,7 @@ def study():
 
 @pytest.fixture(scope="module")
 def found(study):
-    return study.resonance_crossings(SPEEDS, [5], damper_mass=(0.999, 1.0, 1.001))
+    return study.resonance_crossings(SPEEDS, [5], damper_mass_factor=(0.999, 1.0, 1.001))
 
 
 def test_an_order_that_the_model_has_no_modes_for_fails_alone(study, found):
@@ -49,18 +50,22 @@ NOT_CHECKED = "Not checked in time or with more blade modes and contact points."
 
 def test_the_headline_is_the_highest_crossing_or_says_that_there_is_none(study, found, tmp_path):
     i = int(np.argmax(found.values["amplitude"]))
-    top, mass = row_of(found.values, i), found.points[i]["damper_mass"]
-    assert found._headline() == (
+    top, mass = row_of(found.values, i), found.points[i]["damper_mass_factor"]
+    highest = (
         f"Highest crossing: {peak_text(top['amplitude'], top['frequency'])}, {top['speed']:.5g} rad/s "
-        f"({top['speed'] * RPM:.0f} rpm), damper mass {mass:g}, engine order 5, "
-        f"under a preload of {amount(top['preload'], 'N')}. {NOT_CHECKED}"
+        f"({top['speed'] * RPM:.0f} rpm), damper mass factor {mass:g}, engine order 5, "
+        f"under a preload of {amount(top['preload'], 'N')}."
     )
+    single = replace(found, points=found.points[[i]], values=found.values[[i]], status=("complete",), shape=(1, 1))
+    assert single._headline() == f"{highest} {NOT_CHECKED}"
     rows = [{**top, "kind": "incomplete", "warning": "why", "margin": 1.25}, *(row_of(found.values, k) for k in (0, 1))]
     doubted = {name: [row.get(name) for row in rows] for name in rows[0]}
-    said = replace(found, values=named_fields(doubted, 3))._headline()
+    one_mass = np.array([(1.0, order) for order in (5, 6, 7)], found.points.dtype)
+    doubtful = replace(found, points=one_mass)
+    said = replace(doubtful, values=named_fields(doubted, 3))._headline()
     noted = {name: ["complete" if name == "kind" else x for x in column] for name, column in doubted.items()}
-    assert " Note: why. Least" in replace(found, values=named_fields(noted, 3))._headline()
-    least = "Least margin against fatigue 1.25 (damper mass 0.999, engine order 5)."
+    assert " Note: why. Least" in replace(doubtful, values=named_fields(noted, 3))._headline()
+    least = "Least margin against fatigue 1.25 (damper mass factor 1, engine order 5)."
     assert said.endswith(f" There may be a higher point: why. {least} {NOT_CHECKED}")
     none = study.resonance_crossings((10.0, 20.0), [5])
     why = none.warnings[0]
@@ -72,6 +77,62 @@ def test_the_headline_is_the_highest_crossing_or_says_that_there_is_none(study, 
     assert mixed.endswith(f" No crossing at 1 of 3 points: {why}.")
     none.save(tmp_path / "none.h5")
     assert type(bd.load(tmp_path / "none.h5")) is type(none)
+
+
+NAN = float("nan")
+BY_MASS = {
+    "a value everywhere": ([(3.0, 1.0), (2.0, 2.5), (1.0, 4.0)], "2", "2.5 mm", "of the other masses: 3 mm to 4 mm"),
+    "a missing value": ([(3.0, 1.0), (2.0, NAN), (1.0, 4.0)], "1", "3 mm", "crossing of the other masses: 4 mm"),
+    "an order without values": ([(3.0, NAN), (2.0, NAN), (1.0, NAN)], "3", "1 mm", "other masses: 2 mm to 3 mm"),
+    "one mass with values": ([(3.0, 1.0), (NAN, NAN), (NAN, 4.0)], "", "4 mm", ""),
+}
+
+
+@pytest.mark.parametrize("name", BY_MASS)
+def test_a_study_over_the_mass_names_the_best_mass(found, name):
+    """Its highest crossing over all engine orders is the lowest among the masses whose crossings are all known."""
+    heights, best, highest, others = BY_MASS[name]
+    points = [(mass, order) for mass in (1.0, 2.0, 3.0) for order in (5, 6)]
+    top = row_of(found.values, 0)
+    rows = []
+    for height in (1e-3 * height for pair in heights for height in pair):
+        known = np.isfinite(height)
+        why = "" if known else "why"
+        rows.append({**top, "amplitude": height, "kind": "complete" if known else "not found", "warning": why})
+    columns = {name: [row[name] for row in rows] for name in rows[0]}
+    made = replace(
+        found, points=np.array(points, found.points.dtype), values=named_fields(columns, 6), status=("complete",) * 6,
+        seconds=np.zeros(6), shape=(3, 2), cost=None,
+    )  # fmt: skip
+    said = made._headline()
+    assert said.startswith(f"Best damper mass factor: {best}. " if best else "Highest crossing: ")
+    assert f"Highest crossing: {highest} " in said and others in said
+
+
+def test_the_best_mass_has_the_lower_of_two_crossings(study):
+    found = study.resonance_crossings((400.0, 500.0), [5], damper_mass_factor=(0.5, 1.0))
+    heights = dict(zip((0.5, 1.0), found.array("amplitude")[:, 0].tolist()))
+    best = min(heights, key=heights.get)
+    amplitude = amount(heights[best], "m")
+    assert found._headline().startswith(f"Best damper mass factor: {best:g}. Highest crossing: {amplitude} ")
+
+
+def test_crossings_of_an_earlier_version_have_the_present_names(found, tmp_path):
+    """Files of version 3 call load and inertia "damper_mass", and the inertia alone "damper_mass_factor"."""
+    former = {"damper_mass_factor": "damper_mass", "engine_order": "engine_order"}
+    points = named_fields({former[name]: found.points[name] for name in former}, len(found))
+    old = replace(found, names=tuple(former.values()), points=points)
+    inert = replace(found, names=("damper_mass_factor", "engine_order"))
+    for result, name in ((old, "damper_mass_factor"), (inert, "damper_inertia_factor")):
+        result.save(path := tmp_path / "crossings.h5")
+        with h5py.File(path, "r+") as file:
+            file.attrs["version"] = 3
+        read = bd.load(path)
+        assert read.names == read.points.dtype.names == (name, "engine_order")
+        np.testing.assert_array_equal(read.points[name], found.points["damper_mass_factor"])
+    assert bd.load(path).array("amplitude").tolist() == found.array("amplitude").tolist()
+    found.save(path)
+    assert bd.load(path).names == found.names
 
 
 def test_a_crossing_is_the_highest_point_of_the_line(study, found):
@@ -156,7 +217,7 @@ def test_where_faces_open_the_highest_point_is_the_end_of_a_plateau(mass, highes
     """It meets the line at a higher speed than the highest peak at fixed speed does, under more load, and is higher."""
     shipped = bd.reference_model("bladed_disk", 9)
     study = bd.Study(shipped, bd.Excitation("tip", amplitude=20.0), 5, friction_coefficient=0.3, harmonics=1)
-    found = study.resonance_crossings((400.0, 600.0), [5], damper_mass=(mass,))
+    found = study.resonance_crossings((400.0, 600.0), [5], damper_mass_factor=(mass,))
     (value,) = found.values
     assert value["kind"] == "complete", str(found)
     assert (value["amplitude"], value["speed"]) == pytest.approx(highest, rel=1e-4)
@@ -406,5 +467,5 @@ def test_where_interpolation_fails_the_peak_at_fixed_speed_is_found_exactly(stud
 def test_questions_that_do_not_fit(study, asked, words):
     with pytest.raises(bd.SettingError, match=words):
         study.resonance_crossings(*asked)
-    with pytest.raises(bd.SettingError, match="damper_mass: expected"):
-        study.resonance_crossings((400.0, 500.0), [5], damper_mass=(0.0,))
+    with pytest.raises(bd.SettingError, match="damper_mass_factor: expected"):
+        study.resonance_crossings((400.0, 500.0), [5], damper_mass_factor=(0.0,))

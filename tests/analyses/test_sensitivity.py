@@ -34,7 +34,7 @@ def shipped(name):
 def guess(study, name, factor, y):
     """The unknowns with those of the free bodies as their modes shrink with their mass: any guess serves the reference."""
     y = y.copy()
-    if name == "damper_mass_factor":
+    if name == "damper_inertia_factor":
         start = 0
         for l, basis in enumerate(study.problem.bases):
             bodies = [study.model.bodies.get(c.body) for c in basis.coordinates]
@@ -95,9 +95,9 @@ def test_mass_of_the_damper_on_a_flat_peak():
     """The axial place of the damper is far beyond the motion of its contacts: a change of its modes must not move it."""
     study = shipped("bladed_disk")
     peak = study.peak(200.0, (330.0, 370.0))  # both ends of the branch
-    found = study.peak_sensitivities(peak, ["damper_mass_factor"])["damper_mass_factor"]
-    family = setting_family(study.problem, "damper_mass_factor", 200.0)
-    amplitude, frequency = differences(study, "damper_mass_factor", family, 1.0, peak, (1e-4, 3e-5))
+    found = study.peak_sensitivities(peak, ["damper_inertia_factor"])["damper_inertia_factor"]
+    family = setting_family(study.problem, "damper_inertia_factor", 200.0)
+    amplitude, frequency = differences(study, "damper_inertia_factor", family, 1.0, peak, (1e-4, 3e-5))
     assert found.amplitude == pytest.approx(amplitude, rel=1e-3)
     assert found.frequency == pytest.approx(frequency, rel=1e-3) == pytest.approx(-5.942, rel=1e-3)
 

@@ -155,7 +155,7 @@ class TestAnswers:
         assert answers(result) == answers(serial)
 
     def test_a_question_of_ones_own_and_factors(self, study):
-        over = {"friction_coefficient": [0.3, 0.4], "damper_mass_factor": [1.0, 2.0], "preload": [100.0]}
+        over = {"friction_coefficient": [0.3, 0.4], "damper_inertia_factor": [1.0, 2.0], "preload": [100.0]}
         result = bd.sweep(study, over=over, evaluate=residual_norm)
         assert result.complete, result.status
         direct = study.replace(friction_coefficient=0.3)

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.util.formatting import percent
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -53,6 +54,12 @@ def how_to(seen, page, folder):
     assert 0.42 < mass["radius"] < 0.45 and mass["mass"] < mass["damper"].mass
     assert "a damper of 6 g" in mass["change"]
     assert compared["designs"].curves[1].peak.amplitude < 0.9 * compared["designs"].curves[0].peak.amplitude
+    inert = bd.compare(
+        {"now": space["study"], "inert": {"damper_inertia_factor": 1.5}},
+        lambda s: s.frequency_response(500.0, (280.0, 380.0)),
+    )
+    changes = compared["designs"].change("damper 50 % heavier"), inert.change("inert")
+    assert f"({percent(changes[1], True)} instead of {percent(changes[0], True)} here)" in page.read_text()
     assert swept["result"].complete and swept["result"].shape == (3, 2)
     assert np.array_equal(resumed["result"].seconds, swept["result"].seconds), "points were computed again"
     assert not bd.load("curve.h5").diff(space["curve"])

@@ -176,7 +176,7 @@ def run_up() -> Answer:
 
 @scene("crossings")
 def resonance_crossings() -> Answer:
-    found = turning().resonance_crossings((400.0, 500.0), [5], damper_mass=(0.8, 1.2))
+    found = turning().resonance_crossings((400.0, 500.0), [5], damper_mass_factor=(0.8, 1.2))
     amplitude, speed = (found.array(name).ravel() for name in ("amplitude", "speed"))
     return {"amplitude": amplitude.tolist(), "speed": np.round(speed, 5).tolist()}, {}
 

@@ -31,11 +31,11 @@ def test_the_preload_is_mass_times_radius_times_squared_speed(study):
     damper = study.model.bodies["damper"]
     radius = np.hypot(damper.centre[0], damper.centre[1])
     assert study.at_speed(SPEED).preload == pytest.approx(damper.mass * radius * SPEED**2, rel=1e-12)
-    heavy = vary(study.at_speed(SPEED), {"damper_mass": 2.0})
+    heavy = vary(study.at_speed(SPEED), {"damper_mass_factor": 2.0})
     assert "neglected" not in str(heavy)
     assert heavy.preload == pytest.approx(2.0 * study.at_speed(SPEED).preload, rel=1e-12), "load and inertia together"
     assert re.search(r"speed +400 rad/s", str(heavy))
-    inert = vary(study.at_speed(SPEED), {"damper_mass_factor": 2.0})
+    inert = vary(study.at_speed(SPEED), {"damper_inertia_factor": 2.0})
     at = study.at_speed(SPEED)
     same = [one.problem.displacement_by_rotation for one in (at, heavy, inert)]
     assert np.array_equal(same[0], same[1]) and np.array_equal(same[0], same[2]), "faces displaced by speed"
@@ -47,11 +47,11 @@ def test_the_preload_is_mass_times_radius_times_squared_speed(study):
 def test_another_preload_at_a_speed_is_a_lighter_or_heavier_damper(study, factor):
     """Rotation displaces the faces whatever the preload; in proportion to it, forces differ by 15 % at 0.7 of the load."""
     at = study.at_speed(SPEED)
-    other = vary(at, {"damper_mass": factor})
+    other = vary(at, {"damper_mass_factor": factor})
     ours, theirs = at.static(factor * at.preload), other.static(other.preload)
     np.testing.assert_allclose(ours.force, theirs.force, rtol=0.0, atol=1e-9 * theirs.force.max())
     assert (at.static(at.preload).force * factor - ours.force).max() > 0.1 * theirs.force.max(), "not in proportion"
-    inert = vary(at, {"damper_mass_factor": factor})
+    inert = vary(at, {"damper_inertia_factor": factor})
     amplitude = other.peak(other.preload).amplitude
     assert inert.peak(other.preload).amplitude == pytest.approx(amplitude, rel=1e-6)
     with pytest.raises(bd.SettingError, match="expected a study at a rotor speed"):
@@ -136,16 +136,39 @@ def test_speeds_and_bodies_that_do_not_fit(study):
 
 
 def test_a_study_replaces_the_names_that_a_sweep_varies(study):
-    changed = study.replace(damper_mass_factor=1.5, harmonics=1, **{"friction_coefficient.left": 0.2})
+    changed = study.replace(damper_inertia_factor=1.5, harmonics=1, **{"friction_coefficient.left": 0.2})
     assert changed.settings.harmonics == 1 and changed.settings.friction_by_interface()["left"] == 0.2
-    assert changed.model.hash == vary(study, {"damper_mass_factor": 1.5}).model.hash != study.model.hash
+    assert changed.model.hash == vary(study, {"damper_inertia_factor": 1.5}).model.hash != study.model.hash
     with pytest.raises(bd.SettingError, match="no argument 'friction_coefficent'; did you mean friction_coefficient"):
         study.replace(friction_coefficent=0.2)
 
 
+def test_the_load_of_a_mass_needs_a_speed(study):
+    """Without a speed the load is given, and a factor on the mass of all dampers would change their inertia alone."""
+    remedies = r"study\.at_speed\(\.\.\.\), or vary damper_mass_factor\.damper with .*, or damper_inertia_factor without it"
+    heavier = {"damper_mass_factor": 1.5}
+    for ask in (
+        lambda: study.replace(damper_mass_factor=1.5),
+        lambda: vary(study, heavier),
+        lambda: bd.sweep(study, {"damper_mass_factor": [1.5]}, preload=LOW),
+        lambda: bd.compare({"now": study, "heavier": heavier}, lambda s: s.frequency_response(LOW, BAND)),
+    ):
+        with pytest.raises(bd.SettingError, match=f"damper_mass_factor: .* at a rotor speed.*; use {remedies}"):
+            ask()
+
+
+def test_a_former_name_of_the_mass_leads_to_the_present_one(study):
+    with pytest.raises(bd.SettingError, match=r"no argument 'damper_mass'; did you mean .*damper_mass_factor\?"):
+        study.replace(damper_mass=1.5)
+    with pytest.raises(bd.SettingError, match=r"found 'damper_mass'; did you mean .*damper_mass_factor\?"):
+        vary(study, {"damper_mass": 1.5})
+    with pytest.raises(bd.SettingError, match=r"no argument 'damper_mass'; did you mean damper_mass_factor\?"):
+        study.resonance_crossings((400.0, 500.0), [5], damper_mass=(1.0,))
+
+
 def test_a_speed_is_varied_with_its_model(study):
     """As sweeps do; the factor on the mass comes with its own preload."""
-    found, at = vary(study, {"speed": SPEED, "damper_mass": 2.0}), study.at_speed(SPEED)
+    found, at = vary(study, {"speed": SPEED, "damper_mass_factor": 2.0}), study.at_speed(SPEED)
     assert found.model.bodies["blade"].bases[5].omega2[0] == at.model.bodies["blade"].bases[5].omega2[0]
     assert found.preload == pytest.approx(2.0 * at.preload)
 
@@ -194,7 +217,8 @@ ANOTHER = {
         lambda s, at, peak: bd.sweep(s, {"speed": [300.0, SPEED], "preload": [2500.0, 2700.0]}, nothing), "4782 N", "2500"
     ),
     "of one mass of a sweep": (
-        lambda s, at, peak: bd.sweep(at, {"damper_mass": [1.0, 2.0], "preload": [at.preload]}, nothing), "9564 N", "4782 N"
+        lambda s, at, peak: bd.sweep(at, {"damper_mass_factor": [1.0, 2.0], "preload": [at.preload]}, nothing),
+        "9564 N", "4782 N",
     ),
 }  # fmt: skip
 
@@ -265,5 +289,5 @@ def test_preloads_that_contain_the_centrifugal_load_are_accepted(quick):
         warnings.simplefilter("error", PlausibilityWarning)
         at.static(1.04 * at.preload)
         bd.sweep(at, {"preload": [LOW, 8000.0]}, nothing)
-        bd.sweep(at, {"damper_mass": [1.0, 2.0], "preload": [at.preload, 2.0 * at.preload]}, nothing)
+        bd.sweep(at, {"damper_mass_factor": [1.0, 2.0], "preload": [at.preload, 2.0 * at.preload]}, nothing)
         quick.static(LOW)

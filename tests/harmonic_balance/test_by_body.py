@@ -61,23 +61,23 @@ def test_a_drag_in_proportion_to_mass_is_that_of_the_whole(study):
 
 
 def test_masses_of_all_bodies_one_by_one_are_the_mass_of_all(study):
-    for factor in ("damper_mass_factor", "damper_mass"):
-        all_at_once = vary(study.problem, {factor: 1.5})
+    all_at_once = vary(study.problem, {"damper_inertia_factor": 1.5})
+    for factor in ("damper_inertia_factor", "damper_mass_factor"):
         one_by_one = vary(study.problem, {f"{factor}.front": 1.5, f"{factor}.rear": 1.5})
         for own, other in zip(all_at_once.bases, one_by_one.bases, strict=True):
             np.testing.assert_allclose(own.G, other.G, rtol=1e-14)
-        expected = {name: share * (1.5 if factor == "damper_mass" else 1.0) for name, share in SHARES.items()}
+        expected = {name: share * (1.5 if factor == "damper_mass_factor" else 1.0) for name, share in SHARES.items()}
         assert one_by_one.body_loads == pytest.approx(expected)
 
 
 def test_one_mass_leaves_the_other_body_and_its_load_alone(study):
     light = study.problem.model.bodies["front"]
-    own = vary(study.problem, {"damper_mass_factor.rear": 2.0})
+    own = vary(study.problem, {"damper_inertia_factor.rear": 2.0})
     assert own.model.bodies["rear"].mass == pytest.approx(2.0 * study.model.bodies["rear"].mass)
     assert own.model.bodies["front"].mass == light.mass and own.body_loads == study.problem.body_loads
     # the static load stays: the state of rest is the same
     np.testing.assert_allclose(own.static(300.0).force, study.static(300.0).force, rtol=1e-9, atol=1e-7)
-    assert {"damper_mass.front", "damper_mass_factor.rear"} <= set(setting_names(study.problem))
+    assert {"damper_mass_factor.front", "damper_inertia_factor.rear"} <= set(setting_names(study.problem))
 
 
 def test_a_heavier_body_at_a_speed_has_its_load():
@@ -85,42 +85,54 @@ def test_a_heavier_body_at_a_speed_has_its_load():
     problem, preload = turning.problem, turning.preload
     loads = {name: preload * share for name, share in problem.body_loads.items()}
     for name in SHARES:
-        heavier = setting_family(problem, f"damper_mass.{name}", preload)(1.5)
-        found = vary(problem, {f"damper_mass.{name}": 1.5})
+        heavier = setting_family(problem, f"damper_mass_factor.{name}", preload)(1.5)
+        found = vary(problem, {f"damper_mass_factor.{name}": 1.5})
         unit = preload * (1.5 if name == "front" else 1.0)
         expected = {other: (1.5 if other == name else 1.0) * load for other, load in loads.items()}
         assert {other: unit * share for other, share in found.body_loads.items()} == pytest.approx(expected)
         np.testing.assert_allclose(heavier.structure.force, found.at(unit).sector.force, rtol=1e-10)
         np.testing.assert_allclose(heavier.structure.points.n0, found.at(unit).sector.points.n0, rtol=1e-10)
-    with pytest.raises(bd.SettingError, match=r"damper_mass_factor.rear: expected no rotor speed.* vary damper_mass.rear"):
-        vary(problem, {"damper_mass_factor.rear": 2.0})
+    expected = r"damper_inertia_factor\.rear: expected no rotor speed.* vary damper_mass_factor\.rear"
+    with pytest.raises(bd.SettingError, match=expected):
+        vary(problem, {"damper_inertia_factor.rear": 2.0})
 
 
 def test_sweeps_and_sensitivities_know_single_bodies(study):
     peak = study.replace(harmonics=1).peak(300.0, (310.0, 370.0))
     found = study.replace(harmonics=1).peak_sensitivities(
-        peak, ("damper_mass_factor", "damper_mass_factor.front", "damper_mass_factor.rear")
+        peak, ("damper_inertia_factor", "damper_inertia_factor.front", "damper_inertia_factor.rear")
     )
     whole, *parts = (each.amplitude for each in found.values())
     assert sum(parts) == pytest.approx(whole, rel=1e-3)
 
 
 def test_the_mass_of_the_only_damper_has_its_load():
-    """By name as for all: the sensitivity to the mass with its load, not that to the inertia alone."""
+    """The effect of the mass by name is that of the inertia and that of the preload together."""
     one = whole_study("bladed_disk")[0].replace(harmonics=1)
-    assert vary(one.problem, {"damper_mass.damper": 1.5}).body_loads == {"damper": 1.5}
+    assert vary(one.problem, {"damper_mass_factor.damper": 1.5}).body_loads == {"damper": 1.5}
     peak = one.peak(300.0, (310.0, 370.0))
-    found = one.peak_sensitivities(peak, ("damper_mass", "damper_mass.damper", "damper_mass_factor"))
-    whole, named, inertia = (each.amplitude for each in found.values())
-    assert named == pytest.approx(whole, rel=1e-3) and abs(inertia - whole) > 0.1 * abs(whole)
+    found = one.peak_sensitivities(peak, ("damper_mass_factor.damper", "damper_inertia_factor", "preload"))
+    named, inertia, by_load = (each.amplitude for each in found.values())
+    assert named == pytest.approx(inertia + 300.0 * by_load, rel=1e-3) and abs(inertia - named) > 0.1 * abs(named)
+
+
+def test_a_heavier_damper_is_one_with_more_inertia_and_more_preload():
+    """The recipe of the manual: 50 % more mass and load is the inertia alone at 1.5 times the preload."""
+    one = whole_study("bladed_disk")[0].replace(harmonics=1)
+    band = (310.0, 390.0)
+    found = bd.compare(
+        {"now": one, "heavier": {"damper_mass_factor.damper": 1.5}}, lambda s: s.frequency_response(500.0, band)
+    )
+    expected = one.replace(damper_inertia_factor=1.5).peak(750.0, band).amplitude / one.peak(500.0, band).amplitude - 1.0
+    assert found.change("heavier") == pytest.approx(expected, rel=1e-6) and abs(expected) > 0.1
 
 
 def test_a_body_without_load_has_mass_alone(study):
     bare = {name: replace(body, load=None) for name, body in study.model.bodies.items()}
     own = study.replace(model=replace(study.model, bodies=bare), load_per_preload=None)
-    assert vary(own.problem, {"damper_mass.rear": 1.3}).body_loads is None
-    with pytest.raises(bd.SettingError, match=r"damper_mass\.rear: expected a finite number > 0, found -1"):
-        vary(own.problem, {"damper_mass.rear": -1.0})
+    assert vary(own.problem, {"damper_mass_factor.rear": 1.3}).body_loads is None
+    with pytest.raises(bd.SettingError, match=r"damper_mass_factor\.rear: expected a finite number > 0, found -1"):
+        vary(own.problem, {"damper_mass_factor.rear": -1.0})
 
 
 def test_richer_modes_are_those_that_bodies_have(study):
@@ -170,6 +182,6 @@ def test_single_loads_are_varied_by_name():
     assert vary(own.problem, {"constant_loads.shroud": 80.0}).static(0.0).normal_force["shroud"] == pytest.approx(80.0)
     with pytest.raises(bd.SettingError, match=r"did you mean constant_loads\.shroud"):
         vary(own.problem, {"constant_loads.shruod": 1.0})
-    both = {"damper_mass.rear": 2.0, "load_per_preload.rear": 0.5}
+    both = {"damper_mass_factor.rear": 2.0, "load_per_preload.rear": 0.5}
     for order in (both, dict(reversed(both.items()))):  # the load first, then the factor on it
         assert vary(own.problem, order).body_loads == {"front": 1.0, "rear": 1.0}

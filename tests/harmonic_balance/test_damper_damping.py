@@ -96,7 +96,7 @@ def test_a_study_varied_has_it_as_a_new_one(plain, settings):
     damping = plain.replace(**settings).problem.bases[1].damping
     np.testing.assert_array_equal(varied.problem.bases[1].damping, damping)
     assert (damping[own] > 0.0).all() and not plain.problem.bases[1].damping[own].any()
-    heavier = vary(varied, {"damper_mass_factor": 4.0}).problem.bases[1].damping[own]
+    heavier = vary(varied, {"damper_inertia_factor": 4.0}).problem.bases[1].damping[own]
     np.testing.assert_allclose(heavier, damping[own] / (4.0 if "damper_drag" in settings else 2.0), rtol=1e-12)
 
 

@@ -145,8 +145,12 @@ PICTURES = {
     "energy": lambda: made("hysteresis").plot_energy(),
     "gap": lambda: made("static").plot(quantity="gap"),
     "SAFE diagram": lambda: made("campbell").plot_safe(600.0),
-    "crossings": lambda: plot_crossings(bladed_disk().resonance_crossings((300.0, 600.0), [5], damper_mass=(0.1, 0.3))),
-    "crossings without any": lambda: plot_crossings(turbine().resonance_crossings((350.0, 850.0), [5], damper_mass=(0.5,))),
+    "crossings": lambda: plot_crossings(
+        bladed_disk().resonance_crossings((300.0, 600.0), [5], damper_mass_factor=(0.1, 0.3))
+    ),
+    "crossings without any": lambda: plot_crossings(
+        turbine().resonance_crossings((350.0, 850.0), [5], damper_mass_factor=(0.5,))
+    ),
     "flutter": lambda: bladed_disk().flutter((1e3, 4e3), -0.005, amplitude=(1e-6, 1e-3), n=3).plot(),
     "model": lambda: bladed_disk().model.plot(),
     "mode": lambda: bladed_disk().model.plot_mode(2),

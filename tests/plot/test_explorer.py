@@ -665,7 +665,7 @@ def test_every_control_at_both_sizes(browser, explorer, size):
         ("friction_coefficient", "0.4", ("friction_coefficient", 0.4)),
         ("harmonics", "1", ("harmonics", 1)),
         ("excitation.amplitude", "2.5", ("excitation.amplitude", 2.5)),
-        ("mass", "2", ("damper_mass_factor", 2.0)),
+        ("mass", "2", ("damper_inertia_factor", 2.0)),
         ("speed", "3000", ("speed", pytest.approx(100.0 * np.pi))),
     ):
         window.type(name, value)

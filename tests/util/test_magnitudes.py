@@ -69,14 +69,15 @@ OF_STUDIES = {
     "degrees in a sweep": (
         lambda s: bd.sweep(s, {"excitation.phase": [45.0]}, preload=9.0), "excitation.phase: .* found 45 rad: degrees"),
     # variations
-    "a damper without mass": (lambda s: vary(s, {"damper_mass_factor": 0}), "damper_mass_factor: .* > 0.*, found 0"),
+    "a damper without mass": (lambda s: vary(s, {"damper_inertia_factor": 0}), "damper_inertia_factor: .* > 0.*, found 0"),
     "a mass in grams": (
-        lambda s: vary(s, {"damper_mass": 1e3}), "mass of 'damper': .* by the size of its faces, .*: grams"),
+        lambda s: vary(s, {"damper_inertia_factor": 1e3}), "mass of 'damper': .* by the size of its faces, .*: grams"),
     "masses of crossings in grams": (
-        lambda s: s.resonance_crossings((200.0, 700.0), [5], damper_mass=(20.0,)),
-        "damper_mass: plausible 0.05 to 10 .*: grams"),
+        lambda s: s.resonance_crossings((200.0, 700.0), [5], damper_mass_factor=(20.0,)),
+        "damper_mass_factor: plausible 0.05 to 10 .*: grams"),
     "a mass factor of one damper in grams": (
-        lambda s: bd.sweep(s, {"damper_mass.damper": [69.0]}, preload=9.0), "damper_mass of 'damper': .* 69: grams"),
+        lambda s: bd.sweep(s, {"damper_mass_factor.damper": [69.0]}, preload=9.0),
+        "damper_mass_factor of 'damper': .* 69: grams"),
     "a compared setting in per cent": (
         lambda s: bd.compare({"a": s, "b": {"friction_coefficient": 30.0}}, lambda x: x.frequency_response(9.0, F)),
         "found 30: per"),

@@ -150,7 +150,7 @@ VALUES = {
     "frequency_sweep": (lambda s: partial(s.frequency_sweep, 9.0, F), {"rate": [-1.0]}),
     "margin": (lambda s: partial(s.margin, None, AISI_1050), {"criterion": ["mises"], "line": ["goodmann"], "on": [1]}),
     "crossings": (lambda s: partial(s.resonance_crossings, (300.0, 600.0), [5]), {
-        "mode": [77], "damper_mass": [[0.0]], "margin": [AISI_1050],
+        "mode": [77], "damper_mass_factor": [[0.0]], "margin": [AISI_1050],
     }),
     "sweep": (lambda s: partial(bd.sweep, s, {"preload": [9.0]}), {
         "mode": [77], "evaluate": ["peak"], "combine": ["all"], "executor": ["threads"],
@@ -206,7 +206,7 @@ DOUBTED = {
     "rpm for rad/s": (lambda s: s.at_speed(4500), r"rotor speed: .* 1292 rad/s.*found 4500: revolutions .* rpm=4500"),
     "rpm of a diagram": (lambda s: s.campbell((2000, 5000, 7000), modes=1), r"found 7000: rev.* rpm=\(2000, 5"),
     "rpm of a run-up": (lambda s: failing(lambda: s.run_up((7000, 9500))), "rotor speed: .*found 9500: revolutions"),
-    "a mass in grams": (lambda s: vary(s, {"damper_mass_factor": 1e3}), "mass of 'damper': .*found 69 kg: grams susp"),
+    "a mass in grams": (lambda s: vary(s, {"damper_inertia_factor": 1e3}), "mass of 'damper': .*found 69 kg: grams susp"),
     "strength in MPa": (lambda s: Material(300.0, 1200.0, 900.0), "ultimate_strength: .*found 1200 Pa: where 1 MPa is"),
     "30 for 0.3": (lambda s: s.replace(friction_coefficient=30.0), "friction_coefficient: .*found 30: per cent susp"),
     "30 for 0.3 of a contact": (lambda s: bd.Contact(0, kt=1.0, mu=30.0, preload=1.0), "mu: .*found 30: per cent susp"),
