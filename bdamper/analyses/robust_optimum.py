@@ -385,7 +385,7 @@ class SteadyPeak(PeakTask):
     def __call__(self, study: Asking | Problem, preload: float | None) -> Values:
         problem, load = problem_of(study), float(preload or 0.0)
         there = at_preload(problem, load, peak_interval(problem.at(load), self.frequency, self.mode))
-        height = np.inf if there.rattles else float(np.nan_to_num(there.height))
+        height = np.inf if there.rattles else float(np.nan_to_num(there.height, posinf=np.inf))
         status = with_reason(NOT_FOUND, f"{NO_STEADY}: {there.rattles}") if there.rattles else there.status
         return {"amplitude": height, "known": there.known, "search": status, "cost": there.cost}
 

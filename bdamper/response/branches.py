@@ -39,6 +39,8 @@ from bdamper.util.progress import CostMeter
 GAP = 1e-3
 """Widest gap of a complete curve, relative to the interval."""
 NO_SOLUTION = "no solution found"
+UNBOUNDED, NO_DIGITS = "unbounded", "no digits are left"
+"""First words of the reason of a part without amplitudes."""
 OPERATIONS = 1.5e6
 """Default budget in million operations (:attr:`bdamper.util.progress.Cost.work`), about half a minute."""
 FEWEST_EVALUATIONS, MOST_EVALUATIONS = 10_000, 60_000
@@ -86,6 +88,17 @@ class LeftOut(NamedTuple):
     def __str__(self) -> str:
         where = f"{self.low:.6g} Hz" if self.high == self.low else f"{self.low:.6g} to {self.high:.6g} Hz"
         return f"{where}: {self.why}"
+
+    @property
+    def amplitude(self) -> float:
+        """Amplitude (m) of the resonance in a part that is unbounded or has no digits."""
+        return float("inf") if self.why.startswith(UNBOUNDED) else float("nan")
+
+    @property
+    def at_middle(self) -> str:
+        """Reason with the middle of the part, for example "unbounded at 30 Hz: no damping"."""
+        what, _, cause = self.why.partition(": ")
+        return f"{what} at {0.5 * (self.low + self.high):.6g} Hz: {cause}"
 
 
 @dataclass(frozen=True, eq=False)

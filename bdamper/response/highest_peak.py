@@ -258,8 +258,11 @@ class AtPreload:
 
     @property
     def height(self) -> float:
-        """Amplitude (m) of the highest point, NaN if nothing was found."""
-        return np.nan if self.top is None else self.top.peak.amplitude
+        """Amplitude (m) of the highest point: NaN if nothing was found or no digits are left, infinite if unbounded."""
+        if self.top is None:
+            return np.nan
+        unknown = self.curve.without_amplitude
+        return self.top.peak.amplitude if unknown is None else unknown.amplitude
 
     @property
     def value(self) -> float:
@@ -342,7 +345,9 @@ def found_at(
         if before is not None and before[1].peak.amplitude > height:
             curve, top = before
         spent = budget is not None and curve.cost.evaluations >= budget  # default steps are shorter and would cover less
-        if spent or (curve.complete and top is not None and top.exact and not given_up(curve)):
+        # shorter steps do not make a resonance less sharp
+        hopeless = spent or curve.without_amplitude is not None
+        if hopeless or (curve.complete and top is not None and top.exact and not given_up(curve)):
             break
         before = (curve, top) if curve.complete and top is not None and top.exact else None
     return AtPreload(preload, curve, top, np.nan, "", meter.read())
@@ -376,8 +381,8 @@ def highest_peak(
     Peak
         ``corner`` is set unless it is a smooth maximum.  The status is "incomplete" if the curve is incomplete, has no
         maximum in the interval, or is higher at an end or on a separate branch.  The amplitude is then NaN, and
-        ``lower_bound`` has the highest computed maximum, or the end.  It is "not found" with the reason, and without
-        unknowns, if no response was found in the interval.
+        ``lower_bound`` has the highest computed maximum, or the end.  The amplitude of an unbounded resonance is infinite.
+        The status is "not found" with the reason, and there are no unknowns, if no response was found in the interval.
     """
     frequency = peak_interval(problem.at(preload), frequency, mode)
     check_options(options)
@@ -396,6 +401,8 @@ def highest_peak(
     )
     if status_word(status) == COMPLETE:
         return peak
+    if response.curve.without_amplitude is not None:
+        return replace(peak, amplitude=response.height)
     # a number that only its status makes harmless would be read as an answer
     return replace(peak, amplitude=float("nan"), lower_bound=peak.amplitude)
 

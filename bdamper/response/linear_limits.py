@@ -16,8 +16,10 @@ from bdamper.harmonic_balance.checks import check_interval
 from bdamper.harmonic_balance.problem import LoadCase, Problem
 from bdamper.harmonic_balance.rotor_speed import preload_at
 from bdamper.harmonic_balance.sector import NEAREST, around
+from bdamper.response.branches import UNBOUNDED, LeftOut
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import validation
+from bdamper.util.errors import COMPLETE, INCOMPLETE
 from bdamper.util.progress import CostMeter, one_thread
 
 # ---- linear response curves ----
@@ -82,6 +84,7 @@ def _linear(case: LoadCase, kind: str, frequency: tuple[float, float], springs: 
             # equal steps of phase around each resonance
             omega = np.concatenate([omega, w + width * np.tan(np.linspace(-1.56, 1.56, 161)), [at]])
     infinite = [w / (2.0 * np.pi) for w in unbounded if low < w < high]
+    left_out = tuple(LeftOut(f * (1.0 - NEAREST), f * (1.0 + NEAREST), f"{UNBOUNDED}: no damping") for f in infinite)
     for w in unbounded:
         omega = omega[np.abs(omega - w) >= 0.5 * NEAREST * w]
     omega = np.unique(omega[(omega >= low) & (omega <= high)])
@@ -111,8 +114,9 @@ def _linear(case: LoadCase, kind: str, frequency: tuple[float, float], springs: 
         branch=np.zeros(n, int),
         point_kind=tuple("maximum" if w in tops else "regular" for w in omega.tolist()),
         preload=case.preload,
-        status="complete",
-        reason="linear" + "".join(f", unbounded at {f:.6g} Hz: no damping" for f in infinite),
+        status=INCOMPLETE if left_out else COMPLETE,
+        reason=", ".join(["linear", *(part.at_middle for part in left_out)]),
+        missing_ranges=left_out,
         cost=watch.read(),
         **problem.recorded(),
     )

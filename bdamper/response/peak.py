@@ -98,7 +98,8 @@ class Peak(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
         Preload (N) of the equations; NaN if they do not depend on a preload.
     frequency : float, Hz
     amplitude : float, m
-        Amplitude of the first harmonic of the response; NaN for the highest peak of an incomplete search.
+        Amplitude of the first harmonic of the response; NaN for the highest peak of an incomplete search, infinite if
+        unbounded.
     y, tangent, scale : (n_unknowns + 1,) float
         Point, tangent and units; the tangent has unit length in unknowns divided by ``scale``, and is zero if unknown.
     slope, curvature : float

@@ -46,9 +46,10 @@ from bdamper.response.branches import Coverage, LeftOut, Piece, ending, evaluati
 from bdamper.response.continuation import OUT_OF_BUDGET, TWO_PI
 from bdamper.response.events import ContinuationOptions, Path
 from bdamper.response.linear_limits import free
+from bdamper.response.resolution import unresolved_resonance
 from bdamper.response.response_curve_result import ResponseCurve, crossed, unstable_points
 from bdamper.util import validation
-from bdamper.util.errors import INCOMPLETE, NOT_FOUND, SettingError
+from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, SettingError
 from bdamper.util.progress import Cost, CostMeter, is_part_of_work, progress_bar, single_thread
 
 # ---- mean position of free bodies ----
@@ -206,9 +207,10 @@ def free_of_contact(problem: Problem, frequency: tuple[float, float], options: A
     residual = np.array([system.error(y) for y in np.column_stack([unknowns, 2.0 * np.pi * curve.frequency])])
     if not len(curve) or residual.max() > options.tolerance:
         return None
+    reason = curve.reason.replace("linear", "the free response", 1)
     return replace(
         curve, kind="response", unknowns=unknowns, harmonics=system.response(unknowns), residual=residual,
-        rank_deficiency=np.full(len(curve), int(rigid.sum())), reason="the free response", notes=(NOTE,),
+        rank_deficiency=np.full(len(curve), int(rigid.sum())), reason=reason, notes=(NOTE,),
         settings=problem.record(options),
     )  # fmt: skip
 
@@ -312,7 +314,7 @@ def _reason(case: LoadCase, search: Coverage, curve: ResponseCurve) -> str:
         reason += f"; folds looked for from {bottom:.4g} to {top:.4g} Hz{broken}, closed branches not"
     if why := rattles(curve, open_at_rest(case)):
         reason += f"; {NO_STEADY} is expected at this preload: {why}"
-    if curve.status not in (INCOMPLETE, NOT_FOUND):
+    if curve.status not in (INCOMPLETE, NOT_FOUND) or curve.without_amplitude is not None:
         return reason
     if search.system.spent or any(piece.path.status == OUT_OF_BUDGET for piece in search.pieces):
         reason += f"; the budget was {search.options.budget} evaluations (ContinuationOptions.budget)"
@@ -366,6 +368,13 @@ def as_curve(problem: Problem, search: Coverage, ended: tuple[str, str, tuple[Le
     y = np.array([p.y for p in points]).reshape(len(points), system.n_unknowns + 1)
     onward = [p.tangent[-1] * (1.0 if way.up else -1.0) for p, way in ordered]
     backward = np.array([p.kind != "drift" and to < 0.0 for p, to in zip(points, onward)], bool)
+    branch = np.array([way.branch for _, way in ordered], int)
+    status, reason, left_out = ended
+    unresolved = unresolved_resonance(system, problem.bases[1], y, branch)
+    if unresolved is not None:
+        reason = unresolved.at_middle if status == COMPLETE else f"{unresolved.at_middle}; {reason}"
+        status = INCOMPLETE if status == COMPLETE else status
+        left_out = (*left_out, unresolved)
     return ResponseCurve(
         frequency=y[:, -1] / TWO_PI,
         harmonics=system.response(y[:, :-1]),
@@ -374,12 +383,12 @@ def as_curve(problem: Problem, search: Coverage, ended: tuple[str, str, tuple[Le
         shares=np.array([p.shares for p in points]).reshape(-1, 3),
         backward=backward,
         rank_deficiency=np.array([p.rank_deficiency for p in points], int),
-        branch=np.array([way.branch for _, way in ordered], int),
+        branch=branch,
         closed=tuple(sorted({piece.branch for piece in search.pieces if piece.path.status == "closed"})),
         point_kind=tuple(p.kind for p in points),
-        status=ended[0],
-        reason=ended[1],
-        missing_ranges=ended[2],
+        status=status,
+        reason=reason,
+        missing_ranges=left_out,
         cost=search.meter.read(),
         start_log=tuple(search.log),
         notes=() if "blades" in more else notes(system, problem.coupling.model, problem.bases[0].coordinates, points),

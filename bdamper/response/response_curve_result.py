@@ -16,7 +16,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.response.branches import NO_SOLUTION, LeftOut
+from bdamper.response.branches import NO_DIGITS, NO_SOLUTION, UNBOUNDED, LeftOut
 from bdamper.response.peak import AT_END, NOT_IN_TIME, Peak
 from bdamper.util.display import Comparable, Fact, InContact
 from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, BdamperError, with_reason
@@ -75,8 +75,8 @@ class ResponseCurve(InContact, Comparable, FrequencySeries, Tabular, Recorded, S
         "complete", "incomplete", "not found" (no first solution) or "interrupted", and the cause.
     cost : Cost
     missing_ranges : tuple of LeftOut
-        Omissions ``(low, high, why)``, Hz: frequencies without solution, tangles of folds, incomplete paths.  The gaps of a
-        complete curve are narrower than a thousandth of the interval.
+        Omissions ``(low, high, why)``, Hz: frequencies without solution, tangles of folds, incomplete paths, an unbounded
+        resonance.  The gaps of a complete curve are narrower than a thousandth of the interval.
     settings : mapping
     model_hash : str
     start_log : tuple of str
@@ -161,6 +161,12 @@ class ResponseCurve(InContact, Comparable, FrequencySeries, Tabular, Recorded, S
         gaps = [(part.low, part.high) for part in self.missing_ranges if part.why == NO_SOLUTION]
         return max(gaps, key=lambda gap: gap[1] - gap[0], default=None)
 
+    @property
+    def without_amplitude(self) -> LeftOut | None:
+        """Part with the resonance if its amplitude is unbounded, or has no digits in double precision; otherwise None."""
+        parts = (part for part in self.missing_ranges if part.why.startswith((UNBOUNDED, NO_DIGITS)))
+        return next(parts, None)
+
     def _jump(self, fold: int, reached: NDArray) -> tuple[float, float]:
         """Return the difference (m) between the amplitude at a fold and the nearest other amplitude at its frequency (Hz),
         and this frequency.  The difference is 0 without another solution.
@@ -230,7 +236,8 @@ class ResponseCurve(InContact, Comparable, FrequencySeries, Tabular, Recorded, S
         """Point of largest response, even if it is no maximum (``peak_at_end``); closed and separate branches do not count.
 
         It is the point ``peak_index`` of the curve, without further computation.  A maximum is exact to
-        ``ContinuationOptions.locate_tolerance``.  The curve does not store its tangent, which is zero here; the analyses
+        ``ContinuationOptions.locate_tolerance``.  The amplitude of an unbounded resonance is infinite, and NaN if it has no
+        digits.  The curve does not store its tangent, which is zero here; the analyses
         that need the tangent first correct the point by Newton's method (``bdamper.response.peak.with_tangent``).
         """
         i = self.peak_index
@@ -239,10 +246,14 @@ class ResponseCurve(InContact, Comparable, FrequencySeries, Tabular, Recorded, S
         ends = [*self.frequency, *(f for part in self.missing_ranges for f in (part.low, part.high))]
         why = self.reason if self.status == INCOMPLETE else f"{self.status}: {self.reason}"
         search = COMPLETE if self.complete else with_reason(INCOMPLETE, why)
+        amplitude, status = float(self.amplitude[i]), with_reason(INCOMPLETE, AT_END) if self.peak_at_end else search
+        if self.without_amplitude is not None:
+            amplitude = self.without_amplitude.amplitude
+            status = with_reason(INCOMPLETE, self.without_amplitude.at_middle)
         return Peak(
             parameter=self.preload,
             frequency=frequency,
-            amplitude=float(self.amplitude[i]),
+            amplitude=amplitude,
             y=y,
             tangent=np.zeros(len(y)),
             scale=np.ones(len(y)),
@@ -254,7 +265,7 @@ class ResponseCurve(InContact, Comparable, FrequencySeries, Tabular, Recorded, S
             trials=0,
             rank_deficiency=int(self.rank_deficiency[i]),
             corner=self.point_kind[i] != "maximum",
-            status=with_reason(INCOMPLETE, AT_END) if self.peak_at_end else search,
+            status=status,
             search_status=search,
             settings=self.settings | {"frequency": [float(min(ends)), float(max(ends))]},
             model_hash=self.model_hash,
@@ -304,6 +315,9 @@ class ResponseCurve(InContact, Comparable, FrequencySeries, Tabular, Recorded, S
     def _headline(self) -> str:
         if not len(self):
             return f"No point of this curve was found: {self.reason}."
+        if self.without_amplitude is not None:
+            linear = f"{self.kind} " if self.kind in ("free", "stuck") else ""
+            return f"No amplitude of the {linear}resonance: {self.without_amplitude.at_middle}."
         i, low, high = self.peak_index, float(self.frequency.min()), float(self.frequency.max())
         what = {"response": "Resonance", "free": "Free resonance", "stuck": "Stuck resonance"}.get(self.kind, HIGHEST)
         load = f" under {preload_text(self.preload, self.settings)}" if self.kind == "response" else ""

@@ -1,0 +1,58 @@
+"""Resonances that are unbounded, or sharper than double precision resolves.
+
+Without damping, friction limits the response only up to a certain excitation: a Jenkins element with the slip force S up to
+4 S/pi (Caughey 1960).  Above it the curve rises until the rounding of the frequency changes the forces by more than the
+tolerance of the equations.  Its highest point is then an accident of rounding, as it is with a very small damping.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.harmonic_balance.equations import Equations
+from bdamper.harmonic_balance.sector import UNDAMPED
+from bdamper.model.kinematics import HarmonicBasis
+from bdamper.response.branches import NO_DIGITS, UNBOUNDED, LeftOut
+from bdamper.response.peak import LOOSEST
+
+EXCEEDS_FRICTION = f"{UNBOUNDED}: no damping, and the excitation exceeds the friction"
+TOO_SHARP = f"{NO_DIGITS}: rounding of the frequency exceeds the tolerance of the equations, add damping"
+
+
+def unresolved_resonance(system: Equations, basis: HarmonicBasis, y: NDArray, branch: NDArray) -> LeftOut | None:
+    """Return the range around the highest point of a curve if its amplitude is unbounded or has no digits.
+
+    Parameters
+    ----------
+    system : Equations
+    basis : HarmonicBasis
+        Modes of the first harmonic.
+    y : (n, n_unknowns + 1) float
+        Points of the curve; points of one branch are in order.
+    branch : (n,) int
+    """
+    if not len(y):
+        return None
+    top = int(np.argmax(np.abs(system.rows.value(y))))
+    if frequency_rounding(system, y[top]) <= LOOSEST:
+        return None
+    beside = [i for i in (top - 1, top, top + 1) if 0 <= i < len(y) and branch[i] == branch[top]]
+    frequency = y[beside, -1] / (2.0 * np.pi)
+    damping_ratio = basis.damping / (2.0 * y[top, -1] * np.where(basis.mass > 0.0, basis.mass, 1.0))
+    why = EXCEEDS_FRICTION if damping_ratio.max() <= UNDAMPED else TOO_SHARP
+    return LeftOut(float(frequency.min()), float(frequency.max()), why)
+
+
+def frequency_rounding(system: Equations, y: NDArray) -> float:
+    """Return the change of the relative residual by the rounding of the frequency, at one point.
+
+    With the quality factor Q of a resonance it is about 2 Q times the machine epsilon.  Stiff contacts do not change it.
+    """
+    step = 1e-3
+    above, below = y.copy(), y.copy()
+    above[-1] *= 1.0 + step
+    below[-1] *= 1.0 - step
+    # exact but for the rotor speed: the inertia forces are quadratic in the frequency
+    change = (system.residual(above) - system.residual(below)) / (2.0 * step)
+    return float(np.finfo(float).eps * (np.abs(change) * system.row_scale).max())
