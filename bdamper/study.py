@@ -342,7 +342,7 @@ class Study(Comparable):
         check = check if check is False else validation.choice("check", check, ("time", "neighbours"))
         check_executor(executor)
         progress, values = shows_progress(progress), optimal.preload_values(preload, n)
-        frequency = peak_interval(problem.at(float(values[-1])), frequency, mode) if problem.carries_load else frequency
+        frequency = optimal.curve_interval(problem, values, frequency, mode) if problem.carries_load else frequency
         check_unloaded(problem)
         check_question(problem, values, frequency)
         ways: dict[str, Any] = {"frequency": frequency, "mode": mode, "options": options}

@@ -62,7 +62,8 @@ def recorded(job: Job, settings: Mapping[str, Any]) -> Record:
             ending = values.pop("status")
         if work.interrupted:
             raise ExecutorEnded(work.reason) if work.reason else KeyboardInterrupt
-    except (BdamperError, ArithmeticError, np.linalg.LinAlgError, ExecutorEnded) as error:
+    # SciPy raises ValueError for matrices with infinite entries
+    except (BdamperError, ArithmeticError, ValueError, ExecutorEnded) as error:
         ending = errors.with_reason(errors.FAILED, error)
     spent = watch.read()
     cost = values.pop("cost") if isinstance(values.get("cost"), Cost) else spent

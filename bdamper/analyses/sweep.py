@@ -13,7 +13,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from contextlib import closing, nullcontext
+from contextlib import closing, nullcontext, suppress
 from dataclasses import dataclass, is_dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -34,7 +34,16 @@ from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import plausible_ranges, validation
 from bdamper.util.display import Differences, Plottable
-from bdamper.util.errors import FAILED, NOT_RUN, BdamperError, SettingError, all_complete, called_by_user, status_word
+from bdamper.util.errors import (
+    FAILED,
+    NOT_RUN,
+    BdamperError,
+    SettingError,
+    StaticError,
+    all_complete,
+    called_by_user,
+    status_word,
+)
 from bdamper.util.formatting import UNITS, amount, counted, peak_text, percent, short_repr, short_text, spaced
 from bdamper.util.progress import one_thread, shows_progress, with_progress
 from bdamper.util.records import named_fields, names_of, row_of
@@ -351,7 +360,8 @@ def _check_plausible(problem: Problem, evaluate: Task, over: Mapping[str, Any], 
             plausible_ranges.check("sweep", "preload", preload, problem.sizes)
         check_question(problem, preload, evaluate.frequency)
         if evaluate.mode > 1:
-            free_and_stuck(problem.at(float(preload.max())), evaluate.mode)
+            with suppress(StaticError):  # the point of this preload says so
+                free_and_stuck(problem.at(float(preload.max())), evaluate.mode)
 
 
 def _check_loads(problem: Problem, evaluate: Task, points: NDArray) -> None:

@@ -40,7 +40,16 @@ from bdamper.response.response_curve import NO_STEADY, open_at_rest, rattles, wi
 from bdamper.response.scalar_search import Sample, find_minimum, find_root, on_one_branch
 from bdamper.response.sensitivity import amplitude_sensitivity
 from bdamper.util import validation
-from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND, BdamperError, SettingError, with_reason
+from bdamper.util.errors import (
+    COMPLETE,
+    INCOMPLETE,
+    INTERRUPTED,
+    NOT_FOUND,
+    BdamperError,
+    SettingError,
+    StaticError,
+    with_reason,
+)
 from bdamper.util.formatting import counted
 from bdamper.util.progress import Cost, LongWork, executor_errors, one_thread, progress_stages, stopped_by
 from bdamper.util.storage import INSTALLED, ResultsFile, json_line
@@ -48,8 +57,11 @@ from bdamper.util.storage import INSTALLED, ResultsFile, json_line
 # ---- response at one preload ----
 
 
-LOST = (ArithmeticError, np.linalg.LinAlgError)
-"""Errors of a computation that fails at one preload, for example by overflow; they do not end the optimal curve."""
+LOST = (ArithmeticError, ValueError)
+"""Errors of a computation that fails at one preload, for example by overflow; they do not end the optimal curve.
+
+ValueError is what SciPy raises for matrices with infinite entries; LinAlgError and SettingError are ValueErrors too.
+"""
 BUDGET = 8000
 """First budget of a curve in evaluations.
 
@@ -77,13 +89,13 @@ def at_preload(
         with stopped_by(stop or Event()):
             try:
                 response = found_at(problem, preload, frequency, options=options, budget=most)
+                why = rattles(response.curve, open_at_rest(problem.at(preload))) if response.top else ""
             # InterruptedCurve is a KeyboardInterrupt, which ends the search with its results
             except (*LOST, BdamperError) as error:
-                why = f"failed: {type(error).__name__}: {error}"
-                lost = without_points(problem, preload, why, ContinuationOptions(), Cost())
+                failure, why = f"failed: {type(error).__name__}: {error}", ""
+                lost = without_points(problem, preload, failure, ContinuationOptions(), Cost())
                 response = AtPreload(preload, lost, None, np.nan, "", Cost())
         curve, cost = response.curve, cost + response.cost
-        why = rattles(curve, open_at_rest(problem.at(preload))) if response.top else ""
         if response.known or why or (most and curve.cost.evaluations < most):
             break
     if response.top is not None:
@@ -154,7 +166,7 @@ def optimal_curve(
     why = problem.why_no_load
     validation.check(problem.carries_load, "optimal_curve", "a model with a body that carries a load", f"that {why}")
     highest = problem.at(float(values[-1]))
-    frequency = peak_interval(highest, frequency, mode)
+    frequency = curve_interval(problem, values, frequency, mode)
     free, stuck = (linear_peak(highest, frequency, stuck=stuck) for stuck in (False, True))
     asked = {"preload": values, "options": options}
     with Curves(problem, frequency, options, executor, resume, progress, asked) as curves:
@@ -182,6 +194,26 @@ def optimal_curve(
         cost=curves.cost(start), settings=settings, model_hash=problem.model.hash, lowest_steady_preload=edge,
         mass_radius=arm,
     )  # fmt: skip
+
+
+def curve_interval(
+    problem: Problem, preloads: NDArray, frequency: tuple[float, float] | None, mode: int = 1
+) -> tuple[float, float]:
+    """Return the given interval (Hz), or that of the resonances of a mode at the highest preload with a static state.
+
+    Raises
+    ------
+    StaticError
+        If no preload has a static state.
+    """
+    lost: StaticError | None = None
+    for preload in preloads[::-1]:
+        try:
+            return peak_interval(problem.at(float(preload)), frequency, mode)
+        except StaticError as error:
+            lost = lost or error
+    assert lost is not None
+    raise lost
 
 
 @dataclass
