@@ -54,7 +54,7 @@ from bdamper.time_domain import time_response as in_time
 from bdamper.time_domain.frequency_sweep import frequency_sweep
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Fact
-from bdamper.util.errors import INTERRUPTED, BdamperError, SettingError, warn
+from bdamper.util.errors import INTERRUPTED, BdamperError, SettingError, inside_package, warn
 from bdamper.util.formatting import UNITS, aligned, short_repr, spaced, text_of
 from bdamper.util.progress import one_thread, shows_progress
 from bdamper.util.records import new_group, read_attribute
@@ -122,7 +122,10 @@ class Study(Comparable):
 
     @signature_of(Settings)
     def __init__(self, *given: Any, **settings: Any) -> None:
-        self._ask(Problem(Settings(*given, **settings)))
+        # check_settings warns of the values, with the sizes of the model
+        with inside_package():
+            checked = Settings(*given, **settings)
+        self._ask(Problem(checked))
 
     def _ask(self, problem: Problem) -> None:
         object.__setattr__(self, "settings", problem.settings)

@@ -62,7 +62,7 @@ from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import Convergence, HarmonicPeak, Meeting
 from bdamper.util import validation
 from bdamper.util.display import Plottable
-from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND, BdamperError, with_reason
+from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND, BdamperError, inside_user_code, with_reason
 from bdamper.util.formatting import peak_text, percent, short_repr, spaced
 from bdamper.util.progress import CostMeter, LongWork, one_thread, progress_stages, shows_progress, stopped_by
 from bdamper.util.storage import Storable
@@ -552,7 +552,13 @@ def accuracy_cost(
         quantity is None or callable(quantity), "quantity", "a function of study, preload and interval", quantity
     )
     problem = problem_of(study)
-    solve = whole_curve if quantity is None else lambda p, *place: quantity(like(study, p), *place)
+
+    def solve(varied_problem: Problem, *place: Any) -> Any:
+        if quantity is None:
+            return whole_curve(varied_problem, *place)
+        with inside_user_code():
+            return quantity(like(study, varied_problem), *place)
+
     tolerance = validation.number("tolerance", tolerance, above=0.0, below=1.0)
     preload = problem.check_preload(preload)
     low, high = map(float, peak_interval(problem.at(preload), frequency))

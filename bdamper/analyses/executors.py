@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.util import errors, validation
-from bdamper.util.errors import BdamperError
+from bdamper.util.errors import BdamperError, inside_package
 from bdamper.util.progress import Cost, CostMeter, ExecutorEnded, LongWork, executor_errors, progress_counter
 from bdamper.util.records import named_fields
 from bdamper.util.storage import ResultsFile, from_line, json_line
@@ -54,7 +54,8 @@ def recorded(job: Job, settings: Mapping[str, Any]) -> Record:
     """
     watch, ending, values = CostMeter(), errors.COMPLETE, dict[str, Any]()
     try:
-        with LongWork() as work:  # in a worker there is no outer LongWork
+        # a worker has neither the LongWork nor the mark of the call that submitted the job
+        with LongWork() as work, inside_package():
             values = dict(job(settings))
         # a job that returned may still have an answer that is incomplete
         status = values.get("status")

@@ -54,7 +54,7 @@ from bdamper.importers.measured_modes import MeasuredMode
 from bdamper.importers.measurements import Measured, Measurement
 from bdamper.response.sensitivity import setting_value
 from bdamper.util import validation
-from bdamper.util.errors import COMPLETE, INCOMPLETE, BdamperError, SettingError, with_reason
+from bdamper.util.errors import COMPLETE, INCOMPLETE, BdamperError, SettingError, inside_user_code, with_reason
 from bdamper.util.formatting import spaced
 from bdamper.util.progress import one_thread
 
@@ -137,7 +137,11 @@ class Objective:
     def made(self, values: Mapping[str, float]) -> Problem:
         """Return the problem at values of the parameters, without the force gain."""
         values = {name: float(value) for name, value in values.items() if name != FORCE}
-        return problem_of(self.problem(**values)) if callable(self.problem) else vary(problem_of(self.problem), values)
+        if not callable(self.problem):
+            return vary(problem_of(self.problem), values)
+        with inside_user_code():
+            made = self.problem(**values)
+        return problem_of(made)
 
     @property
     def start(self) -> NDArray:

@@ -42,6 +42,7 @@ from bdamper.util.errors import (
     StaticError,
     all_complete,
     called_by_user,
+    inside_user_code,
     status_word,
 )
 from bdamper.util.formatting import UNITS, amount, counted, peak_text, percent, short_repr, short_text, spaced
@@ -305,7 +306,13 @@ class _Job:
 
     def __call__(self, settings: Mapping[str, Any]) -> Values:
         preload = settings.get("preload")
-        return self.evaluate(self._varied(settings), None if preload is None else float(preload))
+        if preload is not None:
+            preload = float(preload)
+        varied = self._varied(settings)
+        if isinstance(self.evaluate, (PeakTask, OptimalTask)):
+            return self.evaluate(varied, preload)
+        with inside_user_code():
+            return self.evaluate(varied, preload)
 
 
 def _points(over: Any, combine: str) -> tuple[tuple[str, ...], NDArray, tuple[int, ...]]:
@@ -581,8 +588,10 @@ def compare(
     validation.check_value(callable(question), "question", "a function of a study", question)
     results: list[ResponseCurve | OptimalCurve] = []
     for study in with_progress(variants, shows_progress(progress), "studies", "study"):
+        with inside_user_code():
+            answered = question(study)
         answer = validation.instance(
-            "answer", question(study), (ResponseCurve, OptimalCurve), "a ResponseCurve or an OptimalCurve"
+            "answer", answered, (ResponseCurve, OptimalCurve), "a ResponseCurve or an OptimalCurve"
         )
         kind = type(results[0]) if results else type(answer)
         results.append(validation.instance("answer", answer, kind, "the same kind of result from every study"))

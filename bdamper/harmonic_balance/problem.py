@@ -50,7 +50,7 @@ from bdamper.model.loads import Response, direction_vector
 from bdamper.model.residual_vectors import completed
 from bdamper.model.structure import ContactStiffness, Model
 from bdamper.util import validation
-from bdamper.util.errors import ModelError, SettingError, StaticError, warn
+from bdamper.util.errors import ModelError, SettingError, StaticError, inside_package, warn
 from bdamper.util.progress import CostMeter, one_thread
 
 T = TypeVar("T")
@@ -136,7 +136,10 @@ class Problem:
         SettingError
             If a value is not valid.
         """
-        return Problem(replace(self.settings, **settings))
+        # check_settings warns of the values, with the sizes of the model
+        with inside_package():
+            changed = replace(self.settings, **settings)
+        return Problem(changed)
 
     def given(self, **parts: Any) -> Problem:
         """Return the same problem with the given derived quantities; others that exist are reused."""

@@ -87,8 +87,6 @@ def import_extra(module: str, asked: str, extra: str) -> Any:
 
 
 _OURS = ("bdamper", "dataclasses", "functools", "contextlib")
-_BETWEEN = ("dataclasses", "functools", "contextlib", "bdamper.harmonic_balance.checks", "bdamper.util.validation")
-"""Modules of decorators and of dataclasses.replace, which the search for the caller skips."""
 
 
 class BdamperWarning(UserWarning):
@@ -120,15 +118,34 @@ def quiet() -> Iterator[None]:
         _quiet.reset(before)
 
 
+# Number of checked functions of the package that are running on this thread.
+_depth: ContextVar[int] = ContextVar("_depth", default=0)
+
+
+@contextmanager
+def inside_package() -> Iterator[int]:
+    """Mark code that the package runs; yield the number of enclosing marks, 0 for a call by the user."""
+    enclosing = _depth.get()
+    token = _depth.set(enclosing + 1)
+    try:
+        yield enclosing
+    finally:
+        _depth.reset(token)
+
+
+@contextmanager
+def inside_user_code() -> Iterator[None]:
+    """Mark a function of the user that the package runs: its calls are calls by the user."""
+    token = _depth.set(0)
+    try:
+        yield
+    finally:
+        _depth.reset(token)
+
+
 def called_by_user() -> bool:
-    """Return whether the calling function was called from outside the package, apart from decorators."""
-    own = inspect.currentframe()
-    frame = own and own.f_back and own.f_back.f_back
-    while frame is not None and (module := str(frame.f_globals.get("__name__"))).startswith(_BETWEEN):
-        frame = frame.f_back
-    return frame is not None and (
-        not module.startswith("bdamper.") or module.startswith(("bdamper.__main__", "bdamper.plot.explorer"))
-    )
+    """Return whether no checked function except the calling one is running."""
+    return _depth.get() <= 1
 
 
 def warn(text: str, category: type[BdamperWarning] = BdamperWarning) -> None:

@@ -113,13 +113,11 @@ GRAMS = "grams suspected"
 PER_CENT, MILLIMETRES = "per cent suspected", "millimetres or micrometres suspected"
 RPM = "revolutions per minute suspected"
 
-# reasons for the lack of a range
-COUNT = "a count, which costs time or is limited by the model"
-LIMITED = "the limits of the check are plausible bounds"
-FACT = "not a magnitude: a free choice of a number, direction or place"
-EFFECT = "checked by its effect, which has an entry of its own"
 UNEXCITED = "any load: the excitation, with which preloads are compared, has no effect or is checked earlier"
-MEASURED = "measured data, compared with the model"
+BY_EFFECT = "checked by its effect, which has a range of its own"
+UNUSED = "any number: the preload has no effect"
+NOT_A_NUMBER = "a description, whose parts have ranges"
+"""Reasons why a parameter has no range although another one of its name has."""
 
 DAMPING = Range(0.0, 0.1, "of critical damping", PER_CENT)
 STIFFNESS = Range(0.0, 1e13, "N/m", "N/mm or GN/m suspected")
@@ -130,47 +128,23 @@ PRELOAD = Range(
 DEVIATION = Range(-0.5, 0.5, "of the frequency", "per cent or Hz suspected", "per cent or Hz suspected")
 FACTOR = "a value with a unit suspected, where a factor is expected"
 
-NO_RANGE = {
-    COUNT: """
-        Study.harmonics Study.blade_modes Study.damper_modes Study.contact_points accuracy_cost.vary mode n index harmonics
-        contact_points steps_per_period periods modes
-        Study.time_response.blades Study.time_response.starts
-        Study.hysteresis.n_theta ResidualModes.n_vectors AFT.n_time ContinuationOptions.max_points
-        ContinuationOptions.patience ContinuationOptions.budget ContinuationOptions.max_iterations
-        PeakOptions.max_iterations PeakOptions.max_trials DiskPeakOptions.climbs DiskPeakOptions.least
-        DiskPeakOptions.most n_blades n_modes disks fit_loop.sliders joint.sliders Reduction.engine_order
-        Reduction.nodal_diameters Reduction.n_damper_modes ContactFaces.points
-        LocalSizes.cantilever LocalSizes.attachment LocalSizes.interface
-    """,
-    LIMITED: """
-        Excitation.phase tolerance engine_orders static.history ContactLaw.iwan.chi ContactLaw.iwan.decades
-        ContactLaw.bouc_wen.alpha ContactLaw.bouc_wen.gamma ResidualModes.contact_share face_gap.angle face_gap.axial_angle
-        ContinuationOptions.max_turn
-        ContinuationOptions.locate_tolerance DiskPeakOptions.spacing mistuned_sample.audit ContactFaces.sector_b
-        Sector.angle_tolerance Sector.face_tolerance Material.poisson_ratio Geometry.face_angle Geometry.twist
-    """,
-    FACT: """
-        Study.residual_slip_seed Study.excitation stuck.preload seed direction Study.gauge_stress.gauge
-        Study.diff.other temperature lumped.locations lumped.response Contact.tangential Contact.tangential2
-        Contact.normal ContactLaw.bouc_wen.beta ContactLaw.of_record.record missing Mistuning.seed Placement.units
-        Placement.axis Placement.radial Sector.faces Sector.fixed Sector.blade_nodes Sector.stress ContactFaces.faces_a
-        ContactFaces.faces_b Patches.frame
-    """,
-    EFFECT: """
-        Study.speed Excitation.engine_order sample.distributions PeakTask.preload OptimalTask.preload frequency speeds omega
-        rpm Study.frequency_sweep.rate microslip.forces PerArea.stiffness Mistuning.of.mistuning
-        Placement.origin
-        ContactFaces.gap ContactFaces.stiffness Patches.centre Patches.size
-    """,
-    MEASURED: """
-        reference Checks.expected_frequencies
-    """,
-    UNEXCITED: """
-        nonlinear_mode.preload flutter.preload microslip.preload static.preload
-        wedge_friction.preload BladedDisk.state.preload BladedDisk.system.preload BladedDisk.tuned_peak.preload
-    """,
+WITHOUT_RANGE = {
+    "Study.excitation": NOT_A_NUMBER,
+    "Study.speed": BY_EFFECT,
+    "PeakTask.preload": BY_EFFECT,
+    "OptimalTask.preload": BY_EFFECT,
+    "stuck.preload": UNUSED,
+    "nonlinear_mode.preload": UNEXCITED,
+    "flutter.preload": UNEXCITED,
+    "microslip.preload": UNEXCITED,
+    "static.preload": UNEXCITED,
+    "wedge_friction.preload": UNEXCITED,
+    "BladedDisk.state.preload": UNEXCITED,
+    "BladedDisk.system.preload": UNEXCITED,
+    "BladedDisk.tuned_peak.preload": UNEXCITED,
 }
-"""Parameters without a range, by reason."""
+"""Exceptions from the ranges that apply to a name in every function.  Other parameters without a range need no entry."""
+
 TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     # settings of a study
     "Study.engine_order": Range(
@@ -326,7 +300,7 @@ DIMENSIONS = """
     end_gap
 """
 TABLE |= {f"Geometry.{name}": Range(1e-6, 5.0, "m", MILLIMETRES) for name in DIMENSIONS.split()}
-TABLE |= {name: reason for reason, names in NO_RANGE.items() for name in names.split()}
+TABLE |= WITHOUT_RANGE
 
 
 def entry(owner: str, name: str) -> Range | Names | tuple[Range, ...] | str | None:

@@ -45,7 +45,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.util import plausible_ranges
-from bdamper.util.errors import SettingError, called_by_user, one_line
+from bdamper.util.errors import SettingError, inside_package, one_line
 from bdamper.util.formatting import UNITS
 
 # ---- Annotated types of fields ----
@@ -228,8 +228,8 @@ OWNERS = ("self", "cls", "problem", "disk")
 def check_arguments(called: T, also: Iterable[str] = (), name: str = "") -> T:
     """Decorate a function or class so that it checks its keywords and warns of implausible values.
 
-    An unknown keyword raises an error that proposes a similar one.  The warnings apply to calls by the user alone; see
-    :mod:`bdamper.util.plausible_ranges` for the ranges.
+    An unknown keyword raises an error that proposes a similar one.  Only the outermost of nested calls warns, which is the
+    user's; see :mod:`bdamper.util.plausible_ranges` for the ranges.
 
     Parameters
     ----------
@@ -262,9 +262,11 @@ def check_arguments(called: T, also: Iterable[str] = (), name: str = "") -> T:
             raise SettingError(f"{name}: {error}; the required arguments are {', '.join(needed)}") from None
         _convert(name, bound)
         given, keywords = bound.args, bound.kwargs
-        if called_by_user():
-            _doubt(name, bound)
-        return function(*given, **keywords)
+        with inside_package() as enclosing:
+            # the outermost call is the user's, and the others repeat its arguments
+            if enclosing == 0:
+                _doubt(name, bound)
+            return function(*given, **keywords)
 
     checked.doubts = name  # type: ignore[attr-defined]
     return checked  # type: ignore[return-value]

