@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from bdamper.response.motion_range import exceeds
 from bdamper.response.verification import TimeResponse
 from bdamper.util.errors import COMPLETE, INTERRUPTED, status_word
 from bdamper.util.formatting import amount, loads_text, peak_text, percent, span
@@ -183,7 +184,8 @@ def headline(curve: OptimalCurve) -> str:
     other = f"Other friction: {friction.found}." if friction.colour in ("green", "amber") else ""
     remedies = "; ".join(check.remedy for check in red)
     doubt = f"Not for design: {'; '.join(check.failure for check in red)}. {remedies[:1].upper()}{remedies[1:]}."
-    return " ".join(filter(None, [doubt if red else "", _preload(curve), _amplitude(curve), other, _not_covered(curve)]))
+    said = [doubt if red else "", _preload(curve), _amplitude(curve), _range(curve), other, _not_covered(curve)]
+    return " ".join(filter(None, said))
 
 
 def _preload(curve: OptimalCurve) -> str:
@@ -221,7 +223,7 @@ def _steeper(curve: OptimalCurve) -> str:
     amplitudes = np.where(np.isfinite(curve.amplitude), curve.amplitude, curve.lower_bound)
     values = dict(zip(curve.preload, amplitudes)) | {c.preload: c.peak.amplitude for c in curve.curves if len(c)}
     for preload, amplitude in values.items():
-        if amplitude > NEAR_BEST * o.amplitude:
+        if np.isfinite(amplitude) and amplitude > NEAR_BEST * o.amplitude:
             distance = np.log(preload / o.preload)
             slopes[int(distance > 0.0)].append(abs(np.log(amplitude / o.amplitude) / distance))
     below, above = map(max, slopes)
@@ -250,6 +252,15 @@ def _amplitude(curve: OptimalCurve) -> str:
     differs = f" Blades do not vibrate alike: {span(least, most, 'm')}." if response.parted else ""
     in_time = span(response.lowest, response.largest, "m")
     return f"{_design(curve)} in time{at} {in_time}, by harmonic balance {balance}{ends}{gain}.{differs}"
+
+
+def _range(curve: OptimalCurve) -> str:
+    """Return half of the range of motion where other harmonics than the first add to it."""
+    best, response = curve.optimum, curve.recommended_response
+    parts = [f"by harmonic balance {amount(best.half_range, 'm')}"] * exceeds(best.half_range, best.amplitude)
+    if response is not None and exceeds(response.half_range, response.mean):
+        parts.append(f"in time {amount(response.half_range, 'm')}")
+    return f"The amplitudes are of the first harmonic; half of the range of motion is {', '.join(parts)}." if parts else ""
 
 
 def _design(curve: OptimalCurve) -> str:

@@ -26,6 +26,7 @@ from bdamper.harmonic_balance.problem import Problem
 from bdamper.response.continuation import MANY_FOLDS
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.linear_limits import peak_interval
+from bdamper.response.motion_range import half_range
 from bdamper.response.peak import AT_END, LOOSEST, Peak, PeakOptions, amplitude_at, coarse_options, find_peak, same_peak
 from bdamper.response.response_curve import frequency_response
 from bdamper.response.response_curve_result import ResponseCurve, uninterrupted
@@ -119,7 +120,9 @@ def highest_of_curve(system: Equations, curve: ResponseCurve, *, options: PeakOp
         notes.append(f"higher at an end of the interval: {peak_text(amplitude[top], curve.frequency[top], 4)}")
     if higher := curve.higher(best.peak.amplitude):
         notes.append(higher)
-    return replace(best, note="; ".join(notes))
+    # between points of the curve the range may be larger at the refined peak
+    at_peak = float(half_range(system.response(best.peak.y[:-1])))
+    return replace(best, note="; ".join(notes), peak=replace(best.peak, half_range=max(curve.half_range, at_peak)))
 
 
 def maxima(system: Equations, curve: ResponseCurve, share: float = 0.0) -> tuple[Peak, ...]:
@@ -402,9 +405,10 @@ def highest_peak(
     if status_word(status) == COMPLETE:
         return peak
     if response.curve.without_amplitude is not None:
-        return replace(peak, amplitude=response.height)
+        return replace(peak, amplitude=response.height, half_range=response.height)
     # a number that only its status makes harmless would be read as an answer
-    return replace(peak, amplitude=float("nan"), lower_bound=peak.amplitude)
+    nan = float("nan")
+    return replace(peak, amplitude=nan, half_range=nan, lower_bound=peak.amplitude)
 
 
 def _nothing_found(response: AtPreload, settings: dict[str, Any], model_hash: str) -> Peak:

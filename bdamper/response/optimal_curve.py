@@ -331,7 +331,7 @@ def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
     if len(with_value) > 1 and max(height) - min(height) <= FLAT:
         peak = with_value[int(np.argmin(height))].top.peak  # type: ignore[union-attr]
         flat = with_reason(NOT_FOUND, "the preload does not matter")
-        return OptimumPoint(np.nan, peak.amplitude, peak.frequency, "flat", np.inf, flat)
+        return OptimumPoint(np.nan, peak.amplitude, peak.frequency, "flat", np.inf, flat, peak.half_range)
 
     def sample(x: float) -> Sample:
         steady = by_log[x].preload > rattling_below(known)
@@ -363,7 +363,8 @@ def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
         status = with_reason(INCOMPLETE, f"the highest peak could be lower between {low:.6g} and {high:.6g} N")
     elif why := given_up(at.curve):
         status = with_reason(INCOMPLETE, f"{why}, where its peak could be higher")
-    return OptimumPoint(at.preload, at.top.peak.amplitude, at.top.peak.frequency, kind, best.uncertainty, status)
+    peak = at.top.peak
+    return OptimumPoint(at.preload, peak.amplitude, peak.frequency, kind, best.uncertainty, status, peak.half_range)
 
 
 def _near_best(samples: Sequence[Sample], best: int) -> list[float]:
@@ -417,7 +418,7 @@ def _interrupted_optimum(curves: Curves) -> OptimumPoint:
     if not with_value:
         return OptimumPoint(np.nan, np.nan, np.nan, "none", np.inf, status)
     _, p, peak = min(with_value, key=lambda item: item[0])
-    return OptimumPoint(p, peak.amplitude, peak.frequency, "unknown", np.inf, status)
+    return OptimumPoint(p, peak.amplitude, peak.frequency, "unknown", np.inf, status, peak.half_range)
 
 
 def rattling_below(known: dict[float, AtPreload]) -> float:
@@ -452,6 +453,7 @@ def _columns(known: dict[float, AtPreload], values: NDArray, edge: float, n_unkn
         "preload": values,
         "amplitude": column("amplitude", np.nan),
         "lower_bound": np.array([np.nan if top or not row else row.height for row, top in zip(rows, tops)]),
+        "half_range": column("half_range", np.nan),
         "frequency": column("frequency", np.nan),
         "shares": np.array([np.full(3, np.nan) if top is None else top.peak.shares for top in tops]),
         "residual": column("residual", np.nan),

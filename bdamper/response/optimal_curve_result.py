@@ -14,6 +14,7 @@ from bdamper.harmonic_balance.checks import Asking
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response.headline import ENDS, checked_amplitudes, failed, headline, known_in_time
 from bdamper.response.linear_limits import Limit
+from bdamper.response.motion_range import exceeds
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import Convergence, FrictionPeak, TimeResponse
 from bdamper.util import validation
@@ -57,6 +58,8 @@ class OptimumPoint:
         "complete" if no preload without a value could replace it, and no tangents of the highest points at two neighbouring
         preloads indicate a lower value.  A lower value between distant preloads may still be missed.  Otherwise
         "incomplete", "interrupted" or "not found" with the reason after a colon.
+    half_range : float, m
+        Half of the peak-to-peak response with all harmonics, its largest value on the response curve.
     """
 
     preload: float
@@ -65,6 +68,7 @@ class OptimumPoint:
     kind: str
     uncertainty: float
     status: str = COMPLETE
+    half_range: float = float("nan")
 
     def __post_init__(self) -> None:
         first, colon, reason = self.status.partition(":")  # files of version 0.6
@@ -134,6 +138,8 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
         has those of the study.
     mass_radius : float, kg m
         Mass times radius of the body to which the preload is applied; NaN if unknown or without rotation.
+    half_range : (n,) float, m, or None
+        Half of the peak-to-peak response with all harmonics, its largest value on the response curve of each preload.
     """
 
     preload: Newtons
@@ -157,6 +163,7 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
     time_response: tuple[TimeResponse, ...] = ()
     other_friction: tuple[FrictionPeak, ...] = ()
     mass_radius: Annotated[float, Data(derived=True)] = float("nan")
+    half_range: PerRow | None = None
     _summary_fields = (
         "optimum.preload", "optimum.amplitude", "optimum.frequency", "design_amplitude", "time_response",
         "optimum_in_time", "convergence", "other_friction", "free", "stuck", "ratio", "stuck_shift_percent", "margins",
@@ -317,4 +324,7 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
         return headline(self)
 
     def _facts(self) -> tuple[Fact, ...]:
-        return (Fact("optimum", self.optimum.text), *super()._facts())
+        best = self.optimum
+        named = exceeds(best.half_range, best.amplitude)
+        ranges = [Fact("half of the range", best.half_range, "m")] * named
+        return (Fact("optimum", best.text), *ranges, *super()._facts())

@@ -29,6 +29,7 @@ from bdamper.harmonic_balance.equations import NOT_CONVERGED, OK, STATUS_TEXT, C
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response.continuation import Follower
 from bdamper.response.events import AtLeastTwo, ContinuationOptions, Step
+from bdamper.response.motion_range import exceeds, peak_and_range
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Fact, InContact
 from bdamper.util.errors import COMPLETE, NOT_FOUND, status_word, with_reason
@@ -121,6 +122,9 @@ class Peak(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
     model_hash : str
     lower_bound : float, m
         Amplitude of the highest computed point of an incomplete search; NaN if ``amplitude`` is known.
+    half_range : float, m
+        Half of the peak-to-peak response with all harmonics, its largest value on the response curve; NaN if
+        the amplitude is, and for :func:`find_peak`.
     """
 
     parameter: Annotated[float, Quantity("N", name="preload")]
@@ -141,6 +145,7 @@ class Peak(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
     cost: Cost | None = None
     search_status: str = ""
     lower_bound: Metre = float("nan")
+    half_range: Metre = float("nan")
     _summary_fields = ("parameter", "amplitude", "lower_bound", "frequency", "shares", "search_status")
 
     @property
@@ -150,7 +155,10 @@ class Peak(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
 
     def _facts(self) -> tuple[Fact, ...]:
         """Return the peak and its reliability, or only the reason if there is none."""
-        return super()._facts() if self.converged else (Fact("peak", self.status),)
+        if not self.converged:
+            return (Fact("peak", self.status),)
+        named = exceeds(self.half_range, self.amplitude)
+        return (*super()._facts(), *[Fact("half of the range", self.half_range, "m")] * named)
 
     def _headline(self) -> str:
         if not self.converged:
@@ -161,7 +169,8 @@ class Peak(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
         load = f" under {preload_text(self.parameter, self.settings)}" if np.isfinite(self.parameter) else ""
         certain = self.search_status in ("", "complete")
         open_ = "" if certain else f" There may be a higher one, the curve ended as: {self.search_status}."
-        return f"Resonance of {peak_text(self.amplitude, self.frequency)}{load}. {NOT_IN_TIME}{open_}"
+        peak = peak_and_range(self.amplitude, self.frequency, self.half_range)
+        return f"Resonance of {peak}{load}. {NOT_IN_TIME}{open_}"
 
 
 def vibration_width(y: NDArray, tangent: NDArray, scale: NDArray, n_mean: int) -> float:

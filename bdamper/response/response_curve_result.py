@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.response.branches import NO_DIGITS, NO_SOLUTION, UNBOUNDED, LeftOut
+from bdamper.response.motion_range import exceeds, half_range, peak_and_range
 from bdamper.response.peak import AT_END, NOT_IN_TIME, Peak
 from bdamper.util.display import Comparable, Fact, InContact
 from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, BdamperError, with_reason
@@ -135,10 +136,21 @@ class ResponseCurve(InContact, Comparable, FrequencySeries, Tabular, Recorded, S
     @property
     def peak_to_peak(self) -> Metres:
         """Difference (n,) of the highest and lowest response over a period with all harmonics, m."""
-        l = np.arange(1, self.harmonics.shape[1])
-        theta = np.linspace(0.0, 2.0 * np.pi, 64 * len(l), endpoint=False)
-        x = (self.harmonics[:, 1:] @ np.exp(1j * np.outer(l, theta))).real
-        return x.max(axis=1) - x.min(axis=1)
+        return 2.0 * half_range(self.harmonics)
+
+    @property
+    def half_range(self) -> float:
+        """Largest half of the peak-to-peak response (m); closed and separate branches do not count.
+
+        NaN for the curves that an optimal curve stores, which have the first harmonic only.
+        """
+        if self.kind == "response" and not self.unknowns.shape[1]:
+            return float("nan")
+        if self.without_amplitude is not None:
+            return self.without_amplitude.amplitude
+        apart = self.apart
+        counted = ~apart if not apart.all() else apart
+        return 0.5 * float(self.peak_to_peak[counted].max(initial=0.0))
 
     @property
     def folds(self) -> NDArray:
@@ -269,6 +281,7 @@ class ResponseCurve(InContact, Comparable, FrequencySeries, Tabular, Recorded, S
             search_status=search,
             settings=self.settings | {"frequency": [float(min(ends)), float(max(ends))]},
             model_hash=self.model_hash,
+            half_range=self.half_range,
         )
 
     @property
@@ -310,7 +323,10 @@ class ResponseCurve(InContact, Comparable, FrequencySeries, Tabular, Recorded, S
 
     def _facts(self) -> tuple[Fact, ...]:
         """Return the highest point of the curve and its origin; empty for a curve without points."""
-        return super()._facts() if len(self) else ()
+        if not len(self):
+            return ()
+        named = exceeds(self.half_range, self.amplitude[self.peak_index])
+        return (*super()._facts(), *[Fact("half of the range", self.half_range, "m")] * named)
 
     def _headline(self) -> str:
         if not len(self):
@@ -327,7 +343,8 @@ class ResponseCurve(InContact, Comparable, FrequencySeries, Tabular, Recorded, S
             load = f" along engine order {self.settings['engine_order']}, at {turning}"
         if self.blades is not None:
             load += f", blade {np.argmax(np.abs(self.blades[i, :, 1]))}"
-        out = [f"{HIGHEST if self.peak_at_end else what} of {peak_text(self.amplitude[i], self.frequency[i])}{load}."]
+        peak = peak_and_range(self.amplitude[i], self.frequency[i], self.half_range)
+        out = [f"{HIGHEST if self.peak_at_end else what} of {peak}{load}."]
         if self.peak_at_end:
             out.append(f"It lies at an end of the curve ({amount(low, 'Hz')} to {amount(high, 'Hz')}) and is not a peak.")
         if higher := self.higher(self.amplitude[i]):

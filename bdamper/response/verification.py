@@ -8,6 +8,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.response.motion_range import exceeds, range_text
 from bdamper.util import validation
 from bdamper.util.display import Fact, Plottable, Summarised, draw
 from bdamper.util.errors import COMPLETE, status_word
@@ -161,6 +162,8 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
         energy.
     growth : float
         Growth rate per period of the motion in other waves than the excited wave; negative if it decays, NaN if too small.
+    half_range : float, m
+        Half of the peak-to-peak response of the highest blade with the harmonics of the study, mean over periods.
     settings : mapping
     model_hash : str
     """
@@ -185,6 +188,7 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
     starts: Annotated[dict[str, float], Quantity("m")] = field(default_factory=dict)
     energy: tuple[float, ...] = ()
     growth: float = field(default=float("nan"), compare=False)
+    half_range: Metre = float("nan")
     _summary_fields = (
         "mean", "lowest", "highest", "highest_period", "balance", "frequency", "fall", "preload", "structure", "diameters",
         "answers", "starts", "growth", "status",
@@ -236,6 +240,8 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
         head = f"{at} in time the highest blade has {self.text} at {amount(self.frequency, 'Hz', 6)}; {peak}{doubt}."
         if self.highest_period > (1.0 + BEATS) * self.mean:
             head = f"{head} Single periods reach {amount(self.highest_period, 'm')}."
+        if exceeds(self.half_range, self.mean):
+            head = f"{head} These are amplitudes of the first harmonic; {range_text(self.half_range)}."
         head += self._unlike()
         if self.starts:
             head = f"{head} {self.elsewhere} of {len(self.starts)} other starts came to another motion."

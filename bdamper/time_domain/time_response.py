@@ -318,7 +318,8 @@ def _stated(
     )))  # fmt: skip
     return replace(
         none, mean=best.mean, lowest=lowest, highest=highest,
-        highest_period=float(best.amplitude.max()), frequency=best.frequency, answers=answers, starts=others,
+        highest_period=float(best.amplitude.max()), half_range=best.half_range, frequency=best.frequency,
+        answers=answers, starts=others,
         status=INTERRUPTED if interrupted else with_reason(INCOMPLETE, left) if left else with_reason(COMPLETE, said),
         **of_blades(best.transient, len(best.amplitude)),
     )  # fmt: skip

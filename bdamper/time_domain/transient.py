@@ -40,6 +40,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.response.continuation import TWO_PI
+from bdamper.response.motion_range import half_range
 from bdamper.time_domain.integration import STEPS, IntegrationFailed, Motion, Ring
 from bdamper.util import validation
 from bdamper.util.errors import SettingError
@@ -284,6 +285,11 @@ class SteadyPoint(NamedTuple):
     def mean(self) -> float:
         """Mean amplitude, m."""
         return float(self.amplitude.mean())
+
+    @property
+    def half_range(self) -> float:
+        """Mean over the same periods of half of the peak-to-peak response of the highest blade, m."""
+        return float(half_range(second_half(self.transient.response)).mean())
 
     @property
     def steady(self) -> bool:

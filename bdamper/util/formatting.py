@@ -19,9 +19,9 @@ def percent(value: float, sign: bool = False) -> str:
 
 
 UNITS = {
-    "preload": "N", "amplitude": "m", "frequency": "Hz", "optimum_preload": "N", "optimum_amplitude": "m",
-    "optimum_frequency": "Hz", "free_amplitude": "m", "free_frequency": "Hz", "stuck_amplitude": "m",
-    "stuck_frequency": "Hz", "tuned_amplitude": "m", "excitation.amplitude": "N",
+    "preload": "N", "amplitude": "m", "half_range": "m", "frequency": "Hz", "optimum_preload": "N",
+    "optimum_amplitude": "m", "optimum_frequency": "Hz", "free_amplitude": "m", "free_frequency": "Hz",
+    "stuck_amplitude": "m", "stuck_frequency": "Hz", "tuned_amplitude": "m", "excitation.amplitude": "N",
     "excitation.phase": "rad", "load": "N", "linear_to": "m", "highest": "m", "scales_to": "N", "normal_force": "N",
     "speed": "rad/s", "fixed_speed": "rad/s", "fixed_speed_amplitude": "m", "amplitude_by_mass": "m",
     "speed_by_mass": "rad/s", "mass": "kg", "damper_drag": "N s/m", "residual_slip_std": "m",

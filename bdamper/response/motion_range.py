@@ -1,0 +1,62 @@
+"""Half of the peak-to-peak displacement of a motion with several harmonics.
+
+At a superharmonic resonance, for example at a third of the natural frequency, higher harmonics increase the displacement by
+half of the first harmonic.  Amplitudes of results belong to the first harmonic, so a result names half of the range if its
+ratio to the amplitude exceeds :data:`NAMED`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.util.formatting import amount, peak_text
+
+NAMED = 1.1
+"""Half of the range over the amplitude of the first harmonic above which results name it."""
+SAMPLES = 64
+"""Samples in a period of the highest harmonic.  A parabola through the three highest samples gives the extremum, with an
+error of at most 2e-6 of the amplitude of this harmonic.
+"""
+
+
+def half_range(harmonics: NDArray) -> NDArray:
+    """Return half of the difference (...,) between the highest and the lowest displacement over a period.
+
+    Parameters
+    ----------
+    harmonics : (..., n_harmonics + 1) complex
+        Complex amplitudes; the first column is the mean.
+    """
+    l = np.arange(1, harmonics.shape[-1])
+    if len(l) == 1:
+        return np.asarray(np.abs(harmonics[..., 1]))
+    theta = np.linspace(0.0, 2.0 * np.pi, SAMPLES * len(l), endpoint=False)
+    x = (harmonics[..., 1:] @ np.exp(1j * np.outer(l, theta))).real
+    return np.asarray(0.5 * (_highest(x) + _highest(-x)))
+
+
+def _highest(x: NDArray) -> NDArray:
+    """Return the maxima (...,) of periodic samples (..., n), from the parabola through the highest three."""
+    top = x.argmax(axis=-1, keepdims=True)
+    before, at, after = (np.take_along_axis(x, (top + k) % x.shape[-1], axis=-1)[..., 0] for k in (-1, 0, 1))
+    bend = before - 2.0 * at + after
+    # a constant has no parabola
+    flat = bend == 0.0
+    return np.asarray(at - np.where(flat, 0.0, (after - before) ** 2 / (8.0 * np.where(flat, 1.0, bend))))
+
+
+def exceeds(half: float, amplitude: float) -> bool:
+    """Return whether half of the range (m) exceeds the amplitude (m) so much that a result names it."""
+    return bool(half > NAMED * amplitude)
+
+
+def range_text(half: float) -> str:
+    """Return half of a range (m) as text."""
+    return f"half of the range of motion is {amount(half, 'm')}"
+
+
+def peak_and_range(amplitude: float, frequency: float, half: float) -> str:
+    """Return an amplitude (m) and its frequency (Hz) as text, with half of the range (m) if it has to be named."""
+    text = peak_text(amplitude, frequency)
+    return f"{text} (first harmonic; {range_text(half)})" if exceeds(half, amplitude) else text
