@@ -40,9 +40,6 @@ _import_name, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 def __getattr__(name: str) -> Any:
     if name == "__version__":
         return import_module("bdamper.util.storage").INSTALLED.bdamper
-    if name == "load":  # a file can contain a result of any module, and each module registers its own kinds
-        for other in set(__all__) - {"load"}:
-            _import_name(other)
     try:
         return _import_name(name)
     except AttributeError:

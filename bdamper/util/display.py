@@ -1,19 +1,19 @@
 """Printed summaries, notebook output, figures and comparisons of results.
 
 Results do not depend on matplotlib.  Each drawing function of :mod:`bdamper.plot` registers itself here by the type that it
-draws.  The first figure imports :mod:`bdamper.plot`; this is the only import of a higher part of the package.
+draws.  The first figure imports the modules that the entry points for pictures name (pyproject.toml).
 """
 
 from __future__ import annotations
 
 import base64
 import html
-import importlib
 import re
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
-from functools import reduce, wraps
+from functools import cache, reduce, wraps
+from importlib import metadata
 from os import PathLike
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
 
@@ -56,6 +56,16 @@ def register_plot(shown: type, picture: str = "plot") -> Callable[[Drawing], Dra
     return enter
 
 
+@cache
+def _load_pictures() -> None:
+    """Import the modules with pictures, which entry points name so that no lower module imports :mod:`bdamper.plot`."""
+    modules = metadata.entry_points(group="bdamper_pictures")
+    if not modules:
+        raise BdamperError("the installed bdamper does not name its pictures; install it again with 'pip install .'")
+    for module in modules:
+        module.load()
+
+
 def draw(shown: Any, picture: str, *arguments: Any, **options: Any) -> Any:
     """Draw an object with the function registered for its type or for a base class.
 
@@ -64,7 +74,7 @@ def draw(shown: Any, picture: str, *arguments: Any, **options: Any) -> Any:
     TypeError
         If no function is registered for this type and picture.
     """
-    importlib.import_module("bdamper.plot")
+    _load_pictures()
     for kind in type(shown).__mro__:
         if (kind, picture) in _DRAWINGS:
             return _DRAWINGS[kind, picture](shown, *arguments, **options)
@@ -172,13 +182,7 @@ class Summarised:
 
         def __getattr__(self, name: str) -> Any:
             """Answer a misspelt attribute, or one of another result."""
-            if name.startswith("_"):
-                raise AttributeError(name)
-            near = validation.suggest_name(name, [*dir(type(self)), *getattr(type(self), "__dataclass_fields__", ())])
-            kinds = {k.__name__: (*dir(k), *getattr(k, "__dataclass_fields__", ())) for k in _kinds(Summarised)}
-            have = [owner for owner, names in kinds.items() if name in names]
-            also = f"; {' and '.join(have[:3])} {'has' if len(have) == 1 else 'have'} it" if have else ""
-            raise AttributeError(f"{type(self).__name__} has no attribute '{name}'{near or also}", name=name, obj=self)
+            raise validation.UnknownAttribute(self, name, _owners)
 
     def _table(self) -> list[tuple[str, ...]]:
         """Return the header, which may be empty, and the rows of the short output."""
@@ -202,6 +206,18 @@ class Summarised:
         first = f"<p><b>{html.escape(self._headline())}</b></p>" if self._headline() else ""
         rest = f"<details><summary>details</summary><pre>{html.escape(self.summary())}</pre></details>" if first else ""
         return f"<div>{first}{text}{picture}{rest}</div>"
+
+
+def _owners(name: str) -> str:
+    """Return "; A and B have it" for an attribute of other results; an empty text if none has it."""
+    owners = []
+    for kind in _kinds(Summarised):
+        if name in dir(kind) or name in getattr(kind, "__dataclass_fields__", ()):
+            owners.append(kind.__name__)
+    if not owners:
+        return ""
+    verb = "has" if len(owners) == 1 else "have"
+    return f"; {' and '.join(owners[:3])} {verb} it"
 
 
 def _kinds(of: type[Any]) -> Iterator[type[Any]]:

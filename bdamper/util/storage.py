@@ -23,7 +23,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from functools import partial
-from importlib import metadata
+from importlib import import_module, metadata
 from pathlib import Path
 from typing import Any, ClassVar, Self
 from weakref import WeakSet
@@ -77,6 +77,38 @@ MOST_BYTES = 1_600_000_000
 MOST_TEXT = 2**28
 """Largest size of texts, attributes and names in a file (bytes)."""
 
+FORMATS = {
+    "bdamper-accuracy": "bdamper.analyses.accuracy",
+    "bdamper-campbell": "bdamper.analyses.campbell",
+    "bdamper-comparison": "bdamper.analyses.sweep",
+    "bdamper-crossings": "bdamper.analyses.crossings",
+    "bdamper-curve": "bdamper.response.response_curve_result",
+    "bdamper-damper-variation": "bdamper.mistuning.mistuning",
+    "bdamper-effect-significance": "bdamper.analyses.effect_significance",
+    "bdamper-fit": "bdamper.analyses.fit_result",
+    "bdamper-flutter": "bdamper.analyses.flutter",
+    "bdamper-hysteresis": "bdamper.analyses.hysteresis",
+    "bdamper-margin-curve": "bdamper.fatigue.margin",
+    "bdamper-margins": "bdamper.fatigue.margin",
+    "bdamper-measurement": "bdamper.importers.measurements",
+    "bdamper-mistuning": "bdamper.mistuning.mistuning",
+    "bdamper-model": "bdamper.model.model_file",
+    "bdamper-motion-in-time": "bdamper.response.verification",
+    "bdamper-nonlinear-mode": "bdamper.analyses.nonlinear_mode",
+    "bdamper-optimal": "bdamper.response.optimal_curve_result",
+    "bdamper-optimal-curve-uncertainty": "bdamper.analyses.robust_optimum",
+    "bdamper-peak": "bdamper.response.peak",
+    "bdamper-static": "bdamper.contact.preload_state",
+    "bdamper-stress": "bdamper.fatigue.stress_cycle",
+    "bdamper-study": "bdamper.study",
+    "bdamper-sweep": "bdamper.analyses.sweep",
+    "bdamper-time-response": "bdamper.response.verification",
+    "bdamper-time-sweep": "bdamper.time_domain.frequency_sweep",
+    "bdamper-wheel-peak": "bdamper.mistuning.peak",
+    "bdamper-wheel-sample": "bdamper.mistuning.sample",
+}
+"""Module that registers the reader of a format; :func:`load` imports no other one."""
+
 _READERS: dict[str, Callable[[FilePath], Any]] = {}
 """Function that reads a file, by the attribute ``format``."""
 
@@ -108,6 +140,8 @@ def load(path: FilePath) -> Any:
     with read_hdf5(path, "a file written by bdamper") as file:
         kind = read_attribute(file, "format") if "format" in file.attrs else "none"
         since = f", {_written_by(file)}, which this version cannot read" if kind.startswith("bdamper-") else ""
+    if kind in FORMATS:
+        import_module(FORMATS[kind])
     if kind not in _READERS:
         raise BdamperError(f"{path}: expected a file written by bdamper, found the format '{kind}'{since}")
     return _READERS[kind](path)

@@ -391,15 +391,40 @@ def check_fields(record: object, prefix: str = "") -> None:
         check_attributes(record, check, name, prefix=prefix)
 
 
+class UnknownAttribute(AttributeError):
+    """Error of an attribute that an object lacks.
+
+    Its text names similar attributes.  It is composed when it is printed, because ``hasattr`` drops the error.
+
+    Parameters
+    ----------
+    owner : object
+    name : str
+    elsewhere : callable, optional
+        Returns a text for a name without similar attributes of the owner.
+    """
+
+    def __init__(self, owner: object, name: str, elsewhere: Callable[[str], str] = lambda name: "") -> None:
+        super().__init__(name=name, obj=owner)
+        self.attribute = name
+        self.elsewhere = elsewhere
+
+    def __str__(self) -> str:
+        kind = type(self.obj)
+        near = ""
+        if not self.attribute.startswith("_"):
+            own = [*dir(kind), *getattr(kind, "__dataclass_fields__", ())]
+            near = suggest_name(self.attribute, own) or self.elsewhere(self.attribute)
+        return f"{kind.__name__} has no attribute '{self.attribute}'{near}"
+
+
 class Answering:
     """Mixin of dataclasses that answers a misspelt attribute."""
 
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            known = [] if name.startswith("_") else [*dir(type(self)), *type(self).__dataclass_fields__]
-            text = f"{type(self).__name__} has no attribute '{name}'{suggest_name(name, known)}"
-            raise AttributeError(text, name=name, obj=self)
+            raise UnknownAttribute(self, name)
 
 
 class Checked(Answering):
