@@ -61,6 +61,7 @@ of numbers.
 """
 
 
+@validation.check_arguments
 @dataclass(frozen=True)
 class PeakTask(validation.Checked):
     """Evaluation of the highest resonance peak.
@@ -98,6 +99,7 @@ class PeakTask(validation.Checked):
         }
 
 
+@validation.check_arguments
 @dataclass(frozen=True)
 class OptimalTask(validation.Checked):
     """Evaluation of optimal curve and optimum.

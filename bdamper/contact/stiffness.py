@@ -50,6 +50,7 @@ SMALL_FORCE = 0.05
 """Smallest force component in Eqs (4), (10), relative to the largest component of the face in this direction."""
 
 
+@validation.check_arguments
 @dataclass(frozen=True)
 class PerArea:
     """Contact stiffness per area.

@@ -44,9 +44,8 @@ from typing import (
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.util import plausible_ranges
+from bdamper.util import plausible_ranges, quantities
 from bdamper.util.errors import SettingError, inside_package, one_line
-from bdamper.util.formatting import UNITS
 
 # ---- Annotated types of fields ----
 
@@ -178,7 +177,10 @@ class Limits:
 
 def number(name: str, value: Any, **limits: Any) -> float:
     """Check and return a finite number within :class:`Limits`."""
-    out, within = _plain_number(value), Limits(**limits)
+    within = Limits(**limits)
+    if quantities.is_quantity(value):
+        value = quantities.in_unit(name, value, within.unit)
+    out = _plain_number(value)
     if out is None or not within.hold(out):
         kind = "a number" if within.above is not None and within.below is not None else "a finite number"
         raise invalid(name, f"{kind} {within}".strip(), value)
@@ -273,22 +275,14 @@ def check_arguments(called: T, also: Iterable[str] = (), name: str = "") -> T:
 
 
 def _convert(name: str, bound: inspect.BoundArguments) -> None:
-    """Replace arguments that are quantities, with ``to`` and ``magnitude`` as of pint, by numbers in the expected unit."""
-
-    def plain(word: str, value: Any) -> Any:
-        if type(value) in (list, tuple):
-            return type(value)(plain(word, item) for item in value)
-        if not (hasattr(value, "magnitude") and hasattr(value, "to")):
-            return value
-        unit = UNITS.get(f"{name.lower()}.{word}", UNITS.get(word, ""))
-        try:
-            return value.to(unit).magnitude
-        except Exception as error:  # the errors of a package that is not known
-            raise SettingError(f"{word}: expected {unit or 'a plain number'}, found {one_line(value)}") from error
-
+    """Replace arguments that are quantities by numbers in the expected unit."""
     for word, value in bound.arguments.items():
-        further = bound.signature.parameters[word].kind is inspect.Parameter.VAR_KEYWORD
-        bound.arguments[word] = {k: plain(k, v) for k, v in value.items()} if further else plain(word, value)
+        if bound.signature.parameters[word].kind is inspect.Parameter.VAR_KEYWORD:
+            bound.arguments[word] = {k: quantities.plain(name, k, v) for k, v in value.items()}
+        elif quantities.is_quantity(value) and quantities.unit_of(name, word) is None:
+            bound.arguments[word] = quantities.in_unit(word, value, "")
+        else:
+            bound.arguments[word] = quantities.plain(name, word, value)
 
 
 def _doubt(name: str, bound: inspect.BoundArguments) -> None:
@@ -345,6 +339,7 @@ def each(check: Callable[[str, Any], Any]) -> Callable[[str, Any], Any]:
 def numbers(name: str, value: Any, n: int | None = None, **limits: Any) -> NDArray:
     """Check and return finite numbers (n,) within :class:`Limits`; at least one number if ``n`` is None."""
     out, within = None, Limits(**limits)
+    value = quantities.in_lists(name, value, within.unit)
     if isinstance(value, Sequence | np.ndarray) and not isinstance(value, str | bytes):
         given = [_plain_number(v) for v in value] if np.ndim(value) != 0 else [None]
         good = [g for g in given if g is not None and within.hold(g)]
@@ -367,6 +362,7 @@ def integers(name: str, value: Any, least: int = 0, most: int | None = None) -> 
 
 def interval(name: str, value: Any, unit: str = "Hz") -> tuple[float, float]:
     """Check an interval with 0 < low < high, and return its ends."""
+    value = quantities.in_lists(name, value, unit)
     given = value.tolist() if isinstance(value, np.ndarray) else value
     ends = [_plain_number(end) for end in given] if isinstance(given, Sequence) and len(given) == 2 else [None, None]
     low, high = ends

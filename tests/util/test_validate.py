@@ -21,7 +21,6 @@ from bdamper.plot.motion import contact_status, rigid_motion
 from bdamper.util import validation
 from tests.each import each
 from tests.plain import plain_study
-from tests.util.test_disk import pressed
 
 WRONG = "5", object(), [object()]
 """What no number, choice, flag, sequence or option is."""
@@ -333,27 +332,3 @@ def test_a_load_whose_motions_are_left_out_is_named(study):
 
 def test_keys_of_a_mapping_may_be_an_iterator():
     assert validation.mapping("x", {"b": 1}, (k for k in "ab"), "faces") == {"b": 1}
-
-
-class Quantity:
-    """A quantity as those of pint: a value with a unit, which other units are converted to."""
-
-    def __init__(self, magnitude, unit):
-        self.magnitude, self.unit = magnitude, unit
-
-    def to(self, unit):
-        return Quantity(self.magnitude * {("kN", "N"): 1e3, ("kHz", "Hz"): 1e3}[self.unit, unit], unit)
-
-    def __str__(self):
-        return f"{self.magnitude} {self.unit}"
-
-
-def test_quantities_are_converted():
-    study = pressed()
-    low, high = Quantity(1e-4, "kHz"), Quantity(3e-4, "kHz")
-    assert study.peak(Quantity(2e-3, "kN"), (low, high)).amplitude == study.peak(2.0, (0.1, 0.3)).amplitude
-    assert bd.Excitation("tip", amplitude=Quantity(0.02, "kN")).amplitude == 20.0
-    with pytest.raises(bd.SettingError, match=r"^preload: expected N, found 3 kHz$"):
-        study.peak(Quantity(3, "kHz"))
-    with pytest.raises(bd.SettingError, match=r"^mode: expected a plain number, found 3 kHz$"):
-        study.peak(2.0, mode=Quantity(3, "kHz"))

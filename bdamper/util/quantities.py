@@ -1,0 +1,139 @@
+"""Conversion of quantities of pint to plain numbers in the units of the package.
+
+pint treats the radian as a plain number: it converts 1 rad/s to 1 Hz.  Frequencies and rotor speeds are converted through
+turns here, so that 1 Hz, 1 turn/s, 60 rpm and 6.28 rad/s are equal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, Protocol, TypeGuard
+
+import numpy as np
+
+from bdamper.util import plausible_ranges
+from bdamper.util.errors import SettingError, one_line
+from bdamper.util.plausible_ranges import Names, Range
+
+TURN = 2.0 * np.pi
+PHYSICAL = ("N", "m", "rad", "rad/s", "Hz", "Pa", "kg", "N/m", "N/m3", "kg/m3", "N s/m", "%")
+"""Units of ranges that are no words such as "times the mass of the damper"."""
+UNITS_WITHOUT_RANGE: dict[str, str] = {
+    "preload": "N", "frequency": "Hz", "rate": "Hz/s", "speed": "rad/s", "speeds": "rad/s", "omega": "rad/s", "rpm": "rpm",
+    "phase": "rad", "face_angle": "rad", "twist": "rad", "angle": "rad", "axial_angle": "rad", "microslip.forces": "N",
+    "max_turn": "rad", "gauge_stress.gauge": "m", "PerArea.stiffness": "N/m3", "Checks.expected_frequencies": "Hz",
+}  # fmt: skip
+"""Units of parameters without a range; the name of a function or class before it limits the unit to it."""
+
+
+class Quantity(Protocol):
+    """Quantity of pint."""
+
+    magnitude: Any
+
+    def to(self, unit: str) -> Quantity: ...
+
+    def to_root_units(self) -> Quantity: ...
+
+    def unit_items(self) -> Iterable[tuple[str, float]]: ...
+
+
+def is_quantity(value: object) -> TypeGuard[Quantity]:
+    """Return whether a value is a quantity of pint."""
+    return hasattr(value, "magnitude") and hasattr(value, "to_root_units")
+
+
+def unit_of(owner: str, name: str) -> str | tuple[str, ...] | None:
+    """Return the unit of a parameter of a function or class, or of each of its numbers.
+
+    The unit is empty for plain numbers, and None for an unknown parameter.
+    """
+    head = name.partition(".")[0]
+    for key in (f"{owner}.{name}", f"{owner.partition('.')[0]}.{name}", name):
+        if key in UNITS_WITHOUT_RANGE:
+            return UNITS_WITHOUT_RANGE[key]
+    known = plausible_ranges.entry(owner, name) or plausible_ranges.entry(owner, head)
+    if isinstance(known, tuple):
+        return tuple(_unit_of_range(part) for part in known)
+    if isinstance(known, Range):
+        return _unit_of_range(known)
+    return None if known is None else ""
+
+
+def _unit_of_range(known: Range) -> str:
+    return known.unit if known.unit in PHYSICAL else ""
+
+
+def in_unit(name: str, value: Quantity, unit: str) -> Any:
+    """Return the magnitude of a quantity in a unit.
+
+    Raises
+    ------
+    SettingError
+        If the quantity has another dimension, or it is not clear whether it counts turns or radians.
+    """
+    try:
+        return _converted(value, unit)
+    except Exception as error:  # each reason has another class of error
+        raise SettingError(f"{name}: expected {unit or 'a plain number'}, found {one_line(value)}") from error
+
+
+def _converted(value: Quantity, unit: str) -> Any:
+    radians = dict(value.to_root_units().unit_items()).get("radian", 0)
+    if unit in ("Hz", "Hz/s"):
+        return value.to(unit).magnitude / TURN**radians
+    if unit in ("rad/s", "rpm"):
+        in_hertz = any(name.endswith("hertz") for name, _ in value.unit_items())
+        if not (radians or in_hertz):
+            raise ValueError("1/s may count turns or radians")
+        turns = value.to("rad/s").magnitude / (TURN if radians else 1.0)
+        return turns * (TURN if unit == "rad/s" else 60.0)
+    if radians and unit != "rad":
+        raise ValueError("an angle instead of a plain number")
+    return value.to({"%": "percent"}.get(unit, unit.replace("m3", "m**3"))).magnitude
+
+
+def plain(owner: str, name: str, value: object) -> Any:
+    """Return an argument with its quantities converted, in lists, tuples and mappings as well.
+
+    Parameters
+    ----------
+    owner, name : str
+        Function or class, and its parameter.
+    value : object
+    """
+    known = plausible_ranges.entry(owner, name)
+    if isinstance(known, Names):
+        return _settings(known.of, value)
+    unit = unit_of(owner, name)
+    if unit is None:
+        return value
+    if isinstance(unit, str):
+        return in_lists(name, value, unit)
+    if isinstance(value, list | tuple) and len(value) == len(unit):
+        return tuple(in_lists(name, part, one) for part, one in zip(value, unit))
+    return value
+
+
+def _settings(of: str, value: object) -> Any:
+    """Convert the values of a mapping of settings, or of a mapping of such mappings."""
+    if not isinstance(value, Mapping):
+        return value
+    known = {key: unit_of(of, str(key)) is not None for key in value}
+    return {
+        key: plain(of, str(key), inner) if known[key] else _settings(of, inner)
+        for key, inner in value.items()
+    }  # fmt: skip
+
+
+def in_lists(name: str, value: object, unit: str) -> Any:
+    """Return a value with its quantities converted to a unit, in lists, tuples and mappings as well."""
+    if is_quantity(value):
+        return in_unit(name, value, unit)
+    if type(value) is list:
+        return [in_lists(name, part, unit) for part in value]
+    if type(value) is tuple:
+        return tuple(in_lists(name, part, unit) for part in value)
+    if type(value) is dict:
+        return {key: in_lists(name, part, unit) for key, part in value.items()}
+    return value
