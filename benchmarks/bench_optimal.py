@@ -20,10 +20,11 @@ def optimal_against_tracking(study: bd.Study, preload: tuple[float, float], freq
     result = study.optimal_curve(preload, 50, frequency=frequency, check=False)
     fast, fast_cpu = time.perf_counter() - start, time.process_time() - cpu
     start, cpu = time.perf_counter(), time.process_time()
-    curves = [study.frequency_response(p, frequency) for p in result.preload]
+    curves = [study.frequency_response(p, frequency) for p in result.preload[result.requested]]
     slow, slow_cpu = time.perf_counter() - start, time.process_time() - cpu
     complete = [i for i, c in enumerate(curves) if c.complete]
-    error = max(abs(result.amplitude[i] / curves[i].peak.amplitude - 1.0) for i in complete)
+    amplitude = result.amplitude[result.requested]
+    error = max(abs(amplitude[i] / curves[i].peak.amplitude - 1.0) for i in complete)
     print(
         f"50 preloads {preload[0]:g} to {preload[1]:g} N: optimal curve {fast:.3f} s, response curves {slow:.3f} s, "
         f"ratio {fast / slow:.3f}, of processor time {fast_cpu / slow_cpu:.3f}; largest difference of the "

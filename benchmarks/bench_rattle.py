@@ -50,7 +50,8 @@ def bands(*names: str) -> Iterator[dict[str, Any]]:
         begin = time.process_time()
         curve = study.optimal_curve(check=False)
         middle = time.process_time()
-        study.optimal_curve(curve.preload[curve.preload > curve.lowest_steady_preload], check=False)
+        steady = curve.requested & (curve.preload > curve.lowest_steady_preload)
+        study.optimal_curve(curve.preload[steady], check=False)
         alone = time.process_time() - middle
         low = curve.preload[curve.preload <= curve.lowest_steady_preload]
         above = [ABOVE * curve.lowest_steady_preload] if name == "unit tractions" else []

@@ -26,7 +26,8 @@ def random(optimal: OptimalCurve, curves: list[ResponseCurve]) -> str:
     o = optimal.optimum
     numbers = {
         "optimum": [o.preload, o.amplitude, o.frequency], "free": optimal.free.amplitude,
-        "amplitude": optimal.amplitude.tolist(), "peaks": [[c.preload, c.peak.frequency, c.peak.amplitude] for c in curves],
+        "amplitude": optimal.amplitude[optimal.requested].tolist(),
+        "peaks": [[c.preload, c.peak.frequency, c.peak.amplitude] for c in curves],
     }  # fmt: skip
     return json.dumps(json.loads(json.dumps(numbers), parse_float=lambda text: float(f"{float(text):.4g}")), indent=1)
 

@@ -126,11 +126,13 @@ class OptimalTask(validation.Checked):
     def __call__(self, study: Asking | Problem, preload: float | None) -> Values:
         curve = optimal_curve(problem_of(study), self.preload, self.n, frequency=self.frequency, mode=self.mode)
         o = curve.optimum
+        shared = curve.requested  # the other preloads differ from point to point
         return {
-            "curve_preload": curve.preload.tolist(), "curve_amplitude": curve.amplitude.tolist(),
-            "curve_frequency": curve.frequency.tolist(), "optimum_preload": o.preload, "optimum_amplitude": o.amplitude,
-            "optimum_frequency": o.frequency, "optimum_kind": o.kind, "optimum_uncertainty": o.uncertainty,
-            "optimum_status": o.status, "free_frequency": curve.free.frequency, "free_amplitude": curve.free.amplitude,
+            "curve_preload": curve.preload[shared].tolist(), "curve_amplitude": curve.amplitude[shared].tolist(),
+            "curve_frequency": curve.frequency[shared].tolist(), "optimum_preload": o.preload,
+            "optimum_amplitude": o.amplitude, "optimum_frequency": o.frequency, "optimum_kind": o.kind,
+            "optimum_uncertainty": o.uncertainty, "optimum_status": o.status,
+            "free_frequency": curve.free.frequency, "free_amplitude": curve.free.amplitude,
             "stuck_frequency": curve.stuck.frequency, "stuck_amplitude": curve.stuck.amplitude,
             "warning": "; ".join(curve.warnings), "cost": curve.cost,
         }  # fmt: skip

@@ -272,12 +272,15 @@ def _draw_optimal(ax: Axes, result: OptimalCurve, quantity: str) -> None:
 
 
 def with_optimum(result: OptimalCurve, quantity: str = "amplitude") -> tuple[NDArray, NDArray, NDArray]:
-    """Return preloads and values with the optimum inserted, and whether each continues the branch of the previous point."""
+    """Return preloads and values, and whether each continues the branch of the previous point.
+
+    Files of version 0.10 and older do not have the optimum in their table; it is inserted.
+    """
     o, values, best = result.optimum, result.amplitude, result.optimum.amplitude
     if quantity == "shift":
         values, best = result.shift_percent, 100.0 * (o.frequency / result.free.frequency - 1.0)
     k = int(np.searchsorted(result.preload, o.preload))
-    if not 0 < k < len(result):
+    if not 0 < k < len(result) or o.preload in result.preload:
         return result.preload, values, result.goes_on
     return np.insert(result.preload, k, o.preload), np.insert(values, k, best), np.insert(result.goes_on, k, True)
 

@@ -63,8 +63,9 @@ def write_report(
     validation.check(known, "report", "an optimal curve with an optimum", f"none: {best.status}")
     figures: list[tuple[str, str]] = [("Resonance over preload", _picture(curve))]
     rows: list[tuple[str, ...]] = []
-    if study is None and curve.curves:
-        nearest = min(curve.curves, key=lambda c: abs(np.log(c.preload / best.preload)))
+    followed = [response for response in curve.curves if len(response)]
+    if study is None and followed:
+        nearest = min(followed, key=lambda c: abs(np.log(c.preload / best.preload)))
         title = f"Response over frequency at {amount(nearest.preload, 'N')}, the nearest preload with a response curve"
         figures.append((title, _picture(nearest)))
     elif study is not None:
@@ -100,12 +101,21 @@ def write_report(
         lines=(
             "import bdamper as bd",
             f'study = bd.load_study("best.h5", bd.load_model("{model}"))  # best.save("best.h5") has the settings',
-            f"best = study.optimal_curve(({curve.preload[0]:.12g}, {curve.preload[-1]:.12g}), {len(curve)}{band}{check})",
+            f"best = study.optimal_curve({_asked(curve)}{band}{check})",
         ),
     )  # fmt: skip
     with file_errors(path):
         Path(path).write_bytes(text.encode())
     return Path(path)
+
+
+def _asked(curve: OptimalCurve) -> str:
+    """Return the requested preloads as arguments: a range and a number of preloads, or the list of preloads."""
+    asked = curve.preload[curve.requested]
+    low, high, n = asked[0], asked[-1], len(asked)
+    if np.allclose(asked, np.geomspace(low, high, n), rtol=1e-9, atol=0.0):
+        return f"({low:.12g}, {high:.12g}), {n}"
+    return f"[{', '.join(f'{p:.12g}' for p in asked)}]"
 
 
 def _subject(curve: OptimalCurve, given: Mapping[str, str]) -> dict[str, str]:

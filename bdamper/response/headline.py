@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bdamper.response.motion_range import exceeds
 from bdamper.response.verification import TimeResponse
@@ -57,10 +58,7 @@ def checks(curve: OptimalCurve) -> list[Check]:
     known, edge = np.isfinite(curve.amplitude), curve.lowest_steady_preload
     missing = bool(np.any(~known & (curve.preload > edge)))
     steady = f", no steady response up to {amount(edge, 'N')}" if edge else ""
-    above = best.preload > np.median(curve.preload)
-    beyond = f"include preloads {'above' if above else 'below'} {amount(best.preload, 'N')}"
-    if len(curve) > 1 and not known[-2 if above else 1]:
-        beyond = 'find a value at the next preload first, with other contact_points or contact_stiffness="unit_traction"'
+    beyond = _beyond(curve)
     out = [
         Check("green" if inside else "red", "Optimum within the range", ENDS.get(best.kind, "inside"),
               "red at an end of the range of preloads",
@@ -85,6 +83,16 @@ def checks(curve: OptimalCurve) -> list[Check]:
                   "reduce the excitation or the stress")
         )  # fmt: skip
     return out
+
+
+def _beyond(curve: OptimalCurve) -> str:
+    """Return the remedy for an optimum at an end of the range: a wider range, or a value at the next preload."""
+    row = int(np.abs(curve.preload - curve.optimum.preload).argmin())
+    known = np.isfinite(curve.amplitude)
+    if not known[max(row - 1, 0) : row + 2].all():
+        return 'find a value at the next preload first, with other contact_points or contact_stiffness="unit_traction"'
+    side = "above" if row > 0 and row == len(curve) - 1 else "below"
+    return f"include preloads {side} {amount(curve.optimum.preload, 'N')}"
 
 
 def failed(curve: OptimalCurve) -> list[Check]:
@@ -218,18 +226,29 @@ def _of_damper(curve: OptimalCurve, preload: float) -> str:
 
 
 def _steeper(curve: OptimalCurve) -> str:
-    """Return the side of the optimum on which the amplitude rises clearly faster, by all values and lower bounds known."""
-    o, slopes = curve.optimum, ([0.0], [0.0])
-    amplitudes = np.where(np.isfinite(curve.amplitude), curve.amplitude, curve.lower_bound)
-    values = dict(zip(curve.preload, amplitudes)) | {c.preload: c.peak.amplitude for c in curve.curves if len(c)}
-    for preload, amplitude in values.items():
-        if np.isfinite(amplitude) and amplitude > NEAR_BEST * o.amplitude:
-            distance = np.log(preload / o.preload)
-            slopes[int(distance > 0.0)].append(abs(np.log(amplitude / o.amplitude) / distance))
-    below, above = map(max, slopes)
-    if min(below, above) == 0.0 or max(below, above) < CLEARLY * min(below, above):
-        return ""
-    return f" and rises faster {'below' if below > above else 'above'}"
+    """Return the side of the optimum on which the amplitude rises clearly faster; "" if this is not certain.
+
+    A lower bound can make a side the steeper one.  It cannot make it the flatter one.
+    """
+    below, below_certain = _rise(curve, curve.preload < curve.optimum.preload)
+    above, above_certain = _rise(curve, curve.preload > curve.optimum.preload)
+    if above_certain and below >= CLEARLY * above > 0.0:
+        return " and rises faster below"
+    if below_certain and above >= CLEARLY * below > 0.0:
+        return " and rises faster above"
+    return ""
+
+
+def _rise(curve: OptimalCurve, side: NDArray) -> tuple[float, bool]:
+    """Return the largest slope d ln(amplitude)/d ln(preload) from the optimum on one side, and whether it is certain.
+
+    Amplitudes up to NEAR_BEST times the optimum are disregarded.  Amplitudes of incomplete peaks are lower bounds.
+    """
+    known = np.isfinite(curve.amplitude)
+    rise = np.log(np.where(known, curve.amplitude, curve.lower_bound) / curve.optimum.amplitude)
+    counted = side & np.isfinite(rise) & (rise > np.log(NEAR_BEST))
+    slope = np.abs(rise[counted] / np.log(curve.preload[counted] / curve.optimum.preload))
+    return float(slope.max(initial=0.0)), bool(known[side].all())
 
 
 def _amplitude(curve: OptimalCurve) -> str:

@@ -37,6 +37,7 @@ from bdamper.response.linear_limits import linear_peak, peak_interval
 from bdamper.response.optimal_curve_result import OptimalCurve, OptimumPoint
 from bdamper.response.peak import Family, Peak, PeakOptions, find_peak
 from bdamper.response.response_curve import NO_STEADY, open_at_rest, rattles, without_points
+from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.scalar_search import Sample, find_minimum, find_root, on_one_branch
 from bdamper.response.sensitivity import amplitude_sensitivity
 from bdamper.util import validation
@@ -102,8 +103,20 @@ def at_preload(
         peak = response.top.peak
         with suppress(*LOST, BdamperError):  # a corner has no slope
             slope = amplitude_sensitivity(peak, problem.system, preload) * preload / peak.amplitude
-    light = replace(curve, unknowns=np.zeros((len(curve), 0)), harmonics=curve.harmonics[:, :2], start_log=())
-    return replace(response, curve=light, slope=slope, rattles=why, cost=cost)
+    return replace(response, curve=_light(curve), slope=slope, rattles=why, cost=cost)
+
+
+def _light(curve: ResponseCurve) -> ResponseCurve:
+    """Return a response curve without its unknowns, higher harmonics and log."""
+    return replace(curve, unknowns=np.zeros((len(curve), 0)), harmonics=curve.harmonics[:, :2], start_log=())
+
+
+NOT_FOLLOWED = "no curve was followed"
+
+
+def _without_curve(problem: Problem, preload: float) -> ResponseCurve:
+    """Return an empty response curve at a preload to which the search did not come."""
+    return _light(without_points(problem, preload, NOT_FOLLOWED, ContinuationOptions(), Cost()))
 
 
 # ---- optimal curve ----
@@ -150,7 +163,8 @@ def optimal_curve(
     Returns
     -------
     OptimalCurve
-        After Ctrl-C, or the end of the executor, it contains the part computed so far.
+        Table of the requested preloads and the preloads of the search, with the optimum.  After Ctrl-C, or the end of the
+        executor, it contains the part computed so far.
 
     Raises
     ------
@@ -189,10 +203,8 @@ def optimal_curve(
         arm = centrifugal_load(problem.model) if problem.settings.engine_order else arm
     settings = problem.record(None) | {"frequency": [float(f) for f in frequency]}
     return OptimalCurve(
-        **_columns(known, values, edge, problem.n_unknowns),
-        curves=tuple(known[p].curve for p in sorted(known)), free=free, stuck=stuck, optimum=optimum,
-        cost=curves.cost(start), settings=settings, model_hash=problem.model.hash, lowest_steady_preload=edge,
-        mass_radius=arm,
+        **_columns(problem, known, values, edge), free=free, stuck=stuck, optimum=optimum, cost=curves.cost(start),
+        settings=settings, model_hash=problem.model.hash, lowest_steady_preload=edge, mass_radius=arm,
     )  # fmt: skip
 
 
@@ -435,31 +447,34 @@ def _status(row: AtPreload | None, preload: float, edge: float, why: str) -> str
     """Return the status of a preload: not found up to ``edge`` (N), below which the damper rattles, because of ``why``."""
     if preload <= edge:
         return with_reason(NOT_FOUND, f"{NO_STEADY} up to {edge:.6g} N: {why}")
-    return with_reason(NOT_FOUND, "no curve was followed") if row is None else row.status
+    return with_reason(NOT_FOUND, NOT_FOLLOWED) if row is None else row.status
 
 
-def _columns(known: dict[float, AtPreload], values: NDArray, edge: float, n_unknowns: int) -> dict[str, Any]:
-    """Return the fields of an optimal curve with one entry for each preload."""
-    rows, why = [known.get(float(p)) for p in values], known[edge].rattles if edge else ""
+def _columns(problem: Problem, known: dict[float, AtPreload], values: NDArray, edge: float) -> dict[str, Any]:
+    """Return the fields of an optimal curve with one entry for each requested or computed preload."""
+    preloads = np.array(sorted({*values.tolist(), *known}))
+    rows, why = [known.get(float(p)) for p in preloads], known[edge].rattles if edge else ""
     tops = [None if row is None or row.preload <= edge or not row.known else row.top for row in rows]
 
     def column(name: str, fill: Any) -> NDArray:
         return np.array([fill if top is None else getattr(top.peak, name) for top in tops])
 
     samples = [Sample(np.log(p), np.inf if row is None else row.value, np.nan if row is None else row.slope)
-               for p, row in zip(values, rows)]  # fmt: skip
+               for p, row in zip(preloads, rows)]  # fmt: skip
     onward = [bool(np.isfinite(a.value + b.value)) and on_one_branch(a, b) for a, b in zip(samples, samples[1:])]
     return {
-        "preload": values,
+        "preload": preloads,
+        "requested": np.isin(preloads, values),
+        "curves": tuple(_without_curve(problem, p) if row is None else row.curve for row, p in zip(rows, preloads)),
         "amplitude": column("amplitude", np.nan),
         "lower_bound": np.array([np.nan if top or not row else row.height for row, top in zip(rows, tops)]),
         "half_range": column("half_range", np.nan),
         "frequency": column("frequency", np.nan),
         "shares": np.array([np.full(3, np.nan) if top is None else top.peak.shares for top in tops]),
         "residual": column("residual", np.nan),
-        "unknowns": np.array([np.full(n_unknowns, np.nan) if top is None else top.peak.y[:-1] for top in tops]),
+        "unknowns": np.array([np.full(problem.n_unknowns, np.nan) if top is None else top.peak.y[:-1] for top in tops]),
         "kind": tuple("" if top is None else top.kind for top in tops),
-        "status": tuple(_status(row, p, edge, why) for row, p in zip(rows, values)),
+        "status": tuple(_status(row, p, edge, why) for row, p in zip(rows, preloads)),
         "goes_on": np.array([False, *onward]),
     }  # fmt: skip
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, cast
 
@@ -92,6 +92,8 @@ class OptimumPoint:
 class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-optimal", row="preload"):
     """Resonance over preload.
 
+    The table has all preloads that were requested or computed, in ascending order.  The optimum is one of them.
+
     ``plot`` draws amplitude and frequency shift over the preload, as in Figs 8 and 9 of the paper
     (:func:`bdamper.plot.plot_optimal`).
 
@@ -124,7 +126,9 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
     convergence : Convergence or None
         Peak at the optimum with more harmonics.
     curves : tuple of ResponseCurve
-        Complete curves of all values and of the search for the optimum, by ascending preload; coarse, and without unknowns.
+        Response curve at each preload, coarse and without unknowns.  It is empty if no curve was followed.
+    requested : (n,) bool
+        Whether the preload was requested; the search added the others near the optimum.
     lowest_steady_preload : float, N
         Up to this preload the damper rattles and no steady periodic response is expected
         (:mod:`bdamper.response.response_curve`).  There are no values there, and no search below.  0 if there is no sign of
@@ -158,6 +162,7 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
     kind: Kinds
     convergence: Convergence | None = None
     curves: tuple[ResponseCurve, ...] = ()
+    requested: Annotated[NDArray, Quantity()] = field(default_factory=lambda: np.zeros(0, bool))
     lowest_steady_preload: float = 0.0
     margins: tuple[MarginCurve, ...] = ()
     time_response: tuple[TimeResponse, ...] = ()
@@ -169,6 +174,10 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
         "optimum_in_time", "convergence", "other_friction", "free", "stuck", "ratio", "stuck_shift_percent", "margins",
         "detached",
     )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        if len(self.requested) == 0:  # files of version 0.10 and older have the requested preloads alone
+            object.__setattr__(self, "requested", np.ones(len(self.preload), bool))
 
     def __len__(self) -> int:
         return len(self.preload)
@@ -228,9 +237,7 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
         best = self.optimum
         validation.check(np.isfinite(best.preload), "preloads_within", "a curve with an optimum", best)
         limit = validation.number("amplitude", amplitude, least=best.amplitude, unit="m")
-        computed = {c.preload: c.peak.amplitude for c in self.curves if len(c) and c.complete and not c.peak_at_end}
-        computed = {p: a for p, a in computed.items() if p > self.lowest_steady_preload}
-        computed |= dict(zip(self.preload.tolist(), self.amplitude.tolist()))
+        computed = dict(zip(self.preload.tolist(), self.amplitude.tolist()))
         ends = []
         for step in (-1, 1):
             preload, before = best.preload, best.amplitude

@@ -128,7 +128,7 @@ def optimum(of: Any, preload: tuple[float, float], n: int) -> Answer:
     """An optimal curve: values at the preloads asked, and the optimum."""
     found = of.optimal_curve(preload, n, **({"check": False} if "check" in of.optimal_curve.__doc__ else {}))
     values = {
-        "amplitude": found.amplitude.tolist(),
+        "amplitude": found.amplitude[found.requested].tolist(),
         "optimum": found.optimum.amplitude,
         "optimum at": float(f"{found.optimum.preload:.3g}"),
     }

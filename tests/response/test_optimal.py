@@ -1,5 +1,6 @@
 """Peaks and optimal curves of models with a free damper, against full response curves and finite differences."""
 
+import csv
 from dataclasses import replace
 
 import numpy as np
@@ -307,11 +308,12 @@ class TestAnEndOfTheInterval:
 
     def test_values_are_those_of_whole_curves(self, study, left):
         whole = study.optimal_curve(left.preload, frequency=INTERVAL, check=False)
-        within = whole.frequency >= 335.0
-        assert within.tolist() == [False, False, True, True, True, True, True, True]
+        whole_rows = np.isin(whole.preload, left.preload)
+        within = whole.frequency[whole_rows] >= 335.0
+        assert within[left.requested].tolist() == [False, False, True, True, True, True, True, True]
         assert np.isfinite(left.amplitude).tolist() == within.tolist()
         assert [bool(kind) for kind in left.kind] == within.tolist()
-        np.testing.assert_allclose(left.amplitude[within], whole.amplitude[within], rtol=1e-8)
+        np.testing.assert_allclose(left.amplitude[within], whole.amplitude[whole_rows][within], rtol=1e-8)
         for k in np.flatnonzero(~within):
             end = study.frequency_response(left.preload[k], (335.0, 400.0)).peak
             assert left.lower_bound[k] == pytest.approx(end.amplitude, rel=1e-7)
@@ -398,6 +400,29 @@ def test_preloads_within_an_amplitude(result):
         curve.preloads_within(0.9e-4)
 
 
+def test_one_table_has_all_preloads_that_were_computed(study, tmp_path):
+    """The preloads of the search are rows like the requested ones, and each row agrees with its own response curve."""
+    asked = np.geomspace(25.0, 60.0, 5)
+    curve = study.optimal_curve(asked, frequency=INTERVAL, check=False)
+    o = curve.optimum
+    assert curve.preload[curve.requested].tolist() == asked.tolist() and not curve.requested.all()
+    assert [response.preload for response in curve.curves] == curve.preload.tolist() == sorted(curve.preload)
+    assert curve.amplitude == pytest.approx([study.peak(p, INTERVAL).amplitude for p in curve.preload], rel=1e-8)
+    assert curve.amplitude == pytest.approx([response.amplitude.max() for response in curve.curves], rel=0.01)
+    (row,) = np.flatnonzero(curve.preload == o.preload)
+    assert o.kind == "smooth" and not curve.requested[row] and curve.amplitude[row] == o.amplitude == curve.amplitude.min()
+    # at the ends of the range of acceptable preloads the amplitude is 20 % higher
+    ends = [study.peak(p, INTERVAL).amplitude / o.amplitude for p in curve.preloads_within(1.2 * o.amplitude)]
+    assert ends == pytest.approx([1.2, 1.2], rel=0.005)
+    curve.to_csv(tmp_path / "curve.csv")
+    head, *rows = csv.reader(line for line in (tmp_path / "curve.csv").read_text().splitlines() if line[0] != "#")
+    assert [row[head.index("requested")] for row in rows] == [str(x) for x in curve.requested.tolist()]
+    curve.save(tmp_path / "curve.h5")
+    again = bd.load(tmp_path / "curve.h5")
+    assert again.requested.tolist() == curve.requested.tolist() and len(again.curves) == len(again)
+    assert replace(curve, requested=np.zeros(0, bool)).requested.all(), "older files have the requested preloads alone"
+
+
 @pytest.mark.parametrize("slope", [1.0, np.nan])
 def test_the_least_just_above_the_preloads_that_rattle_is_found(study, monkeypatch, slope):
     """The amplitude falls with the preload until steady responses end at 70 N, between two preloads of the range."""
@@ -412,7 +437,9 @@ def test_the_least_just_above_the_preloads_that_rattle_is_found(study, monkeypat
     curve = study.optimal_curve((10.0, 1000.0), 9, check=False)
     assert 70.0 < curve.optimum.preload < 70.0 * np.exp(CORNER) and curve.optimum.kind == "edge"
     assert curve.optimum.status == "complete" and curve.lowest_steady_preload < 70.0
-    assert len(curve.curves) <= 7 + (10 if np.isnan(slope) else 5)  # down to two that rattle, then halved
+    followed = [response for response in curve.curves if response.reason != "no curve was followed"]
+    assert len(curve.curves) == len(curve) > len(followed)
+    assert len(followed) <= 7 + (10 if np.isnan(slope) else 5)  # down to two that rattle, then halved
 
 
 def test_a_curve_that_uses_up_its_first_budget_is_followed_again(study, monkeypatch):

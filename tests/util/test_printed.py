@@ -155,11 +155,16 @@ class TestBottomLine:
         below, above = " and rises faster below", " and rises faster above"
         for ends, side in (((1.5, 1.6), ""), ((9.0, 1.6), below), ((1.5, 9.0), above)):
             values = o.amplitude * np.array([ends[0], 1.1, 1.0, 1.0, 1.1, ends[1]])
-            steep = replace(curve, preload=shares, amplitude=values, curves=())
+            unknown = np.full(6, np.nan)
+            steep = replace(curve, preload=shares, amplitude=values, lower_bound=unknown, curves=())
             bound = replace(steep, amplitude=np.where(values > 8.0 * o.amplitude, np.nan, values), lower_bound=values)
             for c in (steep, bound):  # a lower bound counts as well
                 said = c._headline().partition(". Amplitude")[0]
                 assert said.endswith(side) and ("faster" in said) == bool(side)
+            # the amplitude of the flatter side is a lower bound and may rise faster than the other side
+            doubtful = np.where(values == 1.6 * o.amplitude, np.nan, values)
+            doubtful[[0, -1]] = np.where(values[[0, -1]] == 1.5 * o.amplitude, np.nan, doubtful[[0, -1]])
+            assert "faster" not in replace(steep, amplitude=doubtful, lower_bound=values)._headline()
         at_twenty = {**curve.settings, "excitation": {**curve.settings["excitation"], "amplitude": 20.0}}
         said = replace(curve, settings=at_twenty)._headline()
         assert f"{amount(o.preload, 'N')} at 20 N of excitation;" in said
