@@ -162,7 +162,7 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
     kind: Kinds
     convergence: Convergence | None = None
     curves: tuple[ResponseCurve, ...] = ()
-    requested: Annotated[NDArray, Quantity()] = field(default_factory=lambda: np.zeros(0, bool))
+    requested: Annotated[NDArray, Data(derived=True), Quantity()] = field(default_factory=lambda: np.zeros(0, bool))
     lowest_steady_preload: float = 0.0
     margins: tuple[MarginCurve, ...] = ()
     time_response: tuple[TimeResponse, ...] = ()
@@ -176,7 +176,7 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
     )  # fmt: skip
 
     def __post_init__(self) -> None:
-        if len(self.requested) == 0:  # files of version 0.10 and older have the requested preloads alone
+        if self.requested is None or len(self.requested) == 0:  # files of version 0.10 and older have the requested preloads alone
             object.__setattr__(self, "requested", np.ones(len(self.preload), bool))
 
     def __len__(self) -> int:
