@@ -223,3 +223,36 @@ def test_a_harmonic_with_a_force_of_its_own_stays(full):
 def test_no_peak_no_advice(full):
     with pytest.raises(bd.BdamperError, match="no peak"):
         full.effect_significance(PRELOAD, (5.0, 6.0), against=Effects.of(full))
+
+
+def test_only_the_axial_planes_hold_the_damper_along_the_axis(full):
+    """Friction aside: the faces of the wedge hold it in all other directions."""
+    effects = Effects.of(full)
+    held = module.free_motions(full.problem, PRELOAD)
+    freed = {
+        name
+        for name in parts(full.problem, effects)
+        if module.free_motions(full.replace(**effects.without(name)).problem, PRELOAD) > held
+    }
+    assert held == 0
+    assert freed == {"constraint planes"}
+    # without this motion the planes hold nothing
+    fixed = full.replace(**effects.without("translation Z"))
+    assert module.free_motions(fixed.replace(constraint_planes=False).problem, PRELOAD) == 0
+
+
+def test_an_effect_that_holds_the_damper_is_judged_by_the_complete_curve_without_it():
+    """Without its planes the damper of the blade drifts away near the peak, although the peak itself hardly changes."""
+    study = bd.Study(
+        bd.reference_model("turbine_blade"), bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3
+    )  # fmt: skip
+    preload, interval = 104.0, (600.0, 740.0)
+    effects = module.fullest(study.problem)
+    study = study.replace(**effects)
+    row = module._Reference(study.problem, effects, preload, interval).row("constraint planes", effects, 0.01)
+    without = study.replace(constraint_planes=False).frequency_response(preload, interval)
+    assert not without.complete
+    low, high = without.gap
+    assert low < 661.0 < high
+    assert (row.source, row.verdict) == ("unknown", "keep")
+    assert row.reason.startswith("no complete response curve: incomplete: no solution found from")
