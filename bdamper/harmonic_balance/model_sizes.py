@@ -53,9 +53,19 @@ class Sizes:
 
     @property
     def amplitude(self) -> float:
-        """Excitation amplitude (N) as reference for a preload; 0 without a force at a location or without a load."""
+        """Excitation amplitude (N) as reference for a preload; 0 without a force at a location or without a load.
+
+        Also 0 for a lumped model: its quantities are often normalised, and the preload is then below the excitation.
+        """
         settings = self.problem.settings
-        return settings.excitation.amplitude if settings.acts_at_location and self.problem.carries_load else 0.0
+        if self.lumped or not (settings.acts_at_location and self.problem.carries_load):
+            return 0.0
+        return settings.excitation.amplitude
+
+    @property
+    def least_force(self) -> float:
+        """Smallest plausible excitation amplitude, N; 0 for a lumped model, which may be normalised."""
+        return 0.0 if self.lumped else 1e-6
 
     @property
     def body_stiffness(self) -> float:

@@ -192,7 +192,8 @@ def headline(curve: OptimalCurve) -> str:
     other = f"Other friction: {friction.found}." if friction.colour in ("green", "amber") else ""
     remedies = "; ".join(check.remedy for check in red)
     doubt = f"Not for design: {'; '.join(check.failure for check in red)}. {remedies[:1].upper()}{remedies[1:]}."
-    said = [doubt if red else "", _preload(curve), _amplitude(curve), _range(curve), other, _not_covered(curve)]
+    amplitudes = [_preload(curve), _amplitude(curve), _range(curve), other]
+    said = [doubt if red else "", *amplitudes, _locked(curve), _not_covered(curve)]
     return " ".join(filter(None, said))
 
 
@@ -280,6 +281,12 @@ def _range(curve: OptimalCurve) -> str:
     if response is not None and exceeds(response.half_range, response.mean):
         parts.append(f"in time {amount(response.half_range, 'm')}")
     return f"The amplitudes are of the first harmonic; half of the range of motion is {', '.join(parts)}." if parts else ""
+
+
+def _locked(curve: OptimalCurve) -> str:
+    """Return the bodies whose normal load friction alone can hold, so that the history of the load decides."""
+    notes = dict.fromkeys(note for part in curve.curves for note in part.self_locking)
+    return " ".join(f"{note[:1].upper()}{note[1:]}." for note in notes)
 
 
 def _design(curve: OptimalCurve) -> str:

@@ -399,6 +399,7 @@ def highest_peak(
         cost=response.cost,
         search_status=response.status,
         status=status,
+        notes=response.curve.self_locking,
         settings=settings,
         model_hash=problem.model.hash,
     )

@@ -125,6 +125,8 @@ class Peak(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
     half_range : float, m
         Half of the peak-to-peak response with all harmonics, its largest value on the response curve; NaN if
         the amplitude is, and for :func:`find_peak`.
+    notes : tuple of str
+        Self-locking bodies, whose static normal load is not unique.
     """
 
     parameter: Annotated[float, Quantity("N", name="preload")]
@@ -146,6 +148,7 @@ class Peak(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
     search_status: str = ""
     lower_bound: Metre = float("nan")
     half_range: Metre = float("nan")
+    notes: tuple[str, ...] = ()
     _summary_fields = ("parameter", "amplitude", "lower_bound", "frequency", "shares", "search_status")
 
     @property
@@ -161,16 +164,17 @@ class Peak(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
         return (*super()._facts(), *[Fact("half of the range", self.half_range, "m")] * named)
 
     def _headline(self) -> str:
+        notes = "".join(f" {note[:1].upper()}{note[1:]}." for note in self.notes)
         if not self.converged:
             if not np.isfinite(self.lower_bound):
-                return f"No peak: {self.status}."
+                return f"No peak: {self.status}.{notes}"
             bound = peak_text(self.lower_bound, self.frequency)
-            return f"No peak: {self.status}. Lower bound of the amplitude: {bound}."
+            return f"No peak: {self.status}. Lower bound of the amplitude: {bound}.{notes}"
         load = f" under {preload_text(self.parameter, self.settings)}" if np.isfinite(self.parameter) else ""
         certain = self.search_status in ("", "complete")
         open_ = "" if certain else f" There may be a higher one, the curve ended as: {self.search_status}."
         peak = peak_and_range(self.amplitude, self.frequency, self.half_range)
-        return f"Resonance of {peak}{load}. {NOT_IN_TIME}{open_}"
+        return f"Resonance of {peak}{load}. {NOT_IN_TIME}{open_}{notes}"
 
 
 def vibration_width(y: NDArray, tangent: NDArray, scale: NDArray, n_mean: int) -> float:

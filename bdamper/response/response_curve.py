@@ -47,7 +47,7 @@ from bdamper.response.continuation import OUT_OF_BUDGET, TWO_PI
 from bdamper.response.events import ContinuationOptions, Path
 from bdamper.response.linear_limits import free
 from bdamper.response.resolution import unresolved_resonance
-from bdamper.response.response_curve_result import ResponseCurve, crossed, unstable_points
+from bdamper.response.response_curve_result import LOCKED, ResponseCurve, crossed, unstable_points
 from bdamper.util import validation
 from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, SettingError
 from bdamper.util.progress import Cost, CostMeter, is_part_of_work, progress_bar, single_thread
@@ -272,7 +272,7 @@ def frequency_response(
         curve = as_curve(problem, search, ending(search.pieces, *search.limits), kind="response", preload=case.preload)
         if problem.own_laws is not None and len(curve):
             problem.own_laws.warn_below(search.system.contact(curve.peak.y[:-1])[0])
-        locked = (f"{name} is self-locking: its static normal load is not unique" for name in self_locking(problem))
+        locked = (f"{name} {LOCKED}" for name in self_locking(problem))
         reason, left_out = _reason(case, search, curve), (*curve.missing_ranges, *search.lost)
         return replace(curve, reason=reason, missing_ranges=left_out, notes=(*curve.notes, *locked))
 

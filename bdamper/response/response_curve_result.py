@@ -40,6 +40,8 @@ from bdamper.util.tables import (
 )
 
 HIGHEST = "Highest response"
+LOCKED = "is self-locking: its static normal load is not unique"
+"""Note on a body that friction alone can hold between its faces."""
 
 
 @short_repr
@@ -137,6 +139,11 @@ class ResponseCurve(InContact, Comparable, FrequencySeries, Tabular, Recorded, S
     def peak_to_peak(self) -> Metres:
         """Difference (n,) of the highest and lowest response over a period with all harmonics, m."""
         return 2.0 * half_range(self.harmonics)
+
+    @property
+    def self_locking(self) -> tuple[str, ...]:
+        """Notes on bodies that friction alone can hold between their faces."""
+        return tuple(note for note in self.notes if LOCKED in note)
 
     @property
     def half_range(self) -> float:
@@ -356,6 +363,7 @@ class ResponseCurve(InContact, Comparable, FrequencySeries, Tabular, Recorded, S
         size, at = max((self._jump(fold, reached) for fold in self.folds if reached[fold]), default=(0.0, 0.0))
         if size > 0.01 * self.amplitude[i]:  # smaller jumps are invisible in a plot
             out.append(f"A slow sweep of frequency jumps by up to {amount(size, 'm')}, at {amount(at, 'Hz')}.")
+        out += [f"{note[:1].upper()}{note[1:]}." for note in self.self_locking]
         if not self.complete:
             out.append(f"The curve is {self.status}, there may be a higher one: {self.reason}.")
         return " ".join(out)

@@ -183,7 +183,7 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "Study.residual_slip_std": Range(1e-12, lambda s, _: 1e-3 * s.size, "m", MILLIMETRES, by="0.1 % of the extent"),
     "Study.aerodynamic_damping": Range(0.0, 0.1, "of critical damping", PER_CENT, compared=largest),
     "Excitation.amplitude": Range(
-        1e-6, lambda s, where: s.deflecting(where), "N", "mN or N/m2 suspected", "kN or MN suspected",
+        lambda s, _: s.least_force, lambda s, where: s.deflecting(where), "N", "mN or N/m2 suspected", "kN or MN suspected",
         "up to the force that deflects the structure by 10 % of its extent",
     ),
     "Body.mass": Range(

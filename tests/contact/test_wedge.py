@@ -11,7 +11,7 @@ from bdamper.contact.stiffness import METHODS, contact_stiffness, paper_contact
 from bdamper.model.structure import StaticContact
 from bdamper.util.errors import BdamperWarning, ModelError, PlausibilityWarning, SettingError
 from bdamper.util.formatting import amount
-from tests.models import wedge_model
+from tests.models import acyclic_model, wedge_model
 from tests.plain import plain_study
 
 
@@ -267,3 +267,22 @@ def test_stiffness_per_area():
     given = {n: bd.PerArea(1e12) for n in s.problem.coupling.interfaces}
     same = contact_stiffness(s.problem.coupling, given, s.problem.friction)
     np.testing.assert_allclose(same.stiffness["right"].stiffness[:, 2], 1e12 * s.model.interfaces["right"].area)
+
+
+@pytest.mark.parametrize(("angle", "locks"), [(20.0, False), (15.0, True)])
+def test_every_answer_about_a_self_locking_wedge_says_so(angle, locks):
+    """By tan(alpha) <= mu with mu = 0.3."""
+    study = plain_study(
+        acyclic_model(1, alpha=np.radians(angle), beta=np.radians(angle), n_damper_modes=0), engine_order=0,
+        contact_stiffness="model", friction_coefficient=0.3, excitation=bd.Excitation("tip", "tangential", 1.0),
+    )  # fmt: skip
+    assert (np.tan(np.radians(angle)) <= 0.3) == locks
+    peak = study.peak(200.0)
+    optimum = study.optimal_curve([150.0, 200.0, 250.0], check=False)
+    assert peak.converged
+    assert np.isfinite(optimum.optimum.preload)
+    curve = study.frequency_response(200.0, tuple(peak.settings["frequency"]))
+    incomplete = study.peak(200.0, (250.0, 300.0))
+    assert not incomplete.converged
+    for answer in (curve, peak, optimum, incomplete):
+        assert ("is self-locking" in answer.summary()) == locks

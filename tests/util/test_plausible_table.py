@@ -3,11 +3,13 @@
 import warnings
 from concurrent.futures import ThreadPoolExecutor
 
+import pytest
+
 import bdamper as bd
 from bdamper.fatigue.criteria import Material
 from bdamper.harmonic_balance.parameters import FACTORS
 from bdamper.util import plausible_ranges, validation
-from bdamper.util.errors import inside_user_code
+from bdamper.util.errors import PlausibilityWarning, inside_user_code
 from bdamper.util.plausible_ranges import TABLE, Names, Range
 from tests.each import each
 from tests.util.numeric import doors, numeric
@@ -110,3 +112,21 @@ def test_functions_of_a_user_warn_in_sweeps_and_comparisons():
     # threads do not know the call of the user
     with ThreadPoolExecutor(1) as pool:
         assert told(lambda: bd.sweep(study, over, evaluate=evaluate, executor=pool)) == ["endurance_limit"]
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-8])
+def test_normalised_lumped_models_draw_no_warning_of_units(scale):
+    """Preloads below the excitation, or beyond a million times of it, and excitations of any size."""
+    contact = bd.Contact(0, {1: 1.0}, kt=1.0, kn=1.0, mu=0.5)
+    study = bd.lumped(
+        [1.0, 1.0], [0.02, 1.0], [1.0, 100.0], contacts=[contact], forces={0: 1.0}, harmonics=1, load_per_preload={1: 1.0}
+    )
+    interval = (0.05, 0.5)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", PlausibilityWarning)
+        study.replace(excitation=bd.Excitation("x0", amplitude=scale))
+        for preload in (0.3, 1e7):
+            study.peak(preload, interval)
+            study.static(preload)
+            study.optimal_curve([preload, 1.5 * preload, 2.0 * preload], frequency=interval, check=False)
+            bd.sweep(study, {"preload": [preload]}, frequency=interval)
