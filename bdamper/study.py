@@ -325,8 +325,9 @@ class Study(Comparable):
         check : {"time", "neighbours", False}
             "time": compute the peak at the optimum with up to 16 harmonics (``curve.convergence``) and the amplitude by
             time integration there and at 1.35 times its preload (``curve.time_response``).  At the better of both preloads
-            compute the peaks with 0.7 and 1.3 times the friction (``curve.other_friction``).  "neighbours": also integrate
-            at the preload of the optimum divided by 1.35.
+            compute the peaks with 0.7 and 1.3 times the friction (``curve.other_friction``).  Then find the factors on the
+            friction coefficients at which the amplitude doubles (``curve.friction_range``, 6 to 13 peaks).  "neighbours":
+            also integrate at the preload of the optimum divided by 1.35.
         progress : bool, optional
             Show the current step and the remaining time; by default in a terminal and a notebook.
         resume : path, optional
@@ -368,6 +369,7 @@ class Study(Comparable):
         if check and not stopped:
             curve = robust_optimum.with_other_friction(problem, curve, progress)
             stopped = any(k.status == INTERRUPTED for k in curve.other_friction)
+            stopped = stopped or (curve.friction_range is not None and curve.friction_range.interrupted)
         if margin and material is not None and not stopped:
             with suppress(KeyboardInterrupt):
                 curve = replace(curve, margins=(robust_optimum.best_margin(problem, curve, material),))

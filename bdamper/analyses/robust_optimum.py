@@ -18,7 +18,7 @@ Largest fatigue margin
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -28,6 +28,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from bdamper.analyses.friction_range import find_range, tolerates_friction
 from bdamper.analyses.sweep import OptimalTask, PeakTask, SweepResult, Values, sweep
 from bdamper.fatigue.criteria import Material
 from bdamper.fatigue.margin import LeastMargin, MarginCurve
@@ -41,7 +42,7 @@ from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.peak import Peak, find_peak
 from bdamper.response.response_curve import NO_STEADY
 from bdamper.response.scalar_search import Sample, find_minimum
-from bdamper.response.verification import FrictionPeak
+from bdamper.response.verification import FRICTION_SPREAD, MUCH, FrictionPeak, FrictionRange
 from bdamper.util import validation
 from bdamper.util.display import Plottable, Summarised
 from bdamper.util.errors import (
@@ -59,7 +60,7 @@ from bdamper.util.errors import (
     with_reason,
 )
 from bdamper.util.formatting import amount, counted, percent, short_repr, spaced
-from bdamper.util.progress import LongWork, one_thread, with_progress
+from bdamper.util.progress import Cost, LongWork, one_thread, progress_stages
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import ROW, Column, Newtons, Quantity, Tabular
 
@@ -392,11 +393,16 @@ class SteadyPeak(PeakTask):
 
 OTHER_FRICTION = (1.0, 0.7, 1.3)
 """Factors on the friction coefficients in the check of an optimum; typical ones, 0.2 to 0.6, differ more."""
+MOST_REMEDIES = 8
+"""Largest number of preloads that are tried if the amplitude doubles within the spread of friction coefficients."""
 
 
 @one_thread
 def with_other_friction(problem: Problem, curve: OptimalCurve, progress: bool = False) -> OptimalCurve:
     """Return the optimal curve with the peaks at its recommended preload with lower and higher friction coefficients.
+
+    ``friction_range`` has the factors on the friction coefficients at which the amplitude doubles. If it doubles within a
+    factor of 1.5, ``friction_range.remedy`` is the nearest preload of the curve at which it does not.
 
     Without an optimum or without friction the curve is returned as it is.  After Ctrl-C the peaks that are missing have the
     status "interrupted".
@@ -404,20 +410,76 @@ def with_other_friction(problem: Problem, curve: OptimalCurve, progress: bool = 
     preload = curve.recommended_preload
     if not np.isfinite(preload) or not problem.settings.friction_values():
         return curve
-    start, cost = time.perf_counter(), curve.cost
+    start = time.perf_counter()
+    low, high = curve.settings["frequency"]
+    peaks = _FrictionPeaks(problem, (low, high))
     out = {k: FrictionPeak(k, preload, np.nan, INTERRUPTED) for k in OTHER_FRICTION}
-    evaluate = SteadyPeak(frequency=tuple(curve.settings["frequency"]))
-    with LongWork():
-        for factor in with_progress(OTHER_FRICTION, progress, "other friction coefficients", "peak"):
+    found = FrictionRange((FrictionPeak(1.0, preload, np.nan, INTERRUPTED),))
+    with LongWork(), progress_stages(progress, "other friction coefficients", "peak") as peaks.report:
+        for factor in OTHER_FRICTION:
+            out[factor] = peaks.at(preload)(factor)
+        found = find_range(peaks.at(preload))
+        if found.limits is not None and any(limit.near for limit in found.limits):
+            near = (p for p in _by_distance(curve, preload) if tolerates_friction(peaks.at(p)))
+            found = replace(found, remedy=next(near, np.nan))
+    seconds = time.perf_counter() - start
+    cost = replace(curve.cost + peaks.cost, seconds=curve.cost.seconds + seconds)
+    return replace(curve, other_friction=tuple(out.values()), friction_range=replace(found, seconds=seconds), cost=cost)
+
+
+@dataclass
+class _FrictionPeaks:
+    """Peaks with factors on the friction coefficients, each computed once.
+
+    Parameters
+    ----------
+    problem : Problem
+    frequency : (low, high), Hz
+    """
+
+    problem: Problem
+    frequency: tuple[float, float]
+    known: dict[tuple[float, float], FrictionPeak] = field(default_factory=dict)
+    cost: Cost = field(default_factory=Cost)
+    report: Any = None
+
+    def at(self, preload: float) -> Callable[[float], FrictionPeak]:
+        """Return the function of the factor at one preload (N)."""
+        return lambda factor: self._peak(preload, factor)
+
+    def _peak(self, preload: float, factor: float) -> FrictionPeak:
+        key = preload, factor
+        if key not in self.known:
+            self.report(f"{factor:.3g} times, {preload:.4g} N", len(self.known), len(self.known) + 1)
+            evaluate = SteadyPeak(frequency=self.frequency)
             try:
-                found = evaluate(vary(problem, {"friction_factor": factor}), preload)
+                found = evaluate(vary(self.problem, {"friction_factor": factor}), preload)
             except BdamperError as error:
-                out[factor] = replace(out[factor], status=with_reason(NOT_FOUND, error))
-                continue
-            size = found["amplitude"] if 0.0 < found["amplitude"] < np.inf else np.nan
-            out[factor], cost = FrictionPeak(factor, preload, size, found["search"]), cost + found["cost"]
-    cost = replace(cost, seconds=curve.cost.seconds + time.perf_counter() - start)
-    return replace(curve, other_friction=tuple(out.values()), cost=cost)
+                self.known[key] = FrictionPeak(factor, preload, np.nan, with_reason(NOT_FOUND, error))
+                return self.known[key]
+            size, known = found["amplitude"], found["known"]
+            amplitude, bound = (size, np.nan) if known or size == np.inf else (np.nan, size if size > 0.0 else np.nan)
+            self.known[key] = FrictionPeak(factor, preload, amplitude, found["search"], bound)
+            self.cost += found["cost"]
+        return self.known[key]
+
+
+def _by_distance(curve: OptimalCurve, preload: float) -> list[float]:
+    """Return the preloads (N) of an optimal curve that may tolerate other friction, the nearest to a preload first.
+
+    Friction and preload act nearly as a product: preloads are left out if their amplitude doubles at 1/1.5 or 1.5 times the
+    preload.
+    """
+    known = {p: a for p, a in zip(curve.preload.tolist(), curve.amplitude.tolist()) if np.isfinite(a)}
+    places = np.log(sorted(known))
+    heights = np.log([known[p] for p in sorted(known)])
+
+    def tolerant(p: float) -> bool:
+        ends = np.interp(np.log(p) + np.log(FRICTION_SPREAD) * np.array([-1.0, 1.0]), places, heights)
+        return bool((ends <= np.log(MUCH * known[p])).all())
+
+    away = sorted((p for p in known if not np.isclose(p, preload)), key=lambda p: abs(np.log(p / preload)))
+    return [p for p in away if tolerant(p)][:MOST_REMEDIES]
 
 
 def _percentiles(done: SweepResult, n: int, percentile: float) -> list[tuple[float, float]]:

@@ -294,7 +294,8 @@ def _mark_checks(ax: Axes, result: OptimalCurve) -> None:
         ax.plot(k.preload, k.mean, "D", color=IN_TIME, markersize=4.5, zorder=6.0, label="least in time")
     for marker, peak in zip("<>", result.other_friction[1:]):
         name = f"{peak.factor:g} times the friction"
-        if peak.amplitude > NEAR_BEST * result.other_friction[0].amplitude:  # others would lie on the star
+        visible = NEAR_BEST * result.other_friction[0].amplitude < peak.amplitude < np.inf
+        if visible:  # others would lie on the star
             ax.plot(peak.preload, peak.amplitude, marker, color="0.35", markersize=4.5, label=name)
     if result.convergence is not None and len(result.convergence.peaks) > 1:
         low, high = result.convergence.range

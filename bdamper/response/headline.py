@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.response.motion_range import exceeds
-from bdamper.response.verification import TimeResponse
+from bdamper.response.verification import FRICTION_SPREAD, MUCH, TimeResponse
 from bdamper.util.errors import COMPLETE, INTERRUPTED, status_word
 from bdamper.util.formatting import amount, loads_text, peak_text, percent, span
 
@@ -29,8 +29,6 @@ CLEARLY = 1.5
 """Smallest ratio of the slopes on both sides of an optimum at which the headline names the steeper one."""
 GOOD, FAIR = 0.05, 0.2
 """Largest relative differences of a green and of an amber check."""
-MUCH = 2.0
-"""Amplitude with another friction coefficient over that of the study above which a check is red."""
 SAFE = 1.5
 """Smallest fatigue margin of a green check."""
 
@@ -73,6 +71,7 @@ def checks(curve: OptimalCurve) -> list[Check]:
         _in_time(curve),
         _more_harmonics(curve),
         _other_friction(curve),
+        _friction_range(curve),
     ]  # fmt: skip
     for margins in curve.margins:
         least = float(margins.margin[np.abs(margins.preload - curve.recommended_preload).argmin()])
@@ -141,11 +140,36 @@ def _other_friction(curve: OptimalCurve) -> Check:
     own, *others = curve.other_friction
     ratio = np.array([k.amplitude for k in others]) / own.amplitude
     known = all(k.status == COMPLETE for k in curve.other_friction)
-    colour = "red" if np.any(ratio > MUCH) else "green" if known and np.all(ratio <= NEAR_BEST) else "amber"
-    heights = " and ".join(amount(k.amplitude, "m") if k.amplitude > 0.0 else "unknown" for k in others)
+    doubled = any(k.compared_with(own) == "high" for k in others)
+    colour = "red" if doubled else "green" if known and np.all(ratio <= NEAR_BEST) else "amber"
+    heights = " and ".join(k.size_text for k in others)
     found = f"{heights} with {' and '.join(f'{k.factor:g}' for k in others)} times the friction, by harmonic balance"
     failure = f"at {amount(own.preload, 'N')} the amplitude is {found}"
-    return Check(colour, name, found, rule, failure, "choose a preload for these friction coefficients, bd.robust_optimum")
+    return Check(colour, name, found, rule, failure, _friction_remedy(curve))
+
+
+def _friction_range(curve: OptimalCurve) -> Check:
+    """Rate the factors on the friction coefficients at which the amplitude at the recommended preload doubles."""
+    name = "Friction at which the amplitude doubles"
+    rule = f"red within a factor of {FRICTION_SPREAD:g}, amber if unknown there, white if not run"
+    found = curve.friction_range
+    if found is None or found.limits is None or not _friction_tried(curve):
+        return Check("white", name, f"not run at {amount(curve.recommended_preload, 'N')}", rule)
+    near = [limit for limit in found.limits if limit.near]
+    colour = "red" if any(limit.known for limit in near) else "amber" if near else "green"
+    preload = amount(curve.other_friction[0].preload, "N")
+    return Check(colour, name, found.text, rule, f"at {preload} {found.text}", _friction_remedy(curve))
+
+
+def _friction_remedy(curve: OptimalCurve) -> str:
+    """Return the remedy if the amplitude doubles with another friction coefficient."""
+    found = curve.friction_range
+    if found is None or not found.remedy > 0.0:
+        return "choose a preload for these friction coefficients, bd.robust_optimum"
+    return (
+        f"choose {amount(found.remedy, 'N')}, where the amplitude does not double with {1.0 / FRICTION_SPREAD:.2g} and "
+        f"{FRICTION_SPREAD:g} times the friction, or bd.robust_optimum"
+    )
 
 
 def _friction_tried(curve: OptimalCurve) -> bool:
@@ -190,7 +214,10 @@ def headline(curve: OptimalCurve) -> str:
         return f"No optimum: {o.status}{''.join(gone[:1])}."
     red, friction = failed(curve), _other_friction(curve)
     other = f"Other friction: {friction.found}." if friction.colour in ("green", "amber") else ""
-    remedies = "; ".join(check.remedy for check in red)
+    doubles = _friction_range(curve)
+    if doubles.colour in ("green", "amber"):
+        other = " ".join(filter(None, [other, f"{doubles.found[0].upper()}{doubles.found[1:]}."]))
+    remedies = "; ".join(dict.fromkeys(check.remedy for check in red))
     doubt = f"Not for design: {'; '.join(check.failure for check in red)}. {remedies[:1].upper()}{remedies[1:]}."
     amplitudes = [_preload(curve), _amplitude(curve), _range(curve), other]
     said = [doubt if red else "", *amplitudes, _locked(curve), _not_covered(curve)]

@@ -16,7 +16,7 @@ from bdamper.response.headline import ENDS, checked_amplitudes, failed, headline
 from bdamper.response.linear_limits import Limit
 from bdamper.response.motion_range import exceeds
 from bdamper.response.response_curve_result import ResponseCurve
-from bdamper.response.verification import Convergence, FrictionPeak, TimeResponse
+from bdamper.response.verification import Convergence, FrictionPeak, FrictionRange, TimeResponse
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Fact, InContact, draw
 from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED
@@ -140,6 +140,8 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
     other_friction : tuple of FrictionPeak
         Peaks at the recommended preload with lower and higher friction coefficients, by harmonic balance; the first one
         has those of the study.
+    friction_range : FrictionRange or None
+        Factors on the friction coefficients at which the amplitude at the recommended preload doubles.
     mass_radius : float, kg m
         Mass times radius of the body to which the preload is applied; NaN if unknown or without rotation.
     half_range : (n,) float, m, or None
@@ -167,12 +169,13 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
     margins: tuple[MarginCurve, ...] = ()
     time_response: tuple[TimeResponse, ...] = ()
     other_friction: tuple[FrictionPeak, ...] = ()
+    friction_range: FrictionRange | None = None
     mass_radius: Annotated[float, Data(derived=True)] = float("nan")
     half_range: PerRow | None = None
     _summary_fields = (
         "optimum.preload", "optimum.amplitude", "optimum.frequency", "design_amplitude", "time_response",
-        "optimum_in_time", "convergence", "other_friction", "free", "stuck", "ratio", "stuck_shift_percent", "margins",
-        "detached",
+        "optimum_in_time", "convergence", "other_friction", "friction_range", "free", "stuck", "ratio",
+        "stuck_shift_percent", "margins", "detached",
     )  # fmt: skip
 
     def __post_init__(self) -> None:

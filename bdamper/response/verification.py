@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from bdamper.response.motion_range import exceeds, range_text
 from bdamper.util import validation
 from bdamper.util.display import Fact, Plottable, Summarised, draw
-from bdamper.util.errors import COMPLETE, status_word
-from bdamper.util.formatting import amount, peak_text, percent, short_repr, span
+from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, status_word
+from bdamper.util.formatting import amount, counted, peak_text, percent, short_repr, span
 from bdamper.util.progress import Cost
 from bdamper.util.records import Record
 from bdamper.util.storage import FilePath, Recorded, Storable
@@ -357,6 +357,15 @@ class HarmonicPeak:
     seconds: Second = 0.0
 
 
+# ---- other friction coefficients ----
+
+
+FRICTION_SPREAD = 1.5
+"""Factor to which friction coefficients of dampers are typically known: within it the amplitude may not double."""
+MUCH = 2.0
+"""Amplitude with another friction coefficient over that of the study that counts as too high."""
+
+
 @dataclass(frozen=True)
 class FrictionPeak(Record):
     """Highest peak with other friction coefficients.
@@ -367,18 +376,139 @@ class FrictionPeak(Record):
         Factor on all friction coefficients.
     preload : float, N
     amplitude : float, m
-        A lower bound if the status is incomplete, NaN if it is "not found".
+        NaN if unknown; infinite if no steady periodic response is expected.
     status : str
+    lower_bound : float, m
+        Amplitude of the highest computed point if the peak is incomplete; otherwise NaN.
     """
 
     factor: float
     preload: Newton
     amplitude: Metre
     status: str = COMPLETE
+    lower_bound: Metre = field(default=float("nan"), compare=False)
+
+    def __post_init__(self) -> None:
+        # files of version 0.7 have lower bounds as amplitudes
+        if status_word(self.status) == INCOMPLETE and np.isfinite(self.amplitude):
+            object.__setattr__(self, "lower_bound", self.amplitude)
+            object.__setattr__(self, "amplitude", float("nan"))
 
     def __str__(self) -> str:
-        size = amount(self.amplitude, "m") if self.amplitude > 0.0 else "unknown"
-        return f"{size} with {self.factor:g} times the friction{'' if self.status == COMPLETE else f' ({self.status})'}"
+        doubt = "" if self.status == COMPLETE else f" ({self.status})"
+        return f"{self.size_text} with {self.factor:.3g} times the friction{doubt}"
+
+    @property
+    def size_text(self) -> str:
+        """Amplitude as text: "75 µm", "at least 75 µm", "not steady" or "unknown"."""
+        if self.amplitude == np.inf:
+            return "not steady"
+        if np.isfinite(self.amplitude):
+            return amount(self.amplitude, "m")
+        return f"at least {amount(self.lower_bound, 'm')}" if self.lower_bound > 0.0 else "unknown"
+
+    def compared_with(self, own: FrictionPeak) -> str:
+        """Return "high" if the amplitude exceeds twice that of ``own``, otherwise "low", or "unknown"."""
+        limit = MUCH * own.amplitude
+        if self.amplitude > limit or self.lower_bound > limit:
+            return "high"
+        return "low" if self.amplitude <= limit else "unknown"
+
+
+class FrictionLimit(NamedTuple):
+    """Factor on the friction coefficients at which the amplitude doubles, in one direction.
+
+    Parameters
+    ----------
+    inside : float
+        Farthest factor up to which no computed amplitude is twice that of the study.
+    outside : float
+        Next computed factor, with twice the amplitude or more; NaN if the amplitude does not double.
+    known : bool
+        Whether the amplitude at ``outside`` is known to be twice as high; otherwise it is unknown.
+    """
+
+    inside: float
+    outside: float
+    known: bool
+
+    @property
+    def near(self) -> bool:
+        """Whether the amplitude doubles, or is unknown, within the usual spread of friction coefficients."""
+        rounding = 1e-9
+        return max(self.outside, 1.0 / self.outside) <= FRICTION_SPREAD * (1.0 + rounding)
+
+
+@dataclass(frozen=True)
+class FrictionRange(Record):
+    """Peaks at one preload with other friction coefficients, and the factors at which the amplitude doubles.
+
+    Parameters
+    ----------
+    peaks : tuple of FrictionPeak
+        All computed peaks by ascending factor.
+    remedy : float, N
+        Nearest preload at which the amplitude does not double between 1/1.5 and 1.5 times the friction; NaN if there is no
+        need for it, or if none was found.
+    seconds : float
+        Elapsed time of all peaks, also of the search for ``remedy``.
+    """
+
+    peaks: tuple[FrictionPeak, ...] = ()
+    remedy: Newton = field(default=float("nan"), compare=False)
+    seconds: Second = field(default=0.0, compare=False)
+
+    @property
+    def limits(self) -> tuple[FrictionLimit, FrictionLimit] | None:
+        """Limits below and above the friction of the study; None if its own amplitude is unknown."""
+        own = next((peak for peak in self.peaks if peak.factor == 1.0), None)
+        if own is None or not np.isfinite(own.amplitude) or len(self.peaks) == 1:
+            return None
+        below = [peak for peak in reversed(self.peaks) if peak.factor < 1.0]
+        above = [peak for peak in self.peaks if peak.factor > 1.0]
+        return self._limit(own, below), self._limit(own, above)
+
+    @staticmethod
+    def _limit(own: FrictionPeak, away: list[FrictionPeak]) -> FrictionLimit:
+        """Return the limit in one direction, from the peaks in this direction by their distance."""
+        inside = 1.0
+        for peak in away:
+            found = peak.compared_with(own)
+            if found != "low":
+                return FrictionLimit(inside, peak.factor, found == "high")
+            inside = peak.factor
+        return FrictionLimit(inside, np.nan, True)
+
+    @property
+    def doubles(self) -> tuple[float, float]:
+        """Factors below and above 1 with twice the amplitude or more; NaN if it does not double, or is unknown."""
+        if self.limits is None:
+            return np.nan, np.nan
+        low, high = (limit.outside if limit.known else np.nan for limit in self.limits)
+        return low, high
+
+    def __str__(self) -> str:
+        return f"{self.text} ({counted(len(self.peaks), 'peak')}, {amount(self.seconds, 's')})"
+
+    @property
+    def text(self) -> str:
+        """Factors with twice the amplitude, and the range of factors without."""
+        if self.limits is None:
+            return "it is unknown with which friction the amplitude doubles"
+        below, above = self.limits
+        tolerated = f"from {below.inside:.2g} to {above.inside:.2g} times"
+        doubled = [f"{limit.outside:.2g}" for limit in self.limits if limit.known and np.isfinite(limit.outside)]
+        unknown = [f"{limit.outside:.2g}" for limit in self.limits if not limit.known]
+        if doubled:
+            text = f"the amplitude doubles with {' and '.join(doubled)} times the friction, not {tolerated}"
+        else:
+            text = f"the amplitude does not double {tolerated} the friction"
+        return f"{text}; it is unknown with {' and '.join(unknown)} times" if unknown else text
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether the search was interrupted."""
+        return any(peak.status == INTERRUPTED for peak in self.peaks)
 
 
 class Meeting(NamedTuple):

@@ -1,0 +1,171 @@
+"""Factors on the friction coefficients at which the amplitude at a preload doubles."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.analyses import robust_optimum
+from bdamper.analyses.friction_range import find_range, tolerates_friction
+from bdamper.response.headline import checks
+from bdamper.response.verification import FrictionPeak, FrictionRange
+from bdamper.util.formatting import amount
+from tests.each import each
+from tests.util.test_disk import BAND, pressed
+
+STUDY = pressed()
+MU = STUDY.settings.friction_coefficient
+NAME = "Friction at which the amplitude doubles"
+
+
+def peaks_of(amplitude):
+    """Return a function of the factor that gives peaks of 1 m times ``amplitude(factor)``, and the factors it was asked."""
+    asked = []
+
+    def peak_with(factor):
+        asked.append(factor)
+        size = amplitude(factor)
+        return size if isinstance(size, FrictionPeak) else FrictionPeak(factor, 10.0, size)
+
+    return peak_with, asked
+
+
+def power_law(below, above):
+    """Return an amplitude that doubles exactly with the factors ``below`` and ``above``."""
+    return lambda f: f ** (np.log(2.0) / np.log(below if f < 1.0 else above))
+
+
+@each(("below", "above"), [(0.64, 2.2), (0.68, 1.45), (0.5, 3.0), (0.95, 1.05), (0.3, 1.31)])
+def test_the_factors_enclose_the_exact_ones(below, above):
+    peak_with, asked = peaks_of(power_law(below, above))
+    found = find_range(peak_with)
+    low, high = found.limits
+    assert low.outside <= below <= low.inside <= 1.15 * low.outside
+    assert high.inside <= above <= high.outside <= 1.15 * high.inside
+    assert found.doubles == (low.outside, high.outside)
+    assert low.near == (below > 1.0 / 1.5) and high.near == (above < 1.5)
+    assert len(asked) <= 13 and len(set(asked)) == len(asked)
+
+
+def test_a_cliff_between_two_factors():
+    """0.7 times the friction has 1.43 times the amplitude, 0.64 times doubles it, half of it has 12 times."""
+    known = [0.5, 0.64, 0.7, 1.0, 4.0], [12.0, 2.0, 1.43, 1.0, 1.5]
+    found = find_range(peaks_of(lambda f: float(np.interp(f, *known)))[0])
+    low, high = found.limits
+    assert low.outside < 0.64 < low.inside <= 0.7 and np.isnan(high.outside) and high.inside == 4.0
+    assert found.text == f"the amplitude doubles with {low.outside:.2g} times the friction, not from 0.67 to 4 times"
+
+
+def test_no_steady_response_is_high_and_an_unknown_one_is_not():
+    """An infinite amplitude and a lower bound of twice the amplitude count; nothing follows from an unknown peak."""
+    ends = {"rattles": (np.inf, "not found: no steady periodic response: why", np.nan),
+            "bound": (np.nan, "incomplete: why", 2.5), "unknown": (np.nan, "incomplete: why", 0.5)}  # fmt: skip
+    for kind, (size, status, bound) in ends.items():
+
+        def amplitude(f, end=(size, status, bound)):
+            return FrictionPeak(f, 10.0, *end) if f < 0.69 else 1.0
+
+        found = find_range(peaks_of(amplitude)[0])
+        assert found.limits[0].outside == pytest.approx(1.0 / 1.5) and found.limits[0].known == (kind != "unknown")
+        assert np.isnan(found.doubles[0]) == (kind == "unknown")
+    assert found.text == "the amplitude does not double from 0.7 to 4 times the friction; it is unknown with 0.67 times"
+    assert find_range(peaks_of(lambda f: np.nan)[0]).limits is None
+
+
+def test_lower_bounds_of_earlier_files():
+    """They were amplitudes with the status incomplete."""
+    peak = FrictionPeak(0.7, 10.0, 2.0, "incomplete: why")
+    assert np.isnan(peak.amplitude) and peak.lower_bound == 2.0 and "at least 2 m" in str(peak)
+    assert FrictionPeak(0.7, 10.0, np.inf, "not found: why").size_text == "not steady"
+
+
+@pytest.fixture(scope="module")
+def curve():
+    return STUDY.optimal_curve((0.5, 5.0), 6, frequency=BAND, check=False)
+
+
+def with_range(curve, amplitude, remedy=np.nan):
+    p = curve.recommended_preload
+    known = {f: FrictionPeak(f, p, amplitude(f)) for f in (1.0, 0.7, 1.3)}
+    found = replace(find_range(lambda f: FrictionPeak(f, p, amplitude(f))), remedy=remedy)
+    return replace(curve, other_friction=tuple(known.values()), friction_range=found)
+
+
+@each(
+    ("below", "above", "colour"),
+    [(0.6, 1.6, "green"), (0.68, 1.6, "red"), (0.6, 1.45, "red"), (0.2, 5.0, "green")],
+)  # fmt: skip
+def test_the_check(curve, below, above, colour):
+    """It fails if the amplitude doubles within a factor of 1.5, also if 0.7 and 1.3 times the friction are harmless."""
+    judged = with_range(curve, power_law(below, above))
+    (check,) = [c for c in checks(judged) if c.name == NAME]
+    assert (check.colour, check.found) == (colour, judged.friction_range.text)
+    line = judged._headline()
+    assert (check.failure in line) == (colour == "red")
+    assert (f"T{check.found[1:]}." in line) == (colour == "green")
+    remedied = with_range(curve, power_law(below, above), remedy=3.0)._headline()
+    assert ("hoose 3 N, where the amplitude does not double with 0.67 and 1.5 times" in remedied) == (colour == "red")
+
+
+def test_unknown_within_the_spread_is_amber(curve):
+    judged = with_range(curve, lambda f: np.nan if f < 0.69 else 1.0)
+    (check,) = [c for c in checks(judged) if c.name == NAME]
+    assert check.colour == "amber" and "unknown with 0.67 times" in judged._headline()
+    (check,) = [c for c in checks(replace(judged, friction_range=None)) if c.name == NAME]
+    assert check.colour == "white"
+
+
+def test_the_remedy_is_the_nearest_tolerant_preload(monkeypatch):
+    """Amplitude and friction of a given law: it doubles below a product of 1 N, from 2 N on it is flat."""
+    curve = STUDY.optimal_curve([1.0, 1.2, 1.4, 1.6, 1.9, 2.5], frequency=BAND, check=False)
+    limit = 1.0
+
+    class Law(robust_optimum.SteadyPeak):
+        def __call__(self, problem, preload):
+            size = 1.0 if problem.settings.friction_coefficient / MU * preload >= limit else 9.0
+            return {"amplitude": size, "known": True, "search": "complete", "cost": curve.cost}
+
+    monkeypatch.setattr(robust_optimum, "SteadyPeak", Law)
+    flat = replace(curve, amplitude=np.ones(len(curve)), optimum=replace(curve.optimum, preload=1.2, kind="smooth"))
+    found = robust_optimum.with_other_friction(STUDY.problem, flat)
+    nearest = min(p for p in curve.preload if p >= 1.5 * limit)
+    assert found.friction_range.limits[0].near and found.friction_range.remedy == nearest
+    assert f"hoose {amount(nearest, 'N')}" in found._headline()
+    easy = robust_optimum.with_other_friction(STUDY.problem, replace(flat, optimum=replace(flat.optimum, preload=1.9)))
+    assert not easy.friction_range.limits[0].near and np.isnan(easy.friction_range.remedy)
+
+
+def test_it_is_stored(curve, tmp_path):
+    found = robust_optimum.with_other_friction(STUDY.problem, curve)
+    assert isinstance(found.friction_range, FrictionRange) and found.friction_range.seconds > 0.0
+    found.save(tmp_path / "found.h5")
+    stored = bd.load(tmp_path / "found.h5").friction_range
+    assert stored.peaks == found.friction_range.peaks and stored.text == found.friction_range.text
+
+
+def test_both_ends_of_the_spread_are_tolerated():
+    assert tolerates_friction(peaks_of(power_law(0.6, 1.6))[0])
+    assert not tolerates_friction(peaks_of(power_law(0.7, 1.6))[0])
+    assert not tolerates_friction(peaks_of(power_law(0.6, 1.4))[0])
+    assert not tolerates_friction(peaks_of(lambda f: np.nan)[0])
+
+
+@pytest.mark.slow
+def test_peaks_at_ten_factors():
+    """The typical blade: peaks at ten other factors lie on the right side of twice the amplitude."""
+    study = bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip", direction="tangential"), engine_order=5,
+                     friction_coefficient=0.3, harmonics=1)  # fmt: skip
+    curve = study.optimal_curve((30.0, 1000.0), 12, frequency=(600.0, 720.0), check=False)
+    found = robust_optimum.with_other_friction(study.problem, curve)
+    low, high = found.friction_range.limits
+    for factor in (0.3, 0.45, 0.5, 0.65, 0.8, 0.9, 1.2, 1.45, 2.0, 3.2):
+        peak = study.replace(friction_factor=factor).peak(curve.recommended_preload, (600.0, 720.0))
+        ratio = peak.amplitude / found.other_friction[0].amplitude
+        assert peak.converged
+        if low.inside <= factor <= high.inside:
+            assert ratio <= 2.0
+        elif factor <= low.outside or factor >= high.outside:
+            assert ratio > 2.0
