@@ -427,9 +427,9 @@ def microslip(
     Returns
     -------
     SweepResult
-        Results over "force", from zero. "displacement" is the displacement of the location along the force (m). "slipping"
-        is the share of the closed points that slip, "open" the share of all points without contact. "residual" is the
-        relative residual of modal equilibrium. Forces under which the damper slides have the status "failed".
+        Results over "force", from zero. "displacement" is the displacement of the location along the force (m). Of the
+        friction points, "slipping" is the share of the closed ones that slip, "open" the share without contact. "residual"
+        is the relative residual of modal equilibrium. Forces under which the damper slides have the status "failed".
 
     Raises
     ------
@@ -461,10 +461,11 @@ def microslip(
             state = static_state(system, float(force), start=state, steps=2)
         if not state.converged:
             break
-        n, n_open = len(state.state), state.state.count("open")
+        of_friction = replace(state, on_friction_face=problem.friction_points).friction_state
+        n, n_open = len(of_friction), of_friction.count("open")
         values.append({
             "displacement": float(d.real @ (state.q - seat.q)),
-            "slipping": state.state.count("slip") / max(n - n_open, 1),
+            "slipping": of_friction.count("slip") / max(n - n_open, 1),
             "open": n_open / n,
             "residual": float(state.residual),
         })  # fmt: skip

@@ -54,6 +54,8 @@ class PreloadState(InContact, Tabular, Storable, kind="bdamper-static", row="con
         Latest motion and state of points with compiled laws.
     points, frame, area, friction : (n_points, 3) m, (n_points, 3, 3), (n_points,) m2, (n_points,) float, optional
         Positions, contact axes, areas and friction coefficients; None in states from files without them.
+    on_friction_face : (n_points,) bool, optional
+        Whether each point lies on a face with a friction law, unlike axial stops; None in states from files without it.
     """
 
     load: float
@@ -74,6 +76,7 @@ class PreloadState(InContact, Tabular, Storable, kind="bdamper-static", row="con
     frame: PerRow | None = None
     area: SquareMetres | None = None
     friction: PerRow | None = None
+    on_friction_face: NDArray | None = None
     _summary_fields = ("contact_area",)
 
     @property
@@ -82,13 +85,22 @@ class PreloadState(InContact, Tabular, Storable, kind="bdamper-static", row="con
         stuck, open_ = (self.status == STICK).all(axis=1), (self.status == OPEN).any(axis=1)
         return tuple(np.select([open_, stuck], ["open", "stick"], "slip").tolist())
 
+    @property
+    def friction_state(self) -> tuple[str, ...]:
+        """State of each point on a friction face; of all points if there is no such face or it is unknown."""
+        if self.on_friction_face is None or not self.on_friction_face.any():
+            return self.state
+        return tuple(np.array(self.state)[self.on_friction_face].tolist())
+
     def _headline(self) -> str:
-        stuck, slipping, apart = (self.state.count(name) for name in ("stick", "slip", "open"))
+        of_friction = self.friction_state
+        stuck, slipping, apart = (of_friction.count(name) for name in ("stick", "slip", "open"))
+        what = "contact point" if len(of_friction) == len(self.status) else "friction point"
         open_ = "" if self.converged else f" Not converged: {self.note}."
         edges = f" Edge contact: {self.edges}." if self.edges else ""
         forces = [f"{name} {amount(force, 'N')}" for name, force in self.normal_force.items()]
         return (
-            f"Under a load of {amount(self.load, 'N')}, of {counted(len(self.status), 'contact point')}: {stuck} in stick, "
+            f"Under a load of {amount(self.load, 'N')}, of {counted(len(of_friction), what)}: {stuck} in stick, "
             f"{slipping} in slip, {apart} open; normal forces: {', '.join(forces)}.{edges}{open_}"
         )
 

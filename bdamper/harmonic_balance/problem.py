@@ -400,7 +400,8 @@ class Problem:
         """Geometry and friction of the contact points, for static states."""
         faces = [self.coupling.model.interfaces[name] for name in self.coupling.interfaces]
         places = {name: np.concatenate([getattr(f, name) for f in faces]) for name in ("points", "frame", "area")}
-        return places | {"interface": self.coupling.interface_of, "friction": self.friction}
+        contact = {"friction": self.friction, "on_friction_face": self.friction_points}
+        return places | contact | {"interface": self.coupling.interface_of}
 
     @one_thread
     def static(self, preload: float, history: Sequence[float] | None = None) -> PreloadState:

@@ -163,6 +163,10 @@ class Peak(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
         named = exceeds(self.half_range, self.amplitude)
         return (*super()._facts(), *[Fact("half of the range", self.half_range, "m")] * named)
 
+    def _unprinted(self) -> tuple[str, ...]:
+        """Return the names of fields that are not printed; the preload of a limit only closes contact points."""
+        return (*super()._unprinted(), *["parameter"] * ("limit" in self.settings))
+
     def _headline(self) -> str:
         notes = "".join(f" {note[:1].upper()}{note[1:]}." for note in self.notes)
         if not self.converged:
@@ -170,11 +174,14 @@ class Peak(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
                 return f"No peak: {self.status}.{notes}"
             bound = peak_text(self.lower_bound, self.frequency)
             return f"No peak: {self.status}. Lower bound of the amplitude: {bound}.{notes}"
-        load = f" under {preload_text(self.parameter, self.settings)}" if np.isfinite(self.parameter) else ""
+        limit = self.settings.get("limit", "")
+        depends = np.isfinite(self.parameter) and not limit
+        load = f" under {preload_text(self.parameter, self.settings)}" if depends else ""
         certain = self.search_status in ("", "complete")
         open_ = "" if certain else f" There may be a higher one, the curve ended as: {self.search_status}."
         peak = peak_and_range(self.amplitude, self.frequency, self.half_range)
-        return f"Resonance of {peak}{load}. {NOT_IN_TIME}{open_}{notes}"
+        what = f"{limit} resonance".strip().capitalize()
+        return f"{what} of {peak}{load}.{'' if limit else f' {NOT_IN_TIME}'}{open_}{notes}"
 
 
 def vibration_width(y: NDArray, tangent: NDArray, scale: NDArray, n_mean: int) -> float:

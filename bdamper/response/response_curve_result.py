@@ -265,6 +265,7 @@ class ResponseCurve(InContact, Comparable, FrequencySeries, Tabular, Recorded, S
         ends = [*self.frequency, *(f for part in self.missing_ranges for f in (part.low, part.high))]
         why = self.reason if self.status == INCOMPLETE else f"{self.status}: {self.reason}"
         search = COMPLETE if self.complete else with_reason(INCOMPLETE, why)
+        limit = {"limit": self.kind} if self.is_limit else {}
         amplitude, status = float(self.amplitude[i]), with_reason(INCOMPLETE, AT_END) if self.peak_at_end else search
         if self.without_amplitude is not None:
             amplitude = self.without_amplitude.amplitude
@@ -286,10 +287,15 @@ class ResponseCurve(InContact, Comparable, FrequencySeries, Tabular, Recorded, S
             corner=self.point_kind[i] != "maximum",
             status=status,
             search_status=search,
-            settings=self.settings | {"frequency": [float(min(ends)), float(max(ends))]},
+            settings=self.settings | {"frequency": [float(min(ends)), float(max(ends))]} | limit,
             model_hash=self.model_hash,
             half_range=self.half_range,
         )
+
+    @property
+    def is_limit(self) -> bool:
+        """Whether this is the linear response without contact or with stuck contacts."""
+        return self.kind in ("free", "stuck")
 
     @property
     def peak_at_end(self) -> bool:
@@ -335,11 +341,15 @@ class ResponseCurve(InContact, Comparable, FrequencySeries, Tabular, Recorded, S
         named = exceeds(self.half_range, self.amplitude[self.peak_index])
         return (*super()._facts(), *[Fact("half of the range", self.half_range, "m")] * named)
 
+    def _unprinted(self) -> tuple[str, ...]:
+        """Return the names of fields that are not printed; the preload of a limit only closes contact points."""
+        return (*super()._unprinted(), *["preload"] * self.is_limit)
+
     def _headline(self) -> str:
         if not len(self):
             return f"No point of this curve was found: {self.reason}."
         if self.without_amplitude is not None:
-            linear = f"{self.kind} " if self.kind in ("free", "stuck") else ""
+            linear = f"{self.kind} " if self.is_limit else ""
             return f"No amplitude of the {linear}resonance: {self.without_amplitude.at_middle}."
         i, low, high = self.peak_index, float(self.frequency.min()), float(self.frequency.max())
         what = {"response": "Resonance", "free": "Free resonance", "stuck": "Stuck resonance"}.get(self.kind, HIGHEST)

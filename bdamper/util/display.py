@@ -119,7 +119,12 @@ class Summarised:
 
     def _facts(self) -> tuple[Fact, ...]:
         """Return the most important values: the fields of ``_summary_fields``, in order."""
-        return tuple(fact for name in self._summary_fields for fact in self._facts_of_field(name, several=True))
+        shown = [name for name in self._summary_fields if name not in self._unprinted()]
+        return tuple(fact for name in shown for fact in self._facts_of_field(name, several=True))
+
+    def _unprinted(self) -> tuple[str, ...]:
+        """Return the names of fields that are not printed as values."""
+        return "cost", "made_with"
 
     def _facts_of_field(self, name: str, several: bool = False) -> Iterator[Fact]:
         """Yield the rows for a field or property; a name with dots selects an attribute of it.
@@ -146,7 +151,7 @@ class Summarised:
         field_names = (
             f.name
             for f in fields(cast(Any, self))
-            if f.name not in ("cost", "made_with")
+            if f.name not in self._unprinted()
             and not (isinstance(f.default, plain) and getattr(self, f.name) == f.default and f.name != "status")
         )
         single = [fact for name in field_names for fact in self._facts_of_field(name)]

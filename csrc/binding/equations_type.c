@@ -33,27 +33,33 @@ void core_equations_dealloc(PyObject *object) {
     Py_DECREF(type);
 }
 
-/* Clocks and cost at the start of a computation. */
+/* Processor clock and cost at the start of a computation. */
 typedef struct {
-    double wall, processor;
+    double processor;
     bd_cost cost;
 } clocks;
 
 /* Start a computation, without the GIL. */
 static clocks begin_work(core_equations *self) {
     PyThread_acquire_lock(self->lock, WAIT_LOCK);
-    return (clocks){bd_seconds(), bd_processor_seconds(), *self->equations->cost};
+    return (clocks){bd_processor_seconds(), *self->equations->cost};
 }
 
 /* End a computation. The wall clock measures the parts, since a reading of the processor clock takes longer than many of
- * them. Scaling to the processor time of the call removes the time in which the thread has waited. */
+ * them. It also measures the time in which the thread waits. The processor time of the call is therefore divided in
+ * proportion to the parts; waiting between them has no effect. */
 static void end_work(core_equations *self, clocks started) {
     bd_cost *now = self->equations->cost;
-    const double processor = bd_processor_seconds() - started.processor, wall = bd_seconds() - started.wall;
-    const double factor = wall > 0.0 ? processor / wall : 1.0;
-    now->contact = started.cost.contact + factor * (now->contact - started.cost.contact);
-    now->assembly = started.cost.assembly + factor * (now->assembly - started.cost.assembly);
-    now->algebra = started.cost.algebra + factor * (now->algebra - started.cost.algebra);
+    const bd_cost before = started.cost;
+    const double processor = bd_processor_seconds() - started.processor;
+    const double contact = now->contact - before.contact, assembly = now->assembly - before.assembly;
+    const double algebra = now->algebra - before.algebra, parts = contact + assembly + algebra;
+
+    /* a call without measured parts copies results or solves nothing */
+    const double factor = parts > 0.0 ? processor / parts : 0.0;
+    now->contact = before.contact + factor * contact;
+    now->assembly = before.assembly + (parts > 0.0 ? factor * assembly : processor);
+    now->algebra = before.algebra + factor * algebra;
     now->processor += processor;
     PyThread_release_lock(self->lock);
 }

@@ -201,3 +201,18 @@ def test_several_motions_at_once_are_each_alone():
             limit = np.inf if bonded[p] else 0.3 * max(level, 0.0)
             np.testing.assert_allclose(f[p, :2], np.clip(trial, -limit, limit), rtol=1e-14, atol=1e-15)
             assert f[p, 2] == pytest.approx(level if bonded[p] else max(level, 0.0), rel=1e-14, abs=1e-15)
+
+
+def test_points_of_axial_stops_are_no_friction_points(tmp_path):
+    """The blade has 18 points on its faces with friction and 8 on the axial stops, which are open at rest."""
+    study = plain_study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5, friction_coefficient=0.3)
+    state = study.static(200.0)
+    on_faces = [kind for kind, face in zip(state.state, state.interface) if study.model.interfaces[face].kind == "friction"]
+    counts = tuple(on_faces.count(name) for name in ("stick", "slip", "open"))
+    assert len(on_faces) == 18 < len(state.state) == 26
+    expected = "of 18 friction points: {} in stick, {} in slip, {} open;".format(*counts)
+    assert expected in state._headline() and counts[2] == 0
+    state.save(tmp_path / "state.h5")
+    assert bd.load(tmp_path / "state.h5")._headline() == state._headline()
+    found = bd.microslip(study, 200.0, [1.0, 5.0])
+    np.testing.assert_array_equal(found.array("open"), 0.0)

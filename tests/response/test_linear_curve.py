@@ -82,3 +82,14 @@ def test_stuck_at_a_rotor_speed_has_the_preload_of_the_damper():
     stuck = at.stuck((600.0, 700.0))
     assert stuck.preload == at.preload > 1000.0 and study.stuck((600.0, 700.0)).preload == 1.0
     np.testing.assert_array_equal(stuck.amplitude, at.stuck((600.0, 700.0), at.preload).amplitude)
+
+
+def test_a_limit_prints_no_preload():
+    """The preload of the stuck limit closes the points; its size, by default 1 N, is not one of the response."""
+    study = plain_study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5, harmonics=1)
+    band = resonance_interval(study.problem.at(200.0), 1)
+    for name, limit in (("Stuck", study.stuck(band)), ("Free", study.free(band))):
+        for text in (str(limit), str(limit.peak), limit.summary(), limit._repr_html_(), limit.peak._headline()):
+            assert "preload" not in text and f"{name} resonance of " in text
+    peak = study.peak(200.0, band)
+    assert " under a preload of 200 N" in str(peak) and "\n  preload" in str(peak)
