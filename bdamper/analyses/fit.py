@@ -86,6 +86,8 @@ ALIKE_FORCE = 0.05
 """Relative difference of the nominal forces of repeated tests."""
 NOISE = 0.02
 """Noise of tests without repetitions."""
+CONTRADICTED = 3.0
+"""Distance between a prior and the data, in standard deviations, above which the result names the prior."""
 NEARLY = 0.05
 """Relative tolerance of the square root of a rise at the end of a profile."""
 HOW: dict[type, Callable[..., Separation]] = {
@@ -419,6 +421,7 @@ def _stage(
         doubts.append(f"the data do not determine {parts_of}")
     at_end = (np.minimum(x - low, high - x) < 1e-3 * (high - low)) & ~unknown
     doubts += [f"{spaced(name)} is at an end of its range" for name, is_at_end in zip(names, at_end) if is_at_end]
+    doubts += _far_priors(objective, x)
     for label, part in zip(labels, parts):
         if lost := int(part.lost.sum()):
             why = f" ({part.reason})" if part.reason else ""
@@ -437,6 +440,30 @@ def _stage(
         **own.recorded(),
     )  # fmt: skip
     return _with_status(result, doubts), C
+
+
+def _far_priors(objective: Objective, x: NDArray) -> list[str]:
+    """Return a statement for each prior that the data contradict.
+
+    Without its prior, a parameter has a value and a deviation from the other rows. The distance of the prior from that
+    value, in standard deviations of the difference, is the residual of the prior divided by the root of one minus its
+    leverage; the formula of Sherman and Morrison avoids the difference of nearly equal numbers.
+    """
+    r, J, names = objective.residual(x), objective.jacobian(x), list(objective.ranges)
+    widths = np.ptp(objective.bounds, axis=0)
+    first = len(r) - len(objective.priors)
+    out = []
+    for row, (name, (mean, deviation)) in enumerate(objective.priors.items(), first):
+        C = covariance(np.delete(J, row, axis=0))
+        j = names.index(name)
+        # the prior is the only information on such a parameter
+        if np.sqrt(C[j, j]) > widths[j]:
+            continue
+        distance = abs(r[row]) * np.sqrt(1.0 + J[row] @ C @ J[row])
+        if distance > CONTRADICTED:
+            of = f"the prior of {spaced(name)} ({mean:g} with {deviation:g})"
+            out.append(f"{of} is {distance:.2g} standard deviations from the data: examine both")
+    return out
 
 
 def _predictions(objective: Objective, x: NDArray, group: NDArray) -> tuple[NDArray, NDArray | None]:

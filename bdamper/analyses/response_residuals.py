@@ -57,6 +57,8 @@ NEAR_JUMP = 5.0
 """Number of frequency steps around a jump within which points are compared with the complete curve."""
 LOST = 10.0
 """Residual of a point without computed response."""
+FARTHEST = 1e4
+"""Ratio of the force that a measured response needs to the nominal force, or its inverse, at which the search ends."""
 STEP = 1e-5
 """Relative step of the finite differences of the resonance without damper."""
 BESIDE = 0.1
@@ -350,15 +352,20 @@ def _of_controlled(varied: Variations, test: MeasuredResponse, noise: float) -> 
 
 
 class _Swept:
-    """Solutions near the points of a response curve: on the branch of a sweep, and nearest to a measured point."""
+    """Solutions near the points of a response curve: on the branch of a sweep, and nearest to a measured point.
+
+    Without points on the curve there are no solutions; ``curve.reason`` says why.
+    """
 
     def __init__(self, varied: Variations, test: MeasuredResponse, band: tuple[float, float]) -> None:
         self.curve = curve = frequency_response(varied.under(test.nominal), test.preload, band)
+        if not len(curve):
+            return
         self.system = system = varied.system(test.nominal, test.preload)
         self.sense = 1.0 if test.sweep == "up" else -1.0
         self.sweep = sweep_of(curve, test.sweep)
         self.y = np.column_stack([curve.unknowns, 2.0 * np.pi * curve.frequency])
-        top = self.y[int(np.argmax(curve.amplitude))] if len(curve) else np.ones(system.n_unknowns + 1)
+        top = self.y[int(np.argmax(curve.amplitude))]
         self.scale = system.units(top, float(np.pi * np.ptp(curve.frequency)))
         options = ContinuationOptions()
         self.tolerance, self.most = options.tolerance, 2 * options.max_iterations
@@ -410,29 +417,55 @@ class _Swept:
         load[:n] = 0.0
         frequency_step = np.append(0.0 * load[:-1], 1.0)
         other = frequency_step / scale[-1] if free else self._turned(load, 0.5 * np.pi)
+        start = np.array(near)
+        start[-1] = start[-1] if free else omega
         for steps in (1, 4, 16):
-            y, factors = np.array(near), np.array([1.0, 0.0])
-            y[-1] = y[-1] if free else omega
-            for size in np.geomspace(abs(value(near)), abs(target), steps + 1)[1:]:
-                for _ in range(self.most):
-                    excess = (factors[0] - 1.0) * load + (0.0 if free else factors[1] * other)
-                    right = np.array([excess - np.append(self.system.residual(y), 0.0), load, other])
-                    moves = self.system.solve_linear(y, frequency_step, scale, right) * scale
-                    here, first, second = (complex(value(move)) / complex(value(y)) for move in moves)
-                    gap = np.log(size * direction / complex(value(y))) - here
-                    whole = (first.conjugate() * second).imag
-                    more = np.array([(gap.conjugate() * second).imag, (first.conjugate() * gap).imag]) / whole
-                    step = moves[0] + more @ moves[1:]
-                    y, factors = y + step, factors + more
-                    if not norm2(step / scale) > self.tolerance:
-                        break
+            targets = direction * np.geomspace(abs(value(near)), abs(target), steps + 1)[1:]
+            reached = self._reached(start, targets, load, other, free)
+            if reached is None:
+                continue
+            y, factors, first, second = reached
             factor = float(factors[0]) if free else float(norm2(factors))
-            if factor > 0.0:
+            if factor > 1.0 / FARTHEST and y[-1] > 0.0:
                 y = y if free else self._turned(y, -float(np.arctan2(factors[1], factors[0])))
                 c = forced(self.system, factor).correct_at(y[:-1], y[-1], scale, self.tolerance, self.most)
                 if c.status == OK and abs(abs(self.first(c) / target) - 1.0) < EDGE:
                     return c, factor, abs(second.imag - first.imag * second.real / first.real) * c.y[-1]
         return None
+
+    def _reached(
+        self, start: NDArray, targets: NDArray, load: NDArray, other: NDArray, free: bool
+    ) -> tuple[NDArray, NDArray, complex, complex] | None:
+        """Change a point until its response equals one target after another, by Newton's method.
+
+        Further unknowns are the factor of ``load``, and a multiple of ``other``: of the frequency with ``free``, otherwise
+        of a force. Return the point, both unknowns, and their effects on the logarithm of the response. The result is None
+        if the force becomes ``FARTHEST`` times the nominal one, or if both effects are parallel.
+        """
+        y, factors, scale, value = start, np.array([1.0, 0.0]), self.scale, self.system.rows.value
+        frequency_step = np.append(0.0 * load[:-1], 1.0)
+        first = second = 0j
+        for target in targets:
+            for _ in range(self.most):
+                excess = (factors[0] - 1.0) * load + (0.0 if free else factors[1] * other)
+                right = np.array([excess - np.append(self.system.residual(y), 0.0), load, other])
+                moves = self.system.solve_linear(y, frequency_step, scale, right) * scale
+                response = complex(value(y))
+                if response == 0.0:
+                    return None
+                here, first, second = (complex(value(move)) / response for move in moves)
+                gap = np.log(target / response) - here
+                whole = (first.conjugate() * second).imag
+                if whole == 0.0 or not np.isfinite(whole):
+                    return None
+                more = np.array([(gap.conjugate() * second).imag, (first.conjugate() * gap).imag]) / whole
+                step = moves[0] + more @ moves[1:]
+                y, factors = y + step, factors + more
+                if not norm2(factors) < FARTHEST:
+                    return None
+                if not norm2(step / scale) > self.tolerance:
+                    break
+        return y, factors, first, second
 
     def _turned(self, y: NDArray, angle: float) -> NDArray:
         """Return a point (n_unknowns + 1,) shifted in time by an angle of the first harmonic (rad)."""

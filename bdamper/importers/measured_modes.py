@@ -26,8 +26,8 @@ STRAIGHT = 0.05
 """Relative deviation of the amplitude of a decay from a line, from which noise determines it."""
 TIMES = {"s": 1.0, "ms": 1e-3}
 """Units of time in seconds."""
-RATIOS = {"": 1.0, "-": 1.0, "%": 0.01}
-"""Units of a ratio."""
+RATIOS = {"%": 0.01, "-": 1.0, "1": 1.0}
+"""Units of a ratio.  A column without unit can be either."""
 
 
 @short_repr

@@ -7,7 +7,7 @@ A bound can depend on the sizes of the model (:class:`bdamper.harmonic_balance.m
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -104,9 +104,12 @@ class Names:
     ----------
     of : str
         Function or class that has the ranges.
+    leading : int, optional
+        Number of values of each parameter that are compared.  A standard deviation behind them has its own magnitude.
     """
 
     of: str
+    leading: int | None = None
 
 
 GRAMS = "grams suspected"
@@ -204,7 +207,7 @@ TABLE: dict[str, Range | Names | tuple[Range, ...] | str] = {
     "sweep.over": Names("Study"),
     "optimal_curve_uncertainty.samples": Names("Study"),
     "robust_optimum.samples": Names("Study"),
-    "fit.vary": Names("Study"), "fit.priors": Names("Study"),
+    "fit.vary": Names("Study"), "fit.priors": Names("Study", leading=1),
     "compare.studies": Names("Study"),
     # arguments of analyses
     "preload": PRELOAD,
@@ -309,7 +312,9 @@ def entry(owner: str, name: str) -> Range | Names | tuple[Range, ...] | str | No
     return next((TABLE[key] for key in keys if key in TABLE), None)
 
 
-def check(owner: str, name: str, value: object, sizes: Rotating | None = None, item: str = "") -> None:
+def check(
+    owner: str, name: str, value: object, sizes: Rotating | None = None, item: str = "", function: str | None = None
+) -> None:
     """Warn of an implausible value.
 
     Parameters
@@ -322,6 +327,9 @@ def check(owner: str, name: str, value: object, sizes: Rotating | None = None, i
         Sizes of the model.
     item : str
         Name in the warning; the parameter by default.
+    function : str, optional
+        Function that receives the values of a mapping in place of a study.  Ranges of its parameters apply; a function of
+        the user has none, and an empty name.
     """
     head, _, part = name.partition(".")
     known = entry(owner, name)
@@ -331,9 +339,11 @@ def check(owner: str, name: str, value: object, sizes: Rotating | None = None, i
     if isinstance(known, Names) and isinstance(value, Mapping):
         for key, inner in value.items():
             if isinstance(inner, Mapping):  # the settings of one of several studies
-                check(owner, name, inner, sizes)
-            else:
-                check(known.of, str(key), inner, sizes)
+                check(owner, name, inner, sizes, function=function)
+            elif function is None:
+                check(known.of, str(key), _leading(inner, known.leading), sizes)
+            elif f"{function}.{key}" in TABLE:
+                check(function, str(key), _leading(inner, known.leading), sizes)
     ranges = (known,) if isinstance(known, Range) else known if isinstance(known, tuple) else ()
     for key, values in _numbers(value) if ranges else ():
         for limits, numbers in zip(ranges, values[:, None] if len(ranges) > 1 else [values]):
@@ -341,6 +351,11 @@ def check(owner: str, name: str, value: object, sizes: Rotating | None = None, i
     if sizes is not None and (known is PRELOAD or known == UNEXCITED):
         for _, values in _numbers(value):
             sizes.check_preload(values)
+
+
+def _leading(values: object, count: int | None) -> object:
+    """Return the first ``count`` values of a sequence; all for None."""
+    return values[:count] if isinstance(values, Sequence | np.ndarray) else values
 
 
 def _numbers(value: object, key: object = None) -> Iterator[tuple[object, NDArray]]:

@@ -286,14 +286,19 @@ def _convert(name: str, bound: inspect.BoundArguments) -> None:
 
 
 def _doubt(name: str, bound: inspect.BoundArguments) -> None:
-    """Warn of implausible arguments; a first argument that is a study or problem provides the sizes."""
+    """Warn of implausible arguments.
+
+    A first argument that is a study or problem provides the sizes.  If it is a function in place of a study, names in
+    mappings are parameters of that function.
+    """
     bound.apply_defaults()
     first = next(iter(bound.args), None)
+    function = getattr(first, "doubts", "") if callable(first) and not isinstance(first, type) else None
     sizes = getattr(getattr(first, "problem", first), "sizes", None)
     for parameter, value in bound.arguments.items():
         further = bound.signature.parameters[parameter].kind is inspect.Parameter.VAR_KEYWORD
         for keyword, argument in value.items() if further else [(parameter, value)]:
-            plausible_ranges.check(name, keyword, argument, sizes)
+            plausible_ranges.check(name, keyword, argument, sizes, function=function)
 
 
 def names(name: str, value: Any, choices: Iterable[str], least: int = 0) -> tuple[str, ...]:

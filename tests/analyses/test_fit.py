@@ -265,6 +265,53 @@ def test_priors_are_measurements_of_the_parameters(jenkins):
     assert max(by_differences(objective, x)) < 1e-6
 
 
+def test_priors_that_the_data_contradict_are_named(jenkins):
+    """Linear residuals: the data alone give a value and its deviation, and a narrow prior lies some of them away."""
+    tests = drawn_tests(np.random.default_rng(8), 2, 8, 0.5)
+    objective = linear(jenkins, tests)
+    A, b = np.concatenate([A for A, _ in tests]), np.concatenate([b for _, b in tests])
+    alone, deviation = np.linalg.lstsq(A, b, rcond=None)[0][0], np.sqrt(np.linalg.inv(A.T @ A)[0, 0])
+    for away in (-48.0, 5.0, 2.0):
+        mean = float(np.exp(alone + away * deviation))
+        objective.priors = {"friction_coefficient": (mean, 1e-6)}
+        objective.ranges = dict.fromkeys(objective.ranges, (1e-9, 1e9))
+        status = _stage(objective)[0].status
+        prior, distance = f"the prior of friction coefficient ({mean:g} with 1e-06)", f"{abs(away):.2g} standard deviations"
+        assert (f"{prior} is {distance} from the data" in status) == (abs(away) > 3.0)
+
+
+@pytest.mark.parametrize("times", [3.0, 10.0, 100.0, 0.1])
+@pytest.mark.parametrize("control", ["response", "phase"])
+def test_a_force_of_wrong_gain_is_a_residual_of_its_logarithm(control, times):
+    """The motion that 1 N causes is recorded with another force: the ratio of forces is the misfit at every point."""
+    motion = measured(oscillator(), blank(0.0, (0.16, 0.24), 7)).data
+    data = controlled(control, motion.frequency, motion.response, np.full(7, times))
+    objective = Objective(oscillator, [data], {"friction": (0.1, 10.0)}, 0.02)
+    (part,) = objective.parts(np.log([1.0]))
+    assert not part.lost.any()
+    assert part.residual[:, 0] == pytest.approx(np.full(7, np.log(times) / 0.02), rel=1e-6)
+    assert np.abs(part.residual[:, 1]).max() < 1e-4
+
+
+def test_a_fit_to_a_force_of_wrong_gain_says_that_the_model_is_wrong():
+    """Far from the right friction limit, some points have no solution with a force near the nominal one."""
+    curve = oscillator().frequency_response(0.0, (0.15, 0.25))
+    rows = np.linspace(1, len(curve) - 2, 15).astype(int)
+    for times in (3.0, 10.0):
+        data = controlled("response", curve.frequency[rows], curve.amplitude[rows], np.full(15, times))
+        found = fit(oscillator, data, {"friction": (0.1, 10.0)}, noise=0.02, intervals="linear")
+        assert found.status.startswith("incomplete: the model does not describe these data")
+
+
+def test_a_preload_without_response_curve_is_refused_in_one_line():
+    blade = bd.reference_model("turbine_blade")
+    study = bd.Study(blade, bd.Excitation("tip", amplitude=1.0), engine_order=5, friction_coefficient=0.3, harmonics=1)
+    data = controlled("response", [650.0, 660.0, 670.0], np.full(3, 1e-5), np.ones(3))
+    with pytest.raises(bd.BdamperError, match=r"no response could be computed .* does not keep the damper") as caught:
+        fit(study, replace(data, preload=1e-6), {"friction_coefficient": (0.1, 1.0)})
+    assert "\n" not in str(caught.value)
+
+
 BEAM = Path(__file__).resolve().parents[3] / "shared" / "fixtures" / "measured" / "brb_force_controlled.csv"
 
 

@@ -167,6 +167,16 @@ def test_units_of_the_header_are_converted(tmp_path):
         read_response(write(tmp_path, "frequency (Hz),amplitude (mm)\n1,2\n"), unit="um")
 
 
+def test_damping_ratios_need_a_unit():
+    """0.5 can be half of critical damping or half a per cent of it."""
+    columns = {"amplitude (mm)": [1.0], "frequency (Hz)": [2.0]}
+    for unit, ratio in (("%", 0.005), ("-", 0.5), ("1", 0.5)):
+        assert read_mode(columns | {f"damping ratio ({unit})": [0.5]}).damping_ratio == pytest.approx([ratio])
+    expected = r"column 'damping ratio': expected its unit in the header, such as 'damping ratio \(%\)', .*, found no unit"
+    with pytest.raises(BdamperError, match=expected):
+        read_mode(columns | {"damping ratio": [0.5]})
+
+
 @pytest.mark.parametrize("values", [(1.0, np.nan), (np.inf, 1.0)])
 def test_frequencies_and_responses_are_finite(values):
     with pytest.raises(BdamperError, match="expected finite frequencies and responses"):

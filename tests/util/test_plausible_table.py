@@ -1,5 +1,6 @@
 """The table of plausible ranges: every entry is in use, and the function of each entry looks at it."""
 
+import contextlib
 import warnings
 from concurrent.futures import ThreadPoolExecutor
 
@@ -130,3 +131,32 @@ def test_normalised_lumped_models_draw_no_warning_of_units(scale):
             study.static(preload)
             study.optimal_curve([preload, 1.5 * preload, 2.0 * preload], frequency=interval, check=False)
             bd.sweep(study, {"preload": [preload]}, frequency=interval)
+
+
+def names(function, **given):
+    """Return the items of the warnings of ``bd.fit`` for a study or a function, without a fit."""
+
+    def call():
+        with contextlib.suppress(bd.BdamperError):
+            bd.fit(function, [], **given)
+
+    return told(call)
+
+
+def test_parameters_of_a_function_have_the_ranges_of_that_function():
+    """The friction of a joint is a force, for which 200 N is plausible; in a study it would be 200 times the pressure."""
+
+    def joint(frequency=80.0, friction=5.0, friction_coefficient=1.0):
+        return bd.joint(frequency, 0.01, 1e3, friction)
+
+    assert names(joint, vary={"friction": (1.0, 200.0), "friction_coefficient": (1.0, 200.0)}) == []
+    assert names(joint, vary={"friction": (1.0, 200.0)}, priors={"friction": (100.0, 1e-3)}) == []
+    assert names(bd.joint, vary={"friction": (1.0, 200.0)}) == []
+    assert names(bd.joint, vary={"damping_ratio": (0.1, 5.0)}) == ["damping_ratio"]
+
+
+def test_the_deviation_of_a_prior_is_no_value():
+    study = bd.lumped(1.0, 0.01, 1.0, contacts=[bd.Contact(0, kt=0.25, mu=1.0, preload=0.2)], forces={0: 1.0})
+    vary = {"friction_coefficient": (0.1, 1.0)}
+    assert names(study, vary=vary, priors={"friction_coefficient": (0.3, 0.01)}) == []
+    assert names(study, vary=vary, priors={"friction_coefficient": (30.0, 0.1)}) == ["friction_coefficient"]
