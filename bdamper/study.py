@@ -82,6 +82,16 @@ class analysis(Generic[P, R]):
         return self.function if study is None else MethodType(self.function, study.problem)
 
 
+def _places_in_time(curve: OptimalCurve, check: str | bool) -> list[float] | None:
+    """Return the preloads (N) at which a check integrates in time; None for the default."""
+    best = curve.optimum.preload
+    if check == "time" or not best > 0.0:  # NaN without an optimum
+        return None
+    places = {best, best * in_time.NEIGHBOUR}
+    places |= {best / in_time.NEIGHBOUR} if check == "neighbours" else {*curve.near_best}
+    return sorted(places)
+
+
 @wraps(Problem.static)
 def _static(*args: Any, **given: Any) -> PreloadState:
     """Warn of a state that has not converged."""
@@ -322,12 +332,14 @@ class Study(Comparable):
             See :meth:`peak`.
         executor : concurrent.futures.Executor, optional
             Executor of the curves; threads by default.
-        check : {"time", "neighbours", False}
+        check : {"time", "neighbours", "range", False}
             "time": compute the peak at the optimum with up to 16 harmonics (``curve.convergence``) and the amplitude by
             time integration there and at 1.35 times its preload (``curve.time_response``).  At the better of both preloads
             compute the peaks with 0.7 and 1.3 times the friction (``curve.other_friction``).  Then find the factors on the
-            friction coefficients at which the amplitude doubles (``curve.friction_range``, 6 to 13 peaks).  "neighbours":
-            also integrate at the preload of the optimum divided by 1.35.
+            friction coefficients at which the amplitude doubles (``curve.friction_range``, 6 to 13 peaks).  With
+            "neighbours" the time integration also includes the preload of the optimum divided by 1.35.  With "range" it
+            includes both ends of ``curve.near_best``: the preloads with at most 1.2 times the lowest amplitude by harmonic
+            balance.
         progress : bool, optional
             Show the current step and the remaining time; by default in a terminal and a notebook.
         resume : path, optional
@@ -343,7 +355,7 @@ class Study(Comparable):
             Curve with the harmonics of the study.  After Ctrl-C it contains the results computed until then.
         """
         problem = self.problem
-        check = check if check is False else validation.choice("check", check, ("time", "neighbours"))
+        check = check if check is False else validation.choice("check", check, ("time", "neighbours", "range"))
         check_executor(executor)
         progress, values = shows_progress(progress), optimal.preload_values(preload, n)
         frequency = optimal.curve_interval(problem, values, frequency, mode) if problem.carries_load else frequency
@@ -358,10 +370,7 @@ class Study(Comparable):
         problem.sizes.check_optimum(curve.optimum.preload, values)
         problem.sizes.check_faces(curve.optimum.preload)
         if check and not curve.interrupted:
-            best = curve.optimum.preload  # NaN if there is no optimum
-            below = [best / in_time.NEIGHBOUR, best, best * in_time.NEIGHBOUR]
-            places = below if check == "neighbours" and best > 0.0 else None
-            plain = curve
+            places, plain = _places_in_time(curve, check), curve
             curve = more_harmonics.with_convergence(
                 problem, plain, lambda: in_time.with_time_response(problem, plain, places, progress=progress), progress
             )

@@ -232,10 +232,10 @@ def plot_optimal(
     Notes
     -----
     Dotted lines connect different resonances.  A filled star is a verified optimum, an open star the least known value.
-    The shaded preloads have an amplitude within a fifth of it.  Hatched preloads have no value; open triangles there are
-    lower bounds.  A bar at the optimum is the range of its peak with more harmonics.  Diamonds with bars are means and
-    ranges in time.  Triangles to the left and to the right are clearly higher amplitudes with lower and
-    higher friction coefficients.
+    By harmonic balance the amplitude of the shaded preloads is at most a fifth higher.  Hatched preloads have no value;
+    open triangles there are lower bounds.  A bar at the optimum is the range of its peak with more harmonics.  Diamonds
+    with bars are means and ranges in time.  Triangles to the left and to the right are clearly higher amplitudes with lower
+    and higher friction coefficients.
     """
     shown = SHOWN if ax is None else (validation.choice("quantity", quantity, SHOWN),)
     given = new_axes(height=3.5, rows=2, height_ratios=(1.8, 1.0)) if ax is None else ax
@@ -314,8 +314,8 @@ def _mark_optimum(ax: Axes, result: OptimalCurve) -> None:
     name = name if o.verified else (name if o.kind in ends else "least value") + ", not verified"
     fill = OPTIMUM if o.verified else "w"
     ax.plot(o.preload, o.amplitude, "*", color=OPTIMUM, markersize=9.0, markerfacecolor=fill, zorder=7.0)
-    low, high = result.preloads_within(NEAR_BEST * o.amplitude)
-    ax.axvspan(low, high, color=OPTIMUM, alpha=0.1, linewidth=0.0, label=f"at most {percent(NEAR_BEST - 1.0)} higher")
+    within = f"at most {percent(NEAR_BEST - 1.0)} higher by harmonic balance"
+    ax.axvspan(*result.near_best, color=OPTIMUM, alpha=0.1, linewidth=0.0, label=within)
     ax.margins(y=0.25)  # for the name
     lines = [f"{name}: {amount(o.preload, 'N')}, {amount(o.amplitude, 'm')}"]
     if k := result.optimum_in_time:

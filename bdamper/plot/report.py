@@ -25,7 +25,7 @@ from bdamper.mistuning.peak import DiskPeak
 from bdamper.mistuning.sample import MistunedSample
 from bdamper.plot.axes import save_figure
 from bdamper.response import linear_limits
-from bdamper.response.headline import NEAR_BEST, Check, checks, graded
+from bdamper.response.headline import Check, checks, graded
 from bdamper.response.highest_peak import highest_peak
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.response_curve import frequency_response
@@ -87,7 +87,7 @@ def write_report(
     interval = curve.settings.get("frequency")
     band = f", frequency=({interval[0]:.12g}, {interval[1]:.12g})" if interval else ""
     check = "" if curve.time_response else ", check=False"
-    low, high = curve.preloads_within(NEAR_BEST * best.amplitude)
+    low, high = curve.near_best
     found = lights(curve, fit)
     colours = [light.colour for light in found if light.name != "Contact constants" or fit is not None]
     other = [f"{light.name.lower()}: {light.found}" for light in found if light.colour == "red" and not light.failure]

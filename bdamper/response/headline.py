@@ -72,6 +72,7 @@ def checks(curve: OptimalCurve) -> list[Check]:
         _more_harmonics(curve),
         _other_friction(curve),
         _friction_range(curve),
+        *_ends_of_range(curve),
     ]  # fmt: skip
     for margins in curve.margins:
         least = float(margins.margin[np.abs(margins.preload - curve.recommended_preload).argmin()])
@@ -236,9 +237,36 @@ def _preload(curve: OptimalCurve) -> str:
     known = [k.preload for k in curve.time_response if known_in_time(k)]
     if least is not None and best in (known[0], known[-1]):
         where += f"; {'lower' if best == known[0] else 'higher'} preloads were not integrated"
-    low, high = curve.preloads_within(NEAR_BEST * o.amplitude)
     within = f"by harmonic balance the amplitude is within {percent(NEAR_BEST - 1.0)} of the minimum from"
-    return f"{where}; {within} {span(low, high, 'N')}{_steeper(curve)}.{_of_damper(curve, best)}"
+    low, high = curve.near_best
+    ends = f"; {_range_in_time(curve)}" if curve.range_in_time else ""
+    return f"{where}; {within} {span(low, high, 'N')}{_steeper(curve)}{ends}.{_of_damper(curve, best)}"
+
+
+def _rises_in_time(curve: OptimalCurve) -> list[float]:
+    """Return the largest amplitude in time at the ends of the range of preloads over the least one; NaN if unknown."""
+    least = curve.optimum_in_time
+    if least is None:
+        return [np.nan for _ in curve.range_in_time]
+    return [end.largest / least.largest if known_in_time(end) else np.nan for end in curve.range_in_time]
+
+
+def _range_in_time(curve: OptimalCurve) -> str:
+    """Return in words by how much the amplitude in time is higher at the ends of the range of preloads."""
+    ends = zip(_rises_in_time(curve), curve.range_in_time)
+    rises = [f"{percent(rise - 1.0)} at {amount(end.preload, 'N')}" for rise, end in ends]
+    return f"in time it is higher than its minimum by {' and '.join(rises)}"
+
+
+def _ends_of_range(curve: OptimalCurve) -> list[Check]:
+    """Compare the amplitude in time at the ends of the printed range with its minimum, if they were integrated."""
+    if not curve.range_in_time:
+        return []
+    rises = _rises_in_time(curve)
+    within = all(rise <= NEAR_BEST for rise in rises)  # False if one is unknown
+    colour = "green" if within else "amber"
+    rule = f"green up to {NEAR_BEST:g} times the least amplitude in time, amber above or if unknown"
+    return [Check(colour, "Ends of the range in time", _range_in_time(curve), rule)]
 
 
 def _of_damper(curve: OptimalCurve, preload: float) -> str:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bdamper.fatigue.margin import MarginCurve
 from bdamper.harmonic_balance.checks import Asking
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.response.headline import ENDS, checked_amplitudes, failed, headline, known_in_time
+from bdamper.response.headline import ENDS, NEAR_BEST, checked_amplitudes, failed, headline, known_in_time
 from bdamper.response.linear_limits import Limit
 from bdamper.response.motion_range import exceeds
 from bdamper.response.response_curve_result import ResponseCurve
@@ -179,7 +179,8 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
     )  # fmt: skip
 
     def __post_init__(self) -> None:
-        if self.requested is None or len(self.requested) == 0:  # files of version 0.10 and older have the requested preloads alone
+        # files of version 0.10 and older have the requested preloads alone
+        if self.requested is None or len(self.requested) == 0:
             object.__setattr__(self, "requested", np.ones(len(self.preload), bool))
 
     def __len__(self) -> int:
@@ -229,8 +230,24 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
         """Amplitude of the stuck limit over the amplitude of the optimum."""
         return self.stuck.amplitude / self.optimum.amplitude
 
+    @property
+    def near_best(self) -> tuple[float, float]:
+        """Range of preloads (N) in which the amplitude by harmonic balance is at most 1.2 times that of the optimum."""
+        return self.preloads_within(NEAR_BEST * self.optimum.amplitude)
+
+    @property
+    def range_in_time(self) -> tuple[TimeResponse, ...]:
+        """Time responses at the two ends of :attr:`near_best`; empty unless both ends were integrated."""
+        if not np.isfinite(self.optimum.preload):
+            return ()
+        ends = ([k for k in self.time_response if np.isclose(k.preload, p, rtol=1e-6, atol=0.0)] for p in self.near_best)
+        low, high = (found[0] if found else None for found in ends)
+        return (low, high) if low is not None and high is not None else ()
+
     def preloads_within(self, amplitude: float) -> tuple[float, float]:
         """Return the range of preloads (N) around the optimum in which the amplitude is at most the given one (m).
+
+        The amplitudes are computed by harmonic balance, and interpolated between the preloads of the curve.
 
         Raises
         ------

@@ -14,7 +14,7 @@ from bdamper.util.display import Fact, Plottable, Summarised, draw
 from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, status_word
 from bdamper.util.formatting import amount, counted, peak_text, percent, short_repr, span
 from bdamper.util.progress import Cost
-from bdamper.util.records import Record
+from bdamper.util.records import Data, Record
 from bdamper.util.storage import FilePath, Recorded, Storable
 from bdamper.util.tables import (
     ROW,
@@ -188,7 +188,7 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
     starts: Annotated[dict[str, float], Quantity("m")] = field(default_factory=dict)
     energy: tuple[float, ...] = ()
     growth: float = field(default=float("nan"), compare=False)
-    half_range: Metre = float("nan")
+    half_range: Annotated[float, Quantity("m"), Data(derived=True)] = float("nan")
     _summary_fields = (
         "mean", "lowest", "highest", "highest_period", "balance", "frequency", "fall", "preload", "structure", "diameters",
         "answers", "starts", "growth", "status",

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.response.headline import checks
 from bdamper.response.verification import Convergence, FrictionPeak, HarmonicPeak, TimeResponse
 from bdamper.time_domain import time_response as in_time
-from bdamper.util.formatting import amount, span
+from bdamper.util.formatting import amount, percent, span
 from tests.plain import plain_study
 
 
@@ -28,7 +29,7 @@ def keeps(problem, tracked, progress=None):
     top, p = tracked.peak.amplitude, tracked.preload
     mean = 0.9 * top * (1.0 + 1e-6 * (5000.0 - p))
     return TimeResponse(mean, 0.95 * mean, 1.1 * mean, tracked.peak.frequency, p, top, 1.1 * mean, 1.0, periods=480,
-                        diameters=(0, 5))  # fmt: skip
+                        diameters=(0, 5), half_range=mean)  # fmt: skip
 
 
 def test_by_default_it_is_computed_at_the_optimum_and_above(study, curve, monkeypatch, tmp_path):
@@ -84,6 +85,50 @@ def test_neighbours_on_request(study, curve, monkeypatch):
     assert np.isnan(doubtful.design_amplitude) and "esign amplitude" not in said
     stopped = replace(found, time_response=(low, replace(wide, status="interrupted"), high))
     assert stopped.optimum_in_time in (low, high)
+
+
+def test_the_ends_of_the_range_on_request(study, monkeypatch, tmp_path):
+    """In time the amplitude rises with the distance from the optimum, by another amount than by harmonic balance."""
+
+    def rises(problem, tracked, progress=None):
+        mean = 1e-4 * (1.0 + 0.5 * abs(np.log(tracked.preload / rises.best)))
+        values = mean, 0.9 * mean, 1.1 * mean, tracked.peak.frequency, tracked.preload, tracked.peak.amplitude
+        return TimeResponse(*values, 1.1 * mean, 1.0, periods=480, diameters=(0, 5), half_range=mean)
+
+    asked = (25.0, 100.0), 5
+    plain = study.optimal_curve(*asked, frequency=(280.0, 370.0), check=False)
+    rises.best = plain.optimum.preload
+    monkeypatch.setattr(in_time, "time_response", rises)
+    found = study.optimal_curve(*asked, frequency=(280.0, 370.0), check="range")
+    low, high = found.near_best
+    assert low < rises.best < high
+    assert found.near_best == plain.near_best == plain.preloads_within(1.2 * plain.optimum.amplitude)
+    expected = sorted([low, rises.best, 1.35 * rises.best, high])
+    np.testing.assert_allclose([k.preload for k in found.time_response], expected, rtol=1e-12)
+    assert [k.preload for k in found.range_in_time] == [low, high]
+    more = [0.5 * abs(np.log(p / rises.best)) for p in (low, high)]
+    ends = " and ".join(f"{percent(x)} at {amount(p, 'N')}" for x, p in zip(more, (low, high)))
+    assert f"; in time it is higher than its minimum by {ends}." in found._headline()
+    (light,) = [check for check in checks(found) if check.name == "Ends of the range in time"]
+    assert light.colour == ("green" if max(more) <= 0.2 else "amber") and ends in light.found
+    found.save(tmp_path / "optimal.h5")
+    assert bd.load(tmp_path / "optimal.h5").range_in_time == found.range_in_time
+    lost = [replace(k, mean=np.nan, status="not found: why") if k.preload == high else k for k in found.time_response]
+    unknown = replace(found, time_response=tuple(lost))
+    (light,) = [check for check in checks(unknown) if check.name == "Ends of the range in time"]
+    assert light.colour == "amber" and f"and unknown at {amount(high, 'N')}" in light.found
+    others = [k for k in found.time_response if k.preload != low]
+    assert not replace(found, time_response=tuple(others)).range_in_time
+    assert not plain.range_in_time and "in time" not in plain._headline().partition(". ")[0]
+
+
+def test_the_range_is_named_a_result_of_harmonic_balance(curve, tmp_path):
+    assert "by harmonic balance the amplitude is within 20 % of the minimum from" in curve._headline()
+    labels = curve.plot().axes[0].get_legend_handles_labels()[1]
+    assert "at most 20 % higher by harmonic balance" in labels
+    plt.close("all")
+    page = curve.report(tmp_path / "review.html").read_text()
+    assert "at most a fifth higher than its minimum, by harmonic balance: " in page
 
 
 def test_what_cannot_be_integrated_says_why(study, curve):
