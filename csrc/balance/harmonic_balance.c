@@ -1,24 +1,28 @@
 /* Residual and Jacobian of the harmonic balance equations in modal coordinates (paper, Eq. (16)).
  *
- * With the modal amplitudes q_l = c_l - i s_l of harmonic l, the relative motion at the contact points and the residual
- * are
+ * With the modal amplitudes q_l = c_l - i s_l of harmonic l, the relative motion at the contact
+ * points and the residual are
  *
  *     (u1, u2, v)_l = G_l q_l
  *     r_l = (K - (l omega)^2 M + i l omega C) q_l + G_l^H F_l - E_l,
  *
- * with diagonal K, M, C. In real numbers, with one row for the cosine and one for the sine part of each component,
+ * with diagonal K, M, C. In real numbers, with one row for the cosine and one for the sine part of
+ * each component,
  *
- *     Gr_l = [  Re G   Im G ]        acts on [c; s] and gives (cosine, sine);
- *            [ -Im G   Re G ]        its transpose gives modal forces, since G^H F = (Re G^T Fc - Im G^T Fs, ...).
+ *     Gr_l = [  Re G   Im G ]     acts on [c; s] and gives (cosine, sine);
+ *            [ -Im G   Re G ]     its transpose gives modal forces, since
+ *                                 G^H F = (Re G^T Fc - Im G^T Fs, ...).
  *
- * The contact law couples the harmonics at a point by a tangent B = dF/dX, hence J_lm = Gr_l^T B_lm Gr_m + linear part.
- * First Z = B Gr is computed for a chunk of components that fits the cache, then one matrix product for each harmonic.
+ * The contact law couples the harmonics at a point by a tangent B = dF/dX, hence J_lm = Gr_l^T B_lm
+ * Gr_m + linear part. First Z = B Gr is computed for a chunk of components that fits the cache,
+ * then one matrix product for each harmonic.
  *
- * Only components with a full B need these products. A component that sticks (or stays in contact) through the cycle has
- * B = k I and couples no harmonics. The sum K = Gr^T k Gr over all points is computed once for each of the three
- * components of motion. An evaluation either starts from K and subtracts the components that are not linear, or starts
- * from zero and adds the linear ones, depending on which are fewer. Thus open components cost nothing, and without
- * sticking points J contains no rounding error of K - K. */
+ * Only components with a full B need these products. A component that sticks (or stays in contact)
+ * through the cycle has B = k I and couples no harmonics. The sum K = Gr^T k Gr over all points is
+ * computed once for each of the three components of motion. An evaluation either starts from K and
+ * subtracts the components that are not linear, or starts from zero and adds the linear ones,
+ * depending on which are fewer. Thus open components cost nothing, and without sticking points J
+ * contains no rounding error of K - K. */
 #include "balance/harmonic_balance.h"
 
 #include "util/clock.h"
@@ -35,7 +39,8 @@ static void copy(double *to, const double *from, size_t n) {
 }
 
 /* Gr_l from the complex interleaved G_l (n_rows, n_mode). */
-static void expand_modes(double *real, const double *complex_G, size_t n_component, int n_mode, int l) {
+static void expand_modes(double *real, const double *complex_G, size_t n_component, int n_mode,
+                         int l) {
     const size_t n = (size_t)n_mode;
     for (size_t i = 0; i < n_component; ++i)
         for (size_t j = 0; j < n; ++j) {
@@ -68,7 +73,8 @@ static void set_elements(bd_hbm *hbm, const bd_hbm_input *in) {
 static double spring(const bd_element *element, int a) {
     if (element->law == BD_LAW_USER) return 0.0; /* unknown without a call of the law */
     if (a == 2) return element->kn;
-    return element->law == BD_LAW_BONDED || bd_element_has_friction(element, a) ? element->kt[a] : 0.0;
+    return element->law == BD_LAW_BONDED || bd_element_has_friction(element, a) ? element->kt[a]
+                                                                                : 0.0;
 }
 
 static size_t columns_of(const bd_hbm *hbm, int l) { return (size_t)(n_row(l) * hbm->n_mode[l]); }
@@ -88,10 +94,12 @@ static int linear_create(bd_hbm *hbm) {
         }
         for (size_t p = 0; p < (size_t)hbm->n_point; ++p)
             for (int a = 0; a < 3; ++a) {
-                const double k = spring(hbm->element + p, a), *g = rows_of(hbm, l, 3 * p + (size_t)a);
+                const double k = spring(hbm->element + p, a),
+                             *g = rows_of(hbm, l, 3 * p + (size_t)a);
                 for (size_t i = 0; i < rows; ++i)
                     for (size_t j = 0; j < n; ++j) scaled[i * stride + j] = k * g[i * n + j];
-                hbm->kernel->product(n, n, rows, g, scaled, stride, hbm->spring_stiffness[l] + (size_t)a * n * n, n);
+                hbm->kernel->product(n, n, rows, g, scaled, stride,
+                                     hbm->spring_stiffness[l] + (size_t)a * n * n, n);
             }
         free(scaled);
     }
@@ -101,13 +109,16 @@ static int linear_create(bd_hbm *hbm) {
 bd_status bd_hbm_create(bd_hbm *hbm, const bd_hbm_input *in) {
     memset(hbm, 0, sizeof *hbm);
     hbm->kernel = bd_kernel_get();
-    if (!hbm->kernel || in->n_harm < 1 || in->n_harm > BD_MAX_HARM || in->n_point < 0) return BD_BAD_ARGUMENT;
+    if (!hbm->kernel || in->n_harm < 1 || in->n_harm > BD_MAX_HARM || in->n_point < 0)
+        return BD_BAD_ARGUMENT;
     for (int p = 0; p < in->n_point; ++p)
-        if (in->law[p] < 0 || in->law[p] >= BD_N_LAW || !bd_evaluation_supports(in->evaluation, (bd_law)in->law[p]) ||
+        if (in->law[p] < 0 || in->law[p] >= BD_N_LAW ||
+            !bd_evaluation_supports(in->evaluation, (bd_law)in->law[p]) ||
             (in->law[p] == BD_LAW_USER && !(in->point_law && in->point_law[p].function)))
             return BD_BAD_ARGUMENT;
     bd_status status = bd_evaluator_create(&hbm->evaluator, in->evaluation, in->n_harm, in->n_time);
-    if (status == BD_OK) status = bd_evaluator_add_laws(&hbm->evaluator, in->n_point, in->point_law);
+    if (status == BD_OK)
+        status = bd_evaluator_add_laws(&hbm->evaluator, in->n_point, in->point_law);
     if (status != BD_OK) {
         bd_evaluator_destroy(&hbm->evaluator);
         return status;
@@ -154,8 +165,9 @@ bd_status bd_hbm_create(bd_hbm *hbm, const bd_hbm_input *in) {
     hbm->tangent_blocks = malloc(sizeof(double) * BD_LANES * 9 * n_coef * n_coef);
     hbm->tangent_modes = calloc(chunk * per_component + BD_KERNEL_PAD, sizeof(double));
     hbm->chunk_modes = calloc(chunk * n_column + BD_KERNEL_PAD, sizeof(double));
-    if (!hbm->stiffness || !hbm->mass || !hbm->damping || !hbm->force || !hbm->element || !hbm->point_law || !hbm->share ||
-        !hbm->shift || !hbm->X || !hbm->F || !hbm->harmonic_values || !hbm->shifted_amplitudes || !hbm->tangent_kind ||
+    if (!hbm->stiffness || !hbm->mass || !hbm->damping || !hbm->force || !hbm->element ||
+        !hbm->point_law || !hbm->share || !hbm->shift || !hbm->X || !hbm->F ||
+        !hbm->harmonic_values || !hbm->shifted_amplitudes || !hbm->tangent_kind ||
         !hbm->spring_stiffness || !hbm->tangent_blocks || !hbm->tangent_modes || !hbm->chunk_modes)
         goto no_memory;
     copy(hbm->stiffness, in->stiffness, n_modes);
@@ -224,8 +236,8 @@ void bd_hbm_motion(bd_hbm *hbm, const double *u) {
                 hbm->shifted_amplitudes[j] = q[n_mode + j];
                 hbm->shifted_amplitudes[n_mode + j] = -q[j];
             }
-            hbm->kernel->multiply_pairs(n_component, 2 * n_mode, hbm->G[l], q, hbm->shifted_amplitudes,
-                                        hbm->harmonic_values);
+            hbm->kernel->multiply_pairs(n_component, 2 * n_mode, hbm->G[l], q,
+                                        hbm->shifted_amplitudes, hbm->harmonic_values);
         }
         for (size_t i = 0; i < n_component; ++i) {
             double *X = hbm->X + i * n_coef;
@@ -251,12 +263,14 @@ void bd_hbm_add_force(bd_hbm *hbm, const double *F, double *r) {
                 hbm->harmonic_values[2 * i + 1] = f[2 * l];
             }
         }
-        hbm->kernel->multiply_transposed(n_component * (size_t)n_row(l), columns_of(hbm, l), hbm->G[l],
-                                         hbm->harmonic_values, r + hbm->first_unknown[l]);
+        hbm->kernel->multiply_transposed(n_component * (size_t)n_row(l), columns_of(hbm, l),
+                                         hbm->G[l], hbm->harmonic_values,
+                                         r + hbm->first_unknown[l]);
     }
 }
 
-void bd_hbm_linear_part(const bd_hbm *hbm, const double *u, double omega, double *r, double *J, double *r_omega) {
+void bd_hbm_linear_part(const bd_hbm *hbm, const double *u, double omega, double *r, double *J,
+                        double *r_omega) {
     const size_t n = (size_t)hbm->n_unknown;
     const double *k = hbm->stiffness, *m = hbm->mass, *c = hbm->damping;
     for (int l = 0; l <= hbm->n_harm; ++l) {
@@ -289,9 +303,11 @@ void bd_hbm_linear_part(const bd_hbm *hbm, const double *u, double omega, double
 
 /* ---- Jacobian ---- */
 
-/* Z and its rows of G hold, harmonic after harmonic, the rows (component of the chunk, cosine/sine). */
+/* Z and its rows of G hold, harmonic after harmonic, the rows (component of
+ * the chunk, cosine/sine). */
 static double *z_row(const bd_hbm *hbm, int l, size_t slot, int part) {
-    const size_t before = l == 0 ? 0 : (size_t)(2 * l - 1); /* rows for each component in lower harmonics */
+    /* rows for each component in lower harmonics */
+    const size_t before = l == 0 ? 0 : (size_t)(2 * l - 1);
     const size_t index = before * (size_t)hbm->chunk + slot * (size_t)n_row(l) + (size_t)part;
     return hbm->tangent_modes + index * bd_kernel_stride((size_t)hbm->n_unknown);
 }
@@ -307,8 +323,9 @@ static void flush_chunk(bd_hbm *hbm, double *J) {
     const size_t n = (size_t)hbm->n_unknown, stride = bd_kernel_stride(n);
     if (hbm->n_chunk == 0) return;
     for (int l = 0; l <= hbm->n_harm; ++l)
-        hbm->kernel->product(columns_of(hbm, l), n, (size_t)(hbm->n_chunk * n_row(l)), a_rows(hbm, l), z_row(hbm, l, 0, 0),
-                             stride, J + (size_t)hbm->first_unknown[l] * n, n);
+        hbm->kernel->product(columns_of(hbm, l), n, (size_t)(hbm->n_chunk * n_row(l)),
+                             a_rows(hbm, l), z_row(hbm, l, 0, 0), stride,
+                             J + (size_t)hbm->first_unknown[l] * n, n);
     hbm->n_chunk = 0;
 }
 
@@ -316,7 +333,8 @@ static void flush_chunk(bd_hbm *hbm, double *J) {
 static void add_component(bd_hbm *hbm, size_t p, int a, const bd_response *response, double *J) {
     const double *g[(BD_MAX_HARM + 1) * 3];
     double *z[BD_MAX_COEF];
-    bd_fill fill = {.n_harm = hbm->n_harm, .n_mode = hbm->n_mode, .first = hbm->first_unknown, .g = g, .z = z};
+    bd_fill fill = {
+        .n_harm = hbm->n_harm, .n_mode = hbm->n_mode, .first = hbm->first_unknown, .g = g, .z = z};
     size_t source[3];
     if (a == 2) {
         fill.block[0] = response->dN, source[0] = 2, fill.n_source = 1;
@@ -324,25 +342,31 @@ static void add_component(bd_hbm *hbm, size_t p, int a, const bd_response *respo
             fill.block[fill.n_source] = response->dNt[d], source[fill.n_source++] = d;
     } else {
         fill.block[0] = response->dT[a], source[0] = (size_t)a, fill.n_source = 1;
-        if (response->with_normal[a]) fill.block[fill.n_source] = response->dTv[a], source[fill.n_source++] = 2;
-        if (response->coupled) fill.block[fill.n_source] = response->dTc[a], source[fill.n_source++] = (size_t)(1 - a);
+        if (response->with_normal[a])
+            fill.block[fill.n_source] = response->dTv[a], source[fill.n_source++] = 2;
+        if (response->coupled)
+            fill.block[fill.n_source] = response->dTc[a], source[fill.n_source++] = (size_t)(1 - a);
     }
     const size_t slot = (size_t)hbm->n_chunk++;
     for (int l = 0; l <= hbm->n_harm; ++l) {
         const size_t size = (size_t)n_row(l) * columns_of(hbm, l);
-        for (int s = 0; s < fill.n_source; ++s) g[l * fill.n_source + s] = rows_of(hbm, l, 3 * p + source[s]);
-        for (int part = 0; part < n_row(l); ++part) z[l == 0 ? 0 : 2 * l - 1 + part] = z_row(hbm, l, slot, part);
+        for (int s = 0; s < fill.n_source; ++s)
+            g[l * fill.n_source + s] = rows_of(hbm, l, 3 * p + source[s]);
+        for (int part = 0; part < n_row(l); ++part)
+            z[l == 0 ? 0 : 2 * l - 1 + part] = z_row(hbm, l, slot, part);
         copy(a_rows(hbm, l) + slot * size, rows_of(hbm, l, 3 * p + (size_t)a), size);
     }
     hbm->kernel->fill_rows(&fill);
     if (hbm->n_chunk == hbm->chunk) flush_chunk(hbm, J);
 }
 
-/* J += sign * k g g^T, harmonic by harmonic, for the components a whose tangent is linear (or, with sign -1, is not). */
+/* J += sign * k g g^T, harmonic by harmonic, for the components a whose tangent is linear
+ * (or, with sign -1, is not). */
 static void add_springs(bd_hbm *hbm, int a, int linear, double sign, double *J) {
     const size_t n = (size_t)hbm->n_unknown;
     for (int l = 0; l <= hbm->n_harm; ++l) {
-        const size_t columns = columns_of(hbm, l), rows = (size_t)n_row(l), stride = bd_kernel_stride(columns);
+        const size_t columns = columns_of(hbm, l), rows = (size_t)n_row(l),
+                     stride = bd_kernel_stride(columns);
         double *to = J + (size_t)hbm->first_unknown[l] * n + (size_t)hbm->first_unknown[l];
         size_t slot = 0;
         for (size_t p = 0; p < (size_t)hbm->n_point; ++p) {
@@ -356,15 +380,16 @@ static void add_springs(bd_hbm *hbm, int a, int linear, double sign, double *J) 
                 ++slot;
             }
             if (slot == (size_t)hbm->chunk || p + 1 == (size_t)hbm->n_point) {
-                hbm->kernel->product(columns, columns, slot * rows, hbm->chunk_modes, hbm->tangent_modes, stride, to, n);
+                hbm->kernel->product(columns, columns, slot * rows, hbm->chunk_modes,
+                                     hbm->tangent_modes, stride, to, n);
                 slot = 0;
             }
         }
     }
 }
 
-/* Add the components that are linear through the cycle. In a speed family the sums over all points change with the
- * parameter and are not computed. */
+/* Add the components that are linear through the cycle. In a speed family the sums over all points
+ * change with the parameter and are not computed. */
 static void add_linear_components(bd_hbm *hbm, double *J) {
     const size_t n = (size_t)hbm->n_unknown;
     for (int a = 0; a < 3; ++a) {
@@ -382,7 +407,8 @@ static void add_linear_components(bd_hbm *hbm, double *J) {
             const size_t columns = columns_of(hbm, l), first = (size_t)hbm->first_unknown[l];
             const double *K = hbm->spring_stiffness[l] + (size_t)a * columns * columns;
             for (size_t i = 0; i < columns; ++i)
-                for (size_t j = 0; j < columns; ++j) J[(first + i) * n + first + j] += K[i * columns + j];
+                for (size_t j = 0; j < columns; ++j)
+                    J[(first + i) * n + first + j] += K[i * columns + j];
         }
         if (n_linear < n_spring) add_springs(hbm, a, 0, -1.0, J);
     }
@@ -408,8 +434,9 @@ static bd_response response_of(bd_hbm *hbm, size_t p, size_t lane, int tangent) 
 static void find_derivatives(bd_hbm *hbm, size_t first, size_t n, const bd_response *response) {
     const size_t size = 3 * (size_t)hbm->n_coef;
     for (size_t p = first; p < first + n; ++p)
-        bd_force_derivative(hbm->element + p, hbm->derivative->element + p, hbm->n_harm, hbm->X + p * size,
-                            hbm->derivative->X + p * size, response + (p - first), hbm->derivative->F + p * size);
+        bd_force_derivative(hbm->element + p, hbm->derivative->element + p, hbm->n_harm,
+                            hbm->X + p * size, hbm->derivative->X + p * size,
+                            response + (p - first), hbm->derivative->F + p * size);
 }
 
 /* Contact forces of all points and their contribution to J. */
@@ -421,7 +448,8 @@ static void contact_part(bd_hbm *hbm, double *J) {
     for (size_t first = 0; first < (size_t)hbm->n_point; first += BD_LANES) {
         const size_t left = (size_t)hbm->n_point - first, n = left < BD_LANES ? left : BD_LANES;
         for (size_t i = 0; i < n; ++i) response[i] = response_of(hbm, first + i, i, tangent);
-        bd_contact_evaluate_many((int)n, hbm->element + first, hbm->X + 3 * first * (size_t)hbm->n_coef, response,
+        bd_contact_evaluate_many((int)n, hbm->element + first,
+                                 hbm->X + 3 * first * (size_t)hbm->n_coef, response,
                                  hbm->share + first, &hbm->evaluator);
         if (hbm->derivative) find_derivatives(hbm, first, n, response);
         if (!J) continue;
@@ -453,15 +481,18 @@ static int all_finite(const double *x, size_t n) {
 static void set_not_finite(bd_hbm *hbm) {
     const size_t n = 3 * (size_t)hbm->n_point * (size_t)hbm->n_coef;
     for (size_t i = 0; i < n; ++i) hbm->X[i] = hbm->F[i] = NAN;
-    for (int p = 0; p < hbm->n_point; ++p) hbm->share[p] = (bd_status_share){{NAN, NAN}, {NAN, NAN}, NAN};
+    for (int p = 0; p < hbm->n_point; ++p)
+        hbm->share[p] = (bd_status_share){{NAN, NAN}, {NAN, NAN}, NAN};
 }
 
-bd_status bd_hbm_evaluate(bd_hbm *hbm, const double *u, double omega, double *r, double *J, double *r_omega) {
+bd_status bd_hbm_evaluate(bd_hbm *hbm, const double *u, double omega, double *r, double *J,
+                          double *r_omega) {
     return hbm->variation ? hbm->variation->evaluate(hbm, u, omega, r, J, r_omega)
                           : bd_hbm_evaluate_at(hbm, u, omega, r, J, r_omega);
 }
 
-bd_status bd_hbm_evaluate_at(bd_hbm *hbm, const double *u, double omega, double *r, double *J, double *r_omega) {
+bd_status bd_hbm_evaluate_at(bd_hbm *hbm, const double *u, double omega, double *r, double *J,
+                             double *r_omega) {
     const size_t n = (size_t)hbm->n_unknown;
     if (!all_finite(u, n) || !isfinite(omega)) {
         set_not_finite(hbm);

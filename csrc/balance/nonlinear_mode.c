@@ -1,24 +1,25 @@
-/* Nonlinear modes by extended periodic motion: a force proportional to mass times velocity balances the losses of the
- * autonomous system,
+/* Nonlinear modes by extended periodic motion: a force proportional to mass times velocity balances
+ * the losses of the autonomous system,
  *
  *     M q'' + (C - xi M) q' + K q + f_c(q) = f_static,      xi = 2 omega zeta,
  *
- * with the modal damping zeta (Krack 2015). Let Q_l = a P_l for the harmonics l > 0. Q_0 is not scaled. The equations of
- * l > 0 are divided by a, so small vibration under a large static force loses no digits:
+ * with the modal damping zeta (Krack 2015). Let Q_l = a P_l for the harmonics l > 0. Q_0 is not
+ * scaled. The equations of l > 0 are divided by a, so small vibration under a large static force
+ * loses no digits:
  *
  *     R_0 = K Q_0 + F_0(Q) - f_static,
  *     R_l/a = [K - (l omega)^2 M + i l omega (C - xi M)] P_l + F_l(Q)/a,
  *     weight (re . P - 1) = 0,  weight im . P = 0.
  *
- * The last two equations make a the amplitude of a selected motion and fix its phase. With the Jacobian S + J of the
- * sector at Q,
+ * The last two equations make a the amplitude of a selected motion and fix its phase. With the
+ * Jacobian S + J of the sector at Q,
  *
- *     d(R_l/a)/dP_k = (S + J)_lk             d(R_l/a)/dQ_0 = J_l0/a
- *     dR_0/dP_k = a J_0k                     dR_0/d ln a = a sum_k J_0k P_k
- *     d(R_l/a)/dxi = -i l omega M P_l        d(R_l/a)/d ln a = sum_k (S + J)_lk P_k - R_l/a,      k > 0.
+ *     d(R_l/a)/dP_k = (S + J)_lk          d(R_l/a)/dQ_0 = J_l0/a
+ *     dR_0/dP_k = a J_0k                  dR_0/d ln a = a sum_k J_0k P_k
+ *     d(R_l/a)/dxi = -i l omega M P_l     d(R_l/a)/d ln a = sum_k (S + J)_lk P_k - R_l/a,  k > 0.
  *
- * d(R_l/a)/domega is the derivative of the sector with C - xi M instead of C, plus 2 zeta d(R_l/a)/dxi. The unknown is
- * zeta. The force does not act on coordinates without mass. */
+ * d(R_l/a)/domega is the derivative of the sector with C - xi M instead of C, plus 2 zeta
+ * d(R_l/a)/dxi. The unknown is zeta. The force does not act on coordinates without mass. */
 #include "balance/nonlinear_mode.h"
 
 #include <math.h>
@@ -51,11 +52,13 @@ static bd_status evaluate_sector(modes_equations *modes, double omega, double xi
     double *damping = hbm->damping, *force = hbm->force;
     size_t mode = 0;
     for (int l = 0; l <= hbm->n_harm; ++l)
-        for (int j = 0; j < hbm->n_mode[l]; ++j, ++mode) modes->damping[mode] = damping[mode] - xi * hbm->mass[mode];
+        for (int j = 0; j < hbm->n_mode[l]; ++j, ++mode)
+            modes->damping[mode] = damping[mode] - xi * hbm->mass[mode];
     hbm->damping = modes->damping;
     hbm->force = modes->force;
     const bd_status status =
-        bd_hbm_evaluate(hbm, modes->u, omega, modes->r, derivative ? modes->J : NULL, derivative ? modes->C : NULL);
+        bd_hbm_evaluate(hbm, modes->u, omega, modes->r, derivative ? modes->J : NULL,
+                        derivative ? modes->C : NULL);
     hbm->damping = damping;
     hbm->force = force;
     return status;
@@ -76,9 +79,11 @@ static void differentiate_by_xi(modes_equations *modes, const double *y, double 
     }
 }
 
-static void fill_jacobian(modes_equations *modes, const double *y, double omega, double zeta, double a) {
+static void fill_jacobian(modes_equations *modes, const double *y, double omega, double zeta,
+                          double a) {
     bd_equations *e = &modes->dense.base;
-    const size_t n = (size_t)modes->sector->dense.base.n, n2 = n + 2, mean = (size_t)modes->sector->hbm.n_mode[0];
+    const size_t n = (size_t)modes->sector->dense.base.n, n2 = n + 2,
+                 mean = (size_t)modes->sector->hbm.n_mode[0];
     for (size_t i = 0; i < n; ++i) {
         const double *from = modes->J + i * n;
         double *to = e->J + i * n2;
@@ -99,7 +104,8 @@ static void fill_jacobian(modes_equations *modes, const double *y, double omega,
 
 static bd_status evaluate(bd_equations *e, const double *y, int derivative) {
     modes_equations *modes = (modes_equations *)e;
-    const size_t n = (size_t)modes->sector->dense.base.n, mean = (size_t)modes->sector->hbm.n_mode[0];
+    const size_t n = (size_t)modes->sector->dense.base.n,
+                 mean = (size_t)modes->sector->hbm.n_mode[0];
     const double omega = y[n], zeta = y[n + 1], a = exp(y[n + 2]);
     for (size_t i = 0; i < n; ++i) modes->u[i] = i < mean ? y[i] : a * y[i];
     const bd_status status = evaluate_sector(modes, omega, 2.0 * omega * zeta, derivative);
@@ -123,19 +129,21 @@ static void destroy(bd_equations *e) {
     free(modes);
 }
 
-static const bd_equations_type MODES = {evaluate, bd_dense_factor, bd_dense_solve, bd_dense_solve_transposed,
-                                        NULL,     destroy};
+static const bd_equations_type MODES = {evaluate,       bd_dense_factor,
+                                        bd_dense_solve, bd_dense_solve_transposed,
+                                        NULL,           destroy};
 
-bd_status bd_modes_create(bd_equations **out, bd_sector *sector, const double *re, const double *im, double weight,
-                          const double *row_scale) {
+bd_status bd_modes_create(bd_equations **out, bd_sector *sector, const double *re, const double *im,
+                          double weight, const double *row_scale) {
     const bd_hbm *hbm = &sector->hbm;
     const size_t n = (size_t)hbm->n_unknown, mean = (size_t)hbm->n_mode[0];
     *out = NULL;
-    if (hbm->variation) return BD_BAD_ARGUMENT; /* the arrays of a family are undefined before an evaluation */
+    /* the arrays of a family are undefined before an evaluation */
+    if (hbm->variation) return BD_BAD_ARGUMENT;
     modes_equations *modes = calloc(1, sizeof *modes);
     if (!modes) return BD_NO_MEMORY;
-    bd_status status =
-        bd_dense_create(&modes->dense, &MODES, (int)n + 2, row_scale, &sector->dense.lapack, sector->dense.base.cost);
+    bd_status status = bd_dense_create(&modes->dense, &MODES, (int)n + 2, row_scale,
+                                       &sector->dense.lapack, sector->dense.base.cost);
     size_t n_mode = 0;
     for (int l = 0; l <= hbm->n_harm; ++l) n_mode += (size_t)hbm->n_mode[l];
     modes->memory = calloc(7 * n + n * n + n_mode, sizeof(double));

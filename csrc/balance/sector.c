@@ -1,7 +1,7 @@
 /* Equations of one sector, with omega or a factor on the excitation as parameter.
  *
- * The factor s multiplies the vibratory excitation at fixed omega. It starts a response from the static state, or fades
- * out a linear support S of a free body:
+ * The factor s multiplies the vibratory excitation at fixed omega. It starts a response from the
+ * static state, or fades out a linear support S of a free body:
  *
  *     r(u, omega) + (1 - s) ramp + (1/s - 1) S u = 0,      0 < s <= 1.
  *
@@ -14,7 +14,8 @@
 
 static bd_status evaluate_sector(bd_equations *e, const double *y, int derivative) {
     bd_hbm *hbm = &((bd_sector *)e)->hbm;
-    return bd_hbm_evaluate(hbm, y, y[e->n], e->r, derivative ? e->J : NULL, derivative ? e->C : NULL);
+    return bd_hbm_evaluate(hbm, y, y[e->n], e->r, derivative ? e->J : NULL,
+                           derivative ? e->C : NULL);
 }
 
 static void destroy_sector(bd_equations *e) {
@@ -24,8 +25,9 @@ static void destroy_sector(bd_equations *e) {
     free(sector);
 }
 
-static const bd_equations_type SECTOR = {evaluate_sector, bd_dense_factor, bd_dense_solve, bd_dense_solve_transposed, NULL,
-                                         destroy_sector};
+static const bd_equations_type SECTOR = {
+    evaluate_sector, bd_dense_factor, bd_dense_solve, bd_dense_solve_transposed, NULL,
+    destroy_sector};
 
 bd_status bd_sector_create(bd_sector **sector, const bd_hbm_input *input, const double *row_scale,
                            const bd_lapack *lapack) {
@@ -34,8 +36,8 @@ bd_status bd_sector_create(bd_sector **sector, const bd_hbm_input *input, const 
     if (!new_sector) return BD_NO_MEMORY;
     bd_status status = bd_hbm_create(&new_sector->hbm, input);
     if (status == BD_OK) {
-        status = bd_dense_create(&new_sector->dense, &SECTOR, new_sector->hbm.n_unknown, row_scale, lapack,
-                                 &new_sector->hbm.cost);
+        status = bd_dense_create(&new_sector->dense, &SECTOR, new_sector->hbm.n_unknown, row_scale,
+                                 lapack, &new_sector->hbm.cost);
         if (status != BD_OK) bd_hbm_destroy(&new_sector->hbm);
     }
     if (status == BD_OK)
@@ -73,7 +75,8 @@ static void add_support(const eased_equations *eased, const double *y, int deriv
 static bd_status evaluate_eased(bd_equations *e, const double *y, int derivative) {
     const eased_equations *eased = (const eased_equations *)e;
     const size_t n = (size_t)e->n;
-    const bd_status status = bd_hbm_evaluate(&eased->sector->hbm, y, eased->omega, e->r, derivative ? e->J : NULL, NULL);
+    const bd_status status =
+        bd_hbm_evaluate(&eased->sector->hbm, y, eased->omega, e->r, derivative ? e->J : NULL, NULL);
     for (size_t i = 0; i < n; ++i) {
         e->r[i] += (1.0 - y[n]) * eased->ramp[i];
         if (derivative) e->C[i] = -eased->ramp[i];
@@ -91,16 +94,18 @@ static void destroy_eased(bd_equations *e) {
     free(eased);
 }
 
-static const bd_equations_type EASED = {evaluate_eased, bd_dense_factor, bd_dense_solve, bd_dense_solve_transposed,
+static const bd_equations_type EASED = {evaluate_eased, bd_dense_factor,
+                                        bd_dense_solve, bd_dense_solve_transposed,
                                         NULL,           destroy_eased};
 
-bd_status bd_eased_create(bd_equations **out, bd_sector *sector, double omega, const double *ramp, const double *support) {
+bd_status bd_eased_create(bd_equations **out, bd_sector *sector, double omega, const double *ramp,
+                          const double *support) {
     const size_t n = (size_t)sector->dense.base.n, n_support = support ? n * n : 0;
     *out = NULL;
     eased_equations *eased = calloc(1, sizeof *eased);
     if (!eased) return BD_NO_MEMORY;
-    bd_status status = bd_dense_create(&eased->dense, &EASED, (int)n, sector->dense.base.row_scale, &sector->dense.lapack,
-                                       sector->dense.base.cost);
+    bd_status status = bd_dense_create(&eased->dense, &EASED, (int)n, sector->dense.base.row_scale,
+                                       &sector->dense.lapack, sector->dense.base.cost);
     eased->sector = sector;
     eased->omega = omega;
     eased->ramp = malloc(sizeof(double) * (n + n_support));

@@ -1,9 +1,12 @@
-/* Harmonic balance equations along the line omega = EO Omega, if all arrays change with the rotor speed Omega.
+/* Harmonic balance equations along the line omega = EO Omega, if all arrays change with the rotor
+ * speed Omega.
  *
- * Each array a (stiffness, mass, damping, modes at the contact points, contact parameters, sliders, static displacement,
- * forces) is a polynomial of the squared speed p = (omega/EO)^2 through nodes p_i in Lagrange form,
+ * Each array a (stiffness, mass, damping, modes at the contact points, contact parameters, sliders,
+ * static displacement, forces) is a polynomial of the squared speed p = (omega/EO)^2 through nodes
+ * p_i in Lagrange form,
  *
- *     a(p) = sum_i l_i(p) a_i,    l_i(p) = w_i prod_{k != i} (p - p_k),    w_i = 1/prod_{k != i} (p_i - p_k).
+ *     a(p) = sum_i l_i(p) a_i,
+ *     l_i(p) = w_i prod_{k != i} (p - p_k),    w_i = 1/prod_{k != i} (p_i - p_k).
  *
  * The residual R(u, omega) = r(u, omega; a(p)) has the derivative along the line
  *
@@ -13,9 +16,9 @@
  *
  *     r_a a' = (K' - (l omega)^2 M' + i l omega C') q - E' + G'^H F + G^H F'.
  *
- * F' is the change of the contact force due to the motion X' = G' q + shift' and to the changing contact parameters
- * (contact/force_derivative.c). If J is computed, the tangents of the laws are available, and R_omega costs little more
- * than the polynomials. */
+ * F' is the change of the contact force due to the motion X' = G' q + shift' and to the changing
+ * contact parameters (contact/force_derivative.c). If J is computed, the tangents of the laws are
+ * available, and R_omega costs little more than the polynomials. */
 #include "balance/speed_family.h"
 
 #include <math.h>
@@ -41,12 +44,15 @@ static size_t count_modes(const bd_hbm *hbm) {
 }
 
 /* Independent numbers of a row of G: real for the mean, real and imaginary for a harmonic. */
-static size_t n_independent(const bd_hbm *hbm, int l) { return (size_t)((l == 0 ? 1 : 2) * hbm->n_mode[l]); }
+static size_t n_independent(const bd_hbm *hbm, int l) {
+    return (size_t)((l == 0 ? 1 : 2) * hbm->n_mode[l]);
+}
 
 enum { OF_POINT = 8 }; /* parameters of a contact point */
 
 static size_t count_values(const bd_hbm *hbm) {
-    size_t n = 3 * count_modes(hbm) + (size_t)hbm->n_unknown + (3 + OF_POINT) * (size_t)hbm->n_point;
+    size_t n =
+        3 * count_modes(hbm) + (size_t)hbm->n_unknown + (3 + OF_POINT) * (size_t)hbm->n_point;
     for (int l = 0; l <= hbm->n_harm; ++l) n += 3 * (size_t)hbm->n_point * n_independent(hbm, l);
     return n;
 }
@@ -60,7 +66,8 @@ static void pack(const bd_hbm *hbm, double *flat) {
     flat = append(flat, hbm->shift, n_component);
     for (int p = 0; p < hbm->n_point; ++p) {
         const bd_element *e = hbm->element + p;
-        const double parameter[OF_POINT] = {e->kt[0], e->kt[1], e->kn, e->mu, e->n0, e->w[0], e->w[1], e->load};
+        const double parameter[OF_POINT] = {e->kt[0], e->kt[1], e->kn,   e->mu,
+                                            e->n0,    e->w[0],  e->w[1], e->load};
         flat = append(flat, parameter, OF_POINT);
     }
     for (int l = 0; l <= hbm->n_harm; ++l) {
@@ -122,18 +129,20 @@ static void set_basis_derivatives(bd_family *family, double p, double by_omega) 
 /* Arrays of equations as sums of the nodes times the basis. */
 static void interpolate(bd_family *family, bd_hbm *to) {
     memset(family->interpolated, 0, sizeof(double) * family->n_value);
-    to->kernel->multiply_transposed((size_t)family->n_node, family->n_value, family->node_values, family->basis,
-                                    family->interpolated);
+    to->kernel->multiply_transposed((size_t)family->n_node, family->n_value, family->node_values,
+                                    family->basis, family->interpolated);
     unpack(family->interpolated, to);
 }
 
 /* ---- equations along the line ---- */
 
-static bd_status family_evaluate(bd_hbm *hbm, const double *u, double omega, double *r, double *J, double *r_omega) {
+static bd_status family_evaluate(bd_hbm *hbm, const double *u, double omega, double *r, double *J,
+                                 double *r_omega) {
     bd_family *family = (bd_family *)hbm->variation;
     const size_t n = (size_t)hbm->n_unknown;
     const double speed = omega / family->order, p = speed * speed;
-    if (!(p >= family->lowest && p <= family->highest)) return bd_hbm_evaluate_at(hbm, u, NAN, r, NULL, NULL);
+    if (!(p >= family->lowest && p <= family->highest))
+        return bd_hbm_evaluate_at(hbm, u, NAN, r, NULL, NULL);
     set_basis(family, p);
     interpolate(family, hbm);
     if (!r_omega) return bd_hbm_evaluate_at(hbm, u, omega, r, J, NULL);
@@ -169,7 +178,8 @@ static void family_destroy(bd_variation *variation) {
 }
 
 static int same_sizes(const bd_hbm *a, const bd_hbm *b) {
-    if (a->n_point != b->n_point || a->n_harm != b->n_harm || a->variation || b->variation) return 0;
+    if (a->n_point != b->n_point || a->n_harm != b->n_harm || a->variation || b->variation)
+        return 0;
     if (memcmp(a->n_mode, b->n_mode, sizeof(int) * ((size_t)a->n_harm + 1)) != 0) return 0;
     for (int p = 0; p < a->n_point; ++p)
         if (a->element[p].law != b->element[p].law || a->element[p].law == BD_LAW_USER) return 0;
@@ -197,8 +207,8 @@ static bd_status read_nodes(bd_family *family, const bd_hbm *const *node, const 
     return BD_OK;
 }
 
-bd_status bd_family_create(bd_hbm *hbm, const bd_hbm_input *input, int n_node, const bd_hbm *const *node,
-                           const double *square, double order) {
+bd_status bd_family_create(bd_hbm *hbm, const bd_hbm_input *input, int n_node,
+                           const bd_hbm *const *node, const double *square, double order) {
     if (n_node < 2 || !(order > 0.0) || hbm->variation) return BD_BAD_ARGUMENT;
     for (int i = 0; i < n_node; ++i)
         if (!same_sizes(hbm, node[i])) return BD_BAD_ARGUMENT;
@@ -218,7 +228,8 @@ bd_status bd_family_create(bd_hbm *hbm, const bd_hbm_input *input, int n_node, c
     family->node_values = malloc(sizeof(double) * (n * family->n_value + BD_KERNEL_PAD));
     family->interpolated = malloc(sizeof(double) * (family->n_value + BD_KERNEL_PAD));
     family->speed_derivative = malloc(sizeof(double) * ((size_t)hbm->n_unknown + BD_KERNEL_PAD));
-    if (!family->squared_speed || !family->node_values || !family->interpolated || !family->speed_derivative) {
+    if (!family->squared_speed || !family->node_values || !family->interpolated ||
+        !family->speed_derivative) {
         family_destroy(&family->variation);
         return BD_NO_MEMORY;
     }

@@ -1,4 +1,5 @@
-/* Argument checks. Arrays must have the required dtype, shape and layout: Python converts, C refuses. */
+/* Argument checks. Arrays must have the required dtype, shape and layout:
+ * Python converts, C refuses. */
 #include "binding/binding.h"
 
 #include <math.h>
@@ -29,21 +30,24 @@ static PyObject *shape_text(int n_dim, const npy_intp *shape) {
 }
 
 static int raise_shape(PyArrayObject *array, const char *name, int n_dim, const npy_intp *shape) {
-    PyObject *expected = shape_text(n_dim, shape), *found = shape_text(PyArray_NDIM(array), PyArray_DIMS(array));
-    if (expected && found) PyErr_Format(PyExc_ValueError, "%s: expected shape %U, found %U", name, expected, found);
+    PyObject *expected = shape_text(n_dim, shape),
+             *found = shape_text(PyArray_NDIM(array), PyArray_DIMS(array));
+    if (expected && found)
+        PyErr_Format(PyExc_ValueError, "%s: expected shape %U, found %U", name, expected, found);
     Py_XDECREF(expected);
     Py_XDECREF(found);
     return 0;
 }
 
-/* Register a contiguous array of the call. Refuse memory shared with another array if one of them is an output. */
+/* Register a contiguous array of the call. Refuse memory shared with another array if one of them
+ * is an output. */
 static int enter(core_arguments *arguments, PyArrayObject *array, const char *name, int output) {
     const char *start = PyArray_BYTES(array), *end = start + PyArray_NBYTES(array);
     for (int i = 0; i < arguments->n; ++i) {
         const int disjoint = end <= arguments->array[i].start || arguments->array[i].end <= start;
         if (disjoint || (!output && !arguments->array[i].output)) continue;
-        PyErr_Format(PyExc_ValueError, "%s: expected a separate array, found memory shared with %s", name,
-                     arguments->array[i].name);
+        PyErr_Format(PyExc_ValueError, "%s: expected a separate array, found memory shared with %s",
+                     name, arguments->array[i].name);
         return 0;
     }
     const int i = arguments->n++;
@@ -54,34 +58,39 @@ static int enter(core_arguments *arguments, PyArrayObject *array, const char *na
     return 1;
 }
 
-void *core_array(core_arguments *arguments, PyObject *object, const char *name, int type, const char *type_name, int n_dim,
-                 const npy_intp *shape, int output) {
+void *core_array(core_arguments *arguments, PyObject *object, const char *name, int type,
+                 const char *type_name, int n_dim, const npy_intp *shape, int output) {
     if (!PyArray_Check(object)) {
-        PyErr_Format(PyExc_TypeError, "%s: expected a numpy array, found %s", name, Py_TYPE(object)->tp_name);
+        PyErr_Format(PyExc_TypeError, "%s: expected a numpy array, found %s", name,
+                     Py_TYPE(object)->tp_name);
         return NULL;
     }
     PyArrayObject *array = (PyArrayObject *)object;
     if (PyArray_TYPE(array) != type || !PyArray_ISNOTSWAPPED(array)) {
-        PyErr_Format(PyExc_TypeError, "%s: expected dtype %s, found %R", name, type_name, PyArray_DESCR(array));
+        PyErr_Format(PyExc_TypeError, "%s: expected dtype %s, found %R", name, type_name,
+                     PyArray_DESCR(array));
         return NULL;
     }
     if (!has_shape(array, n_dim, shape)) {
         raise_shape(array, name, n_dim, shape);
         return NULL;
     }
-    if (!PyArray_IS_C_CONTIGUOUS(array) || !PyArray_ISALIGNED(array) || (output && !PyArray_ISWRITEABLE(array))) {
-        PyErr_Format(PyExc_ValueError, "%s: expected an aligned C-contiguous%s array", name, output ? ", writable" : "");
+    if (!PyArray_IS_C_CONTIGUOUS(array) || !PyArray_ISALIGNED(array) ||
+        (output && !PyArray_ISWRITEABLE(array))) {
+        PyErr_Format(PyExc_ValueError, "%s: expected an aligned C-contiguous%s array", name,
+                     output ? ", writable" : "");
         return NULL;
     }
     return enter(arguments, array, name, output) ? PyArray_DATA(array) : NULL;
 }
 
-double *core_doubles(core_arguments *arguments, PyObject *object, const char *name, int n_dim, const npy_intp *shape,
-                     int output) {
+double *core_doubles(core_arguments *arguments, PyObject *object, const char *name, int n_dim,
+                     const npy_intp *shape, int output) {
     return core_array(arguments, object, name, NPY_DOUBLE, "float64", n_dim, shape, output);
 }
 
-double *core_vector(core_arguments *arguments, PyObject *object, const char *name, npy_intp n, int output) {
+double *core_vector(core_arguments *arguments, PyObject *object, const char *name, npy_intp n,
+                    int output) {
     return core_doubles(arguments, object, name, 1, &n, output);
 }
 
@@ -96,14 +105,16 @@ static int in_range(double x, core_range range) {
 }
 
 static void raise_number(double x, const char *name, core_range range, npy_intp at, npy_intp n) {
-    static const char *const text[] = {"finite", "finite non-negative", "finite positive", "finite negative"};
+    static const char *const text[] = {"finite", "finite non-negative", "finite positive",
+                                       "finite negative"};
     PyObject *value = PyFloat_FromDouble(x);
     if (!value) return;
     if (n == 1)
-        PyErr_Format(PyExc_ValueError, "%s: expected a %s number, found %R", name, text[range], value);
+        PyErr_Format(PyExc_ValueError, "%s: expected a %s number, found %R", name, text[range],
+                     value);
     else
-        PyErr_Format(PyExc_ValueError, "%s: expected %s numbers, found %R at flat index %zd", name, text[range], value,
-                     (Py_ssize_t)at);
+        PyErr_Format(PyExc_ValueError, "%s: expected %s numbers, found %R at flat index %zd", name,
+                     text[range], value, (Py_ssize_t)at);
     Py_DECREF(value);
 }
 
@@ -116,10 +127,12 @@ int core_check_numbers(const double *x, npy_intp n, const char *name, core_range
     return 1;
 }
 
-int core_check_number(double x, const char *name, core_range range) { return core_check_numbers(&x, 1, name, range); }
+int core_check_number(double x, const char *name, core_range range) {
+    return core_check_numbers(&x, 1, name, range);
+}
 
-double *core_numbers(core_arguments *arguments, PyObject *object, const char *name, int n_dim, const npy_intp *shape,
-                     core_range range) {
+double *core_numbers(core_arguments *arguments, PyObject *object, const char *name, int n_dim,
+                     const npy_intp *shape, core_range range) {
     npy_intp n = 1;
     for (int i = 0; i < n_dim; ++i) n *= shape[i];
     double *x = core_doubles(arguments, object, name, n_dim, shape, BD_INPUT);
@@ -128,21 +141,26 @@ double *core_numbers(core_arguments *arguments, PyObject *object, const char *na
 
 int core_check_n_harm(npy_intp n_harm) {
     if (n_harm >= 1 && n_harm <= BD_MAX_HARM) return 1;
-    PyErr_Format(PyExc_ValueError, "number of harmonics: expected 1 to %d, found %zd", BD_MAX_HARM, (Py_ssize_t)n_harm);
+    PyErr_Format(PyExc_ValueError, "number of harmonics: expected 1 to %d, found %zd", BD_MAX_HARM,
+                 (Py_ssize_t)n_harm);
     return 0;
 }
 
 int core_check_evaluation(int evaluation, int n_time, int n_harm) {
     if (evaluation < BD_EXACT || evaluation > BD_SAMPLED_PLAIN) {
-        PyErr_Format(PyExc_ValueError, "evaluation: expected 0 (exact), 1 (sampled) or 2 (plain), found %d", evaluation);
+        PyErr_Format(PyExc_ValueError,
+                     "evaluation: expected 0 (exact), 1 (sampled) or 2 (plain), found %d",
+                     evaluation);
         return 0;
     }
     if (evaluation == BD_EXACT && n_time != 0) {
-        PyErr_Format(PyExc_ValueError, "n_time: expected 0 with evaluation 0 (exact), found %d", n_time);
+        PyErr_Format(PyExc_ValueError, "n_time: expected 0 with evaluation 0 (exact), found %d",
+                     n_time);
         return 0;
     }
     if (evaluation != BD_EXACT && (n_time < 4 * n_harm + 4 || n_time > 1 << 20)) {
-        PyErr_Format(PyExc_ValueError, "n_time: expected %d to %d samples for %d harmonics, found %d", 4 * n_harm + 4,
+        PyErr_Format(PyExc_ValueError,
+                     "n_time: expected %d to %d samples for %d harmonics, found %d", 4 * n_harm + 4,
                      1 << 20, n_harm, n_time);
         return 0;
     }
@@ -156,18 +174,22 @@ int core_check_law(int law, int evaluation) {
     }
     if (bd_evaluation_supports((bd_evaluation)evaluation, (bd_law)law)) return 1;
     PyErr_Format(PyExc_ValueError,
-                 "law: the coupled laws (%d, %d) have no exact evaluation; expected evaluation 1 or 2, found 0",
+                 "law: the coupled laws (%d, %d) have no exact evaluation; expected evaluation 1 "
+                 "or 2, found 0",
                  BD_LAW_COUPLED, BD_LAW_COUPLED_CONSTANT);
     return 0;
 }
 
-/* An infinite slider denotes an end of the interval of residual tractions, which exists for the 1-D laws only. */
+/* An infinite slider denotes an end of the interval of residual tractions, which exists for the 1-D
+ * laws only. */
 int core_check_slider(const double *w, int law) {
     const int one_d = law == BD_LAW_SEPARABLE || law == BD_LAW_CONSTANT;
     for (int d = 0; d < 2; ++d) {
         if (isfinite(w[d]) || (one_d && !isnan(w[d]))) continue;
         PyObject *value = PyFloat_FromDouble(w[d]);
-        if (value) PyErr_Format(PyExc_ValueError, "w: expected finite numbers under law %d, found %R", law, value);
+        if (value)
+            PyErr_Format(PyExc_ValueError, "w: expected finite numbers under law %d, found %R", law,
+                         value);
         Py_XDECREF(value);
         return 0;
     }
@@ -178,38 +200,46 @@ int core_check_slider(const double *w, int law) {
 static const double *law_numbers(PyObject *object, const char *name, npy_intp least, int *n) {
     PyArrayObject *array = (PyArrayObject *)object;
     if (!PyArray_Check(object) || PyArray_TYPE(array) != NPY_DOUBLE || PyArray_NDIM(array) != 1 ||
-        !PyArray_ISCARRAY_RO(array) || PyArray_DIM(array, 0) < least || PyArray_DIM(array, 0) > 10000) {
-        PyErr_Format(PyExc_TypeError, "own: expected %s as a vector of at least %zd float64", name, (Py_ssize_t)least);
+        !PyArray_ISCARRAY_RO(array) || PyArray_DIM(array, 0) < least ||
+        PyArray_DIM(array, 0) > 10000) {
+        PyErr_Format(PyExc_TypeError, "own: expected %s as a vector of at least %zd float64", name,
+                     (Py_ssize_t)least);
         return NULL;
     }
     *n = (int)PyArray_DIM(array, 0);
-    return core_check_numbers(PyArray_DATA(array), *n, name, BD_FINITE) ? PyArray_DATA(array) : NULL;
+    return core_check_numbers(PyArray_DATA(array), *n, name, BD_FINITE) ? PyArray_DATA(array)
+                                                                        : NULL;
 }
 
 static int read_point_law(PyObject *item, bd_point_law *point_law) {
     if (item == Py_None) return 1;
     if (!PyTuple_Check(item) || PyTuple_GET_SIZE(item) < 3) {
-        PyErr_SetString(PyExc_TypeError, "own: expected None or (function, parameters, memory) for each point");
+        PyErr_SetString(PyExc_TypeError,
+                        "own: expected None or (function, parameters, memory) for each point");
         return 0;
     }
     PyObject *function = PyTuple_GET_ITEM(item, 0);
-    if (PyTuple_Check(function) && PyTuple_GET_SIZE(function) > 0) function = PyTuple_GET_ITEM(function, 0);
+    if (PyTuple_Check(function) && PyTuple_GET_SIZE(function) > 0)
+        function = PyTuple_GET_ITEM(function, 0);
     if (!PyCapsule_CheckExact(function)) {
-        PyErr_Format(PyExc_TypeError, "own: expected a capsule, found %s", Py_TYPE(function)->tp_name);
+        PyErr_Format(PyExc_TypeError, "own: expected a capsule, found %s",
+                     Py_TYPE(function)->tp_name);
         return 0;
     }
     void *pointer = PyCapsule_GetPointer(function, PyCapsule_GetName(function));
     if (!pointer) return 0;
     memcpy(&point_law->function, &pointer, sizeof pointer);
     point_law->data = PyCapsule_GetContext(function);
-    point_law->parameter = law_numbers(PyTuple_GET_ITEM(item, 1), "parameters", 0, &point_law->n_parameter);
-    point_law->memory =
-        point_law->parameter ? law_numbers(PyTuple_GET_ITEM(item, 2), "memory", 3, &point_law->n_state) : NULL;
+    point_law->parameter =
+        law_numbers(PyTuple_GET_ITEM(item, 1), "parameters", 0, &point_law->n_parameter);
+    point_law->memory = point_law->parameter ? law_numbers(PyTuple_GET_ITEM(item, 2), "memory", 3,
+                                                           &point_law->n_state)
+                                             : NULL;
     point_law->n_state -= 3;
     const char *misfit = point_law->memory ? bd_law_parameter_error(point_law) : NULL;
     if (misfit)
-        PyErr_Format(PyExc_ValueError, "%s; found %d parameters and %d states", misfit, point_law->n_parameter,
-                     point_law->n_state);
+        PyErr_Format(PyExc_ValueError, "%s; found %d parameters and %d states", misfit,
+                     point_law->n_parameter, point_law->n_state);
     return point_law->memory && !misfit;
 }
 
@@ -238,7 +268,8 @@ int core_check_point_laws(const int *law, const bd_point_law *point_law, npy_int
     for (npy_intp p = 0; p < n; ++p)
         if ((law[p] == BD_LAW_USER) != (point_law && point_law[p].function)) {
             PyErr_Format(PyExc_ValueError,
-                         "own: expected a function for each point with law %d and for no other, found law %d at point %zd",
+                         "own: expected a function for each point with law %d and for no other, "
+                         "found law %d at point %zd",
                          BD_LAW_USER, law[p], (Py_ssize_t)p);
             return 0;
         }
@@ -263,14 +294,15 @@ int core_check_kernel(void) {
     if (bd_kernel_get()) return 1;
     PyObject *names = core_kernel_names();
     if (names)
-        PyErr_Format(PyExc_ValueError, "%s: expected one of %R, found '%s'", BD_KERNEL_VARIABLE, names,
-                     getenv(BD_KERNEL_VARIABLE));
+        PyErr_Format(PyExc_ValueError, "%s: expected one of %R, found '%s'", BD_KERNEL_VARIABLE,
+                     names, getenv(BD_KERNEL_VARIABLE));
     Py_XDECREF(names);
     return 0;
 }
 
 int core_check_status(bd_status status) {
     if (status == BD_NO_MEMORY) PyErr_NoMemory();
-    if (status == BD_BAD_ARGUMENT) PyErr_SetString(PyExc_ValueError, "the core found invalid arguments");
+    if (status == BD_BAD_ARGUMENT)
+        PyErr_SetString(PyExc_ValueError, "the core found invalid arguments");
     return status == BD_OK;
 }

@@ -21,7 +21,8 @@ static PyObject *segment_list(const bd_evaluator *evaluator, int d) {
 /* Copy a block of the point into the dense (3, n_coef, 3, n_coef) tangent. */
 static void copy_block(const double *block, int row, int column, npy_intp n_coef, double *J) {
     for (npy_intp i = 0; i < n_coef; ++i)
-        for (npy_intp j = 0; j < n_coef; ++j) J[((row * n_coef + i) * 3 + column) * n_coef + j] = block[i * n_coef + j];
+        for (npy_intp j = 0; j < n_coef; ++j)
+            J[((row * n_coef + i) * 3 + column) * n_coef + j] = block[i * n_coef + j];
 }
 
 /* One point and the arrays of its results. */
@@ -35,40 +36,47 @@ typedef struct {
 
 /* Read motion and parameters; F and J are outputs. */
 static int read_call(PyObject *args, PyObject *kwargs, contact_call *c) {
-    static char *names[] = {"x", "kt", "kn", "mu", "n0", "w", "F", "J", "law", "evaluation", "n_time", "load", "own", NULL};
+    static char *names[] = {"x", "kt",  "kn",         "mu",     "n0",   "w",   "F",
+                            "J", "law", "evaluation", "n_time", "load", "own", NULL};
     PyObject *x, *kt_object, *w_object, *F, *J, *point_law = Py_None;
     bd_element *e = &c->element;
     int law = 0;
     e->load = NAN;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOdddOOO|iiidO:evaluate_contact", names, &x, &kt_object, &e->kn, &e->mu,
-                                     &e->n0, &w_object, &F, &J, &law, &c->evaluation, &c->n_time, &e->load, &point_law))
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOdddOOO|iiidO:evaluate_contact", names, &x,
+                                     &kt_object, &e->kn, &e->mu, &e->n0, &w_object, &F, &J, &law,
+                                     &c->evaluation, &c->n_time, &e->load, &point_law))
         return 0;
-    if (!PyArray_Check(x) || PyArray_NDIM((PyArrayObject *)x) != 2 || PyArray_DIM((PyArrayObject *)x, 0) != 3 ||
-        PyArray_DIM((PyArrayObject *)x, 1) % 2 != 1) {
+    if (!PyArray_Check(x) || PyArray_NDIM((PyArrayObject *)x) != 2 ||
+        PyArray_DIM((PyArrayObject *)x, 0) != 3 || PyArray_DIM((PyArrayObject *)x, 1) % 2 != 1) {
         PyErr_SetString(PyExc_ValueError, "x: expected a numpy array of shape (3, 2 n_harm + 1)");
         return 0;
     }
     core_arguments arguments = {0};
-    const npy_intp n = c->n_coef = PyArray_DIM((PyArrayObject *)x, 1), shape[2] = {3, n}, shape_J[4] = {3, n, 3, n},
-                   two = 2;
+    const npy_intp n = c->n_coef = PyArray_DIM((PyArrayObject *)x, 1), shape[2] = {3, n},
+                   shape_J[4] = {3, n, 3, n}, two = 2;
     if (!core_check_n_harm((n - 1) / 2)) return 0;
     c->n_harm = (int)((n - 1) / 2);
     const double *kt, *w;
     if (!(c->x = core_numbers(&arguments, x, "x", 2, shape, BD_FINITE))) return 0;
-    if (!(kt = core_numbers(&arguments, kt_object, "kt", 1, &two, law == BD_LAW_CUBIC ? BD_FINITE : BD_NON_NEGATIVE)))
+    if (!(kt = core_numbers(&arguments, kt_object, "kt", 1, &two,
+                            law == BD_LAW_CUBIC ? BD_FINITE : BD_NON_NEGATIVE)))
         return 0;
     if (!(w = core_vector(&arguments, w_object, "w", two, BD_INPUT))) return 0;
     if (!(c->F = core_doubles(&arguments, F, "F", 2, shape, BD_OUTPUT))) return 0;
     if (!(c->J = core_doubles(&arguments, J, "J", 4, shape_J, BD_OUTPUT))) return 0;
-    if (!core_check_evaluation(c->evaluation, c->n_time, c->n_harm) || !core_point_laws(point_law, 1, &c->point_law))
+    if (!core_check_evaluation(c->evaluation, c->n_time, c->n_harm) ||
+        !core_point_laws(point_law, 1, &c->point_law))
         return 0;
     const int user = law == BD_LAW_USER && c->evaluation != BD_EXACT;
-    if ((!user && !core_check_law(law, c->evaluation)) || !core_check_point_laws(&law, c->point_law, 1)) return 0;
+    if ((!user && !core_check_law(law, c->evaluation)) ||
+        !core_check_point_laws(&law, c->point_law, 1))
+        return 0;
     e->point_law = c->point_law;
     if (isnan(e->load)) e->load = e->n0;
-    if (!core_check_number(e->kn, "kn", BD_NON_NEGATIVE) || !core_check_number(e->mu, "mu", BD_NON_NEGATIVE) ||
-        !core_check_number(e->n0, "n0", BD_FINITE) || !core_check_number(e->load, "load", BD_FINITE) ||
-        !core_check_slider(w, law))
+    if (!core_check_number(e->kn, "kn", BD_NON_NEGATIVE) ||
+        !core_check_number(e->mu, "mu", BD_NON_NEGATIVE) ||
+        !core_check_number(e->n0, "n0", BD_FINITE) ||
+        !core_check_number(e->load, "load", BD_FINITE) || !core_check_slider(w, law))
         return 0;
     e->law = (bd_law)law;
     memcpy(e->kt, kt, sizeof e->kt);
@@ -77,7 +85,8 @@ static int read_call(PyObject *args, PyObject *kwargs, contact_call *c) {
 }
 
 /* Force and dense tangent, with memory (9, n_coef, n_coef) for the blocks of the contact laws. */
-static void evaluate(const contact_call *c, double *block, bd_status_share *share, bd_evaluator *evaluator) {
+static void evaluate(const contact_call *c, double *block, bd_status_share *share,
+                     bd_evaluator *evaluator) {
     const size_t nn = (size_t)(c->n_coef * c->n_coef);
     bd_response out = {.F = c->F,
                        .dT = {block, block + nn},
@@ -106,7 +115,8 @@ PyObject *core_evaluate_contact(PyObject *module, PyObject *args, PyObject *kwar
     double *block = NULL;
     memset(&evaluator, 0, sizeof evaluator);
     if (!core_check_kernel() || !read_call(args, kwargs, &call)) goto done;
-    if (!core_check_status(bd_evaluator_create(&evaluator, (bd_evaluation)call.evaluation, call.n_harm, call.n_time)) ||
+    if (!core_check_status(bd_evaluator_create(&evaluator, (bd_evaluation)call.evaluation,
+                                               call.n_harm, call.n_time)) ||
         !core_check_status(bd_evaluator_add_laws(&evaluator, 1, call.point_law)))
         goto done;
     block = PyMem_Malloc(sizeof(double) * 9 * (size_t)(call.n_coef * call.n_coef));
@@ -117,8 +127,8 @@ PyObject *core_evaluate_contact(PyObject *module, PyObject *args, PyObject *kwar
     evaluate(&call, block, &share, &evaluator);
     PyObject *first = segment_list(&evaluator, 0), *second = segment_list(&evaluator, 1);
     if (first && second)
-        result = Py_BuildValue("(ddddd)(OO)", share.stick[0], share.slip[0], share.stick[1], share.slip[1], share.open,
-                               first, second);
+        result = Py_BuildValue("(ddddd)(OO)", share.stick[0], share.slip[0], share.stick[1],
+                               share.slip[1], share.open, first, second);
     Py_XDECREF(first);
     Py_XDECREF(second);
 done:
@@ -143,20 +153,23 @@ PyObject *core_check_laws(PyObject *module, PyObject *laws) {
 PyObject *core_step_laws(PyObject *module, PyObject *args) {
     (void)module;
     PyObject *own_object, *x_object, *from_object, *to_object, *F_object, *D_object;
-    if (!PyArg_ParseTuple(args, "OOOOOO:step_laws", &own_object, &x_object, &from_object, &to_object, &F_object, &D_object))
+    if (!PyArg_ParseTuple(args, "OOOOOO:step_laws", &own_object, &x_object, &from_object,
+                          &to_object, &F_object, &D_object))
         return NULL;
     if (!PyArray_Check(from_object) || PyArray_NDIM((PyArrayObject *)from_object) != 2) {
         PyErr_SetString(PyExc_TypeError, "memory: expected a numpy array of two dimensions");
         return NULL;
     }
     core_arguments arguments = {0};
-    const npy_intp n = PyArray_DIM((PyArrayObject *)from_object, 0), width = PyArray_DIM((PyArrayObject *)from_object, 1);
+    const npy_intp n = PyArray_DIM((PyArrayObject *)from_object, 0),
+                   width = PyArray_DIM((PyArrayObject *)from_object, 1);
     const npy_intp by_x[2] = {n, 3}, by_memory[2] = {n, width}, by_D[3] = {n, 3, 3};
     double *x, *from, *to, *F, *D, *work = NULL;
     bd_point_law *point_law = NULL;
     int done = 0, n_state = 0;
     if (!(x = core_numbers(&arguments, x_object, "x", 2, by_x, BD_FINITE))) return NULL;
-    if (!(from = core_numbers(&arguments, from_object, "memory", 2, by_memory, BD_FINITE))) return NULL;
+    if (!(from = core_numbers(&arguments, from_object, "memory", 2, by_memory, BD_FINITE)))
+        return NULL;
     if (!(to = core_doubles(&arguments, to_object, "after", 2, by_memory, BD_OUTPUT))) return NULL;
     if (!(F = core_doubles(&arguments, F_object, "F", 2, by_x, BD_OUTPUT))) return NULL;
     if (!(D = core_doubles(&arguments, D_object, "D", 3, by_D, BD_OUTPUT))) return NULL;
@@ -164,13 +177,16 @@ PyObject *core_step_laws(PyObject *module, PyObject *args) {
     for (npy_intp p = 0; point_law && p < n; ++p)
         if (point_law[p].function && point_law[p].n_state > n_state) n_state = point_law[p].n_state;
     if (n_state + 3 > width)
-        PyErr_Format(PyExc_ValueError, "memory: expected %d columns, found %zd", n_state + 3, (Py_ssize_t)width);
+        PyErr_Format(PyExc_ValueError, "memory: expected %d columns, found %zd", n_state + 3,
+                     (Py_ssize_t)width);
     else if (!(work = PyMem_Malloc(sizeof(double) * bd_point_law_work_size(n_state))))
         PyErr_NoMemory();
     for (npy_intp p = 0; work && point_law && p < n; ++p) {
         if (!point_law[p].function) continue;
-        bd_point_law_derivatives derivatives = bd_point_law_derivatives_in(work, point_law[p].n_state);
-        bd_point_law_step(point_law + p, x + 3 * p, from + width * p, to + width * p, F + 3 * p, &derivatives);
+        bd_point_law_derivatives derivatives =
+            bd_point_law_derivatives_in(work, point_law[p].n_state);
+        bd_point_law_step(point_law + p, x + 3 * p, from + width * p, to + width * p, F + 3 * p,
+                          &derivatives);
         bd_point_law_tangent(point_law + p, &derivatives, D + 9 * p);
     }
     done = work != NULL;
@@ -181,8 +197,9 @@ PyObject *core_step_laws(PyObject *module, PyObject *args) {
 
 /* ---- shipped laws ---- */
 
-#define SIGNATURE                                                                                                          \
-    "void (double *, double *, double *, double *, double *, double *, double *, double *, double *, double *, void *)"
+#define SIGNATURE                                                                                  \
+    "void (double *, double *, double *, double *, double *, double *, double *, double *, "       \
+    "double *, double *, void *)"
 
 int core_add_laws(PyObject *module) {
     const struct {

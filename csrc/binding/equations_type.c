@@ -1,8 +1,9 @@
 /* Python methods of all types of equations: evaluate, solve, contact, cost.
  *
- * Computation runs without the GIL, under the lock of the object that owns the workspace. Results are copied before the
- * lock is released, so they do not depend on the order of calls. Lack of convergence is a returned status. Exceptions
- * are raised for wrong arguments and lack of memory only. */
+ * Computation runs without the GIL, under the lock of the object that owns the workspace.
+ * Results are copied before the lock is released, so they do not depend on the order of
+ * calls. Lack of convergence is a returned status. Exceptions are raised for wrong arguments
+ * and lack of memory only. */
 #include "util/clock.h"
 #include "binding/binding.h"
 
@@ -45,14 +46,16 @@ static clocks begin_work(core_equations *self) {
     return (clocks){bd_processor_seconds(), *self->equations->cost};
 }
 
-/* End a computation. The wall clock measures the parts, since a reading of the processor clock takes longer than many of
- * them. It also measures the time in which the thread waits. The processor time of the call is therefore divided in
- * proportion to the parts; waiting between them has no effect. */
+/* End a computation. The wall clock measures the parts, since a reading of the processor
+ * clock takes longer than many of them. It also measures the time in which the thread waits.
+ * The processor time of the call is therefore divided in proportion to the parts; waiting
+ * between them has no effect. */
 static void end_work(core_equations *self, clocks started) {
     bd_cost *now = self->equations->cost;
     const bd_cost before = started.cost;
     const double processor = bd_processor_seconds() - started.processor;
-    const double contact = now->contact - before.contact, assembly = now->assembly - before.assembly;
+    const double contact = now->contact - before.contact,
+                 assembly = now->assembly - before.assembly;
     const double algebra = now->algebra - before.algebra, parts = contact + assembly + algebra;
 
     /* a call without measured parts copies results or solves nothing */
@@ -66,16 +69,18 @@ static void end_work(core_equations *self, clocks started) {
 
 /* ---- named results ---- */
 
-static PyStructSequence_Field counts_fields[] = {{"contact", "Processor seconds for contact forces."},
-                                                 {"assembly", "Processor seconds for modal sums and products."},
-                                                 {"algebra", "Processor seconds for linear algebra."},
-                                                 {"processor", "Processor seconds of all calls."},
-                                                 {"evaluations", "Number of residuals, with or without Jacobian."},
-                                                 {"jacobians", "Number of Jacobians."},
-                                                 {"factorisations", "Number of factorisations of the bordered matrix."},
-                                                 {"least_norm", "Number of least-norm solutions."},
-                                                 {NULL, NULL}};
-static PyStructSequence_Desc counts_description = {"bdamper._core.Counts", "Cost of equations since their creation.",
+static PyStructSequence_Field counts_fields[] = {
+    {"contact", "Processor seconds for contact forces."},
+    {"assembly", "Processor seconds for modal sums and products."},
+    {"algebra", "Processor seconds for linear algebra."},
+    {"processor", "Processor seconds of all calls."},
+    {"evaluations", "Number of residuals, with or without Jacobian."},
+    {"jacobians", "Number of Jacobians."},
+    {"factorisations", "Number of factorisations of the bordered matrix."},
+    {"least_norm", "Number of least-norm solutions."},
+    {NULL, NULL}};
+static PyStructSequence_Desc counts_description = {"bdamper._core.Counts",
+                                                   "Cost of equations since their creation.",
                                                    counts_fields, 8};
 
 static PyStructSequence_Field solved_fields[] = {
@@ -89,10 +94,12 @@ static PyStructSequence_Field solved_fields[] = {
     {"orientation", "Sign of its determinant, 0 if unknown."},
     {"slope", "Quantity that vanishes at a stationary point, at the returned point."},
     {"curvature", "Derivative of this quantity along the curve, from the last secant."},
-    {"shares", "Mean shares of the cycle in stick, slip and separation of the points with friction at the returned "
+    {"shares", "Mean shares of the cycle in stick, slip and separation of the points with friction "
+               "at the returned "
                "point; NaN without an evaluation."},
     {NULL, NULL}};
-static PyStructSequence_Desc solved_description = {"bdamper._core.Solved", "Outcome of one run of Newton's method.",
+static PyStructSequence_Desc solved_description = {"bdamper._core.Solved",
+                                                   "Outcome of one run of Newton's method.",
                                                    solved_fields, 11};
 
 static PyTypeObject *add_result(PyObject *module, PyStructSequence_Desc *description) {
@@ -129,10 +136,12 @@ static points points_of(const core_equations *self) {
     const bd_hbm *h = self->hbm;
     const bd_wheel *w = self->wheel;
     if (!w) return (points){h->n_point, h->n_coef, h->element, h->share, h->X, h->F};
-    return (points){w->input.n_sector * w->input.n_point, w->n_coef, w->element, w->share, w->X, w->F};
+    return (
+        points){w->input.n_sector * w->input.n_point, w->n_coef, w->element, w->share, w->X, w->F};
 }
 
-/* Mean stick, slip and open shares of the points with friction at the latest evaluation; NaN if it failed. */
+/* Mean stick, slip and open shares of the points with friction at the latest
+ * evaluation; NaN if it failed. */
 static void mean_shares(const core_equations *self, double *mean) {
     const points at = points_of(self);
     int n = 0;
@@ -169,7 +178,8 @@ static bd_status columns(bd_equations *e, double *J) {
 static PyObject *evaluate(core_equations *self, PyObject *args, PyObject *kwargs) {
     static char *names[] = {"y", "r", "J", "C", NULL};
     PyObject *y_object, *r_object, *J_object = Py_None, *C_object = Py_None;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OO|OO:evaluate", names, &y_object, &r_object, &J_object, &C_object))
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OO|OO:evaluate", names, &y_object, &r_object,
+                                     &J_object, &C_object))
         return NULL;
     core_arguments arguments = {0};
     bd_equations *e = self->equations;
@@ -177,8 +187,10 @@ static PyObject *evaluate(core_equations *self, PyObject *args, PyObject *kwargs
     double *y, *r, *J = NULL, *C = NULL;
     if (!(y = core_vector(&arguments, y_object, "y", n1, BD_INPUT))) return NULL;
     if (!(r = core_vector(&arguments, r_object, "r", n, BD_OUTPUT))) return NULL;
-    if (J_object != Py_None && !(J = core_doubles(&arguments, J_object, "J", 2, square, BD_OUTPUT))) return NULL;
-    if (C_object != Py_None && !(C = core_vector(&arguments, C_object, "C", n, BD_OUTPUT))) return NULL;
+    if (J_object != Py_None && !(J = core_doubles(&arguments, J_object, "J", 2, square, BD_OUTPUT)))
+        return NULL;
+    if (C_object != Py_None && !(C = core_vector(&arguments, C_object, "C", n, BD_OUTPUT)))
+        return NULL;
     bd_status status;
     Py_BEGIN_ALLOW_THREADS;
     const clocks started = begin_work(self);
@@ -195,30 +207,37 @@ static PyObject *evaluate(core_equations *self, PyObject *args, PyObject *kwargs
 }
 
 /* Read the condition: a row makes it linear, re and im a peak, none of them a fold. */
-static int read_condition(core_arguments *arguments, PyObject *row, PyObject *re, PyObject *im, const double *tangent,
-                          npy_intp n, bd_condition *condition) {
+static int read_condition(core_arguments *arguments, PyObject *row, PyObject *re, PyObject *im,
+                          const double *tangent, npy_intp n, bd_condition *condition) {
     const npy_intp n1 = n + 1;
     if ((re == Py_None) != (im == Py_None) || (row != Py_None && re != Py_None)) {
-        PyErr_SetString(PyExc_ValueError, "row, re, im: expected row alone, re and im, or none of them");
+        PyErr_SetString(PyExc_ValueError,
+                        "row, re, im: expected row alone, re and im, or none of them");
         return 0;
     }
     condition->kind = row != Py_None ? BD_LINEAR : BD_STATIONARY;
-    if (row != Py_None) return (condition->row = core_numbers(arguments, row, "row", 1, &n1, BD_FINITE)) != NULL;
-    if (re != Py_None && !(condition->re = core_numbers(arguments, re, "re", 1, &n, BD_FINITE))) return 0;
-    if (re != Py_None && !(condition->im = core_numbers(arguments, im, "im", 1, &n, BD_FINITE))) return 0;
+    if (row != Py_None)
+        return (condition->row = core_numbers(arguments, row, "row", 1, &n1, BD_FINITE)) != NULL;
+    if (re != Py_None && !(condition->re = core_numbers(arguments, re, "re", 1, &n, BD_FINITE)))
+        return 0;
+    if (re != Py_None && !(condition->im = core_numbers(arguments, im, "im", 1, &n, BD_FINITE)))
+        return 0;
     return core_check_numbers(tangent, n1, "tangent", BD_FINITE) &&
-           core_check_number(condition->curvature, "curvature", condition->re ? BD_NEGATIVE : BD_FINITE) &&
+           core_check_number(condition->curvature, "curvature",
+                             condition->re ? BD_NEGATIVE : BD_FINITE) &&
            core_check_number(condition->tolerance, "place_tolerance", BD_POSITIVE) &&
            core_check_number(condition->max_step, "max_step", BD_POSITIVE);
 }
 
 static int check_options(const bd_solver_options *options) {
     if (options->max_iterations < 0) {
-        PyErr_Format(PyExc_ValueError, "max_iterations: expected at least 0, found %d", options->max_iterations);
+        PyErr_Format(PyExc_ValueError, "max_iterations: expected at least 0, found %d",
+                     options->max_iterations);
         return 0;
     }
     if (options->line_search < 0 || options->line_search > 2) {
-        PyErr_Format(PyExc_ValueError, "line_search: expected 0, 1 or 2, found %d", options->line_search);
+        PyErr_Format(PyExc_ValueError, "line_search: expected 0, 1 or 2, found %d",
+                     options->line_search);
         return 0;
     }
     return core_check_number(options->step_tolerance, "loose", BD_NON_NEGATIVE) &&
@@ -228,16 +247,19 @@ static int check_options(const bd_solver_options *options) {
 }
 
 static PyObject *solve(core_equations *self, PyObject *args, PyObject *kwargs) {
-    static char *names[] = {"y",        "tangent", "scale", "tolerance", "max_iterations", "line_search",
-                            "reach",    "row",     "re",    "im",        "curvature",      "place_tolerance",
-                            "max_step", "loose",   "rough", NULL};
+    static char *names[] = {
+        "y",        "tangent", "scale", "tolerance", "max_iterations", "line_search",
+        "reach",    "row",     "re",    "im",        "curvature",      "place_tolerance",
+        "max_step", "loose",   "rough", NULL};
     PyObject *object[3], *row = Py_None, *re = Py_None, *im = Py_None;
     bd_solver_options options = {0};
     bd_condition condition = {0};
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOdi|idOOOddddd:solve", names, &object[0], &object[1], &object[2],
-                                     &options.tolerance, &options.max_iterations, &options.line_search,
-                                     &options.max_newton_step, &row, &re, &im, &condition.curvature, &condition.tolerance,
-                                     &condition.max_step, &options.step_tolerance, &options.accepted_residual))
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOdi|idOOOddddd:solve", names, &object[0],
+                                     &object[1], &object[2], &options.tolerance,
+                                     &options.max_iterations, &options.line_search,
+                                     &options.max_newton_step, &row, &re, &im, &condition.curvature,
+                                     &condition.tolerance, &condition.max_step,
+                                     &options.step_tolerance, &options.accepted_residual))
         return NULL;
     core_arguments arguments = {0};
     const npy_intp n = self->equations->n, n1 = n + 1;
@@ -245,7 +267,9 @@ static PyObject *solve(core_equations *self, PyObject *args, PyObject *kwargs) {
     if (!(y = core_vector(&arguments, object[0], "y", n1, BD_OUTPUT))) return NULL;
     if (!(tangent = core_vector(&arguments, object[1], "tangent", n1, BD_OUTPUT))) return NULL;
     if (!(scale = core_numbers(&arguments, object[2], "scale", 1, &n1, BD_POSITIVE))) return NULL;
-    if (!check_options(&options) || !read_condition(&arguments, row, re, im, tangent, n, &condition)) return NULL;
+    if (!check_options(&options) ||
+        !read_condition(&arguments, row, re, im, tangent, n, &condition))
+        return NULL;
     bd_solver_report report;
     bd_status status;
     double mean[3];
@@ -257,9 +281,10 @@ static PyObject *solve(core_equations *self, PyObject *args, PyObject *kwargs) {
     Py_END_ALLOW_THREADS;
     const core_state *state = PyType_GetModuleState(Py_TYPE(self));
     const bd_factored *f = &report.factored;
-    return named(state->solved, Py_BuildValue("iiddddiidd(ddd)", (int)status, report.iterations, report.residual,
-                                              report.first_step, report.last_step, f->condition, f->rank, f->orientation,
-                                              report.slope, report.curvature, mean[0], mean[1], mean[2]));
+    return named(state->solved, Py_BuildValue("iiddddiidd(ddd)", (int)status, report.iterations,
+                                              report.residual, report.first_step, report.last_step,
+                                              f->condition, f->rank, f->orientation, report.slope,
+                                              report.curvature, mean[0], mean[1], mean[2]));
 }
 
 /* Solve B x = b or B^T x = b at a point, b (m, n + 1) in place. */
@@ -267,8 +292,8 @@ static PyObject *bordered(core_equations *self, PyObject *args, PyObject *kwargs
     static char *names[] = {"y", "row", "scale", "b", "transposed", NULL};
     PyObject *object[4];
     int transposed = 0;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOO|p:bordered", names, &object[0], &object[1], &object[2], &object[3],
-                                     &transposed))
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOO|p:bordered", names, &object[0], &object[1],
+                                     &object[2], &object[3], &transposed))
         return NULL;
     core_arguments arguments = {0};
     const npy_intp n1 = self->equations->n + 1;
@@ -290,11 +315,13 @@ static PyObject *bordered(core_equations *self, PyObject *args, PyObject *kwargs
     status = bd_evaluate(e, y, 1);
     if (status == BD_OK) status = bd_factor(e, &(bd_border){.row = row, .scale = scale});
     for (npy_intp i = 0; status == BD_OK && i < shape[0]; ++i)
-        status = transposed ? bd_solve_transposed(e, b + i * n1) : bd_solve_linear(e, 0.0, b + i * n1);
+        status =
+            transposed ? bd_solve_transposed(e, b + i * n1) : bd_solve_linear(e, 0.0, b + i * n1);
     factored = e->factored;
     end_work(self, started);
     Py_END_ALLOW_THREADS;
-    return Py_BuildValue("idii", (int)status, factored.condition, factored.rank, factored.orientation);
+    return Py_BuildValue("idii", (int)status, factored.condition, factored.rank,
+                         factored.orientation);
 }
 
 /* Gradient of phi at a peak (with re and im) or a fold. */
@@ -302,8 +329,9 @@ static PyObject *gradient(core_equations *self, PyObject *args, PyObject *kwargs
     static char *names[] = {"y", "tangent", "scale", "row", "nu", "step", "re", "im", NULL};
     PyObject *object[5], *re = Py_None, *im = Py_None;
     double step;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOOd|OO:gradient", names, &object[0], &object[1], &object[2],
-                                     &object[3], &object[4], &step, &re, &im))
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOOd|OO:gradient", names, &object[0],
+                                     &object[1], &object[2], &object[3], &object[4], &step, &re,
+                                     &im))
         return NULL;
     core_arguments arguments = {0};
     bd_condition condition = {.curvature = -1.0, .tolerance = 1.0, .max_step = 1.0};
@@ -337,10 +365,12 @@ static void copy_shares(const points *at, double *share) {
 /* Motion, force and state shares of all points at y. */
 static PyObject *contact(core_equations *self, PyObject *args) {
     PyObject *object[4];
-    if (!PyArg_ParseTuple(args, "OOOO:contact", &object[0], &object[1], &object[2], &object[3])) return NULL;
+    if (!PyArg_ParseTuple(args, "OOOO:contact", &object[0], &object[1], &object[2], &object[3]))
+        return NULL;
     core_arguments arguments = {0};
     const points at = points_of(self);
-    const npy_intp n1 = self->equations->n + 1, full[3] = {at.n_point, 3, at.n_coef}, by5[2] = {at.n_point, 5};
+    const npy_intp n1 = self->equations->n + 1, full[3] = {at.n_point, 3, at.n_coef},
+                   by5[2] = {at.n_point, 5};
     double *y, *X, *F, *share;
     if (!(y = core_vector(&arguments, object[0], "y", n1, BD_INPUT))) return NULL;
     if (!(X = core_doubles(&arguments, object[1], "X", 3, full, BD_OUTPUT))) return NULL;
@@ -373,8 +403,9 @@ static PyObject *get_cost(core_equations *self, void *closure) {
     PyThread_release_lock(self->lock);
     Py_END_ALLOW_THREADS;
     const core_state *state = PyType_GetModuleState(Py_TYPE(self));
-    return named(state->counts, Py_BuildValue("ddddllll", c.contact, c.assembly, c.algebra, c.processor, c.n_evaluation,
-                                              c.n_jacobian, c.n_factorisation, c.n_least_norm));
+    return named(state->counts,
+                 Py_BuildValue("ddddllll", c.contact, c.assembly, c.algebra, c.processor,
+                               c.n_evaluation, c.n_jacobian, c.n_factorisation, c.n_least_norm));
 }
 
 static PyObject *get_n_unknown(core_equations *self, void *closure) {
@@ -385,38 +416,54 @@ static PyObject *get_n_unknown(core_equations *self, void *closure) {
 PyMethodDef core_equations_methods[] = {
     {"evaluate", (PyCFunction)(void (*)(void))evaluate, METH_VARARGS | METH_KEYWORDS,
      "contact(y, X, F, share) -> int\n\n"
-     "Compute the motion X and the contact force F (n_point, 3, n_coef) and the shares of the cycle (n_point, "
-     "5): stick and slip along t1, stick and slip along t2, open. All are NaN if the returned status is not 0."},
+     "Compute the motion X and the contact force F (n_point, 3, n_coef) and the shares of the "
+     "cycle (n_point, "
+     "5): stick and slip along t1, stick and slip along t2, open. All are NaN if the returned "
+     "status is not 0."},
     {"solve", (PyCFunction)(void (*)(void))solve, METH_VARARGS | METH_KEYWORDS,
-     "solve(y, tangent, scale, tolerance, max_iterations, line_search=0, reach=0.0, row=None, re=None, im=None, "
+     "solve(y, tangent, scale, tolerance, max_iterations, line_search=0, reach=0.0, row=None, "
+     "re=None, im=None, "
      "curvature=0.0, place_tolerance=0.0, max_step=0.0, loose=0.0, rough=0.0) -> Solved\n\n"
      "Run Newton's method; y and tangent are changed in place.\n\n"
-     "With row (n_unknown + 1), solve for a point of the curve in the plane through y normal to row, in scaled "
-     "unknowns. A Newton step longer than reach ends the run, unless reach is 0. A full step shorter than loose "
-     "is the last one; if rough is not 0, the residual must then be at most rough. line_search 1 halves steps "
+     "With row (n_unknown + 1), solve for a point of the curve in the plane through y normal to "
+     "row, in scaled "
+     "unknowns. A Newton step longer than reach ends the run, unless reach is 0. A full step "
+     "shorter than loose "
+     "is the last one; if rough is not 0, the residual must then be at most rough. line_search 1 "
+     "halves steps "
      "until the residual decreases, 2 until the next step is shorter.\n\n"
-     "With re and im (n_unknown), solve for a peak of the amplitude re.u + i im.u; without row, re and im for a "
-     "fold of the curve. tangent and curvature are then estimates of the direction of the curve and of the "
-     "derivative of the vanishing quantity along it. place_tolerance is the tolerance on the distance to the "
+     "With re and im (n_unknown), solve for a peak of the amplitude re.u + i im.u; without row, re "
+     "and im for a "
+     "fold of the curve. tangent and curvature are then estimates of the direction of the curve "
+     "and of the "
+     "derivative of the vanishing quantity along it. place_tolerance is the tolerance on the "
+     "distance to the "
      "point, max_step the largest step along the curve."},
     {"bordered", (PyCFunction)(void (*)(void))bordered, METH_VARARGS | METH_KEYWORDS,
      "bordered(y, row, scale, b, transposed=False) -> (status, condition, rank, orientation)\n\n"
-     "Solve with the Jacobian at y in scaled unknowns, bordered by row, or with its transpose. The right-hand "
+     "Solve with the Jacobian at y in scaled unknowns, bordered by row, or with its transpose. The "
+     "right-hand "
      "sides b (m, n_unknown + 1) are replaced by the solutions."},
     {"gradient", (PyCFunction)(void (*)(void))gradient, METH_VARARGS | METH_KEYWORDS,
      "gradient(y, tangent, scale, row, nu, step, re=None, im=None) -> int\n\n"
-     "Compute the gradient of phi at a point of the curve with its unit tangent. phi is the slope of the "
-     "logarithm of the amplitude |re.u + i im.u| along the curve, which vanishes at a peak; without re and im, "
-     "it is the quantity that vanishes at a fold. row (n_unknown + 1) is the gradient in scaled unknowns. nu "
-     "(n_unknown) are multipliers: a change of [J C] changes phi by -nu.d[J C](scale tangent). Jacobians are "
+     "Compute the gradient of phi at a point of the curve with its unit tangent. phi is the slope "
+     "of the "
+     "logarithm of the amplitude |re.u + i im.u| along the curve, which vanishes at a peak; "
+     "without re and im, "
+     "it is the quantity that vanishes at a fold. row (n_unknown + 1) is the gradient in scaled "
+     "unknowns. nu "
+     "(n_unknown) are multipliers: a change of [J C] changes phi by -nu.d[J C](scale tangent). "
+     "Jacobians are "
      "differenced over step along the tangent. Return the status."},
     {"contact", (PyCFunction)contact, METH_VARARGS,
-     "contact(y, X, F, share) -> int\n\nFill motion and force (n_point, 3, n_coef) and the shares of the cycle "
-     "(n_point, 5): stick and slip along t1, stick and slip along t2, open; NaN where the status is not 0."},
+     "contact(y, X, F, share) -> int\n\nFill motion and force (n_point, 3, n_coef) and the shares "
+     "of the cycle "
+     "(n_point, 5): stick and slip along t1, stick and slip along t2, open; NaN where the status "
+     "is not 0."},
     {NULL, NULL, 0, NULL}};
 
-PyGetSetDef core_equations_getset[] = {{"cost", (getter)get_cost, NULL,
-                                        "Counts: processor seconds and numbers of operations since creation.", NULL},
-                                       {"n_unknown", (getter)get_n_unknown, NULL,
-                                        "Number of unknowns without the parameter.", NULL},
-                                       {NULL, NULL, NULL, NULL, NULL}};
+PyGetSetDef core_equations_getset[] = {
+    {"cost", (getter)get_cost, NULL,
+     "Counts: processor seconds and numbers of operations since creation.", NULL},
+    {"n_unknown", (getter)get_n_unknown, NULL, "Number of unknowns without the parameter.", NULL},
+    {NULL, NULL, NULL, NULL, NULL}};

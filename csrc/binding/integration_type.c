@@ -1,6 +1,7 @@
 /* bdamper._core.Ring: time integration of all sectors of one structure.
  *
- * As in equations_type.c, computation runs without the GIL, under the lock of the object that owns the workspace. */
+ * As in equations_type.c, computation runs without the GIL, under the lock of the object that owns
+ * the workspace. */
 #include "binding/binding.h"
 
 #include <math.h>
@@ -23,8 +24,8 @@ static void Ring_dealloc(RingObject *self) {
 
 /* Arguments of Ring(), in order. */
 typedef struct {
-    PyObject *n_mode, *diameter, *stiffness, *mass, *damping, *G, *kt, *kn, *mu, *n0, *load, *shift, *law, *held, *order,
-        *force, *row, *point_law;
+    PyObject *n_mode, *diameter, *stiffness, *mass, *damping, *G, *kt, *kn, *mu, *n0, *load, *shift,
+        *law, *held, *order, *force, *row, *point_law;
 } ring_objects;
 
 static npy_intp length(PyObject *object, const char *name, npy_intp most) {
@@ -34,50 +35,64 @@ static npy_intp length(PyObject *object, const char *name, npy_intp most) {
     }
     const npy_intp n = PyArray_DIM((PyArrayObject *)object, 0);
     if (n <= most) return n;
-    PyErr_Format(PyExc_ValueError, "%s: expected at most %zd, found %zd", name, (Py_ssize_t)most, (Py_ssize_t)n);
+    PyErr_Format(PyExc_ValueError, "%s: expected at most %zd, found %zd", name, (Py_ssize_t)most,
+                 (Py_ssize_t)n);
     return -1;
 }
 
-static int *integers(core_arguments *arguments, PyObject *object, const char *name, int n_dim, const npy_intp *shape,
-                     int most) {
+static int *integers(core_arguments *arguments, PyObject *object, const char *name, int n_dim,
+                     const npy_intp *shape, int most) {
     npy_intp n = 1;
     for (int i = 0; i < n_dim; ++i) n *= shape[i];
     int *x = core_array(arguments, object, name, NPY_INT, "intc", n_dim, shape, BD_INPUT);
     for (npy_intp i = 0; x && i < n; ++i)
         if (x[i] < 0 || x[i] > most) {
-            PyErr_Format(PyExc_ValueError, "%s: expected 0 to %d, found %d at flat index %zd", name, most, x[i],
-                         (Py_ssize_t)i);
+            PyErr_Format(PyExc_ValueError, "%s: expected 0 to %d, found %d at flat index %zd", name,
+                         most, x[i], (Py_ssize_t)i);
             return NULL;
         }
     return x;
 }
 
 static int read_families(core_arguments *arguments, const ring_objects *o, bd_time_input *in) {
-    const npy_intp n_family = length(o->n_mode, "n_mode", BD_MAX_HARM + 1), n_point = length(o->kn, "kn", 1000000);
+    const npy_intp n_family = length(o->n_mode, "n_mode", BD_MAX_HARM + 1),
+                   n_point = length(o->kn, "kn", 1000000);
     if (n_family < 0 || n_point < 0) return 0;
     in->n_family = (int)n_family, in->n_point = (int)n_point;
     if (!(in->n_mode = integers(arguments, o->n_mode, "n_mode", 1, &n_family, 100000))) return 0;
-    if (!(in->diameter = integers(arguments, o->diameter, "diameter", 1, &n_family, in->n_sector - 1))) return 0;
+    if (!(in->diameter =
+              integers(arguments, o->diameter, "diameter", 1, &n_family, in->n_sector - 1)))
+        return 0;
     npy_intp n = 0;
     for (npy_intp f = 0; f < n_family; ++f) n += in->n_mode[f];
     if (n < 1 || n > 100000) {
-        PyErr_Format(PyExc_ValueError, "n_mode: expected a total of 1 to 100000 modes, found %zd", (Py_ssize_t)n);
+        PyErr_Format(PyExc_ValueError, "n_mode: expected a total of 1 to 100000 modes, found %zd",
+                     (Py_ssize_t)n);
         return 0;
     }
-    const npy_intp n_G = 3 * n_point * n, n_row = length(o->row, "row", 100000), by_row[2] = {n_row, 2 * n};
+    const npy_intp n_G = 3 * n_point * n, n_row = length(o->row, "row", 100000),
+                   by_row[2] = {n_row, 2 * n};
     if (n_row < 0) return 0;
     in->n_row = (int)n_row;
-    if (!(in->stiffness = core_numbers(arguments, o->stiffness, "stiffness", 1, &n, BD_NON_NEGATIVE))) return 0;
+    if (!(in->stiffness =
+              core_numbers(arguments, o->stiffness, "stiffness", 1, &n, BD_NON_NEGATIVE)))
+        return 0;
     if (!(in->mass = core_numbers(arguments, o->mass, "mass", 1, &n, BD_NON_NEGATIVE))) return 0;
-    if (!(in->damping = core_numbers(arguments, o->damping, "damping", 1, &n, BD_NON_NEGATIVE))) return 0;
-    if (!(in->G = core_array(arguments, o->G, "G", NPY_CDOUBLE, "complex128", 1, &n_G, BD_INPUT))) return 0;
+    if (!(in->damping = core_numbers(arguments, o->damping, "damping", 1, &n, BD_NON_NEGATIVE)))
+        return 0;
+    if (!(in->G = core_array(arguments, o->G, "G", NPY_CDOUBLE, "complex128", 1, &n_G, BD_INPUT)))
+        return 0;
     if (!core_check_numbers(in->G, 2 * n_G, "G", BD_FINITE)) return 0;
-    const npy_intp n_force = length(o->order, "order", BD_MAX_HARM + 1), shape[3] = {n_force, 2, 2 * n};
+    const npy_intp n_force = length(o->order, "order", BD_MAX_HARM + 1),
+                   shape[3] = {n_force, 2, 2 * n};
     if (n_force < 0) return 0;
     in->n_force = (int)n_force;
-    if (!(in->force_order = integers(arguments, o->order, "order", 1, &n_force, BD_MAX_HARM))) return 0;
-    if (!(in->excitation = core_numbers(arguments, o->force, "force", 3, shape, BD_FINITE))) return 0;
-    return (in->response_row = core_numbers(arguments, o->row, "row", 2, by_row, BD_FINITE)) != NULL;
+    if (!(in->force_order = integers(arguments, o->order, "order", 1, &n_force, BD_MAX_HARM)))
+        return 0;
+    if (!(in->excitation = core_numbers(arguments, o->force, "force", 3, shape, BD_FINITE)))
+        return 0;
+    return (in->response_row = core_numbers(arguments, o->row, "row", 2, by_row, BD_FINITE)) !=
+           NULL;
 }
 
 static int read_points(core_arguments *arguments, const ring_objects *o, bd_time_input *in) {
@@ -93,24 +108,30 @@ static int read_points(core_arguments *arguments, const ring_objects *o, bd_time
 }
 
 static PyObject *Ring_new(PyTypeObject *type, PyObject *args, PyObject *kwargs) {
-    static char *names[] = {"n_sector", "n_mode", "diameter", "stiffness", "mass", "damping", "G",     "kt",  "kn",  "mu",
-                            "n0",       "load",   "shift",    "law",       "held", "order",   "force", "row", "own", NULL};
+    static char *names[] = {"n_sector", "n_mode", "diameter", "stiffness", "mass", "damping", "G",
+                            "kt",       "kn",     "mu",       "n0",        "load", "shift",   "law",
+                            "held",     "order",  "force",    "row",       "own",  NULL};
     ring_objects o = {.point_law = Py_None};
     bd_time_input in = {0};
     core_arguments arguments = {0};
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "iOOOOOOOOOOOOOOOOO|O:Ring", names, &in.n_sector, &o.n_mode, &o.diameter,
-                                     &o.stiffness, &o.mass, &o.damping, &o.G, &o.kt, &o.kn, &o.mu, &o.n0, &o.load, &o.shift,
-                                     &o.law, &o.held, &o.order, &o.force, &o.row, &o.point_law))
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "iOOOOOOOOOOOOOOOOO|O:Ring", names, &in.n_sector,
+                                     &o.n_mode, &o.diameter, &o.stiffness, &o.mass, &o.damping,
+                                     &o.G, &o.kt, &o.kn, &o.mu, &o.n0, &o.load, &o.shift, &o.law,
+                                     &o.held, &o.order, &o.force, &o.row, &o.point_law))
         return NULL;
     if (in.n_sector < 1 || in.n_sector > 100000) {
         PyErr_Format(PyExc_ValueError, "n_sector: expected 1 to 100000, found %d", in.n_sector);
         return NULL;
     }
-    if (!core_check_kernel() || !read_families(&arguments, &o, &in) || !read_points(&arguments, &o, &in)) return NULL;
+    if (!core_check_kernel() || !read_families(&arguments, &o, &in) ||
+        !read_points(&arguments, &o, &in))
+        return NULL;
     bd_point_law *point_law;
     if (!core_point_laws(o.point_law, in.n_point, &point_law)) return NULL;
     in.point_law = point_law;
-    RingObject *self = core_check_point_laws(in.law, point_law, in.n_point) ? (RingObject *)type->tp_alloc(type, 0) : NULL;
+    RingObject *self = core_check_point_laws(in.law, point_law, in.n_point)
+                           ? (RingObject *)type->tp_alloc(type, 0)
+                           : NULL;
     if (self) {
         self->point_law = Py_NewRef(o.point_law);
         self->lock = PyThread_allocate_lock();
@@ -124,29 +145,33 @@ static PyObject *Ring_new(PyTypeObject *type, PyObject *args, PyObject *kwargs) 
 }
 
 static int check_path(const bd_time_path *path) {
-    if (path->n_step < 0 || path->first_step < 0 || path->steps_per_period < 1 || path->n_step > 1000000000 ||
-        path->first_step > 1000000000) {
-        PyErr_SetString(PyExc_ValueError,
-                        "n_step, first, per_period: expected 0 to 1000000000 steps, at least one per period");
+    if (path->n_step < 0 || path->first_step < 0 || path->steps_per_period < 1 ||
+        path->n_step > 1000000000 || path->first_step > 1000000000) {
+        PyErr_SetString(
+            PyExc_ValueError,
+            "n_step, first, per_period: expected 0 to 1000000000 steps, at least one per period");
         return 0;
     }
     if (!(path->spectral_radius >= 0.0 && path->spectral_radius <= 1.0 && path->tolerance > 0.0 &&
           path->tolerance <= 0.01)) {
-        PyErr_SetString(PyExc_ValueError, "radius, tolerance: expected 0 to 1, and a positive number up to 0.01");
+        PyErr_SetString(PyExc_ValueError,
+                        "radius, tolerance: expected 0 to 1, and a positive number up to 0.01");
         return 0;
     }
     return core_check_number(path->omega, "omega", BD_POSITIVE) &&
            core_check_number(path->omega_end, "omega_end", BD_POSITIVE);
 }
 
-/* Integrate whole periods, some thousand steps at a time; Ctrl-C stops the integration between them. Return 0 with an
- * exception; *status is the result of the integration. */
-static int integrate_in_parts(RingObject *self, const bd_time_path *path, double *q, double *v, double *a, double *w,
-                              bd_time_effort *effort, bd_status *status) {
+/* Integrate whole periods, some thousand steps at a time; Ctrl-C stops the integration between
+ * them. Return 0 with an exception; *status is the result of the integration. */
+static int integrate_in_parts(RingObject *self, const bd_time_path *path, double *q, double *v,
+                              double *a, double *w, bd_time_effort *effort, bd_status *status) {
     enum { STEPS = 4096 };
-    const long most =
-        path->steps_per_period > STEPS ? path->steps_per_period : STEPS / path->steps_per_period * path->steps_per_period;
-    const double square = path->omega * path->omega, gain = path->omega_end * path->omega_end - square;
+    const long most = path->steps_per_period > STEPS
+                          ? path->steps_per_period
+                          : STEPS / path->steps_per_period * path->steps_per_period;
+    const double square = path->omega * path->omega,
+                 gain = path->omega_end * path->omega_end - square;
     long done = 0;
     do {
         bd_time_path part = *path;
@@ -155,10 +180,12 @@ static int integrate_in_parts(RingObject *self, const bd_time_path *path, double
         part.find_acceleration = path->find_acceleration && !done;
         part.first_step = (path->first_step + done) % path->steps_per_period;
         if (done) part.omega = sqrt(square + gain * (double)done / (double)path->n_step);
-        if (end < path->n_step) part.omega_end = sqrt(square + gain * (double)end / (double)path->n_step);
+        if (end < path->n_step)
+            part.omega_end = sqrt(square + gain * (double)end / (double)path->n_step);
         const size_t period = (size_t)(done / path->steps_per_period);
         if (path->response_harmonics)
-            part.response_harmonics += 2 * (size_t)self->time.n_row * (size_t)(path->n_harm + 1) * period;
+            part.response_harmonics +=
+                2 * (size_t)self->time.n_row * (size_t)(path->n_harm + 1) * period;
         if (path->energy) part.energy += 4 * period;
         if (path->coordinates) part.coordinates += 2 * (size_t)self->time.n_total * (size_t)done;
         Py_BEGIN_ALLOW_THREADS;
@@ -173,28 +200,38 @@ static int integrate_in_parts(RingObject *self, const bd_time_path *path, double
 }
 
 /* Finite numbers that are read and then overwritten. */
-static double *state(core_arguments *arguments, PyObject *object, const char *name, int n_dim, const npy_intp *shape) {
+static double *state(core_arguments *arguments, PyObject *object, const char *name, int n_dim,
+                     const npy_intp *shape) {
     double *x = core_doubles(arguments, object, name, n_dim, shape, BD_OUTPUT);
-    return x && core_check_numbers(x, PyArray_SIZE((PyArrayObject *)object), name, BD_FINITE) ? x : NULL;
+    return x && core_check_numbers(x, PyArray_SIZE((PyArrayObject *)object), name, BD_FINITE)
+               ? x
+               : NULL;
 }
 
 static PyObject *Ring_integrate(RingObject *self, PyObject *args, PyObject *kwargs) {
-    static char *names[] = {"q",      "v",         "a",     "w",        "n_step", "per_period", "omega",  "omega_end",
-                            "radius", "tolerance", "fresh", "harmonic", "trace",  "first",      "energy", NULL};
-    PyObject *q_object, *v_object, *a_object, *w_object, *harmonic = Py_None, *trace = Py_None, *energy = Py_None;
+    static char *names[] = {"q",     "v",         "a",      "w",         "n_step", "per_period",
+                            "omega", "omega_end", "radius", "tolerance", "fresh",  "harmonic",
+                            "trace", "first",     "energy", NULL};
+    PyObject *q_object, *v_object, *a_object, *w_object, *harmonic = Py_None, *trace = Py_None,
+                                                         *energy = Py_None;
     bd_time_path path = {0};
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOlidddd|pOOlO:integrate", names, &q_object, &v_object, &a_object,
-                                     &w_object, &path.n_step, &path.steps_per_period, &path.omega, &path.omega_end,
-                                     &path.spectral_radius, &path.tolerance, &path.find_acceleration, &harmonic, &trace,
-                                     &path.first_step, &energy))
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOlidddd|pOOlO:integrate", names, &q_object,
+                                     &v_object, &a_object, &w_object, &path.n_step,
+                                     &path.steps_per_period, &path.omega, &path.omega_end,
+                                     &path.spectral_radius, &path.tolerance,
+                                     &path.find_acceleration, &harmonic, &trace, &path.first_step,
+                                     &energy))
         return NULL;
     core_arguments arguments = {0};
     const bd_time *t = &self->time;
     const npy_intp m = length(q_object, "q", 1000000), n = 2 * t->n_total, by_q[2] = {m, n};
-    const npy_intp by_w[4] = {m, t->n_sector, t->n_point, 2 + t->n_memory}, n_w = by_w[1] * by_w[2] * by_w[3];
+    const npy_intp by_w[4] = {m, t->n_sector, t->n_point, 2 + t->n_memory},
+                   n_w = by_w[1] * by_w[2] * by_w[3];
     double *q, *v, *a, *w;
     if (m < 0 || !check_path(&path)) return NULL;
-    if (!(q = state(&arguments, q_object, "q", 2, by_q)) || !(v = state(&arguments, v_object, "v", 2, by_q))) return NULL;
+    if (!(q = state(&arguments, q_object, "q", 2, by_q)) ||
+        !(v = state(&arguments, v_object, "v", 2, by_q)))
+        return NULL;
     if (!(a = state(&arguments, a_object, "a", 2, by_q))) return NULL;
     if (!(w = state(&arguments, w_object, "w", 4, by_w))) return NULL;
     const npy_intp periods = path.n_step / path.steps_per_period, by_trace[3] = {m, path.n_step, n},
@@ -211,21 +248,27 @@ static PyObject *Ring_integrate(RingObject *self, PyObject *args, PyObject *kwar
         n_harmonic = PyArray_DIM((PyArrayObject *)harmonic, 3);
         const npy_intp by_harmonic[4] = {m, periods, t->n_row, n_harmonic};
         if (n_harmonic < 1 || n_harmonic > BD_MAX_HARM + 1) {
-            PyErr_Format(PyExc_ValueError, "harmonic: expected 1 to %d columns, found %zd", BD_MAX_HARM + 1,
-                         (Py_ssize_t)n_harmonic);
+            PyErr_Format(PyExc_ValueError, "harmonic: expected 1 to %d columns, found %zd",
+                         BD_MAX_HARM + 1, (Py_ssize_t)n_harmonic);
             return NULL;
         }
-        X = core_array(&arguments, harmonic, "harmonic", NPY_CDOUBLE, "complex128", 4, by_harmonic, BD_OUTPUT);
+        X = core_array(&arguments, harmonic, "harmonic", NPY_CDOUBLE, "complex128", 4, by_harmonic,
+                       BD_OUTPUT);
         if (!X) return NULL;
         path.n_harm = (int)n_harmonic - 1;
     }
-    if (trace != Py_None && !(x = core_doubles(&arguments, trace, "trace", 3, by_trace, BD_OUTPUT))) return NULL;
-    if (energy != Py_None && !(e = core_doubles(&arguments, energy, "energy", 3, by_energy, BD_OUTPUT))) return NULL;
+    if (trace != Py_None && !(x = core_doubles(&arguments, trace, "trace", 3, by_trace, BD_OUTPUT)))
+        return NULL;
+    if (energy != Py_None &&
+        !(e = core_doubles(&arguments, energy, "energy", 3, by_energy, BD_OUTPUT)))
+        return NULL;
     for (npy_intp i = 0; i < m && status == BD_OK; ++i) {
         path.response_harmonics = X ? X + 2 * i * periods * t->n_row * n_harmonic : NULL;
         path.energy = e ? e + 4 * i * periods : NULL;
         path.coordinates = x ? x + i * path.n_step * n : NULL;
-        if (!integrate_in_parts(self, &path, q + i * n, v + i * n, a + i * n, w + i * n_w, &effort, &status)) return NULL;
+        if (!integrate_in_parts(self, &path, q + i * n, v + i * n, a + i * n, w + i * n_w, &effort,
+                                &status))
+            return NULL;
     }
     return Py_BuildValue("ill", (int)status, effort.n_solution, effort.n_evaluation);
 }
@@ -252,17 +295,25 @@ static PyMethodDef Ring_methods[] = {
     {"integrate", (PyCFunction)(void (*)(void))Ring_integrate, METH_VARARGS | METH_KEYWORDS,
      "integrate(q, v, a, w, n_step, per_period, omega, omega_end, radius, tolerance, fresh=False, "
      "harmonic=None, trace=None, first=0, energy=None) -> (int, int, int)\n\n"
-     "Integrate m states in place: q, v, a (m, 2 n) and w (m, n_sector, n_point, 2 + n_memory), sliders and "
+     "Integrate m states in place: q, v, a (m, 2 n) and w (m, n_sector, n_point, 2 + n_memory), "
+     "sliders and "
      "memories of user laws.\n\n"
-     "The n_step steps have equal angles, per_period in a period, and begin at step `first` of a period. The "
-     "frequency changes from omega to omega_end linearly in time. radius is the spectral radius at infinite "
-     "frequency, tolerance the relative tolerance of the contact forces. With fresh, accelerations and "
+     "The n_step steps have equal angles, per_period in a period, and begin at step `first` of a "
+     "period. The "
+     "frequency changes from omega to omega_end linearly in time. radius is the spectral radius at "
+     "infinite "
+     "frequency, tolerance the relative tolerance of the contact forces. With fresh, accelerations "
+     "and "
      "coordinates without mass are computed from the remaining state.\n\n"
-     "Optional outputs: harmonic, the harmonics of the responses in each whole period (m, n_step // per_period, "
-     "n_row, n_harm + 1); energy (m, n_step // per_period, 4), J: work of the excitation, losses in damping, "
-     "work on the contacts, increase of kinetic and strain energy; trace, the coordinates at the start of each "
+     "Optional outputs: harmonic, the harmonics of the responses in each whole period (m, n_step "
+     "// per_period, "
+     "n_row, n_harm + 1); energy (m, n_step // per_period, 4), J: work of the excitation, losses "
+     "in damping, "
+     "work on the contacts, increase of kinetic and strain energy; trace, the coordinates at the "
+     "start of each "
      "step (m, n_step, 2 n).\n\n"
-     "Return the status, the number of solutions for contact forces and the number of their evaluations. The "
+     "Return the status, the number of solutions for contact forces and the number of their "
+     "evaluations. The "
      "status is not 0 if contact forces were not found even in shortened steps."},
     {"follow", (PyCFunction)Ring_follow, METH_VARARGS,
      "follow(q, w)\n\n"

@@ -17,27 +17,35 @@ static PyObject *kernel(PyObject *module, PyObject *args) {
 }
 
 static PyMethodDef core_methods[] = {
-    {"evaluate_contact", (PyCFunction)(void (*)(void))core_evaluate_contact, METH_VARARGS | METH_KEYWORDS,
-     "evaluate_contact(x, kt, kn, mu, n0, w, F, J, law=0, evaluation=0, n_time=0, load=n0, own=None) -> "
+    {"evaluate_contact", (PyCFunction)(void (*)(void))core_evaluate_contact,
+     METH_VARARGS | METH_KEYWORDS,
+     "evaluate_contact(x, kt, kn, mu, n0, w, F, J, law=0, evaluation=0, n_time=0, load=n0, "
+     "own=None) -> "
      "(shares, segments)\n\n"
-     "Compute the force F (3, n_coef) and tangent J (3, n_coef, 3, n_coef) of one contact point. Return the "
+     "Compute the force F (3, n_coef) and tangent J (3, n_coef, 3, n_coef) of one contact point. "
+     "Return the "
      "shares of the cycle, and for each direction a list of (start, end, state)."},
     {"check_laws", core_check_laws, METH_O,
      "check_laws(own)\n\n"
-     "Check a tuple of user laws, (function, parameters, memory) or None; raise an exception if the shipped "
+     "Check a tuple of user laws, (function, parameters, memory) or None; raise an exception if "
+     "the shipped "
      "laws cannot use their numbers."},
     {"step_laws", core_step_laws, METH_VARARGS,
      "step_laws(own, x, memory, after, F, D)\n\n"
-     "Compute one step of the user laws at n points. own is a tuple of (function, parameters, memory) or None "
+     "Compute one step of the user laws at n points. own is a tuple of (function, parameters, "
+     "memory) or None "
      "for each point.\n\n"
-     "The step leads from the memory (n, 3 + n_state) to the motion x (n, 3), with the closing relative to "
-     "touching. Outputs are the memory `after` the step, the forces F (n, 3) and their derivative D (n, 3, 3)."},
+     "The step leads from the memory (n, 3 + n_state) to the motion x (n, 3), with the closing "
+     "relative to "
+     "touching. Outputs are the memory `after` the step, the forces F (n, 3) and their derivative "
+     "D (n, 3, 3)."},
     {"kernels", kernels, METH_NOARGS,
      "kernels() -> tuple of str\n\n"
      "Return the builds of the inner loops that this processor runs, fastest first."},
     {"kernel", kernel, METH_NOARGS,
      "kernel() -> str\n\n"
-     "Return the active build: the fastest one, or the build in the environment variable BDAMPER_KERNEL."},
+     "Return the active build: the fastest one, or the build in the environment variable "
+     "BDAMPER_KERNEL."},
     {NULL, NULL, 0, NULL}};
 
 /* ---- LAPACK ---- */
@@ -48,19 +56,21 @@ static int find_lapack(bd_lapack *lapack) {
     return 0;
 }
 #else
-/* Get one function of a SciPy Cython module. The name of the capsule is the C signature. It must have the expected
- * arguments with int integers, otherwise the call would corrupt memory. */
+/* Get one function of a SciPy Cython module. The name of the capsule is the C signature. It must
+ * have the expected arguments with int integers, otherwise the call would corrupt memory. */
 static int find_function(PyObject *capi, const char *name, const char *pattern, void *target) {
     PyObject *capsule = PyDict_GetItemString(capi, name);
     const char *signature = capsule ? PyCapsule_GetName(capsule) : NULL;
     if (!signature) {
-        PyErr_Format(PyExc_ImportError, "bdamper needs %s from scipy.linalg, which this SciPy does not offer", name);
+        PyErr_Format(PyExc_ImportError,
+                     "bdamper needs %s from scipy.linalg, which this SciPy does not offer", name);
         return -1;
     }
     char kinds[32];
     size_t n = 0;
     const char *p = strchr(signature, '(');
-    while (p && *p && *p != ')' && n + 1 < sizeof kinds) { /* one letter for each argument: c, i, d or ? */
+    /* one letter for each argument: c, i, d or ? */
+    while (p && *p && *p != ')' && n + 1 < sizeof kinds) {
         ++p;
         while (*p == ' ') ++p;
         const size_t span = strcspn(p, ",)");
@@ -70,7 +80,8 @@ static int find_function(PyObject *capi, const char *name, const char *pattern, 
             kinds[n++] = 'i';
         else if (strncmp(p, "double *", 8) == 0)
             kinds[n++] = 'd';
-        else if (strncmp(p, "__pyx_t_5scipy_6linalg_", 23) == 0 && span > 4 && strncmp(p + span - 4, "_d *", 4) == 0)
+        else if (strncmp(p, "__pyx_t_5scipy_6linalg_", 23) == 0 && span > 4 &&
+                 strncmp(p + span - 4, "_d *", 4) == 0)
             kinds[n++] = 'd';
         else
             kinds[n++] = '?';
@@ -107,7 +118,8 @@ static int core_exec(PyObject *module) {
     core_state *state = PyModule_GetState(module);
     if (PyArray_ImportNumPyAPI() < 0 || find_lapack(&state->lapack) < 0) return -1;
     if (core_add_results(module, state) < 0 || core_add_laws(module) < 0) return -1;
-    PyType_Spec *const spec[] = {&core_sector_spec, &core_eased_spec, &core_modes_spec, &core_ring_spec, &core_wheel_spec};
+    PyType_Spec *const spec[] = {&core_sector_spec, &core_eased_spec, &core_modes_spec,
+                                 &core_ring_spec, &core_wheel_spec};
     for (size_t i = 0; i < sizeof spec / sizeof *spec; ++i) {
         PyObject *type = PyType_FromModuleAndSpec(module, spec[i], NULL);
         const int failed = type ? PyModule_AddType(module, (PyTypeObject *)type) : -1;
@@ -147,7 +159,8 @@ static PyModuleDef_Slot core_slots[] = {{Py_mod_exec, core_exec},
 static struct PyModuleDef core_module = {
     PyModuleDef_HEAD_INIT,
     .m_name = "bdamper._core",
-    .m_doc = "C core of bdamper: contact laws, harmonic balance, Newton iteration and time integration.",
+    .m_doc =
+        "C core of bdamper: contact laws, harmonic balance, Newton iteration and time integration.",
     .m_size = sizeof(core_state),
     .m_methods = core_methods,
     .m_traverse = core_traverse,

@@ -3,7 +3,8 @@
 
 /* Arguments of Wheel(), in order. */
 typedef struct {
-    PyObject *next, *rows, *active, *pinned, *stiffness, *mass, *disk_stiffness, *disk_mass, *damping;
+    PyObject *next, *rows, *active, *pinned, *stiffness, *mass, *disk_stiffness, *disk_mass,
+        *damping;
     PyObject *damper_stiffness, *damper_mass, *damper_damping, *springs, *neutral, *home;
     PyObject *kt, *kn, *mu, *n0, *w, *law, *load, *shift, *force, *row_scale;
 } wheel_objects;
@@ -13,9 +14,11 @@ static unsigned char *flags(core_arguments *a, PyObject *object, const char *nam
 }
 
 /* Complex matrices (n_wave, n, n). */
-static const double *waves(core_arguments *a, PyObject *object, const char *name, npy_intp n_wave, npy_intp n) {
+static const double *waves(core_arguments *a, PyObject *object, const char *name, npy_intp n_wave,
+                           npy_intp n) {
     const npy_intp shape[3] = {n_wave, n, n};
-    const double *found = core_array(a, object, name, NPY_CDOUBLE, "complex128", 3, shape, BD_INPUT);
+    const double *found =
+        core_array(a, object, name, NPY_CDOUBLE, "complex128", 3, shape, BD_INPUT);
     return found && core_check_numbers(found, 2 * n_wave * n * n, name, BD_FINITE) ? found : NULL;
 }
 
@@ -23,45 +26,65 @@ static const double *waves(core_arguments *a, PyObject *object, const char *name
 static const double MOST = 1 << 28;
 
 static int check_sizes(const bd_wheel_input *in) {
-    const double N = in->n_sector, b = in->n_blade, sector = b + in->n_damper, nc = 2.0 * in->n_harm + 1.0;
+    const double N = in->n_sector, b = in->n_blade, sector = b + in->n_damper,
+                 nc = 2.0 * in->n_harm + 1.0;
     if (!core_check_n_harm(in->n_harm)) return 0;
     if (N * nc * sector > MOST || 3.0 * N * nc * in->n_point > MOST || N * b * b > MOST) {
-        PyErr_Format(PyExc_ValueError,
-                     "n_sector, n_harm, n_blade, n_damper, n_point: expected at most %d numbers in an array", (int)MOST);
+        PyErr_Format(
+            PyExc_ValueError,
+            "n_sector, n_harm, n_blade, n_damper, n_point: expected at most %d numbers in an array",
+            (int)MOST);
         return 0;
     }
-    if (in->n_sector >= 3 && in->n_sector <= 10000 && in->n_blade >= 1 && in->n_damper >= 0 && in->n_root >= 0 &&
-        in->n_root <= in->n_blade && in->n_kept >= 0 && in->n_kept <= in->n_root && (in->n_kept || in->n_damper) &&
-        sector <= 1000.0 && in->n_point >= 0 && in->n_point <= 100000)
+    if (in->n_sector >= 3 && in->n_sector <= 10000 && in->n_blade >= 1 && in->n_damper >= 0 &&
+        in->n_root >= 0 && in->n_root <= in->n_blade && in->n_kept >= 0 &&
+        in->n_kept <= in->n_root && (in->n_kept || in->n_damper) && sector <= 1000.0 &&
+        in->n_point >= 0 && in->n_point <= 100000)
         return 1;
-    PyErr_SetString(PyExc_ValueError,
-                    "n_sector, n_blade, n_damper, n_root, n_kept, n_point: expected 3 to 10000 sectors, "
-                    "n_kept <= n_root <= n_blade, n_kept or n_damper above 0, at most 1000 coordinates and "
-                    "100000 points in a sector");
+    PyErr_SetString(
+        PyExc_ValueError,
+        "n_sector, n_blade, n_damper, n_root, n_kept, n_point: expected 3 to 10000 sectors, "
+        "n_kept <= n_root <= n_blade, n_kept or n_damper above 0, at most 1000 coordinates and "
+        "100000 points in a sector");
     return 0;
 }
 
 static int read_structure(core_arguments *a, const wheel_objects *o, bd_wheel_input *in) {
-    const npy_intp N = in->n_sector, b = in->n_blade, d = in->n_damper, D = N / 2 + 1, nc = bd_n_coef(in->n_harm);
-    const npy_intp rows[3] = {in->n_point, 3, b + d}, blades[3] = {N, b, b}, blade[2] = {b, b}, dampers[2] = {N, d};
+    const npy_intp N = in->n_sector, b = in->n_blade, d = in->n_damper, D = N / 2 + 1,
+                   nc = bd_n_coef(in->n_harm);
+    const npy_intp rows[3] = {in->n_point, 3, b + d}, blades[3] = {N, b, b}, blade[2] = {b, b},
+                   dampers[2] = {N, d};
     if (!(in->on_next = flags(a, o->next, "next", in->n_point))) return 0;
     if (!(in->motion_rows = core_numbers(a, o->rows, "rows", 3, rows, BD_FINITE))) return 0;
-    if (!(in->active = flags(a, o->active, "active", nc)) || !(in->pinned = flags(a, o->pinned, "pinned", N))) return 0;
+    if (!(in->active = flags(a, o->active, "active", nc)) ||
+        !(in->pinned = flags(a, o->pinned, "pinned", N)))
+        return 0;
     for (npy_intp c = 1; c < nc; c += 2)
         if (in->active[c] != in->active[c + 1]) {
-            PyErr_SetString(PyExc_ValueError, "active: expected cosine and sine of a harmonic together");
+            PyErr_SetString(PyExc_ValueError,
+                            "active: expected cosine and sine of a harmonic together");
             return 0;
         }
-    if (!(in->stiffness = core_numbers(a, o->stiffness, "stiffness", 3, blades, BD_FINITE))) return 0;
+    if (!(in->stiffness = core_numbers(a, o->stiffness, "stiffness", 3, blades, BD_FINITE)))
+        return 0;
     if (!(in->mass = core_numbers(a, o->mass, "mass", 2, blade, BD_FINITE))) return 0;
-    if (!(in->disk_stiffness = waves(a, o->disk_stiffness, "disk_stiffness", D, in->n_root))) return 0;
+    if (!(in->disk_stiffness = waves(a, o->disk_stiffness, "disk_stiffness", D, in->n_root)))
+        return 0;
     if (!(in->disk_mass = waves(a, o->disk_mass, "disk_mass", D, in->n_root))) return 0;
     if (!(in->damping = waves(a, o->damping, "damping", D, b))) return 0;
-    if (!(in->damper_stiffness = core_numbers(a, o->damper_stiffness, "damper_stiffness", 1, &d, BD_FINITE))) return 0;
-    if (!(in->damper_mass = core_numbers(a, o->damper_mass, "damper_mass", 2, dampers, BD_FINITE))) return 0;
-    if (!(in->damper_damping = core_numbers(a, o->damper_damping, "damper_damping", 1, &d, BD_FINITE))) return 0;
-    if (!(in->springs = core_numbers(a, o->springs, "springs", 2, dampers, BD_NON_NEGATIVE))) return 0;
-    if (!(in->jacobian_springs = core_numbers(a, o->neutral, "neutral", 2, dampers, BD_NON_NEGATIVE))) return 0;
+    if (!(in->damper_stiffness =
+              core_numbers(a, o->damper_stiffness, "damper_stiffness", 1, &d, BD_FINITE)))
+        return 0;
+    if (!(in->damper_mass = core_numbers(a, o->damper_mass, "damper_mass", 2, dampers, BD_FINITE)))
+        return 0;
+    if (!(in->damper_damping =
+              core_numbers(a, o->damper_damping, "damper_damping", 1, &d, BD_FINITE)))
+        return 0;
+    if (!(in->springs = core_numbers(a, o->springs, "springs", 2, dampers, BD_NON_NEGATIVE)))
+        return 0;
+    if (!(in->jacobian_springs =
+              core_numbers(a, o->neutral, "neutral", 2, dampers, BD_NON_NEGATIVE)))
+        return 0;
     return (in->spring_origin = core_numbers(a, o->home, "home", 2, dampers, BD_FINITE)) != NULL;
 }
 
@@ -76,7 +99,9 @@ static int read_points(core_arguments *a, const wheel_objects *o, bd_wheel_input
     if (!(in->load = core_numbers(a, o->load, "load", 1, &n, BD_FINITE))) return 0;
     if (!(in->shift = core_numbers(a, o->shift, "shift", 2, by3, BD_FINITE))) return 0;
     for (npy_intp p = 0; p < n; ++p)
-        if (!core_check_law(in->law[p], in->evaluation) || !core_check_slider(in->w + 2 * p, in->law[p])) return 0;
+        if (!core_check_law(in->law[p], in->evaluation) ||
+            !core_check_slider(in->w + 2 * p, in->law[p]))
+            return 0;
     return 1;
 }
 
@@ -133,16 +158,21 @@ static PyObject *Wheel_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
     bd_wheel_input in = {0};
     core_arguments a = {0};
     int evaluation = BD_EXACT;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "iiiiiiiOOOOOOOOOOOOOOOOOOOOOOOOO|ii:Wheel", names, &in.n_sector,
-                                     &in.n_harm, &in.n_blade, &in.n_damper, &in.n_root, &in.n_kept, &in.n_point, &o.next,
-                                     &o.rows, &o.active, &o.pinned, &o.stiffness, &o.mass, &o.disk_stiffness, &o.disk_mass,
-                                     &o.damping, &o.damper_stiffness, &o.damper_mass, &o.damper_damping, &o.springs,
-                                     &o.neutral, &o.home, &o.kt, &o.kn, &o.mu, &o.n0, &o.w, &o.law, &o.load, &o.shift,
-                                     &o.force, &o.row_scale, &evaluation, &in.n_time))
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "iiiiiiiOOOOOOOOOOOOOOOOOOOOOOOOO|ii:Wheel",
+                                     names, &in.n_sector, &in.n_harm, &in.n_blade, &in.n_damper,
+                                     &in.n_root, &in.n_kept, &in.n_point, &o.next, &o.rows,
+                                     &o.active, &o.pinned, &o.stiffness, &o.mass, &o.disk_stiffness,
+                                     &o.disk_mass, &o.damping, &o.damper_stiffness, &o.damper_mass,
+                                     &o.damper_damping, &o.springs, &o.neutral, &o.home, &o.kt,
+                                     &o.kn, &o.mu, &o.n0, &o.w, &o.law, &o.load, &o.shift, &o.force,
+                                     &o.row_scale, &evaluation, &in.n_time))
         return NULL;
-    if (!core_check_kernel() || !check_sizes(&in) || !core_check_evaluation(evaluation, in.n_time, in.n_harm)) return NULL;
+    if (!core_check_kernel() || !check_sizes(&in) ||
+        !core_check_evaluation(evaluation, in.n_time, in.n_harm))
+        return NULL;
     in.evaluation = (bd_evaluation)evaluation;
-    if (!read_structure(&a, &o, &in) || !read_points(&a, &o, &in) || !read_forces(&a, &o, &in)) return NULL;
+    if (!read_structure(&a, &o, &in) || !read_points(&a, &o, &in) || !read_forces(&a, &o, &in))
+        return NULL;
     core_equations *self = core_equations_new(type, NULL);
     if (!self) return NULL;
     if (!core_check_status(bd_wheel_create(&self->wheel, &in))) {
@@ -153,14 +183,15 @@ static PyObject *Wheel_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
     return (PyObject *)self;
 }
 
-static PyType_Slot Wheel_slots[] = {
-    {Py_tp_new, Wheel_new},
-    {Py_tp_dealloc, core_equations_dealloc},
-    {Py_tp_methods, core_equations_methods},
-    {Py_tp_getset, core_equations_getset},
-    {Py_tp_doc, "Harmonic balance equations of a mistuned bladed disk from arrays (csrc/bladed_disk/wheel_equations.h); "
-                "the parameter is omega."},
-    {0, NULL}};
+static PyType_Slot Wheel_slots[] = {{Py_tp_new, Wheel_new},
+                                    {Py_tp_dealloc, core_equations_dealloc},
+                                    {Py_tp_methods, core_equations_methods},
+                                    {Py_tp_getset, core_equations_getset},
+                                    {Py_tp_doc,
+                                     "Harmonic balance equations of a mistuned bladed disk from "
+                                     "arrays (csrc/bladed_disk/wheel_equations.h); "
+                                     "the parameter is omega."},
+                                    {0, NULL}};
 
 PyType_Spec core_wheel_spec = {.name = "bdamper._core.Wheel",
                                .basicsize = sizeof(core_equations),

@@ -1,8 +1,8 @@
 /* Block elimination around a ring of sectors that are coupled to their neighbours only.
  *
- * The unknowns of sector n are the coefficients of blade n, inner coordinates e and ring coordinates a, and of damper n,
- * y, between blades n and n + 1. The disk couples a to the a of the adjacent sectors. The damper y touches both its
- * blades. Hence
+ * The unknowns of sector n are the coefficients of blade n, inner coordinates e and ring
+ * coordinates a, and of damper n, y, between blades n and n + 1. The disk couples a to the a of the
+ * adjacent sectors. The damper y touches both its blades. Hence
  *
  *     E_n e_n = r_n - B_n [a_n, y_n, y_(n-1)]
  *
@@ -10,15 +10,17 @@
  *
  *     L_n x_(n-1) + D_n x_n + U_n x_(n+1) = b_n,    n modulo N.
  *
- * Its elimination has the last sector as border. W couples a sector to the last one, and V couples the last one to the
- * sector:
+ * Its elimination has the last sector as border. W couples a sector to the last one, and V couples
+ * the last one to the sector:
  *
- *     D_(n+1) -= L_(n+1) D_n^-1 U_n,  W_(n+1) = -L_(n+1) D_n^-1 W_n,  V_(n+1) = -V_n D_n^-1 U_n,  D_last -= V_n D_n^-1 W_n.
+ *     D_(n+1) -= L_(n+1) D_n^-1 U_n,     W_(n+1) = -L_(n+1) D_n^-1 W_n,
+ *     D_last  -= V_n D_n^-1 W_n,         V_(n+1) = -V_n D_n^-1 U_n.
  *
- * The determinant is the product of the determinants of E_n and D_n at their elimination. The transposed matrix has the
- * same factors in reverse order.
+ * The determinant is the product of the determinants of E_n and D_n at their elimination. The
+ * transposed matrix has the same factors in reverse order.
  *
- * Matrices are row-major. Inverses replace factors, since products run several times faster than triangular solutions. */
+ * Matrices are row-major. Inverses replace factors, since products run several times faster than
+ * triangular solutions. */
 #include "bladed_disk/cyclic_elimination.h"
 
 #include <math.h>
@@ -26,11 +28,11 @@
 #include <string.h>
 
 /* C (m, n; ldc) = A B, or C += alpha A B if alpha is not 0. */
-static void multiply(const bd_ring *w, int m, int n, int k, double alpha, const double *A, int lda, const double *B,
-                     int ldb, double *C, int ldc) {
+static void multiply(const bd_ring *w, int m, int n, int k, double alpha, const double *A, int lda,
+                     const double *B, int ldb, double *C, int ldc) {
     for (int i = 0; i < m && alpha == 0.0; ++i) memset(C + i * ldc, 0, sizeof(double) * (size_t)n);
-    w->kernel->add_product((size_t)m, (size_t)n, (size_t)k, alpha == 0.0 ? 1.0 : alpha, A, (size_t)lda, B, (size_t)ldb, C,
-                           (size_t)ldc);
+    w->kernel->add_product((size_t)m, (size_t)n, (size_t)k, alpha == 0.0 ? 1.0 : alpha, A,
+                           (size_t)lda, B, (size_t)ldb, C, (size_t)ldc);
 }
 
 /* Replace A (n, n) by its inverse; update the sign of the determinant. */
@@ -103,9 +105,11 @@ bd_status bd_ring_create(bd_ring *w, const bd_ring_input *in) {
         const int k = at[in->on_next[p] != 0]++, row = 3 * w->sector_size;
         w->point[k] = p;
         memcpy(w->rows + k * row, in->rows + p * row, sizeof(double) * (size_t)row);
-        const int first = in->on_next[p] ? w->n_group[0] : 0, wide = 3 * w->n_group[in->on_next[p] != 0];
+        const int first = in->on_next[p] ? w->n_group[0] : 0,
+                  wide = 3 * w->n_group[in->on_next[p] != 0];
         double *to = w->rows_transposed + first * row + 3 * (k - first);
-        for (int i = 0; i < row; ++i) to[i % w->sector_size * wide + i / w->sector_size] = in->rows[p * row + i];
+        for (int i = 0; i < row; ++i)
+            to[i % w->sector_size * wide + i / w->sector_size] = in->rows[p * row + i];
     }
     return BD_OK;
 }
@@ -113,14 +117,17 @@ bd_status bd_ring_create(bd_ring *w, const bd_ring_input *in) {
 /* ---- one sector ---- */
 
 /* z (n_coef, sector_size) = sum over c' of three blocks (c, c') times a row of motion each. */
-static void fill_row(const bd_ring *w, const double *const block[3], const double *const row[3], double *restrict z) {
+static void fill_row(const bd_ring *w, const double *const block[3], const double *const row[3],
+                     double *restrict z) {
     for (int d = 0; d < w->input.n_coef; ++d, z += w->sector_size) {
         const double a = block[0][d], b = block[1][d], c = block[2][d];
-        for (int j = 0; j < w->sector_size; ++j) z[j] = a * row[0][j] + b * row[1][j] + c * row[2][j];
+        for (int j = 0; j < w->sector_size; ++j)
+            z[j] = a * row[0][j] + b * row[1][j] + c * row[2][j];
     }
 }
 
-/* Pick the points of a group whose tangents have a form, and copy their rows; return their number. */
+/* Pick the points of a group whose tangents have a form, and copy their
+ * rows; return their number. */
 static int pick_points(bd_ring *w, int g, const unsigned char *form, bd_block wanted) {
     const int first = g * w->n_group[0], row = 3 * w->sector_size;
     int n = 0;
@@ -132,7 +139,8 @@ static int pick_points(bd_ring *w, int g, const unsigned char *form, bd_block wa
     return n;
 }
 
-/* Tangents of the points of sector k on its blade, or on the next one: (n_coef, sector_size, n_coef, sector_size). */
+/* Tangents of the points of sector k on its blade, or on the next one: (n_coef, sector_size,
+ * n_coef, sector_size). */
 static void contact_matrix(bd_ring *w, int g, const bd_ring_matrix *m, int k, double *out) {
     const int nc = w->input.n_coef, ns = w->sector_size, wide = nc * ns;
     const size_t nn = (size_t)(nc * nc), first = (size_t)k * (size_t)w->input.n_point;
@@ -144,10 +152,13 @@ static void contact_matrix(bd_ring *w, int g, const bd_ring_matrix *m, int k, do
             const double *t = T + ((size_t)w->picked[p] * 7 * (size_t)nc + (size_t)c) * (size_t)nc;
             const double *u = rows + 3 * p * ns, *v = u + ns, *normal = v + ns;
             double *z = w->Z + (size_t)(3 * p) * (size_t)wide;
-            fill_row(w, (const double *[]){t, t + 2 * nn, t + 4 * nn}, (const double *[]){u, normal, v}, z);
-            fill_row(w, (const double *[]){t + nn, t + 3 * nn, t + 5 * nn}, (const double *[]){v, normal, u}, z + wide);
+            fill_row(w, (const double *[]){t, t + 2 * nn, t + 4 * nn},
+                     (const double *[]){u, normal, v}, z);
+            fill_row(w, (const double *[]){t + nn, t + 3 * nn, t + 5 * nn},
+                     (const double *[]){v, normal, u}, z + wide);
             for (int d = 0; d < nc; ++d)
-                for (int j = 0; j < ns; ++j) z[2 * wide + d * ns + j] = t[6 * nn + (size_t)d] * normal[j];
+                for (int j = 0; j < ns; ++j)
+                    z[2 * wide + d * ns + j] = t[6 * nn + (size_t)d] * normal[j];
         }
         w->kernel->product((size_t)ns, (size_t)wide, (size_t)(3 * n), rows, w->Z, (size_t)wide,
                            out + (size_t)(c * ns) * (size_t)wide, (size_t)wide);
@@ -192,25 +203,30 @@ static void add_linear(bd_ring *w, const bd_ring_matrix *m, int n) {
         const double sign = c % 2 ? 1.0 : -1.0;
         for (size_t i = 0; i < nb; ++i)
             for (size_t j = 0; j < nb; ++j) other[i * wide + j] += sign * C[i * nb + j];
-        for (size_t i = 0; i < nd && !in->pinned[n]; ++i) other[(nb + i) * wide + nb + i] += sign * d[i];
+        for (size_t i = 0; i < nd && !in->pinned[n]; ++i)
+            other[(nb + i) * wide + nb + i] += sign * d[i];
     }
 }
 
-/* Copy the entries of a sector matrix for coordinates [i0, i1) and [j0, j1); `to` has the leading dimension ld. */
-static void extract(const bd_ring *w, const double *from, int i0, int i1, int j0, int j1, double *to, int ld) {
+/* Copy the entries of a sector matrix for coordinates [i0, i1) and [j0, j1); `to` has the leading
+ * dimension ld. */
+static void extract(const bd_ring *w, const double *from, int i0, int i1, int j0, int j1,
+                    double *to, int ld) {
     const int wide = w->input.n_coef * w->sector_size;
     for (int c = 0; c < w->input.n_coef; ++c)
         for (int i = i0; i < i1; ++i) {
             const double *row = from + (size_t)(c * w->sector_size + i) * (size_t)wide;
             double *out = to + (size_t)(c * (i1 - i0) + i - i0) * (size_t)ld;
             for (int d = 0; d < w->input.n_coef; ++d)
-                memcpy(out + d * (j1 - j0), row + d * w->sector_size + j0, sizeof(double) * (size_t)(j1 - j0));
+                memcpy(out + d * (j1 - j0), row + d * w->sector_size + j0,
+                       sizeof(double) * (size_t)(j1 - j0));
         }
 }
 
 /* Add the blade part of next_side to own_side. */
 static void add_blade(bd_ring *w) {
-    const size_t ns = (size_t)w->sector_size, wide = (size_t)w->input.n_coef * ns, nb = (size_t)w->input.n_blade;
+    const size_t ns = (size_t)w->sector_size, wide = (size_t)w->input.n_coef * ns,
+                 nb = (size_t)w->input.n_blade;
     for (int c = 0; c < w->input.n_coef; ++c)
         for (size_t i = 0; i < nb; ++i)
             for (int d = 0; d < w->input.n_coef; ++d) {
@@ -219,9 +235,11 @@ static void add_blade(bd_ring *w) {
             }
 }
 
-/* Eliminate the inner blade coordinates of sector n and add the remainder to the blocks of the ring. */
+/* Eliminate the inner blade coordinates of sector n and add the remainder to
+ * the blocks of the ring. */
 static int eliminate_blade(bd_ring *w, int n) {
-    const int N = w->input.n_sector, e = w->input.n_blade - w->input.n_kept, nb = w->input.n_blade, ns = w->sector_size;
+    const int N = w->input.n_sector, e = w->input.n_blade - w->input.n_kept, nb = w->input.n_blade,
+              ns = w->sector_size;
     const int E = w->n_inner, s = w->n_ring, side = w->n_damper_unknown, q = s + side, A = s - side;
     double *inverse = w->inverse + (size_t)n * (size_t)E * (size_t)E,
            *back = w->inner_to_outer + (size_t)n * (size_t)E * (size_t)q;
@@ -248,7 +266,8 @@ static int eliminate_blade(bd_ring *w, int n) {
         multiply(w, q, q, E, -1.0, couple, E, back, q, S, q);
     }
     const size_t ss = (size_t)s * (size_t)s;
-    double *D = w->diagonal + (size_t)n * ss, *before = w->diagonal + (size_t)((n + N - 1) % N) * ss;
+    double *D = w->diagonal + (size_t)n * ss,
+           *before = w->diagonal + (size_t)((n + N - 1) % N) * ss;
     double *L = w->lower + (size_t)n * ss, *U = w->upper + (size_t)((n + N - 1) % N) * ss;
     for (int i = 0; i < s; ++i) {
         const double *row = S + (size_t)i * (size_t)q;
@@ -289,7 +308,8 @@ static int eliminate_ring(bd_ring *w) {
     double *W = w->lower; /* W of sector 0 is its coupling to the last sector */
     for (int n = 0; n < N - 1; ++n) {
         const size_t at = (size_t)n * ss;
-        double *D = w->diagonal + at, *V = w->last_row + at, *fill = w->last_factor + at, *onward = w->next_factor + at;
+        double *D = w->diagonal + at, *V = w->last_row + at, *fill = w->last_factor + at,
+               *onward = w->next_factor + at;
         if (n == N - 2)
             for (size_t i = 0; i < ss; ++i) V[i] += w->lower[at + ss + i], W[i] += w->upper[at + i];
         if (!invert(w, D, s)) return 0;
@@ -309,7 +329,8 @@ static int eliminate_ring(bd_ring *w) {
 }
 
 bd_status bd_ring_factor(bd_ring *w, const bd_ring_matrix *m) {
-    const size_t N = (size_t)w->input.n_sector, all = sizeof(double) * N * (size_t)w->n_ring * (size_t)w->n_ring;
+    const size_t N = (size_t)w->input.n_sector,
+                 all = sizeof(double) * N * (size_t)w->n_ring * (size_t)w->n_ring;
     w->sign = 1;
     memset(w->diagonal, 0, all), memset(w->lower, 0, all), memset(w->upper, 0, all);
     for (size_t n = 0; n < N; ++n) {
@@ -326,8 +347,8 @@ bd_status bd_ring_factor(bd_ring *w, const bd_ring_matrix *m) {
 /* ---- solution ---- */
 
 /* y += alpha A x with A (m, n), or alpha A^T x. */
-static void add_product(const bd_ring *w, int transposed, int m, int n, double alpha, const double *A, const double *x,
-                        double *y) {
+static void add_product(const bd_ring *w, int transposed, int m, int n, double alpha,
+                        const double *A, const double *x, double *y) {
     const int from = transposed ? m : n, to = transposed ? n : m;
     double *t = w->product;
     if (transposed) {
@@ -356,13 +377,15 @@ static void solve_ring(bd_ring *w, double *b) {
     for (int n = 0; n < N; ++n) {
         double *here = b + (size_t)n * (size_t)s;
         apply_inverse(w, 0, n, here);
-        if (n < N - 2) add_product(w, 0, s, s, -1.0, w->lower + (size_t)(n + 1) * ss, here, here + s);
+        if (n < N - 2)
+            add_product(w, 0, s, s, -1.0, w->lower + (size_t)(n + 1) * ss, here, here + s);
         if (n < N - 1) add_product(w, 0, s, s, -1.0, w->last_row + (size_t)n * ss, here, end);
     }
     for (int n = N - 2; n >= 0; --n) {
         double *here = b + (size_t)n * (size_t)s;
         add_product(w, 0, s, s, -1.0, w->last_factor + (size_t)n * ss, end, here);
-        if (n < N - 2) add_product(w, 0, s, s, -1.0, w->next_factor + (size_t)n * ss, here + s, here);
+        if (n < N - 2)
+            add_product(w, 0, s, s, -1.0, w->next_factor + (size_t)n * ss, here + s, here);
     }
 }
 
@@ -373,11 +396,13 @@ static void solve_ring_transposed(bd_ring *w, double *b) {
     for (int n = 0; n < N - 1; ++n) {
         double *here = b + (size_t)n * (size_t)s;
         add_product(w, 1, s, s, -1.0, w->last_factor + (size_t)n * ss, here, end);
-        if (n < N - 2) add_product(w, 1, s, s, -1.0, w->next_factor + (size_t)n * ss, here, here + s);
+        if (n < N - 2)
+            add_product(w, 1, s, s, -1.0, w->next_factor + (size_t)n * ss, here, here + s);
     }
     for (int n = N - 1; n >= 0; --n) {
         double *here = b + (size_t)n * (size_t)s;
-        if (n < N - 2) add_product(w, 1, s, s, -1.0, w->lower + (size_t)(n + 1) * ss, here + s, here);
+        if (n < N - 2)
+            add_product(w, 1, s, s, -1.0, w->lower + (size_t)(n + 1) * ss, here + s, here);
         if (n < N - 1) add_product(w, 1, s, s, -1.0, w->last_row + (size_t)n * ss, end, here);
         apply_inverse(w, 1, n, here);
     }
@@ -385,8 +410,8 @@ static void solve_ring_transposed(bd_ring *w, double *b) {
 
 /* Copy the inner right-hand side of sector n to t and add the remainder to the ring. */
 static void split_sector(const bd_ring *w, const double *from, double *t, double *to) {
-    const int ns = w->sector_size, k = w->input.n_kept, e = w->input.n_blade - k, nd = w->input.n_damper,
-              A = w->n_ring - w->n_damper_unknown;
+    const int ns = w->sector_size, k = w->input.n_kept, e = w->input.n_blade - k,
+              nd = w->input.n_damper, A = w->n_ring - w->n_damper_unknown;
     for (int c = 0; c < w->input.n_coef; ++c) {
         memcpy(t + c * e, from + c * ns, sizeof(double) * (size_t)e);
         for (int i = 0; i < k; ++i) to[c * k + i] += from[c * ns + e + i];
@@ -397,15 +422,19 @@ static void split_sector(const bd_ring *w, const double *from, double *t, double
 void bd_ring_solve(bd_ring *w, int transposed, const double *r, double *x) {
     const int N = w->input.n_sector, nc = w->input.n_coef, ns = w->sector_size, k = w->input.n_kept,
               e = w->input.n_blade - k;
-    const int nd = w->input.n_damper, E = w->n_inner, s = w->n_ring, side = w->n_damper_unknown, q = s + side, A = s - side;
+    const int nd = w->input.n_damper, E = w->n_inner, s = w->n_ring, side = w->n_damper_unknown,
+              q = s + side, A = s - side;
     const size_t EE = (size_t)E * (size_t)E, Eq = (size_t)E * (size_t)q;
-    double *inner = w->outer, *b = inner + (size_t)N * (size_t)E, *t = w->work; /* (N, E), (N, s), one sector */
+    /* (N, E), (N, s), one sector */
+    double *inner = w->outer, *b = inner + (size_t)N * (size_t)E, *t = w->work;
     memset(b, 0, sizeof(double) * (size_t)N * (size_t)s);
     memset(inner, 0, sizeof(double) * (size_t)N * (size_t)E);
     for (int n = 0; n < N; ++n) {
-        double *to = b + (size_t)n * (size_t)s, *before = b + (size_t)((n + N - 1) % N) * (size_t)s + A;
+        double *to = b + (size_t)n * (size_t)s,
+               *before = b + (size_t)((n + N - 1) % N) * (size_t)s + A;
         double *inner_n = inner + (size_t)n * (size_t)E;
-        const double *couple = w->outer_to_inner + (size_t)n * Eq, *back = w->inner_to_outer + (size_t)n * Eq;
+        const double *couple = w->outer_to_inner + (size_t)n * Eq,
+                     *back = w->inner_to_outer + (size_t)n * Eq;
         if (!transposed) {
             split_sector(w, r + (size_t)n * (size_t)(nc * ns), t, to);
             add_product(w, 0, E, E, 1.0, w->inverse + (size_t)n * EE, t, inner_n);
@@ -424,7 +453,8 @@ void bd_ring_solve(bd_ring *w, int transposed, const double *r, double *x) {
     else
         solve_ring(w, b);
     for (int n = 0; n < N; ++n) {
-        const double *here = b + (size_t)n * (size_t)s, *before = b + (size_t)((n + N - 1) % N) * (size_t)s + A;
+        const double *here = b + (size_t)n * (size_t)s,
+                     *before = b + (size_t)((n + N - 1) % N) * (size_t)s + A;
         double *inner_n = inner + (size_t)n * (size_t)E, *to = x + (size_t)n * (size_t)(nc * ns);
         memcpy(t, here, sizeof(double) * (size_t)s);
         memcpy(t + s, before, sizeof(double) * (size_t)side);

@@ -1,18 +1,23 @@
-/* Sampled evaluation of 1-D friction with variable or constant normal load, in two independent directions.
+/* Sampled evaluation of 1-D friction with variable or constant normal load, in two independent
+ * directions.
  *
  * The law is the clip of event_driven.c at n_time equidistant instants,
  *
- *     w_k = clip(w_{k-1}, u_k - mu N_k/kt, u_k + mu N_k/kt),   N_k = max(n0 + kn v_k, 0),   T_k = kt (u_k - w_k).
+ *     w_k = clip(w_{k-1}, u_k - mu N_k/kt, u_k + mu N_k/kt),
+ *     N_k = max(n0 + kn v_k, 0),   T_k = kt (u_k - w_k).
  *
- * Two periods suffice: the period map is a clip, so the second period is steady. Fourier coefficients are sums over the
- * samples, and the formulas of element.c hold with E_n = (2 pi/n_time) sum_k exp(i n theta_k).
+ * Two periods suffice: the period map is a clip, so the second period is steady. Fourier
+ * coefficients are sums over the samples, and the formulas of element.c hold with
+ * E_n = (2 pi/n_time) sum_k exp(i n theta_k).
  *
- * The plain law takes the slider of a closing contact from the last open sample. This is an error of order h, and its
- * derivative does not converge. With interpolation the slider is the displacement at zero n0 + kn v,
+ * The plain law takes the slider of a closing contact from the last open sample. This is an error
+ * of order h, and its derivative does not converge. With interpolation the slider is the
+ * displacement at zero n0 + kn v,
  *
  *     w = (1 - s) u_{k-1} + s u_k,   s = -g_{k-1}/(g_k - g_{k-1}),   g = n0 + kn v.
  *
- * Its derivative with respect to g, through s, is (u_k - u_{k-1}) (-g_k dg_{k-1} + g_{k-1} dg_k)/(g_k - g_{k-1})^2.
+ * Its derivative with respect to g, through s, is (u_k - u_{k-1}) (-g_k dg_{k-1} + g_{k-1}
+ * dg_k)/(g_k - g_{k-1})^2.
  *
  * The loops over samples, for several points at a time, are in aft_kernel.c. */
 #include "contact/aft.h"
@@ -24,11 +29,13 @@
 bd_status bd_sampled_create(bd_sampled_work *work, int n_harm, int n_time, int interpolate) {
     memset(work, 0, sizeof *work);
     work->kernel = bd_kernel_get();
-    if (!work->kernel || n_harm < 1 || n_harm > BD_MAX_HARM || n_time < 2 * n_harm + 2) return BD_BAD_ARGUMENT;
-    const size_t n_coef = (size_t)bd_n_coef(n_harm), n_power = (size_t)bd_n_power(n_harm), k = (size_t)n_time;
+    if (!work->kernel || n_harm < 1 || n_harm > BD_MAX_HARM || n_time < 2 * n_harm + 2)
+        return BD_BAD_ARGUMENT;
+    const size_t n_coef = (size_t)bd_n_coef(n_harm), n_power = (size_t)bd_n_power(n_harm),
+                 k = (size_t)n_time;
     const size_t lanes = BD_LANES;
-    const size_t n_double = k * n_power + 3 * n_coef * lanes + 6 * k * lanes + 4 * n_power * lanes + 3 * n_power +
-                            lanes * n_coef + (2 * lanes + 1) * n_coef * n_coef;
+    const size_t n_double = k * n_power + 3 * n_coef * lanes + 6 * k * lanes + 4 * n_power * lanes +
+                            3 * n_power + lanes * n_coef + (2 * lanes + 1) * n_coef * n_coef;
     work->memory = calloc(n_double, sizeof(double));
     work->segment[0] = malloc(sizeof(bd_segment) * 2 * k);
     work->state = calloc(k * lanes, 1);
@@ -111,7 +118,8 @@ static void load_lanes(int n, const bd_element *element, const double *x, bd_sam
     for (int lane = 0; lane < n; ++lane) {
         const double *from = x + 3 * (size_t)n_coef * (size_t)lane;
         for (int i = 0; i < 2 * n_coef; ++i) work->x[i * BD_LANES + lane] = from[i];
-        for (int i = 2 * n_coef; i < 3 * n_coef; ++i) work->x[i * BD_LANES + lane] = element[lane].kn * from[i];
+        for (int i = 2 * n_coef; i < 3 * n_coef; ++i)
+            work->x[i * BD_LANES + lane] = element[lane].kn * from[i];
         work->x[2 * n_coef * BD_LANES + lane] += element[lane].n0;
     }
 }
@@ -123,8 +131,8 @@ static void one_lane(const bd_sampled_work *work, const double *sums, int lane, 
 }
 
 /* Normal forces; return the number of points that touch during the cycle. */
-static int normal_direction(int n, const bd_element *element, const double *x, bd_response *out, bd_status_share *share,
-                            bd_sampled_work *work) {
+static int normal_direction(int n, const bd_element *element, const double *x, bd_response *out,
+                            bd_status_share *share, bd_sampled_work *work) {
     const int n_coef = bd_n_coef(work->n_harm), n_power = bd_n_power(work->n_harm);
     const double *xg = work->x + 2 * n_coef * BD_LANES;
     int n_contact = 0;
@@ -159,8 +167,8 @@ static const double *find_limit(int n, const bd_element *element, bd_sampled_wor
     return work->limit;
 }
 
-static void finish_lane(const bd_element *element, int d, int lane, const double *x, bd_response *out,
-                        bd_status_share *share, bd_sampled_work *work) {
+static void finish_lane(const bd_element *element, int d, int lane, const double *x,
+                        bd_response *out, bd_status_share *share, bd_sampled_work *work) {
     const size_t n = (size_t)bd_n_coef(work->n_harm), at = (size_t)lane;
     const double weight = BD_TWO_PI / work->n_time;
     const int tangent = work->lanes.stick_slider_u != NULL;
@@ -183,32 +191,35 @@ static void finish_lane(const bd_element *element, int d, int lane, const double
     bd_cycle_friction(element, d, &cycle, x + (size_t)d * n, x + 2 * n, out, work->scratch);
 }
 
-static void tangential_direction(int n, const bd_element *element, int d, const double *x, bd_response *out,
-                                 bd_status_share *share, bd_sampled_work *work) {
+static void tangential_direction(int n, const bd_element *element, int d, const double *x,
+                                 bd_response *out, bd_status_share *share, bd_sampled_work *work) {
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm);
     const int n_power = bd_n_power(work->n_harm);
     bd_lanes *lanes = &work->lanes;
     int any_friction = 0;
     for (int lane = 0; lane < BD_LANES; ++lane) {
-        const int has_friction =
-            lane < n && bd_element_has_friction(element + lane, d) && !bd_law_is_coupled(element[lane].law);
+        const int has_friction = lane < n && bd_element_has_friction(element + lane, d) &&
+                                 !bd_law_is_coupled(element[lane].law);
         lanes->slope[lane] = has_friction ? element[lane].mu / element[lane].kt[d] : 0.0;
         lanes->w[lane] = has_friction ? element[lane].w[d] : 0.0;
         lanes->origin[lane] = -1;
         any_friction |= has_friction;
     }
     if (!any_friction) return;
-    work->kernel->lane_values((int)n_coef, work->n_time, work->power, n_power, work->x + (size_t)d * n_coef * BD_LANES,
-                              work->u);
+    work->kernel->lane_values((int)n_coef, work->n_time, work->power, n_power,
+                              work->x + (size_t)d * n_coef * BD_LANES, work->u);
     work->kernel->settle(lanes);
     int moving = 0;
-    for (int lane = 0; lane < n; ++lane) moving |= lanes->slope[lane] > 0.0 && lanes->origin[lane] >= 0;
+    for (int lane = 0; lane < n; ++lane)
+        moving |= lanes->slope[lane] > 0.0 && lanes->origin[lane] >= 0;
     if (moving) {
         memset(lanes->stick, 0, sizeof(double) * (size_t)n_power * BD_LANES);
         memset(lanes->slip, 0, sizeof(double) * (size_t)n_power * BD_LANES);
         memset(lanes->stick_slider, 0, sizeof(double) * n_coef * BD_LANES);
-        if (lanes->stick_slider_u) memset(lanes->stick_slider_u, 0, sizeof(double) * n_coef * n_coef * BD_LANES);
-        if (lanes->stick_slider_u) memset(lanes->stick_slider_g, 0, sizeof(double) * n_coef * n_coef * BD_LANES);
+        if (lanes->stick_slider_u)
+            memset(lanes->stick_slider_u, 0, sizeof(double) * n_coef * n_coef * BD_LANES);
+        if (lanes->stick_slider_u)
+            memset(lanes->stick_slider_g, 0, sizeof(double) * n_coef * n_coef * BD_LANES);
         work->kernel->sum_cycle(lanes);
         if (n == 1) list_parts(work, d);
     }
@@ -216,7 +227,8 @@ static void tangential_direction(int n, const bd_element *element, int d, const 
         const double *xl = x + 3 * n_coef * (size_t)lane;
         if (lanes->slope[lane] == 0.0) continue;
         if (lanes->origin[lane] >= 0) {
-            if (share[lane].open < 1.0) finish_lane(element + lane, d, lane, xl, out + lane, share + lane, work);
+            if (share[lane].open < 1.0)
+                finish_lane(element + lane, d, lane, xl, out + lane, share + lane, work);
             continue;
         }
         bd_element_stuck(element + lane, work->n_harm, d, xl + (size_t)d * n_coef, out + lane);
@@ -225,8 +237,8 @@ static void tangential_direction(int n, const bd_element *element, int d, const 
     }
 }
 
-void bd_sampled_evaluate(int n, const bd_element *element, const double *x, bd_response *out, bd_status_share *share,
-                         bd_sampled_work *work) {
+void bd_sampled_evaluate(int n, const bd_element *element, const double *x, bd_response *out,
+                         bd_status_share *share, bd_sampled_work *work) {
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm);
     bd_status_share unused[BD_LANES];
     if (!share) share = unused;
@@ -235,7 +247,8 @@ void bd_sampled_evaluate(int n, const bd_element *element, const double *x, bd_r
         bd_element_open(element + lane, work->n_harm, out + lane);
         if (element[lane].law != BD_LAW_BONDED) continue;
         for (int d = 0; d < 2; ++d) {
-            bd_element_stuck(element + lane, work->n_harm, d, x + (3 * (size_t)lane + (size_t)d) * n_coef, out + lane);
+            bd_element_stuck(element + lane, work->n_harm, d,
+                             x + (3 * (size_t)lane + (size_t)d) * n_coef, out + lane);
             share[lane].stick[d] = 1.0;
         }
     }
@@ -246,8 +259,10 @@ void bd_sampled_evaluate(int n, const bd_element *element, const double *x, bd_r
     const int n_contact = normal_direction(n, element, x, out, share, work);
     for (int d = 0; d < 2 && n == 1; ++d) {
         whole_cycle(work, d, n_contact ? BD_STICK : BD_OPEN);
-        if (n_contact && !bd_element_has_friction(element, d) && element->law != BD_LAW_BONDED) work->n_segment[d] = 0;
+        if (n_contact && !bd_element_has_friction(element, d) && element->law != BD_LAW_BONDED)
+            work->n_segment[d] = 0;
     }
     work->lanes.g = find_limit(n, element, work);
-    for (int d = 0; d < 2 && n_contact; ++d) tangential_direction(n, element, d, x, out, share, work);
+    for (int d = 0; d < 2 && n_contact; ++d)
+        tangential_direction(n, element, d, x, out, share, work);
 }

@@ -1,17 +1,21 @@
-/* Sampled friction of BD_LANES contact points, one tangential direction; compiled once for each instruction set.
+/* Sampled friction of BD_LANES contact points, one tangential direction; compiled once for each
+ * instruction set.
  *
- * At sample k, let g = n0 + kn v (or the constant load) and c = slope max(g, 0) be the half width of the sticking range.
- * Then
+ * At sample k, let g = n0 + kn v (or the constant load) and c = slope max(g, 0) be the half width
+ * of the sticking range. Then
  *
- *     open      g_k <= 0                      w = u_k
- *     closing   g_{k-1} <= 0 < g_k            w = (1 - t) u_{k-1} + t u_k,  t = -g_{k-1}/(g_k - g_{k-1})  (plain: t = 0)
+ *     open      g_k <= 0              w = u_k
+ *     closing   g_{k-1} <= 0 < g_k    w = (1 - t) u_{k-1} + t u_k,  t = -g_{k-1}/(g_k - g_{k-1})
+ *                                     (without interpolation t = 0)
  *     clip      w < u_k - c: slip+, w = u_k - c;  w > u_k + c: slip-, w = u_k + c
  *
- * All three are clips, w <- min(hi, max(lo, w)), with lo = hi for the first two. Only one maximum and one minimum per
- * sample depend on the previous sample; lo and hi are computed before them, the sums after them.
+ * All three are clips, w <- min(hi, max(lo, w)), with lo = hi for the first two. Only one maximum
+ * and one minimum per sample depend on the previous sample; lo and hi are computed before them, the
+ * sums after them.
  *
- * The derivative of a slider depends on the sample that set it only. Sums over sticking samples are running sums: a
- * sticking part adds the difference to their value at its beginning, and enters the derivative when it ends. */
+ * The derivative of a slider depends on the sample that set it only. Sums over sticking samples are
+ * running sums: a sticking part adds the difference to their value at its beginning, and enters the
+ * derivative when it ends. */
 #include "contact/element.h"
 #include "util/kernels.h"
 #include "util/vector_types.h"
@@ -27,30 +31,36 @@ BD_INLINE int before(const bd_lanes *l, int k) { return k > 0 ? k - 1 : l->n_tim
 
 BD_INLINE range range_at(const bd_lanes *l, int k, int v) {
     const int at = k * BD_LANES + v * BD_WIDTH, at_before = before(l, k) * BD_LANES + v * BD_WIDTH;
-    const bd_vec u = bd_load(l->u + at), g = bd_load(l->g + at), g_before = bd_load(l->g + at_before), zero = bd_all(0.0);
+    const bd_vec u = bd_load(l->u + at), g = bd_load(l->g + at),
+                 g_before = bd_load(l->g + at_before), zero = bd_all(0.0);
     const bd_vec c = bd_load(l->slope + v * BD_WIDTH) * bd_max(g, zero);
     range r = {.lo = u - c, .hi = u + c, .inside = u, .contact = bd_above(g, zero)};
     r.closing = r.contact & ~bd_above(g_before, zero);
     if (bd_any(r.closing)) {
-        const bd_vec u_before = bd_load(l->u + at_before), dg = bd_select(r.closing, g - g_before, bd_all(1.0));
+        const bd_vec u_before = bd_load(l->u + at_before),
+                     dg = bd_select(r.closing, g - g_before, bd_all(1.0));
         const bd_vec t = zero - bd_all(l->interpolate ? 1.0 : 0.0) * g_before / dg;
         r.inside = bd_select(r.closing, (bd_all(1.0) - t) * u_before + t * u, u);
     }
     return r;
 }
 
-/* dw = (part[0] b' + part[1] b) . du + (part[2] b' + part[3] b) . dg for the slider w set at sample k. */
+/* dw = (part[0] b' + part[1] b) . du + (part[2] b' + part[3] b) . dg for the
+ * slider w set at sample k. */
 static void derivative_of_slider(const bd_lanes *l, int lane, int k, double w, double *part) {
     const int at = k * BD_LANES + lane, at_before = before(l, k) * BD_LANES + lane;
-    const double u = l->u[at], g = l->g[at], u_before = l->u[at_before], g_before = l->g[at_before], slope = l->slope[lane];
+    const double u = l->u[at], g = l->g[at], u_before = l->u[at_before], g_before = l->g[at_before],
+                 slope = l->slope[lane];
     part[0] = part[2] = part[3] = 0.0;
     part[1] = 1.0;
     if (!(g > 0.0)) return;
     const double c = slope * g, middle = w - u;
     if (!(g_before > 0.0)) {
-        const double t = l->interpolate ? -g_before / (g - g_before) : 0.0, inside = (1.0 - t) * (u_before - u);
+        const double t = l->interpolate ? -g_before / (g - g_before) : 0.0,
+                     inside = (1.0 - t) * (u_before - u);
         if (inside >= -c && inside <= c) {
-            const double factor = l->interpolate ? (u - u_before) / ((g - g_before) * (g - g_before)) : 0.0;
+            const double factor =
+                l->interpolate ? (u - u_before) / ((g - g_before) * (g - g_before)) : 0.0;
             part[0] = 1.0 - t;
             part[1] = t;
             part[2] = -factor * g;
@@ -71,7 +81,8 @@ BD_NOT_INLINE void end_stick_part(bd_lanes *l, int lane, double w, int origin) {
     const int n_coef = bd_n_coef(l->n_harm), n_power = bd_n_power(l->n_harm);
     const size_t nc = (size_t)n_coef;
     double g[BD_MAX_COEF], du[BD_MAX_COEF], dg[BD_MAX_COEF], part[4];
-    for (int i = 0; i < n_coef; ++i) g[i] = l->stick[(i + 1) * BD_LANES + lane] - l->saved[(i + 1) * BD_LANES + lane];
+    for (int i = 0; i < n_coef; ++i)
+        g[i] = l->stick[(i + 1) * BD_LANES + lane] - l->saved[(i + 1) * BD_LANES + lane];
     save_stick_sums(l, lane);
     for (int i = 0; i < n_coef; ++i) l->stick_slider[(size_t)lane * nc + (size_t)i] += w * g[i];
     if (origin < 0 || !l->stick_slider_u) return;
@@ -83,8 +94,8 @@ BD_NOT_INLINE void end_stick_part(bd_lanes *l, int lane, double w, int origin) {
         dg[i] = part[2] * b0[i] + part[3] * b1[i];
     }
     for (size_t i = 0; i < nc; ++i) {
-        double *restrict hu = l->stick_slider_u + ((size_t)lane * nc + i) * nc, *restrict hg = l->stick_slider_g +
-                                                                                               ((size_t)lane * nc + i) * nc;
+        double *restrict hu = l->stick_slider_u + ((size_t)lane * nc + i) * nc,
+                         *restrict hg = l->stick_slider_g + ((size_t)lane * nc + i) * nc;
         for (size_t j = 0; j < nc; ++j) {
             hu[j] += g[i] * du[j];
             hg[j] += g[i] * dg[j];
@@ -95,7 +106,8 @@ BD_NOT_INLINE void end_stick_part(bd_lanes *l, int lane, double w, int origin) {
 static void end_stick_parts(bd_lanes *l, int vec, bd_mask ending, bd_vec w, bd_mask origin) {
     for (int i = 0; i < BD_WIDTH; ++i) {
         const size_t at = (size_t)i;
-        if (bd_entry_int(ending, at)) end_stick_part(l, vec * BD_WIDTH + i, bd_entry(w, at), (int)bd_entry_int(origin, at));
+        if (bd_entry_int(ending, at))
+            end_stick_part(l, vec * BD_WIDTH + i, bd_entry(w, at), (int)bd_entry_int(origin, at));
     }
 }
 
@@ -129,7 +141,8 @@ void BD_JOIN(bd_lanes_settle_, BD_VARIANT)(bd_lanes *l) {
         }
     for (int v = 0; v < N_VEC; ++v) {
         bd_store(l->w + v * BD_WIDTH, w[v]);
-        for (int i = 0; i < BD_WIDTH; ++i) l->origin[v * BD_WIDTH + i] = (int)bd_entry_int(origin[v], (size_t)i);
+        for (int i = 0; i < BD_WIDTH; ++i)
+            l->origin[v * BD_WIDTH + i] = (int)bd_entry_int(origin[v], (size_t)i);
     }
 }
 
@@ -153,7 +166,8 @@ BD_INLINE bd_mask load_int(const int *p) {
     return x;
 }
 
-/* Sums over the samples that stick and slip. fixed_power > 0 is a compile-time n_power, whose sums stay in registers. */
+/* Sums over the samples that stick and slip. fixed_power > 0 is a compile-time n_power, whose sums
+ * stay in registers. */
 BD_INLINE void sum_samples(bd_lanes *l, const int fixed_power) {
     const int n_power = fixed_power ? fixed_power : bd_n_power(l->n_harm);
     const bd_vec zero = bd_all(0.0), one = bd_all(1.0);
@@ -170,10 +184,13 @@ BD_INLINE void sum_samples(bd_lanes *l, const int fixed_power) {
         for (int v = 0; v < N_VEC; ++v) {
             const range r = range_at(l, k, v);
             const bd_vec start = bd_select(r.closing, r.inside, w_before[v]);
-            const bd_mask plus = r.contact & bd_above(r.lo, start), minus = r.contact & ~plus & bd_above(start, r.hi);
-            const bd_mask stick = r.contact & ~plus & ~minus, ending = stuck[v] & ~stick, set = ~stick | r.closing;
+            const bd_mask plus = r.contact & bd_above(r.lo, start),
+                          minus = r.contact & ~plus & bd_above(start, r.hi);
+            const bd_mask stick = r.contact & ~plus & ~minus, ending = stuck[v] & ~stick,
+                          set = ~stick | r.closing;
             if (bd_any(ending)) {
-                for (int n = 0; n < fixed_power; ++n) bd_store(l->stick + n * BD_LANES + v * BD_WIDTH, sum_stick[n][v]);
+                for (int n = 0; n < fixed_power; ++n)
+                    bd_store(l->stick + n * BD_LANES + v * BD_WIDTH, sum_stick[n][v]);
                 end_stick_parts(l, v, ending, w_before[v], origin[v]);
             }
             w_before[v] = bd_load(l->path + k * BD_LANES + v * BD_WIDTH);
@@ -186,15 +203,17 @@ BD_INLINE void sum_samples(bd_lanes *l, const int fixed_power) {
                 sum_slip[n][v] += power[n] * slipping;
             }
             for (int n = 0; n < n_power && !fixed_power; ++n) {
-                double *to_stick = l->stick + n * BD_LANES + v * BD_WIDTH, *to_slip = l->slip + n * BD_LANES + v * BD_WIDTH;
+                double *to_stick = l->stick + n * BD_LANES + v * BD_WIDTH,
+                       *to_slip = l->slip + n * BD_LANES + v * BD_WIDTH;
                 bd_store(to_stick, bd_load(to_stick) + power[n] * sticking);
                 bd_store(to_slip, bd_load(to_slip) + power[n] * slipping);
             }
             for (int i = 0; l->state && i < BD_WIDTH; ++i)
-                l->state[k * BD_LANES + v * BD_WIDTH + i] = (unsigned char)(bd_entry_int(stick, (size_t)i)   ? BD_STICK
-                                                                            : bd_entry_int(plus, (size_t)i)  ? BD_SLIP_PLUS
-                                                                            : bd_entry_int(minus, (size_t)i) ? BD_SLIP_MINUS
-                                                                                                             : BD_OPEN);
+                l->state[k * BD_LANES + v * BD_WIDTH + i] =
+                    (unsigned char)(bd_entry_int(stick, (size_t)i)   ? BD_STICK
+                                    : bd_entry_int(plus, (size_t)i)  ? BD_SLIP_PLUS
+                                    : bd_entry_int(minus, (size_t)i) ? BD_SLIP_MINUS
+                                                                     : BD_OPEN);
         }
     }
     for (int v = 0; v < N_VEC; ++v) {
@@ -216,10 +235,10 @@ void BD_JOIN(bd_lanes_sum_, BD_VARIANT)(bd_lanes *l) {
         sum_samples(l, 0);
 }
 
-void BD_JOIN(bd_lanes_values_, BD_VARIANT)(int n_coef, int n_time, const double *power, int n_power, const double *x,
-                                           double *value);
-void BD_JOIN(bd_lanes_values_, BD_VARIANT)(int n_coef, int n_time, const double *power, int n_power, const double *x,
-                                           double *value) {
+void BD_JOIN(bd_lanes_values_, BD_VARIANT)(int n_coef, int n_time, const double *power, int n_power,
+                                           const double *x, double *value);
+void BD_JOIN(bd_lanes_values_, BD_VARIANT)(int n_coef, int n_time, const double *power, int n_power,
+                                           const double *x, double *value) {
     for (int k = 0; k < n_time; ++k) {
         const double *b = power + (size_t)k * (size_t)n_power + 1;
         for (int v = 0; v < N_VEC; ++v) {
@@ -230,13 +249,16 @@ void BD_JOIN(bd_lanes_values_, BD_VARIANT)(int n_coef, int n_time, const double 
     }
 }
 
-void BD_JOIN(bd_lanes_contact_, BD_VARIANT)(int n_power, int n_time, const double *power, const double *g, double *E);
-void BD_JOIN(bd_lanes_contact_, BD_VARIANT)(int n_power, int n_time, const double *power, const double *g, double *E) {
+void BD_JOIN(bd_lanes_contact_, BD_VARIANT)(int n_power, int n_time, const double *power,
+                                            const double *g, double *E);
+void BD_JOIN(bd_lanes_contact_, BD_VARIANT)(int n_power, int n_time, const double *power,
+                                            const double *g, double *E) {
     const bd_vec zero = bd_all(0.0), one = bd_all(1.0);
     for (int n = 0; n < n_power * BD_LANES; ++n) E[n] = 0.0;
     for (int k = 0; k < n_time; ++k)
         for (int v = 0; v < N_VEC; ++v) {
-            const bd_vec in = bd_select(bd_above(bd_load(g + k * BD_LANES + v * BD_WIDTH), zero), one, zero);
+            const bd_vec in =
+                bd_select(bd_above(bd_load(g + k * BD_LANES + v * BD_WIDTH), zero), one, zero);
             for (int n = 0; n < n_power; ++n) {
                 double *e = E + n * BD_LANES + v * BD_WIDTH;
                 bd_store(e, bd_load(e) + power[(size_t)k * (size_t)n_power + (size_t)n] * in);

@@ -1,27 +1,30 @@
 /* In-plane coupled Coulomb friction with variable or constant normal load and separation.
  *
- * In newtons, p_d = kt_d u_d is the displacement and s_d = kt_d w_d the slider. The friction force T = p - s lies in the
- * disk |T| <= R, R = mu max(n0 + kn v, 0) (or mu load). The slider sticks if T is inside the disk. If T is on the edge,
- * the slider follows
+ * In newtons, p_d = kt_d u_d is the displacement and s_d = kt_d w_d the slider. The friction force
+ * T = p - s lies in the disk |T| <= R, R = mu max(n0 + kn v, 0) (or mu load). The slider sticks if
+ * T is inside the disk. If T is on the edge, the slider follows
  *
- *     s' = lambda T/R,   lambda = e . p' - R' >= 0,   e = T/R,      hence     e' = (I - e e^T) p'/R.
+ *     s' = lambda T/R,   lambda = e . p' - R' >= 0,   e = T/R,   hence   e' = (I - e e^T) p'/R.
  *
- * In open contact s = p. For kt_1 = kt_2 this is slip along the friction force; for kt_1 != kt_2 the return to the disk
- * is radial in the force.
+ * In open contact s = p. For kt_1 = kt_2 this is slip along the friction force; for kt_1 != kt_2
+ * the return to the disk is radial in the force.
  *
- * coupled_kernel.c advances the slider from sample to sample and yields the period map P with its derivatives.
+ * coupled_kernel.c advances the slider from sample to sample and yields the period map P with its
+ * derivatives.
  *
- * Stick. A slider inside all disks of the cycle never moves. At the onset of slip it moves by distances below rounding,
- * and the limit of its derivative is used instead (sticking_slider.c).
+ * Stick. A slider inside all disks of the cycle never moves. At the onset of slip it moves by
+ * distances below rounding, and the limit of its derivative is used instead (sticking_slider.c).
  *
- * Steady cycle. The period map P does not expand distances, so F(s) = P(s) - s satisfies F(s).(s* - (s + P(s))/2) >= 0
- * at its fixed point s*. The fixed point is unique: two sliders that move at a constant distance from each other would
- * have to touch their round disks at the same points. Plain periods converge very slowly (thousands for an ellipse that
- * barely slips). Newton's method with the exact 2 x 2 derivative P' needs a few. It starts at the point of least
- * violation, which is near the steady slider if this barely slips. Each evaluation also excludes half of the region of
- * s*, stored as an ellipse. If Newton's method has no step or makes no progress, the centre of the ellipse is the next
- * guess; this converges from any start. If the slider barely moves, F is the sum of its movements, which is more
- * accurate than the difference of positions. The derivative of the steady slider follows from (I - P') ds = P_x dx. */
+ * Steady cycle. The period map P does not expand distances, so F(s) = P(s) - s satisfies F(s).(s* -
+ * (s + P(s))/2) >= 0 at its fixed point s*. The fixed point is unique: two sliders that move at a
+ * constant distance from each other would have to touch their round disks at the same points. Plain
+ * periods converge very slowly (thousands for an ellipse that barely slips). Newton's method with
+ * the exact 2 x 2 derivative P' needs a few. It starts at the point of least violation, which is
+ * near the steady slider if this barely slips. Each evaluation also excludes half of the region of
+ * s*, stored as an ellipse. If Newton's method has no step or makes no progress, the centre of the
+ * ellipse is the next guess; this converges from any start. If the slider barely moves, F is the
+ * sum of its movements, which is more accurate than the difference of positions. The derivative of
+ * the steady slider follows from (I - P') ds = P_x dx. */
 #include "contact/coupled_friction.h"
 
 #include <math.h>
@@ -29,19 +32,26 @@
 #include <string.h>
 
 enum { FREE_STEPS = 3, MOST_PERIODS = 1000 }; /* the ellipse is then smaller than rounding */
-static const double SETTLED = 1e-13;          /* last Newton step relative to the size of the forces */
-static const double STILL = 4e-15;            /* |P(s) - s| that counts as zero if Newton's method makes no progress */
-static const double SLACK = 2e-15;            /* violation of a disk by a sticking slider */
-static const double TOUCH = 1e-14;            /* least violation up to which the slider is the point of least violation */
-static const double BARELY = 1e-4;            /* least violation up to which F is the sum of movements */
-static const double ONSET = 1e-9; /* least violation up to which the derivative is the limit at the onset of slip */
+/* last Newton step relative to the size of the forces */
+static const double SETTLED = 1e-13;
+/* |P(s) - s| that counts as zero if Newton's method makes no progress */
+static const double STILL = 4e-15;
+static const double SLACK = 2e-15; /* violation of a disk by a sticking slider */
+/* least violation up to which the slider is the point of least violation */
+static const double TOUCH = 1e-14;
+/* least violation up to which F is the sum of movements */
+static const double BARELY = 1e-4;
+/* least violation up to which the derivative is the limit at the onset of slip */
+static const double ONSET = 1e-9;
 
 bd_status bd_coulomb_create(bd_coulomb_work *work, const bd_sampled_work *sampled) {
     memset(work, 0, sizeof *work);
-    const size_t n_coef = (size_t)bd_n_coef(sampled->n_harm), k = (size_t)sampled->n_time, n_col = 3 * n_coef + 2;
-    const size_t n_power = (size_t)bd_n_power(sampled->n_harm), padded = (k + 7) / 8 * 8, lanes = BD_LANES;
-    const size_t n_double = 4 * padded * lanes + 29 * k * lanes + 3 * n_coef * lanes + 4 * n_col + 2 * n_coef * n_col +
-                            n_coef + n_coef * n_coef + n_power;
+    const size_t n_coef = (size_t)bd_n_coef(sampled->n_harm), k = (size_t)sampled->n_time,
+                 n_col = 3 * n_coef + 2;
+    const size_t n_power = (size_t)bd_n_power(sampled->n_harm), padded = (k + 7) / 8 * 8,
+                 lanes = BD_LANES;
+    const size_t n_double = 4 * padded * lanes + 29 * k * lanes + 3 * n_coef * lanes + 4 * n_col +
+                            2 * n_coef * n_col + n_coef + n_coef * n_coef + n_power;
     work->memory = malloc(sizeof(double) * n_double);
     work->segment = malloc(sizeof(bd_segment) * k);
     work->lanes.step_kind = malloc(k * lanes);
@@ -93,9 +103,11 @@ static void make_admissible(const bd_coulomb_work *work, double *s) {
     s[1] = work->y[k] - T[1] * work->R[k] / size;
 }
 
-/* Smallest ellipse around the part of e with F . (x - m) >= 0, with a tolerance `noise` relative to F. */
+/* Smallest ellipse around the part of e with F . (x - m) >= 0, with a tolerance
+ * `noise` relative to F. */
 static void cut_ellipse(bd_ellipse *e, const double *F, const double *m, double noise) {
-    const double g[2] = {e->Q[0][0] * F[0] + e->Q[0][1] * F[1], e->Q[1][0] * F[0] + e->Q[1][1] * F[1]};
+    const double g[2] = {e->Q[0][0] * F[0] + e->Q[0][1] * F[1],
+                         e->Q[1][0] * F[0] + e->Q[1][1] * F[1]};
     const double width = sqrt(F[0] * g[0] + F[1] * g[1]);
     const double depth = (F[0] * (m[0] - e->c[0]) + F[1] * (m[1] - e->c[1])) / width - noise;
     if (!(depth > -0.5 && depth < 0.999)) return; /* no reduction, or rounding */
@@ -103,7 +115,8 @@ static void cut_ellipse(bd_ellipse *e, const double *F, const double *m, double 
                  size = 4.0 / 3.0 * (1.0 - depth * depth);
     for (int i = 0; i < 2; ++i) {
         e->c[i] += move * g[i] / width;
-        for (int j = 0; j < 2; ++j) e->Q[i][j] = size * (e->Q[i][j] - less * (g[i] / width) * (g[j] / width));
+        for (int j = 0; j < 2; ++j)
+            e->Q[i][j] = size * (e->Q[i][j] - less * (g[i] / width) * (g[j] / width));
     }
     const double least = 1e-15 * (e->Q[0][0] + e->Q[1][1]); /* positive definite despite rounding */
     e->Q[0][0] += least;
@@ -111,7 +124,8 @@ static void cut_ellipse(bd_ellipse *e, const double *F, const double *m, double 
     e->Q[1][0] = e->Q[0][1]; /* a difference would grow */
 }
 
-static void start_search(bd_coulomb_work *work, const bd_disk_point *centre, double size, bd_slider_search *search) {
+static void start_search(bd_coulomb_work *work, const bd_disk_point *centre, double size,
+                         bd_slider_search *search) {
     const int last = work->n_time - 1;
     const double radius2 = work->R[last] * work->R[last];
     *search = (bd_slider_search){.state = BD_SEARCHING,
@@ -119,14 +133,16 @@ static void start_search(bd_coulomb_work *work, const bd_disk_point *centre, dou
                                  .centre = *centre,
                                  .s = {centre->s[0], centre->s[1]},
                                  .last_length = INFINITY,
-                                 .ellipse = {{work->x[last], work->y[last]}, {{radius2, 0.0}, {0.0, radius2}}}};
+                                 .ellipse = {{work->x[last], work->y[last]},
+                                             {{radius2, 0.0}, {0.0, radius2}}}};
     make_admissible(work, search->s);
 }
 
 /* Next guess, from the period of a lane that began at the latest guess. */
 static void next_guess(bd_coulomb_work *work, bd_slider_search *search, int lane) {
     const bd_coupled_lanes *l = &work->lanes;
-    const double size = search->size, *from = search->centre.value < BARELY * size ? l->net_motion : l->end;
+    const double size = search->size,
+                 *from = search->centre.value < BARELY * size ? l->net_motion : l->end;
     double F[2], dP[2][2], step[2] = {0.0, 0.0}, *s = search->s;
     for (int i = 0; i < 2; ++i) {
         F[i] = from[i * BD_LANES + lane] - (from == l->end ? s[i] : 0.0);
@@ -135,7 +151,8 @@ static void next_guess(bd_coulomb_work *work, bd_slider_search *search, int lane
     const double far = bd_norm(F[0], F[1]);
     const int solved = bd_coulomb_solve_period(dP, F, step);
     const double length = solved ? bd_norm(step[0], step[1]) : INFINITY;
-    const int closer = solved && (search->n_newton < FREE_STEPS || length < 0.5 * search->last_length);
+    const int closer =
+        solved && (search->n_newton < FREE_STEPS || length < 0.5 * search->last_length);
     if (far == 0.0 || length <= SETTLED * size || (far <= STILL * size && !closer)) {
         for (int i = 0; i < 2; ++i) s[i] += closer ? step[i] : F[i];
         make_admissible(work, s);
@@ -168,7 +185,8 @@ static void set_sliders(bd_coulomb_work *work, int n) {
     memset(work->lanes.s, 0, sizeof work->lanes.s);
     for (int lane = 0; lane < n; ++lane)
         for (int i = 0; i < 2; ++i)
-            if (work->search[lane].state != BD_DONE) work->lanes.s[i * BD_LANES + lane] = work->search[lane].s[i];
+            if (work->search[lane].state != BD_DONE)
+                work->lanes.s[i * BD_LANES + lane] = work->search[lane].s[i];
 }
 
 /* Find the steady slider of all lanes that slip; return whether there are any. */
@@ -199,7 +217,8 @@ static void end_stick_part(bd_coulomb_work *work) {
     for (size_t d = 0; d < 2; ++d)
         for (size_t i = 0; i < n_coef; ++i) {
             double *restrict to = work->slider_sums + (d * n_coef + i) * n_col;
-            const double *restrict from = work->slider_derivative + d * n_col, g = work->stick_basis[i];
+            const double *restrict from = work->slider_derivative + d * n_col,
+                                   g = work->stick_basis[i];
             for (size_t j = 0; j < n_col; ++j) to[j] += g * from[j];
         }
     memset(work->stick_basis, 0, sizeof(double) * n_coef);
@@ -209,21 +228,26 @@ static void end_stick_part(bd_coulomb_work *work) {
 static void advance(bd_coulomb_work *work, const bd_element *element, int lane, int k) {
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_col = 3 * n_coef + 2;
     const size_t stride = (size_t)work->n_time * BD_LANES;
-    const double *A = work->lanes.step + 2 * stride + (size_t)k * BD_LANES + (size_t)lane, *B0 = A + 4 * stride;
-    const double *B1 = A + 8 * stride, *C = A + 12 * stride, *b0 = bd_coulomb_basis(work, bd_coulomb_before(work, k)),
+    const double *A = work->lanes.step + 2 * stride + (size_t)k * BD_LANES + (size_t)lane,
+                 *B0 = A + 4 * stride;
+    const double *B1 = A + 8 * stride, *C = A + 12 * stride,
+                 *b0 = bd_coulomb_basis(work, bd_coulomb_before(work, k)),
                  *b1 = bd_coulomb_basis(work, k);
     const double kn = bd_law_is_constant(element->law) ? 0.0 : element->kn;
     for (size_t d = 0; d < 2; ++d) {
         double *restrict to = work->next_slider + d * n_col;
-        const double *restrict s0 = work->slider_derivative, *restrict s1 = work->slider_derivative + n_col;
+        const double *restrict s0 = work->slider_derivative, *restrict s1 =
+                                                                 work->slider_derivative + n_col;
         const double A0 = A[2 * d * stride], A1 = A[(2 * d + 1) * stride];
         for (size_t j = 0; j < n_col; ++j) to[j] = A0 * s0[j] + A1 * s1[j];
         for (size_t c = 0; c < 2; ++c) {
-            const double kt = element->kt[c], f0 = kt * B0[(2 * d + c) * stride], f1 = kt * B1[(2 * d + c) * stride];
+            const double kt = element->kt[c], f0 = kt * B0[(2 * d + c) * stride],
+                         f1 = kt * B1[(2 * d + c) * stride];
             for (size_t j = 0; j < n_coef; ++j) to[c * n_coef + j] += f0 * b0[j] + f1 * b1[j];
         }
         const double f0 = kn * C[d * stride], f1 = kn * C[(2 + d) * stride];
-        for (size_t j = 0; j < n_coef && kn > 0.0; ++j) to[2 * n_coef + j] += f0 * b0[j] + f1 * b1[j];
+        for (size_t j = 0; j < n_coef && kn > 0.0; ++j)
+            to[2 * n_coef + j] += f0 * b0[j] + f1 * b1[j];
     }
     double *swap = work->slider_derivative;
     work->slider_derivative = work->next_slider;
@@ -246,14 +270,17 @@ static void start_slider(bd_coulomb_work *work, const bd_element *element) {
     for (size_t d = 0; d < 2; ++d) {
         if (!open) work->slider_derivative[d * n_col + 3 * n_coef + d] = 1.0;
         for (size_t j = 0; open && j < n_coef; ++j)
-            work->slider_derivative[d * n_col + d * n_coef + j] = element->kt[d] * bd_coulomb_basis(work, last)[j];
+            work->slider_derivative[d * n_col + d * n_coef + j] =
+                element->kt[d] * bd_coulomb_basis(work, last)[j];
     }
 }
 
-/* Sums of the force, and of the slider's derivative with a tangent, over the steady period of a lane. */
-static void sum_period(bd_coulomb_work *work, const bd_element *element, int lane, int tangent, bd_response *out,
-                       bd_status_share *share) {
-    const int n_coef = bd_n_coef(work->n_harm), n_power = bd_n_power(work->n_harm), n_time = work->n_time;
+/* Sums of the force, and of the slider's derivative with a tangent, over the
+ * steady period of a lane. */
+static void sum_period(bd_coulomb_work *work, const bd_element *element, int lane, int tangent,
+                       bd_response *out, bd_status_share *share) {
+    const int n_coef = bd_n_coef(work->n_harm), n_power = bd_n_power(work->n_harm),
+              n_time = work->n_time;
     const double weight = BD_TWO_PI / n_time, *s = work->lanes.step;
     double *F[2] = {out->F, out->F + n_coef};
     int n_open = 0, n_stick = 0;
@@ -271,7 +298,10 @@ static void sum_period(bd_coulomb_work *work, const bd_element *element, int lan
             end_stick_part(work);
             advance(work, element, lane, k);
         }
-        push_sample(work, k, kind == BD_STEP_OPEN ? BD_OPEN : kind == BD_STEP_SLIP ? BD_SLIP_PLUS : BD_STICK);
+        push_sample(work, k,
+                    kind == BD_STEP_OPEN   ? BD_OPEN
+                    : kind == BD_STEP_SLIP ? BD_SLIP_PLUS
+                                           : BD_STICK);
         n_stick += kind == BD_STEP_STICK || kind == BD_STEP_CLOSE;
         if (kind == BD_STEP_OPEN) {
             ++n_open;
@@ -297,7 +327,8 @@ static void write_tangent(bd_coulomb_work *work, const bd_element *element, bd_r
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_x = 3 * n_coef, n_col = n_x + 2;
     double *ds0 = work->next_slider;
     const double dP[2][2] = {{work->slider_derivative[n_x], work->slider_derivative[n_x + 1]},
-                             {work->slider_derivative[n_col + n_x], work->slider_derivative[n_col + n_x + 1]}};
+                             {work->slider_derivative[n_col + n_x],
+                              work->slider_derivative[n_col + n_x + 1]}};
     for (size_t j = 0; j < n_x; ++j) {
         const double b[2] = {work->slider_derivative[j], work->slider_derivative[n_col + j]};
         double y[2];
@@ -312,7 +343,10 @@ static void write_tangent(bd_coulomb_work *work, const bd_element *element, bd_r
                          scale = i == 0 ? 1.0 / BD_TWO_PI : 1.0 / BD_PI;
             const double h0 = sums[n_x], h1 = sums[n_x + 1];
             for (size_t c = 0; c < 3; ++c) {
-                double *row = (c == 2 ? out->dTv[d] : c == d ? out->dT[d] : out->dTc[d]) + i * n_coef;
+                double *row = (c == 2   ? out->dTv[d]
+                               : c == d ? out->dT[d]
+                                        : out->dTc[d]) +
+                              i * n_coef;
                 for (size_t j = 0; j < n_coef; ++j) {
                     const size_t at = c * n_coef + j;
                     double value = -sums[at] - h0 * ds0[at] - h1 * ds0[n_x + at];
@@ -324,7 +358,8 @@ static void write_tangent(bd_coulomb_work *work, const bd_element *element, bd_r
 }
 
 /* Motion and load of all points at the samples, in lanes and point by point. */
-static void sample_motion(bd_coulomb_work *work, int n, const bd_element *element, const double *x) {
+static void sample_motion(bd_coulomb_work *work, int n, const bd_element *element,
+                          const double *x) {
     const int n_coef = bd_n_coef(work->n_harm), n_power = bd_n_power(work->n_harm);
     bd_coupled_lanes *l = &work->lanes;
     memset(work->motion, 0, sizeof(double) * 3 * (size_t)n_coef * BD_LANES);
@@ -342,9 +377,10 @@ static void sample_motion(bd_coulomb_work *work, int n, const bd_element *elemen
     }
     double *value[3] = {l->x, l->y, l->g};
     for (int a = 0; a < 3; ++a)
-        work->kernel->lane_values(n_coef, work->n_time, work->power, n_power, work->motion + a * n_coef * BD_LANES,
-                                  value[a]);
-    for (int i = 0; i < work->n_time * BD_LANES; ++i) l->R[i] = l->mu[i % BD_LANES] * (l->g[i] > 0.0 ? l->g[i] : 0.0);
+        work->kernel->lane_values(n_coef, work->n_time, work->power, n_power,
+                                  work->motion + a * n_coef * BD_LANES, value[a]);
+    for (int i = 0; i < work->n_time * BD_LANES; ++i)
+        l->R[i] = l->mu[i % BD_LANES] * (l->g[i] > 0.0 ? l->g[i] : 0.0);
     for (int lane = 0; lane < n; ++lane) {
         if (work->search[lane].state == BD_DONE) continue;
         select_lane(work, lane);
@@ -355,18 +391,20 @@ static void sample_motion(bd_coulomb_work *work, int n, const bd_element *elemen
             work->R[k] = l->R[at];
             work->g[k] = l->g[at];
         }
-        for (int k = work->n_time; k < work->n_padded; ++k) work->x[k] = work->y[k] = 0.0, work->R[k] = INFINITY;
+        for (int k = work->n_time; k < work->n_padded; ++k)
+            work->x[k] = work->y[k] = 0.0, work->R[k] = INFINITY;
     }
 }
 
 /* Handle points that stick or stay open; start the search for the other points. */
-static void find_sticking(bd_coulomb_work *work, const bd_element *element, const double *x, bd_response *out,
-                          bd_status_share *share, bd_slider_search *search) {
+static void find_sticking(bd_coulomb_work *work, const bd_element *element, const double *x,
+                          bd_response *out, bd_status_share *share, bd_slider_search *search) {
     double size = 0.0;
     int n_open = 0;
     for (int k = 0; k < work->n_time; ++k) {
         n_open += !(work->g[k] > 0.0);
-        const double extent = fabs(work->x[k]) + fabs(work->y[k]), most = extent > work->R[k] ? extent : work->R[k];
+        const double extent = fabs(work->x[k]) + fabs(work->y[k]),
+                     most = extent > work->R[k] ? extent : work->R[k];
         size = most > size ? most : size;
     }
     search->state = BD_DONE;
@@ -402,7 +440,8 @@ static void find_sticking(bd_coulomb_work *work, const bd_element *element, cons
     if (tangent) bd_sticking_write_shifted(work, element, initial, &centre, fraction, worst, out);
 }
 
-static void finish(bd_coulomb_work *work, const bd_element *element, int lane, bd_response *out, bd_status_share *share) {
+static void finish(bd_coulomb_work *work, const bd_element *element, int lane, bd_response *out,
+                   bd_status_share *share) {
     const bd_slider_search *search = work->search + lane;
     const int tangent = out->dN != NULL, onset = search->centre.value <= ONSET * search->size;
     if (search->state == BD_LOST) {
@@ -418,15 +457,15 @@ static void finish(bd_coulomb_work *work, const bd_element *element, int lane, b
     if (tangent && !onset) write_tangent(work, element, out);
 }
 
-void bd_coulomb_evaluate(int n, const bd_element *element, const double *x, bd_response *out, bd_status_share *share,
-                         bd_coulomb_work *work) {
+void bd_coulomb_evaluate(int n, const bd_element *element, const double *x, bd_response *out,
+                         bd_status_share *share, bd_coulomb_work *work) {
     const size_t size = 3 * (size_t)bd_n_coef(work->n_harm);
     int any = 0;
     work->n_segment = work->n_period = 0;
     for (int lane = 0; lane < n; ++lane) {
         const bd_element *e = element + lane;
-        const int has_friction =
-            bd_law_is_coupled(e->law) && (bd_element_has_friction(e, 0) || bd_element_has_friction(e, 1));
+        const int has_friction = bd_law_is_coupled(e->law) &&
+                                 (bd_element_has_friction(e, 0) || bd_element_has_friction(e, 1));
         work->search[lane].state = has_friction ? BD_SEARCHING : BD_DONE;
         any |= has_friction;
     }
@@ -435,7 +474,8 @@ void bd_coulomb_evaluate(int n, const bd_element *element, const double *x, bd_r
     for (int lane = 0; lane < n; ++lane) {
         if (work->search[lane].state == BD_DONE) continue;
         select_lane(work, lane);
-        find_sticking(work, element + lane, x + size * (size_t)lane, out + lane, share + lane, work->search + lane);
+        find_sticking(work, element + lane, x + size * (size_t)lane, out + lane, share + lane,
+                      work->search + lane);
     }
     if (!settle(work, n, out->dN != NULL)) return;
     set_sliders(work, n);

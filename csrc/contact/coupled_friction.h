@@ -8,9 +8,10 @@
 bd_status bd_coulomb_create(bd_coulomb_work *work, const bd_sampled_work *sampled);
 void bd_coulomb_destroy(bd_coulomb_work *work);
 
-/* Evaluate n <= BD_LANES points, like bd_sampled_evaluate. Write the tangential components of coupled laws; the normal
- * direction and other laws remain unchanged. The force is NaN if a cycle does not become steady. */
-void bd_coulomb_evaluate(int n, const bd_element *element, const double *x, bd_response *out, bd_status_share *share,
-                         bd_coulomb_work *work);
+/* Evaluate n <= BD_LANES points, like bd_sampled_evaluate. Write the tangential components of
+ * coupled laws; the normal direction and other laws remain unchanged. The force is NaN if a cycle
+ * does not become steady. */
+void bd_coulomb_evaluate(int n, const bd_element *element, const double *x, bd_response *out,
+                         bd_status_share *share, bd_coulomb_work *work);
 
 #endif

@@ -1,21 +1,27 @@
-/* One period of in-plane coupled friction at BD_LANES contact points; compiled once for each instruction set.
+/* One period of in-plane coupled friction at BD_LANES contact points; compiled once for each
+ * instruction set.
  *
- * In newtons, p is the displacement, s the slider and R the limit of the friction force T = p - s. Between samples, p
- * and the load are linear in time. This motion is solved exactly including the events inside a step, so the evaluation
- * is of second order:
+ * In newtons, p is the displacement, s the slider and R the limit of the friction force T = p - s.
+ * Between samples, p and the load are linear in time. This motion is solved exactly including the
+ * events inside a step, so the evaluation is of second order:
  *
- *     stick    T moves along the chord dp; it leaves the disk at the root of |T + tau dp|^2 = (R + tau dR)^2.
- *     slip     with D = |dp|, a = dp/D, the angle theta between e and a obeys d theta/d tau = -(D/R) sin theta, so
- *              tan(theta/2) shrinks by q = exp(-D L), L = int d tau/R. With c = a.e, X = 1 + c, Y = 1 - c, den = X + q^2 Y,
- *                  e_1 = alpha a + beta (e - c a),  alpha = (X - q^2 Y)/den,  beta = 2 q/den.        (tractrix)
- *     closing  R grows from zero: stick if |dp| <= dR over the remainder of the step, else slip along a.
+ *     stick    T moves along the chord dp; it leaves the disk at the root of
+ *              |T + tau dp|^2 = (R + tau dR)^2.
+ *     slip     With D = |dp|, a = dp/D, the angle theta between e and a obeys
+ *              d theta/d tau = -(D/R) sin theta, so tan(theta/2) shrinks by q = exp(-D L),
+ *              L = int d tau/R. With c = a.e, X = 1 + c, Y = 1 - c, den = X + q^2 Y, this is
+ *              a tractrix:
+ *                  e_1 = alpha a + beta (e - c a),  alpha = (X - q^2 Y)/den,  beta = 2 q/den.
+ *     closing  R grows from zero: stick if |dp| <= dR over the remainder of the step, else slip
+ *              along a.
  *     opening  s = p.
  *
- * At the onset of slip a perturbation of T is projected on the edge of the disk, so the instant of the onset has no
- * derivative to first order. A step gives ds_1 = A ds_0 + B0 dp_0 + B1 dp_1 + C0 dg_0 + C1 dg_1.
+ * At the onset of slip a perturbation of T is projected on the edge of the disk, so the instant of
+ * the onset has no derivative to first order. A step gives ds_1 = A ds_0 + B0 dp_0 + B1 dp_1 + C0
+ * dg_0 + C1 dg_1.
  *
- * L = (2/S) atanh(z)/z with S = R_0 + R_1, z = (R_1 - R_0)/S; a power of two first brings the ratio of the two limits
- * near one. */
+ * L = (2/S) atanh(z)/z with S = R_0 + R_1, z = (R_1 - R_0)/S; a power of two first brings the ratio
+ * of the two limits near one. */
 #include "util/kernels.h"
 #include "util/vector_types.h"
 
@@ -27,7 +33,9 @@ enum { N_VEC = BD_LANES / BD_WIDTH };
 BD_INLINE bd_vec to_double(bd_mask i) {
     return bd_of_bits(i + bd_all_int(0x4338000000000000)) - bd_all(6755399441055744.0);
 }
-BD_INLINE bd_mask to_int(bd_vec x) { return bd_bits(x + bd_all(6755399441055744.0)) - bd_all_int(0x4338000000000000); }
+BD_INLINE bd_mask to_int(bd_vec x) {
+    return bd_bits(x + bd_all(6755399441055744.0)) - bd_all_int(0x4338000000000000);
+}
 BD_INLINE bd_vec power_of_two(bd_mask i) { return bd_of_bits((i + bd_all_int(1023)) << 52); }
 
 /* 1 - exp(-x) for x >= 0 with full relative accuracy. */
@@ -50,15 +58,20 @@ BD_INLINE inverse_limit mean_inverse(bd_vec R0, bd_vec R1, const int tangent) {
     const bd_vec one = bd_all(1.0), two = bd_all(2.0), zero = bd_all(0.0);
     const bd_vec ratio = bd_min(bd_max(R1 / R0, bd_all(1e-290)), bd_all(1e290));
     /* the power of two nearest to the ratio */
-    const bd_mask n = ((bd_bits(ratio * bd_all(1.4142135623730951)) >> 52) & bd_all_int(0x7ff)) - bd_all_int(1023);
-    const bd_vec near = R1 * power_of_two(bd_all_int(0) - n), S = R0 + near, z = (near - R0) / S, z2 = z * z;
+    const bd_mask n = ((bd_bits(ratio * bd_all(1.4142135623730951)) >> 52) & bd_all_int(0x7ff)) -
+                      bd_all_int(1023);
+    const bd_vec near = R1 * power_of_two(bd_all_int(0) - n), S = R0 + near, z = (near - R0) / S,
+                 z2 = z * z;
     bd_vec A = bd_all(1.0 / 25.0), B = bd_all(24.0 / 25.0);
     for (int k = 11; k >= 0; --k) A = bd_all(1.0 / (2 * k + 1)) + z2 * A;
     const bd_mask same = bd_equal_int(n, bd_all_int(0));
     const bd_vec dR = bd_select(same, one, R1 - R0);
-    inverse_limit o = {bd_select(same, two * A / S, (to_double(n) * bd_all(LN2) + two * z * A) / dR), zero, zero};
+    inverse_limit o = {bd_select(same, two * A / S,
+                                 (to_double(n) * bd_all(LN2) + two * z * A) / dR),
+                       zero, zero};
     if (!tangent) return o;
-    for (int k = 11; k >= 1; --k) B = bd_all(2.0 * k / (2 * k + 1)) + z2 * B; /* series of A'(z)/z */
+    /* series of A'(z)/z */
+    for (int k = 11; k >= 1; --k) B = bd_all(2.0 * k / (2 * k + 1)) + z2 * B;
     const bd_vec slope = bd_all(4.0) * z * B / (S * S * S);
     o.L1 = bd_select(same, R0 * slope - o.L / S, (one / R1 - o.L) / dR);
     o.L0 = bd_select(same, zero - R1 * slope - o.L / S, (o.L - one / R0) / dR);
@@ -69,7 +82,8 @@ typedef struct {
     bd_vec s[2], ds[2], A[2][2], B0[2][2], B1[2][2], C0[2], C1[2];
 } step;
 
-/* Quantities of slip along the part D of the chord dp that do not depend on the slider if D is the whole chord. */
+/* Quantities of slip along the part D of the chord dp that do not depend on the slider if D is the
+ * whole chord. */
 typedef struct {
     bd_vec length, a[2], p; /* |D|, D/|D|, 1 - q */
     inverse_limit inverse;
@@ -84,10 +98,12 @@ BD_INLINE chord make_chord(const bd_vec *D, bd_vec R_e, bd_vec R1, const int tan
 }
 
 /* Slip over the remainder 1 - tau of the step, from the force direction e on the edge R_e. */
-BD_INLINE void slip_step(step *o, const chord *w, const bd_vec *e, bd_vec tau, bd_vec R_e, bd_vec R1, bd_vec mu,
-                         const bd_vec *dp, const bd_vec *p1, const int tangent) {
+BD_INLINE void slip_step(step *o, const chord *w, const bd_vec *e, bd_vec tau, bd_vec R_e,
+                         bd_vec R1, bd_vec mu, const bd_vec *dp, const bd_vec *p1,
+                         const int tangent) {
     const bd_vec one = bd_all(1.0), two = bd_all(2.0), zero = bd_all(0.0), remainder = one - tau;
-    const bd_vec D[2] = {remainder * dp[0], remainder * dp[1]}, length = w->length, *a = w->a, p = w->p, q = one - p;
+    const bd_vec D[2] = {remainder * dp[0], remainder * dp[1]}, length = w->length, *a = w->a,
+                 p = w->p, q = one - p;
     const inverse_limit inv = w->inverse;
     const bd_vec c = bd_min(bd_max(a[0] * e[0] + a[1] * e[1], bd_all(-1.0 + 1e-14)), one);
     const bd_vec X = one + c, Y = one - c, q2 = q * q, inverse = one / (X + q2 * Y);
@@ -97,7 +113,8 @@ BD_INLINE void slip_step(step *o, const chord *w, const bd_vec *e, bd_vec tau, b
     for (int i = 0; i < 2; ++i) {
         side[i] = e[i] - c * a[i];
         e1[i] = alpha * a[i] + beta * side[i];
-        const bd_vec de = p * inverse * (X * Y * (one + q) * a[i] + (Y * (one + q) - two) * side[i]);
+        const bd_vec de =
+            p * inverse * (X * Y * (one + q) * a[i] + (Y * (one + q) - two) * side[i]);
         o->ds[i] = D[i] - R1 * de - (R1 - R_e) * e[i];
         V_c[i] = a[i] * (alpha_c - beta) + side[i] * beta_c;
     }
@@ -111,14 +128,15 @@ BD_INLINE void slip_step(step *o, const chord *w, const bd_vec *e, bd_vec tau, b
         for (int j = 0; j < 2; ++j) o->A[i][j] = scale * (M_e[i][j] - along * e[j]);
     }
     if (!tangent) return;
-    const bd_vec alpha_q = zero - bd_all(4.0) * q * X * Y * inverse * inverse, beta_q = two * alpha * inverse;
+    const bd_vec alpha_q = zero - bd_all(4.0) * q * X * Y * inverse * inverse,
+                 beta_q = two * alpha * inverse;
     for (int i = 0; i < 2; ++i) {
         const bd_vec V_q = a[i] * alpha_q + side[i] * beta_q;
         const bd_vec m_e = zero - q * length * inv.L0 * V_q, m_1 = zero - q * length * inv.L1 * V_q;
         for (int j = 0; j < 2; ++j) {
             const bd_vec same = i == j ? one : zero, across = same - a[i] * a[j];
-            const bd_vec M_D =
-                R1 * ((alpha - beta * c) * across / length + V_c[i] * side[j] / length - q * inv.L * V_q * a[j]);
+            const bd_vec M_D = R1 * ((alpha - beta * c) * across / length +
+                                     V_c[i] * side[j] / length - q * inv.L * V_q * a[j]);
             o->B0[i][j] = remainder * (M_D - o->A[i][j]);
             o->B1[i][j] = same - tau * o->A[i][j] - remainder * M_D;
         }
@@ -145,19 +163,21 @@ BD_INLINE void save_chord(bd_coupled_lanes *l, int at, const chord *w, const int
 }
 
 BD_INLINE chord load_chord(const bd_coupled_lanes *l, int at, const int tangent) {
-    chord w = {.a = {bd_load(chord_part(l, at, 0)), bd_load(chord_part(l, at, 1))}, .p = bd_load(chord_part(l, at, 2))};
+    chord w = {.a = {bd_load(chord_part(l, at, 0)), bd_load(chord_part(l, at, 1))},
+               .p = bd_load(chord_part(l, at, 2))};
     if (!tangent) return w;
     w.length = bd_load(chord_part(l, at, 3));
-    w.inverse =
-        (inverse_limit){bd_load(chord_part(l, at, 4)), bd_load(chord_part(l, at, 5)), bd_load(chord_part(l, at, 6))};
+    w.inverse = (inverse_limit){bd_load(chord_part(l, at, 4)), bd_load(chord_part(l, at, 5)),
+                                bd_load(chord_part(l, at, 6))};
     return w;
 }
 
 /* Closing: the limit is zero between the samples. */
-BD_INLINE void close_step(step *o, bd_mask *slipping, bd_mask closing, bd_vec t, bd_vec g0, bd_vec g1, bd_vec mu, bd_vec R1,
-                          const bd_vec *s, const bd_vec *dp, const bd_vec *p0, const bd_vec *p1, int interpolate,
-                          const int tangent) {
-    const bd_vec one = bd_all(1.0), zero = bd_all(0.0), remainder = one - t, chord = bd_root(dp[0] * dp[0] + dp[1] * dp[1]);
+BD_INLINE void close_step(step *o, bd_mask *slipping, bd_mask closing, bd_vec t, bd_vec g0,
+                          bd_vec g1, bd_vec mu, bd_vec R1, const bd_vec *s, const bd_vec *dp,
+                          const bd_vec *p0, const bd_vec *p1, int interpolate, const int tangent) {
+    const bd_vec one = bd_all(1.0), zero = bd_all(0.0), remainder = one - t,
+                 chord = bd_root(dp[0] * dp[0] + dp[1] * dp[1]);
     const bd_mask slips = closing & ~bd_at_least(R1, remainder * chord);
     const bd_vec dg = g1 - g0, factor = bd_all(interpolate ? 1.0 : 0.0) / (dg * dg),
                  inverse = one / bd_max(chord, bd_all(1e-300));
@@ -169,7 +189,8 @@ BD_INLINE void close_step(step *o, bd_mask *slipping, bd_mask closing, bd_vec t,
         for (int j = 0; j < 2; ++j) {
             choose(&o->A[i][j], closing, zero);
             if (!tangent) continue;
-            const bd_vec same = i == j ? one : zero, across = (same - a * dp[j] * inverse) * R1 * inverse;
+            const bd_vec same = i == j ? one : zero,
+                         across = (same - a * dp[j] * inverse) * R1 * inverse;
             choose(&o->B0[i][j], closing, bd_select(slips, across, remainder * same));
             choose(&o->B1[i][j], closing, bd_select(slips, same - across, t * same));
         }
@@ -180,19 +201,24 @@ BD_INLINE void close_step(step *o, bd_mask *slipping, bd_mask closing, bd_vec t,
 }
 
 /* Step from sample k0 to the next sample k1; the slider of a sticking lane does not change. */
-BD_INLINE bd_mask take_step(const bd_coupled_lanes *l, int k0, int k1, int v, const bd_vec *s, step *o, bd_mask *sticks,
-                            const int tangent) {
+BD_INLINE bd_mask take_step(const bd_coupled_lanes *l, int k0, int k1, int v, const bd_vec *s,
+                            step *o, bd_mask *sticks, const int tangent) {
     const int at0 = k0 * BD_LANES + v * BD_WIDTH, at1 = k1 * BD_LANES + v * BD_WIDTH;
     const bd_vec zero = bd_all(0.0), one = bd_all(1.0);
-    const bd_vec p0[2] = {bd_load(l->x + at0), bd_load(l->y + at0)}, p1[2] = {bd_load(l->x + at1), bd_load(l->y + at1)};
-    const bd_vec dp[2] = {p1[0] - p0[0], p1[1] - p0[1]}, g0 = bd_load(l->g + at0), g1 = bd_load(l->g + at1);
-    const bd_vec R0 = bd_load(l->R + at0), R1 = bd_load(l->R + at1), dR = R1 - R0, mu = bd_load(l->mu + v * BD_WIDTH);
-    const bd_mask open = ~bd_above(g1, zero), closing = ~open & ~bd_above(g0, zero), contact = ~open & ~closing;
+    const bd_vec p0[2] = {bd_load(l->x + at0), bd_load(l->y + at0)},
+                 p1[2] = {bd_load(l->x + at1), bd_load(l->y + at1)};
+    const bd_vec dp[2] = {p1[0] - p0[0], p1[1] - p0[1]}, g0 = bd_load(l->g + at0),
+                 g1 = bd_load(l->g + at1);
+    const bd_vec R0 = bd_load(l->R + at0), R1 = bd_load(l->R + at1), dR = R1 - R0,
+                 mu = bd_load(l->mu + v * BD_WIDTH);
+    const bd_mask open = ~bd_above(g1, zero), closing = ~open & ~bd_above(g0, zero),
+                  contact = ~open & ~closing;
     const bd_vec T[2] = {p0[0] - s[0], p0[1] - s[1]}, size = bd_root(T[0] * T[0] + T[1] * T[1]);
     const bd_mask edge = bd_at_least(size, R0 * bd_all(1.0 - EDGE));
     const bd_vec along = T[0] * dp[0] + T[1] * dp[1], end[2] = {p1[0] - s[0], p1[1] - s[1]};
     const bd_mask direct = contact & edge & bd_above(along, size * dR);
-    const bd_mask slips = direct | (contact & ~bd_at_least(R1, bd_root(end[0] * end[0] + end[1] * end[1])));
+    const bd_mask slips =
+        direct | (contact & ~bd_at_least(R1, bd_root(end[0] * end[0] + end[1] * end[1])));
     bd_mask slipping = slips;
     *sticks = contact & ~slips;
     if (bd_any(slips) && !bd_any(slips & ~direct)) {
@@ -201,19 +227,23 @@ BD_INLINE bd_mask take_step(const bd_coupled_lanes *l, int k0, int k1, int v, co
         slip_step(o, &w, e, zero, R0, R1, mu, dp, p1, tangent);
     } else if (bd_any(slips)) {
         const bd_vec a = dp[0] * dp[0] + dp[1] * dp[1] - dR * dR, b = along - R0 * dR;
-        const bd_vec c = bd_select(edge, zero, (size - R0) * (size + R0)), h = bd_root(bd_max(b * b - a * c, zero));
+        const bd_vec c = bd_select(edge, zero, (size - R0) * (size + R0)),
+                     h = bd_root(bd_max(b * b - a * c, zero));
         const bd_vec crossing =
-            bd_select(bd_at_least(b, zero), bd_select(bd_above(b + h, zero), (zero - c) / (b + h), zero), (h - b) / a);
-        const bd_vec tau = bd_select(direct, zero, bd_min(one, bd_max(zero, crossing))), remainder = one - tau;
-        const bd_vec Te[2] = {T[0] + tau * dp[0], T[1] + tau * dp[1]}, size_e = bd_root(Te[0] * Te[0] + Te[1] * Te[1]);
+            bd_select(bd_at_least(b, zero),
+                      bd_select(bd_above(b + h, zero), (zero - c) / (b + h), zero), (h - b) / a);
+        const bd_vec tau = bd_select(direct, zero, bd_min(one, bd_max(zero, crossing))),
+                     remainder = one - tau;
+        const bd_vec Te[2] = {T[0] + tau * dp[0], T[1] + tau * dp[1]},
+                     size_e = bd_root(Te[0] * Te[0] + Te[1] * Te[1]);
         const bd_vec e[2] = {Te[0] / size_e, Te[1] / size_e}, R_e = R0 + tau * dR,
                      D[2] = {remainder * dp[0], remainder * dp[1]};
         const chord w = make_chord(D, R_e, R1, tangent);
         slip_step(o, &w, e, tau, R_e, R1, mu, dp, p1, tangent);
     }
     if (bd_any(closing))
-        close_step(o, &slipping, closing, bd_all(l->interpolate ? -1.0 : 0.0) * g0 / (g1 - g0), g0, g1, mu, R1, s, dp, p0,
-                   p1, l->interpolate, tangent);
+        close_step(o, &slipping, closing, bd_all(l->interpolate ? -1.0 : 0.0) * g0 / (g1 - g0), g0,
+                   g1, mu, R1, s, dp, p0, p1, l->interpolate, tangent);
     if (bd_any(open))
         for (int i = 0; i < 2; ++i) {
             choose(&o->s[i], open, p1[i]);
@@ -229,8 +259,8 @@ BD_INLINE bd_mask take_step(const bd_coupled_lanes *l, int k0, int k1, int v, co
     return slipping;
 }
 
-BD_INLINE void store_step(bd_coupled_lanes *l, int k, int v, const step *o, const bd_vec *s, bd_mask sticks, bd_mask slips,
-                          const int tangent) {
+BD_INLINE void store_step(bd_coupled_lanes *l, int k, int v, const step *o, const bd_vec *s,
+                          bd_mask sticks, bd_mask slips, const int tangent) {
     const int at = k * BD_LANES + v * BD_WIDTH, n = l->n_time * BD_LANES;
     double *to = l->step + at;
     bd_store(to, s[0]);
@@ -258,12 +288,14 @@ BD_INLINE void store_step(bd_coupled_lanes *l, int k, int v, const step *o, cons
 BD_INLINE void period(bd_coupled_lanes *l, const int store, const int tangent) {
     for (int v = 0; v < N_VEC; ++v) {
         const bd_vec zero = bd_all(0.0), one = bd_all(1.0);
-        bd_vec s[2] = {bd_load(l->s + v * BD_WIDTH), bd_load(l->s + BD_LANES + v * BD_WIDTH)}, F[2] = {zero, zero};
+        bd_vec s[2] = {bd_load(l->s + v * BD_WIDTH), bd_load(l->s + BD_LANES + v * BD_WIDTH)},
+               F[2] = {zero, zero};
         bd_vec P[2][2] = {{one, zero}, {zero, one}};
         for (int k = 0; k < l->n_time; ++k) {
             step o = {0};
             bd_mask sticks;
-            const bd_mask slips = take_step(l, k > 0 ? k - 1 : l->n_time - 1, k, v, s, &o, &sticks, tangent);
+            const bd_mask slips =
+                take_step(l, k > 0 ? k - 1 : l->n_time - 1, k, v, s, &o, &sticks, tangent);
             const bd_mask moves = ~sticks;
             if (bd_any(moves))
                 for (int i = 0; i < 2; ++i) {
@@ -281,7 +313,8 @@ BD_INLINE void period(bd_coupled_lanes *l, const int store, const int tangent) {
         for (int i = 0; i < 2; ++i) {
             bd_store(l->end + i * BD_LANES + v * BD_WIDTH, s[i]);
             bd_store(l->net_motion + i * BD_LANES + v * BD_WIDTH, F[i]);
-            for (int j = 0; j < 2; ++j) bd_store(l->period_derivative + (2 * i + j) * BD_LANES + v * BD_WIDTH, P[i][j]);
+            for (int j = 0; j < 2; ++j)
+                bd_store(l->period_derivative + (2 * i + j) * BD_LANES + v * BD_WIDTH, P[i][j]);
         }
     }
 }
@@ -289,8 +322,10 @@ BD_INLINE void period(bd_coupled_lanes *l, const int store, const int tangent) {
 BD_INLINE void all_chords(bd_coupled_lanes *l, const int tangent) {
     for (int k = 0; k < l->n_time; ++k)
         for (int v = 0; v < N_VEC; ++v) {
-            const int at1 = k * BD_LANES + v * BD_WIDTH, at0 = (k > 0 ? k - 1 : l->n_time - 1) * BD_LANES + v * BD_WIDTH;
-            const bd_vec D[2] = {bd_load(l->x + at1) - bd_load(l->x + at0), bd_load(l->y + at1) - bd_load(l->y + at0)};
+            const int at1 = k * BD_LANES + v * BD_WIDTH,
+                      at0 = (k > 0 ? k - 1 : l->n_time - 1) * BD_LANES + v * BD_WIDTH;
+            const bd_vec D[2] = {bd_load(l->x + at1) - bd_load(l->x + at0),
+                                 bd_load(l->y + at1) - bd_load(l->y + at0)};
             const chord w = make_chord(D, bd_load(l->R + at0), bd_load(l->R + at1), tangent);
             save_chord(l, at1, &w, tangent);
         }
@@ -315,10 +350,10 @@ void BD_JOIN(bd_coupled_period_, BD_VARIANT)(bd_coupled_lanes *l, int store, int
 }
 
 /* Largest |c - s| - R over n disks and its index; n is a multiple of 8. */
-double BD_JOIN(bd_disk_violation_, BD_VARIANT)(int n, const double *x, const double *y, const double *R, const double *s,
-                                               int *which);
-double BD_JOIN(bd_disk_violation_, BD_VARIANT)(int n, const double *x, const double *y, const double *R, const double *s,
-                                               int *which) {
+double BD_JOIN(bd_disk_violation_, BD_VARIANT)(int n, const double *x, const double *y,
+                                               const double *R, const double *s, int *which);
+double BD_JOIN(bd_disk_violation_, BD_VARIANT)(int n, const double *x, const double *y,
+                                               const double *R, const double *s, int *which) {
     bd_vec most = bd_all(-INFINITY), index = bd_all(0.0);
     for (int k = 0; k < n; k += BD_WIDTH) {
         const bd_vec dx = bd_load(x + k) - bd_all(s[0]), dy = bd_load(y + k) - bd_all(s[1]);

@@ -6,25 +6,26 @@
  *     slip+-  T = +- mu N,   N = n0 + kn v
  *     open    T = 0
  *
- * Projection on the basis b needs the integrals of b b^T over the parts in each state. Products of sines and cosines are
- * sums of exponentials. With E_n = int exp(i n theta) over such parts,
+ * Projection on the basis b needs the integrals of b b^T over the parts in each state. Products of
+ * sines and cosines are sums of exponentials. With E_n = int exp(i n theta) over such parts,
  *
  *     int cos_l cos_m = Re(E_{l-m} + E_{l+m})/2
  *     int sin_l sin_m = Re(E_{l-m} - E_{l+m})/2
  *     int cos_l sin_m = Im(E_{l+m} + E_{m-l})/2,      E_{-n} = conj E_n.
  *
- * Let Gs and Gp - Gm be these matrices over the sticking and slipping parts, and gs, gp - gm the integrals of b. Then
+ * Let Gs and Gp - Gm be these matrices over the sticking and slipping parts, and gs, gp - gm the
+ * integrals of b. Then
  *
  *     T  = kt (Gs u - sum_parts g w) + mu n0 (gp - gm) + mu kn (Gp - Gm) v
  *     dT = kt (Gs - sum_parts g dw/du^T) du + (mu kn (Gp - Gm) - kt sum_parts g dw/dv^T) dv.
  *
- * The force is continuous at a change of state, so moving such an instant has no first-order effect. Rows are scaled by
- * 1/(2 pi) for the mean and 1/pi for the harmonics. A quadrature instead of the integrals yields the sampled evaluation
- * with the same formulas.
+ * The force is continuous at a change of state, so moving such an instant has no first-order
+ * effect. Rows are scaled by 1/(2 pi) for the mean and 1/pi for the harmonics. A quadrature instead
+ * of the integrals yields the sampled evaluation with the same formulas.
  *
- * A cubic spring T = k u^3 has dT = 3 k u^2 du. Its tangent is three times the matrix of products with the weight k u^2,
- * E_n = int k u^2 exp(i n theta). With u = sum_n a_n exp(i n theta), the weight has the coefficients k sum_m a_m
- * a_{n-m}; those beyond 2 n_harm are zero. */
+ * A cubic spring T = k u^3 has dT = 3 k u^2 du. Its tangent is three times the matrix of products
+ * with the weight k u^2, E_n = int k u^2 exp(i n theta). With u = sum_n a_n exp(i n theta), the
+ * weight has the coefficients k sum_m a_m a_{n-m}; those beyond 2 n_harm are zero. */
 #include "contact/element.h"
 
 #include <math.h>
@@ -32,7 +33,8 @@
 #include <string.h>
 
 void bd_cycle_clear(bd_cycle *cycle) {
-    const size_t n_coef = (size_t)bd_n_coef(cycle->n_harm), n_power = (size_t)bd_n_power(cycle->n_harm);
+    const size_t n_coef = (size_t)bd_n_coef(cycle->n_harm),
+                 n_power = (size_t)bd_n_power(cycle->n_harm);
     memset(cycle->stick, 0, sizeof(double) * n_power);
     memset(cycle->slip, 0, sizeof(double) * n_power);
     memset(cycle->stick_slider, 0, sizeof(double) * n_coef);
@@ -42,7 +44,8 @@ void bd_cycle_clear(bd_cycle *cycle) {
     }
 }
 
-void bd_cycle_integrate(int n_harm, double *E, double length, const double *start, const double *end, double sign) {
+void bd_cycle_integrate(int n_harm, double *E, double length, const double *start,
+                        const double *end, double sign) {
     E[0] += sign * length;
     E[1] = E[0];
     for (int n = 1; n <= 2 * n_harm; ++n) {
@@ -52,7 +55,8 @@ void bd_cycle_integrate(int n_harm, double *E, double length, const double *star
     }
 }
 
-void bd_cycle_add_stick(bd_cycle *cycle, const double *g, double w, const double *du_part, const double *dv_part) {
+void bd_cycle_add_stick(bd_cycle *cycle, const double *g, double w, const double *du_part,
+                        const double *dv_part) {
     const int n_coef = bd_n_coef(cycle->n_harm);
     for (int i = 0; i < n_coef; ++i) cycle->stick_slider[i] += w * g[i];
     if (!cycle->stick_slider_u || !du_part) return;
@@ -74,7 +78,8 @@ void bd_cycle_products(int n_harm, const double *E, double *products) {
         double *cos_row = products + (size_t)(2 * l - 1) * n_coef, *sin_row = cos_row + n_coef;
         for (int m = 1; m <= n_harm; ++m) {
             const int d = l > m ? l - m : m - l, s = l + m;
-            const double re_d = E[2 * d], im_d = d == 0 ? 0.0 : (m > l ? E[2 * d + 1] : -E[2 * d + 1]);
+            const double re_d = E[2 * d],
+                         im_d = d == 0 ? 0.0 : (m > l ? E[2 * d + 1] : -E[2 * d + 1]);
             const double re_s = E[2 * s], im_s = E[2 * s + 1];
             cos_row[2 * m - 1] = 0.5 * (re_d + re_s);
             cos_row[2 * m] = 0.5 * (im_s + im_d);
@@ -86,11 +91,12 @@ void bd_cycle_products(int n_harm, const double *E, double *products) {
 
 static double row_scale(int i) { return i == 0 ? 1.0 / BD_TWO_PI : 1.0 / BD_PI; }
 
-void bd_cycle_friction(const bd_element *element, int d, const bd_cycle *cycle, const double *u, const double *v,
-                       bd_response *out, double *scratch) {
+void bd_cycle_friction(const bd_element *element, int d, const bd_cycle *cycle, const double *u,
+                       const double *v, bd_response *out, double *scratch) {
     const int n_coef = bd_n_coef(cycle->n_harm), constant = bd_law_is_constant(element->law);
     const size_t n = (size_t)n_coef;
-    const double kt = element->kt[d], mu = element->mu, mu_kn = constant ? 0.0 : element->mu * element->kn;
+    const double kt = element->kt[d], mu = element->mu,
+                 mu_kn = constant ? 0.0 : element->mu * element->kn;
     const double load = constant ? fmax(element->load, 0.0) : element->n0;
     double *F = out->F + (size_t)d * n;
     double *dT = out->dT[d], *dTv = out->dTv[d];
@@ -105,7 +111,8 @@ void bd_cycle_friction(const bd_element *element, int d, const bd_cycle *cycle, 
         F[i] = scale * kt * sum;
         if (tangent)
             for (int j = 0; j < n_coef; ++j)
-                dT[(size_t)i * n + (size_t)j] = scale * kt * (row[j] - cycle->stick_slider_u[(size_t)i * n + (size_t)j]);
+                dT[(size_t)i * n + (size_t)j] =
+                    scale * kt * (row[j] - cycle->stick_slider_u[(size_t)i * n + (size_t)j]);
     }
     out->tangential[d] = BD_BLOCK_FULL;
     out->with_normal[d] = mu_kn > 0.0;
@@ -121,12 +128,13 @@ void bd_cycle_friction(const bd_element *element, int d, const bd_cycle *cycle, 
         if (tangent)
             for (int j = 0; j < n_coef; ++j)
                 dTv[(size_t)i * n + (size_t)j] =
-                    scale * (mu_kn * row[j] - kt * cycle->stick_slider_v[(size_t)i * n + (size_t)j]);
+                    scale *
+                    (mu_kn * row[j] - kt * cycle->stick_slider_v[(size_t)i * n + (size_t)j]);
     }
 }
 
-void bd_cycle_normal(const bd_element *element, int n_harm, const double *contact, const double *v, bd_response *out,
-                     double *scratch) {
+void bd_cycle_normal(const bd_element *element, int n_harm, const double *contact, const double *v,
+                     bd_response *out, double *scratch) {
     const int n_coef = bd_n_coef(n_harm);
     const size_t n = (size_t)n_coef;
     bd_cycle_products(n_harm, contact, scratch);
@@ -137,7 +145,8 @@ void bd_cycle_normal(const bd_element *element, int n_harm, const double *contac
         for (int j = 0; j < n_coef; ++j) sum += element->kn * row[j] * v[j];
         out->F[2 * n + (size_t)i] = scale * sum;
         if (out->dN)
-            for (int j = 0; j < n_coef; ++j) out->dN[(size_t)i * n + (size_t)j] = scale * element->kn * row[j];
+            for (int j = 0; j < n_coef; ++j)
+                out->dN[(size_t)i * n + (size_t)j] = scale * element->kn * row[j];
     }
     out->normal = BD_BLOCK_FULL;
 }
@@ -150,7 +159,8 @@ void bd_element_closed(const bd_element *element, int n_harm, const double *v, b
     out->normal = BD_BLOCK_LINEAR;
 }
 
-void bd_element_stuck(const bd_element *element, int n_harm, int d, const double *u, bd_response *out) {
+void bd_element_stuck(const bd_element *element, int n_harm, int d, const double *u,
+                      bd_response *out) {
     const int n_coef = bd_n_coef(n_harm);
     double *T = out->F + (size_t)d * (size_t)n_coef;
     for (int i = 0; i < n_coef; ++i) T[i] = element->kt[d] * u[i];
@@ -236,18 +246,23 @@ static void set_diagonal(double *block, int n_coef, double value) {
 }
 
 bd_block bd_element_form(const bd_response *out) {
-    return out->tangential[0] == out->normal && out->tangential[1] == out->normal ? out->normal : BD_BLOCK_FULL;
+    return out->tangential[0] == out->normal && out->tangential[1] == out->normal ? out->normal
+                                                                                  : BD_BLOCK_FULL;
 }
 
 void bd_element_write_blocks(const bd_element *element, int n_harm, bd_response *out) {
     const int n_coef = bd_n_coef(n_harm);
     for (int d = 0; d < 2; ++d) {
         if (out->tangential[d] != BD_BLOCK_FULL)
-            set_diagonal(out->dT[d], n_coef, out->tangential[d] == BD_BLOCK_LINEAR ? element->kt[d] : 0.0);
-        if (out->tangential[d] != BD_BLOCK_FULL || !out->with_normal[d]) set_diagonal(out->dTv[d], n_coef, 0.0);
-        if (out->dTc[d] && (out->tangential[d] != BD_BLOCK_FULL || !out->coupled)) set_diagonal(out->dTc[d], n_coef, 0.0);
+            set_diagonal(out->dT[d], n_coef,
+                         out->tangential[d] == BD_BLOCK_LINEAR ? element->kt[d] : 0.0);
+        if (out->tangential[d] != BD_BLOCK_FULL || !out->with_normal[d])
+            set_diagonal(out->dTv[d], n_coef, 0.0);
+        if (out->dTc[d] && (out->tangential[d] != BD_BLOCK_FULL || !out->coupled))
+            set_diagonal(out->dTc[d], n_coef, 0.0);
     }
-    if (out->normal != BD_BLOCK_FULL) set_diagonal(out->dN, n_coef, out->normal == BD_BLOCK_LINEAR ? element->kn : 0.0);
+    if (out->normal != BD_BLOCK_FULL)
+        set_diagonal(out->dN, n_coef, out->normal == BD_BLOCK_LINEAR ? element->kn : 0.0);
     for (int d = 0; d < 2; ++d)
         if (out->dNt[d] && !out->with_tangential) set_diagonal(out->dNt[d], n_coef, 0.0);
 }

@@ -1,20 +1,24 @@
-/* Contact element: its parameters, and the sums over one cycle from which every evaluation assembles the force. */
+/* Contact element: its parameters, and the sums over one cycle from which every evaluation
+ * assembles the force. */
 #ifndef BD_CONTACT_ELEMENT_H
 #define BD_CONTACT_ELEMENT_H
 
 #include "contact/user_law.h"
 
 typedef enum {
-    BD_LAW_SEPARABLE = 0, /* two independent tangential directions, each 1-D friction with variable normal load */
-    BD_LAW_NORMAL = 1,    /* unilateral normal spring alone: constraint planes, mu = 0 */
-    /* like separable, but the constant `load` limits friction and the normal spring is two-sided: a contact that stays
-     * closed with nearly constant load */
+    /* two independent tangential directions, each 1-D friction with variable normal load */
+    BD_LAW_SEPARABLE = 0,
+    BD_LAW_NORMAL = 1, /* unilateral normal spring alone: constraint planes, mu = 0 */
+    /* like separable, but the constant `load` limits friction and the normal spring is two-sided: a
+     * contact that stays closed with nearly constant load */
     BD_LAW_CONSTANT = 2,
     BD_LAW_COUPLED = 3,          /* friction force in a disk of radius mu N */
     BD_LAW_COUPLED_CONSTANT = 4, /* the same with the constant `load` instead of N */
     BD_LAW_BONDED = 5,           /* linear two-sided springs in all directions */
-    BD_LAW_CUBIC = 6, /* T_d = kt_d u_d^3, kt in N/m3, of either sign; no normal spring, kn and n0 are not read */
-    /* a user's function; kt and kn are its springs without slip, n0/kn is the closing at v = 0, mu and load are not read */
+    /* T_d = kt_d u_d^3, kt in N/m3, of either sign; no normal spring, kn and n0 are not read */
+    BD_LAW_CUBIC = 6,
+    /* a user's function; kt and kn are its springs without slip, n0/kn is the closing at v = 0, mu
+     * and load are not read */
     BD_LAW_USER = 7
 } bd_law;
 enum { BD_N_LAW = 8 };
@@ -25,17 +29,25 @@ typedef struct {
     double kn;    /* N/m */
     double mu;
     double n0; /* N, normal load at v = 0; negative: a gap of -n0/kn */
-    /* m, slider position of a point that never slips; infinite: the corresponding end of the admissible interval */
+    /* m, slider position of a point that never slips; infinite: the corresponding end of the
+     * admissible interval */
     double w[2];
-    double load;                   /* N, normal load in the friction limit of the constant-load laws */
+    /* N, normal load in the friction limit of the constant-load laws */
+    double load;
     const bd_point_law *point_law; /* law of BD_LAW_USER, owned by the equations */
 } bd_element;
 
-static inline int bd_law_is_constant(bd_law law) { return law == BD_LAW_CONSTANT || law == BD_LAW_COUPLED_CONSTANT; }
-static inline int bd_law_is_coupled(bd_law law) { return law == BD_LAW_COUPLED || law == BD_LAW_COUPLED_CONSTANT; }
+static inline int bd_law_is_constant(bd_law law) {
+    return law == BD_LAW_CONSTANT || law == BD_LAW_COUPLED_CONSTANT;
+}
+static inline int bd_law_is_coupled(bd_law law) {
+    return law == BD_LAW_COUPLED || law == BD_LAW_COUPLED_CONSTANT;
+}
 
 /* Return whether the normal spring also pulls. */
-static inline int bd_law_is_two_sided(bd_law law) { return law == BD_LAW_BONDED || bd_law_is_constant(law); }
+static inline int bd_law_is_two_sided(bd_law law) {
+    return law == BD_LAW_BONDED || bd_law_is_constant(law);
+}
 
 /* Return whether direction d has friction. */
 static inline int bd_element_has_friction(const bd_element *e, int d) {
@@ -81,14 +93,16 @@ typedef struct {
     int with_tangential; /* 0: dNt is zero and not written */
 } bd_response;
 
-/* Sums over one cycle of one tangential direction. E_n is the integral of exp(i n theta), stored for n = 0..2 n_harm as
- * [E_0, E_0, Re E_1, Im E_1, ...]. Entry 1 repeats E_0, so that E + 1 holds the integrals of the basis. */
+/* Sums over one cycle of one tangential direction. E_n is the integral of exp(i n theta), stored
+ * for n = 0..2 n_harm as [E_0, E_0, Re E_1, Im E_1, ...]. Entry 1 repeats E_0, so that E + 1 holds
+ * the integrals of the basis. */
 typedef struct {
     int n_harm;
-    double *stick;          /* (4 n_harm + 2) over the parts that stick */
-    double *slip;           /* over the parts that slip, plus minus minus */
-    double *stick_slider;   /* (n_coef) integral of w times the basis over the parts that stick */
-    double *stick_slider_u; /* (n_coef, n_coef) its derivative with respect to u, or NULL without a tangent */
+    double *stick;        /* (4 n_harm + 2) over the parts that stick */
+    double *slip;         /* over the parts that slip, plus minus minus */
+    double *stick_slider; /* (n_coef) integral of w times the basis over the parts that stick */
+    /* (n_coef, n_coef) its derivative with respect to u, or NULL without a tangent */
+    double *stick_slider_u;
     double *stick_slider_v; /* the same with respect to v */
 } bd_cycle;
 
@@ -97,25 +111,30 @@ static inline int bd_n_power(int n_harm) { return 4 * n_harm + 2; }
 void bd_cycle_clear(bd_cycle *cycle);
 
 /* E += sign * integral over [start, end], from the powers of exp(i theta) at both ends. */
-void bd_cycle_integrate(int n_harm, double *E, double length, const double *start, const double *end, double sign);
+void bd_cycle_integrate(int n_harm, double *E, double length, const double *start,
+                        const double *end, double sign);
 
-/* Add a part that sticks at slider position w with dw = du_part . du + dv_part . dv; g is its (n_coef) integral. */
-void bd_cycle_add_stick(bd_cycle *cycle, const double *g, double w, const double *du_part, const double *dv_part);
+/* Add a part that sticks at slider position w with dw = du_part . du + dv_part . dv; g is its
+ * (n_coef) integral. */
+void bd_cycle_add_stick(bd_cycle *cycle, const double *g, double w, const double *du_part,
+                        const double *dv_part);
 
-/* Symmetric matrix of the integrals of products of basis functions (Toeplitz plus Hankel) from E. */
+/* Symmetric matrix of the integrals of products of basis functions
+ * (Toeplitz plus Hankel) from E. */
 void bd_cycle_products(int n_harm, const double *E, double *products);
 
 /* Force and tangent of tangential direction d from its sums; scratch is (n_coef, n_coef). */
-void bd_cycle_friction(const bd_element *element, int d, const bd_cycle *cycle, const double *u, const double *v,
-                       bd_response *out, double *scratch);
+void bd_cycle_friction(const bd_element *element, int d, const bd_cycle *cycle, const double *u,
+                       const double *v, bd_response *out, double *scratch);
 
 /* Normal force and tangent from E over the parts in contact. */
-void bd_cycle_normal(const bd_element *element, int n_harm, const double *contact, const double *v, bd_response *out,
-                     double *scratch);
+void bd_cycle_normal(const bd_element *element, int n_harm, const double *contact, const double *v,
+                     bd_response *out, double *scratch);
 
 /* Linear limits without sums: contact or stick throughout the cycle. */
 void bd_element_closed(const bd_element *element, int n_harm, const double *v, bd_response *out);
-void bd_element_stuck(const bd_element *element, int n_harm, int d, const double *u, bd_response *out);
+void bd_element_stuck(const bd_element *element, int n_harm, int d, const double *u,
+                      bd_response *out);
 void bd_element_open(const bd_element *element, int n_harm, bd_response *out);
 
 /* Cubic springs, exact for the truncated motion x (3, n_coef). */

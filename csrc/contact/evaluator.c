@@ -1,14 +1,17 @@
-/* Event-driven or sampled evaluation. Coupled, cubic and user laws then replace the results at their points. */
+/* Event-driven or sampled evaluation. Coupled, cubic and user laws then replace the results at
+ * their points. */
 #include "contact/evaluator.h"
 
 #include <string.h>
 
-bd_status bd_evaluator_create(bd_evaluator *evaluator, bd_evaluation evaluation, int n_harm, int n_time) {
+bd_status bd_evaluator_create(bd_evaluator *evaluator, bd_evaluation evaluation, int n_harm,
+                              int n_time) {
     memset(evaluator, 0, sizeof *evaluator);
     evaluator->evaluation = evaluation;
     evaluator->n_harm = n_harm;
     if (evaluation == BD_EXACT) return bd_event_create(&evaluator->event, n_harm);
-    bd_status status = bd_sampled_create(&evaluator->sampled, n_harm, n_time, evaluation == BD_SAMPLED);
+    bd_status status =
+        bd_sampled_create(&evaluator->sampled, n_harm, n_time, evaluation == BD_SAMPLED);
     if (status == BD_OK) status = bd_coulomb_create(&evaluator->coulomb, &evaluator->sampled);
     if (status != BD_OK) bd_evaluator_destroy(evaluator);
     return status;
@@ -30,8 +33,8 @@ void bd_evaluator_destroy(bd_evaluator *evaluator) {
 }
 
 /* Replace the result of the contact evaluations by cubic springs. */
-static void cubic_springs(int n, const bd_element *element, const double *x, bd_response *out, bd_status_share *share,
-                          const bd_evaluator *evaluator) {
+static void cubic_springs(int n, const bd_element *element, const double *x, bd_response *out,
+                          bd_status_share *share, const bd_evaluator *evaluator) {
     const size_t size = 3 * (size_t)bd_n_coef(evaluator->n_harm);
     for (int i = 0; i < n; ++i) {
         if (element[i].law != BD_LAW_CUBIC) continue;
@@ -40,29 +43,32 @@ static void cubic_springs(int n, const bd_element *element, const double *x, bd_
     }
 }
 
-void bd_contact_evaluate_many(int n, const bd_element *element, const double *x, bd_response *out, bd_status_share *share,
-                              bd_evaluator *evaluator) {
+void bd_contact_evaluate_many(int n, const bd_element *element, const double *x, bd_response *out,
+                              bd_status_share *share, bd_evaluator *evaluator) {
     const size_t size = 3 * (size_t)bd_n_coef(evaluator->n_harm);
     bd_status_share unused[BD_LANES];
     if (!share) share = unused;
     if (evaluator->evaluation == BD_EXACT) {
         for (int i = 0; i < n; ++i)
-            bd_event_evaluate(element + i, x + (size_t)i * size, out + i, share + i, &evaluator->event);
+            bd_event_evaluate(element + i, x + (size_t)i * size, out + i, share + i,
+                              &evaluator->event);
         cubic_springs(n, element, x, out, share, evaluator);
         return;
     }
     bd_sampled_evaluate(n, element, x, out, share, &evaluator->sampled);
     evaluator->latest_is_coupled = 0;
     for (int i = 0; i < n; ++i) evaluator->latest_is_coupled |= bd_law_is_coupled(element[i].law);
-    if (evaluator->latest_is_coupled) bd_coulomb_evaluate(n, element, x, out, share, &evaluator->coulomb);
+    if (evaluator->latest_is_coupled)
+        bd_coulomb_evaluate(n, element, x, out, share, &evaluator->coulomb);
     cubic_springs(n, element, x, out, share, evaluator);
     for (int i = 0; i < n; ++i)
         if (element[i].law == BD_LAW_USER)
-            bd_user_evaluate(element + i, x + (size_t)i * size, out + i, share + i, &evaluator->user);
+            bd_user_evaluate(element + i, x + (size_t)i * size, out + i, share + i,
+                             &evaluator->user);
 }
 
-void bd_contact_evaluate(const bd_element *element, const double *x, bd_response *out, bd_status_share *share,
-                         bd_evaluator *evaluator) {
+void bd_contact_evaluate(const bd_element *element, const double *x, bd_response *out,
+                         bd_status_share *share, bd_evaluator *evaluator) {
     bd_contact_evaluate_many(1, element, x, out, share, evaluator);
 }
 

@@ -1,20 +1,22 @@
 /* Slider between the events of a cycle; see event_driven.c for the law.
  *
- * The events are the roots of n0 + kn v, lo' and hi'. They divide the period into pieces in which contact does not
- * change and lo and hi are monotone. In a piece only one of the bounds can move w, from a single onset on:
+ * The events are the roots of n0 + kn v, lo' and hi'. They divide the period into pieces in which
+ * contact does not change and lo and hi are monotone. In a piece only one of the bounds can move w,
+ * from a single onset on:
  *
  *     lo rises above w       slip+ from the onset to the end of the piece (T = +mu N)
  *     hi falls below w       slip-                                        (T = -mu N)
  *     otherwise              stick
  *
- * The map of w over one period is a composition of clips, hence a clip and idempotent. One period over the ends of the
- * pieces yields the steady slider; a second one adds up the integrals over the pieces.
+ * The map of w over one period is a composition of clips, hence a clip and idempotent. One period
+ * over the ends of the pieces yields the steady slider; a second one adds up the integrals over the
+ * pieces.
  *
  * The derivative of the slider depends on the instant theta* that set it (b: basis at theta*):
  *
- *     set by lo (end of slip+)    dw = b.du - (mu kn/kt) b.dv        lo' = 0, so a shift of theta* has no effect
+ *     set by lo (end of slip+)    dw = b.du - (mu kn/kt) b.dv    lo' = 0: shifts of theta* cancel
  *     set by hi (end of slip-)    dw = b.du + (mu kn/kt) b.dv
- *     set by closing              dw = b.du - (u'/v') b.dv           theta* moves by -b.dv/v'
+ *     set by closing              dw = b.du - (u'/v') b.dv       theta* moves by -b.dv/v'
  *     never set                   dw = 0 */
 #include "contact/event_slider.h"
 
@@ -41,7 +43,8 @@ typedef struct {
 } cycle_part;
 
 /* x and y at exp(i theta) = z. */
-static void values_at(int n_harm, const double *x, const double *y, const double *z, double *at_x, double *at_y) {
+static void values_at(int n_harm, const double *x, const double *y, const double *z, double *at_x,
+                      double *at_y) {
     const double c = z[0], s = z[1];
     double re = c, im = s, sum_x = x[0], sum_y = y[0];
     for (int l = 1; l <= n_harm; ++l) {
@@ -132,11 +135,13 @@ static void sort_events(bd_direction *dir) {
 static double piece_end(const bd_direction *dir, int i) {
     const bd_event_work *work = dir->work;
     const int n = dir->n_event;
-    return i + 1 < n ? work->event_theta[work->order[i + 1]] : work->event_theta[work->order[0]] + BD_TWO_PI;
+    return i + 1 < n ? work->event_theta[work->order[i + 1]]
+                     : work->event_theta[work->order[0]] + BD_TWO_PI;
 }
 
-/* Signs in every piece. They are evaluated inside the longest piece, where the values are farthest from zero. Every
- * event is a sign change of one polynomial, so the signs of the other pieces follow by toggling. */
+/* Signs in every piece. They are evaluated inside the longest piece, where the values are farthest
+ * from zero. Every event is a sign change of one polynomial, so the signs of the other pieces
+ * follow by toggling. */
 static void flag_pieces(bd_direction *dir, const bd_element *element, const double *v) {
     bd_event_work *work = dir->work;
     const int n = dir->n_event;
@@ -186,11 +191,13 @@ static slider settle(const bd_direction *dir, double w) {
     const bd_event_work *work = dir->work;
     const int n = dir->n_event;
     slider s = {INITIAL, -1, w};
-    for (int i = 0; i < n; ++i) s = clip_at_end(dir, s, work->piece[i], work->order[i + 1 < n ? i + 1 : 0]);
+    for (int i = 0; i < n; ++i)
+        s = clip_at_end(dir, s, work->piece[i], work->order[i + 1 < n ? i + 1 : 0]);
     return s;
 }
 
-/* Add the current sticking part, whose slider was set at its beginning, with the slider's derivative dw. */
+/* Add the current sticking part, whose slider was set at its beginning, with the slider's
+ * derivative dw. */
 static void add_stick(const bd_direction *dir, const cycle_part *part) {
     bd_event_work *work = dir->work;
     const double *b = work->power[part->at] + 1;
@@ -200,18 +207,21 @@ static void add_stick(const bd_direction *dir, const cycle_part *part) {
     }
     double factor = part->slider.kind == SET_BY_LO ? -dir->r : dir->r;
     if (part->slider.kind == SET_BY_CLOSING) {
-        /* u' = (lo' + hi')/2 and v' = (hi' - lo')/(2 r); the point sticks afterwards, so |u'/v'| <= r */
+        /* u' = (lo' + hi')/2 and v' = (hi' - lo')/(2 r); the point sticks afterwards, so
+         * |u'/v'| <= r */
         double dlo, dhi;
-        values_at(dir->n_harm, dir->dlo, dir->dhi, work->event_z + 2 * part->slider.event, &dlo, &dhi);
+        values_at(dir->n_harm, dir->dlo, dir->dhi, work->event_z + 2 * part->slider.event, &dlo,
+                  &dhi);
         factor = dhi > dlo ? -dir->r * fmax(-1.0, fmin(1.0, (dhi + dlo) / (dhi - dlo))) : 0.0;
     }
     for (int i = 0; i < dir->n_coef; ++i) work->slider_v[i] = factor * b[i];
     bd_cycle_add_stick(&work->cycle, work->part_sum + 1, part->slider.w, b, work->slider_v);
 }
 
-/* Change the state at theta (exp(i theta) = z): add up the part that ends and begin the next one. */
-static void change_state(const bd_direction *dir, int d, cycle_part *part, int state, double theta, const double *z,
-                         slider s, bd_status_share *share) {
+/* Change the state at theta (exp(i theta) = z): add up the part that ends
+ * and begin the next one. */
+static void change_state(const bd_direction *dir, int d, cycle_part *part, int state, double theta,
+                         const double *z, slider s, bd_status_share *share) {
     bd_event_work *work = dir->work;
     double *from = work->power[part->at], *to = work->power[!part->at];
     if (part->state == state) return;
@@ -225,7 +235,8 @@ static void change_state(const bd_direction *dir, int d, cycle_part *part, int s
             for (int n = 0; n < dir->n_power; ++n) work->cycle.stick[n] += work->part_sum[n];
             add_stick(dir, part);
         } else if (part->state != BD_OPEN) {
-            bd_cycle_integrate(dir->n_harm, work->cycle.slip, length, from, to, part->state == BD_SLIP_PLUS ? 1.0 : -1.0);
+            bd_cycle_integrate(dir->n_harm, work->cycle.slip, length, from, to,
+                               part->state == BD_SLIP_PLUS ? 1.0 : -1.0);
             share->slip[d] += length;
         }
     }
@@ -236,7 +247,8 @@ static void change_state(const bd_direction *dir, int d, cycle_part *part, int s
 }
 
 /* Angle at which lo (hi) first reaches w in a piece over which it rises (falls). */
-static double find_onset(const bd_direction *dir, int plus, double w, double start, double end, double *z) {
+static double find_onset(const bd_direction *dir, int plus, double w, double start, double end,
+                         double *z) {
     double *bound = dir->work->polynomial; /* lo - w or hi - w */
     memcpy(bound, plus ? dir->lo : dir->hi, sizeof(double) * (size_t)dir->n_coef);
     bound[0] -= w;
@@ -248,7 +260,8 @@ static double find_onset(const bd_direction *dir, int plus, double w, double sta
     }
     /* cos(theta - phi) = k on the rising (falling) side */
     const double size = hypot(bound[1], bound[2]), c = bound[1] / size, s = bound[2] / size;
-    const double k = fmax(-1.0, fmin(1.0, -bound[0] / size)), m = sqrt((1.0 - k) * (1.0 + k)) * (plus ? -1.0 : 1.0);
+    const double k = fmax(-1.0, fmin(1.0, -bound[0] / size)),
+                 m = sqrt((1.0 - k) * (1.0 + k)) * (plus ? -1.0 : 1.0);
     z[0] = c * k - s * m;
     z[1] = s * k + c * m;
     double onset = atan2(z[1], z[0]);
@@ -263,11 +276,12 @@ static double find_onset(const bd_direction *dir, int plus, double w, double sta
 }
 
 /* Advance through one piece and return the slider at its end. */
-static slider slider_through_piece(const bd_direction *dir, int d, int i, double shift, slider s, cycle_part *part,
-                                   bd_status_share *share) {
+static slider slider_through_piece(const bd_direction *dir, int d, int i, double shift, slider s,
+                                   cycle_part *part, bd_status_share *share) {
     bd_event_work *work = dir->work;
     const int n = dir->n_event;
-    const int start = work->order[i], end = work->order[i + 1 < n ? i + 1 : 0], flags = work->piece[i];
+    const int start = work->order[i], end = work->order[i + 1 < n ? i + 1 : 0],
+              flags = work->piece[i];
     const double *z = work->event_z + 2 * start, theta = work->event_theta[start] + shift;
     if (!(flags & CONTACT)) {
         change_state(dir, d, part, BD_OPEN, theta, z, s, share);
@@ -278,23 +292,27 @@ static slider slider_through_piece(const bd_direction *dir, int d, int i, double
     const int minus_now = set_now && s.kind != SET_BY_LO && (flags & HI_FALLS);
     if (plus_now || minus_now) {
         change_state(dir, d, part, plus_now ? BD_SLIP_PLUS : BD_SLIP_MINUS, theta, z, s, share);
-        return (slider){plus_now ? SET_BY_LO : SET_BY_HI, end, plus_now ? work->event_lo[end] : work->event_hi[end]};
+        return (slider){plus_now ? SET_BY_LO : SET_BY_HI, end,
+                        plus_now ? work->event_lo[end] : work->event_hi[end]};
     }
     const slider after = clip_at_end(dir, s, flags, end);
     change_state(dir, d, part, BD_STICK, theta, z, s, share);
     if (after.kind == s.kind && after.event == s.event) return s; /* the slider did not move */
     const int plus = after.kind == SET_BY_LO;
-    if (plus ? work->event_lo[start] >= s.w : work->event_hi[start] <= s.w) { /* slip resumes at the start of the piece */
+    /* slip resumes at the start of the piece */
+    if (plus ? work->event_lo[start] >= s.w : work->event_hi[start] <= s.w) {
         change_state(dir, d, part, plus ? BD_SLIP_PLUS : BD_SLIP_MINUS, theta, z, after, share);
         return after;
     }
     double at[2];
-    const double onset = find_onset(dir, plus, s.w, work->event_theta[start], piece_end(dir, i), at) + shift;
+    const double onset =
+        find_onset(dir, plus, s.w, work->event_theta[start], piece_end(dir, i), at) + shift;
     change_state(dir, d, part, plus ? BD_SLIP_PLUS : BD_SLIP_MINUS, onset, at, after, share);
     return after;
 }
 
-/* Add up the steady cycle. It starts at the event that set the slider, so every part begins where its slider was set. */
+/* Add up the steady cycle. It starts at the event that set the slider, so every part begins where
+ * its slider was set. */
 static void sum_cycle(const bd_direction *dir, int d, slider s, bd_status_share *share) {
     bd_event_work *work = dir->work;
     const int n = dir->n_event;
@@ -306,16 +324,19 @@ static void sum_cycle(const bd_direction *dir, int d, slider s, bd_status_share 
         s = slider_through_piece(dir, d, i, first + k < n ? 0.0 : BD_TWO_PI, s, &part, share);
     }
     const int event = work->order[first];
-    change_state(dir, d, &part, NO_STATE, work->event_theta[event] + BD_TWO_PI, work->event_z + 2 * event, s, share);
+    change_state(dir, d, &part, NO_STATE, work->event_theta[event] + BD_TWO_PI,
+                 work->event_z + 2 * event, s, share);
     arrange_segments(work, d);
 }
 
-int bd_slider_cycle(bd_direction *dir, int d, const bd_element *element, const double *v, bd_status_share *share) {
+int bd_slider_cycle(bd_direction *dir, int d, const bd_element *element, const double *v,
+                    bd_status_share *share) {
     bd_event_work *work = dir->work;
     sort_events(dir);
     flag_pieces(dir, element, v);
     for (int e = 0; e < dir->n_event; ++e)
-        values_at(dir->n_harm, dir->lo, dir->hi, work->event_z + 2 * e, work->event_lo + e, work->event_hi + e);
+        values_at(dir->n_harm, dir->lo, dir->hi, work->event_z + 2 * e, work->event_lo + e,
+                  work->event_hi + e);
     const slider s = settle(dir, element->w[d]);
     if (s.kind == INITIAL) return 0;
     sum_cycle(dir, d, s, share);

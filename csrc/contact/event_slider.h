@@ -21,14 +21,16 @@ typedef struct {
     double *event_lo, *event_hi; /* (6 n_harm) bounds of the slider at events */
     int *order;                  /* (6 n_harm) events in ascending order */
     int *piece;                  /* (6 n_harm) flags of the piece after each event */
-    double *power[2];            /* (n_power) powers at the beginning and the end of a part of the cycle */
-    double *contact;             /* (n_power) sums over the parts in contact */
-    double *part_sum;            /* (n_power) sums over the current part */
-    double *scratch;             /* (n_coef, n_coef) */
-    double *slider_v;            /* (n_coef) derivative of the slider position with respect to v */
+    /* (n_power) powers at the beginning and the end of a part of the cycle */
+    double *power[2];
+    double *contact;  /* (n_power) sums over the parts in contact */
+    double *part_sum; /* (n_power) sums over the current part */
+    double *scratch;  /* (n_coef, n_coef) */
+    double *slider_v; /* (n_coef) derivative of the slider position with respect to v */
     bd_cycle cycle;
     double *stick_slider_u, *stick_slider_v; /* storage for the cycle's tangent */
-    bd_segment *segment[2];                  /* (12 n_harm + 2) parts of the cycle for each direction, ascending */
+    /* (12 n_harm + 2) parts of the cycle for each direction, ascending */
+    bd_segment *segment[2];
     int n_segment[2];
     int derivatives_known;
     double *memory; /* memory of all arrays above */
@@ -47,15 +49,17 @@ typedef struct {
     bd_event_work *work;
 } bd_direction;
 
-/* Find the steady slider of direction d and add up its cycle (work->cycle, segments, shares). Return 0 if no event sets
- * the initial slider: it then stays at its position, and nothing is added up. */
-int bd_slider_cycle(bd_direction *dir, int d, const bd_element *element, const double *v, bd_status_share *share);
+/* Find the steady slider of direction d and add up its cycle (work->cycle, segments,
+ * shares). Return 0 if no event sets the initial slider: it then stays at its position,
+ * and nothing is added up. */
+int bd_slider_cycle(bd_direction *dir, int d, const bd_element *element, const double *v,
+                    bd_status_share *share);
 
 /* The cycle of direction d consists of one part. */
 void bd_slider_whole_cycle(bd_event_work *work, int d, int state);
 
-/* Value of f between start and start + length, in which f does not cross zero. The value is taken in the middle; if f is
- * small there because it touches zero, at another of four positions. */
+/* Value of f between start and start + length, in which f does not cross zero. The value is taken
+ * in the middle; if f is small there because it touches zero, at another of four positions. */
 double bd_clear_value(int n_harm, const double *f, double start, double length);
 
 #endif

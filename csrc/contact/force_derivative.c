@@ -1,6 +1,7 @@
 /* Derivative of the force of a contact point if motion and parameters change together.
  *
- * The laws depend on kt (u - w), n0 + kn v and mu N only, so the tangent B = dF/dX determines all derivatives:
+ * The laws depend on kt (u - w), n0 + kn v and mu N only, so the tangent B = dF/dX determines all
+ * derivatives:
  *
  *     kt dF/dkt = B_u (u - w),   dF/dw = -B_u,   kn dF/dkn = B_v v,   dF/dn0 = B_v/kn.
  *
@@ -13,8 +14,8 @@
 
 #include <string.h>
 
-static void add_block(int n, bd_block kind, double spring, const double *block, double factor, const double *x,
-                      double *to) {
+static void add_block(int n, bd_block kind, double spring, const double *block, double factor,
+                      const double *x, double *to) {
     if (kind == BD_BLOCK_LINEAR)
         for (int i = 0; i < n; ++i) to[i] += factor * spring * x[i];
     if (kind == BD_BLOCK_FULL)
@@ -25,18 +26,21 @@ static void add_block(int n, bd_block kind, double spring, const double *block, 
         }
 }
 
-/* Contribution of the tangential motions (2, BD_MAX_COEF) to the change of the friction force in direction d. */
-static void add_friction(const bd_element *e, int n, int d, const bd_response *response, double factor,
-                         double (*x)[BD_MAX_COEF], double *to) {
+/* Contribution of the tangential motions (2, BD_MAX_COEF) to the change of the friction force in
+ * direction d. */
+static void add_friction(const bd_element *e, int n, int d, const bd_response *response,
+                         double factor, double (*x)[BD_MAX_COEF], double *to) {
     const bd_block kind = response->tangential[d];
     add_block(n, kind, e->kt[d], response->dT[d], factor, x[d], to);
-    if (kind == BD_BLOCK_FULL && response->coupled) add_block(n, kind, 0.0, response->dTc[d], factor, x[1 - d], to);
+    if (kind == BD_BLOCK_FULL && response->coupled)
+        add_block(n, kind, 0.0, response->dTc[d], factor, x[1 - d], to);
 }
 
 static double relative_change(double change, double of) { return of != 0.0 ? change / of : 0.0; }
 
-void bd_force_derivative(const bd_element *element, const bd_element *rate, int n_harm, const double *X, const double *dX,
-                         const bd_response *response, double *dF) {
+void bd_force_derivative(const bd_element *element, const bd_element *rate, int n_harm,
+                         const double *X, const double *dX, const bd_response *response,
+                         double *dF) {
     const int n = bd_n_coef(n_harm), springs = element->law != BD_LAW_CUBIC;
     double change[3][BD_MAX_COEF], away[2][BD_MAX_COEF];
     for (int a = 0; a < 3; ++a) memcpy(change[a], dX + a * n, sizeof(double) * (size_t)n);
@@ -48,10 +52,12 @@ void bd_force_derivative(const bd_element *element, const bd_element *rate, int 
         for (int i = 0; i < n; ++i) change[d][i] += stiffer * away[d][i];
         change[d][0] -= rate->w[d];
     }
-    for (int i = 0; i < n; ++i) change[2][i] += relative_change(rate->kn, element->kn) * X[2 * n + i];
+    for (int i = 0; i < n; ++i)
+        change[2][i] += relative_change(rate->kn, element->kn) * X[2 * n + i];
     change[2][0] += relative_change(rate->n0, element->kn);
-    const double limit = relative_change(rate->mu, element->mu) +
-                         (bd_law_is_constant(element->law) ? relative_change(rate->load, element->load) : 0.0);
+    const double limit =
+        relative_change(rate->mu, element->mu) +
+        (bd_law_is_constant(element->law) ? relative_change(rate->load, element->load) : 0.0);
     memset(dF, 0, sizeof(double) * 3 * (size_t)n);
     for (int d = 0; d < 2; ++d) {
         double *to = dF + d * n;
@@ -64,7 +70,8 @@ void bd_force_derivative(const bd_element *element, const bd_element *rate, int 
             add_friction(element, n, d, response, -limit, away, to);
         }
         if (!springs)
-            for (int i = 0; i < n; ++i) to[i] += relative_change(rate->kt[d], element->kt[d]) * T[i];
+            for (int i = 0; i < n; ++i)
+                to[i] += relative_change(rate->kt[d], element->kt[d]) * T[i];
     }
     add_block(n, response->normal, element->kn, response->dN, 1.0, change[2], dF + 2 * n);
 }

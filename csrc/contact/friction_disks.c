@@ -1,14 +1,15 @@
 /* Disks in the plane: the point of least violation, and the entry of a line into all disks.
  *
- * Centre. The function phi(s) = max_k |c_k - s| - R_k is convex. Its minimum is shared by one, two or three disks: one
- * disk at its centre, phi = -R; two disks on the line of their centres, phi = (d - R_i - R_j)/2; three disks if their
- * normals enclose the origin. The search starts with one disk. In each round the most violated disk joins the disks that
- * determine the point. The new point is the subset of two or three with the largest value. Values grow from round to
- * round, so no subset occurs twice.
+ * Centre. The function phi(s) = max_k |c_k - s| - R_k is convex. Its minimum is shared by one, two
+ * or three disks: one disk at its centre, phi = -R; two disks on the line of their centres,
+ * phi = (d - R_i - R_j)/2; three disks if their normals enclose the origin. The search starts with
+ * one disk. In each round the most violated disk joins the disks that determine the point. The new
+ * point is the subset of two or three with the largest value. Values grow from round to round, so
+ * no subset occurs twice.
  *
- * Three disks. With the first centre as origin, let d_a be the other centres, r = R_1 + phi and w_a = R_a - R_1. Then
- * |s| = r and |s - d_a| = r + w_a give d_a.s = (d_a^2 - w_a^2)/2 - r w_a, hence s = alpha - r beta and a quadratic
- * equation for r. */
+ * Three disks. With the first centre as origin, let d_a be the other centres, r = R_1 + phi and
+ * w_a = R_a - R_1. Then |s| = r and |s - d_a| = r + w_a give d_a.s = (d_a^2 - w_a^2)/2 - r w_a,
+ * hence s = alpha - r beta and a quadratic equation for r. */
 #include "contact/friction_disks.h"
 
 #include <math.h>
@@ -35,21 +36,25 @@ static void polish(const bd_disks *disks, bd_disk_point *point) {
     double e[3][2], f[3];
     for (int a = 0; a < 3; ++a) {
         const int k = point->disk[a];
-        const double x = disks->x[k] - point->s[0], y = disks->y[k] - point->s[1], size = norm(x, y);
+        const double x = disks->x[k] - point->s[0], y = disks->y[k] - point->s[1],
+                     size = norm(x, y);
         if (!(size > 0.0)) return;
         e[a][0] = x / size, e[a][1] = y / size;
         f[a] = size - disks->R[k] - point->value;
     }
-    const double a0 = e[1][0] - e[0][0], a1 = e[1][1] - e[0][1], b0 = e[2][0] - e[0][0], b1 = e[2][1] - e[0][1];
+    const double a0 = e[1][0] - e[0][0], a1 = e[1][1] - e[0][1], b0 = e[2][0] - e[0][0],
+                 b1 = e[2][1] - e[0][1];
     const double det = a0 * b1 - a1 * b0, fa = f[1] - f[0], fb = f[2] - f[0];
     if (!(fabs(det) > 1e-12)) return;
-    const double s0 = (b1 * fa - a1 * fb) / det, s1 = (a0 * fb - b0 * fa) / det; /* e.ds + dphi = f */
+    /* e.ds + dphi = f */
+    const double s0 = (b1 * fa - a1 * fb) / det, s1 = (a0 * fb - b0 * fa) / det;
     point->s[0] += s0;
     point->s[1] += s1;
     point->value += f[0] - e[0][0] * s0 - e[0][1] * s1;
 }
 
-/* Return whether the normals of three disks enclose the origin: no move reduces all three distances. */
+/* Return whether the normals of three disks enclose the origin: no move
+ * reduces all three distances. */
 static int encloses(const bd_disks *disks, const bd_disk_point *point) {
     double d[3][2], cross[3];
     for (int a = 0; a < 3; ++a) {
@@ -60,7 +65,8 @@ static int encloses(const bd_disks *disks, const bd_disk_point *point) {
         const int b = (a + 1) % 3;
         cross[a] = d[a][0] * d[b][1] - d[a][1] * d[b][0];
     }
-    return (cross[0] > 0.0 && cross[1] > 0.0 && cross[2] > 0.0) || (cross[0] < 0.0 && cross[1] < 0.0 && cross[2] < 0.0);
+    return (cross[0] > 0.0 && cross[1] > 0.0 && cross[2] > 0.0) ||
+           (cross[0] < 0.0 && cross[1] < 0.0 && cross[2] < 0.0);
 }
 
 static bd_disk_point centre_of_three(const bd_disks *disks, int i, int j, int k) {
@@ -75,10 +81,14 @@ static bd_disk_point centre_of_three(const bd_disks *disks, int i, int j, int k)
     }
     const double det = d[0][0] * d[1][1] - d[0][1] * d[1][0];
     if (det == 0.0) return best;
-    const double alpha[2] = {(d[1][1] * c[0] - d[0][1] * c[1]) / det, (d[0][0] * c[1] - d[1][0] * c[0]) / det};
-    const double beta[2] = {(d[1][1] * w[0] - d[0][1] * w[1]) / det, (d[0][0] * w[1] - d[1][0] * w[0]) / det};
-    const double A = beta[0] * beta[0] + beta[1] * beta[1] - 1.0, B = alpha[0] * beta[0] + alpha[1] * beta[1];
-    const double C = alpha[0] * alpha[0] + alpha[1] * alpha[1], root = sqrt(fmax(B * B - A * C, 0.0));
+    const double alpha[2] = {(d[1][1] * c[0] - d[0][1] * c[1]) / det,
+                             (d[0][0] * c[1] - d[1][0] * c[0]) / det};
+    const double beta[2] = {(d[1][1] * w[0] - d[0][1] * w[1]) / det,
+                            (d[0][0] * w[1] - d[1][0] * w[0]) / det};
+    const double A = beta[0] * beta[0] + beta[1] * beta[1] - 1.0,
+                 B = alpha[0] * beta[0] + alpha[1] * beta[1];
+    const double C = alpha[0] * alpha[0] + alpha[1] * alpha[1],
+                 root = sqrt(fmax(B * B - A * C, 0.0));
     const double h = B + (B < 0.0 ? -root : root); /* A r^2 - 2 B r + C = 0 */
     for (int side = 0; side < 2; ++side) {
         const double r = side ? C / h : h / A;
@@ -96,7 +106,10 @@ static bd_disk_point centre_of_three(const bd_disks *disks, int i, int j, int k)
 /* Point of least violation of at most four disks; the last one is new. */
 static bd_disk_point centre_of_few(const bd_disks *disks, int n, const int *disk) {
     const int new = disk[n - 1];
-    bd_disk_point best = {.n = 1, .disk = {new}, .s = {disks->x[new], disks->y[new]}, .value = -disks->R[new]};
+    bd_disk_point best = {.n = 1,
+                          .disk = {new},
+                          .s = {disks->x[new], disks->y[new]},
+                          .value = -disks->R[new]};
     for (int i = 0; i < n - 1; ++i) {
         const bd_disk_point two = centre_of_two(disks, disk[i], new);
         if (two.value > best.value) best = two;
@@ -112,7 +125,10 @@ void bd_disks_centre(const bd_disks *disks, double slack, bd_disk_point *point) 
     int least = 0;
     for (int k = 1; k < disks->n; ++k)
         if (disks->R[k] < disks->R[least]) least = k;
-    *point = (bd_disk_point){.n = 1, .disk = {least}, .s = {disks->x[least], disks->y[least]}, .value = -disks->R[least]};
+    *point = (bd_disk_point){.n = 1,
+                             .disk = {least},
+                             .s = {disks->x[least], disks->y[least]},
+                             .value = -disks->R[least]};
     for (int round = 0; round < MOST_ROUNDS; ++round) {
         int few[4], worst = least;
         const double most = bd_disks_violation(disks, point->s, &worst);

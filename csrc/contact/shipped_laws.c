@@ -1,20 +1,23 @@
 /* Contact laws that bdamper ships as user laws, and copies of the users' laws.
  *
- * Jenkins elements. Along each tangential direction, n springs k with sliders s in series act in parallel,
+ * Jenkins elements. Along each tangential direction, n springs k with sliders s in series act in
+ * parallel,
  *
- *     s1 = clip(s0, u - r, u + r),   r = (f + mu N)/k,     T = sum k (u - s1),     N = kn max(v, 0).
+ *     s1 = clip(s0, u - r, u + r),   r = (f + mu N)/k,   T = sum k (u - s1),   N = kn max(v, 0).
  *
- * Elements with limits f spread over a range form the model of Iwan (1966). If kn is not zero and v is not positive, the
- * surfaces are apart and the sliders follow u. A contact that closes between two instants starts at the displacement of
- * zero v, u0 + t (u - u0) with t = -v0/(v - v0), as in aft.c.
+ * Elements with limits f spread over a range form the model of Iwan (1966). If kn is not zero and v
+ * is not positive, the surfaces are apart and the sliders follow u. A contact that closes between
+ * two instants starts at the displacement of zero v, u0 + t (u - u0) with t = -v0/(v - v0), as in
+ * aft.c.
  *
  * Bouc (1967) and Wen (1976). The state z of each tangential direction obeys
  *
- *     dz = du - beta |du| |z|^(n-1) z - gamma du |z|^n,     T = alpha k u + (1 - alpha) k z,     N = kn max(v, 0).
+ *     dz = du - beta |du| |z|^(n-1) z - gamma du |z|^n,
+ *     T = alpha k u + (1 - alpha) k z,   N = kn max(v, 0).
  *
- * A step of u is divided into STEPS equal parts h of the trapezoidal rule, y - h f(y)/2 = z + h f(z)/2. Here f = dz/du
- * depends on the sign of the step. For |gamma| <= beta the left side has a slope of at least 1, so Newton's method finds
- * the unique solution. */
+ * A step of u is divided into STEPS equal parts h of the trapezoidal rule, y - h f(y)/2 = z + h
+ * f(z)/2. Here f = dz/du depends on the sign of the step. For |gamma| <= beta the left side has a
+ * slope of at least 1, so Newton's method finds the unique solution. */
 #include "contact/user_law.h"
 
 #include <math.h>
@@ -28,12 +31,14 @@ static void normal_spring(double kn, const double *x, double *F, double *Fx) {
     if (Fx) Fx[8] = x[2] > 0.0 ? kn : 0.0;
 }
 
-void bd_law_jenkins(const double x[3], const double before[3], const double *p, const double *s0, double *s1, double F[3],
-                    double Fx[9], double *Fs, double *sx, double *ss, void *data) {
+void bd_law_jenkins(const double x[3], const double before[3], const double *p, const double *s0,
+                    double *s1, double F[3], double Fx[9], double *Fs, double *sx, double *ss,
+                    void *data) {
     (void)data;
     const size_t n = (size_t)p[0], n_state = 2 * n;
     const double kn = p[1], gain = x[2] - before[2];
-    const int open = kn > 0.0 && !(x[2] > 0.0), closes = kn > 0.0 && x[2] > 0.0 && !(before[2] > 0.0) && gain > 0.0;
+    const int open = kn > 0.0 && !(x[2] > 0.0),
+              closes = kn > 0.0 && x[2] > 0.0 && !(before[2] > 0.0) && gain > 0.0;
     const double t = closes ? -before[2] / gain : 0.0;
     normal_spring(kn, x, F, Fx);
     for (size_t d = 0; d < 2; ++d)
@@ -96,12 +101,14 @@ static double evolve(const bouc_wen *law, double du, double z, double *by_u, dou
         *by_z *= by;
         z = y;
     }
-    if (du == 0.0) *by_u = 1.0; /* an elastic step in either direction; the one-sided derivatives differ unless z is 0 */
+    /* an elastic step in either direction; the one-sided derivatives differ unless z is 0 */
+    if (du == 0.0) *by_u = 1.0;
     return z;
 }
 
-void bd_law_bouc_wen(const double x[3], const double before[3], const double *p, const double *s0, double *s1, double F[3],
-                     double Fx[9], double *Fs, double *sx, double *ss, void *data) {
+void bd_law_bouc_wen(const double x[3], const double before[3], const double *p, const double *s0,
+                     double *s1, double F[3], double Fx[9], double *Fs, double *sx, double *ss,
+                     void *data) {
     (void)data;
     const double k = p[1], alpha = p[2];
     const bouc_wen law = {p[3], p[4], p[5]};
@@ -123,8 +130,8 @@ void bd_law_bouc_wen(const double x[3], const double before[3], const double *p,
 
 static int jenkins_fits(const bd_point_law *point_law) {
     const double *p = point_law->parameter;
-    if (point_law->n_parameter < 2 || 2.0 * p[0] != point_law->n_state || 2.0 + 3.0 * p[0] != point_law->n_parameter ||
-        !(p[1] >= 0.0))
+    if (point_law->n_parameter < 2 || 2.0 * p[0] != point_law->n_state ||
+        2.0 + 3.0 * p[0] != point_law->n_parameter || !(p[1] >= 0.0))
         return 0;
     for (int i = 2; i < point_law->n_parameter; i += 3)
         if (!(p[i] > 0.0 && p[i + 1] >= 0.0 && p[i + 2] >= 0.0)) return 0;
@@ -133,15 +140,17 @@ static int jenkins_fits(const bd_point_law *point_law) {
 
 static int bouc_wen_fits(const bd_point_law *point_law) {
     const double *p = point_law->parameter;
-    return point_law->n_parameter == 6 && point_law->n_state == 2 && p[0] >= 0.0 && p[1] > 0.0 && p[2] >= 0.0 &&
-           p[2] <= 1.0 && fabs(p[4]) <= p[3] && p[5] >= 1.0;
+    return point_law->n_parameter == 6 && point_law->n_state == 2 && p[0] >= 0.0 && p[1] > 0.0 &&
+           p[2] >= 0.0 && p[2] <= 1.0 && fabs(p[4]) <= p[3] && p[5] >= 1.0;
 }
 
 const char *bd_law_parameter_error(const bd_point_law *point_law) {
     if (point_law->function == bd_law_jenkins && !jenkins_fits(point_law))
-        return "jenkins: expected the parameters n, kn >= 0, then k > 0, f >= 0, mu >= 0 of n elements, and 2 n states";
+        return "jenkins: expected the parameters n, kn >= 0, then k > 0, f >= 0, mu >= 0 of n "
+               "elements, and 2 n states";
     if (point_law->function == bd_law_bouc_wen && !bouc_wen_fits(point_law))
-        return "bouc_wen: expected the parameters kn >= 0, k > 0, alpha from 0 to 1, beta >= 0, gamma from -beta to beta, "
+        return "bouc_wen: expected the parameters kn >= 0, k > 0, alpha from 0 to 1, beta >= 0, "
+               "gamma from -beta to beta, "
                "n >= 1, and 2 states";
     return NULL;
 }
@@ -149,14 +158,16 @@ const char *bd_law_parameter_error(const bd_point_law *point_law) {
 bd_point_law *bd_point_laws_create(int n, const bd_point_law *from) {
     size_t size = sizeof(bd_point_law) * (size_t)n;
     for (int p = 0; p < n && from; ++p)
-        if (from[p].function) size += sizeof(double) * (size_t)(from[p].n_parameter + 3 + from[p].n_state);
+        if (from[p].function)
+            size += sizeof(double) * (size_t)(from[p].n_parameter + 3 + from[p].n_state);
     bd_point_law *point_law = malloc(size + 1);
     if (!point_law) return NULL;
     memset(point_law, 0, sizeof(bd_point_law) * (size_t)n);
     double *number = (double *)(void *)(point_law + n);
     for (int p = 0; p < n && from; ++p) {
         if (!from[p].function) continue;
-        const size_t n_parameter = (size_t)from[p].n_parameter, n_memory = 3 + (size_t)from[p].n_state;
+        const size_t n_parameter = (size_t)from[p].n_parameter,
+                     n_memory = 3 + (size_t)from[p].n_state;
         point_law[p] = from[p];
         point_law[p].parameter = memcpy(number, from[p].parameter, sizeof(double) * n_parameter);
         number += n_parameter;

@@ -1,25 +1,29 @@
-/* A slider of in-plane coupled friction that sticks or is about to slip; see coupled_friction.c for the law and
- * friction_disks.c for the centre of the disks.
+/* A slider of in-plane coupled friction that sticks or is about to slip; see coupled_friction.c for
+ * the law and friction_disks.c for the centre of the disks.
  *
- * Stick. A slider inside all disks |p_k - s| <= R_k of the cycle never moves. If the disks have common points, each of
- * them is admissible: the end of a transient depends on its history, which the law does not determine. The initial
- * slider w is used if it is admissible. Otherwise it is shifted towards the centre c, the point of least violation,
- * until it is admissible: s = w + t (c - w) with the least such t. In one dimension this is the nearer end of the
- * interval. At the onset of slip the common points shrink to c, and s is a Lipschitz continuous function of the motion.
- * The common point nearest to w would instead move like the square root of the distance.
+ * Stick. A slider inside all disks |p_k - s| <= R_k of the cycle never moves. If the disks have
+ * common points, each of them is admissible: the end of a transient depends on its history, which
+ * the law does not determine. The initial slider w is used if it is admissible. Otherwise it is
+ * shifted towards the centre c, the point of least violation, until it is admissible: s = w + t
+ * (c - w) with the least such t. In one dimension this is the nearer end of the interval. At the
+ * onset of slip the common points shrink to c, and s is a Lipschitz continuous function of the
+ * motion. The common point nearest to w would instead move like the square root of the distance.
  *
- * Onset of slip. Let phi be the least violation of the disks. At phi = 0 the common points shrink to one, determined by
- * two opposite disks or by three. For phi > 0 the slider moves by a distance of order phi between the edges of these
- * disks. With two disks I - P' is singular in the limit. With e_i = (p_i - s)/|p_i - s| and the derivative D_i of the
- * slider after disk i has set it, the limit is
+ * Onset of slip. Let phi be the least violation of the disks. At phi = 0 the common points shrink
+ * to one, determined by two opposite disks or by three. For phi > 0 the slider moves by a distance
+ * of order phi between the edges of these disks. With two disks I - P' is singular in the limit.
+ * With e_i = (p_i - s)/|p_i - s| and the derivative D_i of the slider after disk i has set it, the
+ * limit is
  *
  *     three   D_i = (I - e_i e_i^T) D_{i-1} + e_i (e_i . dp_i - dR_i), all around,
- *     two     e . D_i = e . dp_i - dR_i (e . e_i),   and across, where the slips by delta = 2 phi along e_1 and e_2
- *             cancel, the point on the line through the centres halfway through these slips:
+ *     two     e . D_i = e . dp_i - dR_i (e . e_i),   and across, where the slips by delta = 2 phi
+ *             along e_1 and e_2 cancel, the point on the line through the centres halfway through
+ *             these slips:
  *             t . D = sum_i (t . dp_i - a_i d delta)/r_i / sum_i 1/r_i,   r_i = |p_i - s|,
  *             a_i = (t . p_i')/(2 (e_i . p_i' - R_i')).
  *
- * This limit replaces the derivative while phi is so small that rounding spoils the general formula. */
+ * This limit replaces the derivative while phi is so small that rounding
+ * spoils the general formula. */
 #include "contact/sticking_slider.h"
 
 #include <string.h>
@@ -34,21 +38,23 @@ static double direction(const bd_coulomb_work *work, const bd_disk_point *point,
 }
 
 /* Add the row of a . dp + b dR at sample k. */
-static void motion_row(const bd_coulomb_work *work, const bd_element *element, int k, const double *a, double b,
-                       double *row) {
+static void motion_row(const bd_coulomb_work *work, const bd_element *element, int k,
+                       const double *a, double b, double *row) {
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm);
-    const double *basis = bd_coulomb_basis(work, k), kn = bd_law_is_constant(element->law) ? 0.0 : element->kn;
+    const double *basis = bd_coulomb_basis(work, k),
+                 kn = bd_law_is_constant(element->law) ? 0.0 : element->kn;
     const double factor[3] = {a[0] * element->kt[0], a[1] * element->kt[1], b * element->mu * kn};
     for (size_t c = 0; c < 3; ++c)
         for (size_t j = 0; j < n_coef; ++j) row[c * n_coef + j] += factor[c] * basis[j];
 }
 
-/* Derivative (2, n_col) of the centre: e_i . dc + d phi = e_i . dp_i - dR_i. Across the line of two centres, the point
- * moves with the line. */
-static void derivative_of_centre(const bd_coulomb_work *work, const bd_element *element, const bd_disk_point *centre,
-                                 double *D) {
+/* Derivative (2, n_col) of the centre: e_i . dc + d phi = e_i . dp_i - dR_i. Across the line of two
+ * centres, the point moves with the line. */
+static void derivative_of_centre(const bd_coulomb_work *work, const bd_element *element,
+                                 const bd_disk_point *centre, double *D) {
     const size_t n_col = 3 * (size_t)bd_n_coef(work->n_harm) + 2;
-    double e[3][2] = {{0.0}}, r[3] = {0.0}, f[2][3], along[3][2]; /* dc_d = sum_i along_id . dp_i - f_di dR_i */
+    /* dc_d = sum_i along_id . dp_i - f_di dR_i */
+    double e[3][2] = {{0.0}}, r[3] = {0.0}, f[2][3], along[3][2];
     memset(D, 0, sizeof(double) * 2 * n_col);
     for (int i = 0; i < centre->n; ++i) r[i] = direction(work, centre, i, e[i]);
     for (size_t d = 0; d < 2; ++d) {
@@ -56,7 +62,8 @@ static void derivative_of_centre(const bd_coulomb_work *work, const bd_element *
         if (centre->n == 2)
             for (int i = 0; i < 2; ++i) f[d][i] = 0.5 * e[i][d];
         if (centre->n == 3) {
-            const double a[2] = {e[1][0] - e[0][0], e[1][1] - e[0][1]}, b[2] = {e[2][0] - e[0][0], e[2][1] - e[0][1]};
+            const double a[2] = {e[1][0] - e[0][0], e[1][1] - e[0][1]},
+                         b[2] = {e[2][0] - e[0][0], e[2][1] - e[0][1]};
             const double det = a[0] * b[1] - a[1] * b[0], sign = d == 0 ? 1.0 : -1.0;
             f[d][1] = sign * b[1 - d] / det;
             f[d][2] = -sign * a[1 - d] / det;
@@ -66,20 +73,23 @@ static void derivative_of_centre(const bd_coulomb_work *work, const bd_element *
             for (size_t c = 0; c < 2; ++c) {
                 along[i][c] = f[d][i] * e[i][c];
                 if (centre->n == 1) along[i][c] = c == d;
-                if (centre->n == 2) along[i][c] += r[1 - i] / (r[0] + r[1]) * ((c == d) - e[0][d] * e[0][c]);
+                if (centre->n == 2)
+                    along[i][c] += r[1 - i] / (r[0] + r[1]) * ((c == d) - e[0][d] * e[0][c]);
             }
             motion_row(work, element, centre->disk[i], along[i], -f[d][i], D + d * n_col);
         }
     }
 }
 
-/* Derivative (2, n_col) of the slider that was shifted by a fraction of the line from w to the centre, into disk k: ds =
- * share dc + (c - w) d share,   e . ds = e . dp - dR. */
-static void derivative_of_shifted(bd_coulomb_work *work, const bd_element *element, const double *initial,
-                                  const bd_disk_point *centre, double share, int k) {
+/* Derivative (2, n_col) of the slider that was shifted by a fraction of the line from w to the
+ * centre, into disk k: ds = share dc + (c - w) d share,   e . ds = e . dp - dR. */
+static void derivative_of_shifted(bd_coulomb_work *work, const bd_element *element,
+                                  const double *initial, const bd_disk_point *centre, double share,
+                                  int k) {
     const size_t n_col = 3 * (size_t)bd_n_coef(work->n_harm) + 2;
     const double line[2] = {centre->s[0] - initial[0], centre->s[1] - initial[1]};
-    const bd_disk_point slider = {.n = 1, .disk = {k}, .s = {initial[0] + share * line[0], initial[1] + share * line[1]}};
+    const bd_disk_point slider = {
+        .n = 1, .disk = {k}, .s = {initial[0] + share * line[0], initial[1] + share * line[1]}};
     double e[2], *D = work->slider_derivative, *follow = work->next_slider;
     direction(work, &slider, 0, e);
     derivative_of_centre(work, element, centre, D);
@@ -88,39 +98,47 @@ static void derivative_of_shifted(bd_coulomb_work *work, const bd_element *eleme
     const double speed = e[0] * line[0] + e[1] * line[1];
     for (size_t j = 0; j + 2 < n_col; ++j) {
         const double d_share = (follow[j] - share * (e[0] * D[j] + e[1] * D[n_col + j])) / speed;
-        for (size_t d = 0; d < 2; ++d) D[d * n_col + j] = share * D[d * n_col + j] + line[d] * d_share;
+        for (size_t d = 0; d < 2; ++d)
+            D[d * n_col + j] = share * D[d * n_col + j] + line[d] * d_share;
     }
 }
 
-/* Half the motion of a disk's centre across the slip direction per unit length of slip, in the last part of the step
- * that ends at its sample. */
-static double slip_turn(const bd_coulomb_work *work, const bd_disk_point *point, int i, const double *e, const double *t) {
+/* Half the motion of a disk's centre across the slip direction per unit length of slip, in the last
+ * part of the step that ends at its sample. */
+static double slip_turn(const bd_coulomb_work *work, const bd_disk_point *point, int i,
+                        const double *e, const double *t) {
     const int k1 = point->disk[i], k0 = bd_coulomb_before(work, k1);
     const double dp[2] = {work->x[k1] - work->x[k0], work->y[k1] - work->y[k0]};
-    const double speed = e[0] * dp[0] + e[1] * dp[1] - (work->R[k1] - work->R[k0]), size = bd_norm(dp[0], dp[1]);
+    const double speed = e[0] * dp[0] + e[1] * dp[1] - (work->R[k1] - work->R[k0]),
+                 size = bd_norm(dp[0], dp[1]);
     /* otherwise the centre has stopped before */
     return speed > 1e-6 * size ? 0.5 * (t[0] * dp[0] + t[1] * dp[1]) / speed : 0.0;
 }
 
-/* Derivatives (n, 2, n_col) of the slider after each of the disks that determine it at the onset of slip. */
-static void derivative_of_onset(bd_coulomb_work *work, const bd_element *element, const bd_disk_point *point) {
+/* Derivatives (n, 2, n_col) of the slider after each of the disks that determine
+ * it at the onset of slip. */
+static void derivative_of_onset(bd_coulomb_work *work, const bd_element *element,
+                                const bd_disk_point *point) {
     const size_t n_col = 3 * (size_t)bd_n_coef(work->n_harm) + 2, n = (size_t)point->n;
-    double *D = work->slider_sums, *across = work->slider_derivative, *follow = work->next_slider, e[3][2] = {{0.0}},
-           r[3] = {0.0};
+    double *D = work->slider_sums, *across = work->slider_derivative, *follow = work->next_slider,
+           e[3][2] = {{0.0}}, r[3] = {0.0};
     memset(D, 0, sizeof(double) * n * 2 * n_col);
     memset(across, 0, sizeof(double) * n_col);
     for (int i = 0; i < point->n; ++i) r[i] = direction(work, point, i, e[i]);
     if (n == 1) { /* the load nearly vanishes: the slider follows the motion */
         for (size_t d = 0; d < 2; ++d)
-            motion_row(work, element, point->disk[0], (double[2]){d == 0, d == 1}, 0.0, D + d * n_col);
+            motion_row(work, element, point->disk[0], (double[2]){d == 0, d == 1}, 0.0,
+                       D + d * n_col);
         return;
     }
     const double t[2] = {-e[0][1], e[0][0]};
     if (n == 2) {
-        const double turn = slip_turn(work, point, 0, e[0], t) * r[1] + slip_turn(work, point, 1, e[1], t) * r[0];
+        const double turn =
+            slip_turn(work, point, 0, e[0], t) * r[1] + slip_turn(work, point, 1, e[1], t) * r[0];
         for (int i = 0; i < 2; ++i) {
             const double share = r[1 - i], all = r[0] + r[1];
-            const double a[2] = {(share * t[0] - turn * e[i][0]) / all, (share * t[1] - turn * e[i][1]) / all};
+            const double a[2] = {(share * t[0] - turn * e[i][0]) / all,
+                                 (share * t[1] - turn * e[i][1]) / all};
             motion_row(work, element, point->disk[i], a, turn / all, across);
         }
     }
@@ -131,7 +149,8 @@ static void derivative_of_onset(bd_coulomb_work *work, const bd_element *element
         motion_row(work, element, point->disk[i], ei, -1.0, follow);
         for (size_t d = 0; d < 2; ++d)
             for (size_t j = 0; j + 2 < n_col; ++j) {
-                const double along = n == 3 && before ? ei[0] * before[j] + ei[1] * before[n_col + j] : 0.0;
+                const double along =
+                    n == 3 && before ? ei[0] * before[j] + ei[1] * before[n_col + j] : 0.0;
                 now[d * n_col + j] = ei[d] * (follow[j] - along);
                 if (n == 2) now[d * n_col + j] += t[d] * across[j];
                 if (n == 3 && before) now[d * n_col + j] += before[d * n_col + j];
@@ -149,13 +168,16 @@ static void derivative_of_onset(bd_coulomb_work *work, const bd_element *element
         if (!bd_coulomb_solve_period(M, b, y)) continue;
         for (size_t i = 0; i < n; ++i) {
             const double along = e[i][0] * y[0] + e[i][1] * y[1];
-            for (size_t d = 0; d < 2; ++d) y[d] -= e[i][d] * along, D[(2 * i + d) * n_col + j] += y[d];
+            for (size_t d = 0; d < 2; ++d)
+                y[d] -= e[i][d] * along, D[(2 * i + d) * n_col + j] += y[d];
         }
     }
 }
 
-/* Sums of the basis over the samples after each of the disks that determine the slider, as factors of the force. */
-static void basis_sums_of_onset(const bd_coulomb_work *work, const bd_disk_point *point, double *share) {
+/* Sums of the basis over the samples after each of the disks that determine the slider, as factors
+ * of the force. */
+static void basis_sums_of_onset(const bd_coulomb_work *work, const bd_disk_point *point,
+                                double *share) {
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm);
     memset(share, 0, sizeof(double) * (size_t)point->n * n_coef);
     int part = point->n - 1;
@@ -163,14 +185,15 @@ static void basis_sums_of_onset(const bd_coulomb_work *work, const bd_disk_point
         for (int i = 0; i < point->n; ++i)
             if (point->disk[i] == k) part = i;
         const double *b = bd_coulomb_basis(work, k);
-        for (size_t i = 0; i < n_coef; ++i) share[(size_t)part * n_coef + i] += b[i] * (i == 0 ? 1.0 : 2.0) / work->n_time;
+        for (size_t i = 0; i < n_coef; ++i)
+            share[(size_t)part * n_coef + i] += b[i] * (i == 0 ? 1.0 : 2.0) / work->n_time;
     }
 }
 
-/* Tangent of T = p - s for a slider that does not move, but whose derivative D (n_part, 2, n_col) changes from part to
- * part of the cycle. */
-static void write_tangent_parts(const bd_coulomb_work *work, const bd_element *element, int n_part, const double *D,
-                                const double *share, bd_response *out) {
+/* Tangent of T = p - s for a slider that does not move, but whose derivative D (n_part, 2, n_col)
+ * changes from part to part of the cycle. */
+static void write_tangent_parts(const bd_coulomb_work *work, const bd_element *element, int n_part,
+                                const double *D, const double *share, bd_response *out) {
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_col = 3 * n_coef + 2;
     for (size_t d = 0; d < 2; ++d)
         for (size_t c = 0; c < 3; ++c) {
@@ -180,15 +203,16 @@ static void write_tangent_parts(const bd_coulomb_work *work, const bd_element *e
             for (size_t part = 0; part < (size_t)n_part; ++part)
                 for (size_t i = 0; i < n_coef; ++i)
                     for (size_t j = 0; j < n_coef; ++j)
-                        block[i * n_coef + j] -= share[part * n_coef + i] * D[(2 * part + d) * n_col + c * n_coef + j];
+                        block[i * n_coef + j] -=
+                            share[part * n_coef + i] * D[(2 * part + d) * n_col + c * n_coef + j];
         }
     out->tangential[0] = out->tangential[1] = BD_BLOCK_FULL;
     out->coupled = 1;
     out->with_normal[0] = out->with_normal[1] = 1;
 }
 
-void bd_sticking_write_onset(bd_coulomb_work *work, const bd_element *element, const bd_disk_point *found,
-                             bd_response *out) {
+void bd_sticking_write_onset(bd_coulomb_work *work, const bd_element *element,
+                             const bd_disk_point *found, bd_response *out) {
     bd_disk_point point = *found;
     for (int i = 0; i < point.n; ++i) /* in the order of time */
         for (int j = i + 1; j < point.n; ++j)
@@ -202,16 +226,17 @@ void bd_sticking_write_onset(bd_coulomb_work *work, const bd_element *element, c
     write_tangent_parts(work, element, point.n, work->slider_sums, work->products, out);
 }
 
-void bd_sticking_write_shifted(bd_coulomb_work *work, const bd_element *element, const double *initial,
-                               const bd_disk_point *centre, double share, int k, bd_response *out) {
+void bd_sticking_write_shifted(bd_coulomb_work *work, const bd_element *element,
+                               const double *initial, const bd_disk_point *centre, double share,
+                               int k, bd_response *out) {
     derivative_of_shifted(work, element, initial, centre, share, k);
     memset(work->stick_basis, 0, sizeof(double) * (size_t)bd_n_coef(work->n_harm));
     work->stick_basis[0] = 1.0; /* affects the mean force only */
     write_tangent_parts(work, element, 1, work->slider_derivative, work->stick_basis, out);
 }
 
-void bd_sticking_write(bd_coulomb_work *work, const bd_element *element, const double *x, const double *s, bd_response *out,
-                       bd_status_share *share) {
+void bd_sticking_write(bd_coulomb_work *work, const bd_element *element, const double *x,
+                       const double *s, bd_response *out, bd_status_share *share) {
     bd_element stuck = *element;
     for (int d = 0; d < 2; ++d) {
         stuck.w[d] = element->kt[d] > 0.0 ? s[d] / element->kt[d] : 0.0;

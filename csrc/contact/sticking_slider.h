@@ -20,7 +20,8 @@ typedef struct {
     bd_disk_point centre;
     double s[2];        /* latest guess */
     double last_length; /* length of the latest Newton step */
-    /* consecutive Newton steps; the first ones may grow, since slip across the chord follows slip along it */
+    /* consecutive Newton steps; the first ones may grow, since slip across the chord follows slip
+     * along it */
     int n_newton;
     int n_period;
     bd_ellipse ellipse;
@@ -35,10 +36,12 @@ typedef struct {
     double *motion;        /* (3, n_coef, BD_LANES) kt u and n0 + kn v */
     double *point_samples; /* (BD_LANES, 4, n_padded) x, y, R, g of each point */
     double *x, *y, *R, *g; /* rows of the current point */
-    /* (2, 3 n_coef + 2) derivative of the slider with respect to u1, u2, v and the slider at the start of the period */
+    /* (2, 3 n_coef + 2) derivative of the slider with respect to u1, u2, v and the slider at the
+     * start of the period */
     double *slider_derivative;
     double *next_slider; /* the same after a step */
-    double *slider_sums; /* (2, n_coef, 3 n_coef + 2) sum of the basis times the derivative over samples in contact */
+    /* (2, n_coef, 3 n_coef + 2) sum of the basis times the derivative over samples in contact */
+    double *slider_sums;
     double *stick_basis; /* (n_coef) sum of the basis since the slider was last set */
     double *products;    /* (n_coef, n_coef) */
     double *contact;     /* (n_power) */
@@ -55,7 +58,9 @@ static inline const double *bd_coulomb_basis(const bd_coulomb_work *work, int k)
     return work->power + (size_t)k * (size_t)bd_n_power(work->n_harm) + 1;
 }
 
-static inline int bd_coulomb_before(const bd_coulomb_work *work, int k) { return k > 0 ? k - 1 : work->n_time - 1; }
+static inline int bd_coulomb_before(const bd_coulomb_work *work, int k) {
+    return k > 0 ? k - 1 : work->n_time - 1;
+}
 
 /* Solve (I - dP) y = b; return 0 if the matrix is singular. */
 static inline int bd_coulomb_solve_period(const double dP[2][2], const double *b, double *y) {
@@ -68,15 +73,17 @@ static inline int bd_coulomb_solve_period(const double dP[2][2], const double *b
 }
 
 /* Force and shares of a slider that sticks at s (newtons), with the tangent of a fixed slider. */
-void bd_sticking_write(bd_coulomb_work *work, const bd_element *element, const double *x, const double *s, bd_response *out,
-                       bd_status_share *share);
+void bd_sticking_write(bd_coulomb_work *work, const bd_element *element, const double *x,
+                       const double *s, bd_response *out, bd_status_share *share);
 
-/* Tangent of a slider that was shifted by a fraction of the line from its initial position to the centre, into disk k. */
-void bd_sticking_write_shifted(bd_coulomb_work *work, const bd_element *element, const double *initial,
-                               const bd_disk_point *centre, double share, int k, bd_response *out);
+/* Tangent of a slider that was shifted by a fraction of the line from its initial position to the
+ * centre, into disk k. */
+void bd_sticking_write_shifted(bd_coulomb_work *work, const bd_element *element,
+                               const double *initial, const bd_disk_point *centre, double share,
+                               int k, bd_response *out);
 
 /* Tangent at the onset of slip, from the disks that determine the slider. */
-void bd_sticking_write_onset(bd_coulomb_work *work, const bd_element *element, const bd_disk_point *found,
-                             bd_response *out);
+void bd_sticking_write_onset(bd_coulomb_work *work, const bd_element *element,
+                             const bd_disk_point *found, bd_response *out);
 
 #endif

@@ -1,13 +1,15 @@
-/* Contact laws as C functions: their signature, one step of a law, and the laws of this form that bdamper ships.
+/* Contact laws as C functions: their signature, one step of a law, and the laws of this form that
+ * bdamper ships.
  *
- * A law advances from one instant to the next. Its state s follows from the motion x = (u1, u2, v), the motion `before`
- * and the state s0 at the previous instant. The forces (T1, T2, N) follow from the motion and the new state:
+ * A law advances from one instant to the next. Its state s follows from the motion x = (u1, u2, v),
+ * the motion `before` and the state s0 at the previous instant. The forces (T1, T2, N) follow from
+ * the motion and the new state:
  *
  *     s1 = g(x, before, s0),     F = f(x, s1).
  *
- * Thus the law depends on the path but not on rates. The closing v is zero when the surfaces touch. A step without
- * motion (x = before) must leave the state unchanged. Derivative arrays are zero on entry, so a law writes its nonzero
- * entries only. */
+ * Thus the law depends on the path but not on rates. The closing v is zero when the surfaces touch.
+ * A step without motion (x = before) must leave the state unchanged. Derivative arrays are zero on
+ * entry, so a law writes its nonzero entries only. */
 #ifndef BD_CONTACT_USER_LAW_H
 #define BD_CONTACT_USER_LAW_H
 
@@ -15,13 +17,15 @@
 
 #include <string.h>
 
-/* Signature of a law. p: parameters. Fx = df/dx (3, 3), Fs = df/ds1 (3, n_state), sx = dg/d(x, before) (n_state, 6), ss
- * = dg/ds0 (n_state, n_state). Fx, Fs, sx and ss are NULL if no derivatives are needed. */
-typedef void (*bd_user_law)(const double x[3], const double before[3], const double *p, const double *s0, double *s1,
-                            double F[3], double Fx[9], double *Fs, double *sx, double *ss, void *data);
+/* Signature of a law. p: parameters. Fx = df/dx (3, 3), Fs = df/ds1 (3, n_state),
+ * sx = dg/d(x, before) (n_state, 6), ss = dg/ds0 (n_state, n_state). Fx, Fs, sx and ss are NULL if
+ * no derivatives are needed. */
+typedef void (*bd_user_law)(const double x[3], const double before[3], const double *p,
+                            const double *s0, double *s1, double F[3], double Fx[9], double *Fs,
+                            double *sx, double *ss, void *data);
 
-/* Law of one point. The memory of a point has 3 + n_state numbers: its latest motion (closing relative to touching) and
- * the state. All are zero before any load. */
+/* Law of one point. The memory of a point has 3 + n_state numbers: its latest motion (closing
+ * relative to touching) and the state. All are zero before any load. */
 typedef struct {
     bd_user_law function; /* NULL: the point has no law of this kind */
     void *data;
@@ -34,9 +38,11 @@ typedef struct {
     double Fx[9], *Fs, *sx, *ss;
 } bd_point_law_derivatives;
 
-/* Compute the forces F (3) of a point at the motion x (3) and its new memory `to`; optionally the derivatives. */
-static inline void bd_point_law_step(const bd_point_law *point_law, const double *x, const double *from, double *to,
-                                     double *F, bd_point_law_derivatives *derivatives) {
+/* Compute the forces F (3) of a point at the motion x (3) and its new memory `to`;
+ * optionally the derivatives. */
+static inline void bd_point_law_step(const bd_point_law *point_law, const double *x,
+                                     const double *from, double *to, double *F,
+                                     bd_point_law_derivatives *derivatives) {
     const size_t n = (size_t)point_law->n_state;
     if (derivatives) {
         memset(derivatives->Fx, 0, sizeof derivatives->Fx);
@@ -44,26 +50,31 @@ static inline void bd_point_law_step(const bd_point_law *point_law, const double
         memset(derivatives->sx, 0, sizeof(double) * 6 * n);
         memset(derivatives->ss, 0, sizeof(double) * n * n);
     }
-    point_law->function(x, from, point_law->parameter, from + 3, to + 3, F, derivatives ? derivatives->Fx : NULL,
-                        derivatives ? derivatives->Fs : NULL, derivatives ? derivatives->sx : NULL,
-                        derivatives ? derivatives->ss : NULL, point_law->data);
+    point_law->function(x, from, point_law->parameter, from + 3, to + 3, F,
+                        derivatives ? derivatives->Fx : NULL, derivatives ? derivatives->Fs : NULL,
+                        derivatives ? derivatives->sx : NULL, derivatives ? derivatives->ss : NULL,
+                        point_law->data);
     for (int i = 0; i < 3; ++i) to[i] = x[i];
 }
 
 /* D (3, 3): derivative of the forces at the end of a step with respect to the motion there. */
-static inline void bd_point_law_tangent(const bd_point_law *point_law, const bd_point_law_derivatives *derivatives,
-                                        double *D) {
+static inline void bd_point_law_tangent(const bd_point_law *point_law,
+                                        const bd_point_law_derivatives *derivatives, double *D) {
     const size_t n = (size_t)point_law->n_state;
     for (size_t i = 0; i < 3; ++i)
         for (size_t j = 0; j < 3; ++j) {
             double sum = derivatives->Fx[3 * i + j];
-            for (size_t s = 0; s < n; ++s) sum += derivatives->Fs[i * n + s] * derivatives->sx[6 * s + j];
+            for (size_t s = 0; s < n; ++s)
+                sum += derivatives->Fs[i * n + s] * derivatives->sx[6 * s + j];
             D[3 * i + j] = sum;
         }
 }
 
-/* Size of the work array for the derivatives of a law with n_state states, and derivatives that point into it. */
-static inline size_t bd_point_law_work_size(int n_state) { return (size_t)n_state * (size_t)(n_state + 9) + 1; }
+/* Size of the work array for the derivatives of a law with n_state states, and derivatives that
+ * point into it. */
+static inline size_t bd_point_law_work_size(int n_state) {
+    return (size_t)n_state * (size_t)(n_state + 9) + 1;
+}
 
 static inline bd_point_law_derivatives bd_point_law_derivatives_in(double *work, int n_state) {
     const size_t n = (size_t)n_state;
@@ -72,19 +83,23 @@ static inline bd_point_law_derivatives bd_point_law_derivatives_in(double *work,
 
 /* ---- shipped_laws.c ---- */
 
-/* Copies of the laws of n points in one block of memory, which the caller frees; NULL if out of memory. */
+/* Copies of the laws of n points in one block of memory, which the caller frees;
+ * NULL if out of memory. */
 bd_point_law *bd_point_laws_create(int n, const bd_point_law *from);
 
-/* Return NULL if a law has the counts that its function reads and writes, and valid parameters. Otherwise return the
- * name of the law with the expected counts and ranges. Laws that bdamper does not ship always pass. */
+/* Return NULL if a law has the counts that its function reads and writes, and valid parameters.
+ * Otherwise return the name of the law with the expected counts and ranges. Laws that bdamper does
+ * not ship always pass. */
 const char *bd_law_parameter_error(const bd_point_law *point_law);
 
 /* p = (n, kn, then k, f, mu of each of n elements). */
-void bd_law_jenkins(const double x[3], const double before[3], const double *p, const double *s0, double *s1, double F[3],
-                    double Fx[9], double *Fs, double *sx, double *ss, void *data);
+void bd_law_jenkins(const double x[3], const double before[3], const double *p, const double *s0,
+                    double *s1, double F[3], double Fx[9], double *Fs, double *sx, double *ss,
+                    void *data);
 
 /* p = (kn, k, alpha, beta, gamma, n). */
-void bd_law_bouc_wen(const double x[3], const double before[3], const double *p, const double *s0, double *s1, double F[3],
-                     double Fx[9], double *Fs, double *sx, double *ss, void *data);
+void bd_law_bouc_wen(const double x[3], const double before[3], const double *p, const double *s0,
+                     double *s1, double F[3], double Fx[9], double *Fs, double *sx, double *ss,
+                     void *data);
 
 #endif

@@ -1,13 +1,14 @@
 /* Dense bordered matrices.
  *
- * The matrix B is built in scaled unknowns. Its rows are brought to unit size before the LU factorisation, A = D B, so
- * the condition estimate does not depend on units. If the estimate indicates a rank-deficient matrix (a free body whose
- * mean position no contact determines), the least-norm solution of a rank-revealing QR factorisation replaces the LU
- * solution. It leaves such a position unchanged. The transposed equations have the solution D A^-T b.
+ * The matrix B is built in scaled unknowns. Its rows are brought to unit size before the LU
+ * factorisation, A = D B, so the condition estimate does not depend on units. If the estimate
+ * indicates a rank-deficient matrix (a free body whose mean position no contact determines), the
+ * least-norm solution of a rank-revealing QR factorisation replaces the LU solution. It leaves such
+ * a position unchanged. The transposed equations have the solution D A^-T b.
  *
- * With a tangent as border, the sign of det B does not change along a curve, not even at a corner at which J jumps: J
- * agrees on both sides along the surface that the curve crosses. Hence the sign distinguishes forward from backward if
- * the angle between two tangents does not. */
+ * With a tangent as border, the sign of det B does not change along a curve, not even at a corner
+ * at which J jumps: J agrees on both sides along the surface that the curve crosses. Hence the sign
+ * distinguishes forward from backward if the angle between two tangents does not. */
 #include "solver/dense.h"
 
 #include <math.h>
@@ -17,8 +18,8 @@
 /* Reciprocal condition below which the matrix counts as rank-deficient. */
 static const double RANK_TOLERANCE = 1e-14;
 
-bd_status bd_dense_create(bd_dense *dense, const bd_equations_type *type, int n_unknown, const double *row_scale,
-                          const bd_lapack *lapack, bd_cost *cost) {
+bd_status bd_dense_create(bd_dense *dense, const bd_equations_type *type, int n_unknown,
+                          const double *row_scale, const bd_lapack *lapack, bd_cost *cost) {
     memset(dense, 0, sizeof *dense);
     const size_t n = (size_t)n_unknown, n1 = n + 1;
     int m = (int)n1, one = 1, query = -1, rank = 0, info = 0, pivot = 0;
@@ -65,8 +66,8 @@ void bd_dense_destroy(bd_dense *dense) {
 /* Rounding noise: size of an entry relative to the largest of its column. */
 static const double NOISE = 1e-13;
 
-/* Return whether row i is rounding noise in every column; `column` (n + 1) holds the largest entries of the columns. At
- * unit size, such a row would impose an arbitrary condition. */
+/* Return whether row i is rounding noise in every column; `column` (n + 1) holds the largest
+ * entries of the columns. At unit size, such a row would impose an arbitrary condition. */
 static int is_noise(const bd_equations *e, const double *column, size_t i) {
     const size_t n = (size_t)e->n;
     for (size_t j = 0; j < n; ++j)
@@ -94,7 +95,8 @@ static double largest_entry(const double *x, size_t n) {
 }
 
 /* to_j = x_j y_j */
-static void multiply_entries(double *restrict to, const double *restrict x, const double *restrict y, size_t n) {
+static void multiply_entries(double *restrict to, const double *restrict x,
+                             const double *restrict y, size_t n) {
     for (size_t j = 0; j < n; ++j) to[j] = x[j] * y[j];
 }
 
@@ -102,7 +104,8 @@ static void scale_entries(double *restrict x, double factor, size_t n) {
     for (size_t j = 0; j < n; ++j) x[j] *= factor;
 }
 
-/* Fill A and row: the bordered matrix in scaled unknowns with rows of unit size; rows of noise become zero. */
+/* Fill A and row: the bordered matrix in scaled unknowns with rows of unit size; rows of noise
+ * become zero. */
 static void build_matrix(bd_dense *dense, const bd_border *border) {
     const bd_equations *e = &dense->base;
     const size_t n = (size_t)e->n, n1 = n + 1;
@@ -125,7 +128,8 @@ static void build_matrix(bd_dense *dense, const bd_border *border) {
     }
 }
 
-/* Estimate the reciprocal condition of A in the 1-norm of the transpose, as Fortran reads it: row sums here. */
+/* Estimate the reciprocal condition of A in the 1-norm of the transpose, as Fortran reads it: row
+ * sums here. */
 static double estimate_condition(bd_dense *dense) {
     const size_t n1 = (size_t)dense->base.n + 1;
     int m = (int)n1, info = 0;
@@ -136,13 +140,15 @@ static double estimate_condition(bd_dense *dense) {
         norm = sum > norm ? sum : norm;
     }
     char one = '1';
-    dense->lapack.dgecon(&one, &m, dense->LU, &m, &norm, &condition, dense->work, dense->iwork, &info);
+    dense->lapack.dgecon(&one, &m, dense->LU, &m, &norm, &condition, dense->work, dense->iwork,
+                         &info);
     return condition;
 }
 
-/* The condition is the ratio of the smallest to the largest pivot if this is far above the rank tolerance. Otherwise it
- * is LAPACK's estimate, which costs half a factorisation. On curves of the reference disk the estimate was smaller than
- * the ratio by up to 1.4e9, and the ratio of one factorisation in 500 was below 1e-5. */
+/* The condition is the ratio of the smallest to the largest pivot if this is far above the rank
+ * tolerance. Otherwise it is LAPACK's estimate, which costs half a factorisation. On curves of the
+ * reference disk the estimate was smaller than the ratio by up to 1.4e9, and the ratio of one
+ * factorisation in 500 was below 1e-5. */
 bd_status bd_dense_factor(bd_equations *equations, const bd_border *border) {
     static const double FAR_ABOVE = 1e9;
     bd_dense *dense = (bd_dense *)equations;
@@ -159,10 +165,12 @@ bd_status bd_dense_factor(bd_equations *equations, const bd_border *border) {
         sum += pivot;
         least = fmin(least, fabs(pivot));
         most = fmax(most, fabs(pivot));
-        if ((pivot < 0.0) != (dense->pivot[i] != (int)i + 1)) factored.orientation = -factored.orientation;
+        if ((pivot < 0.0) != (dense->pivot[i] != (int)i + 1))
+            factored.orientation = -factored.orientation;
     }
     factored.condition = info == 0 ? least / most : 0.0;
-    if (info == 0 && !(factored.condition > FAR_ABOVE * RANK_TOLERANCE)) factored.condition = estimate_condition(dense);
+    if (info == 0 && !(factored.condition > FAR_ABOVE * RANK_TOLERANCE))
+        factored.condition = estimate_condition(dense);
     if (!(factored.condition > RANK_TOLERANCE)) factored.orientation = 0;
     equations->factored = factored;
     return isfinite(sum) ? BD_OK : BD_SINGULAR;
@@ -186,8 +194,8 @@ static bd_status solve(bd_dense *dense, int transposed, double *b) {
     }
     memset(dense->pivot, 0, sizeof(int) * n1);
     double cut = RANK_TOLERANCE * 10.0;
-    dense->lapack.dgelsy(&m, &m, &one, dense->LU, &m, b, &m, dense->pivot, &cut, &factored->rank, dense->work,
-                         &dense->lwork, &info);
+    dense->lapack.dgelsy(&m, &m, &one, dense->LU, &m, b, &m, dense->pivot, &cut, &factored->rank,
+                         dense->work, &dense->lwork, &info);
     ++dense->base.cost->n_least_norm;
     return info == 0 ? BD_OK : BD_SINGULAR;
 }

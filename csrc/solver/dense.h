@@ -5,13 +5,14 @@
 #include "solver/equations.h"
 #include "util/lapack.h"
 
-/* Common part of dense equations with one parameter. An implementation begins with it, provides its own evaluate, and
- * uses the other functions from here. */
+/* Common part of dense equations with one parameter. An implementation begins with it, provides its
+ * own evaluate, and uses the other functions from here. */
 typedef struct {
     bd_equations base;
     bd_lapack lapack;
-    double *A, *LU; /* (n + 1, n + 1) row-major bordered matrix with rows of unit size, and its factors */
-    double *row;    /* (n + 1) row equilibration */
+    /* (n + 1, n + 1) row-major bordered matrix with rows of unit size, and its factors */
+    double *A, *LU;
+    double *row; /* (n + 1) row equilibration */
     double *work;
     int *pivot, *iwork;
     int lwork;
@@ -19,8 +20,8 @@ typedef struct {
 } bd_dense;
 
 /* row_scale (n) is copied; NULL: ones. The caller owns cost. */
-bd_status bd_dense_create(bd_dense *dense, const bd_equations_type *type, int n, const double *row_scale,
-                          const bd_lapack *lapack, bd_cost *cost);
+bd_status bd_dense_create(bd_dense *dense, const bd_equations_type *type, int n,
+                          const double *row_scale, const bd_lapack *lapack, bd_cost *cost);
 void bd_dense_destroy(bd_dense *dense); /* frees the arrays, not the object */
 bd_status bd_dense_factor(bd_equations *equations, const bd_border *border);
 bd_status bd_dense_solve(bd_equations *equations, double tolerance, double *b);

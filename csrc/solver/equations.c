@@ -20,7 +20,8 @@ bd_status bd_product(bd_equations *e, int transposed, const double *x, double *o
     const size_t n = (size_t)e->n;
     for (size_t i = 0; i < n; ++i) out[i] = 0.0;
     for (size_t i = 0; i < n; ++i)
-        for (size_t j = 0; j < n; ++j) out[transposed ? j : i] += e->J[i * n + j] * x[transposed ? i : j];
+        for (size_t j = 0; j < n; ++j)
+            out[transposed ? j : i] += e->J[i * n + j] * x[transposed ? i : j];
     return BD_OK;
 }
 

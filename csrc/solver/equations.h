@@ -1,17 +1,18 @@
-/* Equations R(y) = 0 in n unknowns and k free parameters, y = (u, lambda), as a table of functions. A solver needs no
- * knowledge of their origin or of their linear solver.
+/* Equations R(y) = 0 in n unknowns and k free parameters, y = (u, lambda), as a table of functions.
+ * A solver needs no knowledge of their origin or of their linear solver.
  *
  * With J = R_u and C = R_lambda, all operations use the bordered matrix
  *
  *     B = [J C] diag(scale)
  *         [  row          ]
  *
- * in scaled unknowns z = y/scale. B is regular at folds of a curve, although J is singular there. The order of calls is
- * evaluate, factor, solve. The functions bd_* below refuse any other order with BD_BAD_STATE. After a failure they go
- * back one stage, so that an incomplete factorisation is never used.
+ * in scaled unknowns z = y/scale. B is regular at folds of a curve, although J is singular there.
+ * The order of calls is evaluate, factor, solve. The functions bd_* below refuse any other order
+ * with BD_BAD_STATE. After a failure they go back one stage, so that an incomplete factorisation is
+ * never used.
  *
- * There are dense equations (balance/sector.h, balance/nonlinear_mode.h) and equations of a bladed disk
- * (bladed_disk/wheel_equations.h), all with one parameter. */
+ * There are dense equations (balance/sector.h, balance/nonlinear_mode.h) and equations of a bladed
+ * disk (bladed_disk/wheel_equations.h), all with one parameter. */
 #ifndef BD_SOLVER_EQUATIONS_H
 #define BD_SOLVER_EQUATIONS_H
 
@@ -26,9 +27,10 @@ typedef struct {
 } bd_border;
 
 typedef struct {
-    double condition; /* estimate of the reciprocal condition of the matrix with rows of unit size */
-    int rank;         /* n + k, or the rank in a least-norm solution */
-    int orientation;  /* sign of det B, 0 if unknown */
+    /* estimate of the reciprocal condition of the matrix with rows of unit size */
+    double condition;
+    int rank;        /* n + k, or the rank in a least-norm solution */
+    int orientation; /* sign of det B, 0 if unknown */
 } bd_factored;
 
 typedef struct {
@@ -47,19 +49,22 @@ typedef struct {
 struct bd_equations {
     const bd_equations_type *type;
     int n, k;
-    double *row_scale; /* (n) factor from residual to a value relative to excitation or static load */
-    double *r, *C;     /* (n), (n) for each parameter */
-    double *J;         /* (n, n) row-major, NULL if not stored */
-    double *scratch;   /* (4, n + k) work of the solver and its callers */
+    /* (n) factor from residual to a value relative to excitation or static load */
+    double *row_scale;
+    double *r, *C;   /* (n), (n) for each parameter */
+    double *J;       /* (n, n) row-major, NULL if not stored */
+    double *scratch; /* (4, n + k) work of the solver and its callers */
     bd_factored factored;
     enum { BD_EMPTY, BD_EVALUATED, BD_DERIVED, BD_FACTORED } stage;
     bd_cost *cost; /* shared with equations that wrap others */
 };
 
 bd_status bd_evaluate(bd_equations *equations, const double *y, int derivative);
-/* r, and unless J is stored C and the data for factor; the factors of the previous point remain valid */
+/* r, and unless J is stored C and the data for factor; the factors of the
+ * previous point remain valid */
 bd_status bd_trial(bd_equations *equations, const double *y);
-bd_status bd_product(bd_equations *equations, int transposed, const double *x, double *out); /* (n) */
+/* (n) */
+bd_status bd_product(bd_equations *equations, int transposed, const double *x, double *out);
 bd_status bd_factor(bd_equations *equations, const bd_border *border);
 bd_status bd_solve_linear(bd_equations *equations, double tolerance, double *b);
 bd_status bd_solve_transposed(bd_equations *equations, double *b);

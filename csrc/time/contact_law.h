@@ -1,9 +1,9 @@
-/* Contact law of the time integration: forces, states and derivatives at one instant. generalised_alpha.c includes this
- * file, once for each instruction set.
+/* Contact law of the time integration: forces, states and derivatives at one instant.
+ * generalised_alpha.c includes this file, once for each instruction set.
  *
- * The law advances from one instant to the next. The normal force is N = max(n0 + kn v, 0). The slider is clipped to u
- * -+ r/kt with the friction limit r, mu N or mu times a constant load. A coupled law returns the friction force radially
- * to the disk of radius r. */
+ * The law advances from one instant to the next. The normal force is N = max(n0 + kn v, 0). The
+ * slider is clipped to u -+ r/kt with the friction limit r, mu N or mu times a constant load. A
+ * coupled law returns the friction force radially to the disk of radius r. */
 #ifndef BD_TIME_CONTACT_LAW_H
 #define BD_TIME_CONTACT_LAW_H
 
@@ -11,7 +11,8 @@
 #include "util/vector_types.h"
 
 typedef struct {
-    bd_vec kt[2], inverse_kt[2], cubic[2], fixed_slider[2], shift[3], kn, n0, least_n, limit, mu, coupled, user_law;
+    bd_vec kt[2], inverse_kt[2], cubic[2], fixed_slider[2], shift[3], kn, n0, least_n, limit, mu,
+        coupled, user_law;
 } points;
 
 BD_INLINE points load_parameters(const bd_time *t, size_t p) {
@@ -35,11 +36,13 @@ BD_INLINE points load_parameters(const bd_time *t, size_t p) {
     return out;
 }
 
-/* Compute the forces F (3) at the motion x (3); move the sliders from w to next_w, (2, stride) from the first point on. */
-BD_INLINE void contact_forces(const bd_time *t, const points *at, const bd_vec *x, const double *w, double *next_w,
-                              bd_vec *F) {
+/* Compute the forces F (3) at the motion x (3); move the sliders from w to next_w, (2, stride) from
+ * the first point on. */
+BD_INLINE void contact_forces(const bd_time *t, const points *at, const bd_vec *x, const double *w,
+                              double *next_w, bd_vec *F) {
     const bd_vec zero = bd_all(0.0), one = bd_all(1.0);
-    const bd_vec normal = bd_max(at->n0 + at->kn * x[2], at->least_n), r = at->limit + at->mu * normal;
+    const bd_vec normal = bd_max(at->n0 + at->kn * x[2], at->least_n),
+                 r = at->limit + at->mu * normal;
     bd_vec before[2], next[2];
     for (size_t d = 0; d < 2; ++d) {
         const bd_vec half_width = r * at->inverse_kt[d];
@@ -81,8 +84,8 @@ BD_NOT_INLINE void user_law_forces(bd_time *t, const double *x, double *F) {
             const double *at = x + k * t->rows + p, motion[3] = {at[0], at[s], at[2 * s]};
             double now[3], force[3];
             user_law_motion(t, p, motion, now);
-            bd_point_law_step(t->point_law + p, now, t->law_memory[0] + (k * n + p) * m, t->law_memory[1] + (k * n + p) * m,
-                              force, NULL);
+            bd_point_law_step(t->point_law + p, now, t->law_memory[0] + (k * n + p) * m,
+                              t->law_memory[1] + (k * n + p) * m, force, NULL);
             for (size_t d = 0; d < 3; ++d) F[k * t->rows + d * s + p] = force[d];
         }
     }
@@ -96,7 +99,8 @@ static void all_contact_forces(bd_time *t, const double *x, double *F) {
         for (size_t k = 0; k < (size_t)t->n_sector; ++k) {
             bd_vec now[3], force[3];
             for (size_t d = 0; d < 3; ++d) now[d] = bd_load(x + k * t->rows + d * s + p);
-            contact_forces(t, &at, now, t->slider + 2 * s * k + p, t->next_slider + 2 * s * k + p, force);
+            contact_forces(t, &at, now, t->slider + 2 * s * k + p, t->next_slider + 2 * s * k + p,
+                           force);
             for (size_t d = 0; d < 3; ++d) bd_store(F + k * t->rows + d * s + p, force[d]);
         }
     }
@@ -107,47 +111,59 @@ static void all_contact_forces(bd_time *t, const double *x, double *F) {
 
 enum { SLIDES_IN_PLANE = 18 };
 
-/* State of each point: 1 closed, plus 2 or 4 (6 or 12) for slip in the positive or negative direction. Larger values
- * mark a continuously changing derivative. */
-BD_INLINE bd_vec contact_state_of(const bd_time *t, const points *at, const bd_vec *x, const double *w) {
-    const bd_vec zero = bd_all(0.0), normal = at->n0 + at->kn * x[2], r = at->limit + at->mu * bd_max(normal, at->least_n);
+/* State of each point: 1 closed, plus 2 or 4 (6 or 12) for slip in the positive or negative
+ * direction. Larger values mark a continuously changing derivative. */
+BD_INLINE bd_vec contact_state_of(const bd_time *t, const points *at, const bd_vec *x,
+                                  const double *w) {
+    const bd_vec zero = bd_all(0.0), normal = at->n0 + at->kn * x[2],
+                 r = at->limit + at->mu * bd_max(normal, at->least_n);
     const bd_mask closed = bd_above(normal, at->least_n);
     bd_vec state = bd_select(closed, bd_all(1.0), zero), T[2];
     for (size_t d = 0; d < 2; ++d) {
         const bd_vec before = bd_load(w + d * t->stride), half_width = r * at->inverse_kt[d];
-        const bd_mask free = closed & ~bd_above(at->fixed_slider[d], zero) & ~bd_above(at->coupled, zero);
+        const bd_mask free =
+            closed & ~bd_above(at->fixed_slider[d], zero) & ~bd_above(at->coupled, zero);
         const bd_vec plus = bd_all(d ? 6.0 : 2.0), minus = bd_all(d ? 12.0 : 4.0);
         state += bd_select(free & bd_above(x[d] - half_width, before), plus, zero);
         state += bd_select(free & bd_above(before, x[d] + half_width), minus, zero);
         T[d] = at->kt[d] * (x[d] - before);
     }
-    const bd_mask slides = closed & bd_above(at->coupled, zero) & bd_above(T[0] * T[0] + T[1] * T[1], r * r);
+    const bd_mask slides =
+        closed & bd_above(at->coupled, zero) & bd_above(T[0] * T[0] + T[1] * T[1], r * r);
     const bd_mask cubic = bd_differ(at->cubic[0], zero) | bd_differ(at->cubic[1], zero);
-    return state + bd_select(slides | cubic | bd_above(at->user_law, zero), bd_all(SLIDES_IN_PLANE), zero);
+    return state +
+           bd_select(slides | cubic | bd_above(at->user_law, zero), bd_all(SLIDES_IN_PLANE), zero);
 }
 
-/* Derivative D (3, 3) of the forces of a point with a user law; overwrites its memory after the step. */
+/* Derivative D (3, 3) of the forces of a point with a user law; overwrites its
+ * memory after the step. */
 static void user_law_tangent(bd_time *t, size_t k, size_t p, const double *x, double *D) {
     const size_t at = (k * (size_t)t->n_point + p) * (size_t)t->n_memory;
-    bd_point_law_derivatives derivatives = bd_point_law_derivatives_in(t->derivatives, t->point_law[p].n_state);
+    bd_point_law_derivatives derivatives =
+        bd_point_law_derivatives_in(t->derivatives, t->point_law[p].n_state);
     double now[3], force[3];
     user_law_motion(t, p, x, now);
-    bd_point_law_step(t->point_law + p, now, t->law_memory[0] + at, t->law_memory[1] + at, force, &derivatives);
+    bd_point_law_step(t->point_law + p, now, t->law_memory[0] + at, t->law_memory[1] + at, force,
+                      &derivatives);
     bd_point_law_tangent(t->point_law + p, &derivatives, D);
 }
 
-/* Derivative D (3, 3) of the forces of point p in sector k at the motion x with the slider w before the step. */
-static void contact_tangent(bd_time *t, size_t k, size_t p, const double *x, const double *w, double *D) {
+/* Derivative D (3, 3) of the forces of point p in sector k at the motion x with the slider w before
+ * the step. */
+static void contact_tangent(bd_time *t, size_t k, size_t p, const double *x, const double *w,
+                            double *D) {
     if (t->n_user_law && t->point_law[p].function) {
         user_law_tangent(t, k, p, x, D);
         return;
     }
     const size_t s = t->stride;
     const double *c = t->parameters + p, *kt = c + BD_TIME_KT * s;
-    const double normal = c[BD_TIME_N0 * s] + c[BD_TIME_KN * s] * x[2], floor = c[BD_TIME_LEAST_N * s];
+    const double normal = c[BD_TIME_N0 * s] + c[BD_TIME_KN * s] * x[2],
+                 floor = c[BD_TIME_LEAST_N * s];
     const double kn = normal > floor ? c[BD_TIME_KN * s] : 0.0, along = c[BD_TIME_MU * s] * kn;
     const double r = c[BD_TIME_LIMIT * s] + c[BD_TIME_MU * s] * (normal > floor ? normal : floor);
-    const double T[2] = {kt[0] * (x[0] - w[0]), kt[s] * (x[1] - w[1])}, size = sqrt(T[0] * T[0] + T[1] * T[1]);
+    const double T[2] = {kt[0] * (x[0] - w[0]), kt[s] * (x[1] - w[1])},
+                 size = sqrt(T[0] * T[0] + T[1] * T[1]);
     memset(D, 0, 9 * sizeof *D);
     D[8] = kn;
     for (size_t d = 0; d < 2; ++d) {
@@ -158,10 +174,12 @@ static void contact_tangent(bd_time *t, size_t k, size_t p, const double *x, con
         else if (!(r > 0.0)) /* open: the slider follows the motion */
             continue;
         else if (c[BD_TIME_COUPLED * s] > 0.0 && size > r) {
-            for (size_t e = 0; e < 2; ++e) D[3 * d + e] -= r / (size * size * size) * T[d] * T[e] * kt[e * s];
+            for (size_t e = 0; e < 2; ++e)
+                D[3 * d + e] -= r / (size * size * size) * T[d] * T[e] * kt[e * s];
             D[4 * d] += r / size * k;
             D[3 * d + 2] += along * T[d] / size;
-        } else if (c[BD_TIME_COUPLED * s] > 0.0 || (w[d] >= x[d] - half_width && w[d] <= x[d] + half_width))
+        } else if (c[BD_TIME_COUPLED * s] > 0.0 ||
+                   (w[d] >= x[d] - half_width && w[d] <= x[d] + half_width))
             D[4 * d] += k;
         else if (k > 0.0)
             D[3 * d + 2] += w[d] < x[d] ? along : -along;

@@ -1,19 +1,21 @@
-/* Contact forces of all sectors at the end of a step, by Newton's method. generalised_alpha.c includes this file, once
- * for each instruction set.
+/* Contact forces of all sectors at the end of a step, by Newton's method. generalised_alpha.c
+ * includes this file, once for each instruction set.
  *
- * The forces of all sectors are coupled. The motion is x = x* - V C V' F. The columns of V are patterns of the motion of
- * one sector (integration.c), and C couples the sectors through their nodal diameters. The unknowns are the pattern
- * forces p_k = V' F_k, a few in each sector, with the equation
+ * The forces of all sectors are coupled. The motion is x = x* - V C V' F. The columns of V are
+ * patterns of the motion of one sector (integration.c), and C couples the sectors through their
+ * nodal diameters. The unknowns are the pattern forces p_k = V' F_k, a few in each sector, with the
+ * equation
  *
  *     R(p) = V' F(x* - V C p) - p = 0,     with the Jacobian -(I + T C),     T = V' D V.
  *
- * D holds the 3 x 3 derivatives of the law in the present state of each point. The predictor uses the states of the last
- * step. The corrections use GMRES with the preconditioner M = (I + T)^-1 of each sector, where
+ * D holds the 3 x 3 derivatives of the law in the present state of each point. The predictor uses
+ * the states of the last step. The corrections use GMRES with the preconditioner M = (I + T)^-1 of
+ * each sector, where
  *
  *     M (I + T C) x = y - M (y - x),     y = C x.
  *
- * A point that changes its state changes T by terms of rank one, and M by the Sherman-Morrison formula. If the full
- * correction increases the residual, the best of four lengths is used. */
+ * A point that changes its state changes T by terms of rank one, and M by the Sherman-Morrison
+ * formula. If the full correction increases the residual, the best of four lengths is used. */
 #ifndef BD_TIME_CONTACT_NEWTON_H
 #define BD_TIME_CONTACT_NEWTON_H
 
@@ -22,7 +24,8 @@
 
 /* ---- M = (I + T)^-1 of each sector ---- */
 
-/* Compute M = (I + V' D V)^-1 of a sector, by Gauss and Jordan with row exchanges on the transposed matrix. */
+/* Compute M = (I + V' D V)^-1 of a sector, by Gauss and Jordan with row exchanges on
+ * the transposed matrix. */
 static void invert_sector(bd_time *t, const bd_time_patterns *patterns, size_t k) {
     const size_t r = (size_t)patterns->rank, s = t->stride;
     double *A = t->work, *M = t->preconditioner + k * r * r;
@@ -34,9 +37,11 @@ static void invert_sector(bd_time *t, const bd_time_patterns *patterns, size_t k
         for (size_t d = 0; d < 3; ++d) {
             const double a = D[3 * d * s], b = D[(3 * d + 1) * s], c = D[(3 * d + 2) * s];
             if (a == 0.0 && b == 0.0 && c == 0.0) continue;
-            const double *V0 = patterns->pattern_transposed + p * r, *V1 = V0 + s * r, *V2 = V1 + s * r,
+            const double *V0 = patterns->pattern_transposed + p * r, *V1 = V0 + s * r,
+                         *V2 = V1 + s * r,
                          *row_pattern = patterns->pattern_transposed + (d * s + p) * r;
-            for (size_t j = 0; j < r; ++j) add(r, a * V0[j] + b * V1[j] + c * V2[j], row_pattern, A + j * r);
+            for (size_t j = 0; j < r; ++j)
+                add(r, a * V0[j] + b * V1[j] + c * V2[j], row_pattern, A + j * r);
         }
     }
     for (size_t c = 0; c < r; ++c) {
@@ -69,12 +74,15 @@ static void invert_sector(bd_time *t, const bd_time_patterns *patterns, size_t k
 }
 
 /* Update M of a sector after a change (3) of one row of D of a point. */
-static void update_inverse(bd_time *t, const bd_time_patterns *patterns, size_t k, size_t row, const double *change) {
+static void update_inverse(bd_time *t, const bd_time_patterns *patterns, size_t k, size_t row,
+                           const double *change) {
     const size_t r = (size_t)patterns->rank, p = row % t->stride;
     const double *v = patterns->pattern_transposed + row * r;
-    double *M = t->preconditioner + k * r * r, a[BD_TIME_MAX_RANK], b[BD_TIME_MAX_RANK], u[BD_TIME_MAX_RANK] = {0.0};
+    double *M = t->preconditioner + k * r * r, a[BD_TIME_MAX_RANK], b[BD_TIME_MAX_RANK],
+           u[BD_TIME_MAX_RANK] = {0.0};
     for (size_t d = 0; d < 3; ++d)
-        if (change[d] != 0.0) add(r, change[d], patterns->pattern_transposed + (d * t->stride + p) * r, u);
+        if (change[d] != 0.0)
+            add(r, change[d], patterns->pattern_transposed + (d * t->stride + p) * r, u);
     multiply_blocks(r, M, v, a);
     const double below = 1.0 + dot(r, u, a);
     if (!(fabs(below) > BD_TIME_SINGULAR)) {
@@ -92,13 +100,15 @@ static void update_inverse(bd_time *t, const bd_time_patterns *patterns, size_t 
         for (size_t j = 0; j < r; ++j, M += 8) add(8, b[j], a + i, M);
 }
 
-/* Update the derivatives of points to their present states; changes below a twentieth are ignored. */
-BD_NOT_INLINE void update_points(bd_time *t, const bd_time_patterns *patterns, size_t k, size_t p, const bd_vec *x,
-                                 const double *w, bd_mask differs) {
+/* Update the derivatives of points to their present states; changes below a
+ * twentieth are ignored. */
+BD_NOT_INLINE void update_points(bd_time *t, const bd_time_patterns *patterns, size_t k, size_t p,
+                                 const bd_vec *x, const double *w, bd_mask differs) {
     const size_t s = t->stride;
     for (size_t i = 0; i < BD_WIDTH && p + i < (size_t)t->n_point; ++i) {
         if (!bd_entry_int(differs, i)) continue;
-        const double at[3] = {bd_entry(x[0], i), bd_entry(x[1], i), bd_entry(x[2], i)}, before[2] = {w[i], w[s + i]};
+        const double at[3] = {bd_entry(x[0], i), bd_entry(x[1], i), bd_entry(x[2], i)},
+                     before[2] = {w[i], w[s + i]};
         double D[9], *known = t->tangent + 9 * s * k + p + i, change = 0.0, largest = 0.0;
         contact_tangent(t, k, p + i, at, before, D);
         for (size_t j = 0; j < 9; ++j) {
@@ -130,7 +140,8 @@ static void update_states(bd_time *t, const bd_time_patterns *patterns, const do
             bd_vec now[3];
             for (size_t d = 0; d < 3; ++d) now[d] = bd_load(x + k * t->rows + d * s + p);
             const bd_vec state = contact_state_of(t, &at, now, w);
-            const bd_mask differs = bd_differ(state, bd_load(known)) | bd_at_least(state, bd_all(SLIDES_IN_PLANE));
+            const bd_mask differs =
+                bd_differ(state, bd_load(known)) | bd_at_least(state, bd_all(SLIDES_IN_PLANE));
             bd_store(known, state);
             if (bd_any(differs)) update_points(t, patterns, k, p, now, w, differs);
         }
@@ -163,7 +174,8 @@ static void solve_correction(bd_time *t, const bd_time_patterns *patterns) {
     g[0] = size;
     int m = 0;
     while (m < M && fabs(g[m]) > BD_TIME_LINEAR_TOLERANCE * size) {
-        double *now = v + (size_t)m * n, *next = now + n, *compliant = t->krylov_motion + (size_t)m * n;
+        double *now = v + (size_t)m * n, *next = now + n,
+               *compliant = t->krylov_motion + (size_t)m * n;
         compliance_times(t, patterns, now, compliant);
         for (size_t i = 0; i < n; ++i) t->pattern_correction[i] = compliant[i] - now[i];
         precondition(t, r, t->pattern_correction, next);
@@ -202,8 +214,8 @@ static void solve_correction(bd_time *t, const bd_time_patterns *patterns) {
 static double pattern_residual(bd_time *t, const bd_time_patterns *patterns) {
     const size_t n = (size_t)patterns->rank * (size_t)t->n_sector;
     all_contact_forces(t, t->motion, t->point_force);
-    multiply((size_t)t->n_sector, (size_t)patterns->rank, t->rows, t->point_force, patterns->pattern_transposed,
-             t->residual);
+    multiply((size_t)t->n_sector, (size_t)patterns->rank, t->rows, t->point_force,
+             patterns->pattern_transposed, t->residual);
     add(n, -1.0, t->pattern_force, t->residual);
     ++t->effort.n_evaluation;
     return sqrt(dot(n, t->residual, t->residual));
@@ -212,7 +224,8 @@ static double pattern_residual(bd_time *t, const bd_time_patterns *patterns) {
 /* Apply a fraction of the correction (negative: undo) and return the norm of the residual. */
 static double apply_correction(bd_time *t, const bd_time_patterns *patterns, double share) {
     add(t->rows * (size_t)t->n_sector, -share, t->correction_motion, t->motion);
-    add((size_t)patterns->rank * (size_t)t->n_sector, share, t->pattern_correction, t->pattern_force);
+    add((size_t)patterns->rank * (size_t)t->n_sector, share, t->pattern_correction,
+        t->pattern_force);
     return pattern_residual(t, patterns);
 }
 
@@ -229,10 +242,12 @@ static double search_length(bd_time *t, const bd_time_patterns *patterns, double
     return best == gone ? least : apply_correction(t, patterns, best - gone);
 }
 
-/* Find the contact forces at the end of a step, from the motion x* without them in free_motion. Results are the motion
- * and the forces. Return 0 if they were not found. */
-static int solve_contact(bd_time *t, const bd_time_patterns *patterns, double tolerance, int predict) {
-    const size_t r = (size_t)patterns->rank, sectors = (size_t)t->n_sector, n = r * sectors, rows = t->rows, s = t->stride;
+/* Find the contact forces at the end of a step, from the motion x* without them in free_motion.
+ * Results are the motion and the forces. Return 0 if they were not found. */
+static int solve_contact(bd_time *t, const bd_time_patterns *patterns, double tolerance,
+                         int predict) {
+    const size_t r = (size_t)patterns->rank, sectors = (size_t)t->n_sector, n = r * sectors,
+                 rows = t->rows, s = t->stride;
     compliance_times(t, patterns, t->pattern_force, t->pattern_motion);
     multiply(sectors, rows, r, t->pattern_motion, patterns->pattern, t->correction_motion);
     for (size_t i = 0; i < rows * sectors; ++i) t->free_motion[i] -= t->correction_motion[i];
@@ -247,7 +262,8 @@ static int solve_contact(bd_time *t, const bd_time_patterns *patterns, double to
                 for (size_t d = 0; d < 3; ++d) {
                     const double *D = t->tangent + (9 * k + 3 * d) * s + p;
                     bd_store(t->predicted_force + k * rows + d * s + p,
-                             bd_load(D) * by[0] + bd_load(D + s) * by[1] + bd_load(D + 2 * s) * by[2]);
+                             bd_load(D) * by[0] + bd_load(D + s) * by[1] +
+                                 bd_load(D + 2 * s) * by[2]);
                 }
             }
         multiply(sectors, r, rows, t->predicted_force, patterns->pattern_transposed, t->residual);

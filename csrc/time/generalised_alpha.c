@@ -1,18 +1,19 @@
 /* Time steps of all sectors; compiled once for each instruction set.
  *
- * The motion is a superposition of families, one for each nodal diameter d, x_k = shift + sum_d Re[G_d q_d exp(i k d
- * phi)], phi = 2 pi/N, and obeys
+ * The motion is a superposition of families, one for each nodal diameter d, x_k = shift + sum_d
+ * Re[G_d q_d exp(i k d phi)], phi = 2 pi/N, and obeys
  *
  *     m q_d'' + c q_d' + K q_d + g_d = E_d(t),     g_d = (c_d/N) G_d^H sum_k F_k exp(-i k d phi).
  *
- * c_d is 2, or 1 for the real coordinates of d = 0 and d = N/2. A step h uses the generalised alpha method (Chung and
- * Hulbert 1993),
+ * c_d is 2, or 1 for the real coordinates of d = 0 and d = N/2. A step h uses the generalised alpha
+ * method (Chung and Hulbert 1993),
  *
  *     m [(1 - am) a+ + am a] + (1 - af) [c v+ + K q+ + g+ - E+] + af [c v + K q + g - E] = 0,
  *     q+ = q + h v + h^2 [(1/2 - b) a + b a+],     v+ = v + h [(1 - gamma) a + gamma a+].
  *
- * Hence q+ = q* - beta g+, and q* follows from known values. A coordinate without mass has K q+ + g+ = E+, that is beta
- * = 1/K. Products are in modal_motion.h, the law in contact_law.h, the solution for the forces g+ in contact_newton.h. */
+ * Hence q+ = q* - beta g+, and q* follows from known values. A coordinate without mass has K
+ * q+ + g+ = E+, that is beta = 1/K. Products are in modal_motion.h, the law in contact_law.h, the
+ * solution for the forces g+ in contact_newton.h. */
 #include "time/contact_newton.h"
 
 /* Accept the sliders of the latest contact forces. */
@@ -23,9 +24,10 @@ static void move_sliders(bd_time *t) {
     t->law_memory[0] = t->law_memory[1], t->law_memory[1] = memory;
 }
 
-/* Contact forces and modal forces at the end of a step; accepts the sliders. If the forces are not found, return 0 and
- * leave modal forces and sliders unchanged. */
-static int contact_at_end(bd_time *t, const bd_time_patterns *patterns, double tolerance, int predict) {
+/* Contact forces and modal forces at the end of a step; accepts the sliders. If the forces are not
+ * found, return 0 and leave modal forces and sliders unchanged. */
+static int contact_at_end(bd_time *t, const bd_time_patterns *patterns, double tolerance,
+                          int predict) {
     find_motion(t, t->free_motion);
     if (patterns->rank) {
         ++t->effort.n_solution;
@@ -54,7 +56,8 @@ BD_INLINE void find_load(const bd_time *t, double angle, double *e) {
     memset(e, 0, sizeof(double) * t->n_coordinate);
     for (int i = 0; i < t->n_force; ++i) {
         const double c = cos(t->force_order[i] * angle), s = sin(t->force_order[i] * angle);
-        const double *restrict C = t->excitation + 2 * (size_t)i * t->n_coordinate, *restrict S = C + t->n_coordinate;
+        const double *restrict C = t->excitation + 2 * (size_t)i * t->n_coordinate,
+                               *restrict S = C + t->n_coordinate;
         for (size_t j = 0; j < t->n_coordinate; ++j) e[j] += c * C[j] + s * S[j];
     }
 }
@@ -66,17 +69,20 @@ BD_INLINE double angle_of(const bd_time_path *path, long k, double part) {
 
 /* Write the coordinates at step k, and add the response to the harmonics of its period. */
 BD_INLINE void record(const bd_time *t, const bd_time_path *path, long k) {
-    if (path->coordinates) bd_time_unpad(t, t->q, path->coordinates + 2 * (size_t)t->n_total * (size_t)k);
+    if (path->coordinates)
+        bd_time_unpad(t, t->q, path->coordinates + 2 * (size_t)t->n_total * (size_t)k);
     const long period = k / path->steps_per_period;
     if (!path->response_harmonics || period >= path->n_step / path->steps_per_period) return;
     const double angle = angle_of(path, path->first_step + k, 0.0), c = cos(angle), s = sin(angle);
     const double *restrict row = t->response_row;
-    double *X = path->response_harmonics + 2 * (size_t)period * (size_t)t->n_row * (size_t)(path->n_harm + 1);
+    double *X = path->response_harmonics +
+                2 * (size_t)period * (size_t)t->n_row * (size_t)(path->n_harm + 1);
     for (int i = 0; i < t->n_row; ++i, row += t->n_coordinate, X += 2 * (path->n_harm + 1)) {
         double sums[8] = {0.0}, re = 2.0, im = 0.0;
         for (size_t j = 0; j < t->n_coordinate; j += 8)
             for (size_t d = 0; d < 8; ++d) sums[d] += row[j + d] * t->q[j + d];
-        const double x = sums[0] + sums[1] + sums[2] + sums[3] + sums[4] + sums[5] + sums[6] + sums[7];
+        const double x =
+            sums[0] + sums[1] + sums[2] + sums[3] + sums[4] + sums[5] + sums[6] + sums[7];
         const double part = x / path->steps_per_period;
         X[0] += part;
         for (int l = 1; l <= path->n_harm; ++l) {
@@ -89,8 +95,8 @@ BD_INLINE void record(const bd_time *t, const bd_time_path *path, long k) {
     }
 }
 
-/* Contact forces at the first instant. With find_acceleration, also the coordinates without mass and the accelerations.
- * Return 0 if the forces were not found. */
+/* Contact forces at the first instant. With find_acceleration, also the coordinates without mass
+ * and the accelerations. Return 0 if the forces were not found. */
 static int start(bd_time *t, const bd_time_path *path, double angle) {
     const size_t n = t->n_coordinate;
     if (path->find_acceleration) bd_time_make_patterns(t, &t->patterns[0], 0.0, 0.0);
@@ -109,8 +115,10 @@ static int start(bd_time *t, const bd_time_path *path, double angle) {
     for (size_t j = 0; j < n; ++j) {
         const double g = t->fourier_weight[j] * t->contact_force[j];
         t->q[j] = t->q_next[j] - t->displacement_compliance[j] * g;
-        t->a[j] =
-            t->mass[j] > 0.0 ? (t->load[j] - t->damping[j] * t->v[j] - t->stiffness[j] * t->q[j] - g) / t->mass[j] : 0.0;
+        t->a[j] = t->mass[j] > 0.0
+                      ? (t->load[j] - t->damping[j] * t->v[j] - t->stiffness[j] * t->q[j] - g) /
+                            t->mass[j]
+                      : 0.0;
     }
     return 1;
 }
@@ -119,20 +127,22 @@ static int start(bd_time *t, const bd_time_path *path, double angle) {
 static void use_patterns(bd_time *t, double h, double radius) {
     bd_time_patterns *patterns = &t->patterns[1];
     bd_time_make_patterns(t, patterns, h, radius);
-    multiply((size_t)t->n_sector, (size_t)patterns->rank, t->rows, t->point_force, patterns->pattern_transposed,
-             t->pattern_force);
+    multiply((size_t)t->n_sector, (size_t)patterns->rank, t->rows, t->point_force,
+             patterns->pattern_transposed, t->pattern_force);
     mark_outdated(t);
     update_states(t, patterns, t->motion);
 }
 
-/* Take one step, first without contact forces at its end, then with them; `next` is the excitation there. If the forces
- * are not found, return 0 and leave the state unchanged. */
+/* Take one step, first without contact forces at its end, then with them; `next` is the excitation
+ * there. If the forces are not found, return 0 and leave the state unchanged. */
 static int take_step(bd_time *t, const bd_time_path *path, double h, const double *restrict next) {
     const bd_time_alpha w = bd_time_weights(path->spectral_radius);
     const size_t n = t->n_coordinate;
-    double *restrict q = t->q, *restrict v = t->v, *restrict a = t->a, *restrict Q = t->q_next, *restrict A = t->a_next;
+    double *restrict q = t->q, *restrict v = t->v, *restrict a = t->a, *restrict Q = t->q_next,
+                     *restrict A = t->a_next;
     const double *restrict m = t->mass, *restrict c = t->damping, *restrict K = t->stiffness,
-                           *restrict beta = t->displacement_compliance, *restrict compliance_a = t->acceleration_compliance,
+                           *restrict beta = t->displacement_compliance,
+                           *restrict compliance_a = t->acceleration_compliance,
                            *restrict part = t->fourier_weight, *restrict contact = t->contact_force,
                            *restrict now = t->load;
     const double weight = 1.0 - w.af;
@@ -140,21 +150,24 @@ static int take_step(bd_time *t, const bd_time_path *path, double h, const doubl
     for (size_t j = 0; j < n; ++j) {
         const double displaced = q[j] + weight * (h * v[j] + h * h * (0.5 - w.b) * a[j]);
         const double drag = c[j] * (v[j] + weight * h * (1.0 - w.gamma) * a[j]);
-        const double right_side =
-            weight * next[j] + w.af * (now[j] - part[j] * contact[j]) - m[j] * w.am * a[j] - drag - K[j] * displaced;
+        const double right_side = weight * next[j] + w.af * (now[j] - part[j] * contact[j]) -
+                                  m[j] * w.am * a[j] - drag - K[j] * displaced;
         A[j] = compliance_a[j] / weight * right_side;
-        Q[j] = m[j] > 0.0 ? q[j] + h * v[j] + h * h * ((0.5 - w.b) * a[j] + w.b * A[j]) : beta[j] * next[j];
+        Q[j] = m[j] > 0.0 ? q[j] + h * v[j] + h * h * ((0.5 - w.b) * a[j] + w.b * A[j])
+                          : beta[j] * next[j];
     }
     if (!contact_at_end(t, &t->patterns[1], path->tolerance, 1)) return 0;
     for (size_t j = 0; j < n; ++j) {
-        const double g = part[j] * contact[j], end = Q[j] - beta[j] * g, faster = A[j] - compliance_a[j] * g,
-                     increment = end - q[j];
-        const double speed = m[j] > 0.0 ? v[j] + h * ((1.0 - w.gamma) * a[j] + w.gamma * faster) : increment / h;
+        const double g = part[j] * contact[j], end = Q[j] - beta[j] * g,
+                     faster = A[j] - compliance_a[j] * g, increment = end - q[j];
+        const double speed =
+            m[j] > 0.0 ? v[j] + h * ((1.0 - w.gamma) * a[j] + w.gamma * faster) : increment / h;
         const double whole = part[j] > 0.0 ? 0.5 / part[j] : 0.0;
         t->energy[0] += whole * (now[j] + next[j]) * increment;
         t->energy[1] += whole * c[j] * (v[j] + speed) * increment;
         t->energy[2] += 0.5 * (t->last_contact_force[j] + contact[j]) * increment;
-        t->energy[3] += whole * (m[j] * (speed * speed - v[j] * v[j]) + K[j] * (end + q[j]) * increment);
+        t->energy[3] +=
+            whole * (m[j] * (speed * speed - v[j] * v[j]) + K[j] * (end + q[j]) * increment);
         v[j] = speed;
         q[j] = end;
         a[j] = faster;
@@ -168,8 +181,9 @@ static void restore(bd_time *t) {
     bd_time_reset_states(t);
 }
 
-/* Advance over step k of length h; *last_length is the length of the last step, or 0. If the contact forces are not
- * found, the remainder of the step is halved repeatedly. Return 0 if the shortest step also fails. */
+/* Advance over step k of length h; *last_length is the length of the last step, or 0. If the
+ * contact forces are not found, the remainder of the step is halved repeatedly. Return 0 if the
+ * shortest step also fails. */
 static int advance(bd_time *t, const bd_time_path *path, long k, double h, double *last_length) {
     const int whole = 1 << BD_TIME_HALVINGS;
     for (int done = 0, size = whole; done < whole;) {
@@ -177,11 +191,14 @@ static int advance(bd_time *t, const bd_time_path *path, long k, double h, doubl
         if (*last_length == 0.0 || fabs(part - t->patterns[1].length) > BD_TIME_STEP_CHANGE * part)
             use_patterns(t, part, path->spectral_radius);
         if (part != *last_length)
-            bd_time_compliance(t, part, path->spectral_radius, t->displacement_compliance, t->acceleration_compliance);
+            bd_time_compliance(t, part, path->spectral_radius, t->displacement_compliance,
+                               t->acceleration_compliance);
         *last_length = part;
         if (k % BD_TIME_REFACTOR == BD_TIME_REFACTOR - 1) mark_outdated(t);
         const int end = done + size;
-        find_load(t, angle_of(path, path->first_step + k + end / whole, (double)(end % whole) / whole), t->next_load);
+        find_load(t,
+                  angle_of(path, path->first_step + k + end / whole, (double)(end % whole) / whole),
+                  t->next_load);
         if (take_step(t, path, part, t->next_load)) {
             double *e = t->load;
             t->load = t->next_load, t->next_load = e;
@@ -198,7 +215,9 @@ static int advance(bd_time *t, const bd_time_path *path, long k, double h, doubl
 bd_status BD_JOIN(bd_time_integrate_, BD_VARIANT)(bd_time *t, const bd_time_path *path);
 bd_status BD_JOIN(bd_time_integrate_, BD_VARIANT)(bd_time *t, const bd_time_path *path) {
     const double square = path->omega * path->omega;
-    const double slope = path->n_step > 0 ? (path->omega_end * path->omega_end - square) / (double)path->n_step : 0.0;
+    const double slope = path->n_step > 0
+                             ? (path->omega_end * path->omega_end - square) / (double)path->n_step
+                             : 0.0;
     double omega = path->omega, last_length = 0.0;
     if (path->response_harmonics)
         memset(path->response_harmonics, 0,

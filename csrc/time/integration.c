@@ -1,4 +1,5 @@
-/* Time integration: preparation, and transfer of the state. The time steps are in generalised_alpha.c. */
+/* Time integration: preparation, and transfer of the state. The time steps are
+ * in generalised_alpha.c. */
 #include "time/integration.h"
 
 #include <math.h>
@@ -10,12 +11,15 @@ static size_t padded(size_t n) { return (n + 7) / 8 * 8; }
 /* Sizes, and the integers that describe the families. */
 static void set_sizes(bd_time *t, const bd_time_input *in) {
     const size_t f = (size_t)in->n_family;
-    t->n_sector = in->n_sector, t->n_point = in->n_point, t->n_family = in->n_family, t->n_force = in->n_force;
+    t->n_sector = in->n_sector, t->n_point = in->n_point, t->n_family = in->n_family,
+    t->n_force = in->n_force;
     t->n_row = in->n_row;
     t->stride = padded((size_t)in->n_point), t->rows = 3 * t->stride;
     t->max_rank = t->rows < BD_TIME_MAX_RANK ? (int)t->rows : BD_TIME_MAX_RANK;
-    t->n_mode = t->integers, t->first_coordinate = t->n_mode + f, t->is_real = t->first_coordinate + f;
-    t->force_order = t->is_real + f, t->outdated = t->force_order + in->n_force, t->real_index = t->outdated + in->n_sector;
+    t->n_mode = t->integers, t->first_coordinate = t->n_mode + f,
+    t->is_real = t->first_coordinate + f;
+    t->force_order = t->is_real + f, t->outdated = t->force_order + in->n_force,
+    t->real_index = t->outdated + in->n_sector;
     for (size_t i = 0; i < f; ++i) t->n_total += in->n_mode[i];
     t->imaginary_index = t->real_index + t->n_total;
     int total = 0;
@@ -34,7 +38,8 @@ static void set_sizes(bd_time *t, const bd_time_input *in) {
 
 /* Assign the arrays of doubles to the memory, or count their size before allocation. */
 static size_t assign_arrays(bd_time *t) {
-    const size_t n = t->n_coordinate, s = t->stride, f = (size_t)t->n_family, k = (size_t)t->n_sector;
+    const size_t n = t->n_coordinate, s = t->stride, f = (size_t)t->n_family,
+                 k = (size_t)t->n_sector;
     const size_t rows = t->rows, r = (size_t)t->max_rank, making = rows * (rows + r + 4) + 2 * r;
     size_t used = 0, modes = 0;
     for (int i = 0; i < t->n_family; ++i) modes += padded((size_t)t->n_mode[i]);
@@ -131,7 +136,8 @@ static void set_modes(bd_time *t, const bd_time_input *in) {
         out += 2 * t->rows * wide;
         back += 2 * t->rows * wide;
         for (int k = 0; k < t->n_sector; ++k) {
-            const double angle = BD_TWO_PI * (double)((long long)k * in->diameter[f] % t->n_sector) / t->n_sector;
+            const double angle =
+                BD_TWO_PI * (double)((long long)k * in->diameter[f] % t->n_sector) / t->n_sector;
             double *phase = t->phase + 2 * ((size_t)k * (size_t)t->n_family + (size_t)f);
             phase[0] = cos(angle), phase[1] = sin(angle);
         }
@@ -163,24 +169,29 @@ static void set_coordinates(bd_time *t, const bd_time_input *in) {
 /* ---- compliance of a step ---- */
 
 bd_time_alpha bd_time_weights(double radius) {
-    bd_time_alpha out = {.am = (2.0 * radius - 1.0) / (radius + 1.0), .af = radius / (radius + 1.0)};
+    bd_time_alpha out = {.am = (2.0 * radius - 1.0) / (radius + 1.0),
+                         .af = radius / (radius + 1.0)};
     out.gamma = 0.5 - out.am + out.af;
     out.b = 0.25 * (1.0 - out.am + out.af) * (1.0 - out.am + out.af);
     return out;
 }
 
-void bd_time_compliance(const bd_time *t, double h, double radius, double *beta, double *acceleration) {
+void bd_time_compliance(const bd_time *t, double h, double radius, double *beta,
+                        double *acceleration) {
     const bd_time_alpha w = bd_time_weights(radius);
     for (size_t j = 0; j < t->n_coordinate; ++j) {
         const double m = t->mass[j], c = t->damping[j], K = t->stiffness[j];
-        const double inertia = m * (1.0 - w.am) + (1.0 - w.af) * (c * w.gamma * h + K * w.b * h * h);
+        const double inertia =
+            m * (1.0 - w.am) + (1.0 - w.af) * (c * w.gamma * h + K * w.b * h * h);
         acceleration[j] = m > 0.0 ? (1.0 - w.af) / inertia : 0.0;
         beta[j] = m > 0.0 ? w.b * h * h * acceleration[j] : 1.0 / K;
     }
 }
 
-/* Amplitudes g (2, rows) of the points due to coordinate j of a family, times a factor of each row. */
-static void mode_of(const bd_time *t, const double *out, size_t wide, size_t j, const double *factor, double *g) {
+/* Amplitudes g (2, rows) of the points due to coordinate j of a family,
+ * times a factor of each row. */
+static void mode_of(const bd_time *t, const double *out, size_t wide, size_t j,
+                    const double *factor, double *g) {
     for (size_t row = 0; row < t->rows; ++row) {
         const double *x = out + (row / 8 * wide + j) * 16 + row % 8;
         g[row] = factor[row] * x[0];
@@ -189,14 +200,15 @@ static void mode_of(const bd_time *t, const double *out, size_t wide, size_t j, 
 }
 
 /* Compliance S (rows, rows) of a sector to its own forces: the mean over the nodal diameters. */
-static void add_sector_compliance(const bd_time *t, const double *beta, const double *factor, double *g, double *S) {
+static void add_sector_compliance(const bd_time *t, const double *beta, const double *factor,
+                                  double *g, double *S) {
     const size_t rows = t->rows;
     const double *out = t->motion_modes;
     for (int f = 0; f < t->n_family; ++f) {
         const size_t m = (size_t)t->n_mode[f], wide = padded(m);
         for (size_t j = 0; j < m; ++j) {
-            const double size =
-                t->fourier_weight[(size_t)t->first_coordinate[f] + j] * beta[(size_t)t->first_coordinate[f] + j];
+            const double size = t->fourier_weight[(size_t)t->first_coordinate[f] + j] *
+                                beta[(size_t)t->first_coordinate[f] + j];
             if (size == 0.0) continue;
             mode_of(t, out, wide, j, factor, g);
             for (size_t i = 0; i < rows; ++i) {
@@ -211,7 +223,8 @@ static void add_sector_compliance(const bd_time *t, const double *beta, const do
     }
 }
 
-/* Columns (n, rows) of a low-rank factor, S = L' L, up to a bound on the remaining diagonal; return their number. */
+/* Columns (n, rows) of a low-rank factor, S = L' L, up to a bound on the remaining diagonal; return
+ * their number. */
 static size_t low_rank(size_t rows, size_t most, double bound, double *S, double *L) {
     size_t n = 0;
     for (; n < most; ++n) {
@@ -222,7 +235,8 @@ static size_t low_rank(size_t rows, size_t most, double bound, double *S, double
         if (!(left > (n < BD_TIME_MIN_RANK ? 1e-14 : bound))) break;
         double *column = L + n * rows;
         const double root = sqrt(left);
-        for (size_t i = 0; i < rows; ++i) column[i] = (i >= top ? S[i * rows + top] : S[top * rows + i]) / root;
+        for (size_t i = 0; i < rows; ++i)
+            column[i] = (i >= top ? S[i * rows + top] : S[top * rows + i]) / root;
         for (size_t i = 0; i < rows; ++i)
             for (size_t l = 0; l <= i; ++l) S[i * rows + l] -= column[i] * column[l];
     }
@@ -258,8 +272,8 @@ static void make_orthogonal(size_t rows, size_t n, double *L) {
     }
 }
 
-/* Add one coordinate to the compliance of the patterns of its family. Storage: blocks of 8 rows, column after column,
- * first the real and then the imaginary parts of 8 rows. */
+/* Add one coordinate to the compliance of the patterns of its family. Storage: blocks of 8 rows,
+ * column after column, first the real and then the imaginary parts of 8 rows. */
 static void add_mode(size_t r, double size, const double *W, double *C) {
     const double *re = W, *im = W + r;
     for (size_t block = 0; block < r; block += 8, re += 8, im += 8)
@@ -272,26 +286,33 @@ static void add_mode(size_t r, double size, const double *W, double *C) {
         }
 }
 
-/* Scale of each row of a point: the root of its stiffness, or of its inverse compliance for cubic springs. */
+/* Scale of each row of a point: the root of its stiffness, or of its inverse
+ * compliance for cubic springs. */
 static void set_row_scales(const bd_time *t, const double *S, double *factor) {
     const size_t s = t->stride;
     for (size_t row = 0; row < t->rows; ++row) {
         const size_t d = row / s, p = row % s;
-        const double k = d < 2 ? t->parameters[(BD_TIME_KT + d) * s + p] : t->parameters[BD_TIME_KN * s + p];
-        const double cubic = d < 2 ? t->parameters[(BD_TIME_CUBIC + d) * s + p] : 0.0, point_law = S[row * t->rows + row];
-        factor[row] = cubic != 0.0 ? (point_law > 0.0 ? 1.0 / sqrt(point_law) : 0.0) : sqrt(fabs(k));
+        const double k =
+            d < 2 ? t->parameters[(BD_TIME_KT + d) * s + p] : t->parameters[BD_TIME_KN * s + p];
+        const double cubic = d < 2 ? t->parameters[(BD_TIME_CUBIC + d) * s + p] : 0.0,
+                     point_law = S[row * t->rows + row];
+        factor[row] =
+            cubic != 0.0 ? (point_law > 0.0 ? 1.0 / sqrt(point_law) : 0.0) : sqrt(fabs(k));
     }
 }
 
 void bd_time_make_patterns(bd_time *t, bd_time_patterns *patterns, double h, double radius) {
     const size_t rows = t->rows, most = (size_t)t->max_rank;
     if (patterns->spectral_radius == radius && patterns->length == h && patterns->rank >= 0) return;
-    patterns->length = h, patterns->spectral_radius = radius, patterns->rank = 0, patterns->neglected = 0.0;
+    patterns->length = h, patterns->spectral_radius = radius, patterns->rank = 0,
+    patterns->neglected = 0.0;
     if (!rows) return;
-    double *S = t->work, *L = S + rows * rows, *g = L + rows * most, *factor = g + 2 * rows, *W = factor + rows;
+    double *S = t->work, *L = S + rows * rows, *g = L + rows * most, *factor = g + 2 * rows,
+           *W = factor + rows;
     double *beta = t->q_next; /* unused before the first step */
     bd_time_compliance(t, h, radius, beta, t->a_next);
-    for (int again = 0; again < 2; ++again) { /* first without factors, which cubic springs require */
+    /* first without factors, which cubic springs require */
+    for (int again = 0; again < 2; ++again) {
         if (again)
             set_row_scales(t, S, factor);
         else
@@ -302,7 +323,9 @@ void bd_time_make_patterns(bd_time *t, bd_time_patterns *patterns, double h, dou
     const size_t found = low_rank(rows, most, 1e-2 * BD_TIME_RANK_TOLERANCE, S, L);
     make_orthogonal(rows, found, L);
     size_t n = 0;
-    while (n < found && (n < BD_TIME_MIN_RANK || inner(rows, L + n * rows, L + n * rows) > BD_TIME_RANK_TOLERANCE)) ++n;
+    while (n < found && (n < BD_TIME_MIN_RANK ||
+                         inner(rows, L + n * rows, L + n * rows) > BD_TIME_RANK_TOLERANCE))
+        ++n;
     if (n < found) patterns->neglected = inner(rows, L + n * rows, L + n * rows);
     n = padded(n) < found ? padded(n) : n;
     const size_t r = padded(n);
@@ -329,7 +352,8 @@ void bd_time_make_patterns(bd_time *t, bd_time_patterns *patterns, double h, dou
                 W[i] = inner(rows, L + i * rows, g);
                 W[r + i] = inner(rows, L + i * rows, g + rows);
             }
-            add_mode(r, t->fourier_weight[at] * beta[at], W, patterns->compliance + 2 * r * r * (size_t)f);
+            add_mode(r, t->fourier_weight[at] * beta[at], W,
+                     patterns->compliance + 2 * r * r * (size_t)f);
         }
         out += 2 * rows * wide;
     }
@@ -400,14 +424,16 @@ void bd_time_destroy(bd_time *t) {
     memset(t, 0, sizeof *t);
 }
 
-/* Copy sliders and memories (n_sector, n_point, 2 + n_memory) into the storage of the time steps, or back. */
+/* Copy sliders and memories (n_sector, n_point, 2 + n_memory) into the storage of the time steps,
+ * or back. */
 static void copy_sliders(bd_time *t, double *w, int out) {
     const size_t m = (size_t)t->n_memory;
     for (size_t k = 0; k < (size_t)t->n_sector; ++k)
         for (size_t p = 0; p < (size_t)t->n_point; ++p)
             for (size_t d = 0; d < 2 + m; ++d) {
                 const size_t at = k * (size_t)t->n_point + p;
-                double *inside = d < 2 ? t->slider + (2 * k + d) * t->stride + p : t->law_memory[0] + at * m + d - 2;
+                double *inside = d < 2 ? t->slider + (2 * k + d) * t->stride + p
+                                       : t->law_memory[0] + at * m + d - 2;
                 double *outside = w + (2 + m) * at + d;
                 if (out)
                     *outside = *inside;
@@ -426,7 +452,8 @@ void bd_time_reset_states(bd_time *t) {
 static void reset(bd_time *t) {
     const size_t k = (size_t)t->n_sector, s = t->stride, size = sizeof(double);
     double *coordinates[] = {t->q, t->v, t->a, t->contact_force, t->q_next, t->a_next, t->load};
-    for (size_t i = 0; i < sizeof coordinates / sizeof *coordinates; ++i) memset(coordinates[i], 0, size * t->n_coordinate);
+    for (size_t i = 0; i < sizeof coordinates / sizeof *coordinates; ++i)
+        memset(coordinates[i], 0, size * t->n_coordinate);
     memset(t->slider, 0, size * 2 * s * k);
     memset(t->next_slider, 0, size * 2 * s * k);
     bd_time_reset_states(t);
@@ -434,8 +461,8 @@ static void reset(bd_time *t) {
     t->largest_force = 0.0;
 }
 
-bd_status bd_time_integrate(bd_time *t, const bd_time_path *path, double *q, double *v, double *a, double *w,
-                            bd_time_effort *effort) {
+bd_status bd_time_integrate(bd_time *t, const bd_time_path *path, double *q, double *v, double *a,
+                            double *w, bd_time_effort *effort) {
     reset(t);
     pad(t, q, t->q);
     pad(t, v, t->v);

@@ -1,7 +1,9 @@
-/* Motion of all sectors in time: products between modes and points, between nodal diameters and sectors, and of the
- * contact patterns. generalised_alpha.c includes this file, once for each instruction set.
+/* Motion of all sectors in time: products between modes and points, between nodal diameters and
+ * sectors, and of the contact patterns. generalised_alpha.c includes this file, once for each
+ * instruction set.
  *
- *     x_k = shift + sum_d Re[G_d q_d exp(i k d phi)],   g_d = (c_d/N) G_d^H sum_k F_k exp(-i k d phi),   phi = 2 pi/N. */
+ *     x_k = shift + sum_d Re[G_d q_d exp(i k d phi)],   phi = 2 pi/N,
+ *     g_d = (c_d/N) G_d^H sum_k F_k exp(-i k d phi). */
 #ifndef BD_TIME_MODAL_MOTION_H
 #define BD_TIME_MODAL_MOTION_H
 
@@ -21,7 +23,8 @@ BD_INLINE void family_motion(const bd_time *t, int f, const double *G, double *y
         for (size_t j = 0; j < m; ++j) {
             const bd_vec a = bd_all(re[j]), b = bd_all(im[j]);
             for (int v = 0; v < PART; ++v) {
-                const bd_vec gr = bd_load(G + 16 * j + v * BD_WIDTH), gi = bd_load(G + 16 * j + 8 + v * BD_WIDTH);
+                const bd_vec gr = bd_load(G + 16 * j + v * BD_WIDTH),
+                             gi = bd_load(G + 16 * j + 8 + v * BD_WIDTH);
                 rr[v] += gr * a, ii[v] += gi * b;
                 ri[v] += gr * b, ir[v] += gi * a;
             }
@@ -35,21 +38,26 @@ BD_INLINE void family_motion(const bd_time *t, int f, const double *G, double *y
 
 /* Modal force of one family, times N, from the amplitudes z (2, rows) of the forces. */
 BD_INLINE void family_force(const bd_time *t, int f, const double *G, const double *z) {
-    const size_t m = (size_t)t->n_mode[f], wide = (m + 7) / 8 * 8, rows = t->rows, first = (size_t)t->first_coordinate[f];
+    const size_t m = (size_t)t->n_mode[f], wide = (m + 7) / 8 * 8, rows = t->rows,
+                 first = (size_t)t->first_coordinate[f];
     for (size_t j = 0; j < m; j += 8, G += 16 * rows) {
         bd_vec rr[SUMS], ri[SUMS], ir[SUMS], ii[SUMS];
         for (int v = 0; v < SUMS; ++v) rr[v] = ri[v] = ir[v] = ii[v] = bd_all(0.0);
         for (size_t d = 0; d < 3; ++d)
-            for (size_t row = d * t->stride; row < d * t->stride + (size_t)t->n_point; row += SUMS / PART)
-                for (size_t v = 0; v < SUMS; ++v) { /* the padding after the last point has zero force */
+            for (size_t row = d * t->stride; row < d * t->stride + (size_t)t->n_point;
+                 row += SUMS / PART)
+                /* the padding after the last point has zero force */
+                for (size_t v = 0; v < SUMS; ++v) {
                     const double *g = G + 16 * (row + v / PART) + v % PART * BD_WIDTH;
-                    const bd_vec a = bd_all(z[row + v / PART]), b = bd_all(z[rows + row + v / PART]);
+                    const bd_vec a = bd_all(z[row + v / PART]),
+                                 b = bd_all(z[rows + row + v / PART]);
                     const bd_vec gr = bd_load(g), gi = bd_load(g + 8);
                     rr[v] += gr * a, ii[v] += gi * b;
                     ri[v] += gr * b, ir[v] += gi * a;
                 }
         for (int v = PART; v < SUMS; ++v)
-            rr[v - PART] += rr[v], ri[v - PART] += ri[v], ir[v - PART] += ir[v], ii[v - PART] += ii[v];
+            rr[v - PART] += rr[v], ri[v - PART] += ri[v], ir[v - PART] += ir[v],
+                ii[v - PART] += ii[v];
         for (int v = 0; v < PART; ++v) {
             const size_t at = first + j + (size_t)(v * BD_WIDTH);
             bd_store(t->contact_force + at, rr[v] + ii[v]);
@@ -60,8 +68,8 @@ BD_INLINE void family_force(const bd_time *t, int f, const double *G, const doub
 
 /* ---- between sectors and nodal diameters, for vectors of n entries, a multiple of 8 ---- */
 
-/* out (n_sector, n) = sum over families of Re[y exp(i k d phi)], y (n_family, 2, n). Sectors k and N - k are computed
- * together: their cosines are equal and their sines opposite. */
+/* out (n_sector, n) = sum over families of Re[y exp(i k d phi)], y (n_family, 2, n). Sectors k and
+ * N - k are computed together: their cosines are equal and their sines opposite. */
 BD_INLINE void to_sectors(const bd_time *t, size_t n, const double *y, double *out) {
     const size_t sectors = (size_t)t->n_sector;
     for (size_t k = 0; 2 * k <= sectors; ++k) {
@@ -121,15 +129,18 @@ BD_INLINE void multiply(size_t m, size_t n, size_t k, const double *A, const dou
                 for (size_t l = 0; l < k; ++l)
                     for (int v = 0; v < PART; ++v) {
                         const bd_vec b = bd_load(B + l * n + j + (size_t)v * BD_WIDTH);
-                        for (size_t a = 0; a < TILE; ++a) sum[a][v] += bd_all(A[(i + a) * k + l]) * b;
+                        for (size_t a = 0; a < TILE; ++a)
+                            sum[a][v] += bd_all(A[(i + a) * k + l]) * b;
                     }
             else
                 for (size_t a = 0; a < height; ++a)
                     for (size_t l = 0; l < k; ++l)
                         for (int v = 0; v < PART; ++v)
-                            sum[a][v] += bd_all(A[(i + a) * k + l]) * bd_load(B + l * n + j + (size_t)v * BD_WIDTH);
+                            sum[a][v] += bd_all(A[(i + a) * k + l]) *
+                                         bd_load(B + l * n + j + (size_t)v * BD_WIDTH);
             for (size_t a = 0; a < height; ++a)
-                for (int v = 0; v < PART; ++v) bd_store(C + (i + a) * n + j + (size_t)v * BD_WIDTH, sum[a][v]);
+                for (int v = 0; v < PART; ++v)
+                    bd_store(C + (i + a) * n + j + (size_t)v * BD_WIDTH, sum[a][v]);
         }
     }
 }
@@ -149,7 +160,8 @@ BD_INLINE void multiply_blocks(size_t n, const double *A, const double *x, doubl
 }
 
 /* u (n_sector, rank) = C p. */
-static void compliance_times(bd_time *t, const bd_time_patterns *patterns, const double *p, double *u) {
+static void compliance_times(bd_time *t, const bd_time_patterns *patterns, const double *p,
+                             double *u) {
     const size_t r = (size_t)patterns->rank;
     const double *C = patterns->compliance;
     to_diameters(t, r, p, t->force_amplitude);
@@ -198,7 +210,8 @@ BD_INLINE double dot(size_t n, const double *a, const double *b) {
 
 /* y += c x */
 BD_INLINE void add(size_t n, double c, const double *x, double *y) {
-    for (size_t i = 0; i < n; i += BD_WIDTH) bd_store(y + i, bd_load(y + i) + bd_all(c) * bd_load(x + i));
+    for (size_t i = 0; i < n; i += BD_WIDTH)
+        bd_store(y + i, bd_load(y + i) + bd_all(c) * bd_load(x + i));
 }
 
 BD_INLINE double larger(double a, double b) { return a > b ? a : b; }
@@ -212,7 +225,8 @@ static void find_motion(bd_time *t, double *x) {
         G += size * (((size_t)t->n_mode[f] + 7) / 8 * 8);
     }
     to_sectors(t, t->rows, t->motion_amplitude, x);
-    for (size_t k = 0; k < (size_t)t->n_sector; ++k) add(3 * s, 1.0, t->parameters + BD_TIME_SHIFT * s, x + k * t->rows);
+    for (size_t k = 0; k < (size_t)t->n_sector; ++k)
+        add(3 * s, 1.0, t->parameters + BD_TIME_SHIFT * s, x + k * t->rows);
 }
 
 /* Modal forces of the contact forces F. */

@@ -2,14 +2,17 @@
  *
  * Units are SI, angles radians, theta = omega t.
  *
- * A periodic signal is a trigonometric polynomial with n_harm harmonics. It is stored as n_coef = 2 n_harm + 1 numbers
+ * A periodic signal is a trigonometric polynomial with n_harm harmonics. It is stored as n_coef = 2
+ * n_harm + 1 numbers
  *
  *     [x0, c1, s1, c2, s2, ...],   x(theta) = x0 + sum_l c_l cos(l theta) + s_l sin(l theta).
  *
- * The complex amplitude of harmonic l is X_l = c_l - i s_l, hence x = x0 + Re sum_l X_l exp(i l theta).
+ * The complex amplitude of harmonic l is X_l = c_l - i s_l, hence x = x0 + Re sum_l X_l exp(i l
+ * theta).
  *
- * The relative motion of a contact point is (u1, u2, v): two tangential components and the closing v. The closing is
- * positive if the surfaces approach. The contact forces (T1, T2, N) are conjugate to these components. */
+ * The relative motion of a contact point is (u1, u2, v): two tangential components and the closing
+ * v. The closing is positive if the surfaces approach. The contact forces (T1, T2, N) are conjugate
+ * to these components. */
 #ifndef BD_UTIL_CONVENTIONS_H
 #define BD_UTIL_CONVENTIONS_H
 

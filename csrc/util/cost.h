@@ -3,8 +3,9 @@
 #define BD_UTIL_COST_H
 
 typedef struct {
-    double contact, assembly, algebra; /* wall-clock seconds; the binding scales them to processor seconds */
-    double processor;                  /* processor seconds, measured by the binding */
+    /* wall-clock seconds; the binding scales them to processor seconds */
+    double contact, assembly, algebra;
+    double processor; /* processor seconds, measured by the binding */
     long n_evaluation, n_jacobian, n_factorisation, n_least_norm;
 } bd_cost;
 

@@ -1,10 +1,13 @@
-/* Small dense products and inverses, compiled once for each instruction set; BD_VARIANT names the build.
+/* Small dense products and inverses, compiled once for each instruction set; BD_VARIANT names the
+ * build.
  *
- * BLAS is not used for these sizes: a threaded BLAS passes such a product to its thread pool, and waking the pool takes
- * many times longer than the product (measured: 20 times with two threads). Curves run in parallel processes, so one
- * thread suffices, and the number of BLAS threads is a process-wide setting of another library.
+ * BLAS is not used for these sizes: a threaded BLAS passes such a product to its thread pool, and
+ * waking the pool takes many times longer than the product (measured: 20 times with two threads).
+ * Curves run in parallel processes, so one thread suffices, and the number of BLAS threads is a
+ * process-wide setting of another library.
  *
- * The product holds a tile of C in registers while k runs. Both operands are read along their rows. */
+ * The product holds a tile of C in registers while k runs. Both operands are
+ * read along their rows. */
 #include "util/kernels.h"
 #include "util/vector_types.h"
 
@@ -17,8 +20,9 @@ typedef struct {
     double alpha;
 } left_factor;
 
-BD_INLINE void tile(const int n_rows, const int n_vec, size_t i, size_t k, const left_factor f, const double *B,
-                    size_t stride_b, double *C, size_t stride_c, size_t n_columns) {
+BD_INLINE void tile(const int n_rows, const int n_vec, size_t i, size_t k, const left_factor f,
+                    const double *B, size_t stride_b, double *C, size_t stride_c,
+                    size_t n_columns) {
     bd_vec sum[MOST_ROWS][MOST_VECTORS];
     for (int i = 0; i < n_rows; ++i)
         for (int v = 0; v < n_vec; ++v) sum[i][v] = bd_all(0.0);
@@ -38,16 +42,18 @@ BD_INLINE void tile(const int n_rows, const int n_vec, size_t i, size_t k, const
             if (from + BD_WIDTH <= n_columns)
                 bd_store(c + from, bd_load(c + from) + f.alpha * sum[r][v]);
             else
-                for (size_t j = 0; j + 1 < BD_WIDTH; ++j) /* constant indices leave the vector in registers */
+                /* constant indices leave the vector in registers */
+                for (size_t j = 0; j + 1 < BD_WIDTH; ++j)
                     if (from + j < n_columns) c[from + j] += f.alpha * bd_entry(sum[r][v], j);
         }
     }
 }
 
-BD_INLINE void strip(const int n_vec, size_t m, size_t k, const left_factor f, const double *B, size_t stride_b, double *C,
-                     size_t stride_c, size_t n_columns) {
+BD_INLINE void strip(const int n_vec, size_t m, size_t k, const left_factor f, const double *B,
+                     size_t stride_b, double *C, size_t stride_c, size_t n_columns) {
     size_t i = 0;
-    for (; i + MOST_ROWS <= m; i += MOST_ROWS) tile(MOST_ROWS, n_vec, i, k, f, B, stride_b, C, stride_c, n_columns);
+    for (; i + MOST_ROWS <= m; i += MOST_ROWS)
+        tile(MOST_ROWS, n_vec, i, k, f, B, stride_b, C, stride_c, n_columns);
     if (m - i >= 4) {
         tile(4, n_vec, i, k, f, B, stride_b, C, stride_c, n_columns);
         i += 4;
@@ -59,8 +65,8 @@ BD_INLINE void strip(const int n_vec, size_t m, size_t k, const left_factor f, c
     if (m - i == 1) tile(1, n_vec, i, k, f, B, stride_b, C, stride_c, n_columns);
 }
 
-BD_INLINE void all_strips(size_t m, size_t n, size_t k, const left_factor f, const double *B, size_t stride_b, double *C,
-                          size_t stride_c) {
+BD_INLINE void all_strips(size_t m, size_t n, size_t k, const left_factor f, const double *B,
+                          size_t stride_b, double *C, size_t stride_c) {
     if (k == 0) return;
     for (size_t j = 0; j < n;) {
         const size_t left = n - j;
@@ -78,19 +84,22 @@ BD_INLINE void all_strips(size_t m, size_t n, size_t k, const left_factor f, con
     }
 }
 
-static void product(size_t m, size_t n, size_t k, const double *A, const double *B, size_t stride_b, double *C,
-                    size_t stride_c) {
+static void product(size_t m, size_t n, size_t k, const double *A, const double *B, size_t stride_b,
+                    double *C, size_t stride_c) {
     all_strips(m, n, k, (left_factor){A, 1, m, 1.0}, B, stride_b, C, stride_c);
 }
 
-static void add_product(size_t m, size_t n, size_t k, double alpha, const double *A, size_t stride_a, const double *B,
-                        size_t stride_b, double *C, size_t stride_c) {
+static void add_product(size_t m, size_t n, size_t k, double alpha, const double *A,
+                        size_t stride_a, const double *B, size_t stride_b, double *C,
+                        size_t stride_c) {
     all_strips(m, n, k, (left_factor){A, stride_a, 1, alpha}, B, stride_b, C, stride_c);
 }
 
-/* Eliminate b columns of A from `first` by Gauss and Jordan. P (b, stride) holds these columns; pivoting exchanges whole
- * rows of A. Return the sign of the determinant, 0 if a pivot is zero or infinite. */
-static int eliminate_columns(int n, int first, int b, double *P, int stride, double *A, int *pivot) {
+/* Eliminate b columns of A from `first` by Gauss and Jordan. P (b, stride) holds these
+ * columns; pivoting exchanges whole rows of A. Return the sign of the determinant, 0 if a
+ * pivot is zero or infinite. */
+static int eliminate_columns(int n, int first, int b, double *P, int stride, double *A,
+                             int *pivot) {
     int sign = 1;
     for (int k = first; k < first + b; ++k) {
         double *column = P + (k - first) * stride;
@@ -108,7 +117,8 @@ static int eliminate_columns(int n, int first, int b, double *P, int stride, dou
         for (double *to = P; to < P + b * stride; to += stride) {
             if (to == column) continue;
             const double f = to[p] / found;
-            for (int i = 0; i < n; i += BD_WIDTH) bd_store(to + i, bd_load(to + i) - f * bd_load(column + i));
+            for (int i = 0; i < n; i += BD_WIDTH)
+                bd_store(to + i, bd_load(to + i) - f * bd_load(column + i));
             to[p] = to[k], to[k] = f;
         }
         for (int i = 0; i < n; i += BD_WIDTH) bd_store(column + i, bd_load(column + i) / -found);
@@ -138,8 +148,8 @@ static int invert(int n, double *restrict A, int *restrict pivot, double *restri
             memset(rows + i * n + first, 0, sizeof(double) * (size_t)b);
             rows[i * n + first + i] = 1.0;
         }
-        all_strips((size_t)n, (size_t)n, (size_t)b, (left_factor){P, 1, (size_t)stride, 1.0}, rows, (size_t)n, A,
-                   (size_t)n);
+        all_strips((size_t)n, (size_t)n, (size_t)b, (left_factor){P, 1, (size_t)stride, 1.0}, rows,
+                   (size_t)n, A, (size_t)n);
     }
     for (int k = n - 1; k >= 0; --k)
         if (pivot[k] != k)
@@ -153,15 +163,16 @@ static int invert(int n, double *restrict A, int *restrict pivot, double *restri
 /* ---- tangent times modes ---- */
 
 /* Columns j .. j + n_vec*BD_WIDTH of harmonic m, all rows. */
-BD_INLINE void fill_columns(const bd_fill *f, int m, const int n_row, const int n_source, const int n_vec, size_t columns,
-                            size_t j) {
+BD_INLINE void fill_columns(const bd_fill *f, int m, const int n_row, const int n_source,
+                            const int n_vec, size_t columns, size_t j) {
     const size_t n_coef = (size_t)bd_n_coef(f->n_harm), first = (size_t)f->first[m] + j;
     const size_t slot = m == 0 ? 0 : 2 * (size_t)m - 1;
     bd_vec g[6][2];
     for (int s = 0; s < n_source; ++s)
         for (int t = 0; t < n_row; ++t)
             for (int v = 0; v < n_vec; ++v)
-                g[s * n_row + t][v] = bd_load(f->g[m * n_source + s] + (size_t)t * columns + j + (size_t)(v * BD_WIDTH));
+                g[s * n_row + t][v] = bd_load(f->g[m * n_source + s] + (size_t)t * columns + j +
+                                              (size_t)(v * BD_WIDTH));
     for (size_t i = 0; i < n_coef; ++i) {
         bd_vec sum[2] = {bd_all(0.0), bd_all(0.0)};
         for (int s = 0; s < n_source; ++s)
@@ -176,7 +187,8 @@ BD_INLINE void fill_columns(const bd_fill *f, int m, const int n_row, const int 
 BD_INLINE void fill_harmonic(const bd_fill *f, int m, const int n_row, const int n_source) {
     const size_t columns = (size_t)(n_row * f->n_mode[m]);
     size_t j = 0;
-    for (; j + 2 * BD_WIDTH <= columns; j += 2 * BD_WIDTH) fill_columns(f, m, n_row, n_source, 2, columns, j);
+    for (; j + 2 * BD_WIDTH <= columns; j += 2 * BD_WIDTH)
+        fill_columns(f, m, n_row, n_source, 2, columns, j);
     for (; j < columns; j += BD_WIDTH) fill_columns(f, m, n_row, n_source, 1, columns, j);
 }
 
@@ -208,22 +220,26 @@ BD_INLINE double dot(size_t n, const double *a, const double *x) {
     return sum;
 }
 
-/* Like `dot` for several rows with the same x. `last` holds the last BD_WIDTH entries of x; entries that a full vector
- * has covered are zero. */
-BD_INLINE void dots(const int n_rows, size_t n, const double *A, const double *x, bd_vec last, double *y) {
+/* Like `dot` for several rows with the same x. `last` holds the last BD_WIDTH entries of x; entries
+ * that a full vector has covered are zero. */
+BD_INLINE void dots(const int n_rows, size_t n, const double *A, const double *x, bd_vec last,
+                    double *y) {
     bd_vec sum[4][2];
     for (int r = 0; r < n_rows; ++r) sum[r][0] = sum[r][1] = bd_all(0.0);
     size_t j = 0;
     for (; j + 2 * BD_WIDTH <= n; j += 2 * BD_WIDTH)
         for (int r = 0; r < n_rows; ++r)
             for (size_t v = 0; v < 2; ++v)
-                sum[r][v] += bd_load(A + (size_t)r * n + j + v * BD_WIDTH) * bd_load(x + j + v * BD_WIDTH);
+                sum[r][v] +=
+                    bd_load(A + (size_t)r * n + j + v * BD_WIDTH) * bd_load(x + j + v * BD_WIDTH);
     if (j + BD_WIDTH <= n) {
-        for (int r = 0; r < n_rows; ++r) sum[r][0] += bd_load(A + (size_t)r * n + j) * bd_load(x + j);
+        for (int r = 0; r < n_rows; ++r)
+            sum[r][0] += bd_load(A + (size_t)r * n + j) * bd_load(x + j);
         j += BD_WIDTH;
     }
     if (j < n)
-        for (int r = 0; r < n_rows; ++r) sum[r][1] += bd_load(A + (size_t)r * n + n - BD_WIDTH) * last;
+        for (int r = 0; r < n_rows; ++r)
+            sum[r][1] += bd_load(A + (size_t)r * n + n - BD_WIDTH) * last;
     for (int r = 0; r < n_rows; ++r) y[r] = bd_sum(sum[r][0] + sum[r][1]);
 }
 
@@ -231,33 +247,38 @@ static void multiply(size_t rows, size_t columns, const double *A, const double 
     size_t i = 0;
     if (columns >= BD_WIDTH) {
         double end[BD_WIDTH];
-        for (size_t j = 0; j < BD_WIDTH; ++j) end[j] = j + columns % BD_WIDTH < BD_WIDTH ? 0.0 : x[columns - BD_WIDTH + j];
+        for (size_t j = 0; j < BD_WIDTH; ++j)
+            end[j] = j + columns % BD_WIDTH < BD_WIDTH ? 0.0 : x[columns - BD_WIDTH + j];
         for (; i + 4 <= rows; i += 4) dots(4, columns, A + i * columns, x, bd_load(end), y + i);
     }
     for (; i < rows; ++i) y[i] = dot(columns, A + i * columns, x);
 }
 
-static void multiply_pairs(size_t pairs, size_t columns, const double *A, const double *x, const double *x_turned,
-                           double *y) {
+static void multiply_pairs(size_t pairs, size_t columns, const double *A, const double *x,
+                           const double *x_turned, double *y) {
     for (size_t i = 0; i < pairs; ++i) {
         y[2 * i] = dot(columns, A + 2 * i * columns, x);
         y[2 * i + 1] = dot(columns, A + 2 * i * columns, x_turned);
     }
 }
 
-BD_INLINE void add_columns(const int n_vec, size_t rows, size_t columns, const double *A, const double *x, double *y) {
+BD_INLINE void add_columns(const int n_vec, size_t rows, size_t columns, const double *A,
+                           const double *x, double *y) {
     bd_vec sum[4];
     for (int v = 0; v < n_vec; ++v) sum[v] = bd_load(y + v * BD_WIDTH);
     for (size_t i = 0; i < rows; ++i) {
         const bd_vec xi = bd_all(x[i]);
-        for (int v = 0; v < n_vec; ++v) sum[v] += xi * bd_load(A + i * columns + (size_t)(v * BD_WIDTH));
+        for (int v = 0; v < n_vec; ++v)
+            sum[v] += xi * bd_load(A + i * columns + (size_t)(v * BD_WIDTH));
     }
     for (int v = 0; v < n_vec; ++v) bd_store(y + v * BD_WIDTH, sum[v]);
 }
 
-static void multiply_transposed(size_t rows, size_t columns, const double *A, const double *x, double *y) {
+static void multiply_transposed(size_t rows, size_t columns, const double *A, const double *x,
+                                double *y) {
     size_t j = 0;
-    for (; j + 4 * BD_WIDTH <= columns; j += 4 * BD_WIDTH) add_columns(4, rows, columns, A + j, x, y + j);
+    for (; j + 4 * BD_WIDTH <= columns; j += 4 * BD_WIDTH)
+        add_columns(4, rows, columns, A + j, x, y + j);
     for (; j + BD_WIDTH <= columns; j += BD_WIDTH) add_columns(1, rows, columns, A + j, x, y + j);
     if (j < columns)
         for (size_t i = 0; i < rows; ++i)
@@ -268,7 +289,8 @@ static void multiply_transposed(size_t rows, size_t columns, const double *A, co
 
 enum { GRID_VECTORS = 16 / BD_WIDTH };
 
-static void grid_values(int n_coef, int n_time, const double *basis, int n_poly, const double *x, double *value) {
+static void grid_values(int n_coef, int n_time, const double *basis, int n_poly, const double *x,
+                        double *value) {
     for (int q = 0; q < n_poly; ++q)
         for (int k = 0; k < n_time; k += 16) {
             const double *xq = x + (size_t)q * (size_t)n_coef;
@@ -284,10 +306,12 @@ static void grid_values(int n_coef, int n_time, const double *basis, int n_poly,
         }
 }
 
-static void bounds(int n, double r, const double *a, const double *b, double *largest, double *smallest) {
+static void bounds(int n, double r, const double *a, const double *b, double *largest,
+                   double *smallest) {
     bd_vec most = bd_load(a) - r * bd_load(b), least = bd_load(a) + r * bd_load(b);
     for (int k = BD_WIDTH; k < n; k += BD_WIDTH) {
-        const bd_vec lo = bd_load(a + k) - r * bd_load(b + k), hi = bd_load(a + k) + r * bd_load(b + k);
+        const bd_vec lo = bd_load(a + k) - r * bd_load(b + k),
+                     hi = bd_load(a + k) + r * bd_load(b + k);
         most = bd_select(bd_above(lo, most), lo, most);
         least = bd_select(bd_above(least, hi), hi, least);
     }
@@ -301,14 +325,16 @@ static void bounds(int n, double r, const double *a, const double *b, double *la
 
 void BD_JOIN(bd_lanes_settle_, BD_VARIANT)(bd_lanes *lanes);
 void BD_JOIN(bd_lanes_sum_, BD_VARIANT)(bd_lanes *lanes);
-void BD_JOIN(bd_lanes_values_, BD_VARIANT)(int n_coef, int n_time, const double *power, int n_power, const double *x,
-                                           double *value);
-void BD_JOIN(bd_lanes_contact_, BD_VARIANT)(int n_power, int n_time, const double *power, const double *g, double *E);
+void BD_JOIN(bd_lanes_values_, BD_VARIANT)(int n_coef, int n_time, const double *power, int n_power,
+                                           const double *x, double *value);
+void BD_JOIN(bd_lanes_contact_, BD_VARIANT)(int n_power, int n_time, const double *power,
+                                            const double *g, double *E);
 void BD_JOIN(bd_coupled_period_, BD_VARIANT)(bd_coupled_lanes *lanes, int store, int tangent);
 void BD_JOIN(bd_coupled_chords_, BD_VARIANT)(bd_coupled_lanes *lanes, int tangent);
-double BD_JOIN(bd_disk_violation_, BD_VARIANT)(int n, const double *x, const double *y, const double *R, const double *s,
-                                               int *which);
-bd_status BD_JOIN(bd_time_integrate_, BD_VARIANT)(struct bd_time *time, const struct bd_time_path *path);
+double BD_JOIN(bd_disk_violation_, BD_VARIANT)(int n, const double *x, const double *y,
+                                               const double *R, const double *s, int *which);
+bd_status BD_JOIN(bd_time_integrate_, BD_VARIANT)(struct bd_time *time,
+                                                  const struct bd_time_path *path);
 void BD_JOIN(bd_time_contact_, BD_VARIANT)(struct bd_time *time);
 
 extern const bd_kernel BD_JOIN(bd_kernel_, BD_VARIANT);

@@ -1,18 +1,19 @@
 /* Trigonometric polynomials.
  *
- * The polynomial x(theta) = x0 + sum_l c_l cos(l theta) + s_l sin(l theta) has the derivative coefficients c'_l = l s_l,
- * s'_l = -l c_l. Values follow from the powers of z = exp(i theta): one sine, one cosine and a complex recurrence yield
- * all harmonics.
+ * The polynomial x(theta) = x0 + sum_l c_l cos(l theta) + s_l sin(l theta) has the derivative
+ * coefficients c'_l = l s_l, s'_l = -l c_l. Values follow from the powers of z = exp(i theta): one
+ * sine, one cosine and a complex recurrence yield all harmonics.
  *
  * Roots. A polynomial of degree H has at most 2 H roots in a period. For H = 1,
  *     x0 + A cos(theta - phi) = 0  <=>  theta = phi +- acos(-x0/A).
- * For H > 1 the period is divided into cells. A sign change over a cell brackets a root. A cell without a sign change
- * may hide a pair of roots if the polynomial has an extremum inside that crosses zero. Such a cell has a slope towards
- * zero at its left end and away from zero at its right end. The extremum is the bracketed root of the derivative; the
- * sign of the polynomial there decides.
+ * For H > 1 the period is divided into cells. A sign change over a cell brackets a root. A cell
+ * without a sign change may hide a pair of roots if the polynomial has an extremum inside that
+ * crosses zero. Such a cell has a slope towards zero at its left end and away from zero at its
+ * right end. The extremum is the bracketed root of the derivative; the sign of the polynomial there
+ * decides.
  *
- * A sample that is a root except for rounding has no reliable sign. It counts as a root, and the slope determines the
- * signs in the adjacent cells.
+ * A sample that is a root except for rounding has no reliable sign. It counts as a root, and the
+ * slope determines the signs in the adjacent cells.
  *
  * Newton's method refines a bracketed root; bisection confines it to a shrinking bracket. */
 #include "util/trig_polynomial.h"
@@ -31,7 +32,8 @@ bd_status bd_trig_grid_create(bd_trig_grid *grid, int n_harm, int n_time) {
             const int l = (i + 1) / 2;
             /* an integer reduction of the argument makes the grid exact for every harmonic */
             const double angle = BD_TWO_PI * (double)(((long)l * k) % n_time) / n_time;
-            grid->basis[(size_t)i * (size_t)n_time + (size_t)k] = i == 0 ? 1.0 : (i % 2 ? cos(angle) : sin(angle));
+            grid->basis[(size_t)i * (size_t)n_time + (size_t)k] =
+                i == 0 ? 1.0 : (i % 2 ? cos(angle) : sin(angle));
         }
     }
     return BD_OK;
@@ -109,7 +111,8 @@ void bd_trig_derivative(int n_harm, const double *x, double *dx) {
 
 double bd_trig_amplitude(int n_harm, const double *x) {
     double sum = 0.0;
-    for (int l = 1; l <= n_harm; ++l) sum += sqrt(x[2 * l - 1] * x[2 * l - 1] + x[2 * l] * x[2 * l]);
+    for (int l = 1; l <= n_harm; ++l)
+        sum += sqrt(x[2 * l - 1] * x[2 * l - 1] + x[2 * l] * x[2 * l]);
     return sum;
 }
 
@@ -119,8 +122,10 @@ double bd_trig_bracketed_root(int n_harm, const double *f, double a, double b) {
     const double fb = value_and_slope(n_harm, f, b, &slope);
     if (fa == 0.0) return a;
     if (fb == 0.0) return b;
-    if ((fa < 0.0) == (fb < 0.0)) return fabs(fa) <= fabs(fb) ? a : b; /* one end is the root except for rounding */
-    double x = a + (b - a) * (fa / (fa - fb));                         /* the secant is a good start on a small cell */
+    /* one end is the root except for rounding */
+    if ((fa < 0.0) == (fb < 0.0)) return fabs(fa) <= fabs(fb) ? a : b;
+    /* the secant is a good start on a small cell */
+    double x = a + (b - a) * (fa / (fa - fb));
     if (!(x > a && x < b)) x = 0.5 * (a + b);
     for (int i = 0; i < 100; ++i) {
         const double fx = value_and_slope(n_harm, f, x, &slope);
@@ -132,8 +137,8 @@ double bd_trig_bracketed_root(int n_harm, const double *f, double a, double b) {
             b = x;
         }
         double next = x - fx / slope;
-        /* A step below rounding ends the search: next may then be an end of the bracket, which must not cause a
-         * bisection. */
+        /* A step below rounding ends the search: next may then be an end of the bracket, which must
+         * not cause a bisection. */
         if (fabs(next - x) <= 2e-16 * (1.0 + fabs(x))) return x;
         if (!(next > a && next < b)) next = 0.5 * (a + b);
         const double step = fabs(next - x);
@@ -147,12 +152,19 @@ double bd_trig_bracketed_root(int n_harm, const double *f, double a, double b) {
 
 /* exp(i (theta_k + delta)) for a grid node and a small delta. */
 static void rotate(const bd_trig_grid *grid, int k, double delta, double *z) {
-    const double c = grid->basis[(size_t)grid->n_time + (size_t)k], s = grid->basis[2 * (size_t)grid->n_time + (size_t)k];
+    const double c = grid->basis[(size_t)grid->n_time + (size_t)k],
+                 s = grid->basis[2 * (size_t)grid->n_time + (size_t)k];
     const double d = delta * delta;
     double dc, ds;
     if (d < 0.04) { /* Taylor series to rounding */
-        dc = 1.0 - d / 2.0 * (1.0 - d / 12.0 * (1.0 - d / 30.0 * (1.0 - d / 56.0 * (1.0 - d / 90.0 * (1.0 - d / 132.0)))));
-        ds = delta * (1.0 - d / 6.0 * (1.0 - d / 20.0 * (1.0 - d / 42.0 * (1.0 - d / 72.0 * (1.0 - d / 110.0)))));
+        dc = 1.0 -
+             d / 2.0 *
+                 (1.0 -
+                  d / 12.0 *
+                      (1.0 - d / 30.0 * (1.0 - d / 56.0 * (1.0 - d / 90.0 * (1.0 - d / 132.0)))));
+        ds = delta *
+             (1.0 -
+              d / 6.0 * (1.0 - d / 20.0 * (1.0 - d / 42.0 * (1.0 - d / 72.0 * (1.0 - d / 110.0)))));
     } else {
         dc = cos(delta);
         ds = sin(delta);
@@ -161,15 +173,18 @@ static void rotate(const bd_trig_grid *grid, int k, double delta, double *z) {
     z[1] = s * dc + c * ds;
 }
 
-/* Return the bracketed root of a cell as distance from its left node. The start is the root of the cubic through the
- * values f0, f1 and slopes d0, d1 at the ends. Newton's method squares the error, so the size of the step after the next
- * is predictable. */
-static double refine(const bd_trig_grid *grid, const double *f, int k, double f0, double f1, double d0, double d1) {
+/* Return the bracketed root of a cell as distance from its left node. The start is the root of the
+ * cubic through the values f0, f1 and slopes d0, d1 at the ends. Newton's method squares the error,
+ * so the size of the step after the next is predictable. */
+static double refine(const bd_trig_grid *grid, const double *f, int k, double f0, double f1,
+                     double d0, double d1) {
     const double h = BD_TWO_PI / grid->n_time;
-    const double m0 = h * d0, m1 = h * d1, a3 = 2.0 * (f0 - f1) + m0 + m1, a2 = 3.0 * (f1 - f0) - 2.0 * m0 - m1;
+    const double m0 = h * d0, m1 = h * d1, a3 = 2.0 * (f0 - f1) + m0 + m1,
+                 a2 = 3.0 * (f1 - f0) - 2.0 * m0 - m1;
     double t = f0 / (f0 - f1);
     for (int i = 0; i < 3; ++i) {
-        const double p = f0 + t * (m0 + t * (a2 + t * a3)), dp = m0 + t * (2.0 * a2 + 3.0 * t * a3), next = t - p / dp;
+        const double p = f0 + t * (m0 + t * (a2 + t * a3)), dp = m0 + t * (2.0 * a2 + 3.0 * t * a3),
+                     next = t - p / dp;
         if (!(next > 0.0 && next < 1.0)) break;
         t = next;
     }
@@ -190,7 +205,9 @@ static double refine(const bd_trig_grid *grid, const double *f, int k, double f0
         const double step = fabs(next - x);
         x = next;
         if (step <= 1e-16 || b - a <= 2e-16) break;
-        if (step == newton && last > 0.0 && step < 1e-3 * last && step * (step / last) * (step / last) < 1e-17) break;
+        if (step == newton && last > 0.0 && step < 1e-3 * last &&
+            step * (step / last) * (step / last) < 1e-17)
+            break;
         last = step == newton ? step : 0.0;
     }
     return x;
@@ -205,7 +222,8 @@ static double into_period(double theta) {
 static int roots_of_one_harmonic(const double *f, double *root, double *z) {
     const double square = f[1] * f[1] + f[2] * f[2];
     if (!(square > f[0] * f[0])) return 0; /* a double root is not a crossing */
-    const double amplitude = sqrt(square), c = f[1] / amplitude, s = f[2] / amplitude, k = -f[0] / amplitude;
+    const double amplitude = sqrt(square), c = f[1] / amplitude, s = f[2] / amplitude,
+                 k = -f[0] / amplitude;
     const double m = sqrt(fmax((1.0 - k) * (1.0 + k), 0.0));
     /* exp(i theta) = (c + i s)(k -+ i m) */
     double z0[2] = {c * k + s * m, s * k - c * m}, z1[2] = {c * k - s * m, s * k + c * m};
@@ -223,13 +241,16 @@ static int roots_of_one_harmonic(const double *f, double *root, double *z) {
     return 2;
 }
 
-static void append_root(const bd_trig_grid *grid, int k, double delta, double *root, double *z, int n) {
+static void append_root(const bd_trig_grid *grid, int k, double delta, double *root, double *z,
+                        int n) {
     root[n] = k * (BD_TWO_PI / grid->n_time) + delta;
     rotate(grid, k, delta, z + 2 * n);
 }
 
-/* Add a pair of roots inside cell k, if the polynomial has equal signs at both ends but crosses zero between them. */
-static int hidden_pair(const bd_trig_grid *grid, const double *f, int k, double sign, double *root, double *z, int n) {
+/* Add a pair of roots inside cell k, if the polynomial has equal signs at both ends but crosses
+ * zero between them. */
+static int hidden_pair(const bd_trig_grid *grid, const double *f, int k, double sign, double *root,
+                       double *z, int n) {
     const double h = BD_TWO_PI / grid->n_time, a = k * h, b = (k + 1) * h;
     double df[BD_MAX_COEF];
     bd_trig_derivative(grid->n_harm, f, df);
@@ -245,8 +266,8 @@ static int crosses_here(double value, double slope, double size) {
     return fabs(value) <= 1e-14 * size && fabs(slope) > 1e-6 * size;
 }
 
-int bd_trig_roots_with_powers(const bd_trig_grid *grid, const double *f, const double *value, const double *slope,
-                              double *root, double *z) {
+int bd_trig_roots_with_powers(const bd_trig_grid *grid, const double *f, const double *value,
+                              const double *slope, double *root, double *z) {
     const int n_time = grid->n_time, most = 2 * grid->n_harm;
     if (grid->n_harm == 1) return roots_of_one_harmonic(f, root, z);
     const double h = BD_TWO_PI / n_time;
@@ -256,7 +277,8 @@ int bd_trig_roots_with_powers(const bd_trig_grid *grid, const double *f, const d
     for (int k = 0; k < n_time && n < most; ++k) {
         const int next = k + 1 < n_time ? k + 1 : 0;
         const double f0 = value[k], f1 = value[next];
-        const int zero0 = crosses_here(f0, slope[k], size), zero1 = crosses_here(f1, slope[next], size);
+        const int zero0 = crosses_here(f0, slope[k], size),
+                  zero1 = crosses_here(f1, slope[next], size);
         if (zero0) {
             append_root(grid, k, k == 0 ? fmax(0.0, -f0 / slope[k]) : -f0 / slope[k], root, z, n);
             if (++n == most) break;
@@ -267,21 +289,26 @@ int bd_trig_roots_with_powers(const bd_trig_grid *grid, const double *f, const d
         if (sign != sign_end) {
             double delta;
             if (zero0 || zero1) {
-                const double a = (k + (zero0 ? 1e-6 : 0.0)) * h, b = (k + 1 - (zero1 ? 1e-6 : 0.0)) * h;
+                const double a = (k + (zero0 ? 1e-6 : 0.0)) * h,
+                             b = (k + 1 - (zero1 ? 1e-6 : 0.0)) * h;
                 delta = bd_trig_bracketed_root(grid->n_harm, f, a, b) - k * h;
             } else {
-                delta = f0 == 0.0 ? 0.0 : f1 == 0.0 ? h : refine(grid, f, k, f0, f1, slope[k], slope[next]);
+                delta = f0 == 0.0   ? 0.0
+                        : f1 == 0.0 ? h
+                                    : refine(grid, f, k, f0, f1, slope[k], slope[next]);
             }
             append_root(grid, k, delta, root, z, n);
             ++n;
             continue;
         }
         if (!(sign * slope[k] < 0.0 && sign * slope[next] > 0.0)) continue;
-        /* With a slope that falls to zero in the cell, the extremum is at most h |slope| deep; the factor 2 is a margin. */
+        /* With a slope that falls to zero in the cell, the extremum is at most h |slope| deep; the
+         * factor 2 is a margin. */
         if (fabs(f0) > 2.0 * h * fabs(slope[k]) || fabs(f1) > 2.0 * h * fabs(slope[next])) continue;
         if (n + 2 <= most) n = hidden_pair(grid, f, k, sign, root, z, n);
     }
-    if (n > 0 && root[n - 1] >= BD_TWO_PI - 1e-14) { /* a root at the very end of the period is moved to its beginning */
+    /* a root at the very end of the period is moved to its beginning */
+    if (n > 0 && root[n - 1] >= BD_TWO_PI - 1e-14) {
         const double z_last[2] = {z[2 * n - 2], z[2 * n - 1]};
         for (int i = n - 1; i > 0; --i) {
             root[i] = root[i - 1];
@@ -295,7 +322,8 @@ int bd_trig_roots_with_powers(const bd_trig_grid *grid, const double *f, const d
     return n;
 }
 
-int bd_trig_roots(const bd_trig_grid *grid, const double *f, const double *value, const double *slope, double *root) {
+int bd_trig_roots(const bd_trig_grid *grid, const double *f, const double *value,
+                  const double *slope, double *root) {
     double z[4 * BD_MAX_HARM];
     return bd_trig_roots_with_powers(grid, f, value, slope, root, z);
 }

@@ -1,7 +1,7 @@
 /* Vectors of doubles as wide as the registers of this build, and all other extensions of C17.
  *
- * With BD_PLAIN a vector is a single number and the header is plain C17; files that include it do not change. In a mask,
- * all bits of an entry are equal. */
+ * With BD_PLAIN a vector is a single number and the header is plain C17; files that include it do
+ * not change. In a mask, all bits of an entry are equal. */
 #ifndef BD_UTIL_VECTOR_TYPES_H
 #define BD_UTIL_VECTOR_TYPES_H
 
@@ -142,9 +142,12 @@ BD_INLINE int bd_any(bd_mask m) {
 
 /* Instruction sets of the processor. */
 #if defined(__x86_64__)
-static inline int bd_runs_avx2(void) { return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"); }
+static inline int bd_runs_avx2(void) {
+    return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
+}
 static inline int bd_runs_avx512(void) {
-    return bd_runs_avx2() && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq");
+    return bd_runs_avx2() && __builtin_cpu_supports("avx512f") &&
+           __builtin_cpu_supports("avx512dq");
 }
 #else
 static inline int bd_runs_avx2(void) { return 0; }

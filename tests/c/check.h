@@ -1,4 +1,5 @@
-/* Checks for the C tests. Each failed check prints a line; the program then ends with a nonzero exit code. */
+/* Checks for the C tests. Each failed check prints a line; the program then ends with a nonzero
+ * exit code. */
 #ifndef CHECK_H
 #define CHECK_H
 
@@ -8,24 +9,25 @@
 
 static int n_checks, n_failures;
 
-#define CHECK(condition)                                                                                                   \
-    do {                                                                                                                   \
-        ++n_checks;                                                                                                        \
-        if (!(condition)) {                                                                                                \
-            ++n_failures;                                                                                                  \
-            printf("%s:%d: %s\n", __FILE__, __LINE__, #condition);                                                         \
-        }                                                                                                                  \
+#define CHECK(condition)                                                                           \
+    do {                                                                                           \
+        ++n_checks;                                                                                \
+        if (!(condition)) {                                                                        \
+            ++n_failures;                                                                          \
+            printf("%s:%d: %s\n", __FILE__, __LINE__, #condition);                                 \
+        }                                                                                          \
     } while (0)
 
 /* |value - expected| <= tolerance; a NaN fails. */
-#define CHECK_NEAR(value, expected, tolerance)                                                                             \
-    do {                                                                                                                   \
-        const double check_a = (value), check_b = (expected);                                                              \
-        ++n_checks;                                                                                                        \
-        if (!(fabs(check_a - check_b) <= (tolerance))) {                                                                   \
-            ++n_failures;                                                                                                  \
-            printf("%s:%d: %s is %.17g, expected %.17g\n", __FILE__, __LINE__, #value, check_a, check_b);                  \
-        }                                                                                                                  \
+#define CHECK_NEAR(value, expected, tolerance)                                                     \
+    do {                                                                                           \
+        const double check_a = (value), check_b = (expected);                                      \
+        ++n_checks;                                                                                \
+        if (!(fabs(check_a - check_b) <= (tolerance))) {                                           \
+            ++n_failures;                                                                          \
+            printf("%s:%d: %s is %.17g, expected %.17g\n", __FILE__, __LINE__, #value, check_a,    \
+                   check_b);                                                                       \
+        }                                                                                          \
     } while (0)
 
 static inline int check_result(void) {

@@ -1,4 +1,5 @@
-/* Coupled friction: steady circular motion, straight lines, the steady cycle of an ellipse, finite differences. */
+/* Coupled friction: steady circular motion, straight lines, the steady cycle of an
+ * ellipse, finite differences. */
 #include "contact/evaluator.h"
 #include "check.h"
 
@@ -15,23 +16,29 @@ typedef struct {
 static void evaluate(bd_evaluator *e, const bd_element *element, const double *x, result *r) {
     const int nn = bd_n_coef(e->n_harm) * bd_n_coef(e->n_harm);
     double *b = r->block;
-    r->out = (bd_response){
-        .F = r->F, .dT = {b, b + nn}, .dTv = {b + 2 * nn, b + 3 * nn}, .dTc = {b + 4 * nn, b + 5 * nn}, .dN = b + 6 * nn};
+    r->out = (bd_response){.F = r->F,
+                           .dT = {b, b + nn},
+                           .dTv = {b + 2 * nn, b + 3 * nn},
+                           .dTc = {b + 4 * nn, b + 5 * nn},
+                           .dN = b + 6 * nn};
     bd_contact_evaluate(element, x, &r->out, &r->share, e);
     bd_element_write_blocks(element, e->n_harm, &r->out);
 }
 
-/* Radius R, limit b = mu N/kt < R: the slider moves on the circle of radius sqrt(R^2 - b^2), a quarter turn of force
- * behind it, and the work is 2 pi mu N sqrt(R^2 - b^2) a cycle.  The circle is sampled as a polygon. */
+/* Radius R, limit b = mu N/kt < R: the slider moves on the circle of radius sqrt(R^2 - b^2), a
+ * quarter turn of force behind it, and the work is 2 pi mu N sqrt(R^2 - b^2) a cycle.  The circle
+ * is sampled as a polygon. */
 static void test_circle(bd_law law) {
     const double kt = 1.3, R = 0.8, mu = 0.4, N = 2.0, b = mu * N / kt;
-    const bd_element element = {.law = law, .kt = {kt, kt}, .kn = 5.0, .mu = mu, .n0 = N, .load = N};
+    const bd_element element = {
+        .law = law, .kt = {kt, kt}, .kn = 5.0, .mu = mu, .n0 = N, .load = N};
     const double x[9] = {0.1, R, 0.0, -0.2, 0.0, R, 0.0, 0.0, 0.0};
     bd_evaluator e;
     result r;
     CHECK(bd_evaluator_create(&e, BD_SAMPLED, 1, TIME) == BD_OK);
     evaluate(&e, &element, x, &r);
-    const double radius = sqrt(R * R - b * b), work = BD_PI * (x[1] * r.F[2] * -1.0 + x[5] * r.F[4]);
+    const double radius = sqrt(R * R - b * b),
+                 work = BD_PI * (x[1] * r.F[2] * -1.0 + x[5] * r.F[4]);
     CHECK_NEAR(work, BD_TWO_PI * mu * N * radius, 5e-4);
     CHECK_NEAR(hypot(r.F[1], r.F[2]), mu * N, 1e-4);
     CHECK_NEAR(r.F[1], r.F[5], 1e-10);
@@ -45,7 +52,8 @@ static void test_circle(bd_law law) {
 static void test_line(void) {
     const double c = cos(0.6), s = sin(0.6);
     const double u[5] = {0.1, 1.4, 0.3, 0.2, -0.4}, v[5] = {0.2, 0.5, -0.7, 0.3, 0.1};
-    const bd_element coupled = {.law = BD_LAW_COUPLED, .kt = {1.3, 1.3}, .kn = 2.0, .mu = 0.5, .n0 = 0.3};
+    const bd_element coupled = {
+        .law = BD_LAW_COUPLED, .kt = {1.3, 1.3}, .kn = 2.0, .mu = 0.5, .n0 = 0.3};
     bd_element line = coupled;
     line.law = BD_LAW_SEPARABLE;
     double x[15], y[15];
@@ -56,7 +64,8 @@ static void test_line(void) {
     }
     bd_evaluator e, exact;
     result r, q;
-    CHECK(bd_evaluator_create(&e, BD_SAMPLED, 2, 2048) == BD_OK && bd_evaluator_create(&exact, BD_EXACT, 2, 0) == BD_OK);
+    CHECK(bd_evaluator_create(&e, BD_SAMPLED, 2, 2048) == BD_OK &&
+          bd_evaluator_create(&exact, BD_EXACT, 2, 0) == BD_OK);
     evaluate(&e, &coupled, x, &r);
     evaluate(&exact, &line, y, &q);
     CHECK(q.share.open > 0.0 && q.share.slip[0] > 0.0 && q.share.stick[0] > 0.0);
@@ -69,14 +78,16 @@ static void test_line(void) {
     bd_evaluator_destroy(&exact);
 }
 
-/* The ellipse 1 x 0.5 takes thousands of periods to become steady at b = 0.999; Newton's method takes a few. */
+/* The ellipse 1 x 0.5 takes thousands of periods to become steady at b = 0.999; Newton's method
+ * takes a few. */
 static void test_ellipse(void) {
     const double limit[4] = {0.5, 0.9, 0.99, 0.999};
     bd_evaluator e;
     result r, again;
     CHECK(bd_evaluator_create(&e, BD_SAMPLED, 1, TIME) == BD_OK);
     for (int i = 0; i < 4; ++i) {
-        bd_element element = {.law = BD_LAW_COUPLED, .kt = {1.0, 1.0}, .kn = 0.0, .mu = 1.0, .n0 = limit[i]};
+        bd_element element = {
+            .law = BD_LAW_COUPLED, .kt = {1.0, 1.0}, .kn = 0.0, .mu = 1.0, .n0 = limit[i]};
         const double x[9] = {0.0, 1.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0};
         evaluate(&e, &element, x, &r);
         CHECK(e.coulomb.n_period <= 10);
@@ -90,14 +101,17 @@ static void test_ellipse(void) {
     bd_evaluator_destroy(&e);
 }
 
-/* Towards the onset of slip the derivative approaches its limit, although the slip distance falls below rounding. */
+/* Towards the onset of slip the derivative approaches its limit, although the slip distance falls
+ * below rounding. */
 static void test_tangent_at_onset(void) {
     bd_evaluator e;
     static result near, r;
     CHECK(bd_evaluator_create(&e, BD_SAMPLED, 1, TIME) == BD_OK);
     for (int turned = 0; turned < 2; ++turned) {
-        const double x[9] = {0.0, 1.0, 0.0, 0.0, 0.0, turned ? 0.99 : 0.5, 0.0, turned ? 0.1 : 0.0, 0.0};
-        bd_element element = {.law = BD_LAW_COUPLED, .kt = {1.0, 1.0}, .kn = 0.3, .mu = 1.0, .n0 = 1.0 - 1e-8};
+        const double x[9] = {0.0, 1.0, 0.0, 0.0, 0.0, turned ? 0.99 : 0.5, 0.0, turned ? 0.1 : 0.0,
+                             0.0};
+        bd_element element = {
+            .law = BD_LAW_COUPLED, .kt = {1.0, 1.0}, .kn = 0.3, .mu = 1.0, .n0 = 1.0 - 1e-8};
         evaluate(&e, &element, x, &near);
         for (double beyond = 1e-10; beyond > 0.5e-13; beyond *= 0.1) {
             element.n0 = 1.0 - beyond;
@@ -137,7 +151,8 @@ static void test_tangent(bd_law law, bd_evaluation evaluation) {
             for (int i = 0; i < 5; ++i) {
                 double exact = 0.0;
                 for (int j = 0; j < 5; ++j)
-                    exact += r.out.dT[a][i * 5 + j] * d[5 * a + j] + r.out.dTc[a][i * 5 + j] * d[5 * (1 - a) + j] +
+                    exact += r.out.dT[a][i * 5 + j] * d[5 * a + j] +
+                             r.out.dTc[a][i * 5 + j] * d[5 * (1 - a) + j] +
                              r.out.dTv[a][i * 5 + j] * d[10 + j];
                 error = fmax(error, fabs((p.F[5 * a + i] - m.F[5 * a + i]) / (2.0 * h) - exact));
                 size = fmax(size, fabs(exact));
@@ -149,7 +164,8 @@ static void test_tangent(bd_law law, bd_evaluation evaluation) {
     bd_evaluator_destroy(&e);
 }
 
-/* Eight points together (stick, slip, separation and other laws) equal the same points one by one. */
+/* Eight points together (stick, slip, separation and other laws) equal the
+ * same points one by one. */
 static void test_lanes(void) {
     unsigned long long seed = 5;
     bd_evaluator e;
@@ -162,7 +178,8 @@ static void test_lanes(void) {
         double x[BD_LANES * 15];
         for (int i = 0; i < BD_LANES * 15; ++i) x[i] = uniform(&seed);
         for (int lane = 0; lane < BD_LANES; ++lane) {
-            const bd_law law[4] = {BD_LAW_COUPLED, BD_LAW_COUPLED_CONSTANT, BD_LAW_COUPLED, BD_LAW_SEPARABLE};
+            const bd_law law[4] = {BD_LAW_COUPLED, BD_LAW_COUPLED_CONSTANT, BD_LAW_COUPLED,
+                                   BD_LAW_SEPARABLE};
             element[lane] = (bd_element){.law = law[lane % 4],
                                          .kt = {1.5, 1.5 + uniform(&seed)},
                                          .kn = 1.5 + uniform(&seed),
@@ -170,8 +187,11 @@ static void test_lanes(void) {
                                          .n0 = 3.0 + 4.0 * uniform(&seed),
                                          .load = 2.0 + uniform(&seed)};
             double *b = many[lane].block;
-            out[lane] = (bd_response){
-                .F = many[lane].F, .dT = {b, b + 25}, .dTv = {b + 50, b + 75}, .dTc = {b + 100, b + 125}, .dN = b + 150};
+            out[lane] = (bd_response){.F = many[lane].F,
+                                      .dT = {b, b + 25},
+                                      .dTv = {b + 50, b + 75},
+                                      .dTc = {b + 100, b + 125},
+                                      .dN = b + 150};
         }
         bd_contact_evaluate_many(BD_LANES, element, x, out, share, &e);
         for (int lane = 0; lane < BD_LANES; ++lane) {
@@ -186,7 +206,8 @@ static void test_lanes(void) {
     bd_evaluator_destroy(&e);
 }
 
-/* All builds of the inner loop move the sliders equally, and through whole slip steps as in the closed form. */
+/* All builds of the inner loop move the sliders equally, and through whole slip steps as in the
+ * closed form. */
 static void test_slide(void) {
     enum { N = 64, SIZE = N * BD_LANES };
     static double memory[BD_MOST_KERNELS][(4 + 7 + 18) * SIZE];
@@ -198,11 +219,16 @@ static void test_slide(void) {
     for (int v = 0; v < n; ++v) {
         unsigned long long seed = 8;
         double *m = memory[v];
-        l[v] =
-            (bd_coupled_lanes){.n_time = N, .interpolate = 1, .x = m, .y = m + SIZE, .R = m + 2 * SIZE, .g = m + 3 * SIZE};
+        l[v] = (bd_coupled_lanes){.n_time = N,
+                                  .interpolate = 1,
+                                  .x = m,
+                                  .y = m + SIZE,
+                                  .R = m + 2 * SIZE,
+                                  .g = m + 3 * SIZE};
         l[v].chord = m + 4 * SIZE, l[v].step = m + 11 * SIZE, l[v].step_kind = kind[v];
         for (int lane = 0; lane < BD_LANES; ++lane) {
-            const double a = uniform(&seed), b = uniform(&seed), c = 2.0 * uniform(&seed), swing = lane < 2 ? 1e-6 : lane;
+            const double a = uniform(&seed), b = uniform(&seed), c = 2.0 * uniform(&seed),
+                         swing = lane < 2 ? 1e-6 : lane;
             l[v].mu[lane] = 0.4;
             for (int k = 0; k < N; ++k) {
                 const double t = BD_TWO_PI * k / N, g = 1.0 + 0.2 * swing * cos(t + c);
@@ -236,12 +262,16 @@ static void test_slide(void) {
                 closes += kind[v][at] == BD_STEP_CLOSE, sticks += kind[v][at] == BD_STEP_STICK;
                 const double R0 = l[v].R[from], R1 = l[v].R[at], *s = l[v].step, *r = s + SIZE;
                 const double T0 = l[v].x[from] - s[from], T1 = l[v].y[from] - r[from];
-                const double d0 = l[v].x[at] - l[v].x[from], d1 = l[v].y[at] - l[v].y[from], D = hypot(d0, d1);
-                if (kind[v][at] != BD_STEP_SLIP || !(R0 > 0.0) || hypot(T0, T1) < R0 * (1.0 - 1e-13)) continue;
+                const double d0 = l[v].x[at] - l[v].x[from], d1 = l[v].y[at] - l[v].y[from],
+                             D = hypot(d0, d1);
+                if (kind[v][at] != BD_STEP_SLIP || !(R0 > 0.0) ||
+                    hypot(T0, T1) < R0 * (1.0 - 1e-13))
+                    continue;
                 if (T0 * d0 + T1 * d1 <= R0 * (R1 - R0)) continue;
                 const double before = atan2(d0 * T1 - d1 * T0, d0 * T0 + d1 * T1);
                 const double time = R1 == R0 ? 1.0 / R0 : log1p((R1 - R0) / R0) / (R1 - R0);
-                const double after = 2.0 * atan(tan(0.5 * before) * exp(-D * time)), turn = atan2(d1, d0) + after;
+                const double after = 2.0 * atan(tan(0.5 * before) * exp(-D * time)),
+                             turn = atan2(d1, d0) + after;
                 CHECK_NEAR(s[at], l[v].x[at] - R1 * cos(turn), 1e-12);
                 CHECK_NEAR(r[at], l[v].y[at] - R1 * sin(turn), 1e-12);
             }
@@ -250,8 +280,10 @@ static void test_slide(void) {
 }
 
 static void test_refusal(void) {
-    CHECK(!bd_evaluation_supports(BD_EXACT, BD_LAW_COUPLED) && !bd_evaluation_supports(BD_EXACT, BD_LAW_COUPLED_CONSTANT));
-    CHECK(bd_evaluation_supports(BD_EXACT, BD_LAW_BONDED) && bd_evaluation_supports(BD_SAMPLED, BD_LAW_COUPLED));
+    CHECK(!bd_evaluation_supports(BD_EXACT, BD_LAW_COUPLED) &&
+          !bd_evaluation_supports(BD_EXACT, BD_LAW_COUPLED_CONSTANT));
+    CHECK(bd_evaluation_supports(BD_EXACT, BD_LAW_BONDED) &&
+          bd_evaluation_supports(BD_SAMPLED, BD_LAW_COUPLED));
     bd_coulomb_destroy(NULL);
 }
 

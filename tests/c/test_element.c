@@ -22,8 +22,10 @@ static void integrate_between(double start, double end, double sign, double *E) 
 
 /* Four nodes on each of 200 parts: an error below rounding for these products. */
 static void plain_products(double start, double end, double *products) {
-    static const double node[4] = {-0.8611363115940526, -0.3399810435848563, 0.3399810435848563, 0.8611363115940526};
-    static const double weight[4] = {0.3478548451374538, 0.6521451548625461, 0.6521451548625461, 0.3478548451374538};
+    static const double node[4] = {-0.8611363115940526, -0.3399810435848563, 0.3399810435848563,
+                                   0.8611363115940526};
+    static const double weight[4] = {0.3478548451374538, 0.6521451548625461, 0.6521451548625461,
+                                     0.3478548451374538};
     double b[COEF];
     const double h = (end - start) / 200;
     for (int i = 0; i < COEF * COEF; ++i) products[i] = 0.0;
@@ -31,7 +33,8 @@ static void plain_products(double start, double end, double *products) {
         for (int q = 0; q < 4; ++q) {
             basis_at(start + h * (part + 0.5 + 0.5 * node[q]), b);
             for (int i = 0; i < COEF; ++i)
-                for (int j = 0; j < COEF; ++j) products[i * COEF + j] += 0.5 * h * weight[q] * b[i] * b[j];
+                for (int j = 0; j < COEF; ++j)
+                    products[i * COEF + j] += 0.5 * h * weight[q] * b[i] * b[j];
         }
 }
 
@@ -84,14 +87,19 @@ static void test_hold(void) {
 }
 
 static void test_linear_limits(void) {
-    const bd_element element = {.kt = {2.0, 3.0}, .kn = 5.0, .mu = 0.4, .n0 = 0.7, .w = {0.25, -0.5}};
+    const bd_element element = {
+        .kt = {2.0, 3.0}, .kn = 5.0, .mu = 0.4, .n0 = 0.7, .w = {0.25, -0.5}};
     double *F = not_numbers(3 * COEF), *block = not_numbers(5 * COEF * COEF), x[COEF];
     const size_t nn = COEF * COEF;
-    bd_response out = {.F = F, .dT = {block, block + nn}, .dTv = {block + 2 * nn, block + 3 * nn}, .dN = block + 4 * nn};
+    bd_response out = {.F = F,
+                       .dT = {block, block + nn},
+                       .dTv = {block + 2 * nn, block + 3 * nn},
+                       .dN = block + 4 * nn};
     for (int i = 0; i < COEF; ++i) x[i] = 0.3 - 0.1 * i;
     bd_element_closed(&element, HARM, x, &out);
     for (int d = 0; d < 2; ++d) bd_element_stuck(&element, HARM, d, x, &out);
-    CHECK(out.normal == BD_BLOCK_LINEAR && out.tangential[0] == BD_BLOCK_LINEAR && out.tangential[1] == BD_BLOCK_LINEAR);
+    CHECK(out.normal == BD_BLOCK_LINEAR && out.tangential[0] == BD_BLOCK_LINEAR &&
+          out.tangential[1] == BD_BLOCK_LINEAR);
     bd_element_write_blocks(&element, HARM, &out);
     for (int i = 0; i < COEF; ++i) {
         CHECK_NEAR(F[i], 2.0 * (x[i] - (i == 0 ? 0.25 : 0.0)), 1e-15);
@@ -105,7 +113,8 @@ static void test_linear_limits(void) {
         }
     }
     bd_element_open(&element, HARM, &out);
-    CHECK(out.normal == BD_BLOCK_ZERO && out.tangential[0] == BD_BLOCK_ZERO && out.tangential[1] == BD_BLOCK_ZERO);
+    CHECK(out.normal == BD_BLOCK_ZERO && out.tangential[0] == BD_BLOCK_ZERO &&
+          out.tangential[1] == BD_BLOCK_ZERO);
     for (int i = 0; i < 3 * COEF; ++i) CHECK(F[i] == 0.0);
     bd_element_write_blocks(&element, HARM, &out);
     for (size_t i = 0; i < 5 * nn; ++i) CHECK(block[i] == 0.0);

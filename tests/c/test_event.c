@@ -1,4 +1,5 @@
-/* Event-driven evaluation: closed forms at one harmonic, the sampled law at three, and finite differences. */
+/* Event-driven evaluation: closed forms at one harmonic, the sampled law at three,
+ * and finite differences. */
 #include "contact/event_driven.h"
 #include "check.h"
 #include "sampled_law.h"
@@ -26,16 +27,19 @@ static void free_result(result *r) {
     free(r->block);
 }
 
-/* Constant normal load, u = A cos(theta): the elliptic integrals of the Jenkins element are elementary. */
+/* Constant normal load, u = A cos(theta): the elliptic integrals of the Jenkins
+ * element are elementary. */
 static void test_jenkins(void) {
     const double A = 2.3, kt = 1.7, S = 0.9, T = acos(1.0 - 2.0 * S / (kt * A));
     const bd_element element = {.kt = {kt, kt}, .kn = 0.0, .mu = 0.3, .n0 = S / 0.3};
-    const double x[9] = {0.0, A, 0.0, 5.0, 0.0, A, 0.0, 0.0, 0.0}; /* the second direction: offset, along the sine */
+    /* the second direction: offset, along the sine */
+    const double x[9] = {0.0, A, 0.0, 5.0, 0.0, A, 0.0, 0.0, 0.0};
     bd_event_work work;
     CHECK(bd_event_create(&work, 1) == BD_OK);
     result r = make_result(3);
     bd_event_evaluate(&element, x, &r.out, &r.share, &work);
-    const double c1 = kt * A / BD_PI * (T - 0.5 * sin(2.0 * T)), s1 = -kt * A / BD_PI * sin(T) * sin(T);
+    const double c1 = kt * A / BD_PI * (T - 0.5 * sin(2.0 * T)),
+                 s1 = -kt * A / BD_PI * sin(T) * sin(T);
     CHECK_NEAR(r.F[0], 0.0, 1e-15);
     CHECK_NEAR(r.F[1], c1, 1e-14);
     CHECK_NEAR(r.F[2], s1, 1e-14);
@@ -150,7 +154,8 @@ static void test_tangent(int n_harm) {
                 x[c * n_coef + j] = kept;
                 for (int d = 0; d < 3; ++d)
                     for (int i = 0; i < n_coef; ++i) {
-                        const double difference = (plus.F[d * n_coef + i] - minus.F[d * n_coef + i]) / (2.0 * h);
+                        const double difference =
+                            (plus.F[d * n_coef + i] - minus.F[d * n_coef + i]) / (2.0 * h);
                         double exact = 0.0;
                         if (d < 2 && c == d) exact = r.out.dT[d][i * n_coef + j];
                         if (d < 2 && c == 2) exact = r.out.dTv[d][i * n_coef + j];

@@ -1,5 +1,5 @@
-/* Harmonic balance equations: a stuck system in closed form, finite differences, creation and destruction of the
- * workspace. */
+/* Harmonic balance equations: a stuck system in closed form, finite differences, creation and
+ * destruction of the workspace. */
 #include "balance/harmonic_balance.h"
 #include "check.h"
 
@@ -11,12 +11,14 @@ enum { UNKNOWN = 2 + 2 * (3 + 0 + 2) };
 
 typedef struct {
     double stiffness[MODES], mass[MODES], damping[MODES], G[2 * 3 * POINTS * MODES];
-    double kt[2 * POINTS], kn[POINTS], mu[POINTS], n0[POINTS], w[2 * POINTS], shift[3 * POINTS], force[UNKNOWN];
+    double kt[2 * POINTS], kn[POINTS], mu[POINTS], n0[POINTS], w[2 * POINTS], shift[3 * POINTS],
+        force[UNKNOWN];
     int law[POINTS];
     bd_hbm_input input;
 } structure;
 
-static void make_structure(structure *s, unsigned long long *seed, double mu, bd_evaluation evaluation) {
+static void make_structure(structure *s, unsigned long long *seed, double mu,
+                           bd_evaluation evaluation) {
     for (int i = 0; i < MODES; ++i) {
         s->stiffness[i] = 1.5 + uniform(seed);
         s->mass[i] = i % 3 == 2 ? 0.0 : 1.0;
@@ -66,7 +68,8 @@ static void test_stuck_by_hand(void) {
     CHECK(hbm.n_unknown == UNKNOWN);
     double u[UNKNOWN], omega = 0.7;
     for (int i = 0; i < UNKNOWN; ++i) u[i] = uniform(&seed);
-    double *r = not_numbers(UNKNOWN), *J = not_numbers(UNKNOWN * UNKNOWN), *d = not_numbers(UNKNOWN);
+    double *r = not_numbers(UNKNOWN), *J = not_numbers(UNKNOWN * UNKNOWN),
+           *d = not_numbers(UNKNOWN);
     CHECK(bd_hbm_evaluate(&hbm, u, omega, r, J, d) == BD_OK);
     for (int l = 0, first = 0, mode = 0, place = 0; l <= HARM; ++l) {
         const int n = n_mode[l];
@@ -74,12 +77,16 @@ static void test_stuck_by_hand(void) {
         for (int j = 0; j < n; ++j) {
             const double w = l * omega, k = s.stiffness[mode + j] - w * w * s.mass[mode + j];
             const double re = u[first + j], im = l == 0 ? 0.0 : -u[first + n + j];
-            double r_re = k * re - w * s.damping[mode + j] * im, r_im = k * im + w * s.damping[mode + j] * re;
+            double r_re = k * re - w * s.damping[mode + j] * im,
+                   r_im = k * im + w * s.damping[mode + j] * re;
             for (int c = 0; c < 3 * POINTS; ++c) {
                 const int p = c / 3, a = c % 3;
-                double stiffness = a == 2 ? s.kn[p] : s.kt[2 * p + a], constant = 0.0, x_re = 0.0, x_im = 0.0;
+                double stiffness = a == 2 ? s.kn[p] : s.kt[2 * p + a], constant = 0.0, x_re = 0.0,
+                       x_im = 0.0;
                 if (a < 2 && s.law[p] == BD_LAW_NORMAL) stiffness = 0.0;
-                if (l == 0) constant = a == 2 ? s.n0[p] / stiffness + s.shift[c] : s.shift[c] - s.w[2 * p + a];
+                if (l == 0)
+                    constant =
+                        a == 2 ? s.n0[p] / stiffness + s.shift[c] : s.shift[c] - s.w[2 * p + a];
                 for (int m = 0; m < n; ++m) {
                     const double g_re = G[2 * (c * n + m)], g_im = G[2 * (c * n + m) + 1];
                     const double q_re = u[first + m], q_im = l == 0 ? 0.0 : -u[first + n + m];
@@ -91,7 +98,8 @@ static void test_stuck_by_hand(void) {
                 r_re += g_re * f_re + g_im * f_im;
                 r_im += g_re * f_im - g_im * f_re;
             }
-            CHECK_NEAR(r[first + j], r_re - s.force[first + j], 1e-9 * (l == 0 ? 1e6 : 1.0) * 1e-3 + 1e-12);
+            CHECK_NEAR(r[first + j], r_re - s.force[first + j],
+                       1e-9 * (l == 0 ? 1e6 : 1.0) * 1e-3 + 1e-12);
             if (l > 0) CHECK_NEAR(r[first + n + j], -r_im - s.force[first + n + j], 1e-12);
         }
         first += (l == 0 ? 1 : 2) * n;
@@ -114,7 +122,8 @@ static void test_derivatives(bd_evaluation evaluation) {
         CHECK(bd_hbm_create(&hbm, &s.input) == BD_OK);
         double u[UNKNOWN], plus[UNKNOWN], minus[UNKNOWN];
         for (int i = 0; i < UNKNOWN; ++i) u[i] = uniform(&seed);
-        double *r = not_numbers(UNKNOWN), *J = not_numbers(UNKNOWN * UNKNOWN), *d = not_numbers(UNKNOWN);
+        double *r = not_numbers(UNKNOWN), *J = not_numbers(UNKNOWN * UNKNOWN),
+               *d = not_numbers(UNKNOWN);
         const double omega = 0.9, h = 1e-6;
         CHECK(bd_hbm_evaluate(&hbm, u, omega, r, J, d) == BD_OK);
         for (int j = 0; j <= UNKNOWN; ++j) {
@@ -122,8 +131,10 @@ static void test_derivatives(bd_evaluation evaluation) {
             memcpy(up, u, sizeof up);
             memcpy(down, u, sizeof down);
             if (j < UNKNOWN) up[j] += h, down[j] -= h;
-            CHECK(bd_hbm_evaluate(&hbm, up, omega + (j == UNKNOWN ? h : 0.0), plus, NULL, NULL) == BD_OK);
-            CHECK(bd_hbm_evaluate(&hbm, down, omega - (j == UNKNOWN ? h : 0.0), minus, NULL, NULL) == BD_OK);
+            CHECK(bd_hbm_evaluate(&hbm, up, omega + (j == UNKNOWN ? h : 0.0), plus, NULL, NULL) ==
+                  BD_OK);
+            CHECK(bd_hbm_evaluate(&hbm, down, omega - (j == UNKNOWN ? h : 0.0), minus, NULL,
+                                  NULL) == BD_OK);
             for (int i = 0; i < UNKNOWN; ++i) {
                 const double difference = (plus[i] - minus[i]) / (2.0 * h);
                 const double exact = j == UNKNOWN ? d[i] : J[i * UNKNOWN + j];
@@ -158,7 +169,8 @@ static void test_sizes(void) {
     double *G = malloc(sizeof(double) * n_G), *big = malloc(sizeof(double) * 10 * MANY);
     int *law = malloc(sizeof(int) * MANY);
     if (!G || !big || !law) abort();
-    double *kt = big, *kn = kt + 2 * MANY, *mu = kn + MANY, *n0 = mu + MANY, *w = n0 + MANY, *shift = w + 2 * MANY;
+    double *kt = big, *kn = kt + 2 * MANY, *mu = kn + MANY, *n0 = mu + MANY, *w = n0 + MANY,
+           *shift = w + 2 * MANY;
     for (int l = 0, place = 0; l <= HARM; ++l) {
         const int block = 2 * 3 * n_mode[l];
         for (int p = 0; p < MANY; ++p)
@@ -178,19 +190,22 @@ static void test_sizes(void) {
     s.input.n_point = POINTS;
     bd_hbm_input many = s.input;
     many.n_point = MANY;
-    many.G = G, many.kt = kt, many.kn = kn, many.mu = mu, many.n0 = n0, many.w = w, many.shift = shift, many.law = law;
+    many.G = G, many.kt = kt, many.kn = kn, many.mu = mu, many.n0 = n0, many.w = w,
+    many.shift = shift, many.law = law;
     CHECK(bd_hbm_create(&one, &s.input) == BD_OK);
     CHECK(bd_hbm_create(&all, &many) == BD_OK);
     CHECK(all.chunk < MANY);
     double *r1 = not_numbers(UNKNOWN), *r2 = not_numbers(UNKNOWN);
-    double *J0 = not_numbers(UNKNOWN * UNKNOWN), *J1 = not_numbers(UNKNOWN * UNKNOWN), *J2 = not_numbers(UNKNOWN * UNKNOWN);
+    double *J0 = not_numbers(UNKNOWN * UNKNOWN), *J1 = not_numbers(UNKNOWN * UNKNOWN),
+           *J2 = not_numbers(UNKNOWN * UNKNOWN);
     for (int i = 0; i < UNKNOWN; ++i) u[i] = uniform(&seed);
     s.input.n_point = 0;
     CHECK(bd_hbm_create(&hbm, &s.input) == BD_OK);
     CHECK(bd_hbm_evaluate(&hbm, u, 1.0, r, J0, NULL) == BD_OK);
     CHECK(bd_hbm_evaluate(&one, u, 1.0, r1, J1, NULL) == BD_OK);
     CHECK(bd_hbm_evaluate(&all, u, 1.0, r2, J2, NULL) == BD_OK);
-    /* 5000 = 3 * 1666 + 2: the contribution of point 2 is the difference, since points 0 and 1 occur once more */
+    /* 5000 = 3 * 1666 + 2: the contribution of point 2 is the difference, since points 0 and 1
+     * occur once more */
     bd_hbm_destroy(&one);
     s.input.n_point = POINTS;
     s.mu[2] = 0.0;
@@ -198,8 +213,10 @@ static void test_sizes(void) {
     CHECK(bd_hbm_create(&one, &s.input) == BD_OK);
     double *r3 = not_numbers(UNKNOWN), *J3 = not_numbers(UNKNOWN * UNKNOWN);
     CHECK(bd_hbm_evaluate(&one, u, 1.0, r3, J3, NULL) == BD_OK);
-    for (int i = 0; i < UNKNOWN; ++i) CHECK_NEAR(r2[i], r[i] + 1666.0 * (r1[i] - r[i]) + (r3[i] - r[i]), 1e-8);
-    for (int i = 0; i < UNKNOWN * UNKNOWN; ++i) CHECK_NEAR(J2[i], J0[i] + 1666.0 * (J1[i] - J0[i]) + (J3[i] - J0[i]), 1e-8);
+    for (int i = 0; i < UNKNOWN; ++i)
+        CHECK_NEAR(r2[i], r[i] + 1666.0 * (r1[i] - r[i]) + (r3[i] - r[i]), 1e-8);
+    for (int i = 0; i < UNKNOWN * UNKNOWN; ++i)
+        CHECK_NEAR(J2[i], J0[i] + 1666.0 * (J1[i] - J0[i]) + (J3[i] - J0[i]), 1e-8);
     bd_hbm_destroy(&one);
     bd_hbm_destroy(&all);
     bd_hbm_destroy(&hbm);

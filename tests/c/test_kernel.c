@@ -1,4 +1,5 @@
-/* Inner loops of every build on this processor against plain loops, for every remainder of the tiles. */
+/* Inner loops of every build on this processor against plain loops, for every
+ * remainder of the tiles. */
 #include "util/kernels.h"
 #include "check.h"
 
@@ -10,15 +11,19 @@ static double *random_numbers(size_t n, unsigned long long *seed) {
     return x;
 }
 
-static void test_product(const bd_kernel *kernel, size_t m, size_t n, size_t k, unsigned long long *seed) {
+static void test_product(const bd_kernel *kernel, size_t m, size_t n, size_t k,
+                         unsigned long long *seed) {
     const size_t stride = bd_kernel_stride(n), stride_c = n + 3;
     CHECK(stride >= n + 7 && stride < n + 15 && stride % 8 == 0);
-    double *A = random_numbers(k * m, seed), *B = random_numbers(k * stride, seed), *C = random_numbers(m * stride_c, seed);
+    double *A = random_numbers(k * m, seed), *B = random_numbers(k * stride, seed),
+           *C = random_numbers(m * stride_c, seed);
     double *expected = not_numbers(m * stride_c);
-    memcpy(expected, C, sizeof(double) * m * stride_c); /* the memory between the rows must not change */
+    /* the memory between the rows must not change */
+    memcpy(expected, C, sizeof(double) * m * stride_c);
     for (size_t i = 0; i < m; ++i)
         for (size_t j = 0; j < n; ++j)
-            for (size_t p = 0; p < k; ++p) expected[i * stride_c + j] += A[p * m + i] * B[p * stride + j];
+            for (size_t p = 0; p < k; ++p)
+                expected[i * stride_c + j] += A[p * m + i] * B[p * stride + j];
     kernel->product(m, n, k, A, B, stride, C, stride_c);
     for (size_t i = 0; i < m * stride_c; ++i) CHECK_NEAR(C[i], expected[i], 1e-13);
     free(A);
@@ -27,14 +32,16 @@ static void test_product(const bd_kernel *kernel, size_t m, size_t n, size_t k, 
     free(expected);
 }
 
-static void test_add_product(const bd_kernel *kernel, size_t m, size_t n, size_t k, unsigned long long *seed) {
+static void test_add_product(const bd_kernel *kernel, size_t m, size_t n, size_t k,
+                             unsigned long long *seed) {
     const size_t stride_a = k + 2, stride_b = n + 1, stride_c = n + 3;
     double *A = random_numbers(m * stride_a, seed), *B = random_numbers(k * stride_b, seed);
     double *C = random_numbers(m * stride_c, seed), *expected = not_numbers(m * stride_c);
     memcpy(expected, C, sizeof(double) * m * stride_c);
     for (size_t i = 0; i < m; ++i)
         for (size_t j = 0; j < n; ++j)
-            for (size_t p = 0; p < k; ++p) expected[i * stride_c + j] -= 1.5 * A[i * stride_a + p] * B[p * stride_b + j];
+            for (size_t p = 0; p < k; ++p)
+                expected[i * stride_c + j] -= 1.5 * A[i * stride_a + p] * B[p * stride_b + j];
     kernel->add_product(m, n, k, -1.5, A, stride_a, B, stride_b, C, stride_c);
     for (size_t i = 0; i < m * stride_c; ++i) CHECK_NEAR(C[i], expected[i], 1e-13);
     free(A);
@@ -73,10 +80,13 @@ static void test_invert(const bd_kernel *kernel, int n, unsigned long long *seed
     free(pivot);
 }
 
-static void test_vectors(const bd_kernel *kernel, size_t pairs, size_t columns, unsigned long long *seed) {
+static void test_vectors(const bd_kernel *kernel, size_t pairs, size_t columns,
+                         unsigned long long *seed) {
     const size_t rows = 2 * pairs;
-    double *A = random_numbers(rows * columns, seed), *x = random_numbers(columns, seed), *y = not_numbers(rows);
-    double *z = random_numbers(rows, seed), *t = random_numbers(columns, seed), *expected = not_numbers(columns + 1);
+    double *A = random_numbers(rows * columns, seed), *x = random_numbers(columns, seed),
+           *y = not_numbers(rows);
+    double *z = random_numbers(rows, seed), *t = random_numbers(columns, seed),
+           *expected = not_numbers(columns + 1);
     double *turned = random_numbers(columns, seed), *both = not_numbers(rows);
     for (size_t j = 0; j < columns; ++j) {
         expected[j] = t[j];
@@ -132,7 +142,8 @@ static void test_fill(const bd_kernel *kernel, int n_source, unsigned long long 
                 double sum = 0.0;
                 for (int s = 0; s < n_source; ++s)
                     for (int t = 0; t < rows; ++t)
-                        sum += block[s][i * COEF + (m == 0 ? 0 : 2 * m - 1) + t] * G[s][m][t * columns + j];
+                        sum += block[s][i * COEF + (m == 0 ? 0 : 2 * m - 1) + t] *
+                               G[s][m][t * columns + j];
                 CHECK_NEAR(z[i][first[m] + j], sum, 1e-13);
             }
         }
@@ -181,7 +192,8 @@ int main(void) {
             }
         test_product(kernel[v], 33, 112, 72, &seed);
         for (size_t pairs = 1; pairs <= 3; ++pairs)
-            for (size_t columns = 1; columns <= 37; ++columns) test_vectors(kernel[v], pairs, columns, &seed);
+            for (size_t columns = 1; columns <= 37; ++columns)
+                test_vectors(kernel[v], pairs, columns, &seed);
         for (int n_source = 1; n_source <= 3; ++n_source) test_fill(kernel[v], n_source, &seed);
         test_grid(kernel[v], &seed);
         for (int size = 1; size <= 40; ++size) test_invert(kernel[v], size, &seed);

@@ -1,5 +1,5 @@
-/* Lack of memory at any allocation: creation returns the status and leaves no memory allocated. The linker redirects the
- * allocations of the core to the functions here. */
+/* Lack of memory at any allocation: creation returns the status and leaves no memory allocated. The
+ * linker redirects the allocations of the core to the functions here. */
 #include "balance/sector.h"
 #include "balance/nonlinear_mode.h"
 #include "time/integration.h"
@@ -24,7 +24,9 @@ static void *counted(void *memory) {
 
 void *__wrap_malloc(size_t size) { return left-- > 0 ? counted(__real_malloc(size)) : NULL; }
 
-void *__wrap_calloc(size_t n, size_t size) { return left-- > 0 ? counted(__real_calloc(n, size)) : NULL; }
+void *__wrap_calloc(size_t n, size_t size) {
+    return left-- > 0 ? counted(__real_calloc(n, size)) : NULL;
+}
 
 void __wrap_free(void *memory) {
     n_live -= memory != NULL;
@@ -41,8 +43,11 @@ typedef struct {
 } workspaces;
 
 static const double own_numbers[6] = {1.0, 1.0, 0.5, 1.0, 0.5, 1.0};
-static const bd_point_law own_law = {
-    .function = bd_law_bouc_wen, .n_parameter = 6, .n_state = 2, .parameter = own_numbers, .memory = own_numbers};
+static const bd_point_law own_law = {.function = bd_law_bouc_wen,
+                                     .n_parameter = 6,
+                                     .n_state = 2,
+                                     .parameter = own_numbers,
+                                     .memory = own_numbers};
 
 static bd_status create_evaluator(workspaces *w) {
     const bd_status status = bd_evaluator_create(&w->evaluator, w->evaluation, 2, 64);
@@ -55,7 +60,8 @@ static bd_status create_evaluator(workspaces *w) {
 static void destroy_evaluator(workspaces *w) { bd_evaluator_destroy(&w->evaluator); }
 
 static bd_status create_sector(workspaces *w) {
-    const int n_mode[3] = {1, 2, 0}, law[1] = {w->evaluation == BD_EXACT ? BD_LAW_SEPARABLE : BD_LAW_USER};
+    const int n_mode[3] = {1, 2, 0},
+              law[1] = {w->evaluation == BD_EXACT ? BD_LAW_SEPARABLE : BD_LAW_USER};
     const double one[3] = {1.0, 1.0, 1.0}, G[2 * 3 * 3] = {1.0}, none[5] = {0.0};
     const bd_hbm_input input = {.n_point = 1,
                                 .n_harm = 2,
@@ -84,7 +90,8 @@ static void destroy_sector(workspaces *w) {
     w->sector = NULL;
 }
 
-/* The sector with its eased equations or its nonlinear modes; another case tests the sector alone. */
+/* The sector with its eased equations or its nonlinear modes; another case
+ * tests the sector alone. */
 static bd_status create_eased(workspaces *w) {
     const double ramp[5] = {1.0}, support[25] = {1.0};
     bd_status status = create_sector(w);
@@ -96,7 +103,8 @@ static bd_status create_eased(workspaces *w) {
 static bd_status create_modes(workspaces *w) {
     const double shape[5] = {0.0, 1.0}, row_scale[7] = {1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0};
     bd_status status = create_sector(w);
-    if (status == BD_OK) status = bd_modes_create(&w->other, w->sector, shape, shape, 1.0, row_scale);
+    if (status == BD_OK)
+        status = bd_modes_create(&w->other, w->sector, shape, shape, 1.0, row_scale);
     if (status != BD_OK) destroy_sector(w);
     return status;
 }

@@ -1,4 +1,5 @@
-/* Sampled evaluation against the law in plain C, and its convergence to the event-driven evaluation. */
+/* Sampled evaluation against the law in plain C, and its convergence to the
+ * event-driven evaluation. */
 #include "contact/evaluator.h"
 #include "check.h"
 #include "sampled_law.h"

@@ -1,13 +1,15 @@
-/* Search for the steady slider if Newton's method has no step: the ellipse alone converges, from anywhere. */
+/* Search for the steady slider if Newton's method has no step: the ellipse alone
+ * converges, from anywhere. */
 #include "../../csrc/contact/coupled_friction.c"
 #include "check.h"
 
-/* A period map that turns by an angle about the end and contracts, P(s) - end = q turn(s - end). Newton's method
- * receives the identity as its derivative. */
+/* A period map that turns by an angle about the end and contracts, P(s) - end = q turn(s - end).
+ * Newton's method receives the identity as its derivative. */
 static void test_ellipse_alone(double q, double angle, const double *end) {
     bd_sampled_work sampled;
     bd_coulomb_work work;
-    CHECK(bd_sampled_create(&sampled, 1, 8, 1) == BD_OK && bd_coulomb_create(&work, &sampled) == BD_OK);
+    CHECK(bd_sampled_create(&sampled, 1, 8, 1) == BD_OK &&
+          bd_coulomb_create(&work, &sampled) == BD_OK);
     memset(work.point_samples, 0, sizeof(double) * 4 * (size_t)work.n_padded * BD_LANES);
     select_lane(&work, 0);
     for (int k = 0; k < work.n_time; ++k) work.R[k] = 3.0;

@@ -1,5 +1,5 @@
-/* Newton's method on systems of one and two modes: a hardening contact, a neutral direction, a peak, bad input; the
- * order of the calls on equations. */
+/* Newton's method on systems of one and two modes: a hardening contact, a neutral direction, a
+ * peak, bad input; the order of the calls on equations. */
 #include "balance/sector.h"
 #include "solver/newton.h"
 #include "check.h"
@@ -10,7 +10,8 @@
 /* Mode 0 (mean) and mode 1 (first harmonic) of one mass against a preloaded friction spring. */
 typedef struct {
     int n_mode[2], law[1];
-    double stiffness[2], mass[2], damping[2], G[12], kt[2], kn[1], mu[1], n0[1], w[2], shift[3], force[3];
+    double stiffness[2], mass[2], damping[2], G[12], kt[2], kn[1], mu[1], n0[1], w[2], shift[3],
+        force[3];
     bd_sector *sector;
     bd_equations *equations; /* of the sector */
 } oscillator;
@@ -54,8 +55,9 @@ static void finish(oscillator *o) { bd_equations_destroy(o->equations); }
 static const double ones[4] = {1.0, 1.0, 1.0, 1.0}, at_frequency[4] = {0.0, 0.0, 0.0, 1.0};
 static const bd_solver_options usual = {.tolerance = 1e-12, .max_iterations = 30, .line_search = 1};
 
-static bd_status correct(bd_equations *e, const bd_solver_options *options, double *y, const double *row,
-                         const double *scale, double *tangent, bd_solver_report *report) {
+static bd_status correct(bd_equations *e, const bd_solver_options *options, double *y,
+                         const double *row, const double *scale, double *tangent,
+                         bd_solver_report *report) {
     const bd_condition plane = {.kind = BD_LINEAR, .row = row};
     return bd_solve(e, &plane, options, scale, y, tangent, report);
 }
@@ -134,7 +136,8 @@ static void test_failures(void) {
     CHECK(correct(o.equations, &usual, z, at_frequency, ones, NULL, &report) == BD_NOT_FINITE);
     double few[4] = {0.1, 0.5, 1.5, 1.0};
     options.max_iterations = 1;
-    CHECK(correct(o.equations, &options, few, at_frequency, ones, NULL, &report) == BD_NOT_CONVERGED);
+    CHECK(correct(o.equations, &options, few, at_frequency, ones, NULL, &report) ==
+          BD_NOT_CONVERGED);
     CHECK(report.iterations == 1 && report.residual > 1e-12);
     finish(&o);
 }
@@ -162,7 +165,8 @@ static void test_ramp(void) {
 static void test_support(void) {
     oscillator o;
     make(&o, 3.0, 1.0);
-    const double ramp[3] = {0.0, 0.0, 0.0}, support[9] = {5.0, 0.0, 0.0, 0.0, 3.0, 0.7, 0.0, -0.7, 3.0};
+    const double ramp[3] = {0.0, 0.0, 0.0},
+                 support[9] = {5.0, 0.0, 0.0, 0.0, 3.0, 0.7, 0.0, -0.7, 3.0};
     bd_equations *eased;
     CHECK(bd_eased_create(&eased, o.sector, 0.5, ramp, support) == BD_OK);
     double y[4] = {0.2, 0.0, 0.0, 0.5}, tangent[4], near[4] = {0.0, 0.0, 0.0, 0.5001};
@@ -181,16 +185,23 @@ static void test_support(void) {
     finish(&o);
 }
 
-/* The peak of a linear oscillator in closed form: |x|^2 has its maximum at the minimum of (k - w^2)^2 + (c w)^2. */
+/* The peak of a linear oscillator in closed form: |x|^2 has its maximum at the minimum of
+ * (k - w^2)^2 + (c w)^2. */
 static void test_peak(void) {
     oscillator o;
     make(&o, 3.0, 0.01); /* it sticks: stiffness 2, damping 0.02 */
-    const double re[3] = {0.0, 1.0, 0.0}, im[3] = {0.0, 0.0, -1.0}, w = sqrt(2.0 - 0.5 * 0.02 * 0.02);
+    const double re[3] = {0.0, 1.0, 0.0}, im[3] = {0.0, 0.0, -1.0},
+                 w = sqrt(2.0 - 0.5 * 0.02 * 0.02);
     const double scale[4] = {1.0, 0.3, 0.3, 0.01};
     double y[4] = {0.0, 0.0, 0.3, 0.998 * w}, tangent[4];
     bd_solver_report report;
     CHECK(correct(o.equations, &usual, y, at_frequency, scale, tangent, &report) == BD_OK);
-    bd_condition peak = {.kind = BD_STATIONARY, .re = re, .im = im, .curvature = -1.0, .tolerance = 1e-9, .max_step = 0.2};
+    bd_condition peak = {.kind = BD_STATIONARY,
+                         .re = re,
+                         .im = im,
+                         .curvature = -1.0,
+                         .tolerance = 1e-9,
+                         .max_step = 0.2};
     double found[4], t[4];
     memcpy(found, y, sizeof y);
     memcpy(t, tangent, sizeof t);
@@ -205,7 +216,10 @@ static void test_peak(void) {
     CHECK(report.curvature < 0.0 && fabs(report.slope) < 1e-8 && report.residual <= 1e-12);
     CHECK_NEAR(report.slope, bd_slope(&peak, found, t, scale, 3), 1e-15);
     /* a linear curve has no fold, and no peak with increasing phi */
-    const bd_condition fold = {.kind = BD_STATIONARY, .curvature = -1.0, .tolerance = 1e-9, .max_step = 0.2};
+    const bd_condition fold = {.kind = BD_STATIONARY,
+                               .curvature = -1.0,
+                               .tolerance = 1e-9,
+                               .max_step = 0.2};
     memcpy(found, y, sizeof y);
     memcpy(t, tangent, sizeof t);
     CHECK(bd_solve(o.equations, &fold, &usual, scale, found, t, &report) == BD_NOT_CONVERGED);
@@ -220,7 +234,8 @@ static void test_peak(void) {
 static void test_order(void) {
     oscillator o;
     make(&o, 3.0, 1.0);
-    const double y[4] = {0.1, 0.5, 1.5, 1.2}, bad[4] = {0.1, NAN, 1.5, 1.2}, wild[4] = {0.0, NAN, 0.0, 1.0};
+    const double y[4] = {0.1, 0.5, 1.5, 1.2}, bad[4] = {0.1, NAN, 1.5, 1.2},
+                 wild[4] = {0.0, NAN, 0.0, 1.0};
     const bd_border border = {at_frequency, ones}, no_border = {wild, ones};
     double b[4] = {1.0, 2.0, 3.0, 4.0};
     bd_equations *e = o.equations;
@@ -264,7 +279,10 @@ static void test_gradient_that_fails(void) {
     oscillator o;
     make(&o, 3.0, 1.0);
     const double y[4] = {0.1, 0.5, 1.5, 1.2};
-    const bd_condition fold = {.kind = BD_STATIONARY, .curvature = -1.0, .tolerance = 1e-9, .max_step = 0.2};
+    const bd_condition fold = {.kind = BD_STATIONARY,
+                               .curvature = -1.0,
+                               .tolerance = 1e-9,
+                               .max_step = 0.2};
     double row[4], nu[3];
     CHECK(bd_gradient(o.equations, &fold, ones, y, at_frequency, 1e-5, row, nu) == BD_OK);
     forming = *o.equations->type;

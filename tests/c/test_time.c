@@ -1,5 +1,5 @@
-/* Time integration: an oscillator against its steps in closed form, a slider against the clip, derivatives of the forces
- * against differences, equality of all builds of the loop. */
+/* Time integration: an oscillator against its steps in closed form, a slider against the clip,
+ * derivatives of the forces against differences, equality of all builds of the loop. */
 #define BD_VARIANT of_the_test
 #define BD_VARIANT_NAME "of the test"
 #include "time/generalised_alpha.c" /* for the derivatives, which are static */
@@ -9,11 +9,12 @@
 
 enum { SECTORS = 5, POINTS = 11, FAMILIES = 2, MODES = 12, FORCES = 2 };
 
-/* A mass on a spring with a unilateral stop, in direct contact or through another spring without mass. */
+/* A mass on a spring with a unilateral stop, in direct contact or through
+ * another spring without mass. */
 static void test_oscillator(int with_spring) {
     const int two = 1 + with_spring, zero = 0, law = BD_LAW_NORMAL, held[2] = {0, 0}, order = 1;
-    const double ks = 5.0, k[2] = {2.0, ks}, m[2] = {0.5, 0.0}, c[2] = {0.1, 0.0}, kt[2] = {0.0, 0.0}, kn = 3.0,
-                 none[3] = {0.0};
+    const double ks = 5.0, k[2] = {2.0, ks}, m[2] = {0.5, 0.0}, c[2] = {0.1, 0.0},
+                 kt[2] = {0.0, 0.0}, kn = 3.0, none[3] = {0.0};
     double G[12] = {0.0}; /* complex (3, two): the normal motion of each */
     for (int i = 0; i < two; ++i) G[2 * (2 * two + i)] = 1.0;
     const double n0 = 0.2, force[8] = {1.0}, row[4] = {1.0};
@@ -41,7 +42,8 @@ static void test_oscillator(int with_spring) {
                               .response_row = row};
     bd_time t;
     CHECK(bd_time_create(&t, &in) == BD_OK);
-    double q[4] = {0.3}, v[4] = {-0.2}, a[4] = {0.0}, w[2] = {0.0, 0.0}, X[2 * 2 * 3], trace[4 * 150];
+    double q[4] = {0.3}, v[4] = {-0.2}, a[4] = {0.0}, w[2] = {0.0, 0.0}, X[2 * 2 * 3],
+           trace[4 * 150];
     const bd_time_path path = {.n_step = 150,
                                .first_step = 10,
                                .steps_per_period = 70,
@@ -56,8 +58,9 @@ static void test_oscillator(int with_spring) {
     bd_time_effort effort = {0};
     CHECK(bd_time_integrate(&t, &path, q, v, a, w, &effort) == BD_OK);
     CHECK(effort.n_solution == 150 + with_spring && effort.n_evaluation <= 15 * effort.n_solution);
-    const double h = BD_TWO_PI / 1.7 / 70, give = with_spring ? 1.0 + kn / ks : 1.0, am = 0.2 / 1.6, af = 0.6 / 1.6,
-                 late = 1.0 - af, gamma = 0.5 - am + af, b = 0.25 * (1.0 - am + af) * (1.0 - am + af),
+    const double h = BD_TWO_PI / 1.7 / 70, give = with_spring ? 1.0 + kn / ks : 1.0, am = 0.2 / 1.6,
+                 af = 0.6 / 1.6, late = 1.0 - af, gamma = 0.5 - am + af,
+                 b = 0.25 * (1.0 - am + af) * (1.0 - am + af),
                  inertia = m[0] * (1.0 - am) + late * (c[0] * gamma * h + k[0] * b * h * h);
     double x = 0.3, y = -0.2, mean = 0.0, N = fmax(n0 + kn * x, 0.0) / give;
     double z = (cos(BD_TWO_PI * 10 / 70) - k[0] * x - c[0] * y - N) / m[0];
@@ -68,9 +71,11 @@ static void test_oscillator(int with_spring) {
         if (i >= 70 && i < 140) mean += x / 70;
         open += n0 + kn * x < 0.0;
         const double e = cos(BD_TWO_PI * (10 + i) / 70), next = cos(BD_TWO_PI * (11 + i) / 70);
-        const double rest = late * next + af * (e - N) - m[0] * am * z - c[0] * (y + late * h * (1.0 - gamma) * z) -
+        const double rest = late * next + af * (e - N) - m[0] * am * z -
+                            c[0] * (y + late * h * (1.0 - gamma) * z) -
                             k[0] * (x + late * (h * y + h * h * (0.5 - b) * z));
-        const double free_end = x + h * y + h * h * ((0.5 - b) * z + b * rest / inertia), beta = b * h * h * late / inertia;
+        const double free_end = x + h * y + h * h * ((0.5 - b) * z + b * rest / inertia),
+                     beta = b * h * h * late / inertia;
         N = fmax(n0 + kn * free_end, 0.0) / (give + kn * beta);
         const double faster = (rest - late * N) / inertia;
         x = free_end - beta * N;
@@ -86,10 +91,12 @@ static void test_oscillator(int with_spring) {
     bd_time_destroy(&t);
 }
 
-/* The slider of a point with a reversing motion is u clipped; a bonded and a fixed slider do not move. */
+/* The slider of a point with a reversing motion is u clipped; a bonded and a
+ * fixed slider do not move. */
 static void test_sliders(void) {
     const int one = 1, zero = 0, order = 0;
-    const int law[POINTS] = {0, BD_LAW_BONDED, 0, BD_LAW_CONSTANT}, held[2 * POINTS] = {0, 0, 0, 0, 1, 0};
+    const int law[POINTS] = {0, BD_LAW_BONDED, 0, BD_LAW_CONSTANT},
+              held[2 * POINTS] = {0, 0, 0, 0, 1, 0};
     const double unit = 1.0, row[2] = {1.0, 0.0}, none[3 * POINTS] = {0.0};
     double G[6 * POINTS] = {0.0}, kt[2 * POINTS], kn[POINTS], mu[POINTS], n0[POINTS], load[POINTS];
     for (int p = 0; p < POINTS; ++p) {
@@ -137,18 +144,22 @@ static void test_sliders(void) {
 
 /* Many points under all laws, on two families. */
 static void create_all(bd_time *t, unsigned long long *seed) {
-    static double G[2 * 3 * POINTS * MODES], stiffness[MODES], mass[MODES], damping[MODES], kt[2 * POINTS], kn[POINTS],
-        mu[POINTS], n0[POINTS], load[POINTS], shift[3 * POINTS], force[FORCES * 4 * MODES], row[2 * MODES];
+    static double G[2 * 3 * POINTS * MODES], stiffness[MODES], mass[MODES], damping[MODES],
+        kt[2 * POINTS], kn[POINTS], mu[POINTS], n0[POINTS], load[POINTS], shift[3 * POINTS],
+        force[FORCES * 4 * MODES], row[2 * MODES];
     static int law[POINTS], held[2 * POINTS];
     const int n_mode[FAMILIES] = {3, 9}, diameter[FAMILIES] = {0, 2}, order[FORCES] = {0, 1};
     for (int i = 0; i < 2 * 3 * POINTS * MODES; ++i) G[i] = uniform(seed);
     for (int j = 0; j < MODES; ++j) {
-        stiffness[j] = 3.0 + 2.0 * uniform(seed), mass[j] = j % 5 == 1 ? 0.0 : 1.5 + uniform(seed), damping[j] = 0.1;
+        stiffness[j] = 3.0 + 2.0 * uniform(seed), mass[j] = j % 5 == 1 ? 0.0 : 1.5 + uniform(seed),
+        damping[j] = 0.1;
         row[j] = uniform(seed), row[MODES + j] = j < 3 ? 0.0 : uniform(seed);
-        for (int i = 0; i < FORCES * 4; ++i) force[i * MODES + j] = j < 3 && i % 2 ? 0.0 : uniform(seed);
+        for (int i = 0; i < FORCES * 4; ++i)
+            force[i * MODES + j] = j < 3 && i % 2 ? 0.0 : uniform(seed);
     }
     for (int p = 0; p < POINTS; ++p) {
-        kt[2 * p] = 1.0, kt[2 * p + 1] = 1.5, kn[p] = p % BD_N_LAW == BD_LAW_CUBIC ? 0.0 : 1.2, mu[p] = 0.4;
+        kt[2 * p] = 1.0, kt[2 * p + 1] = 1.5, kn[p] = p % BD_N_LAW == BD_LAW_CUBIC ? 0.0 : 1.2,
+               mu[p] = 0.4;
         n0[p] = 0.5 * uniform(seed), load[p] = 0.5 + uniform(seed), law[p] = p % BD_N_LAW;
         held[2 * p] = p == 8;
         for (int d = 0; d < 3; ++d) shift[3 * p + d] = 0.2 * uniform(seed);
@@ -191,7 +202,8 @@ static void integrate_all(const bd_kernel *kernel, double *q, double *v, double 
                                .tolerance = 1e-12,
                                .find_acceleration = 1};
     double a[2 * MODES] = {0.0};
-    for (int j = 0; j < 2 * MODES; ++j) q[j] = v[j] = j >= MODES && j < MODES + 3 ? 0.0 : uniform(&seed);
+    for (int j = 0; j < 2 * MODES; ++j)
+        q[j] = v[j] = j >= MODES && j < MODES + 3 ? 0.0 : uniform(&seed);
     for (int i = 0; i < 2 * SECTORS * POINTS; ++i) w[i] = 0.1 * uniform(&seed);
     bd_time_effort effort = {0};
     CHECK(bd_time_integrate(&t, &path, q, v, a, w, &effort) == BD_OK);
@@ -222,7 +234,8 @@ static void test_failure(void) {
     bd_time_destroy(&t);
 }
 
-/* Away from changes of state (slip, stick, separation, closing), at which one-sided differences disagree. */
+/* Away from changes of state (slip, stick, separation, closing), at which
+ * one-sided differences disagree. */
 static void test_derivatives(void) {
     const double h = 1e-6;
     unsigned long long seed = 12;
@@ -235,7 +248,8 @@ static void test_derivatives(void) {
         for (size_t i = 0; i < (size_t)SECTORS * 2 * s; ++i) t.slider[i] = uniform(&seed);
         for (size_t p = 0; p < POINTS; ++p) {
             double D[9], F[3][3];
-            const double x[3] = {t.motion[p], t.motion[s + p], t.motion[2 * s + p]}, w[2] = {t.slider[p], t.slider[s + p]};
+            const double x[3] = {t.motion[p], t.motion[s + p], t.motion[2 * s + p]},
+                         w[2] = {t.slider[p], t.slider[s + p]};
             contact_tangent(&t, 0, p, x, w, D);
             for (size_t e = 0; e < 3; ++e) {
                 for (int side = 0; side < 3; ++side) {
@@ -253,12 +267,14 @@ static void test_derivatives(void) {
             }
         }
     }
-    CHECK(smooth > 9 * 190 * POINTS && pressed > 500); /* nearly everywhere, and often on points that slip */
+    /* nearly everywhere, and often on points that slip */
+    CHECK(smooth > 9 * 190 * POINTS && pressed > 500);
     bd_time_destroy(&t);
 }
 
 static void test_kernels(void) {
-    static double q[BD_MOST_KERNELS][2 * MODES], v[BD_MOST_KERNELS][2 * MODES], w[BD_MOST_KERNELS][2 * SECTORS * POINTS];
+    static double q[BD_MOST_KERNELS][2 * MODES], v[BD_MOST_KERNELS][2 * MODES],
+        w[BD_MOST_KERNELS][2 * SECTORS * POINTS];
     const bd_kernel *kernel[BD_MOST_KERNELS];
     const int n = bd_kernel_all(kernel);
     for (int i = 0; i < n; ++i) {
@@ -268,7 +284,8 @@ static void test_kernels(void) {
             CHECK_NEAR(v[i][j], v[0][j], 1e-6);
         }
         for (int j = 0; j < 2 * SECTORS * POINTS; ++j) CHECK_NEAR(w[i][j], w[0][j], 1e-7);
-        for (int j = MODES; j < MODES + 3; ++j) CHECK(q[i][j] == 0.0); /* real coordinates stay real */
+        /* real coordinates stay real */
+        for (int j = MODES; j < MODES + 3; ++j) CHECK(q[i][j] == 0.0);
     }
 }
 

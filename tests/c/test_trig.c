@@ -1,4 +1,5 @@
-/* Trigonometric polynomials against sums of sines and cosines, and against polynomials made from their roots. */
+/* Trigonometric polynomials against sums of sines and cosines, and against polynomials made from
+ * their roots. */
 #include "util/trig_polynomial.h"
 #include "check.h"
 
@@ -8,13 +9,15 @@ enum { MOST = 8 };
 
 static double plain_value(int n_harm, const double *x, double theta) {
     double sum = x[0];
-    for (int l = 1; l <= n_harm; ++l) sum += x[2 * l - 1] * cos(l * theta) + x[2 * l] * sin(l * theta);
+    for (int l = 1; l <= n_harm; ++l)
+        sum += x[2 * l - 1] * cos(l * theta) + x[2 * l] * sin(l * theta);
     return sum;
 }
 
 static double plain_slope(int n_harm, const double *x, double theta) {
     double sum = 0.0;
-    for (int l = 1; l <= n_harm; ++l) sum += l * (x[2 * l] * cos(l * theta) - x[2 * l - 1] * sin(l * theta));
+    for (int l = 1; l <= n_harm; ++l)
+        sum += l * (x[2 * l] * cos(l * theta) - x[2 * l - 1] * sin(l * theta));
     return sum;
 }
 
@@ -53,7 +56,8 @@ static void test_values(void) {
     CHECK_NEAR(bd_trig_amplitude(1, x), 5.0, 1e-15);
 }
 
-/* Coefficients of prod_k sin((theta - root_k)/2), k < 2 n_harm, by the discrete transform of its samples. */
+/* Coefficients of prod_k sin((theta - root_k)/2), k < 2 n_harm, by the discrete
+ * transform of its samples. */
 static void polynomial_of_roots(int n_harm, const double *root, double *x) {
     const int n_time = 4 * n_harm + 4;
     memset(x, 0, sizeof(double) * (size_t)(2 * n_harm + 1));
@@ -73,7 +77,8 @@ static int roots_of(int n_harm, const double *f, double *root) {
     const int n_time = 16 * n_harm + 16;
     bd_trig_grid grid;
     CHECK(bd_trig_grid_create(&grid, n_harm, n_time) == BD_OK);
-    double *value = not_numbers((size_t)n_time), *slope = not_numbers((size_t)n_time), df[BD_MAX_COEF];
+    double *value = not_numbers((size_t)n_time), *slope = not_numbers((size_t)n_time),
+           df[BD_MAX_COEF];
     if (n_harm > 1) {
         bd_trig_grid_values(&grid, f, value);
         bd_trig_derivative(n_harm, f, df);
@@ -109,7 +114,8 @@ static void test_close_pairs(void) {
     unsigned long long seed = 3;
     for (int trial = 0; trial < 300; ++trial) {
         const int n_harm = 2 + trial % 5, n = 2 * n_harm;
-        const double cell = BD_TWO_PI / (16 * n_harm + 16), distance = cell * pow(10.0, -4.0 * (trial % 50) / 50.0 - 0.1);
+        const double cell = BD_TWO_PI / (16 * n_harm + 16),
+                     distance = cell * pow(10.0, -4.0 * (trial % 50) / 50.0 - 0.1);
         double root[14], found[14], x[15];
         root[0] = cell * (3 + 0.5 * (1.0 + uniform(&seed)) * (1.0 - distance / cell));
         root[1] = root[0] + distance;
@@ -137,10 +143,11 @@ static void test_exact_double_root(void) {
         }
 }
 
-/* (2 s + 1)(s - 1) touches zero on a sample, cos 2 theta - cos theta at the ends of the period: a pair of equal roots or
- * none. */
+/* (2 s + 1)(s - 1) touches zero on a sample, cos 2 theta - cos theta at the ends of the period: a
+ * pair of equal roots or none. */
 static void test_double_root_on_a_sample(void) {
-    const double touch_at_90[5] = {0.0, 0.0, -1.0, -1.0, 0.0}, touch_at_0[5] = {0.0, -1.0, 0.0, 1.0, 0.0};
+    const double touch_at_90[5] = {0.0, 0.0, -1.0, -1.0, 0.0},
+                 touch_at_0[5] = {0.0, -1.0, 0.0, 1.0, 0.0};
     for (int sign = -1; sign <= 1; sign += 2) {
         double x[5], found[4];
         for (int i = 0; i < 5; ++i) x[i] = sign * touch_at_90[i];
@@ -191,7 +198,9 @@ static void test_roots_on_samples(void) {
     double found[4];
     CHECK(roots_of(2, x, found) == 4);
     for (int i = 0; i < 4; ++i)
-        CHECK_NEAR(remainder(found[i] - (found[0] < 1.0 ? 0.5 * BD_PI * i : 0.5 * BD_PI * (i + 1)), BD_TWO_PI), 0.0, 1e-14);
+        CHECK_NEAR(remainder(found[i] - (found[0] < 1.0 ? 0.5 * BD_PI * i : 0.5 * BD_PI * (i + 1)),
+                             BD_TWO_PI),
+                   0.0, 1e-14);
 }
 
 /* A root exactly on a sample and another root in an adjacent cell. */
@@ -209,7 +218,8 @@ static void test_root_beside_a_sample(void) {
                 CHECK(count == n);
                 for (int i = 0; i < n; ++i) {
                     double nearest = 10.0;
-                    for (int j = 0; j < count; ++j) nearest = fmin(nearest, fabs(remainder(found[j] - root[i], BD_TWO_PI)));
+                    for (int j = 0; j < count; ++j)
+                        nearest = fmin(nearest, fabs(remainder(found[j] - root[i], BD_TWO_PI)));
                     CHECK_NEAR(nearest, 0.0, 1e-10);
                 }
             }

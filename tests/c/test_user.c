@@ -1,5 +1,5 @@
-/* Contact laws as functions: Jenkins elements against the friction law of the core, tangents by differences, time
- * integration. */
+/* Contact laws as functions: Jenkins elements against the friction law of the core, tangents by
+ * differences, time integration. */
 #include "contact/evaluator.h"
 #include "time/integration.h"
 #include "check.h"
@@ -35,9 +35,11 @@ static void test_one_element_is_ours(void) {
     unsigned long long seed = 3;
     bd_evaluator e;
     const bd_point_law room = {.function = bd_law_jenkins, .n_state = 2};
-    CHECK(bd_evaluator_create(&e, BD_SAMPLED, HARM, TIME) == BD_OK && bd_evaluator_add_laws(&e, 1, &room) == BD_OK);
+    CHECK(bd_evaluator_create(&e, BD_SAMPLED, HARM, TIME) == BD_OK &&
+          bd_evaluator_add_laws(&e, 1, &room) == BD_OK);
     for (int trial = 0; trial < 200; ++trial) {
-        const double k = 1.5 + uniform(&seed), kn = 1.5 + uniform(&seed), mu = 0.5 + 0.4 * uniform(&seed);
+        const double k = 1.5 + uniform(&seed), kn = 1.5 + uniform(&seed),
+                     mu = 0.5 + 0.4 * uniform(&seed);
         const double n0 = 2.0 * uniform(&seed), w[2] = {uniform(&seed), uniform(&seed)};
         const double p[5] = {1.0, kn, k, 0.0, mu}, memory[5] = {0.0, 0.0, 0.0, w[0], w[1]};
         const bd_point_law point_law = {bd_law_jenkins, NULL, 5, 2, p, memory};
@@ -59,7 +61,8 @@ static void test_one_element_is_ours(void) {
 static void test_tangent(const bd_point_law *point_law) {
     unsigned long long seed = 11;
     bd_evaluator e;
-    CHECK(bd_evaluator_create(&e, BD_SAMPLED, HARM, TIME) == BD_OK && bd_evaluator_add_laws(&e, 1, point_law) == BD_OK);
+    CHECK(bd_evaluator_create(&e, BD_SAMPLED, HARM, TIME) == BD_OK &&
+          bd_evaluator_add_laws(&e, 1, point_law) == BD_OK);
     const bd_element element = with_law(point_law);
     double x[3 * COEF], d[3 * COEF], moved[3 * COEF], difference[3 * COEF] = {0.0};
     for (int i = 0; i < 3 * COEF; ++i) x[i] = uniform(&seed), d[i] = uniform(&seed);
@@ -75,8 +78,9 @@ static void test_tangent(const bd_point_law *point_law) {
         for (int i = 0; i < COEF; ++i) {
             double sum = 0.0;
             for (int c = 0; c < 3; ++c) {
-                const double *block = a == 2 ? (c == 2 ? at.out.dN : at.out.dNt[c])
-                                             : (c == 2 ? at.out.dTv[a] : (c == a ? at.out.dT[a] : at.out.dTc[a]));
+                const double *block =
+                    a == 2 ? (c == 2 ? at.out.dN : at.out.dNt[c])
+                           : (c == 2 ? at.out.dTv[a] : (c == a ? at.out.dT[a] : at.out.dTc[a]));
                 for (int j = 0; j < COEF; ++j) sum += block[i * COEF + j] * d[c * COEF + j];
             }
             CHECK_NEAR(sum, difference[a * COEF + i], 1e-6);
@@ -84,8 +88,8 @@ static void test_tangent(const bd_point_law *point_law) {
     bd_evaluator_destroy(&e);
 }
 
-/* One mass on a joint with the given law. Without excitation the energy decreases monotonically, and an integration in
- * two parts equals one at once. */
+/* One mass on a joint with the given law. Without excitation the energy decreases monotonically,
+ * and an integration in two parts equals one at once. */
 static void test_time_integration(const bd_point_law *point_law) {
     const int one = 1, none[2] = {0}, user = BD_LAW_USER;
     const double unit[6] = {1.0, 0.0, 0.0, 0.0, 0.0, 0.0}, zero[6] = {0.0};
@@ -110,10 +114,15 @@ static void test_time_integration(const bd_point_law *point_law) {
                               .point_law = point_law};
     bd_time t;
     CHECK(bd_time_create(&t, &in) == BD_OK && t.n_memory == 3 + point_law->n_state);
-    double w[2][2 + 3 + 64] = {{0.0}}, q[2][2] = {{1.0, 0.0}, {1.0, 0.0}}, v[2][2] = {{0.0}}, a[2][2] = {{0.0}};
+    double w[2][2 + 3 + 64] = {{0.0}}, q[2][2] = {{1.0, 0.0}, {1.0, 0.0}}, v[2][2] = {{0.0}},
+                        a[2][2] = {{0.0}};
     bd_time_effort effort = {0, 0};
-    bd_time_path path = {
-        .n_step = 128, .steps_per_period = 64, .omega = 1.0, .omega_end = 1.0, .spectral_radius = 0.8, .tolerance = 1e-10};
+    bd_time_path path = {.n_step = 128,
+                         .steps_per_period = 64,
+                         .omega = 1.0,
+                         .omega_end = 1.0,
+                         .spectral_radius = 0.8,
+                         .tolerance = 1e-10};
     path.find_acceleration = 1;
     CHECK(bd_time_integrate(&t, &path, q[0], v[0], a[0], w[0], &effort) == BD_OK);
     path.n_step = 64;
@@ -128,8 +137,10 @@ static void test_time_integration(const bd_point_law *point_law) {
 }
 
 int main(void) {
-    const double zero[16] = {0.0}, joint[11] = {3.0, 1.2, 0.5, 0.05, 0.1, 0.4, 0.2, 0.0, 0.3, 0.4, 0.05};
-    const double linear[6] = {1.5, 2.0, 0.1, 0.8, 0.3, 1.0}, round[6] = {0.0, 2.0, 0.1, 0.8, -0.3, 2.5};
+    const double zero[16] = {0.0},
+                 joint[11] = {3.0, 1.2, 0.5, 0.05, 0.1, 0.4, 0.2, 0.0, 0.3, 0.4, 0.05};
+    const double linear[6] = {1.5, 2.0, 0.1, 0.8, 0.3, 1.0},
+                 round[6] = {0.0, 2.0, 0.1, 0.8, -0.3, 2.5};
     const bd_point_law law[3] = {{bd_law_jenkins, NULL, 11, 6, joint, zero},
                                  {bd_law_bouc_wen, NULL, 6, 2, linear, zero},
                                  {bd_law_bouc_wen, NULL, 6, 2, round, zero}};
