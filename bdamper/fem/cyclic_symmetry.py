@@ -11,6 +11,12 @@ independent to all degrees of freedom, the Hermitian eigenproblem of one sector 
 0`, :math:`u = T q`, :math:`u^H M u = 1`.  The matrices are real for d = 0 and d = N/2.  One factorisation of :math:`T^H K
 T` is sufficient for modes (shift and invert about zero) and static receptances.
 
+The lowest modes of a slender blade are up to 1e5 times softer than the remaining response, which residual modes describe.
+Solved as a part of the whole, this remainder is lost in rounding.  It is therefore solved alone: with modes :math:`\Phi`,
+frequencies :math:`\Omega` and :math:`P = 1 - \Phi \Phi^H M`,
+
+.. math:: K^{-1} f = P\,K^{-1} P^H f + \Phi\,\Omega^{-2}\,\Phi^H f .
+
 Programs differ in the sign of the phase, in the numbering of sectors, and in the representation of waves by real shapes.
 :func:`travelling_waves` uses the condition above at matching nodes of the faces to find the waves toward +X.  A complex
 shape that satisfies it with the opposite phase is replaced by its conjugate.  Two real shapes a, b of one frequency are
@@ -145,6 +151,7 @@ class CyclicSector:
     clamped: NDArray
     nodal_diameter: int
     _modes: tuple[NDArray, NDArray] | None = field(default=None, init=False, repr=False)
+    _reduced_shapes: NDArray | None = field(default=None, init=False, repr=False)
     _contact: tuple[sp.spmatrix, NDArray] | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -174,14 +181,33 @@ class CyclicSector:
         """
         if self._modes is None or len(self._modes[0]) < n_modes:
             omega2, reduced = lowest_modes(self.stiffness, self.mass, self.solver.solve, n_modes)
+            self._reduced_shapes = reduced
             self._modes = omega2, fix_phase(self.transformation @ reduced, self.body.mass)
         return self._modes[0][:n_modes], self._modes[1][:, :n_modes]
 
     def static_response(self, load: sp.spmatrix | NDArray) -> NDArray:
         """Return displacements (n_independent, n) under ``load`` (3 n_nodes, n) on all nodes of the sector."""
-        reduced = self.transformation.conj().T @ load
-        reduced = reduced.toarray() if sp.issparse(reduced) else np.asarray(reduced)
-        return self.solver.solve(np.ascontiguousarray(reduced.astype(self.stiffness.dtype)))
+        force = self.transformation.conj().T @ load
+        force = force.toarray() if sp.issparse(force) else np.asarray(force)
+        if self._modes is None or self._reduced_shapes is None:
+            return self._solve(force)
+        omega2, shapes = self._modes[0], self._reduced_shapes
+        modal_force = shapes.conj().T @ force
+        rest_of_force = force - self.mass @ (shapes @ modal_force)
+        rest = self._without_modes(self._solve(rest_of_force))
+        # one step of refinement
+        rest += self._without_modes(self._solve(rest_of_force - self.stiffness @ rest))
+        return rest + shapes @ (modal_force / omega2[:, None])
+
+    def _solve(self, force: NDArray) -> NDArray:
+        """Apply the inverse of the reduced stiffness to forces (n_independent, n)."""
+        return self.solver.solve(np.ascontiguousarray(force.astype(self.stiffness.dtype)))
+
+    def _without_modes(self, displacement: NDArray) -> NDArray:
+        """Return displacements (n_independent, n) without their part in the modes."""
+        shapes = self._reduced_shapes
+        assert shapes is not None
+        return displacement - shapes @ (shapes.conj().T @ (self.mass @ displacement))
 
     def contact_response(self, contact: sp.spmatrix) -> NDArray:
         """Return displacements (n_independent, n) under unit forces on the rows of ``contact`` (n, 3 n_nodes); cached."""
