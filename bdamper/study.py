@@ -176,7 +176,8 @@ class Study(Comparable):
         """Return excitation, contact, size of the reduced model, and the settings that differ from the defaults."""
         s, coupling = self.settings, self.problem.coupling
         own = {f.name: f.default for f in fields(s)}
-        named = ("model", "excitation", "engine_order", "response", "friction_coefficient", "harmonics", "blade_modes")
+        named = ("model", "excitation", "engine_order", "response", "friction_coefficient", "harmonics", "blade_modes",
+                 "damping_ratio")  # fmt: skip
         other = [name for name in own if name not in (*named, "contact_stiffness") and getattr(s, name) != own[name]]
         at, seen = s.excitation, s.response_location
         sectors = f"{s.model.n_blades} sectors, " if s.model.n_blades > 1 else ""
@@ -202,6 +203,8 @@ class Study(Comparable):
             Fact("contact stiffness", text_of(self.problem.stiffness_method)),
             Fact("contact points", coupling.n_points),
             Fact("modes", sum(map(len, coupling.modes.values())), f"({', '.join(stored)})"),
+            Fact("modal damping ratio", self.problem.damping_text),
+            Fact("damper mass", s.model.masses_text),
             Fact("unknowns", self.problem.n_unknowns),
             *(Fact(spaced(name), f"{shown(getattr(s, name))} {UNITS.get(name, '')}".strip()) for name in other),
             Fact("neglected", "; ".join(s.model.neglected_over_speed(s.needed_diameters)) if s.speed else ""),

@@ -427,9 +427,9 @@ def microslip(
     Returns
     -------
     SweepResult
-        Results over "force", from zero. "displacement" is the displacement of the location along the force (m). Of the
-        friction points, "slipping" is the share of the closed ones that slip, "open" the share without contact. "residual"
-        is the relative residual of modal equilibrium. Forces under which the damper slides have the status "failed".
+        Results over "force", from zero. "displacement" is the displacement of the location along the force (m). "open"
+        is the share of friction points without contact, "slipping" the share of the closed ones that slip. "residual" is
+        the relative residual of modal equilibrium. Forces under which the damper slides have the status "failed".
 
     Raises
     ------

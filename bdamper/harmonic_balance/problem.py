@@ -126,6 +126,21 @@ class Problem:
         """Return settings (:meth:`record`) and hash of the model, for results."""
         return {"settings": self.record(options), "model_hash": self.model.hash}
 
+    @property
+    def damping_text(self) -> str:
+        """Modal damping ratio of the retained elastic modes: the setting, or the value of the model for each body."""
+        own = self.settings.damping_ratio
+        if own is not None:
+            return f"{own:.3g}"
+        texts = {}
+        for name, modes in self.coupling.modes.items():
+            body = self.model.bodies[name]
+            if len(modes) > body.n_rigid and body.damping_text:
+                texts[name] = body.damping_text
+        if len(texts) == 1:
+            return next(iter(texts.values()))
+        return ", ".join(f"{name} {text}" for name, text in texts.items())
+
     # ---- other settings ----
 
     def replace(self, /, **settings: Any) -> Problem:

@@ -167,11 +167,14 @@ class BuiltModel(Plottable):
                 continue
             moments = np.linalg.eigvalsh(free.inertia)
             parts[f"Free body {free.name}, recomputed"] = texts = [
-                f"mass {free.mass:.6g} kg, centre ({', '.join(f'{c:.6g}' for c in free.centre)}) m",
+                f"mass {free.mass:.6g} kg, centre ({', '.join(f'{c:.6g}' for c in free.centre)}) m, "
+                f"radius {free.radius:.6g} m",
                 f"principal moments of inertia {', '.join(f'{m:.6g}' for m in moments)} kg m2",
             ]
             if len(elastic := frequencies_of(free.bases[0])[6:12]):
                 texts.append("elastic modes, Hz: " + "  ".join(f"{f:.6g}" for f in elastic))
+        damping = [f"{body.name}: {body.damping_text}" for body in self.model.bodies.values() if body.damping_text]
+        parts |= {"Modal damping ratio": damping}
         parts |= {"Origin of these numbers": [*self.bases], "Interfaces": [*self.faces]}
         parts |= {"Checks passed": [*self.checks], "Not in this model": [*self.missing]}
         lines = ["Import report"]

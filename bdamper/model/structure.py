@@ -175,6 +175,29 @@ class Body(Record):
     local: Annotated[LocalBasis, Data(file="wheel")] | None = None
     spin: SpinStatic | None = None
 
+    @property
+    def n_rigid(self) -> int:
+        """Number of rigid-body modes, which come first."""
+        return 6 if self.kind == "free" else 0
+
+    @property
+    def damping_text(self) -> str:
+        """Modal damping ratio of the elastic modes at all nodal diameters, or its range; empty without such modes."""
+        natural = [basis.damping_ratio[self.n_rigid : basis.n_natural] for basis in self.bases.values()]
+        ratio = np.concatenate([*natural, np.empty(0)])
+        drags = any(basis.drag is not None and np.any(basis.drag) for basis in self.bases.values())
+        matrix = "damping matrix" if drags else ""
+        if not len(ratio) or (drags and not ratio.any()):
+            return matrix
+        low, high = f"{ratio.min():.3g}", f"{ratio.max():.3g}"
+        text = low if low == high else f"{low} to {high}"
+        return f"{text} and {matrix}" if drags else text
+
+    @property
+    def radius(self) -> float:
+        """Distance (m) of the centre of mass from the axis of rotation; NaN if unknown."""
+        return np.nan if self.centre is None else float(np.hypot(*self.centre[:2]))
+
 
 @short_repr
 @dataclass(frozen=True)
@@ -327,12 +350,25 @@ class Model(Plottable, Record):
         for body in self.bodies.values():
             modes = f", {min(b.n_natural for b in body.bases.values())} modes" if body.bases else ""
             at = f" at nodal diameters {', '.join(map(str, sorted(body.bases)))}" if body.kind == "constrained" else ""
-            mass = "" if body.mass is None else f", {body.mass:.4g} kg"
-            lines.append(f"  {body.name}: {body.kind}{modes}{at}{mass}")
+            mass = f", {self.mass_text(body.name)}" if body.mass is not None else ""
+            damping = f", modal damping ratio {body.damping_text}" if body.damping_text else ""
+            lines.append(f"  {body.name}: {body.kind}{modes}{at}{mass}{damping}")
         for face in self.interfaces.values():
             gap = f", gap up to {1e6 * face.gap.max():.3g} um" if np.any(face.gap > 0.0) else ""
             lines.append(f"  {face.name}: {face.kind}, {face.body_a} on {face.body_b}, {face.n_points} contact points{gap}")
         return "\n".join(lines)
+
+    def mass_text(self, name: str) -> str:
+        """Return the mass of a free body, with the radius of its centre of mass if the structure can rotate."""
+        body = self.bodies[name]
+        at = f" at a radius of {body.radius:.4g} m" if self.n_blades > 1 and np.isfinite(body.radius) else ""
+        return f"{body.mass:.4g} kg{at}"
+
+    @property
+    def masses_text(self) -> str:
+        """Mass and radius of each free body; names if there are several."""
+        names = [name for name, body in self.bodies.items() if body.kind == "free" and body.mass is not None]
+        return ", ".join(f"{name} {self.mass_text(name)}" if len(names) > 1 else self.mass_text(name) for name in names)
 
     def port_slice(self, body: str, port: Port) -> slice:
         """Return the rows of ``port`` among the stacked contact points of ``body``."""

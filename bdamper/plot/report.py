@@ -93,10 +93,11 @@ def write_report(
     other = [f"{light.name.lower()}: {light.found}" for light in found if light.colour == "red" and not light.failure]
     model = subject.get("model_file") or "model.h5"
     text = page.render(
-        curve=curve, fit=fit, figures=figures, lights=found, sensitivities=rows, subject=_subject(curve, subject),
+        curve=curve, fit=fit, figures=figures, lights=found, sensitivities=rows,
+        subject=_subject(curve, subject) | _damper(curve, None if study is None else problem_of(study)),
         headline=" ".join([*(f"Not for design: {each}." for each in other), curve._headline()]),
         colour=next(c for c in ("red", "white", "amber", "green") if c in colours), left_out=NOT_MODELLED,
-        notes=curve.warnings, settings={k: _short(v) for k, v in sorted(curve.settings.items())},
+        notes=curve.warnings, settings=_settings(curve.settings),
         range=f"{amount(low, 'N')} to {amount(high, 'N')}", given=study is not None,
         lines=(
             "import bdamper as bd",
@@ -134,6 +135,37 @@ def _subject(curve: OptimalCurve, given: Mapping[str, str]) -> dict[str, str]:
         "rotor speed": "not given, frequencies of the model" if speed is None else f"{speed * RPM:.6g} rpm",
         "preloads": f"{amount(curve.preload[0], 'N')} to {amount(curve.preload[-1], 'N')}",
     }
+
+
+GIVE_STUDY = "as in the model; report(path, study) prints it"
+
+
+def _damper(curve: OptimalCurve, problem: Problem | None) -> dict[str, str]:
+    """Return the rows of the report with modal damping, mass and radius of the dampers."""
+    if problem is not None:
+        return {"modal damping ratio": problem.damping_text, "damper": problem.model.masses_text}
+    given = curve.settings.get("damping_ratio")
+    return {"modal damping ratio": GIVE_STUDY if given is None else f"{given:g}", "damper": GIVE_STUDY}
+
+
+DEFAULTS = {
+    "damping_ratio": "as in the model (above)", "gap": "as in the model", "contact_points": "all of the model",
+    "load_per_preload": "1 on each loaded body", "response": "at the excitation",
+}  # fmt: skip
+"""Meaning of settings that are not given; no others have an effect."""
+
+
+def _settings(settings: Mapping[str, Any]) -> dict[str, str]:
+    """Return all settings as texts, with the meaning of those that are not given."""
+    texts = {}
+    for name, value in sorted(settings.items()):
+        if name == "load_per_preload" and settings.get("speed") is not None:
+            texts[name] = "in proportion to mass times radius"
+        elif value is None:
+            texts[name] = DEFAULTS.get(name, "none")
+        else:
+            texts[name] = _short(value)
+    return texts
 
 
 def _has(settings: Mapping[str, Any], name: str, value: Any) -> bool:
@@ -197,6 +229,8 @@ def _at_optimum(problem: Problem, curve: OptimalCurve) -> tuple[list[tuple[str, 
 
 def _short(value: Any) -> str:
     """Format a setting as one line."""
+    if isinstance(value, Mapping):  # parts that are not given have no effect
+        value = {name: part for name, part in value.items() if part is not None}
     text = value if isinstance(value, str) else json.dumps(value, sort_keys=True)
     return truncate(text, 120)
 

@@ -62,6 +62,9 @@ def test_one_file_without_links(study, curve, tmp_path):
     assert curve._headline() in page.said and curve.model_hash in page.said and str(curve.made_with) in page.said
     for text in ("friction coefficient", "Not modelled", "bd.load_study", "harmonics"):
         assert text in page.said
+    damper = study.model.bodies["damper"]
+    mass = f"{damper.mass:.4g} kg at a radius of {np.hypot(*damper.centre[:2]):.4g} m"
+    assert re.search(rf"modal damping ratio\s*0\.002\s*damper\s*{mass}", page.said)
 
 
 def test_the_first_screen_says_what_by_whom_and_when(curve, tmp_path):
@@ -75,6 +78,18 @@ def test_the_first_screen_says_what_by_whom_and_when(curve, tmp_path):
         assert text in first
     assert "Mistuned bladed disk" in said and "Not for design" not in first
     assert curve.report(tmp_path / "today.html").read_text().count(date.today().isoformat()) == 1
+
+
+def test_settings_that_are_not_given_have_their_meaning(curve, tmp_path):
+    said = " ".join(Page(curve.report(tmp_path / "review.html").read_text()).said.split())
+    settings = said[said.index("Settings") : said.index("To do it again")]
+    assert "null" not in said and "None" not in said and "null" not in settings
+    for text in ("damping ratioas in the model", "contact pointsall of the model", "speednone", "gapas in the model"):
+        assert text in settings
+    assert "modal damping ratioas in the model; report(path, study) prints it" in said
+    set_here = replace(curve, settings=curve.settings | {"damping_ratio": 0.0037})
+    said = " ".join(Page(set_here.report(tmp_path / "set.html").read_text()).said.split())
+    assert "modal damping ratio0.0037" in said and "damping ratio0.0037" in said[said.index("Settings") :]
 
 
 def test_the_first_sentence_has_the_colour_of_the_checks(curve, tmp_path):
