@@ -31,7 +31,9 @@ SLOPE = 1e-3
 """Largest error of a derivative relative to the largest derivative."""
 
 
-def check_law(where: str, function: LowLevelCallable, parameters: NDArray, n_state: int, length: float) -> None:
+def check_law(
+    where: str, function: LowLevelCallable, parameters: NDArray, n_state: int, length: float
+) -> None:
     r"""Check on short random paths that a compiled law has the properties on which the solvers rely.
 
     Parameters
@@ -57,7 +59,12 @@ def check_law(where: str, function: LowLevelCallable, parameters: NDArray, n_sta
         finite = all(np.isfinite(a).all() for a in (F, D, states))
         if not finite and size > length:
             return
-        check(finite, where, "finite forces, states and derivatives", f"others at motions of {size:.3g} m")
+        check(
+            finite,
+            where,
+            "finite forces, states and derivatives",
+            f"others at motions of {size:.3g} m",
+        )
         for x, s in zip(path, states):
             change = np.abs(law.step(x, x, s)[0] - s)
             if not (change <= REST * np.abs(s)).all():
@@ -85,10 +92,14 @@ class _Law:
 
     def __init__(self, function: LowLevelCallable, parameters: NDArray, n_state: int) -> None:
         capsule, api = tuple.__getitem__(function, 0), ctypes.pythonapi
-        name = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object)(("PyCapsule_GetName", api))(capsule)
+        name = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object)(("PyCapsule_GetName", api))(
+            capsule
+        )
         of_capsule = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p)
         address = of_capsule(("PyCapsule_GetPointer", api))(capsule, name)
-        self._data = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object)(("PyCapsule_GetContext", api))(capsule)
+        self._data = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object)(
+            ("PyCapsule_GetContext", api)
+        )(capsule)
         self._call = ctypes.CFUNCTYPE(None, *11 * [ctypes.c_void_p])(address)
         self._parameters, self._n = np.ascontiguousarray(parameters, float), n_state
 
@@ -117,7 +128,9 @@ class _Law:
         for k, x in enumerate(path):
             s, F, Fx, Fs, sx, ss = self.step(x, before, s)
             by = ss @ by
-            by[:, 3 * k : 3 * k + 6] += sx[:, [3, 4, 5, 0, 1, 2]]  # the first three columns belong to the start
+            by[:, 3 * k : 3 * k + 6] += sx[
+                :, [3, 4, 5, 0, 1, 2]
+            ]  # the first three columns belong to the start
             before = x
             states.append(s)
         D = Fs @ by[:, 3:]

@@ -52,7 +52,16 @@ from bdamper.util.formatting import short_repr
 
 # ---- Contact laws of the C core ----
 
-LAW_SEPARABLE, LAW_NORMAL, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_BONDED, LAW_CUBIC, LAW_USER = range(8)
+(
+    LAW_SEPARABLE,
+    LAW_NORMAL,
+    LAW_CONSTANT,
+    LAW_COUPLED,
+    LAW_COUPLED_CONSTANT,
+    LAW_BONDED,
+    LAW_CUBIC,
+    LAW_USER,
+) = range(8)
 MAX_SAMPLES = 1 << 20
 """Largest number of samples per period in the C core."""
 
@@ -79,7 +88,10 @@ def check_evaluation(contact_forces: str | AFT, harmonics: int) -> None:
     if isinstance(contact_forces, AFT):
         expected = f"AFT with at least {4 * harmonics + 4} samples for {harmonics} harmonics"
         validation.check_value(
-            contact_forces.n_time >= 4 * harmonics + 4, "contact_forces", expected, contact_forces.n_time
+            contact_forces.n_time >= 4 * harmonics + 4,
+            "contact_forces",
+            expected,
+            contact_forces.n_time,
         )
     elif not isinstance(contact_forces, str) or contact_forces != "event_driven":
         raise validation.invalid("contact_forces", '"event_driven" or AFT(n_time)', contact_forces)
@@ -193,25 +205,41 @@ class ContactLaw:
         for array in ("parameters", "stick"):
             numbers = _numbers(getattr(self, array))
             validation.check_value(
-                numbers is not None, array, "finite numbers, (n,) or (n_points, n)", getattr(self, array)
+                numbers is not None,
+                array,
+                "finite numbers, (n,) or (n_points, n)",
+                getattr(self, array),
             )
             object.__setattr__(self, array, numbers)
         good = self.stick.shape[-1] == 3 and (self.stick >= 0.0).all() and self.stick.any()
-        validation.check_value(good, "stick", "stiffness kt1, kt2, kn in N/m, none negative, one positive", self.stick)
+        validation.check_value(
+            good, "stick", "stiffness kt1, kt2, kn in N/m, none negative, one positive", self.stick
+        )
         unreserved = self.name not in SHIPPED or pointer.function is SHIPPED[self.name]
-        validation.check_value(unreserved, "name", f"none of {tuple(SHIPPED)}, the names of built-in laws", self.name)
+        validation.check_value(
+            unreserved, "name", f"none of {tuple(SHIPPED)}, the names of built-in laws", self.name
+        )
         for row in np.atleast_2d(self.parameters):
             try:
                 _core.check_laws(((pointer, row, np.zeros(3 + self.n_state)),))
             except (TypeError, ValueError) as error:
-                raise SettingError(f"law '{self.name}': {error}: {one_line(row.tolist())}") from error
+                raise SettingError(
+                    f"law '{self.name}': {error}: {one_line(row.tolist())}"
+                ) from error
 
     def __str__(self) -> str:
         return f"{self.name} ({self.parameters.shape[-1]} parameters, {self.n_state} states)"
 
     @classmethod
     @validation.check_arguments
-    def jenkins(cls, stiffness: Numbers, limit: Numbers | float, mu: Numbers | float = 0.0, *, kn: float = 0.0) -> Self:
+    def jenkins(
+        cls,
+        stiffness: Numbers,
+        limit: Numbers | float,
+        mu: Numbers | float = 0.0,
+        *,
+        kn: float = 0.0,
+    ) -> Self:
         """Return parallel Jenkins elements (spring and slider in series) along each tangential direction.
 
         Parameters
@@ -226,10 +254,15 @@ class ContactLaw:
         """
         k = validation.numbers("stiffness", stiffness, above=0.0)
         several = [("limit", limit), ("mu", mu)]
-        f, m = (validation.numbers(n, [x] * len(k) if np.ndim(x) == 0 else x, len(k), least=0.0) for n, x in several)
+        f, m = (
+            validation.numbers(n, [x] * len(k) if np.ndim(x) == 0 else x, len(k), least=0.0)
+            for n, x in several
+        )
         kn = validation.number("kn", kn, least=0.0, unit="N/m")
         parameters = np.concatenate([[len(k), kn], np.column_stack([k, f, m]).ravel()])
-        return cls(_core.jenkins, 2 * len(k), parameters, np.array([k.sum(), k.sum(), kn]), "jenkins")
+        return cls(
+            _core.jenkins, 2 * len(k), parameters, np.array([k.sum(), k.sum(), kn]), "jenkins"
+        )
 
     @classmethod
     @validation.check_arguments
@@ -287,7 +320,14 @@ class ContactLaw:
     @classmethod
     @validation.check_arguments
     def bouc_wen(
-        cls, stiffness: float, alpha: float, beta: float, gamma: float, n: float = 1.0, *, kn: float = 0.0
+        cls,
+        stiffness: float,
+        alpha: float,
+        beta: float,
+        gamma: float,
+        n: float = 1.0,
+        *,
+        kn: float = 0.0,
     ) -> Self:
         """Return Bouc-Wen hysteresis along each tangential direction, T = alpha k u + (1 - alpha) k z.
 
@@ -312,11 +352,21 @@ class ContactLaw:
         gamma = validation.number("gamma", gamma, least=-beta, most=beta)
         n = validation.number("n", n, least=1.0)
         kn = validation.number("kn", kn, least=0.0, unit="N/m")
-        return cls(_core.bouc_wen, 2, np.array([kn, k, alpha, beta, gamma, n]), np.array([k, k, kn]), "bouc_wen")
+        return cls(
+            _core.bouc_wen,
+            2,
+            np.array([kn, k, alpha, beta, gamma, n]),
+            np.array([k, k, kn]),
+            "bouc_wen",
+        )
 
     def record(self) -> dict[str, Any]:
         """Return the data of the law for files and results, without the function."""
-        numbers = {"parameters": self.parameters.tolist(), "stick": self.stick.tolist(), "resolution": self.resolution}
+        numbers = {
+            "parameters": self.parameters.tolist(),
+            "stick": self.stick.tolist(),
+            "resolution": self.resolution,
+        }
         return {"contact_law": self.name, "n_state": self.n_state, **numbers}
 
     @classmethod
@@ -330,9 +380,15 @@ class ContactLaw:
         """
         name = record.get("contact_law")
         if not isinstance(name, str) or name not in SHIPPED:
-            found = f"{name!r}, of which a file has no function; create the study again with this law"
-            raise SettingError(f"friction_law: expected a law of {tuple(SHIPPED)}, found {one_line(found)}")
-        numbers: dict[str, Any] = {key: record.get(key) for key in ("n_state", "parameters", "stick")}
+            found = (
+                f"{name!r}, of which a file has no function; create the study again with this law"
+            )
+            raise SettingError(
+                f"friction_law: expected a law of {tuple(SHIPPED)}, found {one_line(found)}"
+            )
+        numbers: dict[str, Any] = {
+            key: record.get(key) for key in ("n_state", "parameters", "stick")
+        }
         return cls(SHIPPED[name], **numbers, name=name, resolution=record.get("resolution", 0.0))
 
     def __reduce__(self) -> Any:
@@ -356,7 +412,9 @@ class ContactLaw:
         """Return the attribute ``name`` with one row for each of n points."""
         rows = getattr(self, name)
         good = rows.ndim == 1 or len(rows) == n
-        validation.check(good, f"{name} of law '{self.name}'", f"{n} rows for '{interface}'", f"{len(rows)}")
+        validation.check(
+            good, f"{name} of law '{self.name}'", f"{n} rows for '{interface}'", f"{len(rows)}"
+        )
         return np.broadcast_to(rows, (n, rows.shape[-1]))
 
 
@@ -376,13 +434,17 @@ def _pointer(function: Any) -> tuple[LowLevelCallable, str]:
     try:
         if hasattr(function, "native_name") and hasattr(function, "ctypes"):  # a cfunc of numba
             function = function.ctypes
-        low_level = function if isinstance(function, LowLevelCallable) else LowLevelCallable(function)
+        low_level = (
+            function if isinstance(function, LowLevelCallable) else LowLevelCallable(function)
+        )
         signature = str(low_level.signature)
     except (TypeError, ValueError) as error:
         expected = "a PyCapsule, scipy.LowLevelCallable or numba cfunc, since the core cannot call Python functions"
         raise validation.invalid("function", expected, function) from error
     if SIGNATURE.fullmatch(signature.replace(", ", ",")) is None:
-        raise SettingError(f"function: expected the signature void of eleven pointers (bd_user_law), found '{signature}'")
+        raise SettingError(
+            f"function: expected the signature void of eleven pointers (bd_user_law), found '{signature}'"
+        )
     return low_level, getattr(low_level.function, "__name__", name)
 
 
@@ -430,7 +492,9 @@ class OwnLaws:
     @property
     def names(self) -> str:
         """Laws and interfaces for messages."""
-        return ", ".join(sorted({_named(law, interface) for law, _, interface in filter(None, self.points)}))
+        return ", ".join(
+            sorted({_named(law, interface) for law, _, interface in filter(None, self.points)})
+        )
 
     def warn_below(self, motion: NDArray) -> None:
         """Warn of interfaces with all motions (n_points, 3, n_coef) below the resolution of their law."""
@@ -455,8 +519,12 @@ class OwnLaws:
     def core(self, memory: NDArray) -> tuple[tuple[Any, ...] | None, ...]:
         """Return functions, parameters and memory (n_points, width) as arguments of the C core."""
         return tuple(
-            None if point is None else (point[0].pointer, point[1].copy(), row[: 3 + point[0].n_state].copy(), point[0])
-            for point, row in zip(self.points, np.reshape(memory, (len(self.points), self.width)).astype(float))
+            None
+            if point is None
+            else (point[0].pointer, point[1].copy(), row[: 3 + point[0].n_state].copy(), point[0])
+            for point, row in zip(
+                self.points, np.reshape(memory, (len(self.points), self.width)).astype(float)
+            )
         )
 
     def step(self, x: NDArray, memory: NDArray) -> tuple[NDArray, NDArray, NDArray]:
@@ -479,10 +547,16 @@ class OwnLaws:
         before, after = np.array(memory, float, order="C"), np.array(memory, float, order="C")
         F, D = np.zeros((len(at), 3)), np.zeros((len(at), 3, 3))
         _core.step_laws(self.core(before), at, before, after, F, D)
-        wrong = ~(np.isfinite(F).all(axis=1) & np.isfinite(after).all(axis=1) & np.isfinite(D).all(axis=(1, 2)))
+        wrong = ~(
+            np.isfinite(F).all(axis=1)
+            & np.isfinite(after).all(axis=1)
+            & np.isfinite(D).all(axis=(1, 2))
+        )
         for point, motion in ((self.points[int(i)], at[i].tolist()) for i in np.flatnonzero(wrong)):
             where = f"friction_law: {_named(point[0], point[2])}" if point else ""
-            raise SettingError(f"{where}: expected finite forces and states, found others at the motion {motion} m")
+            raise SettingError(
+                f"{where}: expected finite forces and states, found others at the motion {motion} m"
+            )
         return F, D, after
 
 
@@ -495,4 +569,6 @@ def refuse(own: OwnLaws | None, what: str) -> None:
     if own is not None:
         names = sorted({point[0].name for point in own.points if point is not None})
         found = ", ".join(names)
-        raise SettingError(f"friction_law: {what} expected laws of the C core, since it needs their events, found {found}")
+        raise SettingError(
+            f"friction_law: {what} expected laws of the C core, since it needs their events, found {found}"
+        )

@@ -12,7 +12,16 @@ from bdamper.util.display import InContact
 from bdamper.util.formatting import amount, counted, percent, short_repr
 from bdamper.util.progress import Cost
 from bdamper.util.storage import Storable
-from bdamper.util.tables import Kinds, Metres, Pascals, PerRow, Places, Quantity, SquareMetres, Tabular
+from bdamper.util.tables import (
+    Kinds,
+    Metres,
+    Pascals,
+    PerRow,
+    Places,
+    Quantity,
+    SquareMetres,
+    Tabular,
+)
 
 STICK, SLIP_PLUS, SLIP_MINUS, OPEN = range(4)
 EDGE = 0.3
@@ -114,14 +123,18 @@ class PreloadState(InContact, Tabular, Storable, kind="bdamper-static", row="con
             part = area / float(self.area[names == name].sum())
             if 0.0 < part < EDGE and np.any(self.friction[names == name] > 0.0):
                 there = amount(self.normal_force[name] / area, "Pa")
-                found.append(f"{name!r} touches with {percent(part)} of its area, where the mean pressure is {there}")
+                found.append(
+                    f"{name!r} touches with {percent(part)} of its area, where the mean pressure is {there}"
+                )
         return "; ".join(found)
 
     @property
     def normal_force(self) -> dict[str, float]:
         """Total normal force (N) on each interface, or on all together if the interfaces are unknown."""
         names = np.array(self.interface or ["in all"] * len(self.force))
-        return {str(name): float(self.force[names == name, 2].sum()) for name in dict.fromkeys(names)}
+        return {
+            str(name): float(self.force[names == name, 2].sum()) for name in dict.fromkeys(names)
+        }
 
     @property
     def pressure(self) -> Pascals | None:
@@ -134,4 +147,7 @@ class PreloadState(InContact, Tabular, Storable, kind="bdamper-static", row="con
         if self.area is None:
             return {}
         names, closed = np.array(self.interface), (self.status != OPEN).all(axis=1)
-        return {str(name): float(self.area[closed & (names == name)].sum()) for name in dict.fromkeys(names)}
+        return {
+            str(name): float(self.area[closed & (names == name)].sum())
+            for name in dict.fromkeys(names)
+        }

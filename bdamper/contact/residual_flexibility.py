@@ -57,7 +57,11 @@ RESIDUAL = "residual"
 
 
 def _count_or_all(name: str, value: int | str) -> int | str:
-    return value if isinstance(value, str) and value == "all" else validation.integer(name, value, least=1)
+    return (
+        value
+        if isinstance(value, str) and value == "all"
+        else validation.integer(name, value, least=1)
+    )
 
 
 @dataclass(frozen=True)
@@ -121,7 +125,9 @@ def force_patterns(flexibility: NDArray, what: str) -> NDArray:
         If the flexibility is not positive semi-definite; the message has its smallest eigenvalue.
     """
     diagonal = np.diag(flexibility).real
-    found = f"{diagonal.min(initial=np.inf):.3g} m/N; the retained modes are softer than the full model"
+    found = (
+        f"{diagonal.min(initial=np.inf):.3g} m/N; the retained modes are softer than the full model"
+    )
     check((diagonal > 0.0).all(), what, "a positive flexibility at every contact point", found)
     size = np.sqrt(diagonal)
     part, vectors = np.linalg.eigh(flexibility / size[:, None] / size)
@@ -149,7 +155,9 @@ def stuck_modes(basis: HarmonicBasis, residual: NDArray, what: str) -> tuple[NDA
     return np.sqrt(np.maximum(pole, 0.0)), F @ (G @ Q)
 
 
-def _stuck_static(coupling: Coupling, basis: HarmonicBasis, R: NDArray, kept: NDArray, what: str) -> NDArray | None:
+def _stuck_static(
+    coupling: Coupling, basis: HarmonicBasis, R: NDArray, kept: NDArray, what: str
+) -> NDArray | None:
     """Return the contact forces under the static load with every point bonded, or None without load."""
     load, shift = coupling.load()
     if not np.any(load):
@@ -187,11 +195,17 @@ class ResidualSet:
     share: float
     static: NDArray | None = None
     _bases: dict[int, HarmonicBasis] = field(default_factory=dict, repr=False, compare=False)
-    _parts: dict[int, tuple[NDArray, NDArray, NDArray]] = field(default_factory=dict, repr=False, compare=False)
+    _parts: dict[int, tuple[NDArray, NDArray, NDArray]] = field(
+        default_factory=dict, repr=False, compare=False
+    )
 
     @classmethod
     def make(
-        cls, coupling: Coupling, friction: NDArray, options: ResidualModes, static: NDArray | None = None
+        cls,
+        coupling: Coupling,
+        friction: NDArray,
+        options: ResidualModes,
+        static: NDArray | None = None,
     ) -> ResidualSet:
         """Choose the diagonal for harmonics 0 and 1.
 
@@ -293,5 +307,7 @@ class ResidualSet:
         G = (columns @ V * np.sqrt(reference)).reshape(-1, 3, n).astype(complex)
         names = tuple(Coordinate(RESIDUAL, i, f"residual {i + 1}") for i in range(n))
         stiffness = np.full(n, reference)
-        self._bases[harmonic] = HarmonicBasis(names, stiffness, damping, G, bodies.nodal_diameter, mass * reference)
+        self._bases[harmonic] = HarmonicBasis(
+            names, stiffness, damping, G, bodies.nodal_diameter, mass * reference
+        )
         return self._bases[harmonic]

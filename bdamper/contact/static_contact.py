@@ -119,7 +119,11 @@ class _Solver:
         force = np.divide(np.abs(problem.load), lever, out=np.zeros(m), where=lever > 0.0)
         self.unit_force = max(float(force.max(initial=0.0)), 1e-300)
         # terms of the overdamped motion: damping of the rigid-body coordinates, additional motion of the surfaces
-        self.drag, self.eta_before, self.extra = np.zeros((m, m)), np.zeros(m), np.zeros((self.n, 3))
+        self.drag, self.eta_before, self.extra = (
+            np.zeros((m, m)),
+            np.zeros(m),
+            np.zeros((self.n, 3)),
+        )
 
     def motion(self, F: NDArray, eta: NDArray) -> NDArray:
         p = self.problem
@@ -143,7 +147,9 @@ class _Solver:
         block.flat[:: 3 * n + 1] += 1.0
         block.reshape(n, 3, n, 3)[range(n), :, range(n)] -= B / self.k[:, None]
         A[: 3 * n, : 3 * n] = block
-        A[: 3 * n, 3 * n :] = -np.matmul(B, p.rigid.reshape(n, 3, m)).reshape(3 * n, m) / self.rigid_unit
+        A[: 3 * n, 3 * n :] = (
+            -np.matmul(B, p.rigid.reshape(n, 3, m)).reshape(3 * n, m) / self.rigid_unit
+        )
         A[3 * n :, : 3 * n] = p.rigid.T / unit
         A[3 * n :, 3 * n :] = self.drag / (unit * self.rigid_unit)
         b = -np.concatenate([r, balance / unit])
@@ -204,9 +210,18 @@ class _Solver:
         converged : bool
         """
 
-        def at(F: NDArray, eta: NDArray) -> tuple[float, NDArray, NDArray, NDArray, NDArray, NDArray]:
+        def at(
+            F: NDArray, eta: NDArray
+        ) -> tuple[float, NDArray, NDArray, NDArray, NDArray, NDArray]:
             r, balance, status = self.residual(F, eta, rest)
-            return float(np.sqrt(r @ r + balance @ balance / self.largest**2)), F, eta, r, balance, status
+            return (
+                float(np.sqrt(r @ r + balance @ balance / self.largest**2)),
+                F,
+                eta,
+                r,
+                balance,
+                status,
+            )
 
         now, F, eta, r, balance, status = at(F, eta)
         for left in range(most, -1, -1):
@@ -224,6 +239,7 @@ class _Solver:
             # without descent in this direction: take the full step, which leads to other contact states
             now, F, eta, r, balance, status = best if best[0] < now else trials[0]
         return F, eta, status, converged
+
 
 def solve_static_contact(problem: StaticContactProblem) -> StaticContactSolution:
     """Compute the static contact state under a load of 1 N, applied to the unloaded structure.
@@ -248,13 +264,17 @@ def solve_static_contact(problem: StaticContactProblem) -> StaticContactSolution
     F, eta, status, ok = solver.newton(*_bonded(problem, solver), rest)
     if not ok:
         p = problem
-        balanced = forces_in_balance(np.zeros(len(p.rigid)), p.friction, p.rigid, p.load).status != 2
+        balanced = (
+            forces_in_balance(np.zeros(len(p.rigid)), p.friction, p.rigid, p.load).status != 2
+        )
         expected = "contact forces with N >= 0, |T| <= mu N in equilibrium with the load"
         check(balanced, "static contact", expected, "none: the body slides away")
         F, eta, status, ok, rest = solver.creep()
     if not ok:
         instead = "set contact_stiffness, or store finite element contact forces in the model"
-        raise ModelError(f"static contact: the Newton iteration on the contact states did not converge; {instead}")
+        raise ModelError(
+            f"static contact: the Newton iteration on the contact states did not converge; {instead}"
+        )
     return StaticContactSolution(F, solver.motion(F, eta), eta, status, rest)
 
 
@@ -264,7 +284,9 @@ def _bonded(problem: StaticContactProblem, solver: _Solver) -> tuple[NDArray, ND
     return solver.newton_step(-(solver.k * x).ravel(), -problem.load, np.full((solver.n, 2), STICK))
 
 
-def forces_in_balance(cost: NDArray, friction: NDArray, rigid: NDArray, load: NDArray) -> scipy.optimize.OptimizeResult:
+def forces_in_balance(
+    cost: NDArray, friction: NDArray, rigid: NDArray, load: NDArray
+) -> scipy.optimize.OptimizeResult:
     """Minimise ``cost @ F`` over forces with ``N >= 0``, ``|T_d| <= mu N`` in equilibrium with a load, by a linear program.
 
     Parameters
@@ -287,10 +309,14 @@ def forces_in_balance(cost: NDArray, friction: NDArray, rigid: NDArray, load: ND
     tangents = [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]]
     limits = np.kron(np.eye(n), tangents) - np.kron(np.diag(friction), [[0.0, 0.0, 1.0]] * 4)
     bounds = [(None, None), (None, None), (0.0, None)] * n
-    return scipy.optimize.linprog(cost, limits, np.zeros(4 * n), (rigid / unit).T, load / unit, bounds)
+    return scipy.optimize.linprog(
+        cost, limits, np.zeros(4 * n), (rigid / unit).T, load / unit, bounds
+    )
 
 
-def static_contact_problem(coupling: Coupling, friction: NDArray | None = None) -> StaticContactProblem:
+def static_contact_problem(
+    coupling: Coupling, friction: NDArray | None = None
+) -> StaticContactProblem:
     """Return the static contact problem of a model, with its full static flexibility at nodal diameter 0.
 
     Parameters
@@ -311,7 +337,9 @@ def static_contact_problem(coupling: Coupling, friction: NDArray | None = None) 
     n = coupling.n_points
     flexibility = rigid.residual_flexibility(0).real
     friction = np.zeros(n) if friction is None else friction
-    return StaticContactProblem(flexibility, rigid.basis(0).G.real.reshape(3 * n, -1), load, offset, friction)
+    return StaticContactProblem(
+        flexibility, rigid.basis(0).G.real.reshape(3 * n, -1), load, offset, friction
+    )
 
 
 # ---- Range of the normal forces on a wedge ----
@@ -348,10 +376,16 @@ class WedgeFriction(Summarised):
 
     def __str__(self) -> str:
         lines = [f"Possible normal forces under {self.load:g} N (statics and Coulomb friction):"]
-        for name, low, high, angle, mu in zip(self.interfaces, self.lowest, self.highest, self.angle, self.friction):
-            lines.append(f"  {name}: {low:.6g} to {high:.6g} N (face at {np.degrees(angle):.4g} deg, mu {mu:g})")
+        for name, low, high, angle, mu in zip(
+            self.interfaces, self.lowest, self.highest, self.angle, self.friction
+        ):
+            lines.append(
+                f"  {name}: {low:.6g} to {high:.6g} N (face at {np.degrees(angle):.4g} deg, mu {mu:g})"
+            )
         if self.self_locking:
-            lines.append("  self-locking, tan(alpha) <= mu: the normal force is not unique and may remain without load")
+            lines.append(
+                "  self-locking, tan(alpha) <= mu: the normal force is not unique and may remain without load"
+            )
         return "\n".join(lines)
 
 
@@ -363,17 +397,25 @@ def _corners(coupling: Coupling, name: str, friction: NDArray) -> NDArray:
     face, rows = coupling.model.interfaces[name], np.arange(coupling.n_points)[coupling.rows(name)]
     relative = face.points - face.points.mean(axis=0)
     size = float(np.abs(relative).max())
-    plane = np.abs(relative @ face.frame[0, 2]).max() <= 1e-9 * size and np.ptp(face.frame, axis=0).max() <= 1e-9
+    plane = (
+        np.abs(relative @ face.frame[0, 2]).max() <= 1e-9 * size
+        and np.ptp(face.frame, axis=0).max() <= 1e-9
+    )
     if not plane or np.ptp(friction[rows]) > 0.0:
         return rows
     try:
-        return rows[np.sort(scipy.spatial.ConvexHull(relative @ face.frame[0, :2].T / size).vertices)]
+        return rows[
+            np.sort(scipy.spatial.ConvexHull(relative @ face.frame[0, :2].T / size).vertices)
+        ]
     except (scipy.spatial.QhullError, ValueError):  # fewer than three points, or all on a line
         return rows
 
 
 def wedge_friction(
-    coupling: Coupling, friction: NDArray, load: float = 1.0, shares: Mapping[str, float] | None = None
+    coupling: Coupling,
+    friction: NDArray,
+    load: float = 1.0,
+    shares: Mapping[str, float] | None = None,
 ) -> WedgeFriction:
     """Compute the interval of the total normal force on each friction interface of rigid free bodies.
 
@@ -396,9 +438,16 @@ def wedge_friction(
         If no free body carries a load, or no contact forces are in equilibrium with it.
     """
     faces = coupling.model.interfaces
-    loaded = {b.name: b.load for b in coupling.model.bodies.values() if b.kind == "free" and b.load is not None}
+    loaded = {
+        b.name: b.load
+        for b in coupling.model.bodies.values()
+        if b.kind == "free" and b.load is not None
+    }
     validation.check(loaded, "wedge friction", "a free body with a load", "none")
-    pressed = {name: loaded.get(faces[name].body_a) or loaded.get(faces[name].body_b) for name in coupling.friction_faces}
+    pressed = {
+        name: loaded.get(faces[name].body_a) or loaded.get(faces[name].body_b)
+        for name in coupling.friction_faces
+    }
     names = tuple(name for name, by in pressed.items() if by is not None)
     basis = coupling.basis(0)
     f, _ = coupling.load(shares)
@@ -415,11 +464,16 @@ def wedge_friction(
             optimum = forces_in_balance(sign * cost, mu, G.reshape(3 * len(rows), -1), f[rigid])
             if optimum.status == 2:
                 none = f"found none at '{name}' and the other faces"
-                raise SettingError(f"wedge friction: expected contact forces in equilibrium with the load, {none}")
+                raise SettingError(
+                    f"wedge friction: expected contact forces in equilibrium with the load, {none}"
+                )
             bound[i] = np.inf if optimum.status in (3, 4) else sign * optimum.fun * load
     angle = np.empty(len(names))
     for i, name in enumerate(names):
-        normal, by = faces[name].frame[:, 2].mean(axis=0), np.asarray(pressed[name].direction, float)  # type: ignore[union-attr]
+        normal, by = (
+            faces[name].frame[:, 2].mean(axis=0),
+            np.asarray(pressed[name].direction, float),
+        )  # type: ignore[union-attr]
         angle[i] = np.arcsin(np.clip(normal @ by / np.linalg.norm(normal), -1.0, 1.0))
     mean_mu = np.array([mu[face == i].mean() for i in range(len(names))])
     return WedgeFriction(names, float(load), lowest, highest, np.abs(angle), mean_mu)

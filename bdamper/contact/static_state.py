@@ -162,7 +162,9 @@ def _forces(system: StaticSystem, x: NDArray, w: NDArray) -> tuple[NDArray, NDAr
             F, D, _ = system.own.step(x[i], w[:, 2:])
             force[i][compiled] = F[compiled]
             slips = np.abs(D[:, [0, 1], [0, 1]] - system.kt) > 1e-9 * system.kt
-            closed = np.abs(D).max(axis=(1, 2)) > 1e-12 * np.maximum(system.kt.max(axis=1), system.kn)
+            closed = np.abs(D).max(axis=(1, 2)) > 1e-12 * np.maximum(
+                system.kt.max(axis=1), system.kn
+            )
             states = np.where(closed[:, None], np.where(slips, SLIP_PLUS, STICK), OPEN)
             status[i][compiled] = states[compiled]
     return force, status
@@ -182,7 +184,11 @@ def _law(system: StaticSystem, x: NDArray, w: NDArray) -> tuple[NDArray, NDArray
 
 
 def _jacobian(
-    system: StaticSystem, G: NDArray, status: NDArray, x: NDArray | None = None, w: NDArray | None = None
+    system: StaticSystem,
+    G: NDArray,
+    status: NDArray,
+    x: NDArray | None = None,
+    w: NDArray | None = None,
 ) -> NDArray:
     """Return the derivative (n_modes, n_modes) of modal equilibrium in the given states; G is (3 n_points, n_modes).
 
@@ -213,8 +219,12 @@ def _solve(J: NDArray, r: NDArray) -> NDArray:
 def _size(system: StaticSystem, loads: tuple[float, ...], w: NDArray) -> float:
     """Return the largest modal force (N) of preload, constant loads, and interference without deformation."""
     pressing = [_law(system, system.shift_at(load), w)[0] for load in loads]
-    modal = [load * system.force for load in loads] + [np.einsum("pdm,pd->m", system.G, F) for F in pressing]
-    return max(float(np.abs(f).max(initial=0.0)) for f in (*modal, system.constant_force, np.array(1e-300)))
+    modal = [load * system.force for load in loads] + [
+        np.einsum("pdm,pd->m", system.G, F) for F in pressing
+    ]
+    return max(
+        float(np.abs(f).max(initial=0.0)) for f in (*modal, system.constant_force, np.array(1e-300))
+    )
 
 
 def _step(
@@ -317,18 +327,26 @@ def _slider_memory(system: StaticSystem, state: PreloadState) -> NDArray:
     """Return sliders and the memory of compiled laws, (n_points, 2 or more)."""
     if system.own is None:
         return state.slider.copy()
-    memory = np.zeros((len(state.slider), system.own.width)) if state.memory is None else state.memory
+    memory = (
+        np.zeros((len(state.slider), system.own.width)) if state.memory is None else state.memory
+    )
     return np.hstack([state.slider, memory])
 
 
 def _before_loading(system: StaticSystem) -> PreloadState:
     """Return the unloaded state: points in contact stick, others are separated."""
     n, m = system.G.shape[0], system.G.shape[2]
-    apart = (system.n0 + system.kn * system.shift_at(0.0)[:, 2] < 0.0) & np.logical_not(system.bonded)
+    apart = (system.n0 + system.kn * system.shift_at(0.0)[:, 2] < 0.0) & np.logical_not(
+        system.bonded
+    )
     status = np.where(apart[:, None], OPEN, np.full((n, 2), STICK))
-    if n and (status == OPEN).all():  # without contact the first linear solution needs closed surfaces
+    if (
+        n and (status == OPEN).all()
+    ):  # without contact the first linear solution needs closed surfaces
         status[:] = STICK
-    return PreloadState(0.0, np.zeros(m), np.zeros((n, 2)), np.zeros((n, 3)), np.zeros(n), status, 0.0, 0, 0, True)
+    return PreloadState(
+        0.0, np.zeros(m), np.zeros((n, 2)), np.zeros((n, 3)), np.zeros(n), status, 0.0, 0, 0, True
+    )
 
 
 def _together(system: StaticSystem, load: float) -> StaticSystem:
@@ -365,7 +383,9 @@ def linear_range(
     level = points.n0 + points.kn * np.array([x0[:, 2], x1[:, 2]])
     trial, limit = points.kt * (np.array([x0, x1])[..., :2] - w), (points.mu * level)[..., None]
     # each is negative before a change of state: closing, separation, slip in both senses
-    before, after = np.concatenate([level[..., None], -level[..., None], trial - limit, -trial - limit], axis=2)
+    before, after = np.concatenate(
+        [level[..., None], -level[..., None], trial - limit, -trial - limit], axis=2
+    )
     rising = (before < -close) & (after > before)
     before, after = before[rising], after[rising]
     position = before / (before - after)
@@ -373,7 +393,12 @@ def linear_range(
 
 
 def static_state(
-    system: StaticSystem, load: float, *, steps: int = 8, start: PreloadState | None = None, offset: NDArray | None = None
+    system: StaticSystem,
+    load: float,
+    *,
+    steps: int = 8,
+    start: PreloadState | None = None,
+    offset: NDArray | None = None,
 ) -> PreloadState:
     """Compute the contact state after the load has changed to ``load``.
 
@@ -402,21 +427,33 @@ def static_state(
         state = replace(state, slider=offset)
     if not system.scales:
         before, state = state, replace(_loaded(assembly, 1.0, state, steps), load=0.0)
-        if not state.converged and load > 0.0:  # a free body has no equilibrium under the constant loads alone
+        if (
+            not state.converged and load > 0.0
+        ):  # a free body has no equilibrium under the constant loads alone
             return replace(_loaded(_together(system, load), 1.0, before, steps), load=load)
     elif load == 0.0:
-        force, status, slider, closing = _law(system, np.zeros((len(system.kn), 3)), _slider_memory(system, state))
+        force, status, slider, closing = _law(
+            system, np.zeros((len(system.kn), 3)), _slider_memory(system, state)
+        )
         memory = None if system.own is None else slider[:, 2:]
-        return replace(state, force=force, status=status, slider=slider[:, :2], closing=closing, memory=memory)
+        return replace(
+            state, force=force, status=status, slider=slider[:, :2], closing=closing, memory=memory
+        )
     return _loaded(system, load, state, steps) if state.converged else state
 
 
 def _loaded(system: StaticSystem, load: float, state: PreloadState, steps: int) -> PreloadState:
     """Change the load to ``load``, from one change of state to the next."""
     change, left, longest = load - state.load, 1.0, 1.0 / steps
-    size, step, least = _size(system, (state.load, load), _slider_memory(system, state)), longest, SHORTEST
+    size, step, least = (
+        _size(system, (state.load, load), _slider_memory(system, state)),
+        longest,
+        SHORTEST,
+    )
     free = np.logical_not(system.bonded | (False if system.own is None else system.own.held))
-    frictional = replace(system, kt=system.kt * free[..., None], kn=system.kn * free, n0=system.n0 * free)
+    frictional = replace(
+        system, kt=system.kt * free[..., None], kn=system.kn * free, n0=system.n0 * free
+    )
     springs = np.concatenate([frictional.kt, frictional.kn[:, None]], axis=1)
     displaced = np.abs(system.shift_at(state.load)) + np.abs(system.shift_at(load))
     x, slope = system.G @ state.q + system.shift_at(state.load), None
@@ -439,7 +476,9 @@ def _loaded(system: StaticSystem, load: float, state: PreloadState, steps: int) 
         within, beyond, overdamped = np.inf, np.inf, not residual <= EQUILIBRIUM
         moved = system.G @ q + system.shift_at(at)
         if not overdamped:
-            close = AT_LIMIT * float((springs * (displaced + np.abs(x) + np.abs(moved))).max(initial=0.0))
+            close = AT_LIMIT * float(
+                (springs * (displaced + np.abs(x) + np.abs(moved))).max(initial=0.0)
+            )
             within, beyond = linear_range(frictional, x, moved, before[:, :2], close)
         elif step > least:
             step = max(1e-3 * step, least)
@@ -489,11 +528,19 @@ def scaled_state(system: StaticSystem, state: PreloadState, load: float) -> Prel
     ratio = load / state.load
     x = ratio * ((system.G @ state.q) + state.load * system.shift)
     gapped = system.n0 < 0.0
-    if np.any(state.status[gapped] != OPEN) or np.any((system.n0 + system.kn * x[:, 2])[gapped] >= 0.0):
+    if np.any(state.status[gapped] != OPEN) or np.any(
+        (system.n0 + system.kn * x[:, 2])[gapped] >= 0.0
+    ):
         return None
     force, _, _, closing = _law(system, x, ratio * state.slider)
-    r = system.stiffness * (ratio * state.q) + system.G.reshape(-1, len(state.q)).T @ force.ravel() - load * system.force
-    residual = float(np.abs(r).max(initial=0.0)) / max(load * float(np.abs(system.force).max(initial=0.0)), 1e-300)
+    r = (
+        system.stiffness * (ratio * state.q)
+        + system.G.reshape(-1, len(state.q)).T @ force.ravel()
+        - load * system.force
+    )
+    residual = float(np.abs(r).max(initial=0.0)) / max(
+        load * float(np.abs(system.force).max(initial=0.0)), 1e-300
+    )
     if not residual <= EQUILIBRIUM:
         return None
     slider = np.where((state.status == OPEN) | (system.kt == 0.0), x[:, :2], ratio * state.slider)

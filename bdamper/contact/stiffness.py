@@ -103,7 +103,9 @@ def report(interface: str, contact: ContactStiffness) -> str:
 
 
 def contact_stiffness(
-    coupling: Coupling, method: str | float | ResidualModes | PerArea | Mapping[str, NDArray], friction: NDArray
+    coupling: Coupling,
+    method: str | float | ResidualModes | PerArea | Mapping[str, NDArray],
+    friction: NDArray,
 ) -> Contact:
     """Compute the contact stiffness at the points of every interface.
 
@@ -151,11 +153,15 @@ def contact_stiffness(
 
 def check_method(method: Any) -> None:
     """Raise SettingError unless ``method`` is the name of a method, settings of residual modes or user-supplied values."""
-    if isinstance(method, ResidualModes | PerArea | Mapping) or (isinstance(method, str) and method in METHODS):
+    if isinstance(method, ResidualModes | PerArea | Mapping) or (
+        isinstance(method, str) and method in METHODS
+    ):
         return
     if method is None or isinstance(method, str | bytes) or np.ndim(method) != 0:
         expected = f"one of {(*METHODS, 'model')}, one number in N/m, PerArea(...), ResidualModes(...) or a mapping"
-        raise validation.invalid("contact_stiffness", f"{expected} of interface names to values", method)
+        raise validation.invalid(
+            "contact_stiffness", f"{expected} of interface names to values", method
+        )
     validation.number("contact_stiffness", method, least=0.0, unit="N/m")
 
 
@@ -189,7 +195,9 @@ def paper_equations(
     usable = (np.abs(force) > SMALL_FORCE * largest) & (displacement * force > 0.0)
     quotient = np.divide(force, displacement, out=np.ones_like(force), where=usable)
     usable &= np.abs(np.log(quotient / substitute.stiffness)) < np.log(far)
-    return ContactStiffness(np.where(usable, quotient, substitute.stiffness), "cigeroglu2009", ~usable)
+    return ContactStiffness(
+        np.where(usable, quotient, substitute.stiffness), "cigeroglu2009", ~usable
+    )
 
 
 def paper_contact(coupling: Coupling, friction: NDArray) -> tuple[NDArray, NDArray]:
@@ -244,10 +252,14 @@ def _omitted_displacement(coupling: Coupling, force: NDArray) -> NDArray:
     motion = np.zeros((coupling.n_points, 3))
     for name in coupling.friction_faces:
         static = coupling.model.static[name]
-        motion[coupling.rows(name)] = (static.displacement_b - static.displacement_a) * np.array([1.0, 1.0, -1.0])
+        motion[coupling.rows(name)] = (static.displacement_b - static.displacement_a) * np.array(
+            [1.0, 1.0, -1.0]
+        )
     deformation = problem.flexibility @ force.ravel()
     elastic = problem.offset.ravel() - deformation
-    eta = np.linalg.lstsq(problem.rigid[components], (motion.ravel() - elastic)[components], rcond=None)[0]
+    eta = np.linalg.lstsq(
+        problem.rigid[components], (motion.ravel() - elastic)[components], rcond=None
+    )[0]
     difference = motion.ravel() - elastic - problem.rigid @ eta
     size = max(float(np.linalg.norm(deformation[components])), 1e-300)
     worst, limit = float(np.linalg.norm(difference[components]) / size), 0.2
@@ -291,11 +303,16 @@ def unit_traction(residual: NDArray, area: NDArray) -> ContactStiffness:
     for axis in range(3):
         displacement = blocks[:, axis, :, axis] @ area
         positive = displacement > 0.0
-        quantity, expected = f"residual flexibility along axis {axis}", "a positive displacement under a uniform traction"
+        quantity, expected = (
+            f"residual flexibility along axis {axis}",
+            "a positive displacement under a uniform traction",
+        )
         found = f"at most {displacement.max():.3g} m2 m/N; the retained modes are stiffer than the full model"
         check(positive.any(), quantity, expected, found)
         fallback[:, axis] = ~positive
-        displacement[~positive] = np.median(displacement[positive] / area[positive]) * area[~positive]
+        displacement[~positive] = (
+            np.median(displacement[positive] / area[positive]) * area[~positive]
+        )
         stiffness[:, axis] = area / displacement
     return ContactStiffness(stiffness, "unit_traction", fallback)
 
@@ -307,13 +324,22 @@ def _unit_tractions(coupling: Coupling) -> dict[str, ContactStiffness]:
     for name in coupling.interfaces:
         rows = coupling.rows(name)
         block = slice(3 * rows.start, 3 * rows.stop)
-        stiffness[name] = unit_traction(residual[block, block], coupling.model.interfaces[name].area)
+        stiffness[name] = unit_traction(
+            residual[block, block], coupling.model.interfaces[name].area
+        )
     return stiffness
 
 
 def _with_residual_modes(coupling: Coupling, options: ResidualModes, friction: NDArray) -> Contact:
-    has_load = any(body.load is not None and np.any(body.load.generalised) for body in coupling.model.bodies.values())
-    static = _static_contact_forces(coupling, friction) if has_load and options.n_vectors != "all" else None
+    has_load = any(
+        body.load is not None and np.any(body.load.generalised)
+        for body in coupling.model.bodies.values()
+    )
+    static = (
+        _static_contact_forces(coupling, friction)
+        if has_load and options.n_vectors != "all"
+        else None
+    )
     residual_set = ResidualSet.make(coupling, friction, options, static)
     stiffness = {}
     for name, uniform in _unit_tractions(coupling).items():
@@ -323,12 +349,16 @@ def _with_residual_modes(coupling: Coupling, options: ResidualModes, friction: N
     return Contact(stiffness, residual_set)
 
 
-def _user_values(coupling: Coupling, value: float | PerArea | Mapping[str, NDArray]) -> dict[str, ContactStiffness]:
+def _user_values(
+    coupling: Coupling, value: float | PerArea | Mapping[str, NDArray]
+) -> dict[str, ContactStiffness]:
     if isinstance(value, Mapping):
         validation.mapping("contact_stiffness", value, coupling.model.interfaces, "interfaces")
         missing = [name for name in coupling.interfaces if name not in value]
         if missing:
-            raise SettingError(f"contact_stiffness: expected values for interfaces {missing} as well")
+            raise SettingError(
+                f"contact_stiffness: expected values for interfaces {missing} as well"
+            )
     stiffness = {}
     for name in coupling.interfaces:
         face = coupling.model.interfaces[name]
@@ -338,11 +368,15 @@ def _user_values(coupling: Coupling, value: float | PerArea | Mapping[str, NDArr
         try:
             k = np.array(np.broadcast_to(np.asarray(numbers, float), (face.n_points, 3)))
         except (TypeError, ValueError) as error:
-            expected = f"numbers in N/m, PerArea(...) or an array that broadcasts to {(face.n_points, 3)}"
+            expected = (
+                f"numbers in N/m, PerArea(...) or an array that broadcasts to {(face.n_points, 3)}"
+            )
             raise validation.invalid(f"contact_stiffness['{name}']", expected, numbers) from error
         # a cubic spring may soften
         wrong = k[~(np.isfinite(k) & ((k >= 0.0) | (face.kind == "cubic")))]
         if wrong.size:
-            raise validation.invalid(f"contact_stiffness['{name}']", "finite numbers >= 0 N/m", wrong[0])
+            raise validation.invalid(
+                f"contact_stiffness['{name}']", "finite numbers >= 0 N/m", wrong[0]
+            )
         stiffness[name] = ContactStiffness(k, "user")
     return stiffness

@@ -136,7 +136,9 @@ def largest_von_mises(coefficients: NDArray) -> NDArray:
     return np.linalg.norm(_at(y, at)[0], axis=1)
 
 
-def _climbed(rates: Callable[[NDArray], tuple[NDArray, NDArray]], at: NDArray, most: float) -> NDArray:
+def _climbed(
+    rates: Callable[[NDArray], tuple[NDArray, NDArray]], at: NDArray, most: float
+) -> NDArray:
     """Refine maxima of cycles by Newton's method.
 
     Parameters
@@ -219,7 +221,15 @@ def _half_sphere(n_rings: int = 12) -> NDArray:
     for polar in (np.arange(n_rings) + 0.5) * 0.5 * np.pi / n_rings:
         n = max(round(4 * n_rings * np.sin(polar) * 0.6), 3)
         turn = 2.0 * np.pi * np.arange(n) / n
-        out.append(np.column_stack([np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.full(n, np.cos(polar))]))
+        out.append(
+            np.column_stack(
+                [
+                    np.sin(polar) * np.cos(turn),
+                    np.sin(polar) * np.sin(turn),
+                    np.full(n, np.cos(polar)),
+                ]
+            )
+        )
     return np.concatenate(out)
 
 
@@ -231,13 +241,17 @@ def _frames(normals: NDArray) -> tuple[NDArray, NDArray]:
     return a, np.cross(normals, a)
 
 
-def _plane_values(c: NDArray, normals: NDArray, k: float, limit: float | None, samples: int) -> NDArray:
+def _plane_values(
+    c: NDArray, normals: NDArray, k: float, limit: float | None, samples: int
+) -> NDArray:
     """Return the criterion (n,) of one cycle (6, H + 1) on planes with the given normals (n, 3)."""
     traction = np.einsum("ijl,nj->nil", c[_INDEX], normals)
     a, b = _frames(normals)
     theta = 2.0 * np.pi * np.arange(samples) / samples
     normal = np.einsum("ni,nil->nl", normals, traction)
-    path = np.stack([over_cycle(np.einsum("ni,nil->nl", t, traction), theta) for t in (a, b)], axis=-1)
+    path = np.stack(
+        [over_cycle(np.einsum("ni,nil->nl", t, traction), theta) for t in (a, b)], axis=-1
+    )
     mean = normal[:, 0].real.copy()
     normal[:, 0] = 0.0
     rise = _parabola(over_cycle(normal, theta))
@@ -254,7 +268,10 @@ def _parabola(values: NDArray) -> NDArray:
     n, rows = values.shape[1], np.arange(len(values))
     before, top, after = values[rows, i - 1], values[rows, i], values[rows, (i + 1) % n]
     bend = 2.0 * top - before - after
-    return np.asarray(top + np.where(bend > 0.0, (after - before) ** 2 / (8.0 * np.where(bend > 0.0, bend, 1.0)), 0.0))
+    return np.asarray(
+        top
+        + np.where(bend > 0.0, (after - before) ** 2 / (8.0 * np.where(bend > 0.0, bend, 1.0)), 0.0)
+    )
 
 
 def _refine_plane(c: NDArray, normal: NDArray, k: float, limit: float | None) -> float:
@@ -302,7 +319,9 @@ def _circle_of_four(points: NDArray) -> tuple[NDArray, NDArray, NDArray]:
     The last point lies on the circle; one or two of the first three points complete the support.
     """
     centres, radii = [], []
-    others = list(combinations_with_replacement(range(3), 2))  # equal indices: one support point besides the last
+    others = list(
+        combinations_with_replacement(range(3), 2)
+    )  # equal indices: one support point besides the last
     for i, j in others:
         a, b, c = points[:, i], points[:, j], points[:, 3]
         if i == j:
@@ -366,7 +385,12 @@ class Material(validation.Checked):
         super().__post_init__()
         for name in ("yield_strength", "endurance_limit"):
             expected = f"at most the ultimate strength, {self.ultimate_strength:g} Pa"
-            validation.check(not getattr(self, name) > self.ultimate_strength, name, expected, f"{getattr(self, name):g}")
+            validation.check(
+                not getattr(self, name) > self.ultimate_strength,
+                name,
+                expected,
+                f"{getattr(self, name):g}",
+            )
 
     def limit(self, line: str) -> float:
         """Return the mean stress (Pa) at which no amplitude is endurable."""
@@ -379,7 +403,11 @@ class Material(validation.Checked):
         return np.asarray(self.endurance_limit * np.maximum(left, 0.0))
 
     def factor(
-        self, amplitude: NDArray | float, mean: NDArray | float, line: str = "goodman", on: str = "amplitude"
+        self,
+        amplitude: NDArray | float,
+        mean: NDArray | float,
+        line: str = "goodman",
+        on: str = "amplitude",
     ) -> NDArray:
         """Return the safety factor of stress cycles.
 
@@ -402,7 +430,9 @@ class Material(validation.Checked):
         with np.errstate(divide="ignore", invalid="ignore"):
             if on == "amplitude":
                 allowed = self.allowed(mean, line)
-                return np.where(amplitude > 0.0, allowed / amplitude, np.where(allowed > 0.0, np.inf, 0.0))
+                return np.where(
+                    amplitude > 0.0, allowed / amplitude, np.where(allowed > 0.0, np.inf, 0.0)
+                )
             b, share = amplitude / self.endurance_limit, np.maximum(mean, 0.0) / self.limit(line)
             if line == "gerber":  # positive root, in the form without cancellation
                 return np.asarray(2.0 / (b + np.sqrt(b**2 + 4.0 * share**2)))

@@ -25,7 +25,17 @@ from bdamper.util.display import Comparable, Plottable, draw
 from bdamper.util.errors import COMPLETE, BdamperError, status_word
 from bdamper.util.formatting import UNITS, amount, counted, short_repr
 from bdamper.util.storage import FilePath, Recorded, Storable
-from bdamper.util.tables import ROW, Column, Hertz, Metres, Newtons, Numbers, Quantity, RadiansPerSecond, Tabular
+from bdamper.util.tables import (
+    ROW,
+    Column,
+    Hertz,
+    Metres,
+    Newtons,
+    Numbers,
+    Quantity,
+    RadiansPerSecond,
+    Tabular,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,7 +61,9 @@ class Rule(validation.Checked):
         what = "amplitude and mean" if self.on == "both" else "amplitude"
         return f"{self.criterion.replace('_', ' ')}{line}, factor on {what}"
 
-    def judge(self, coefficients: NDArray, material: Material) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    def judge(
+        self, coefficients: NDArray, material: Material
+    ) -> tuple[NDArray, NDArray, NDArray, NDArray]:
         """Evaluate stress cycles.
 
         Parameters
@@ -73,7 +85,9 @@ class Rule(validation.Checked):
             factor = material.factor(amplitude, mean, self.line, self.on)
         else:
             limit = material.findley_limit
-            value = criteria.findley(coefficients, material.findley_k, None if self.on == "both" else limit)
+            value = criteria.findley(
+                coefficients, material.findley_k, None if self.on == "both" else limit
+            )
             factor = (limit if self.on == "both" else 1.0) / np.maximum(value, 1e-300)
         largest = np.maximum(criteria.largest_von_mises(coefficients), 1e-300)
         return amplitude, mean, factor, material.yield_strength / largest
@@ -97,7 +111,16 @@ class SteadyAmplitude(Protocol):
 
 @short_repr
 @dataclass(frozen=True)
-class Margins(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-margins", row="location"):
+class Margins(
+    AtPoints,
+    Plottable,
+    Comparable,
+    Tabular,
+    Recorded,
+    Storable,
+    kind="bdamper-margins",
+    row="location",
+):
     """Safety factors of one solution at every point of the stress sets.
 
     ``plot`` draws the Haigh diagram with the points (:func:`bdamper.plot.plot_haigh`), ``plot_critical`` the critical point
@@ -149,7 +172,10 @@ class Margins(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, kind
         if not self.yields:
             return self.notes
         worst = int(np.where(self.counted, self.yield_factor, np.inf).argmin())
-        return *self.notes, f"{self.names[worst]} yields in the first cycle: factor {self.yield_factor[worst]:.3g}"
+        return (
+            *self.notes,
+            f"{self.names[worst]} yields in the first cycle: factor {self.yield_factor[worst]:.3g}",
+        )
 
     def plot_critical(self, model: Any, path: FilePath | None = None) -> Any:
         """Draw the points on the body in 3-D, coloured by their factor (:func:`bdamper.plot.plot_critical`)."""
@@ -158,7 +184,9 @@ class Margins(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, kind
     def _headline(self) -> str:
         i = self.critical
         stress = f"{amount(self.amplitude[i], 'Pa')} about a mean of {amount(self.mean[i], 'Pa')}"
-        judged = "the vibration is below the limit" if self.least >= 1.0 else "the limit is exceeded"
+        judged = (
+            "the vibration is below the limit" if self.least >= 1.0 else "the limit is exceeded"
+        )
         yields = " It yields in the first cycle." if self.yields else ""
         least = f"Least at {self.names[i]}, {stress}."
         scaled = any(note.startswith(over_cycle.SCALED) for note in self.notes)
@@ -223,7 +251,15 @@ class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
     best_status: str = ""
     in_time: tuple[Margins, ...] = ()
     notes: tuple[str, ...] = ()
-    _summary_fields = ("over", "best_value", "unit", "best_margin", "best_status", "rule", "material.name")
+    _summary_fields = (
+        "over",
+        "best_value",
+        "unit",
+        "best_margin",
+        "best_status",
+        "rule",
+        "material.name",
+    )
 
     def __len__(self) -> int:
         return len(self.values)
@@ -263,17 +299,35 @@ class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
 
     def _headline(self) -> str:
         if np.isnan(self.margin).all():
-            return f"No margin against fatigue was found at any of {len(self)} values of {self.over}."
+            return (
+                f"No margin against fatigue was found at any of {len(self)} values of {self.over}."
+            )
         i, j = self.least, self.greatest
-        value, best = (self.values[j], self.margin[j]) if np.isnan(self.best_value) else (self.best_value, self.best_margin)
+        value, best = (
+            (self.values[j], self.margin[j])
+            if np.isnan(self.best_value)
+            else (self.best_value, self.best_margin)
+        )
         worst = f"{self.margin[i]:.3g} at {amount(self.values[i], self.unit)} ({self.names[self.critical[i]]})"
         how = "" if self.in_time else " by harmonic balance alone"
         head = f"Margin against fatigue over {self.over}{how}: largest {best:.3g} at {amount(value, self.unit)}"
-        limit = ["Below 1 the limit is exceeded."] if min([self.margin[i], *(m.least for m in self.in_time)]) < 1.0 else []
+        limit = (
+            ["Below 1 the limit is exceeded."]
+            if min([self.margin[i], *(m.least for m in self.in_time)]) < 1.0
+            else []
+        )
         own = (over_cycle.SCALED, over_cycle.UNSETTLED, over_cycle.APART)
-        why = ["; ".join(x for x in m.notes if x.startswith(own) and x not in self.notes) for m in self.in_time]
-        in_time = (f"At {amount(m.preload, 'N')} it is {m.least:.3g} in time, {w}." for m, w in zip(self.in_time, why))
-        return " ".join([f"{head}, least {worst}.", *in_time, *limit]) + over_cycle.doubts(self.notes)
+        why = [
+            "; ".join(x for x in m.notes if x.startswith(own) and x not in self.notes)
+            for m in self.in_time
+        ]
+        in_time = (
+            f"At {amount(m.preload, 'N')} it is {m.least:.3g} in time, {w}."
+            for m, w in zip(self.in_time, why)
+        )
+        return " ".join([f"{head}, least {worst}.", *in_time, *limit]) + over_cycle.doubts(
+            self.notes
+        )
 
 
 def margin(
@@ -314,7 +368,9 @@ def margin(
         If the model has no stress sets, or if a setting or the result does not fit.
     """
     judge = LeastMargin(material, **judged)
-    if not isinstance(result, StressCycle) and (hasattr(result, "y") or index is not None or time_response is not None):
+    if not isinstance(result, StressCycle) and (
+        hasattr(result, "y") or index is not None or time_response is not None
+    ):
         result = over_cycle.stress(problem, result, index, sets=judge.sets, speed=judge.speed)
     if isinstance(result, StressCycle):
         return judge.of_cycle(_scaled_to_time(result, time_response))
@@ -325,11 +381,18 @@ def _scaled_to_time(cycle: StressCycle, time_response: SteadyAmplitude | None) -
     """Scale the vibration to the largest amplitude in time integration."""
     if time_response is None:
         return cycle
-    validation.instance("time_response", time_response, SteadyAmplitude, "a TimeResponse of this study")
+    validation.instance(
+        "time_response", time_response, SteadyAmplitude, "a TimeResponse of this study"
+    )
     # preloads are printed with three digits
-    if not np.isfinite(time_response.factor) or abs(time_response.preload - cycle.preload) > 5e-3 * cycle.preload:
+    if (
+        not np.isfinite(time_response.factor)
+        or abs(time_response.preload - cycle.preload) > 5e-3 * cycle.preload
+    ):
         expected = f"a time integration at {cycle.preload:g} N"
-        raise validation.invalid("time_response", expected, f"{time_response.text} at {time_response.preload:g} N")
+        raise validation.invalid(
+            "time_response", expected, f"{time_response.text} at {time_response.preload:g} N"
+        )
     coefficients = cycle.coefficients.copy()
     coefficients[..., 1:] *= time_response.factor
     highest = amount(time_response.largest, "m")
@@ -342,14 +405,20 @@ def _scaled_to_time(cycle: StressCycle, time_response: SteadyAmplitude | None) -
 def _caveats(cycle: StressCycle, factor: NDArray) -> tuple[str, ...]:
     """Return as notes a large difference of the elements at the critical point, and the points that are left out."""
     i, out = int(np.where(cycle.counted, factor, np.inf).argmin()), []
-    large_spread = 0.2  # relative difference between elements above which the stress counts as uncertain
+    large_spread = (
+        0.2  # relative difference between elements above which the stress counts as uncertain
+    )
     if cycle.spread[i] > large_spread:
         apart = f"{100.0 * cycle.spread[i]:.3g} %"
-        out.append(f"{over_cycle.APART}{cycle.names[i]} differ by {apart}: its stress may not have converged with the mesh")
+        out.append(
+            f"{over_cycle.APART}{cycle.names[i]} differ by {apart}: its stress may not have converged with the mesh"
+        )
     if not cycle.counted.all():
         smaller = int((factor < factor[i])[~cycle.counted].sum())
         which = f", {smaller}{over_cycle.SMALLER}" if smaller else ""
-        out.append(f"left out: {counted(int((~cycle.counted).sum()), 'point')} on or next to contact faces{which}")
+        out.append(
+            f"left out: {counted(int((~cycle.counted).sum()), 'point')} on or next to contact faces{which}"
+        )
     return tuple(out)
 
 
@@ -386,7 +455,11 @@ class LeastMargin(Rule):
         return self.margins(problem, np.append(unknowns, omega), preload).least
 
     def margins(
-        self, problem: Problem, y: NDArray, preload: float, time_response: SteadyAmplitude | None = None
+        self,
+        problem: Problem,
+        y: NDArray,
+        preload: float,
+        time_response: SteadyAmplitude | None = None,
     ) -> Margins:
         """Return the margins of a solution.
 
@@ -399,8 +472,12 @@ class LeastMargin(Rule):
         time_response : TimeResponse, optional
             Time integration to whose largest amplitude the vibration is scaled.
         """
-        solution = Solutions(y[None, :-1], y[-1:] / (2.0 * np.pi), np.array([preload]), np.array(["response"]))
-        cycle = over_cycle.of_solution(problem, solution, over_cycle.chosen_sets(problem, self.sets), self.speed)
+        solution = Solutions(
+            y[None, :-1], y[-1:] / (2.0 * np.pi), np.array([preload]), np.array(["response"])
+        )
+        cycle = over_cycle.of_solution(
+            problem, solution, over_cycle.chosen_sets(problem, self.sets), self.speed
+        )
         return self.of_cycle(_scaled_to_time(cycle, time_response))
 
     def of_cycle(self, cycle: StressCycle) -> Margins:
@@ -408,7 +485,9 @@ class LeastMargin(Rule):
         amplitude, mean, factor, to_yield = self.judge(cycle.coefficients, self.material)
         copied = {f.name: getattr(cycle, f.name) for f in fields(AtPoints)} | self._of(cycle)
         copied["notes"] += _caveats(cycle, factor)
-        return Margins(amplitude=amplitude, mean=mean, factor=factor, yield_factor=to_yield, **copied)
+        return Margins(
+            amplitude=amplitude, mean=mean, factor=factor, yield_factor=to_yield, **copied
+        )
 
     def _of(self, cycle: StressCycle) -> dict[str, Any]:
         """Return the fields that margins copy from a stress cycle.
@@ -418,7 +497,12 @@ class LeastMargin(Rule):
         SettingError
             If the stress cycle has no counted point.
         """
-        validation.check(cycle.counted.any(), "margin", "points away from contact faces", "none in the stress sets")
+        validation.check(
+            cycle.counted.any(),
+            "margin",
+            "points away from contact faces",
+            "none in the stress sets",
+        )
         origin = {"settings": cycle.settings, "model_hash": cycle.model_hash}
         return {"material": self.material, "rule": self.rule, "notes": cycle.notes, **origin}
 
@@ -428,14 +512,18 @@ class LeastMargin(Rule):
         known = np.isfinite(solutions.unknowns).all(axis=1)
         validation.check(known.any(), "margin", "a curve with solutions", "none")
         solved = Solutions(*(column[known] for column in solutions))
-        first = over_cycle.of_solution(problem, Solutions(*(column[:1] for column in solved)), chosen, self.speed)
+        first = over_cycle.of_solution(
+            problem, Solutions(*(column[:1] for column in solved)), chosen, self.speed
+        )
         over_cycle.check_ends(curve)
         shared = self._of(first)
         shared["notes"] += over_cycle.check_loads(problem, solved, chosen, self.speed)
         coefficients = over_cycle.coefficients_of(problem, solved, chosen, self.speed)
         m, n = coefficients.shape[:2]
         amplitude, mean, factor = np.full((3, len(known), n), np.nan)
-        for column, x in zip((amplitude, mean, factor), self.judge(coefficients.reshape(m * n, 6, -1), self.material)):
+        for column, x in zip(
+            (amplitude, mean, factor), self.judge(coefficients.reshape(m * n, 6, -1), self.material)
+        ):
             column[known] = x.reshape(m, n)
         counted = np.where(first.counted & known[:, None], factor, np.inf)
         critical = np.where(known, counted.argmin(axis=1), -1)

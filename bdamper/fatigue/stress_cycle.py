@@ -66,7 +66,16 @@ class AtPoints:
 
 @short_repr
 @dataclass(frozen=True)
-class StressCycle(AtPoints, Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamper-stress", row="location"):
+class StressCycle(
+    AtPoints,
+    Plottable,
+    Comparable,
+    Tabular,
+    Recorded,
+    Storable,
+    kind="bdamper-stress",
+    row="location",
+):
     """Stress of one solution over the vibration cycle.
 
     ``plot`` draws the von Mises value and the components over the cycle (:func:`bdamper.plot.plot_stress`).
@@ -152,7 +161,11 @@ def stress(
     if n > 1:
         if index is None:
             check_ends(result)
-        index = _highest(result, solutions) if index is None else validation.integer("index", index, least=0, most=n - 1)
+        index = (
+            _highest(result, solutions)
+            if index is None
+            else validation.integer("index", index, least=0, most=n - 1)
+        )
     chosen_one = Solutions(*(column[[index or 0]] for column in solutions))
     cycle = of_solution(problem, chosen_one, chosen, speed)
     return replace(cycle, notes=(*cycle.notes, *check_loads(problem, chosen_one, chosen, speed)))
@@ -194,7 +207,10 @@ def gauge_stress(
     """
     named = {name: (s, k) for s in chosen_sets(problem) for k, name in enumerate(s.point_names)}
     if not isinstance(gauge, str):
-        position, points = validation.numbers("gauge, m", gauge, 3), np.array([s.points[k] for s, k in named.values()])
+        position, points = (
+            validation.numbers("gauge, m", gauge, 3),
+            np.array([s.points[k] for s, k in named.values()]),
+        )
         away, near = np.linalg.norm(points - position, axis=1), 0.05 * np.abs(points).max()
         gauge, least = list(named)[int(away.argmin())], float(away.min())
         nearest = f"'{gauge}' as the nearest, {amount(least, 'm')} away"
@@ -205,17 +221,25 @@ def gauge_stress(
     x, y, z = direction_vector(direction, "direction")
     along = np.array([x * x, y * y, z * z, 2.0 * x * y, 2.0 * y * z, 2.0 * x * z])
     if elastic is not None:
-        modulus, poisson = validation.numbers("elastic, Young's modulus and Poisson's ratio", elastic, 2, least=0.0)
+        modulus, poisson = validation.numbers(
+            "elastic, Young's modulus and Poisson's ratio", elastic, 2, least=0.0
+        )
         expected = "a modulus above 0 and a ratio from 0 to 0.5"
         validation.check(modulus > 0.0 and poisson <= 0.5, "elastic", expected, elastic)
-        along = ((1.0 + poisson) * along - poisson * np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])) / modulus
+        along = (
+            (1.0 + poisson) * along - poisson * np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+        ) / modulus
     return np.asarray(np.einsum("c,mcl->ml", along, tensor))
 
 
 def _highest(result: Any, solutions: Solutions) -> int:
     sign = -1.0 if np.ndim(result.preload) else 1.0  # an optimal curve is best at its minimum
     height = sign * np.asarray(result.amplitude)
-    return int(np.where(np.isfinite(height) & np.isfinite(solutions.unknowns).all(axis=1), height, -np.inf).argmax())
+    return int(
+        np.where(
+            np.isfinite(height) & np.isfinite(solutions.unknowns).all(axis=1), height, -np.inf
+        ).argmax()
+    )
 
 
 DOUBTED_LOAD = "the centrifugal stress belongs to a preload of "
@@ -238,7 +262,11 @@ def speeds(problem: Problem, frequency: NDArray, speed: float | None = None) -> 
     turning = speed if speed is not None else problem.settings.speed
     if turning is not None:
         return np.full(len(frequency), validation.number("speed", turning, least=0.0, unit="rad/s"))
-    per_frequency = 2.0 * np.pi / problem.engine_order if problem.model.n_blades > 1 and problem.engine_order else 0.0
+    per_frequency = (
+        2.0 * np.pi / problem.engine_order
+        if problem.model.n_blades > 1 and problem.engine_order
+        else 0.0
+    )
     return per_frequency * frequency
 
 
@@ -257,7 +285,9 @@ def check_loads(
         problem.sizes.check_preload(solutions.preload, turning)
         return ()
     contradiction = problem.sizes.contradiction(solutions.preload, turning)
-    if contradiction is None or (problem.settings.speed is None and all(s.static is None for s in chosen)):
+    if contradiction is None or (
+        problem.settings.speed is None and all(s.static is None for s in chosen)
+    ):
         return ()
     return ("{}{}, found {}".format(DOUBTED_LOAD, *contradiction),)
 
@@ -283,7 +313,9 @@ def doubts(notes: Sequence[str]) -> str:
 def chosen_sets(problem: Problem, sets: str | Sequence[str] | None = None) -> tuple[StressSet, ...]:
     """Return stress sets by name, at the contact points of the study."""
     known = problem.coupling.model.stress
-    validation.check(known, "stress", "a model with stress sets", "none (docs/speed.md explains how to add them)")
+    validation.check(
+        known, "stress", "a model with stress sets", "none (docs/speed.md explains how to add them)"
+    )
     names = [sets] if isinstance(sets, str) else list(known if sets is None else sets)
     return tuple(known[validation.choice("stress set", name, list(known))] for name in names)
 
@@ -293,14 +325,22 @@ def of_solution(
 ) -> StressCycle:
     """Return the stress of one solution over the cycle."""
     bare = [s for s in chosen if not s.contact and problem.model.bodies[s.body].ports]
-    notes = [f"set '{s.name}' has no rows for contact forces: their stress is neglected" for s in bare]
-    notes += [f"set '{s.name}' has no centrifugal stress: the mean stress neglects it" for s in chosen if s.static is None]
+    notes = [
+        f"set '{s.name}' has no rows for contact forces: their stress is neglected" for s in bare
+    ]
+    notes += [
+        f"set '{s.name}' has no centrifugal stress: the mean stress neglects it"
+        for s in chosen
+        if s.static is None
+    ]
     return StressCycle(
         points=np.concatenate([s.points for s in chosen]),
         names=tuple(name for s in chosen for name in s.point_names),
         coefficients=coefficients_of(problem, solution, chosen, speed)[0],
         counted=np.concatenate([s.counted for s in chosen]),
-        spread=np.concatenate([np.full(len(s), np.nan) if s.spread is None else s.spread for s in chosen]),
+        spread=np.concatenate(
+            [np.full(len(s), np.nan) if s.spread is None else s.spread for s in chosen]
+        ),
         frequency=float(solution.frequency[0]),
         preload=float(solution.preload[0]),
         speed=float(speeds(problem, solution.frequency, speed)[0]),
@@ -315,7 +355,9 @@ def coefficients_of(
     """Return mean and harmonics (m, n, 6, H + 1) of the stress of m solutions, Pa."""
     n, n_harmonics = sum(map(len, sets)), problem.harmonic_numbers[-1]
     out = np.full((len(solutions.unknowns), n, 6, n_harmonics + 1), np.nan, complex)
-    centrifugal = np.concatenate([np.zeros((len(s), 6)) if s.static is None else s.static for s in sets])
+    centrifugal = np.concatenate(
+        [np.zeros((len(s), 6)) if s.static is None else s.static for s in sets]
+    )
     present = sorted({0, *problem.settings.active_harmonics})
     parts = {l: [_Rows.make(problem, s, l) for s in sets] for l in present}
     turning = speeds(problem, solutions.frequency, speed)
@@ -332,24 +374,34 @@ def coefficients_of(
             coordinates = problem.bases[l].coordinates
             if l == 0 and (kind == "stuck" or (kind != "free" and not problem.settings.bias)):
                 state = problem.at(preload).equilibrium
-                q, force, coordinates = state.q, state.force.ravel(), problem.static_basis.coordinates
+                q, force, coordinates = (
+                    state.q,
+                    state.force.ravel(),
+                    problem.static_basis.coordinates,
+                )
             by_body: dict[str, dict[int, complex]] = {}
             for coordinate, value in zip(coordinates, q):
                 by_body.setdefault(coordinate.body, {})[coordinate.index] = value
-            values = [rows.stress(by_body.get(rows.body.name, {}), force, 2.0 * np.pi * frequency) for rows in parts[l]]
+            values = [
+                rows.stress(by_body.get(rows.body.name, {}), force, 2.0 * np.pi * frequency)
+                for rows in parts[l]
+            ]
             out[i, ..., l] = np.concatenate(values)
         out[i, ..., 0] = out[i, ..., 0].real + turning[i] ** 2 * centrifugal
     return out
 
 
-def _contact_forces(problem: Problem, preload: float, kind: str) -> Callable[[NDArray], list[NDArray]]:
+def _contact_forces(
+    problem: Problem, preload: float, kind: str
+) -> Callable[[NDArray], list[NDArray]]:
     """Return the function that gives the contact forces (3 n_points,) of each harmonic from the unknowns of a solution."""
     case = problem.at(preload)
     if kind in ("free", "stuck"):
         linear = case.sector.linear
         springs = linear.springs + (case.stuck_springs(touching=True) if kind == "stuck" else 0.0)
         return lambda u: [
-            (springs * (basis.G @ linear.layout.amplitudes(u, l))).ravel() for l, basis in enumerate(linear.bases)
+            (springs * (basis.G @ linear.layout.amplitudes(u, l))).ravel()
+            for l, basis in enumerate(linear.bases)
         ]
     system, axes = case.equations, _contact_axes(problem, preload)
 
@@ -373,7 +425,9 @@ def _contact_axes(problem: Problem, preload: float) -> NDArray:
     if not problem.settings.separation or not problem.settings.variable_normal_load:
         state = problem.at(preload).equilibrium
         constant = not problem.settings.variable_normal_load
-        bases, _ = without_separation(bases, points, state, problem.friction_points, constant_load=constant)
+        bases, _ = without_separation(
+            bases, points, state, problem.friction_points, constant_load=constant
+        )
     return np.asarray(bases[0].G.real)
 
 
@@ -415,8 +469,12 @@ class _Rows:
             if name in coupling.interfaces:
                 face = model.interfaces[name]
                 sector, sense = (face.sector_a, 1.0) if side == "a" else (face.sector_b, -1.0)
-                turn = np.exp(-2j * np.pi * coupling.engine_order * self.harmonic * sector / model.n_blades)
-                out[model.port_slice(self.body.name, (name, side))] = sense * turn * force[coupling.rows(name)]
+                turn = np.exp(
+                    -2j * np.pi * coupling.engine_order * self.harmonic * sector / model.n_blades
+                )
+                out[model.port_slice(self.body.name, (name, side))] = (
+                    sense * turn * force[coupling.rows(name)]
+                )
         return out.ravel()
 
     def stress(self, known: dict[int, complex], force: NDArray, omega: float) -> NDArray:
@@ -437,7 +495,11 @@ class _Rows:
             if at in basis.locations:
                 q = q + (along @ basis.locations[at]).conj() * excitation
         ratio_of_study = problem.settings.damping_ratio
-        ratio = basis.damping_ratio if ratio_of_study is None else np.full(basis.n_modes, ratio_of_study)
+        ratio = (
+            basis.damping_ratio
+            if ratio_of_study is None
+            else np.full(basis.n_modes, ratio_of_study)
+        )
         w = l * omega
         dynamic = basis.omega2 - w**2 + 2j * ratio * np.sqrt(basis.omega2) * w
         q = np.divide(q, dynamic, out=np.zeros_like(q), where=dynamic != 0.0)

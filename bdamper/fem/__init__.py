@@ -32,5 +32,7 @@ def __getattr__(name: str) -> Any:
         try:
             return getattr(import_module(f"bdamper.fem.{_GENERATORS[name]}"), name)
         except ModuleNotFoundError as error:
-            raise ImportError(f"bdamper.fem.{name} needs scikit-fem: install the extra bdamper[fe]") from error
+            raise ImportError(
+                f"bdamper.fem.{name} needs scikit-fem: install the extra bdamper[fe]"
+            ) from error
     raise AttributeError(f"module 'bdamper.fem' has no attribute {name!r}")

@@ -31,8 +31,12 @@ def _seven_points() -> tuple[NDArray, NDArray]:
     """Return barycentric coordinates (7, 3) and weights (7,) with sum 1 on a triangle, exact for degree 5."""
     root = np.sqrt(15.0)
     near, far = (6.0 - root) / 21.0, (6.0 + root) / 21.0
-    points = [np.full((1, 3), 1.0 / 3.0)] + [np.full((3, 3), a) + (1.0 - 3.0 * a) * np.eye(3) for a in (near, far)]
-    return np.concatenate(points), np.repeat([0.225, (155.0 - root) / 1200.0, (155.0 + root) / 1200.0], (1, 3, 3))
+    points = [np.full((1, 3), 1.0 / 3.0)] + [
+        np.full((3, 3), a) + (1.0 - 3.0 * a) * np.eye(3) for a in (near, far)
+    ]
+    return np.concatenate(points), np.repeat(
+        [0.225, (155.0 - root) / 1200.0, (155.0 + root) / 1200.0], (1, 3, 3)
+    )
 
 
 _BARYCENTRIC, _WEIGHTS = _seven_points()
@@ -117,7 +121,14 @@ def patch_grid(points: int | tuple[int, int], length: float, width: float) -> tu
         return int(points[0]), int(points[1])
     check(points >= 1, f"points must be at least 1, not {points}")
     factors = [n for n in range(1, points + 1) if points % n == 0]
-    n_s = min(factors, key=lambda n: (min(n, points // n) < 3, abs(np.log(length / n / (width / (points // n)))), n))
+    n_s = min(
+        factors,
+        key=lambda n: (
+            min(n, points // n) < 3,
+            abs(np.log(length / n / (width / (points // n)))),
+            n,
+        ),
+    )
     # nine points are always three by three, although longer patches may be closer to squares
     root = round(np.sqrt(points))
     return (root, root) if root * root == points else (n_s, points // n_s)
@@ -137,7 +148,10 @@ def mean_frame(facets: Facets, nodes: NDArray) -> NDArray:
     total = vectors.sum(axis=0)
     area = np.linalg.norm(vectors, axis=1).sum()
     expected = "expected one face, with all facets seen from outside counter-clockwise"
-    check(np.linalg.norm(total) > 0.5 * area, f"the normals of its facets do not point to one side: {expected}")
+    check(
+        np.linalg.norm(total) > 0.5 * area,
+        f"the normals of its facets do not point to one side: {expected}",
+    )
     n = total / np.linalg.norm(total)
     axial = np.array([0.0, 0.0, 1.0])
     t2 = n * n[2] - axial
@@ -190,7 +204,10 @@ def inverse_map(corner: NDArray, x: NDArray) -> NDArray:
         d_eta = 0.25 * SQUARE[:, 1] * (1 + xi[:, :1] * SQUARE[:, 0]) @ corner
         r = x - _bilinear(xi) @ corner
         det = d_xi[:, 0] * d_eta[:, 1] - d_xi[:, 1] * d_eta[:, 0]
-        along_xi, along_eta = r[:, 0] * d_eta[:, 1] - r[:, 1] * d_eta[:, 0], d_xi[:, 0] * r[:, 1] - d_xi[:, 1] * r[:, 0]
+        along_xi, along_eta = (
+            r[:, 0] * d_eta[:, 1] - r[:, 1] * d_eta[:, 0],
+            d_xi[:, 0] * r[:, 1] - d_xi[:, 1] * r[:, 0],
+        )
         step = np.stack([along_xi / det, along_eta / det], axis=-1)
         xi += step
         if np.abs(step).max() < 1e-14:
@@ -240,7 +257,10 @@ def overlaps(
 
     For the parameters see :func:`clip_to_polygon`.
     """
-    low, high = (np.array([end(window, axis=0) for window in windows]).reshape(-1, 2) for end in (np.min, np.max))
+    low, high = (
+        np.array([end(window, axis=0) for window in windows]).reshape(-1, 2)
+        for end in (np.min, np.max)
+    )
     for k, polygon in enumerate(polygons):
         near = np.all((low < polygon.max(axis=0)) & (high > polygon.min(axis=0)), axis=1)
         for m in np.flatnonzero(near).tolist():
@@ -257,7 +277,9 @@ def polygon_area(polygon: NDArray) -> float:
 
 def _quadrature(polygon: NDArray) -> tuple[NDArray, NDArray]:
     """Return points (m, 2) and weights (m,) of quadrature on a convex polygon."""
-    triangles = np.stack([np.broadcast_to(polygon[0], polygon[2:].shape), polygon[1:-1], polygon[2:]], axis=1)
+    triangles = np.stack(
+        [np.broadcast_to(polygon[0], polygon[2:].shape), polygon[1:-1], polygon[2:]], axis=1
+    )
     d1, d2 = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
     area = 0.5 * np.abs(d1[:, 0] * d2[:, 1] - d1[:, 1] * d2[:, 0])
     return (_BARYCENTRIC @ triangles).reshape(-1, 2), np.outer(area, _WEIGHTS).ravel()
@@ -286,7 +308,9 @@ def _flatten(facets: Facets, nodes: NDArray, origin: NDArray, frame: NDArray, wh
         ahead, behind = np.roll(x, -1, axis=0) - x, x - np.roll(x, 1, axis=0)
         bend = behind[:, 0] * ahead[:, 1] - behind[:, 1] * ahead[:, 0]
         if not polygon_area(x) > 0.0 or bend.min() < -1e-6 * bend.max():
-            raise ValueError(f"a facet of {what} at {nodes[row[:n]].mean(axis=0)} m is folded or seen edge-on")
+            raise ValueError(
+                f"a facet of {what} at {nodes[row[:n]].mean(axis=0)} m is folded or seen edge-on"
+            )
         rows.append(row)
         corners.append(x)
     return _Flat(rows, corners)
@@ -305,7 +329,9 @@ def _pieces(flat_a: _Flat, flat_b: _Flat | None) -> list[_Piece]:
     return [_Piece(part, k, m) for k, m, part in overlaps(flat_a.corner, flat_b.corner)]
 
 
-def _cells(pieces: Sequence[_Piece], windows: Sequence[NDArray], above: float = -np.inf) -> list[list[_Piece]]:
+def _cells(
+    pieces: Sequence[_Piece], windows: Sequence[NDArray], above: float = -np.inf
+) -> list[list[_Piece]]:
     """Return the parts of the pieces in each rectangle with an area larger than ``above`` (m2)."""
     cells: list[list[_Piece]] = [[] for _ in windows]
     for k, m, part in overlaps([piece.polygon for piece in pieces], windows, SIDES):
@@ -315,7 +341,10 @@ def _cells(pieces: Sequence[_Piece], windows: Sequence[NDArray], above: float = 
 
 
 def _means(
-    cells: list[list[_Piece]], frames: NDArray, flats: tuple[_Flat, _Flat | None], bodies: tuple[NDArray, NDArray | None]
+    cells: list[list[_Piece]],
+    frames: NDArray,
+    flats: tuple[_Flat, _Flat | None],
+    bodies: tuple[NDArray, NDArray | None],
 ) -> PatchMeans:
     """Integrate the shape functions of both bodies over the pieces of each cell."""
     n = len(cells)
@@ -332,7 +361,9 @@ def _means(
                     data[side].append((np.full(len(row), i), row, values))
     turn_rows = sp.block_diag(list(frames), format="csr")
 
-    def on_body(entries: list[tuple[NDArray, NDArray, NDArray]], nodes: NDArray) -> tuple[NDArray, sp.csr_matrix]:
+    def on_body(
+        entries: list[tuple[NDArray, NDArray, NDArray]], nodes: NDArray
+    ) -> tuple[NDArray, sp.csr_matrix]:
         rows, columns, values = (np.concatenate(part) for part in zip(*entries))
         weight = sp.csr_matrix((values, (rows, columns)), shape=(n, len(nodes)))
         mean = sp.diags(1.0 / (weight @ np.ones(len(nodes)))) @ weight
@@ -370,10 +401,15 @@ def patches_on_rectangles(
     origin, frame = patches.centre[0], patches.frame[0]
     height = np.abs((nodes - origin) @ frame[2])
     flat_enough = height < 1e-7 * float(np.ptp(nodes, axis=0).max())
-    groups = [g[flat_enough[corners].all(axis=1)] for g, corners in zip(facets.groups, facets.corners)]
+    groups = [
+        g[flat_enough[corners].all(axis=1)] for g, corners in zip(facets.groups, facets.corners)
+    ]
     flat = _flatten(Facets(tuple(g for g in groups if len(g))), nodes, origin, frame, what)
     middles = ((centre - origin) @ frame[:2].T for centre in patches.centre)
-    windows = [rectangle(middle - 0.5 * size, middle + 0.5 * size) for middle, size in zip(middles, patches.size)]
+    windows = [
+        rectangle(middle - 0.5 * size, middle + 0.5 * size)
+        for middle, size in zip(middles, patches.size)
+    ]
     cells = _cells(_pieces(flat, None), windows)
     for i, (cell, area) in enumerate(zip(cells, patches.area)):
         total = sum(polygon_area(p.polygon) for p in cell)
@@ -426,9 +462,13 @@ def patches_on_faces(
     edges = [np.linspace(low[k], high[k], n + 1) for k, n in enumerate((n_1, n_2))]
     corners = np.stack(np.meshgrid(*edges, indexing="ij"), axis=-1)
     windows = [rectangle(corners[i, j], corners[i + 1, j + 1]) for i, j in np.ndindex(n_1, n_2)]
-    cells = _without_small(_cells(pieces, windows, 1e-13 * whole), float((high - low).prod()) / len(windows), n_2)
+    cells = _without_small(
+        _cells(pieces, windows, 1e-13 * whole), float((high - low).prod()) / len(windows), n_2
+    )
     frames = np.broadcast_to(frame, (len(cells), 3, 3)).copy()
-    means = _means(cells, frames, (flat_a, flat_b), (nodes_a, nodes_b if flat_b is not None else None))
+    means = _means(
+        cells, frames, (flat_a, flat_b), (nodes_a, nodes_b if flat_b is not None else None)
+    )
     return replace(means, rows=n_1)
 
 

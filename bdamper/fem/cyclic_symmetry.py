@@ -57,11 +57,20 @@ def factorise(matrix: sp.spmatrix) -> SuperLU:
     """
     diagonal = matrix.diagonal().real
     if not (np.isfinite(matrix.data).all() and len(diagonal) and diagonal.min() > 0.0):
-        raise ValueError("a positive definite matrix has finite entries and a positive diagonal, and this one has not")
-    return splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        raise ValueError(
+            "a positive definite matrix has finite entries and a positive diagonal, and this one has not"
+        )
+    return splu(
+        matrix.tocsc(),
+        permc_spec="MMD_AT_PLUS_A",
+        diag_pivot_thresh=0.0,
+        options={"SymmetricMode": True},
+    )
 
 
-def cyclic_transformation(n_nodes: int, faces: SectorFaces, clamped: NDArray, nodal_diameter: int) -> sp.csr_matrix:
+def cyclic_transformation(
+    n_nodes: int, faces: SectorFaces, clamped: NDArray, nodal_diameter: int
+) -> sp.csr_matrix:
     """Return the matrix T (3 n_nodes, n_independent) of the phase condition.
 
     Parameters
@@ -86,14 +95,21 @@ def cyclic_transformation(n_nodes: int, faces: SectorFaces, clamped: NDArray, no
     left, right = faces.independent, faces.dependent
     if faces.matching:
         images = (faces.weights @ fixed[left].astype(float)) > 0.5
-        check((images == fixed[right]).all(), "a clamped node of one sector face has a free image on the other")
-    wrong = "a node of a sector face is fixed in one of the directions X and Y that a rotation mixes"
+        check(
+            (images == fixed[right]).all(),
+            "a clamped node of one sector face has a free image on the other",
+        )
+    wrong = (
+        "a node of a sector face is fixed in one of the directions X and Y that a rotation mixes"
+    )
     check(faces.n_sectors == 1 or (fixed[faces.nodes, 0] == fixed[faces.nodes, 1]).all(), wrong)
     own, axis = np.ones(n_nodes, bool), faces.axis[~fixed[faces.axis].any(axis=1)]
     own[right] = False
     phase, rotation = faces.tie(nodal_diameter)
     entries = faces.weights.tocoo()
-    tied = sp.csr_matrix((entries.data, (right[entries.row], left[entries.col])), shape=(n_nodes, n_nodes))
+    tied = sp.csr_matrix(
+        (entries.data, (right[entries.row], left[entries.col])), shape=(n_nodes, n_nodes)
+    )
     t = sp.kron(sp.diags(own.astype(float)), np.eye(3)) + sp.kron(tied, phase * rotation)
     t = (sp.diags((~fixed.ravel()).astype(float)) @ t.tocsr()).tocsc()
     own[faces.axis] = False
@@ -120,15 +136,21 @@ def lowest_modes(
     n = mass.shape[0]
     if n <= 2 * n_modes + 20:  # too small for a Krylov space
         omega2, v = eigh(hermitian(stiffness.toarray()), hermitian(mass.toarray()))
-        lowest = np.flatnonzero(omega2 > 1e-12 * np.abs(omega2).max())[:n_modes]  # without rigid motions
+        lowest = np.flatnonzero(omega2 > 1e-12 * np.abs(omega2).max())[
+            :n_modes
+        ]  # without rigid motions
         return omega2[lowest], v[:, lowest]
     inverse = LinearOperator((n, n), matvec=solve, dtype=mass.dtype)
     # a fixed start vector makes the result reproducible
     start = np.random.default_rng(0).standard_normal(n).astype(mass.dtype)
-    _, v = eigsh(stiffness, n_modes, M=mass, sigma=0.0, OPinv=inverse, v0=start, ncv=min(n, 2 * n_modes + 20))
+    _, v = eigsh(
+        stiffness, n_modes, M=mass, sigma=0.0, OPinv=inverse, v0=start, ncv=min(n, 2 * n_modes + 20)
+    )
     # The complex Lanczos vectors come from a general Arnoldi process, which does not keep them orthogonal in
     # the mass matrix; one Rayleigh-Ritz step does.
-    omega2, combination = eigh(*(hermitian(v.conj().T @ (matrix @ v)) for matrix in (stiffness, mass)))
+    omega2, combination = eigh(
+        *(hermitian(v.conj().T @ (matrix @ v)) for matrix in (stiffness, mass))
+    )
     return omega2, v @ combination
 
 
@@ -155,7 +177,9 @@ class CyclicSector:
     _contact: tuple[sp.spmatrix, NDArray] | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
-        self.transformation = cyclic_transformation(len(self.body.nodes), self.faces, self.clamped, self.nodal_diameter)
+        self.transformation = cyclic_transformation(
+            len(self.body.nodes), self.faces, self.clamped, self.nodal_diameter
+        )
         adjoint = self.transformation.conj().T
         self.stiffness = (adjoint @ self.body.stiffness @ self.transformation).tocsr()
         self.mass = (adjoint @ self.body.mass @ self.transformation).tocsr()
@@ -261,11 +285,17 @@ def _difference(shapes: NDArray, faces: SectorFaces, d: int) -> NDArray:
     """Return the violation of the phase condition on the faces, (k, n)."""
     u = shapes.reshape(-1, 3, shapes.shape[1])
     phase, rotation = faces.tie(d)
-    tied = (faces.weights @ u[faces.independent].reshape(len(faces.independent), -1)).reshape(-1, *u.shape[1:])
-    return np.asarray(u[faces.dependent] - phase * np.einsum("ij,njm->nim", rotation, tied)).reshape(-1, shapes.shape[1])
+    tied = (faces.weights @ u[faces.independent].reshape(len(faces.independent), -1)).reshape(
+        -1, *u.shape[1:]
+    )
+    return np.asarray(
+        u[faces.dependent] - phase * np.einsum("ij,njm->nim", rotation, tied)
+    ).reshape(-1, shapes.shape[1])
 
 
-def travelling_waves(frequency: NDArray, shapes: NDArray, faces: SectorFaces, nodal_diameter: int) -> Waves:
+def travelling_waves(
+    frequency: NDArray, shapes: NDArray, faces: SectorFaces, nodal_diameter: int
+) -> Waves:
     """Convert shapes of other programs to waves toward +X.
 
     Parameters
@@ -296,12 +326,21 @@ def travelling_waves(frequency: NDArray, shapes: NDArray, faces: SectorFaces, no
         error = np.minimum(ahead, behind)
         _refuse(error, frequency, d, "")
         other = behind < ahead
-        return Waves(np.arange(len(frequency)), np.where(other, shapes.conj(), shapes), error, int(other.sum()), 0)
+        return Waves(
+            np.arange(len(frequency)),
+            np.where(other, shapes.conj(), shapes),
+            error,
+            int(other.sum()),
+            0,
+        )
     real = shapes.real
     index: list[int] = []
     waves, errors = [], []
     for k in range(0, len(frequency), 2):
-        if k + 1 == len(frequency) or abs(frequency[k + 1] - frequency[k]) > PAIR_TOLERANCE * frequency[k]:
+        if (
+            k + 1 == len(frequency)
+            or abs(frequency[k + 1] - frequency[k]) > PAIR_TOLERANCE * frequency[k]
+        ):
             if k + 1 == len(frequency) and index:  # the partner of the last shape was not written
                 break
             alone = "no partner of the same frequency, and a real shape alone is no travelling wave"
@@ -317,12 +356,16 @@ def travelling_waves(frequency: NDArray, shapes: NDArray, faces: SectorFaces, no
     return Waves(np.array(index, int), np.array(waves).T, found, 0, len(index))
 
 
-def _standing(frequency: NDArray, shapes: NDArray, faces: SectorFaces, d: int, size: NDArray) -> Waves:
+def _standing(
+    frequency: NDArray, shapes: NDArray, faces: SectorFaces, d: int, size: NDArray
+) -> Waves:
     """Remove the common phase of each shape at nodal diameters 0 and N/2, and check the faces."""
     if np.iscomplexobj(shapes):
         square = np.einsum("ij,ij->j", shapes, shapes)
         shapes = shapes * np.exp(-0.5j * np.angle(square))
-        rest = np.linalg.norm(shapes.imag, axis=0) / np.maximum(np.linalg.norm(shapes, axis=0), 1e-300)
+        rest = np.linalg.norm(shapes.imag, axis=0) / np.maximum(
+            np.linalg.norm(shapes, axis=0), 1e-300
+        )
         _refuse(rest, frequency, d, "the imaginary part of ")
         shapes = shapes.real
     error = np.linalg.norm(_difference(shapes, faces, d), axis=0) / size

@@ -100,7 +100,9 @@ def _wedge(points: NDArray) -> tuple[NDArray, NDArray]:
 
     upright = product(p, dp, b, db)
     ends = [product(t, dt, l[e], dl[e]) for e in (0, 1)]
-    both = np.concatenate([*(end[:3] - 0.5 * upright for end in ends), *(end[3:] for end in ends), upright])
+    both = np.concatenate(
+        [*(end[:3] - 0.5 * upright for end in ends), *(end[3:] for end in ends), upright]
+    )
     return both[:, 0], both[:, 1:]
 
 
@@ -138,7 +140,9 @@ def _samples(kind: str, n_nodes: int) -> tuple[NDArray, NDArray]:
         points = get_quadrature(first, 3 if n_nodes > 10 or n_nodes == 8 else 2)[0]
     if n_nodes == 4:
         points = points.mean(axis=1, keepdims=True)
-    return points, _values(element, _places(n_nodes).T)[0].T @ np.linalg.pinv(_values(element, points)[0].T)
+    return points, _values(element, _places(n_nodes).T)[0].T @ np.linalg.pinv(
+        _values(element, points)[0].T
+    )
 
 
 def in_reference_order(elements: NDArray, nodes: NDArray) -> NDArray:
@@ -213,14 +217,19 @@ def nodal_integrals(elements: NDArray, nodes: NDArray) -> tuple[NDArray, NDArray
     ordered = in_reference_order(elements, nodes)
     n = elements.shape[1]
     if N_CORNER[n] == 6:  # scikit-fem has no rule for wedges
-        (across, weight), (line, length) = (get_quadrature(e, 4) for e in (ElementTriP1(), ElementLineP1()))
+        (across, weight), (line, length) = (
+            get_quadrature(e, 4) for e in (ElementTriP1(), ElementLineP1())
+        )
         points = np.vstack([np.repeat(across, len(length), axis=1), np.tile(line, len(weight))])
         weight = np.outer(weight, length).ravel()
     else:
         points, weight = get_quadrature(_FIRST[N_CORNER[n]], 4)
     values, local = _shape_functions(n, points)
     jacobian = np.einsum("eai,ajp->epij", nodes[ordered], local, optimize=True)
-    cofactor = np.stack([np.cross(jacobian[..., (k + 1) % 3], jacobian[..., (k + 2) % 3]) for k in range(3)], axis=-1)
+    cofactor = np.stack(
+        [np.cross(jacobian[..., (k + 1) % 3], jacobian[..., (k + 2) % 3]) for k in range(3)],
+        axis=-1,
+    )
     determinant = np.einsum("epi,epi->ep", jacobian[..., 0], cofactor[..., 0])
     signed = weight * np.sign(determinant)
     gradient = np.einsum("ep,ajp,epij->eai", signed, local, cofactor, optimize=True)
@@ -252,7 +261,9 @@ def lame_constants(young: float, nu: float) -> tuple[float, float]:
     return young * nu / ((1 + nu) * (1 - 2 * nu)), young / (2 * (1 + nu))
 
 
-def element_rows(solids: Sequence[Solids], nodes: NDArray, wanted: NDArray) -> tuple[sp.csr_matrix, NDArray]:
+def element_rows(
+    solids: Sequence[Solids], nodes: NDArray, wanted: NDArray
+) -> tuple[sp.csr_matrix, NDArray]:
     """Compute the stress at nodes from each adjacent element.
 
     Parameters
@@ -285,7 +296,9 @@ def element_rows(solids: Sequence[Solids], nodes: NDArray, wanted: NDArray) -> t
         try:
             gradient, bubbles = _gradients(group, nodes[ordered])
         except np.linalg.LinAlgError:
-            raise ValueError(f"elements {group.kind} without volume at one of their points") from None
+            raise ValueError(
+                f"elements {group.kind} without volume at one of their points"
+            ) from None
         e, L = np.nonzero(position[ordered] >= 0)
         blocks = _stress(group, gradient[e, L])
         if bubbles is not None:
@@ -361,7 +374,12 @@ class StressRows:
     """
 
     def __init__(
-        self, name: str, solids: Sequence[Solids], positions: NDArray, nodes: NDArray, near_contact: NDArray | None = None
+        self,
+        name: str,
+        solids: Sequence[Solids],
+        positions: NDArray,
+        nodes: NDArray,
+        near_contact: NDArray | None = None,
     ) -> None:
         self.name, self.nodes, self.points = name, nodes, positions[nodes]
         self._near = near_contact
@@ -372,7 +390,9 @@ class StressRows:
         self._static: NDArray | None = None
         self._spread: NDArray | None = None
 
-    def add(self, sector: CyclicSector, contact: sp.spmatrix, omega2: NDArray, shapes: NDArray) -> None:
+    def add(
+        self, sector: CyclicSector, contact: sp.spmatrix, omega2: NDArray, shapes: NDArray
+    ) -> None:
         """Add the stress of modes and contact forces at one nodal diameter, at 0 also the stress of the centrifugal load.
 
         Parameters

@@ -70,7 +70,13 @@ from bdamper.fem.meshes import (
     stiffness_per_squared_speed,
     surface_mesh,
 )
-from bdamper.fem.reduced_bodies import FreeBody, Wanted, constrained_body, free_body, needed_nodal_diameters
+from bdamper.fem.reduced_bodies import (
+    FreeBody,
+    Wanted,
+    constrained_body,
+    free_body,
+    needed_nodal_diameters,
+)
 from bdamper.fem.rotation import Rotation
 from bdamper.fem.sector_faces import match_faces
 from bdamper.model.modal_basis import LocalBasis
@@ -113,7 +119,9 @@ def end_patches(g: Geometry, side: str) -> Patches:
     width = 0.5 * g.ridge_width + g.face_length * np.sin(g.face_angle)
     z = (0.5 if side == "front" else -0.5) * g.face_width
     low, high = eaves - 0.78 * g.damper_body_height, eaves
-    centre = np.array([[sx * f * width, y, z] for y, f in ((low, 0.78), (high, 0.5)) for sx in (-1.0, 1.0)])
+    centre = np.array(
+        [[sx * f * width, y, z] for y, f in ((low, 0.78), (high, 0.5)) for sx in (-1.0, 1.0)]
+    )
     frame = np.broadcast_to(face_frame(side, g.face_angle), (4, 3, 3))
     edge = 0.35 * min(width, g.damper_body_height)
     return Patches(centre, frame, np.full((4, 2), edge)).turned(turn(0.5 * g.pitch))
@@ -142,7 +150,9 @@ def damper_body(
     damping_ratio: float, g: Geometry,
 ) -> Body:  # fmt: skip
     """Return the damper of sector 0 with the patches of its faces and with locations at ``nodes``."""
-    wanted = Wanted(DAMPER_PORTS, averaging_matrix(damper.body, *faces), nodes, n_modes, damping_ratio)
+    wanted = Wanted(
+        DAMPER_PORTS, averaging_matrix(damper.body, *faces), nodes, n_modes, damping_ratio
+    )
     return free_body("damper", wanted, damper, turn(0.5 * g.pitch)[:, 1])
 
 
@@ -191,7 +201,9 @@ class SectorFE:
                 if d != nodal_diameter:
                     other.forget_factors()
         if nodal_diameter not in self._cyclic:
-            self._cyclic[nodal_diameter] = CyclicSector(self.blade, self.faces, self.clamped, nodal_diameter)
+            self._cyclic[nodal_diameter] = CyclicSector(
+                self.blade, self.faces, self.clamped, nodal_diameter
+            )
         return self._cyclic[nodal_diameter]
 
     def rotation(self, check_at: float | None = None) -> Rotation:
@@ -202,7 +214,9 @@ class SectorFE:
         check_at : float, rad/s, optional
             Speed for a comparison with the frequencies of the full matrices.
         """
-        return Rotation(stiffness_per_squared_speed(self.blade, self.cyclic(0)), 0.0, check_at, "bdamper.fem")
+        return Rotation(
+            stiffness_per_squared_speed(self.blade, self.cyclic(0)), 0.0, check_at, "bdamper.fem"
+        )
 
     def blade_part(self) -> BladePart:
         """Return shank, platform and airfoil as the blade of a mistuned bladed disk; its root is at the rim."""
@@ -212,15 +226,21 @@ class SectorFE:
         dofs = self.blade.dofs(nodes)
         entries = part.stiffness.tocoo()
         shape = self.blade.stiffness.shape
-        stiffness = sp.csr_matrix((entries.data, (dofs[entries.row], dofs[entries.col])), shape=shape)
+        stiffness = sp.csr_matrix(
+            (entries.data, (dofs[entries.row], dofs[entries.col])), shape=shape
+        )
         fixed = np.zeros((len(self.blade.nodes), 3), bool)
         fixed[self.clamped] = True
         return BladePart(self.blade, nodes, fixed, stiffness)
 
-    def local_basis(self, wanted: Wanted, interfaces: Mapping[str, Interface], sizes: LocalSizes) -> LocalBasis:
+    def local_basis(
+        self, wanted: Wanted, interfaces: Mapping[str, Interface], sizes: LocalSizes
+    ) -> LocalBasis:
         """Compute the local basis of blade and disk for mistuned bladed disks; see :func:`bdamper.fem.local_basis`."""
         dampers = damper_motion(wanted.ports, interfaces)
-        return local_basis(self.blade_part(), self.cyclic, wanted, dampers, sizes, "shank, platform and airfoil")
+        return local_basis(
+            self.blade_part(), self.cyclic, wanted, dampers, sizes, "shank, platform and airfoil"
+        )
 
     def blade_contact(self, left: Patches, right: Patches) -> sp.csr_matrix:
         """Return the averaging matrix of blade 0 for its ports at the interfaces "left" and "right", in this order.
@@ -241,7 +261,11 @@ def solids_of(body: Discretisation) -> tuple[Solids, ...]:
 
 
 def blade_stress(
-    fe: SectorFE, contact: sp.spmatrix, faces: tuple[Patches, Patches], nodal_diameters: Iterable[int], n_modes: int
+    fe: SectorFE,
+    contact: sp.spmatrix,
+    faces: tuple[Patches, Patches],
+    nodal_diameters: Iterable[int],
+    n_modes: int,
 ) -> dict[str, StressSet]:
     """Compute the stress set "blade" of the reference sector at :func:`blade_points`, in single precision.
 
@@ -273,7 +297,9 @@ def blade_points(body: Discretisation, g: Geometry) -> NDArray:
     underside = float(g.underside_points(np.array([g.underside_range[1]]))[0, 1])  # at the shank
     middle = 0.5 * (np.sqrt(g.rim_radius**2 - 0.25 * g.shank_width**2) + underside)
     places += [
-        np.array([sx * 0.5 * g.shank_width, middle, sz * 0.5 * g.axial_length]) for sx in (-1, 1) for sz in (-1, 0, 1)
+        np.array([sx * 0.5 * g.shank_width, middle, sz * 0.5 * g.axial_length])
+        for sx in (-1, 1)
+        for sz in (-1, 0, 1)
     ]
     return np.array([body.nearest_node(place) for place in places])
 
@@ -362,7 +388,12 @@ def bladed_disk(
             "blade": surface_mesh(fe.blade, {d: fe.cyclic(d).modes(n_modes)[1] for d in pictures}),
             "damper": surface_mesh(fe.damper.body),
         },
-        provenance=provenance("bdamper.fem.generated_models", fe.blade, fe.damper.body, over_speed=rotation is not None),
+        provenance=provenance(
+            "bdamper.fem.generated_models",
+            fe.blade,
+            fe.damper.body,
+            over_speed=rotation is not None,
+        ),
         stress={} if not stress else blade_stress(fe, contact, (left, right), diameters, n_modes),
     )
 
@@ -396,7 +427,9 @@ MAKERS = {"bladed_disk": reference_disk, "paper_disk": paper_disk}
 # ---- Blade-to-ground damper (paper, section 4.2) ----
 
 
-def blade_structure(g: Geometry, density: MeshDensity, material: Material) -> tuple[Discretisation, CyclicSector]:
+def blade_structure(
+    g: Geometry, density: MeshDensity, material: Material
+) -> tuple[Discretisation, CyclicSector]:
     """Return the sector of one blade, clamped at the bore and at its cut faces, as an acyclic structure."""
     body = discretise(sector_mesh(g, density), material)
     return body, clamped_segment(body, g, 1)

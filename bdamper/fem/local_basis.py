@@ -33,8 +33,20 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.sparse.linalg import SuperLU
 
-from bdamper.fem.cyclic_symmetry import CyclicSector, Sectors, cyclic_transformation, factorise, lowest_modes
-from bdamper.fem.reduced_bodies import Wanted, location_loads, location_rows, nodes_of, residual_shapes
+from bdamper.fem.cyclic_symmetry import (
+    CyclicSector,
+    Sectors,
+    cyclic_transformation,
+    factorise,
+    lowest_modes,
+)
+from bdamper.fem.reduced_bodies import (
+    Wanted,
+    location_loads,
+    location_rows,
+    nodes_of,
+    residual_shapes,
+)
 from bdamper.fem.sector_faces import SectorFaces
 from bdamper.fem.surface import Structure, check, hermitian
 from bdamper.model.modal_basis import LocalBasis, fix_phase, rigid_motions
@@ -105,7 +117,10 @@ class BladePart:
         self.root_dofs: NDArray = np.flatnonzero(np.repeat(root, 3) & moving)
         self.own_dofs: NDArray = np.flatnonzero(np.repeat(inside & ~root, 3) & moving)
         check(len(self.root_dofs), "a blade that no node of its root joins to the disk")
-        check(len(self.own_dofs) >= 12, f"a blade of {len(self.own_dofs)} moving components besides its root")
+        check(
+            len(self.own_dofs) >= 12,
+            f"a blade of {len(self.own_dofs)} moving components besides its root",
+        )
 
     @property
     def inside(self) -> NDArray:
@@ -120,10 +135,18 @@ class BladePart:
         ValueError
             If a contact point or location is not on the blade, or a node of the blade is on a cut face.
         """
-        check(self.inside[wanted.contact.indices // 3].all(), "contact points that are not on the blade")
+        check(
+            self.inside[wanted.contact.indices // 3].all(),
+            "contact points that are not on the blade",
+        )
         for name, place in wanted.locations.items():
-            check(self.inside[nodes_of(place)].all(), f"location '{name}', which is not on the blade")
-        check(not self.inside[faces.nodes].any(), "a node of the blade that lies on a face at which the sector repeats")
+            check(
+                self.inside[nodes_of(place)].all(), f"location '{name}', which is not on the blade"
+            )
+        check(
+            not self.inside[faces.nodes].any(),
+            "a node of the blade that lies on a face at which the sector repeats",
+        )
 
     @cached_property
     def solver(self) -> SuperLU:
@@ -138,7 +161,9 @@ class BladePart:
 
     def cantilever(self, n_modes: int) -> tuple[NDArray, NDArray]:
         """Return squared frequencies (n_modes,) and modes (3 n_nodes, n_modes) of the blade clamped at its root."""
-        stiffness, mass = (m[self.own_dofs][:, self.own_dofs] for m in (self.body.stiffness, self.body.mass))
+        stiffness, mass = (
+            m[self.own_dofs][:, self.own_dofs] for m in (self.body.stiffness, self.body.mass)
+        )
         omega2, shapes = lowest_modes(stiffness, mass, self.solver.solve, n_modes)
         return omega2, fix_phase(self._spread(shapes), self.body.mass)
 
@@ -157,12 +182,16 @@ class BladePart:
 
     def carried(self, shapes: NDArray) -> NDArray:
         """Return the static shapes (3 n_nodes, n) of the blade for displacements (n_root_dofs, n) of its root."""
-        out = -self._spread(self.solver.solve(self.body.stiffness[self.own_dofs][:, self.root_dofs] @ shapes))
+        out = -self._spread(
+            self.solver.solve(self.body.stiffness[self.own_dofs][:, self.root_dofs] @ shapes)
+        )
         out[self.root_dofs] = shapes
         return out
 
 
-def disk_matrices(blade: BladePart, sector: CyclicSector, carried: NDArray) -> tuple[NDArray, NDArray]:
+def disk_matrices(
+    blade: BladePart, sector: CyclicSector, carried: NDArray
+) -> tuple[NDArray, NDArray]:
     """Return stiffness and mass (N // 2 + 1, n, n), complex, of static shapes of blade (3 n_nodes, n) and disk.
 
     ``sector`` is the sector at any of the nodal diameters.  The disk between its cut faces and the roots is real and
@@ -195,7 +224,9 @@ def disk_matrices(blade: BladePart, sector: CyclicSector, carried: NDArray) -> t
         push = coupling @ whole[face]
         parts = [factor.solve(np.ascontiguousarray(part)) for part in (push.real, push.imag)]
         whole[inner] = -driven - (parts[0] + 1j * parts[1] if np.iscomplexobj(t) else parts[0])
-        out.append([hermitian(whole.conj().T @ (matrix @ whole)) for matrix in (body.stiffness, body.mass)])
+        out.append(
+            [hermitian(whole.conj().T @ (matrix @ whole)) for matrix in (body.stiffness, body.mass)]
+        )
     k, m = np.moveaxis(np.array(out, complex), 1, 0)
     return k, m
 
@@ -217,7 +248,9 @@ def root_shapes(blade: BladePart, sector: Sectors, n_sectors: int, sizes: LocalS
     return np.asarray(shapes[:, size > 1e-8 * size[0]][:, : sizes.interface])
 
 
-def damper_motion(ports: Sequence[Port], interfaces: Mapping[str, Interface]) -> tuple[NDArray, NDArray]:
+def damper_motion(
+    ports: Sequence[Port], interfaces: Mapping[str, Interface]
+) -> tuple[NDArray, NDArray]:
     """Return rigid-body motions of the dampers (3 n_points, 6) at the ports of a blade, and their sectors (3 n_points,).
 
     Sectors are relative to the blade.  Points in contact with the ground or another blade have zero motion.
@@ -229,12 +262,18 @@ def damper_motion(ports: Sequence[Port], interfaces: Mapping[str, Interface]) ->
         rigid = face.frame @ rigid_motions(face.points, np.zeros(3), np.eye(3)).reshape(-1, 3, 6)
         body = face.body_a if side == "a" else face.body_b
         motion.append(rigid.reshape(-1, 6) * (other not in (body, "ground")))
-        sector.append(np.full(3 * face.n_points, (face.sector_b - face.sector_a) * (1 if side == "a" else -1)))
+        sector.append(
+            np.full(3 * face.n_points, (face.sector_b - face.sector_a) * (1 if side == "a" else -1))
+        )
     return np.concatenate(motion), np.concatenate(sector)
 
 
 def stuck_loads(
-    wheel: LocalBasis, loads: NDArray, dampers: tuple[NDArray, NDArray], n_sectors: int, sizes: LocalSizes
+    wheel: LocalBasis,
+    loads: NDArray,
+    dampers: tuple[NDArray, NDArray],
+    n_sectors: int,
+    sizes: LocalSizes,
 ) -> NDArray:
     """Return the principal loads (3 n_points, n) of the contact forces in the lowest modes with sticking dampers.
 
@@ -267,7 +306,9 @@ def stuck_loads(
         stuck = contact - rigid @ (rigid.conj().T @ contact)
         for held in (factor * spring * stuck for factor in SPRINGS):
             last = min(sizes.modes, wheel.n) - 1
-            omega2, modes = eigh(wheel.stiffness(d) + contact.T @ held, wheel.mass(d), subset_by_index=(0, last))
+            omega2, modes = eigh(
+                wheel.stiffness(d) + contact.T @ held, wheel.mass(d), subset_by_index=(0, last)
+            )
             forces = held @ modes / np.sqrt(omega2)
             found += [forces.real, forces.imag]
     shapes = np.linalg.svd(root @ np.hstack(found), full_matrices=False)[0]
@@ -305,10 +346,14 @@ def local_shapes(
     if sizes.attachment and real.any():
         loads = loads[:, real] / np.sqrt(size[real])
         wheel = _made_of(blade, wanted, omega2, np.hstack([modes, columns @ loads, carried]), k, m)
-        attached = blade.attachments(columns @ stuck_loads(wheel, loads, dampers, n_sectors, sizes), modes)
+        attached = blade.attachments(
+            columns @ stuck_loads(wheel, loads, dampers, n_sectors, sizes), modes
+        )
     if wanted.static_shapes and wanted.locations:
         loads = location_loads(blade.body, wanted.locations.values())
-        static = residual_shapes(blade.body, np.hstack([modes, attached]), loads, blade.contact_columns(loads.T.tocsr()))
+        static = residual_shapes(
+            blade.body, np.hstack([modes, attached]), loads, blade.contact_columns(loads.T.tocsr())
+        )
         attached = np.hstack([attached, static[1]])
     return omega2, np.hstack([modes, attached, carried]), k, m
 
@@ -348,7 +393,12 @@ def local_basis(
 
 
 def _made_of(
-    blade: BladePart, wanted: Wanted, omega2: NDArray, shapes: NDArray, stiffness: NDArray, mass: NDArray
+    blade: BladePart,
+    wanted: Wanted,
+    omega2: NDArray,
+    shapes: NDArray,
+    stiffness: NDArray,
+    mass: NDArray,
 ) -> LocalBasis:
     """Return the local basis with the shapes and matrices of :func:`local_shapes`."""
     body, n, r = blade.body, shapes.shape[1], stiffness.shape[1]
@@ -357,12 +407,16 @@ def _made_of(
     if blade.stiffness is not None:
         strain = hermitian(carried.T @ (blade.stiffness @ carried))
     blade_stiffness = np.zeros((n, n))
-    attached = np.einsum("ij,ij->j", shapes[:, clamped], body.stiffness @ shapes[:, clamped])[len(omega2) :]
+    attached = np.einsum("ij,ij->j", shapes[:, clamped], body.stiffness @ shapes[:, clamped])[
+        len(omega2) :
+    ]
     blade_stiffness[clamped, clamped] = np.diag(np.append(omega2, attached))
     blade_stiffness[root_rows, root_rows] = strain
     blade_mass = shapes.T @ (body.mass @ shapes)
     root = carried[blade.root_dofs]
-    blade_mass[root_rows, root_rows] -= root.T @ (body.mass[blade.root_dofs][:, blade.root_dofs] @ root)  # part of the disk
+    blade_mass[root_rows, root_rows] -= root.T @ (
+        body.mass[blade.root_dofs][:, blade.root_dofs] @ root
+    )  # part of the disk
     blade_mass = hermitian(blade_mass)
     return LocalBasis(
         region="", omega2=omega2.copy(), damping_ratio=np.full(n, wanted.damping_ratio), blade_stiffness=blade_stiffness,

@@ -119,7 +119,9 @@ class Geometry(validation.Checked):
     rim_radius: validation.Positive = 0.400
     axial_length: validation.Positive = 0.040
     shank_width: validation.Positive = 0.011
-    face_angle: Annotated[float, validation.Limits(above=0.0, below=0.5 * np.pi, unit="rad")] = np.pi / 3
+    face_angle: Annotated[float, validation.Limits(above=0.0, below=0.5 * np.pi, unit="rad")] = (
+        np.pi / 3
+    )
     face_length: validation.Positive = 0.012
     face_width: validation.Positive = 0.036
     ridge_radius: validation.Positive = 0.4415
@@ -133,15 +135,27 @@ class Geometry(validation.Checked):
     root_thickness: validation.Positive = 0.013
     tip_thickness: validation.Positive = 0.0048
     camber: Annotated[float, validation.Limits(least=0.0)] = 0.004
-    twist: Annotated[float, validation.Limits(least=-0.5 * np.pi, most=0.5 * np.pi, unit="rad")] = np.pi / 6
+    twist: Annotated[float, validation.Limits(least=-0.5 * np.pi, most=0.5 * np.pi, unit="rad")] = (
+        np.pi / 6
+    )
     end_gap: validation.Positive = 2.0e-4
 
     def __post_init__(self) -> None:
         super().__post_init__()
         under = f"at least the platform_clearance, {self.platform_clearance} m: the contact face lies under the platform"
-        validation.check(self.ridge_width >= self.platform_clearance, "ridge_width", under, f"{self.ridge_width} m")
+        validation.check(
+            self.ridge_width >= self.platform_clearance,
+            "ridge_width",
+            under,
+            f"{self.ridge_width} m",
+        )
         radii = self.bore_radius, self.rim_radius, self.ridge_radius
-        validation.check(sorted(set(radii)) == list(radii), "radii", "bore_radius < rim_radius < ridge_radius", radii)
+        validation.check(
+            sorted(set(radii)) == list(radii),
+            "radii",
+            "bore_radius < rim_radius < ridge_radius",
+            radii,
+        )
 
     @property
     def pitch(self) -> float:
@@ -151,7 +165,9 @@ class Geometry(validation.Checked):
     def face_points(self, s: NDArray) -> NDArray:
         """Return points (n, 2) of the left face plane in damper axes, at distances ``s`` (n,), m, below the ridge."""
         s, a = np.asarray(s, float), self.face_angle
-        return np.stack([-0.5 * self.ridge_width - s * np.sin(a), self.ridge_radius - s * np.cos(a)], axis=-1)
+        return np.stack(
+            [-0.5 * self.ridge_width - s * np.sin(a), self.ridge_radius - s * np.cos(a)], axis=-1
+        )
 
     def underside_points(self, s: NDArray) -> NDArray:
         """Return points (n, 2) on the right underside in blade axes, at distances ``s`` (n,) below the ridge, m."""
@@ -182,7 +198,9 @@ def paper_geometry() -> Geometry:
         "tip_chord": 29.038, "root_thickness": 17.036, "tip_thickness": 9.449, "camber": 1.0, "end_gap": 0.2,
     }  # fmt: skip
     scale = 1.369e-3
-    return Geometry(face_angle=0.872094, twist=0.06, **{name: scale * value for name, value in lengths.items()})
+    return Geometry(
+        face_angle=0.872094, twist=0.06, **{name: scale * value for name, value in lengths.items()}
+    )
 
 
 # ---- Structured meshes ----
@@ -224,7 +242,10 @@ class MeshDensity:
     @classmethod
     def preset(cls, name: str) -> MeshDensity:
         """Return the density ``"coarse"`` or ``"reference"``."""
-        presets = {"coarse": (2, 2, 1, 4, 2, 2, 1, 6, 3, 1, 2, 6), "reference": (2, 4, 1, 8, 5, 6, 3, 24, 5, 1, 4, 9)}
+        presets = {
+            "coarse": (2, 2, 1, 4, 2, 2, 1, 6, 3, 1, 2, 6),
+            "reference": (2, 4, 1, 8, 5, 6, 3, 24, 5, 1, 4, 9),
+        }
         return cls(*presets[validation.choice("mesh", name, presets)])
 
 
@@ -237,17 +258,30 @@ def join_blocks(blocks: list[NDArray]) -> MeshHex:
         Common positions of two blocks must be equal to 1e-9 m.
     """
     points, cells, start = [], [], 0
-    corners = ((1, 1, 1), (1, 1, 0), (1, 0, 1), (0, 1, 1), (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, 0))
+    corners = (
+        (1, 1, 1),
+        (1, 1, 0),
+        (1, 0, 1),
+        (0, 1, 1),
+        (1, 0, 0),
+        (0, 1, 0),
+        (0, 0, 1),
+        (0, 0, 0),
+    )
     for block in blocks:
         shape = block.shape[:3]
         number = start + np.arange(np.prod(shape)).reshape(shape)
         ends = [slice(c, n - 1 + c) for c in (0, 1) for n in shape]
-        corner = [number[ends[3 * a], ends[3 * b + 1], ends[3 * c + 2]].ravel() for a, b, c in corners]
+        corner = [
+            number[ends[3 * a], ends[3 * b + 1], ends[3 * c + 2]].ravel() for a, b, c in corners
+        ]
         cells.append(np.array(corner))
         points.append(block.reshape(-1, 3))
         start += number.size
     p, t = np.concatenate(points), np.concatenate(cells, axis=1)
-    _, first, inverse = np.unique(np.round(p / 1e-9).astype(np.int64), axis=0, return_index=True, return_inverse=True)
+    _, first, inverse = np.unique(
+        np.round(p / 1e-9).astype(np.int64), axis=0, return_index=True, return_inverse=True
+    )
     return MeshHex(np.ascontiguousarray(p[first].T), np.ascontiguousarray(inverse.reshape(-1)[t]))
 
 
@@ -271,7 +305,9 @@ def airfoil_points(g: Geometry, zeta: ArrayLike, xi: ArrayLike, eta: float, root
     x = g.camber * (1.0 / 3.0 - xi**2) + 0.5 * zeta * thickness * (1.0 - 0.75 * xi**2)
     z = 0.5 * xi * chord
     c, s = np.cos(eta * g.twist), np.sin(eta * g.twist)
-    return np.stack([c * x + s * z, np.full_like(x, root + eta * g.airfoil_height), c * z - s * x], axis=-1)
+    return np.stack(
+        [c * x + s * z, np.full_like(x, root + eta * g.airfoil_height), c * z - s * x], axis=-1
+    )
 
 
 def sector_blocks(g: Geometry, n: MeshDensity) -> list[NDArray]:
@@ -286,7 +322,10 @@ def sector_blocks(g: Geometry, n: MeshDensity) -> list[NDArray]:
     # Underside of the platform, from the left edge over the shank to the right edge.
     edge, shank = g.underside_range
     s = np.concatenate(
-        [np.linspace(shank, g.face_length, n.fillet + 1)[:-1], np.linspace(g.face_length, edge, n.contact + 1)]
+        [
+            np.linspace(shank, g.face_length, n.fillet + 1)[:-1],
+            np.linspace(g.face_length, edge, n.contact + 1),
+        ]
     )
     wing = g.underside_points(s)
     flat = np.stack([0.5 * g.shank_width * zeta[1:-1], np.full(n.centre - 1, wing[0, 1])], axis=-1)
@@ -295,7 +334,10 @@ def sector_blocks(g: Geometry, n: MeshDensity) -> list[NDArray]:
     bottom[..., :2], bottom[..., 2] = under[:, None], z[None]
 
     # Top of the platform: the root of the airfoil in the middle, straight lines from there to the edges.
-    corner = turn(half)[:2, :2] @ [-0.5 * g.platform_clearance, g.ridge_radius + g.platform_edge_thickness]
+    corner = turn(half)[:2, :2] @ [
+        -0.5 * g.platform_clearance,
+        g.ridge_radius + g.platform_edge_thickness,
+    ]
     top = np.empty_like(bottom)
     top[..., 1] = corner[1]
     root = airfoil_points(g, zeta[:, None], xi, 0.0, corner[1])
@@ -316,7 +358,10 @@ def sector_blocks(g: Geometry, n: MeshDensity) -> list[NDArray]:
     for sheet, radius in ((rim, g.rim_radius), (bore, g.bore_radius)):
         sheet[..., :2], sheet[..., 2] = radius * direction[:, None], z[None]
 
-    sections = [airfoil_points(g, zeta[:, None], xi, eta, corner[1]) for eta in np.linspace(0.0, 1.0, n.airfoil + 1)]
+    sections = [
+        airfoil_points(g, zeta[:, None], xi, eta, corner[1])
+        for eta in np.linspace(0.0, 1.0, n.airfoil + 1)
+    ]
     return [
         _layers(bore, rim, n.disk),
         _layers(rim[middle], bottom[middle], n.shank),
@@ -334,7 +379,13 @@ def damper_mesh(g: Geometry, n: MeshDensity) -> MeshHex:
     """Return the mesh of the damper of sector 0, between blade 0 and blade 1, in the axes of blade 0."""
     left = g.face_points(np.linspace(g.face_length, 0.0, n.damper_face + 1))
     ridge = np.linspace(-0.5, 0.5, n.damper_ridge + 1)[1:-1] * g.ridge_width
-    roof = np.concatenate([left, np.stack([ridge, np.full_like(ridge, g.ridge_radius)], axis=-1), left[::-1] * [-1.0, 1.0]])
+    roof = np.concatenate(
+        [
+            left,
+            np.stack([ridge, np.full_like(ridge, g.ridge_radius)], axis=-1),
+            left[::-1] * [-1.0, 1.0],
+        ]
+    )
     z = np.linspace(-0.5, 0.5, n.damper_length + 1) * g.face_width
     top = np.empty((len(roof), len(z), 3))
     top[..., :2], top[..., 2] = roof[:, None], z[None]
@@ -350,7 +401,13 @@ def local_order() -> NDArray:
     """Return the numbers in scikit-fem of the 20 local nodes in the order of CalculiX and Abaqus."""
     ours = 2.0 * ElementHexS2().doflocs - 1.0
     middles = 0.5 * (SQUARE + np.roll(SQUARE, -1, axis=0))
-    layers = ((SQUARE, -1.0), (SQUARE, 1.0), (middles, -1.0), (middles, 1.0), (SQUARE, 0.0))  # on the cube [-1, 1]^3
+    layers = (
+        (SQUARE, -1.0),
+        (SQUARE, 1.0),
+        (middles, -1.0),
+        (middles, 1.0),
+        (SQUARE, 0.0),
+    )  # on the cube [-1, 1]^3
     theirs = np.concatenate([np.column_stack([xy, np.full(4, z)]) for xy, z in layers])
     return np.abs(theirs[:, None] - ours[None]).max(axis=2).argmin(axis=1)
 
@@ -388,7 +445,9 @@ def discretise(mesh: MeshHex, material: Material) -> Discretisation:
     """Assemble stiffness and mass of ``mesh``."""
     basis = Basis(mesh, ElementHexS2(), intorder=5)
     gradient = np.stack([b[0].grad for b in basis.basis], axis=1)  # (3, 20, n_elements, n_points)
-    value = np.stack([np.broadcast_to(b[0], basis.dx.shape) for b in basis.basis])  # (20, n_elements, n_points)
+    value = np.stack(
+        [np.broadcast_to(b[0], basis.dx.shape) for b in basis.basis]
+    )  # (20, n_elements, n_points)
     lame, shear = lame_constants(material.youngs_modulus, material.poisson_ratio)
 
     weighted = (gradient * basis.dx).transpose(2, 0, 1, 3).reshape(mesh.t.shape[1], 60, -1)
@@ -409,7 +468,9 @@ def discretise(mesh: MeshHex, material: Material) -> Discretisation:
     mass = sp.kron(_assembled(m, elements, n_nodes), sp.identity(3), format="csr")
     # the Hermitian solvers need exact symmetry, which rounding disturbs
     stiffness = (0.5 * (stiffness + stiffness.T)).tocsr()
-    return Discretisation(basis.doflocs.T.copy(), stiffness, mass, mesh=mesh, elements=elements, material=material)
+    return Discretisation(
+        basis.doflocs.T.copy(), stiffness, mass, mesh=mesh, elements=elements, material=material
+    )
 
 
 # ---- Common parts of the generated models ----
@@ -417,7 +478,10 @@ def discretise(mesh: MeshHex, material: Material) -> Discretisation:
 
 def clamped_segment(body: Discretisation, g: Geometry, n_pitches: int) -> CyclicSector:
     """Return a disk segment of ``n_pitches`` pitches, clamped at the bore and at its cut faces: an acyclic structure."""
-    angle, radius = np.arctan2(body.nodes[:, 0], body.nodes[:, 1]), np.hypot(body.nodes[:, 0], body.nodes[:, 1])
+    angle, radius = (
+        np.arctan2(body.nodes[:, 0], body.nodes[:, 1]),
+        np.hypot(body.nodes[:, 0], body.nodes[:, 1]),
+    )
     cut = (radius < g.rim_radius + 1e-8) & (np.abs(angle) > 0.5 * n_pitches * g.pitch - 1e-9)
     clamped = np.flatnonzero((radius < g.bore_radius + 1e-8) | cut)
     return CyclicSector(body, no_faces(), clamped, 0)
@@ -432,12 +496,21 @@ def surface_mesh(body: Discretisation, shapes: Mapping[int, NDArray] | None = No
     shapes : mapping of nodal diameter to (3 n_nodes, n_modes), optional
         Mode shapes to store at the nodes of the surface.
     """
-    modes = {d: columns.reshape(-1, 3, columns.shape[1])[..., : PICTURED_MODES] for d, columns in (shapes or {}).items()}
+    modes = {
+        d: columns.reshape(-1, 3, columns.shape[1])[..., :PICTURED_MODES]
+        for d, columns in (shapes or {}).items()
+    }
     return picture_mesh(body.surface, body.nodes, modes)
 
 
 def interface(
-    name: str, patches: Patches, body_a: str, body_b: str, *, sector_b: int = 0, clearance: float | None = None
+    name: str,
+    patches: Patches,
+    body_a: str,
+    body_b: str,
+    *,
+    sector_b: int = 0,
+    clearance: float | None = None,
 ) -> Interface:
     """Return an interface with one contact point per patch: friction without gap, or an axial stop with clearance (m)."""
     kind: Literal["friction", "constraint"] = "friction" if clearance is None else "constraint"
@@ -453,8 +526,16 @@ def blade_nodes(body: Discretisation, g: Geometry) -> dict[str, int]:
     and -Z), all on the mean line of the airfoil.
     """
     root = g.ridge_radius + g.platform_edge_thickness
-    places = {"tip": (0.0, 1.0), "platform": (0.0, 0.0), "tip_trailing_edge": (1.0, 1.0), "tip_leading_edge": (-1.0, 1.0)}
-    return {name: body.nearest_node(airfoil_points(g, 0.0, xi, eta, root)) for name, (xi, eta) in places.items()}
+    places = {
+        "tip": (0.0, 1.0),
+        "platform": (0.0, 0.0),
+        "tip_trailing_edge": (1.0, 1.0),
+        "tip_leading_edge": (-1.0, 1.0),
+    }
+    return {
+        name: body.nearest_node(airfoil_points(g, 0.0, xi, eta, root))
+        for name, (xi, eta) in places.items()
+    }
 
 
 def locations(name: str, body: Discretisation, nodes: Mapping[str, int]) -> dict[str, Location]:
@@ -485,7 +566,9 @@ def geometric_stiffness(body: Discretisation, displacement: NDArray) -> sp.csr_m
     slope = np.einsum("eai,ajep->ijep", moved, gradient, optimize=True)
     strain = 0.5 * (slope + slope.swapaxes(0, 1))
     lame, shear = lame_constants(body.material.youngs_modulus, body.material.poisson_ratio)
-    stress = 2.0 * shear * strain + lame * np.einsum("iiep->ep", strain) * np.eye(3)[:, :, None, None]
+    stress = (
+        2.0 * shear * strain + lame * np.einsum("iiep->ep", strain) * np.eye(3)[:, :, None, None]
+    )
     pulled = np.einsum("ijep,bjep->biep", stress * basis.dx, gradient, optimize=True)
     scalar = np.einsum("aiep,biep->eab", gradient, pulled, optimize=True)
     matrix = _assembled(scalar, body.elements, len(body.nodes))

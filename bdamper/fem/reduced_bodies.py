@@ -88,7 +88,9 @@ class FreeBody(Generic[S]):
             self.constrained = isostatic_dofs(body.nodes)
         unit = np.tile(np.eye(3), (len(body.nodes), 1))
         self.total_mass = float(unit[:, 0] @ (mass @ unit[:, 0]))
-        self.centre: NDArray = np.array([unit[:, k] @ (mass @ body.nodes.ravel()) for k in range(3)]) / self.total_mass
+        self.centre: NDArray = (
+            np.array([unit[:, k] @ (mass @ body.nodes.ravel()) for k in range(3)]) / self.total_mass
+        )
         rotation = rigid_motions(body.nodes, self.centre, np.eye(3))[:, 3:]
         self.inertia: NDArray = rotation.T @ (mass @ rotation)
         motion = rigid_motions(body.nodes, self.centre, self.axes)
@@ -121,11 +123,15 @@ class FreeBody(Generic[S]):
         check(n_modes >= 6, f"a free body has six rigid modes; n_modes = {n_modes}")
         n = n_modes - 6
         if n and (self._modes is None or len(self._modes[0]) < n):
-            omega2, shapes = lowest_modes(self.body.stiffness, self.body.mass, self.elastic_response, n)
+            omega2, shapes = lowest_modes(
+                self.body.stiffness, self.body.mass, self.elastic_response, n
+            )
             self._modes = omega2, fix_phase(self.remove_rigid(shapes), self.body.mass)
         if self._modes is None:
             return np.zeros(6), self.rigid
-        return np.append(np.zeros(6), self._modes[0][:n]), np.hstack([self.rigid, self._modes[1][:, :n]])
+        return np.append(np.zeros(6), self._modes[0][:n]), np.hstack(
+            [self.rigid, self._modes[1][:, :n]]
+        )
 
     def receptance(self, contact: sp.spmatrix) -> NDArray:
         """Return the elastic receptance (n, n) between the rows of ``contact`` (n, 3 n_nodes), m/N."""
@@ -167,7 +173,9 @@ def nodes_of(place: Place) -> NDArray:
 def place_loads(place: Place, n_dof: int) -> sp.csc_matrix:
     """Return unit forces (n_dof, 3) along X, Y and Z at a node, or real part, imaginary part and zeros of a field."""
     if isinstance(place, np.ndarray):
-        return sp.csc_matrix(np.stack([place.real.ravel(), place.imag.ravel(), np.zeros(place.size)], axis=1))
+        return sp.csc_matrix(
+            np.stack([place.real.ravel(), place.imag.ravel(), np.zeros(place.size)], axis=1)
+        )
     return sp.csc_matrix((np.ones(3), (3 * place + np.arange(3), np.arange(3))), shape=(n_dof, 3))
 
 
@@ -190,7 +198,9 @@ def picture_mesh(surface: Facets, nodes: NDArray, shapes: Mapping[int, NDArray])
 
     ``shapes`` are mode shapes (n_nodes, 3, n_modes) by nodal diameter.
     """
-    quads = np.concatenate([g[:, [0, 1, 2, 3 if corner_count(g.shape[1]) == 4 else 2]] for g in surface.groups])
+    quads = np.concatenate(
+        [g[:, [0, 1, 2, 3 if corner_count(g.shape[1]) == 4 else 2]] for g in surface.groups]
+    )
     used, compact = np.unique(quads, return_inverse=True)
     modes = {d: values[used] for d, values in shapes.items()}
     return SurfaceMesh(nodes[used].copy(), compact.reshape(quads.shape).astype(np.int32), modes)
@@ -231,7 +241,11 @@ class Wanted:
         return np.append(omega2, stiffness), np.hstack([modes, static]), len(stiffness)
 
     def basis(
-        self, omega2: NDArray, shapes: NDArray, flexibility: NDArray | None = None, static: int | None = None
+        self,
+        omega2: NDArray,
+        shapes: NDArray,
+        flexibility: NDArray | None = None,
+        static: int | None = None,
     ) -> ModalBasis:
         """Return the modal basis for mass-normalised modes (3 n_nodes, n) with squared frequencies (n,)."""
         return ModalBasis(
@@ -244,7 +258,9 @@ class Wanted:
         )
 
 
-def residual_shapes(body: Structure, kept: NDArray, loads: sp.csc_matrix, static: NDArray) -> tuple[NDArray, NDArray]:
+def residual_shapes(
+    body: Structure, kept: NDArray, loads: sp.csc_matrix, static: NDArray
+) -> tuple[NDArray, NDArray]:
     r"""Return residual static shapes :math:`(K^{-1} - \Phi \Omega^{-2} \Phi^H) f`, orthogonalised.
 
     Parameters
@@ -262,9 +278,14 @@ def residual_shapes(body: Structure, kept: NDArray, loads: sp.csc_matrix, static
         Mass-normalised; orthogonal to the retained shapes in the stiffness and to each other in mass and stiffness.  There
         are fewer shapes than loads if residual shapes are zero or dependent.
     """
-    kept_stiffness, residual = np.einsum("ij,ij->j", kept.conj(), body.stiffness @ kept).real, static
+    kept_stiffness, residual = (
+        np.einsum("ij,ij->j", kept.conj(), body.stiffness @ kept).real,
+        static,
+    )
     for _ in range(2):  # twice, to reduce rounding errors
-        residual = residual - (kept / kept_stiffness) @ (kept.conj().T @ (body.stiffness @ residual))
+        residual = residual - (kept / kept_stiffness) @ (
+            kept.conj().T @ (body.stiffness @ residual)
+        )
     energy = np.einsum("ij,ij->j", residual.conj(), body.stiffness @ residual).real
     left = energy > LEAST * loads.multiply(static.conj()).sum(axis=0).A1.real
     residual = residual[:, left] / np.sqrt(energy[left])
@@ -304,9 +325,13 @@ def constrained_body(
     spin = None
     if rotation is not None:
         moved = spin_displacement(sector(0))
-        theory: Literal["linear", "stiffened"] = "linear" if rotation.omega_ref == 0.0 else "stiffened"
+        theory: Literal["linear", "stiffened"] = (
+            "linear" if rotation.omega_ref == 0.0 else "stiffened"
+        )
         at_points = (wanted.contact @ moved).reshape(-1, 3)
-        spin = SpinStatic(at_points, location_rows(wanted.locations, moved), theory, rotation.omega_ref)
+        spin = SpinStatic(
+            at_points, location_rows(wanted.locations, moved), theory, rotation.omega_ref
+        )
     return Body(name, "constrained", wanted.ports, bases, spin=spin)
 
 
@@ -321,4 +346,6 @@ def free_body(name: str, wanted: Wanted, free: FreeBody, radial: NDArray) -> Bod
     moved = (wanted.contact @ free.elastic_response(force)).reshape(-1, 3)
     load = BodyLoad(direction=radial, generalised=shapes.T @ force, displacement=moved)
     mass, centre, inertia = free.total_mass, free.centre, free.inertia
-    return Body(name, "free", wanted.ports, {0: basis}, mass=mass, centre=centre, inertia=inertia, load=load)
+    return Body(
+        name, "free", wanted.ports, {0: basis}, mass=mass, centre=centre, inertia=inertia, load=load
+    )

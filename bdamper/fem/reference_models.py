@@ -60,7 +60,9 @@ def reference_model(name: str = "bladed_disk", contact_points: int | None = None
     validation.choice("reference model", name, sorted(CONTACT_POINTS))
     points = CONTACT_POINTS[name][0] if contact_points is None else contact_points
     if points not in CONTACT_POINTS[name]:
-        raise SettingError(f"contact_points of '{name}': expected one of {CONTACT_POINTS[name]}, found {points}")
+        raise SettingError(
+            f"contact_points of '{name}': expected one of {CONTACT_POINTS[name]}, found {points}"
+        )
     package = Path(__file__).resolve().parents[1]
     shipped = package / "data"
     chosen = Path(os.environ.get("BDAMPER_MODELS", shipped))

@@ -66,7 +66,10 @@ def spin_displacement(sector: CyclicSector) -> NDArray:
     sector : CyclicSector
         At nodal diameter 0, with the stiffness at standstill (linear theory) or at the speed (stiffened blades).
     """
-    check(sector.nodal_diameter == 0, f"the displacement by rotation has nodal diameter 0, not {sector.nodal_diameter}")
+    check(
+        sector.nodal_diameter == 0,
+        f"the displacement by rotation has nodal diameter 0, not {sector.nodal_diameter}",
+    )
     moved = sector.transformation @ sector.static_response(centrifugal_force(sector.body)[:, None])
     return np.asarray(moved)[:, 0]
 
@@ -96,7 +99,9 @@ class Rotation:
         stiffness = sector.body.stiffness + (omega**2 - self.omega_ref**2) * self.per_squared_speed
         return replace(sector, body=replace(sector.body, stiffness=stiffness))
 
-    def basis(self, basis: ModalBasis, sector: CyclicSector, shapes: NDArray, contact: sp.spmatrix) -> ModalBasis:
+    def basis(
+        self, basis: ModalBasis, sector: CyclicSector, shapes: NDArray, contact: sp.spmatrix
+    ) -> ModalBasis:
         """Add data over speed to the basis of a sector.
 
         Parameters
@@ -114,7 +119,9 @@ class Rotation:
         turning = shapes.conj().T @ (coriolis_matrix(sector.body) @ shapes)
         static = sector.transformation @ sector.contact_response(contact)
         modal = contact @ shapes / basis.omega2
-        residual2 = modal @ stiffness2 @ modal.conj().T - static.conj().T @ (self.per_squared_speed @ static)
+        residual2 = modal @ stiffness2 @ modal.conj().T - static.conj().T @ (
+            self.per_squared_speed @ static
+        )
         out = basis.with_speed(stiffness2, hermitian(residual2), self.omega_ref, source=self.source)
         assert out.speed is not None
         speed = replace(out.speed, coriolis=0.5 * (turning - turning.conj().T))
@@ -126,4 +133,6 @@ class Rotation:
         stiffness = basis.stiffness(omega)
         exact = self.at_speed(sector, omega).modes(min(10, len(stiffness)))[0]
         reduced = eigh(stiffness, eigvals_only=True)[: len(exact)]
-        return replace(basis, checked_at=omega, error=float(np.abs(np.sqrt(reduced / exact) - 1.0).max()))
+        return replace(
+            basis, checked_at=omega, error=float(np.abs(np.sqrt(reduced / exact) - 1.0).max())
+        )

@@ -68,7 +68,9 @@ class SectorFaces:
     def tie(self, nodal_diameter: int) -> tuple[complex, NDArray]:
         """Return phase factor and rotation (3, 3) from the independent to the dependent face."""
         phase = sector_phase(self.n_sectors, nodal_diameter)
-        return np.conj(phase) if self.side < 0 else phase, turn(self.side * 2.0 * np.pi / self.n_sectors)
+        return np.conj(phase) if self.side < 0 else phase, turn(
+            self.side * 2.0 * np.pi / self.n_sectors
+        )
 
     def among(self, known: NDArray) -> SectorFaces:
         """Keep the dependent nodes that are ``known`` (n_nodes,) bool and determined by known independent nodes."""
@@ -79,8 +81,12 @@ class SectorFaces:
     def images(self, held: NDArray) -> NDArray:
         """Return the mask (n_nodes,) of the nodes ``held`` and of their images on the other face."""
         out, size = held.copy(), abs(self.weights)
-        out[self.dependent] |= (size > 1e-4) @ (~held[self.independent]).astype(float) == 0.0  # positions are rounded
-        out[self.independent] |= (size > 0.5).T @ held[self.dependent].astype(float) > 0.0  # the nearest one
+        out[self.dependent] |= (size > 1e-4) @ (~held[self.independent]).astype(
+            float
+        ) == 0.0  # positions are rounded
+        out[self.independent] |= (size > 0.5).T @ held[self.dependent].astype(
+            float
+        ) > 0.0  # the nearest one
         return out
 
 
@@ -98,7 +104,12 @@ def sector_phase(n_sectors: int, nodal_diameter: int) -> complex:
 
 
 def match_faces(
-    nodes: NDArray, left: NDArray, right: NDArray, n_sectors: int, tolerance: float = 1e-8, angle: float | None = None
+    nodes: NDArray,
+    left: NDArray,
+    right: NDArray,
+    n_sectors: int,
+    tolerance: float = 1e-8,
+    angle: float | None = None,
 ) -> SectorFaces:
     """Pair the nodes of two sector faces with equal meshes: a rotation by one pitch maps the nodes ``left`` onto ``right``.
 
@@ -109,7 +120,10 @@ def match_faces(
     ValueError
         If the faces do not match node by node within ``tolerance`` (m).
     """
-    check(len(left) and len(right), f"sector faces with {len(left)} and {len(right)} nodes: none may be empty")
+    check(
+        len(left) and len(right),
+        f"sector faces with {len(left)} and {len(right)} nodes: none may be empty",
+    )
     pitch = 2.0 * np.pi / n_sectors if angle is None else angle
     distance, index = cKDTree(nodes[right]).query(nodes[left] @ turn(pitch).T)
     if len(left) != len(right) or distance.max() > tolerance or len(np.unique(index)) != len(index):
@@ -118,11 +132,18 @@ def match_faces(
     on_axis = left == right[index]
     independent, image = left[~on_axis], right[index][~on_axis]
     weights = sp.identity(len(independent), format="csr")
-    return SectorFaces(n_sectors, independent, image, weights, 1, float(distance.max()), left[on_axis])
+    return SectorFaces(
+        n_sectors, independent, image, weights, 1, float(distance.max()), left[on_axis]
+    )
 
 
 def tie_faces(
-    nodes: NDArray, surface: Facets, left: NDArray, right: NDArray, n_sectors: int, angle: float | None = None
+    nodes: NDArray,
+    surface: Facets,
+    left: NDArray,
+    right: NDArray,
+    n_sectors: int,
+    angle: float | None = None,
 ) -> SectorFaces:
     """Tie the two faces of a sector with different meshes: the finer face follows the coarser one by interpolation.
 
@@ -152,11 +173,23 @@ def tie_faces(
     axis = np.intersect1d(left, right)
     dependent = np.setdiff1d(dependent, axis)
     facets = facets_on_nodes(surface, independent)
-    check(len(facets), "meshes that differ, and no face of an element on the nodes of the coarser one")
-    target = nodes[dependent] @ turn(-side * (2.0 * np.pi / n_sectors if angle is None else angle)).T
+    check(
+        len(facets), "meshes that differ, and no face of an element on the nodes of the coarser one"
+    )
+    target = (
+        nodes[dependent] @ turn(-side * (2.0 * np.pi / n_sectors if angle is None else angle)).T
+    )
     weights, distance = interpolation(nodes, facets, target)
     corners = facets.nodes
-    return SectorFaces(n_sectors, corners, dependent, weights[:, corners].tocsr(), side, float(distance.max()), axis)
+    return SectorFaces(
+        n_sectors,
+        corners,
+        dependent,
+        weights[:, corners].tocsr(),
+        side,
+        float(distance.max()),
+        axis,
+    )
 
 
 def interpolation(nodes: NDArray, facets: Facets, points: NDArray) -> tuple[sp.csr_matrix, NDArray]:
@@ -179,7 +212,9 @@ def interpolation(nodes: NDArray, facets: Facets, points: NDArray) -> tuple[sp.c
     rows = facets.each()
     centres = np.array([nodes[row].mean(axis=0) for row in rows])
     size = np.array([np.ptp(nodes[row], axis=0).max() for row in rows])
-    near = np.atleast_2d(cKDTree(centres).query(points, k=min(6, len(rows)))[1].reshape(len(points), -1))
+    near = np.atleast_2d(
+        cKDTree(centres).query(points, k=min(6, len(rows)))[1].reshape(len(points), -1)
+    )
     distance, best = np.full(len(points), np.inf), [(np.empty(0, int), np.empty(0))] * len(points)
     for k in np.unique(near):
         row, nearby = rows[k], np.flatnonzero((near == k).any(axis=1))
@@ -207,7 +242,9 @@ def interpolation(nodes: NDArray, facets: Facets, points: NDArray) -> tuple[sp.c
     return weights, distance
 
 
-def find_faces(nodes: NDArray, surface: Facets, n_sectors: int | None, tolerance: float) -> SectorFaces | None:
+def find_faces(
+    nodes: NDArray, surface: Facets, n_sectors: int | None, tolerance: float
+) -> SectorFaces | None:
     """Find the cut faces of a sector by geometry: nodes mapped onto other nodes by one rotation.
 
     Rotations by ``2 pi/N`` are tried for N = 2, 3, ..., since a rotation below one pitch may also map a regular mesh onto
@@ -229,7 +266,9 @@ def find_faces(nodes: NDArray, surface: Facets, n_sectors: int | None, tolerance
     outer = surface.nodes
     tree = cKDTree(nodes[outer])
     for n in range(2, MOST_SECTORS + 1) if n_sectors is None else (n_sectors,):
-        distance, index = tree.query(nodes[outer] @ turn(2.0 * np.pi / n).T, distance_upper_bound=tolerance)
+        distance, index = tree.query(
+            nodes[outer] @ turn(2.0 * np.pi / n).T, distance_upper_bound=tolerance
+        )
         on = np.isfinite(distance)
         left, right = outer[on], outer[index[on]]
         whole = all(len(facets_on_nodes(surface, face)) for face in (left, right))

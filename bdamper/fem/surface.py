@@ -102,7 +102,9 @@ def twisted(corners: NDArray, nodes: NDArray) -> NDArray:
     normal = np.cross(np.roll(x, -1, axis=2) - x, np.roll(x, 1, axis=2) - x)
     length = np.linalg.norm(normal, axis=-1, keepdims=True)
     size = np.ptp(x, axis=(1, 2)).max(axis=1)[:, None, None, None] ** 2
-    unit = np.where(length > 1e-9 * size, normal / np.maximum(length, 1e-300), np.nan)  # a collapsed corner has no normal
+    unit = np.where(
+        length > 1e-9 * size, normal / np.maximum(length, 1e-300), np.nan
+    )  # a collapsed corner has no normal
     return np.asarray((np.einsum("efic,efjc->efij", unit, unit) < LEAST_COSINE).any(axis=(1, 2, 3)))
 
 
@@ -124,7 +126,11 @@ class Facets:
     @property
     def nodes(self) -> NDArray:
         """All nodes (n,), ascending without repetition."""
-        return np.unique(np.concatenate([g.ravel() for g in self.groups])) if self.groups else np.empty(0, int)
+        return (
+            np.unique(np.concatenate([g.ravel() for g in self.groups]))
+            if self.groups
+            else np.empty(0, int)
+        )
 
     def each(self) -> list[NDArray]:
         """Return the facets one by one, each as the array of its nodes."""
@@ -217,7 +223,9 @@ def oriented_facet(corner: NDArray, element: NDArray, nodes: NDArray) -> NDArray
     n_corner = N_CORNER[len(element)]
     inside = nodes[np.unique(element[:n_corner])].mean(axis=0)
     x = nodes[unique]
-    normal = np.cross(x[1] - x[0], x[2] - x[0]) if len(x) == 3 else np.cross(x[2] - x[0], x[3] - x[1])
+    normal = (
+        np.cross(x[1] - x[0], x[2] - x[0]) if len(x) == 3 else np.cross(x[2] - x[0], x[3] - x[1])
+    )
     if normal @ (x.mean(axis=0) - inside) < 0.0:
         unique, x = unique[::-1], x[::-1]
     if len(element) == n_corner:
@@ -229,7 +237,9 @@ def oriented_facet(corner: NDArray, element: NDArray, nodes: NDArray) -> NDArray
     nearest = distance.argmin(axis=1)
     if np.any(distance.min(axis=1) > 0.3 * length) or len(np.unique(nearest)) < len(nearest):
         why = "the order of its corners, or a missing node between them, does not fit an element of second order"
-        raise ValueError(f"no node between corners of the element face at {x.mean(axis=0)} m: {why}")
+        raise ValueError(
+            f"no node between corners of the element face at {x.mean(axis=0)} m: {why}"
+        )
     return np.concatenate([unique, between[nearest]])
 
 

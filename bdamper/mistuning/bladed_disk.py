@@ -39,7 +39,14 @@ from bdamper.time_domain.integration import STEPS, IntegrationFailed, Ring
 from bdamper.time_domain.time_response import error_range
 from bdamper.time_domain.transient import CRITERIA, Transient, settle
 from bdamper.util import validation
-from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, BdamperError, SettingError, with_reason
+from bdamper.util.errors import (
+    COMPLETE,
+    INCOMPLETE,
+    NOT_FOUND,
+    BdamperError,
+    SettingError,
+    with_reason,
+)
 from bdamper.util.formatting import amount
 from bdamper.util.progress import CostMeter, one_thread
 
@@ -62,7 +69,9 @@ def answers(peak: DiskPeak) -> dict[str, Any]:
     return {name: getattr(peak, name) for name in OF_PEAKS} | {"cost": peak.cost}
 
 
-def _highest(_: Any, preload: Any, *, disk: DiskProblem, options: DiskPeakOptions | None) -> dict[str, Any]:
+def _highest(
+    _: Any, preload: Any, *, disk: DiskProblem, options: DiskPeakOptions | None
+) -> dict[str, Any]:
     """Return the quantities of the highest peak of a bladed disk; this is the function of a sweep over the preload."""
     highest = peak(disk, preload, options=options)
     return answers(highest) | {"tuned_amplitude": highest.tuned_amplitude}
@@ -145,7 +154,9 @@ def frequency_response(
         solutions in the remaining gaps.  Branches may leave the interval and return.
     """
     low, high = (TWO_PI * f for f in validation.interval("frequency", frequency))
-    options = validation.instance("options", options or ContinuationOptions(locate=False), ContinuationOptions)
+    options = validation.instance(
+        "options", options or ContinuationOptions(locate=False), ContinuationOptions
+    )
     whole = disk.system(preload)
     budget = options.budget or evaluation_budget(whole)
     options = replace(options, budget=budget)
@@ -154,7 +165,9 @@ def frequency_response(
 
     def find_start(omega: float) -> NDArray | None:
         point = first_point(whole, omega)
-        search.note(omega, "no solution from the static state" if point is None else "from the static state")
+        search.note(
+            omega, "no solution from the static state" if point is None else "from the static state"
+        )
         return point
 
     search.cover(find_start)
@@ -162,8 +175,12 @@ def frequency_response(
     blades = np.array([whole.structure.responses(p.y[:-1]) for p, _ in in_order(search.pieces)])
     blades = blades.reshape(-1, disk.n_blades, whole.n_harmonics + 1)
     ended = status, reason, (*left_out, *search.lost)
-    curve = as_curve(disk.structure.tuned, search, ended, kind="response", preload=float(preload), blades=blades)
-    return replace(curve, harmonics=highest_blade(blades), unknowns=np.zeros((len(curve), 0)), **disk.record())
+    curve = as_curve(
+        disk.structure.tuned, search, ended, kind="response", preload=float(preload), blades=blades
+    )
+    return replace(
+        curve, harmonics=highest_blade(blades), unknowns=np.zeros((len(curve), 0)), **disk.record()
+    )
 
 
 def highest_blade(blades: NDArray) -> NDArray:
@@ -191,7 +208,9 @@ class OneStructure:
 
         def all_sectors(own: NDArray | float, waves: NDArray) -> NDArray:
             out, first = np.zeros((N, n, N, n)), n - waves.shape[1]
-            out[:, first:, :, first:] = np.fft.ifft(waves, axis=0).real[(every[:, None] - every) % N].transpose(0, 2, 1, 3)
+            out[:, first:, :, first:] = (
+                np.fft.ifft(waves, axis=0).real[(every[:, None] - every) % N].transpose(0, 2, 1, 3)
+            )
             out[every, :, every] += own
             return out.reshape(N * n, N * n)
 
@@ -210,12 +229,16 @@ class OneStructure:
         )  # fmt: skip
         rows = np.einsum("i,bik->bk", scene.response_row, self.modes[:, :n])
         force = self._projected(scene.force, self.modes)
-        one = Sector([basis] * (n_coef // 2 + 1), scene.points, force, [rows[blade]] * (n_coef // 2 + 1))
+        one = Sector(
+            [basis] * (n_coef // 2 + 1), scene.points, force, [rows[blade]] * (n_coef // 2 + 1)
+        )
         self.ring = Ring(one.equations, 1, 0, rows=np.hstack([rows, np.zeros_like(rows)]))
 
     def _projected(self, u: NDArray, rows: NDArray) -> NDArray:
         """Return unknowns from unknowns of the disk and rows (n_blades, n_sector, n_modes)."""
-        return np.asarray(np.tensordot(self.system.structure.array(u).transpose(1, 0, 2), rows, 2).ravel())
+        return np.asarray(
+            np.tensordot(self.system.structure.array(u).transpose(1, 0, 2), rows, 2).ravel()
+        )
 
     def start(self, u: NDArray) -> NDArray:
         """Return the unknowns of this structure for unknowns ``u`` of the bladed disk."""
@@ -224,7 +247,9 @@ class OneStructure:
 
 @validation.check_arguments
 @one_thread
-def time_response(disk: DiskProblem, peak: DiskPeak, *, steps_per_period: int | None = None) -> TimeResponse:
+def time_response(
+    disk: DiskProblem, peak: DiskPeak, *, steps_per_period: int | None = None
+) -> TimeResponse:
     """Compute the steady-state amplitude of the highest blade by time integration of all blades from the peak.
 
     After Ctrl-C there is no result.
@@ -258,10 +283,18 @@ def time_response(disk: DiskProblem, peak: DiskPeak, *, steps_per_period: int | 
             f"take some five minutes of processor time, which grows with the third power of their number"
         )
     if not np.isfinite(peak.amplitude):
-        raise SettingError(f"time_response: needs a peak that was found, this one is {peak.status!r}")
+        raise SettingError(
+            f"time_response: needs a peak that was found, this one is {peak.status!r}"
+        )
     settings, model_hash = disk.record()["settings"], disk.study.model.hash
-    if (peak.unknowns.shape, peak.model_hash, peak.settings) != (system.structure.shape, model_hash, settings):
-        raise SettingError("time_response: expected a peak of this bladed disk, found a peak of another bladed disk")
+    if (peak.unknowns.shape, peak.model_hash, peak.settings) != (
+        system.structure.shape,
+        model_hash,
+        settings,
+    ):
+        raise SettingError(
+            "time_response: expected a peak of this bladed disk, found a peak of another bladed disk"
+        )
     one = OneStructure(system, peak.blade)
     steps, window = STEPS if steps_per_period is None else steps_per_period, 2 * CRITERIA.window
     none = TimeResponse(
@@ -276,13 +309,21 @@ def time_response(disk: DiskProblem, peak: DiskPeak, *, steps_per_period: int | 
             motion = steady.transient.motion._replace(a=None)
             steady = settle(Transient(one.ring, omega, motion, 2 * steps), peak.amplitude)
             periods += len(steady.transient.harmonics)
-        if not steady.stays:  # the integration stops when the motion falls: continue to its final amplitude
+        if (
+            not steady.stays
+        ):  # the integration stops when the motion falls: continue to its final amplitude
             steady.transient.advance(window)
             periods += window
     except IntegrationFailed as error:
         return replace(none, status=with_reason(NOT_FOUND, error), cost=watch.read(one.ring.cost))
     blades = np.abs(steady.transient.blades[-window:])
-    result = replace(none, blade=steady.transient.blade, periods=periods, blades=blades, cost=watch.read(one.ring.cost))
+    result = replace(
+        none,
+        blade=steady.transient.blade,
+        periods=periods,
+        blades=blades,
+        cost=watch.read(one.ring.cost),
+    )
     if steady.stays:
         answers = {f"{steps} steps": coarse.mean, f"{2 * steps} steps": steady.mean}
         lowest, highest, doubt = error_range(answers, (coarse, steady))
@@ -290,7 +331,10 @@ def time_response(disk: DiskProblem, peak: DiskPeak, *, steps_per_period: int | 
             result, mean=steady.mean, lowest=lowest, highest=highest, highest_period=float(steady.amplitude.max()),
             answers=answers, status=with_reason(INCOMPLETE, doubt) if doubt else COMPLETE,
         )  # fmt: skip
-    in_time, balance = amount(float(blades[:, result.blade].mean()), "m"), amount(peak.amplitude, "m")
+    in_time, balance = (
+        amount(float(blades[:, result.blade].mean()), "m"),
+        amount(peak.amplitude, "m"),
+    )
     text = f"the highest blade reaches {in_time} in time, {balance} by harmonic balance"
     return replace(result, status=with_reason(NOT_FOUND, text))
 

@@ -154,12 +154,19 @@ class Structure:
     def motion(self, x: NDArray) -> NDArray:
         """Return the motion of the contact points (n_blades, n_points, 3) for coordinates (n_blades, n_sector)."""
         ahead = np.concatenate([np.roll(x[:, : self.n], -1, axis=0), x[:, self.n :]], axis=1)
-        return np.where(self.sector[:, None] == 1, *(np.einsum("pij,nj->npi", self.rows, z) for z in (ahead, x)))
+        return np.where(
+            self.sector[:, None] == 1, *(np.einsum("pij,nj->npi", self.rows, z) for z in (ahead, x))
+        )
 
     def gathered(self, force: NDArray) -> NDArray:
         """Return the forces on the coordinates (n_blades, n_sector) for forces at the points (n_blades, n_points, 3)."""
-        own, ahead = (np.einsum("pij,npi->nj", self.rows[p], force[:, p]) for p in (self.sector == s for s in (0, 1)))
-        return own + np.concatenate([np.roll(ahead[:, : self.n], 1, axis=0), ahead[:, self.n :]], axis=1)
+        own, ahead = (
+            np.einsum("pij,npi->nj", self.rows[p], force[:, p])
+            for p in (self.sector == s for s in (0, 1))
+        )
+        return own + np.concatenate(
+            [np.roll(ahead[:, : self.n], 1, axis=0), ahead[:, self.n :]], axis=1
+        )
 
     @property
     def n_sector(self) -> int:
@@ -195,10 +202,16 @@ class Structure:
             full[reverse] = full[reverse].conj()
             return full
 
-        ratio = None if tuned.settings.damping_ratio is None else float(tuned.settings.damping_ratio)
-        damping = all_nodal_diameters(np.array([local.damping(d, ratio) for d in range(N // 2 + 1)]))
+        ratio = (
+            None if tuned.settings.damping_ratio is None else float(tuned.settings.damping_ratio)
+        )
+        damping = all_nodal_diameters(
+            np.array([local.damping(d, ratio) for d in range(N // 2 + 1)])
+        )
         if tuned.settings.aerodynamic_damping is not None:
-            raise SettingError("aerodynamic_damping is not supported by a bladed disk with all sectors; set it to None")
+            raise SettingError(
+                "aerodynamic_damping is not supported by a bladed disk with all sectors; set it to None"
+            )
         basis = tuned.damped(tuned.coupling.basis(1), None)
         of_damper = np.array([c.body != blade.name for c in basis.coordinates], bool)
         return cls(
@@ -221,7 +234,11 @@ class Structure:
 
     def varied(self, mistuning: Mistuning, factor: NDArray) -> Structure:
         """Return the same disk with mistuned blades, and with the damper masses multiplied by ``factor`` (n_blades,)."""
-        return replace(self, stiffness=_blades(self.local, mistuning), damper_mass=self.damper_mass[:1] * factor[:, None])
+        return replace(
+            self,
+            stiffness=_blades(self.local, mistuning),
+            damper_mass=self.damper_mass[:1] * factor[:, None],
+        )
 
     def reduced(self, shapes: NDArray) -> Structure:
         """Reduce every blade to m shapes, the columns of ``shapes`` (n, m) in its coordinates.
@@ -247,8 +264,12 @@ class Structure:
             Modes, and their motion at the points.
         """
         n, root = self.n, slice(self.n - self.n_root, self.n)
-        K = scipy.linalg.block_diag(self.stiffness.mean(axis=0), np.diag(self.damper_stiffness)).astype(complex)
-        M = scipy.linalg.block_diag(self.mass, np.diag(self.damper_mass.mean(axis=0))).astype(complex)
+        K = scipy.linalg.block_diag(
+            self.stiffness.mean(axis=0), np.diag(self.damper_stiffness)
+        ).astype(complex)
+        M = scipy.linalg.block_diag(self.mass, np.diag(self.damper_mass.mean(axis=0))).astype(
+            complex
+        )
         K[root, root] += self.disk_stiffness[d]
         M[root, root] += self.disk_mass[d]
         G = self.rows.astype(complex)
@@ -261,19 +282,29 @@ class Structure:
         """Return the static forces of blades and disk (n_blades, n) at coordinates (n_blades, n)."""
         out = np.einsum("nij,nj->ni", self.stiffness, x)
         wave = np.fft.fft(x[:, self.n - self.n_root :], axis=0)
-        out[:, self.n - self.n_root :] += np.fft.ifft(np.einsum("dij,dj->di", self.disk_stiffness, wave), axis=0).real
+        out[:, self.n - self.n_root :] += np.fft.ifft(
+            np.einsum("dij,dj->di", self.disk_stiffness, wave), axis=0
+        ).real
         return out
 
-    def location_rows(self, location: str, direction: str | Sequence[float], setting: str) -> NDArray:
+    def location_rows(
+        self, location: str, direction: str | Sequence[float], setting: str
+    ) -> NDArray:
         """Return the row (n,) of the motion of a blade location along a direction."""
         if self.local.locations.get(location) is None:
             body = self.tuned.model.locations[location].body
-            raise SettingError(f"{setting}: expected a location on the blade, found '{location}' on '{body}'")
-        return np.asarray(direction_vector(direction, f"{setting} direction") @ self.local.locations[location])
+            raise SettingError(
+                f"{setting}: expected a location on the blade, found '{location}' on '{body}'"
+            )
+        return np.asarray(
+            direction_vector(direction, f"{setting} direction") @ self.local.locations[location]
+        )
 
     def modes(self, d: int) -> NDArray:
         """Return the modes (n, n) of the tuned study at a nodal diameter, in the coordinates of this structure."""
-        local = next(body.local for body in self.tuned.model.bodies.values() if body.local is not None)
+        local = next(
+            body.local for body in self.tuned.model.bodies.values() if body.local is not None
+        )
         return np.asarray(local.modes(d)[1][self.order])
 
 
@@ -289,7 +320,9 @@ def tuned_problem(study: Problem) -> Problem:
     required = {"fundamental_modes_only": False, "separation": True, "variable_normal_load": True}
     for name, value in required.items():
         if getattr(study.settings, name) != value:
-            raise SettingError(f"{name} must be {value!r} for a bladed disk, found {getattr(study.settings, name)!r}")
+            raise SettingError(
+                f"{name} must be {value!r} for a bladed disk, found {getattr(study.settings, name)!r}"
+            )
     refuse(study.own_laws, "a bladed disk")
     speed = study.settings.speed
     if speed and all(body.local is None for body in study.model.bodies.values()):
@@ -298,7 +331,9 @@ def tuned_problem(study: Problem) -> Problem:
             "at_speed, and the preload of this speed to the disk"
         )
     if np.any(study.coupling.closing_by_rotation()):
-        warn("bladed disk: modes and faces at standstill, although rotation displaces the faces of this model")
+        warn(
+            "bladed disk: modes and faces at standstill, although rotation displaces the faces of this model"
+        )
     model = local_model(study.model)
     local = next(body.local for body in model.bodies.values() if body.local is not None)
     stiffness = study.settings.contact_stiffness
@@ -345,7 +380,11 @@ def _rows(tuned: Problem, blade: str, local: LocalBasis) -> tuple[NDArray, NDArr
         if body.kind == "ground":
             continue
         modes = coupling.modes[body.name]
-        shapes = local.contact_modes if body.name == blade else body.bases[0].contact_modes[..., modes].real
+        shapes = (
+            local.contact_modes
+            if body.name == blade
+            else body.bases[0].contact_modes[..., modes].real
+        )
         previous, own, following = (coupling.placed(body, shapes, 0, (s,)).real for s in (-1, 0, 1))
         if previous.any() or (body.name != blade and following.any()):
             raise SettingError(
@@ -357,7 +396,9 @@ def _rows(tuned: Problem, blade: str, local: LocalBasis) -> tuple[NDArray, NDArr
             continue
         on_following = following.any(axis=(1, 2))
         if np.any(own.any(axis=(1, 2)) & on_following):
-            raise SettingError("model: blades of a bladed disk may touch dampers only, found blades that touch each other")
+            raise SettingError(
+                "model: blades of a bladed disk may touch dampers only, found blades that touch each other"
+            )
         sector[on_following] = 1
         blade_rows += own + following
     return np.concatenate([blade_rows, *damper_rows], axis=2), sector
@@ -441,7 +482,9 @@ class DiskScene:
     def layout(self) -> Layout:
         """Layout of the harmonics among the unknowns."""
         N, n_coef, size = self.shape
-        return Layout(np.array([N * size * (l in self.harmonics) for l in range(n_coef // 2 + 1)], np.intc))
+        return Layout(
+            np.array([N * size * (l in self.harmonics) for l in range(n_coef // 2 + 1)], np.intc)
+        )
 
     @cached_property
     def active(self) -> NDArray:
@@ -495,7 +538,9 @@ class DiskScene:
         """Create the equations of the core, from arrays of the required types."""
         s, points, half = self.structure, self.points, self.structure.n_blades // 2 + 1
         stuck = self.stuck
-        mode, n_time = evaluation_code(self.contact_forces, self.shape[1] // 2, np.asarray(points.law))
+        mode, n_time = evaluation_code(
+            self.contact_forces, self.shape[1] // 2, np.asarray(points.law)
+        )
         kinds: dict[str, type] = {"law": np.intc, "next": bool, "active": bool, "pinned": bool}
         kinds |= {"disk_stiffness": complex, "disk_mass": complex, "damping": complex}
         arrays = {
@@ -510,7 +555,8 @@ class DiskScene:
             "row_scale": row_scale(self.layout, self.force_scale), "law": points.law,
         }  # fmt: skip
         inputs: dict[str, Any] = {
-            k: np.ascontiguousarray(v, kinds.get(k, float)) if np.ndim(v) else v for k, v in arrays.items()
+            k: np.ascontiguousarray(v, kinds.get(k, float)) if np.ndim(v) else v
+            for k, v in arrays.items()
         }
         return WheelCore(**inputs, evaluation=mode, n_time=n_time)
 
@@ -519,7 +565,9 @@ class DiskScene:
         row = np.zeros((self.shape[0], self.shape[2]))
         row[blade, : self.structure.n] = self.response_row
         rows = [row.ravel() * (n > 0) if n else np.zeros(0) for n in self.layout.n_mode]
-        first = self.layout.parts(rows[1]) if len(rows[1]) else np.zeros((2, self.layout.n_unknowns))
+        first = (
+            self.layout.parts(rows[1]) if len(rows[1]) else np.zeros((2, self.layout.n_unknowns))
+        )
         return {"response_rows": rows, "rows": Rows(np.array([first]))}
 
     @property

@@ -90,7 +90,9 @@ def static_disk(
     """
     load, constant, shift, history = loading
     if (points.law == LAW_CUBIC).any():
-        raise SettingError("dampers must be equal in a model with cubic springs; found dampers that differ")
+        raise SettingError(
+            "dampers must be equal in a model with cubic springs; found dampers that differ"
+        )
     bonded, shift = points.law == LAW_BONDED, shift.reshape(-1, 3)
     free = np.logical_not(bonded)
     pressed = free & (points.n0 > 0.0) & (points.kn > 0.0)
@@ -99,9 +101,17 @@ def static_disk(
     bare = replace(points, n0=np.where(pressed, 0.0, points.n0))
     frictional = replace(bare, kt=bare.kt * free[:, None], kn=bare.kn * free, n0=bare.n0 * free)
     springs = np.concatenate([frictional.kt, frictional.kn[:, None]], axis=1)
-    scale = max(float(np.abs(load).max() + np.abs(constant).max()), 1e-9 * float(points.n0.max(initial=0.0)), 1e-300)
+    scale = max(
+        float(np.abs(load).max() + np.abs(constant).max()),
+        1e-9 * float(points.n0.max(initial=0.0)),
+        1e-300,
+    )
     no_excitation, u, done = np.zeros(load.shape, complex), np.zeros(load.size), np.zeros(2)
-    slider, force, x = np.zeros((len(points.kn), 2)), np.zeros((len(points.kn), 3)), np.zeros((len(points.kn), 3))
+    slider, force, x = (
+        np.zeros((len(points.kn), 2)),
+        np.zeros((len(points.kn), 3)),
+        np.zeros((len(points.kn), 3)),
+    )
     first = [(1.0, 0.0)] if pressed.any() or np.any(constant) else []
     for target in np.array([*first, *((1.0, factor) for factor in history)]):
         begin, part, longest = done, 0.0, 1.0 / STEPS
@@ -128,7 +138,9 @@ def static_disk(
                 continue
             motion, forces, _ = system.contact(solution.y[:-1])
             new_x = motion[..., 0]
-            close = AT_LIMIT * float((springs * (np.abs(x) + np.abs(new_x) + np.abs(total_shift))).max(initial=0.0))
+            close = AT_LIMIT * float(
+                (springs * (np.abs(x) + np.abs(new_x) + np.abs(total_shift))).max(initial=0.0)
+            )
             within, beyond = linear_range(frictional, x, new_x, slider, close)
             if within < 1.0 and step > SHORTEST:
                 step *= 0.1 * within
@@ -145,7 +157,11 @@ def disk_points(structure: Structure, dampers: DamperVariation) -> PointArrays:
     """Return the contact points of all sectors, sector by sector, with sliders at zero and no shift."""
     tuned, N = structure.tuned, structure.n_blades
     n_points = len(structure.sector)
-    on_damper = structure.rows[..., structure.n :].any(axis=(1, 2)) if structure.n_damper else np.zeros(n_points, bool)
+    on_damper = (
+        structure.rows[..., structure.n :].any(axis=(1, 2))
+        if structure.n_damper
+        else np.zeros(n_points, bool)
+    )
 
     def at_points(factor: NDArray, neutral: float) -> NDArray:
         return np.where(on_damper, factor[:, None], neutral)
@@ -230,7 +246,9 @@ def loaded(structure: Structure, preload: float, dampers: DamperVariation | None
     return Loaded(points, load + constant, mean, force.reshape(N, -1, 3), pinned)
 
 
-def disk_system(structure: Structure, state: Loaded, excitation: NDArray, response_row: NDArray) -> DiskSystem:
+def disk_system(
+    structure: Structure, state: Loaded, excitation: NDArray, response_row: NDArray
+) -> DiskSystem:
     """Return the equations of the vibration about a static state under an excitation (n_blades, n_sector) complex, N
     kg^-1/2."""
     tuned = structure.tuned
@@ -247,6 +265,7 @@ def disk_system(structure: Structure, state: Loaded, excitation: NDArray, respon
 
 
 # ---- Problem ----
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DiskProblem(Summarised):
@@ -269,7 +288,9 @@ class DiskProblem(Summarised):
         if self.dampers is not None:
             validation.instance("dampers", self.dampers, DamperVariation)
             if self.dampers.n_blades != n:
-                raise SettingError(f"dampers: the model has {n} dampers, found {self.dampers.n_blades}")
+                raise SettingError(
+                    f"dampers: the model has {n} dampers, found {self.dampers.n_blades}"
+                )
             mass = self.dampers.mass
         nominal = Structure.of(problem) if self._structure is None else self._structure
         object.__setattr__(self, "mistuning", mistuning)
@@ -306,14 +327,20 @@ class DiskProblem(Summarised):
         s, tuned = self.structure, self.structure.tuned
         e = tuned.settings.excitation
         one_force = tuned.settings.acts_at_location and not e.beside
-        validation.check_value(one_force, "excitation of a bladed disk", "one force at a location", e)
+        validation.check_value(
+            one_force, "excitation of a bladed disk", "one force at a location", e
+        )
         row = s.location_rows(e.location, e.direction, "excitation")
-        periods = (int(tuned.engine_order) * np.arange(self.n_blades)) % self.n_blades / self.n_blades
+        periods = (
+            (int(tuned.engine_order) * np.arange(self.n_blades)) % self.n_blades / self.n_blades
+        )
         wave = e.amplitude * np.exp(1j * e.phase + 2j * np.pi * periods)
         out = np.zeros((self.n_blades, s.n_sector), complex)
         out[:, : s.n] = np.outer(wave, row)
         if not out.any():
-            raise SettingError(f"excitation: expected a force on the blades, found {e.amplitude:g} N at '{e.location}'")
+            raise SettingError(
+                f"excitation: expected a force on the blades, found {e.amplitude:g} N at '{e.location}'"
+            )
         return out
 
     @cached_property
@@ -343,8 +370,15 @@ class DiskProblem(Summarised):
 
     def record(self) -> dict[str, Any]:
         """Return the settings and the model hash that all results store."""
-        disk = {"mistuning": str(self.mistuning), "dampers": str(self.dampers), "deviation": self.deviation.tolist()}
-        return {"settings": self.structure.tuned.record() | disk, "model_hash": self.study.model.hash}
+        disk = {
+            "mistuning": str(self.mistuning),
+            "dampers": str(self.dampers),
+            "deviation": self.deviation.tolist(),
+        }
+        return {
+            "settings": self.structure.tuned.record() | disk,
+            "model_hash": self.study.model.hash,
+        }
 
     def __str__(self) -> str:
         s = self.structure

@@ -57,10 +57,11 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
     seed: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
-        values = _by_blade("mistuning", self.deviation, -1.0, "finite frequency deviations above -1")
+        values = _by_blade(
+            "mistuning", self.deviation, -1.0, "finite frequency deviations above -1"
+        )
         object.__setattr__(self, "deviation", values)
         object.__setattr__(self, "seed", tuple(self.seed))
-
 
     @classmethod
     def of(cls, n_blades: int, mistuning: Mistuning | ArrayLike | None) -> Mistuning:
@@ -68,12 +69,17 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         if not isinstance(mistuning, Mistuning):
             mistuning = cls(np.zeros(n_blades) if mistuning is None else np.asarray(mistuning))
         if mistuning.n_blades != n_blades:
-            raise SettingError(f"mistuning: expected {n_blades} blades, as in the model, found {mistuning.n_blades}")
+            raise SettingError(
+                f"mistuning: expected {n_blades} blades, as in the model, found {mistuning.n_blades}"
+            )
         return mistuning
 
     @classmethod
     def from_frequencies(
-        cls, frequency: ArrayLike, reference: ArrayLike | None = None, source: str = "given frequencies"
+        cls,
+        frequency: ArrayLike,
+        reference: ArrayLike | None = None,
+        source: str = "given frequencies",
     ) -> Self:
         """Return the deviations of measured blade frequencies, each blade clamped at its root.
 
@@ -87,7 +93,9 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         values = _by_blade("frequency", frequency, 0.0, "frequencies above 0 Hz")
         base = values.mean(axis=0)
         if reference is not None:
-            base = validation.numbers("reference", np.atleast_1d(reference), np.size(base), above=0.0, unit="Hz")
+            base = validation.numbers(
+                "reference", np.atleast_1d(reference), np.size(base), above=0.0, unit="Hz"
+            )
         plausible_ranges.check("Mistuning", "deviation", values / base - 1.0)
         return cls(values / base - 1.0, source)
 
@@ -140,21 +148,28 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
             Equal seeds give equal draws.
         """
         n_blades = validation.integer("n_blades", n_blades, least=1)
-        deviation = validation.number("standard_deviation", standard_deviation, least=0.0, below=1.0)
+        deviation = validation.number(
+            "standard_deviation", standard_deviation, least=0.0, below=1.0
+        )
         seed = _seed(seed)
         generator = np.random.default_rng([*seed, _BLADES])
         if isinstance(distribution, Mistuning):
             pattern = distribution.without_mean().deviation
             if pattern.std() == 0.0:
-                raise SettingError("distribution: the measured pattern has equal blades; give one with different blades")
+                raise SettingError(
+                    "distribution: the measured pattern has equal blades; give one with different blades"
+                )
             unit = (pattern / pattern.std())[generator.integers(len(pattern), size=n_blades)]
             name = f"resampled from {distribution.source}"
         else:
             name = validation.choice("distribution", distribution, DISTRIBUTIONS)
             half = np.sqrt(3.0)
-            unit = generator.standard_normal(n_blades) if name == "normal" else generator.uniform(-half, half, n_blades)
+            unit = (
+                generator.standard_normal(n_blades)
+                if name == "normal"
+                else generator.uniform(-half, half, n_blades)
+            )
         return cls(deviation * unit, f"{name}, standard deviation {deviation:g}", seed)
-
 
     @property
     def n_blades(self) -> int:
@@ -176,7 +191,9 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         rest = change.mean(axis=1)
         if change.shape[1] > n_modes:
             found = change.shape[1]
-            raise SettingError(f"mistuning: the model has {n_modes} cantilever modes, found deviations of {found} modes")
+            raise SettingError(
+                f"mistuning: the model has {n_modes} cantilever modes, found deviations of {found} modes"
+            )
         beyond = np.repeat(rest[:, None], n_modes - change.shape[1], axis=1)
         return np.hstack([change, beyond]), rest
 
@@ -187,8 +204,15 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
     def columns(self) -> dict[str, Column]:
         """Return the table with one row for each blade."""
         by_mode = self.deviation.reshape(self.n_blades, -1).T
-        names = ["deviation"] if self.deviation.ndim == 1 else [f"deviation_{k}" for k in range(1, len(by_mode) + 1)]
-        return {"blade": Column(np.arange(self.n_blades)), **{n: Column(v) for n, v in zip(names, by_mode)}}
+        names = (
+            ["deviation"]
+            if self.deviation.ndim == 1
+            else [f"deviation_{k}" for k in range(1, len(by_mode) + 1)]
+        )
+        return {
+            "blade": Column(np.arange(self.n_blades)),
+            **{n: Column(v) for n, v in zip(names, by_mode)},
+        }
 
     def __str__(self) -> str:
         modes = "" if self.deviation.ndim == 1 else f", {self.deviation.shape[1]} modes each"
@@ -234,7 +258,9 @@ class DamperVariation(Summarised, Storable, kind="bdamper-damper-variation"):
     def __post_init__(self) -> None:
         n = np.size(self.missing)
         for name, limits in _LIMITS.items():
-            object.__setattr__(self, name, validation.numbers(name, np.asarray(getattr(self, name)), n, **limits))
+            object.__setattr__(
+                self, name, validation.numbers(name, np.asarray(getattr(self, name)), n, **limits)
+            )
         missing = np.array(self.missing)
         if missing.dtype != bool or missing.ndim != 1 or n == 0:
             raise validation.invalid("missing", "(n_blades,) True or False", self.missing)
@@ -264,7 +290,14 @@ class DamperVariation(Summarised, Storable, kind="bdamper-damper-variation"):
 
     @classmethod
     @validation.check_arguments
-    def random(cls, n_blades: int, *, missing: Sequence[int] = (), seed: int | Sequence[int] = 0, **spread: float) -> Self:
+    def random(
+        cls,
+        n_blades: int,
+        *,
+        missing: Sequence[int] = (),
+        seed: int | Sequence[int] = 0,
+        **spread: float,
+    ) -> Self:
         """Draw the dampers independently.
 
         Parameters
@@ -284,9 +317,15 @@ class DamperVariation(Summarised, Storable, kind="bdamper-damper-variation"):
         for name in _LIMITS:
             value = spread.pop(name, 0.0)
             if name == "gap":
-                full[name] = validation.number(name, value, least=0.0, unit="m") * generator.standard_exponential(n)
+                full[name] = validation.number(
+                    name, value, least=0.0, unit="m"
+                ) * generator.standard_exponential(n)
             else:
-                sigma = np.sqrt(np.log1p(validation.number(f"standard deviation of {name}", value, least=0.0) ** 2))
+                sigma = np.sqrt(
+                    np.log1p(
+                        validation.number(f"standard deviation of {name}", value, least=0.0) ** 2
+                    )
+                )
                 full[name] = np.exp(sigma * generator.standard_normal(n) - 0.5 * sigma**2)
         return cls.of(n, missing=missing, **full, **spread)
 
@@ -298,7 +337,9 @@ class DamperVariation(Summarised, Storable, kind="bdamper-damper-variation"):
         lines = [f"{self.n_blades} dampers, {int(self.missing.sum())} missing"]
         for name in _LIMITS:
             low, high = getattr(self, name).min(), getattr(self, name).max()
-            lines.append(f"  {name.replace('_', ' ')}: {'' if name == 'gap' else 'factor '}{low:.4g} to {high:.4g}")
+            lines.append(
+                f"  {name.replace('_', ' ')}: {'' if name == 'gap' else 'factor '}{low:.4g} to {high:.4g}"
+            )
         return "\n".join(lines)
 
 
@@ -314,7 +355,11 @@ def _by_blade(name: str, value: ArrayLike, above: float, expected: str) -> NDArr
         values = np.array(value, float)
     except (TypeError, ValueError):
         values = np.array(np.nan)
-    if values.ndim not in (1, 2) or 0 in values.shape or not (np.isfinite(values).all() and (values > above).all()):
+    if (
+        values.ndim not in (1, 2)
+        or 0 in values.shape
+        or not (np.isfinite(values).all() and (values > above).all())
+    ):
         raise validation.invalid(name, f"(n_blades,) or (n_blades, n_modes) {expected}", value)
     return values
 
@@ -340,14 +385,21 @@ def _read_frequencies(path: FilePath) -> NDArray:
         raise mismatch(str(path), "one row of frequencies for each blade", error) from error
     modes = [k for k, name in enumerate(head) if name != "blade"]
     headers = [HEADER.fullmatch(head[k]) for k in modes]
-    factors = [check_unit(str(path), match[1] if match else "", (match and match[2]) or "", HERTZ) for match in headers]
+    factors = [
+        check_unit(str(path), match[1] if match else "", (match and match[2]) or "", HERTZ)
+        for match in headers
+    ]
     if len(head) != table.shape[1]:
         raise mismatch(str(path), f"{len(head)} columns as in the header", table.shape[1])
     if "blade" in head:
         number = table[:, head.index("blade")]
         order = np.argsort(number, kind="stable")
-        if number.min() not in (0.0, 1.0) or not np.array_equal(number[order], number.min() + np.arange(len(number))):
-            raise mismatch(f"{path}, column 'blade'", "each number from 0 or 1 once", number.tolist())
+        if number.min() not in (0.0, 1.0) or not np.array_equal(
+            number[order], number.min() + np.arange(len(number))
+        ):
+            raise mismatch(
+                f"{path}, column 'blade'", "each number from 0 or 1 once", number.tolist()
+            )
         table = table[order]
     frequencies = table[:, modes] * factors
     return frequencies[:, 0] if len(modes) == 1 else frequencies

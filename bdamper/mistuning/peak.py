@@ -26,7 +26,17 @@ from numpy.typing import NDArray
 
 from bdamper.mistuning.disk_equations import DiskSystem
 from bdamper.mistuning.disk_problem import DiskProblem, disk_system
-from bdamper.mistuning.peak_search import FAR, SHAPES, WEAKER, Climbed, Search, band, close, family_shapes, reduced_state
+from bdamper.mistuning.peak_search import (
+    FAR,
+    SHAPES,
+    WEAKER,
+    Climbed,
+    Search,
+    band,
+    close,
+    family_shapes,
+    reduced_state,
+)
 from bdamper.model.structure import Model
 from bdamper.response.peak import Peak
 from bdamper.util import validation
@@ -96,7 +106,15 @@ class DiskPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
     error: float = 0.0
     interval: tuple[float, float] = (np.nan, np.nan)
     cost: Cost = field(default_factory=Cost)
-    _summary_fields = ("status", "amplitude", "frequency", "blade", "amplification", "error", "springs")
+    _summary_fields = (
+        "status",
+        "amplitude",
+        "frequency",
+        "blade",
+        "amplification",
+        "error",
+        "springs",
+    )
 
     @property
     def converged(self) -> bool:
@@ -135,7 +153,11 @@ class DiskPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
         lower = self.status == INCOMPLETE
         times = f"{'at least ' if lower else ''}{self.amplitude / self.tuned_amplitude:.3g} times"
         tuned = f"{times} the tuned disk ({amount(self.tuned_amplitude, 'm')})"
-        doubt = "Not for design: a higher blade may exist; try DiskPeakOptions(least=240). " if lower else ""
+        doubt = (
+            "Not for design: a higher blade may exist; try DiskPeakOptions(least=240). "
+            if lower
+            else ""
+        )
         warning = "" if self.converged else f" {self.status.capitalize()}: {self.reason}."
         head = f"Highest of {len(self.response)} blades at a preload of {amount(self.preload, 'N')}"
         return f"{doubt}{head}: number {self.blade}, {peak_text(self.amplitude, self.frequency)}, {tuned}.{warning}"
@@ -199,7 +221,12 @@ class _Equations:
         if shapes is None or not close(s, shapes, omega):
             return cls(whole, whole, None, state.mean[:, :n])
         excitation = np.hstack([disk.excitation[:, :n] @ shapes, disk.excitation[:, n:]])
-        system = disk_system(s.reduced(shapes), reduced_state(s, state, shapes), excitation, disk.response_row @ shapes)
+        system = disk_system(
+            s.reduced(shapes),
+            reduced_state(s, state, shapes),
+            excitation,
+            disk.response_row @ shapes,
+        )
         return cls(whole, system, shapes, state.mean[:, :n])
 
     def expanded(self, y: NDArray) -> NDArray:
@@ -261,11 +288,21 @@ def peak(
     begin, end, width = band(disk, preload)
     bands = [frequency] if frequency else [(begin, end), (begin, max(end, FAR * tuned.frequency))]
     for (low, high), springs in product(bands, WEAKER):
-        n = int(np.clip(np.ceil((high - low) / (options.spacing * width)) + 1, options.least, options.most))
+        n = int(
+            np.clip(
+                np.ceil((high - low) / (options.spacing * width)) + 1, options.least, options.most
+            )
+        )
         points = tau * np.linspace(low, high, n)
-        search = Search(equations.system, tau * width, (float(points[0]), float(points[-1])), meter, springs)
-        swept = search.sweep(with_progress(points.tolist(), progress, "bladed disk: sweep", "frequency"))
-        starts = with_progress(search.candidates(swept, options.climbs), progress, "bladed disk: peaks", "peak")
+        search = Search(
+            equations.system, tau * width, (float(points[0]), float(points[-1])), meter, springs
+        )
+        swept = search.sweep(
+            with_progress(points.tolist(), progress, "bladed disk: sweep", "frequency")
+        )
+        starts = with_progress(
+            search.candidates(swept, options.climbs), progress, "bladed disk: peaks", "peak"
+        )
         climbed = [search.climb(y, blade, springs) for y, blade in starts]
         if held := search.different([c for c in climbed if c is not None]):
             break
@@ -287,7 +324,10 @@ def peak(
     if top is None:
         return none
     reduced_only = changed is None and equations.shapes is not None
-    structure, u = (search if reduced_only else whole).held(top.springs[-1]).structure, top.at.y[:-1]
+    structure, u = (
+        (search if reduced_only else whole).held(top.springs[-1]).structure,
+        top.at.y[:-1],
+    )
     return replace(
         none, frequency=float(top.at.y[-1]) / tau, amplitude=top.height, blade=top.blade, response=structure.responses(u),
         status=_status(top, bool(higher or gap), reduced_only),
@@ -308,9 +348,13 @@ def _corrected(
     best: Climbed | None = None
     changed: float | None = None
     reduced = equations.shapes is not None
-    least_change = 1e-3  # smallest relative change by the reduction that is assumed for the next peak
+    least_change = (
+        1e-3  # smallest relative change by the reduction that is assumed for the next peak
+    )
     for peak in sorted(peaks, key=lambda p: -p.height):
-        if best is not None and (changed is None or peak.height * (1.0 + max(changed, least_change)) <= best.height):
+        if best is not None and (
+            changed is None or peak.height * (1.0 + max(changed, least_change)) <= best.height
+        ):
             break
         exact = whole.settled(peak, equations.expanded(peak.at.y) if reduced else None)
         if exact is None:
@@ -323,14 +367,29 @@ def _corrected(
     return next((peak for peak in settled if peak is not None), None), None
 
 
-def _error(top: Climbed, peaks: list[Climbed], changed: float | None, equations: _Equations, all_climbed: bool) -> float:
+def _error(
+    top: Climbed,
+    peaks: list[Climbed],
+    changed: float | None,
+    equations: _Equations,
+    all_climbed: bool,
+) -> float:
     """Estimate how much higher the highest peak may be (relative), from springs, reduction and missed peaks."""
     # assumed error of the reduction if no peak was found on the full disk. On the shipped disk (65 blades, 2 %) it is
     # 0.3 to 2.7 % at 500 N and below 0.8 % at 1 and 2 kN
     default_reduction = 0.03
-    reduction = 0.0 if equations.shapes is None else default_reduction if changed is None else changed
+    reduction = (
+        0.0 if equations.shapes is None else default_reduction if changed is None else changed
+    )
     others = [c.highest * (1.0 + reduction) / top.height - 1.0 for c in peaks if c.last]
-    return max([top.error, 0.0 if changed is not None else reduction, 0.0 if all_climbed else MISSED, *others])
+    return max(
+        [
+            top.error,
+            0.0 if changed is not None else reduction,
+            0.0 if all_climbed else MISSED,
+            *others,
+        ]
+    )
 
 
 def _status(top: Climbed, lower: bool, reduced: bool) -> str:
@@ -339,7 +398,9 @@ def _status(top: Climbed, lower: bool, reduced: bool) -> str:
 
 def _tuned_higher(top: Climbed | None, tuned: Peak, low: float, high: float) -> str:
     """Return a note if the tuned disk has a higher peak than all peaks found, or if none was found; otherwise ""."""
-    if top is not None and not (low <= tuned.frequency <= high and top.height * (1.0 + MISSED) < tuned.amplitude):
+    if top is not None and not (
+        low <= tuned.frequency <= high and top.height * (1.0 + MISSED) < tuned.amplitude
+    ):
         return ""
     tuned_peak = f"{amount(tuned.amplitude, 'm')} at {amount(tuned.frequency, 'Hz', 6)}"
     return f"; searched from {low:.6g} to {high:.6g} Hz, but the tuned disk has {tuned_peak}"
@@ -348,7 +409,10 @@ def _tuned_higher(top: Climbed | None, tuned: Peak, low: float, high: float) -> 
 def _gap(omega: NDArray, swept: list[NDArray | None]) -> tuple[float, float] | None:
     """Return the ends of the longest gap of two or more adjacent frequencies without a solution."""
     failed = np.array([False, *(y is None for y in swept), False])
-    begin, end = np.flatnonzero(failed[1:] & ~failed[:-1]), np.flatnonzero(~failed[1:] & failed[:-1])
+    begin, end = (
+        np.flatnonzero(failed[1:] & ~failed[:-1]),
+        np.flatnonzero(~failed[1:] & failed[:-1]),
+    )
     if not len(begin) or (end - begin).max() < 2:
         return None
     k = int(np.argmax(end - begin))
@@ -356,7 +420,11 @@ def _gap(omega: NDArray, swept: list[NDArray | None]) -> tuple[float, float] | N
 
 
 def _reason(
-    top: Climbed | None, gap: tuple[float, float] | None, changed: float | None, equations: _Equations, counts: str
+    top: Climbed | None,
+    gap: tuple[float, float] | None,
+    changed: float | None,
+    equations: _Equations,
+    counts: str,
 ) -> str:
     parts = [counts]
     if equations.shapes is not None and top is not None and changed is None:

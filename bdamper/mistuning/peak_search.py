@@ -149,7 +149,6 @@ class Search:
             self.meter.watch(self._held[springs])
         return self._held[springs]
 
-
     def sweep(self, omega: Iterable[float]) -> list[NDArray | None]:
         """Solve approximately, with holding springs, at ascending frequencies (rad/s); None if Newton iteration fails.
 
@@ -166,7 +165,9 @@ class Search:
                 raise_if_stopped()
                 y = np.append(start, w)
                 scale = self.system.structure.units_about(y, self.width)
-                c = system.solve(y, Fixed(), scale, 1e-6, 25, 2, loose=0.0 if start is at_rest else accepted_step)
+                c = system.solve(
+                    y, Fixed(), scale, 1e-6, 25, 2, loose=0.0 if start is at_rest else accepted_step
+                )
                 if c.status == OK:
                     solution, last = c.y, c.y[:-1]
                     break
@@ -179,7 +180,12 @@ class Search:
         Two maxima differ in blade or in frequency.  A solution next to a frequency without solution may count as a maximum.
         """
         failed = np.full(self.system.structure.shape[0], -np.inf)
-        height = np.array([failed if y is None else np.abs(self.system.structure.responses(y[:-1])[:, 1]) for y in swept])
+        height = np.array(
+            [
+                failed if y is None else np.abs(self.system.structure.responses(y[:-1])[:, 1])
+                for y in swept
+            ]
+        )
         padded = np.pad(height, ((1, 1), (0, 0)), constant_values=-np.inf)
         maxima = np.argwhere((height >= padded[:-2]) & (height >= padded[2:]) & np.isfinite(height))
         out: list[tuple[NDArray, int]] = []
@@ -194,7 +200,9 @@ class Search:
                 break
         return out
 
-    def climb(self, y: NDArray, blade: int, springs: float, tangent: NDArray | None = None) -> Climbed | None:
+    def climb(
+        self, y: NDArray, blade: int, springs: float, tangent: NDArray | None = None
+    ) -> Climbed | None:
         """Find the peak near a point; if another blade is higher there, continue with its peak.
 
         The first point has the frequency of ``y``, or lies in the plane normal to ``tangent``.  Return None if no peak is
@@ -202,7 +210,9 @@ class Search:
         """
         system = self.held(springs)
         for _ in range(system.structure.shape[0]):
-            top = uphill(of_blade(system, blade), y, tangent, system.structure.units_about(y, self.width))
+            top = uphill(
+                of_blade(system, blade), y, tangent, system.structure.units_about(y, self.width)
+            )
             if top is None or not self.band[0] <= top.y[-1] <= self.band[1]:
                 return None
             heights = np.abs(system.structure.responses(top.y[:-1])[:, 1])
@@ -222,7 +232,9 @@ class Search:
             climbed = self.climb(y, peak.blade, peak.springs[-1])
             if climbed is None:
                 return None
-            peak = replace(climbed, springs=peak.springs, heights=(*peak.heights[:-1], climbed.height))
+            peak = replace(
+                climbed, springs=peak.springs, heights=(*peak.heights[:-1], climbed.height)
+            )
         system = self.held(peak.springs[-1])
         scale = system.structure.units_about(peak.at.y, self.width)
         c = system.solve(peak.at.y, Plane(peak.at.tangent), scale, TOLERANCE, 25, 2)
@@ -230,7 +242,14 @@ class Search:
             return None
         if y is None:
             reach = 0.05  # largest distance from the end of a local search to its peak, relative to the vibration
-            top = find_peak(of_blade(system, peak.blade), c.y, tangent=c.tangent, scale=scale, options=EXACT, reach=reach)
+            top = find_peak(
+                of_blade(system, peak.blade),
+                c.y,
+                tangent=c.tangent,
+                scale=scale,
+                options=EXACT,
+                reach=reach,
+            )
             if top.converged:
                 c = replace(c, y=top.y, tangent=top.tangent, residual=top.residual)
         height = float(np.abs(system.structure.responses(c.y[:-1])[peak.blade, 1]))
@@ -240,8 +259,14 @@ class Search:
         """Return the peaks without duplicates (same blade and springs, nearly the same frequency)."""
         out: list[Climbed] = []
         for peak in peaks:
-            similar = (other for other in out if other.blade == peak.blade and other.springs[-1] == peak.springs[-1])
-            if not any(abs(peak.at.y[-1] - other.at.y[-1]) < SAME * self.width for other in similar):
+            similar = (
+                other
+                for other in out
+                if other.blade == peak.blade and other.springs[-1] == peak.springs[-1]
+            )
+            if not any(
+                abs(peak.at.y[-1] - other.at.y[-1]) < SAME * self.width for other in similar
+            ):
                 out.append(peak)
         return out
 
@@ -255,7 +280,11 @@ class Search:
         out = list(peaks)
         while out:
             top = max(peak.height for peak in out)
-            candidates = [i for i, peak in enumerate(out) if not peak.final and peak.height >= (1.0 - peak.below) * top]
+            candidates = [
+                i
+                for i, peak in enumerate(out)
+                if not peak.final and peak.height >= (1.0 - peak.below) * top
+            ]
             if not candidates:
                 break
             i = max(candidates, key=lambda i: (out[i].springs[-1], out[i].height))
@@ -268,14 +297,22 @@ class Search:
         present = peak.springs[-1]
         target = next(springs for springs in WEAKER if springs < 0.99 * present)
         intermediate = 0.3 * present
-        for springs in (target, intermediate) if intermediate > max(1.01 * target, 1e-4) else (target,):
+        for springs in (
+            (target, intermediate) if intermediate > max(1.01 * target, 1e-4) else (target,)
+        ):
             climbed = self.climb(peak.at.y, peak.blade, springs, peak.at.tangent)
             if climbed is not None:
-                return replace(climbed, springs=(*peak.springs, springs), heights=(*peak.heights, climbed.height))
+                return replace(
+                    climbed,
+                    springs=(*peak.springs, springs),
+                    heights=(*peak.heights, climbed.height),
+                )
         return replace(peak, last=True)
 
 
-def uphill(system: DiskSystem, y: NDArray, tangent: NDArray | None, scale: NDArray) -> Correction | None:
+def uphill(
+    system: DiskSystem, y: NDArray, tangent: NDArray | None, scale: NDArray
+) -> Correction | None:
     """Find the maximum of one blade's response along the curve near a point; stop if another blade becomes higher.
 
     The secant method is applied to the slope of the amplitude.  Newton iteration at intermediate points stops early, so one
@@ -307,12 +344,16 @@ def uphill(system: DiskSystem, y: NDArray, tangent: NDArray | None, scale: NDArr
         slope = slope_along(system, point.y, point.tangent, scale)
         if h:
             known, curvature = True, (last_slope - slope) / h
-            if slope * last_slope < 0.0:  # the slope may jump at a contact event, so the bracket is at least halved
+            if (
+                slope * last_slope < 0.0
+            ):  # the slope may jump at a contact event, so the bracket is at least halved
                 bracket = 0.5 * abs(h)
         furthest = min(bracket, 0.5)
         secant = slope / curvature if curvature > 0.0 else slope * np.inf
         step = float(np.clip(secant, -furthest, furthest)) if slope else 0.0
-        gain = 0.5 * abs(slope * step) if known else 5.0 * slope**2  # the curvature of curves is 0.1 to 10
+        gain = (
+            0.5 * abs(slope * step) if known else 5.0 * slope**2
+        )  # the curvature of curves is 0.1 to 10
         if (curvature > 0.0 or bracket < 0.5) and (gain < GAIN or abs(step) < LEAST):
             return point
         heights = np.abs(system.structure.responses(point.y[:-1])[:, 1])
@@ -325,14 +366,18 @@ def uphill(system: DiskSystem, y: NDArray, tangent: NDArray | None, scale: NDArr
     return None
 
 
-def _ahead(system: DiskSystem, point: Correction, scale: NDArray, h: float) -> tuple[float, Correction]:
+def _ahead(
+    system: DiskSystem, point: Correction, scale: NDArray, h: float
+) -> tuple[float, Correction]:
     """Return the step along the curve and the next point, with smaller steps until it converges or the step is too
     small."""
     first = abs(h)
     while True:
         guess = point.y + h * point.tangent * scale
         guess[: system.n_mean] = point.y[: system.n_mean]
-        new = system.solve(guess, Plane(point.tangent), scale, 1e-6, 6, 2, 1.0, SHARE * abs(h), ROUGH)
+        new = system.solve(
+            guess, Plane(point.tangent), scale, 1e-6, 6, 2, 1.0, SHARE * abs(h), ROUGH
+        )
         if new.status == OK or abs(h) < max(LEAST, 0.05 * first):
             return h, new
         h *= 0.3
@@ -354,7 +399,9 @@ def close(structure: Structure, shapes: NDArray, omega: float) -> bool:
     """Return whether the reduction keeps the frequency nearest to ``omega`` (rad/s), with free and with stuck dampers."""
     d = int(structure.tuned.engine_order) % structure.n_blades
     for springs in (0.0 * structure.tuned.point_stiffness, structure.tuned.point_stiffness):
-        full, reduced = (np.sqrt(np.abs(s.wave(d, springs)[0])) for s in (structure, structure.reduced(shapes)))
+        full, reduced = (
+            np.sqrt(np.abs(s.wave(d, springs)[0])) for s in (structure, structure.reduced(shapes))
+        )
         nearest = full[np.argmin(np.abs(full - omega))]
         if np.abs(reduced - nearest).min() > CLOSE * nearest:
             return False
@@ -382,10 +429,16 @@ def family_shapes(structure: Structure, omega: float) -> NDArray:
         difference[family] = np.inf
         W += weight * ((phi / difference) @ phi.conj().T).real
         family_modes += [phi[:, family].real, phi[:, family].imag]
-    M = structure.mass + np.pad(structure.disk_mass.mean(axis=0).real, (structure.n - structure.n_root, 0))
+    M = structure.mass + np.pad(
+        structure.disk_mass.mean(axis=0).real, (structure.n - structure.n_root, 0)
+    )
     L = np.linalg.cholesky(M)
-    common = np.linalg.solve(L.T, np.linalg.svd(L.T @ np.array(family_modes).T, full_matrices=False)[0][:, 0])
-    B = np.sqrt(tuned.point_stiffness).reshape(-1, 1) * structure.rows[..., : structure.n].reshape(-1, structure.n)
+    common = np.linalg.solve(
+        L.T, np.linalg.svd(L.T @ np.array(family_modes).T, full_matrices=False)[0][:, 0]
+    )
+    B = np.sqrt(tuned.point_stiffness).reshape(-1, 1) * structure.rows[..., : structure.n].reshape(
+        -1, structure.n
+    )
     _, U = np.linalg.eigh(B @ W @ B.T)
     shapes = np.column_stack([W @ B.T @ U[:, -SHAPES:], common])
     return np.asarray(shapes / np.sqrt(np.einsum("ij,ik,kj->j", shapes, M, shapes)))
@@ -438,7 +491,9 @@ def band(disk: DiskProblem, preload: float) -> tuple[float, float, float]:
             width = (friction + viscous) / omega
         near = np.flatnonzero((squares > (omega / FAR) ** 2) & (squares < (omega * FAR) ** 2))
         if len(near):
-            correlation = np.abs(reference.conj() @ cantilever[:, near]) / np.linalg.norm(cantilever[:, near], axis=0)
+            correlation = np.abs(reference.conj() @ cantilever[:, near]) / np.linalg.norm(
+                cantilever[:, near], axis=0
+            )
             resonances[d] = float(np.sqrt(squares[near[int(np.argmax(correlation))]]))
     mean, spread = float(disk.deviation.mean()), float(disk.deviation.std())
     low = min(omega, *resonances.values()) * (1.0 + mean - spread) - 2.0 * width

@@ -35,18 +35,39 @@ from bdamper.mistuning.statistics import Interval, WeibullTail, percentile, shar
 from bdamper.response.peak import Peak
 from bdamper.util import validation
 from bdamper.util.display import Fact, Plottable, Summarised, draw
-from bdamper.util.errors import COMPLETE, FAILED, NOT_RUN, BdamperError, SettingError, all_complete, status_word
+from bdamper.util.errors import (
+    COMPLETE,
+    FAILED,
+    NOT_RUN,
+    BdamperError,
+    SettingError,
+    all_complete,
+    status_word,
+)
 from bdamper.util.formatting import amount, short_repr
 from bdamper.util.progress import one_thread, shows_progress
 from bdamper.util.records import numbers_of
 from bdamper.util.storage import INSTALLED, FilePath, Recorded, ResultsFile, Storable
-from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Resonance, Seconds, Tabular
+from bdamper.util.tables import (
+    Hertz,
+    Metres,
+    Newtons,
+    Numbers,
+    Quantity,
+    Resonance,
+    Seconds,
+    Tabular,
+)
 
 
 def highest_disks(height: NDArray, audit: float) -> NDArray:
     """Return the mask (n_disks, ...) of the fraction ``audit`` of the disks with the highest amplitudes in each cell."""
     n = int(np.ceil(audit * len(height) - 1e-9))
-    rank = np.argsort(np.argsort(-np.nan_to_num(height, nan=-np.inf), axis=0, kind="stable"), axis=0, kind="stable")
+    rank = np.argsort(
+        np.argsort(-np.nan_to_num(height, nan=-np.inf), axis=0, kind="stable"),
+        axis=0,
+        kind="stable",
+    )
     return np.asarray((rank < n) & np.isfinite(height))
 
 
@@ -88,7 +109,9 @@ class Audit(Summarised, Tabular, row="search"):
     @property
     def covered(self) -> NDArray:
         """Whether the error estimate of the search, or the tolerance, covers the higher peak, (n,) bool."""
-        return np.asarray(self.thorough <= (1.0 + np.maximum(self.error, self.tolerance)) * self.search)
+        return np.asarray(
+            self.thorough <= (1.0 + np.maximum(self.error, self.tolerance)) * self.search
+        )
 
     @property
     def undecided(self) -> NDArray:
@@ -163,7 +186,9 @@ class BestPreload(Summarised):
 
 @short_repr
 @dataclass(frozen=True)
-class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel-sample", row="disk"):
+class MistunedSample(
+    Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel-sample", row="disk"
+):
     """Highest blades of many bladed disks.
 
     Arrays of shape (n_disks, n_deviations, n_preloads) are NaN without a result.  ``plot`` draws percentiles over
@@ -227,7 +252,9 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
     @property
     def complete(self) -> bool:
         """Whether the search of every disk, and the thorough search of every audited disk, is complete."""
-        return all_complete(self.status) and all(s in (COMPLETE, "not asked") for s in self.curve_status)
+        return all_complete(self.status) and all(
+            s in (COMPLETE, "not asked") for s in self.curve_status
+        )
 
     @property
     def amplification(self) -> Numbers:
@@ -246,14 +273,23 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
         Intervals are distribution-free (:mod:`bdamper.mistuning.statistics`), include the ``error`` of the amplitudes, and
         are infinite if the sample is too small.
         """
-        values = getattr(self, validation.choice("quantity", quantity, ("amplification", "amplitude", "frequency")))
+        values = getattr(
+            self,
+            validation.choice("quantity", quantity, ("amplification", "amplitude", "frequency")),
+        )
         error = 0.0 * self.error if quantity == "frequency" else self.error
         cells = [
-            [percentile(values[:, i, j], q, error[:, i, j]) for j in range(values.shape[2])] for i in range(values.shape[1])
+            [percentile(values[:, i, j], q, error[:, i, j]) for j in range(values.shape[2])]
+            for i in range(values.shape[1])
         ]
         return np.moveaxis(np.array(cells), -1, 0)
 
-    def tail(self, standard_deviation: float | None = None, preload: float | None = None, tail: float = 0.5) -> WeibullTail:
+    def tail(
+        self,
+        standard_deviation: float | None = None,
+        preload: float | None = None,
+        tail: float = 0.5,
+    ) -> WeibullTail:
         """Fit a Weibull distribution to the upper amplification factors of one cell; the last values by default."""
         i, j = self.cell(standard_deviation, preload)
         return weibull_tail(self.amplification[:, i, j], tail)
@@ -269,7 +305,9 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
         out = []
         for name, value in (("standard_deviation", standard_deviation), ("preload", preload)):
             known = getattr(self, name)
-            index = np.flatnonzero(np.isclose(known, known[-1] if value is None else value, rtol=1e-9, atol=0.0))
+            index = np.flatnonzero(
+                np.isclose(known, known[-1] if value is None else value, rtol=1e-9, atol=0.0)
+            )
             if not len(index):
                 raise SettingError(f"{name}: expected one of {known.tolist()}, found {value!r}")
             out.append(int(index[0]))
@@ -289,13 +327,18 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
         n = int(complete.sum())
         if not n:
             raise BdamperError("best preload: no bladed disk has a peak at every preload")
-        intervals = [percentile(x, q, e) for x, e in zip(np.where(complete[:, None], height, np.nan).T, error.T)]
+        intervals = [
+            percentile(x, q, e)
+            for x, e in zip(np.where(complete[:, None], height, np.nan).T, error.T)
+        ]
         k = int(np.argmin([interval.value for interval in intervals]))
         generator = np.random.default_rng(0)
         bounds = np.stack([height * (1.0 - error), height * (1.0 + error)])[:, complete]
         n_bootstrap = 2000
         resamples = (bounds[:, generator.integers(n, size=n)] for _ in range(n_bootstrap))
-        quantiles = (np.quantile(sample, q / 100.0, axis=1, method="median_unbiased") for sample in resamples)
+        quantiles = (
+            np.quantile(sample, q / 100.0, axis=1, method="median_unbiased") for sample in resamples
+        )
         best = [self.preload[lower <= upper.min()] for lower, upper in quantiles]
         low = np.quantile([p.min() for p in best], 0.025, method="nearest")
         high = np.quantile([p.max() for p in best], 0.975, method="nearest")
@@ -308,9 +351,13 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
 
     def audit(self, tail: bool = False, tolerance: float = 0.01) -> Audit:
         """Compare with the thorough search: the disks drawn before any result, or the highest of each cell if ``tail``."""
-        chosen = np.broadcast_to(np.isin(self.disks, self.audited)[:, None, None], self.amplitude.shape)
+        chosen = np.broadcast_to(
+            np.isin(self.disks, self.audited)[:, None, None], self.amplitude.shape
+        )
         chosen = highest_disks(self.amplitude, self.audit_share) if tail else chosen
-        status = [s if status_word(s) == FAILED else c for s, c in zip(self.status, self.curve_status)]
+        status = [
+            s if status_word(s) == FAILED else c for s, c in zip(self.status, self.curve_status)
+        ]
         searched = np.array([s != "not asked" and status_word(s) != NOT_RUN for s in status], bool)
         flat = np.flatnonzero(chosen.ravel() & searched)
         i, j, k = np.unravel_index(flat, chosen.shape)
@@ -326,7 +373,11 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
         return draw(self, "figure", "plot_tail", path, **options)
 
     def _grid(self) -> dict[str, Any]:
-        return {"disk": self.disks, "standard_deviation": self.standard_deviation, "preload": self.preload}
+        return {
+            "disk": self.disks,
+            "standard_deviation": self.standard_deviation,
+            "preload": self.preload,
+        }
 
     def _facts(self) -> tuple[Fact, ...]:
         """Return the number of disks, the amplification factors of every cell, and the results of the audits."""
@@ -341,17 +392,27 @@ class MistunedSample(Plottable, Tabular, Recorded, Storable, kind="bdamper-wheel
             Fact("without a peak", sum(status_word(s) == FAILED for s in self.status)),
             Fact("held", int((self.springs > 0.0).sum())),
             *cells,
-            *(Fact(f"missed, {a.kind}", f"{a.missed.sum()} of {len(a.disk)}") for a in map(self.audit, (False, True))),
+            *(
+                Fact(f"missed, {a.kind}", f"{a.missed.sum()} of {len(a.disk)}")
+                for a in map(self.audit, (False, True))
+            ),
             Fact("processor", f"{spent[0]:.0f} s, {spent[1]:.0f} s for the audit"),
         )
 
     def _headline(self) -> str:
         middle, upper = (self.percentile(q)[:, -1, -1] for q in (50.0, 95.0))
-        spread, load = f"{100.0 * float(self.standard_deviation[-1]):.3g} %", amount(self.preload[-1], "N")
+        spread, load = (
+            f"{100.0 * float(self.standard_deviation[-1]):.3g} %",
+            amount(self.preload[-1], "N"),
+        )
         if not np.isfinite(middle[1]):
             return f"Mistuning with a standard deviation of {spread}: too few peaks of {len(self)} disks known at {load}."
         bounded = np.isfinite(upper).all()
-        ends = f" ({upper[0]:.3g} to {upper[2]:.3g})" if bounded else " (too few disks for an upper bound)"
+        ends = (
+            f" ({upper[0]:.3g} to {upper[2]:.3g})"
+            if bounded
+            else " (too few disks for an upper bound)"
+        )
         return (
             f"Mistuning with a standard deviation of {spread} raises the highest amplitude by a factor of {middle[1]:.3g} "
             f"in half of {len(self)} bladed disks and of {upper[1]:.3g}{ends} in one of twenty, at a preload of {load}."
@@ -393,7 +454,11 @@ class _Sample:
         """Return disk ``k`` with its random blades and dampers."""
         seed, dampers = (self.random["seed"], k), self.random["dampers"]
         disk = self.disk.replace(mistuning=self.mistuning(standard_deviation, seed=seed))
-        return disk.replace(dampers=DamperVariation.random(disk.n_blades, **dampers, seed=seed)) if dampers else disk
+        return (
+            disk.replace(dampers=DamperVariation.random(disk.n_blades, **dampers, seed=seed))
+            if dampers
+            else disk
+        )
 
     def audits(self, peaks: Records, share: float, drawn: NDArray) -> list[int]:
         """Return the indices of the points to search again: the disks ``drawn`` in advance and the highest disks.
@@ -434,7 +499,9 @@ def thorough(options: DiskPeakOptions) -> DiskPeakOptions:
 def audit_disks(disks: Sequence[int], share: float, seed: int = 0) -> NDArray:
     """Return the numbers of the audited disks, each drawn independently with a probability before any result is known."""
     share = validation.number("audit", share, least=0.0, most=1.0)
-    return np.array([k for k in disks if np.random.default_rng([seed, k, _AUDIT]).random() < share], int)
+    return np.array(
+        [k for k in disks if np.random.default_rng([seed, k, _AUDIT]).random() < share], int
+    )
 
 
 @validation.check_arguments
@@ -493,25 +560,41 @@ def mistuned_sample(
         If the results file belongs to another sample, or the tuned disk has no peak at a preload.
     """
     disk = BladedDisk(study)
-    deviations = validation.numbers("standard_deviation", np.atleast_1d(standard_deviation), least=0.0)
+    deviations = validation.numbers(
+        "standard_deviation", np.atleast_1d(standard_deviation), least=0.0
+    )
     preloads = validation.numbers("preload", np.atleast_1d(preload), least=0.0, unit="N")
     numbers = validation.integers(
         "disks", disks if np.ndim(disks) else range(validation.integer("disks", disks, least=1))
     )
     seed = validation.integer("seed", seed)
     name = distribution.deviation.tolist() if isinstance(distribution, Mistuning) else distribution
-    varied = dict(validation.instance("dampers", dampers or {}, Mapping, "variations of dampers by name"))
+    varied = dict(
+        validation.instance("dampers", dampers or {}, Mapping, "variations of dampers by name")
+    )
     drawn = {"distribution": name, "dampers": varied, "seed": seed}
     options = validation.instance("options", options or DiskPeakOptions(), DiskPeakOptions)
     check_executor(executor)
     progress = shows_progress(progress)
-    over = {"disk": numbers, "standard_deviation": deviations.tolist(), "preload": preloads.tolist()}
+    over = {
+        "disk": numbers,
+        "standard_deviation": deviations.tolist(),
+        "preload": preloads.tolist(),
+    }
     mistuning = partial(Mistuning.random, disk.n_blades, distribution=distribution)
     sample = _Sample(disk, mistuning, drawn, options, over)
-    sample.draw(0, float(deviations.max()))  # refuse invalid deviations, dampers or numbers of modes before the work
+    sample.draw(
+        0, float(deviations.max())
+    )  # refuse invalid deviations, dampers or numbers of modes before the work
     audited = audit_disks(numbers, audit, seed)
-    tuned = [disk.tuned_peak(value) for value in over["preload"]]  # computed once, then sent to the workers with the disk
-    results = nullcontext() if resume is None else closing(ResultsFile(resume, sample.header(), "sample of bladed disks"))
+    tuned = [
+        disk.tuned_peak(value) for value in over["preload"]
+    ]  # computed once, then sent to the workers with the disk
+    results = (
+        nullcontext()
+        if resume is None
+        else closing(ResultsFile(resume, sample.header(), "sample of bladed disks"))
+    )
     with results as store:
         run = partial(run_stored, sample, executor=executor, store=store, progress=progress)
         records = _records(sample, audit, audited, run)
@@ -523,16 +606,27 @@ def _records(
 ) -> tuple[Records, Records, list[int]]:
     """Return the records of all peaks, those of the thorough searches, and the indices of the latter."""
     cells = list(itertools.product(*sample.over.values()))
-    points, names = [dict(zip(sample.over, cell)) for cell in cells], [" ".join(map(str, cell)) for cell in cells]
+    points, names = (
+        [dict(zip(sample.over, cell)) for cell in cells],
+        [" ".join(map(str, cell)) for cell in cells],
+    )
     peaks = run(points.__getitem__, names, what="disks", unit="peak")
     indices = sample.audits(peaks, audit, audited)
     searches = [points[i] | {"interval": peaks.values["interval"][i]} for i in indices]
-    searched = run(searches.__getitem__, [f"audit {names[i]}" for i in indices], what="audit", unit="search")
+    searched = run(
+        searches.__getitem__, [f"audit {names[i]}" for i in indices], what="audit", unit="search"
+    )
     return peaks, searched, indices
 
 
 def _result(
-    sample: _Sample, peaks: Records, searched: Records, indices: list[int], *, tuned: list[Peak], **audit: Any
+    sample: _Sample,
+    peaks: Records,
+    searched: Records,
+    indices: list[int],
+    *,
+    tuned: list[Peak],
+    **audit: Any,
 ) -> MistunedSample:
     """Assemble the sample from the records of all searches."""
 
@@ -541,7 +635,9 @@ def _result(
         out[indices] = values
         return out.reshape(sample.shape)
 
-    columns: dict[str, Any] = {name: numbers_of(peaks.values, name).reshape(sample.shape) for name in OF_PEAKS}
+    columns: dict[str, Any] = {
+        name: numbers_of(peaks.values, name).reshape(sample.shape) for name in OF_PEAKS
+    }
     curve_status = dict(zip(indices, searched.status))
     disks, deviations, preloads = map(np.array, sample.over.values())
     return MistunedSample(

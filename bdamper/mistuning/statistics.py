@@ -35,7 +35,10 @@ class Interval(NamedTuple):
         """Return the value and the ends with four digits and the unit."""
         if self.value != self.value:
             return "not known"
-        low, high = (amount(x, unit, 4) if np.isfinite(x) else "not bounded by the sample" for x in (self.low, self.high))
+        low, high = (
+            amount(x, unit, 4) if np.isfinite(x) else "not bounded by the sample"
+            for x in (self.low, self.high)
+        )
         return f"{amount(self.value, unit, 4)} ({low} to {high})"
 
 
@@ -67,11 +70,15 @@ def percentile(values: NDArray, q: float, error: NDArray | float = 0.0) -> Inter
         Unknown values are below or above all others.
         """
         moved = values * (1.0 + side * error)
-        return scipy.stats.quantile_test(np.where(np.isnan(moved), side * np.inf, moved), p=q).confidence_interval(0.95)
+        return scipy.stats.quantile_test(
+            np.where(np.isnan(moved), side * np.inf, moved), p=q
+        ).confidence_interval(0.95)
 
     low, high = bounds(-1.0).low, bounds(1.0).high
     value = float(np.quantile(known, q, method="median_unbiased"))
-    return Interval(-np.inf if np.isnan(low) else float(low), value, np.inf if np.isnan(high) else float(high))
+    return Interval(
+        -np.inf if np.isnan(low) else float(low), value, np.inf if np.isnan(high) else float(high)
+    )
 
 
 def share(count: int, n: int) -> Interval:
@@ -128,7 +135,9 @@ class WeibullTail(Summarised):
         q = validation.number("percentile", q, above=0.0, below=100.0) / 100.0
         if q < 1.0 - self.n_tail / self.n:
             lowest = 100.0 * (1.0 - self.n_tail / self.n)
-            raise SettingError(f"percentile {100.0 * q:g} lies below the fitted tail; give one of at least {lowest:g}")
+            raise SettingError(
+                f"percentile {100.0 * q:g} lies below the fitted tail; give one of at least {lowest:g}"
+            )
         return float(scipy.stats.weibull_max.ppf(q, self.shape, self.bound, self.scale))
 
     def __str__(self) -> str:
@@ -180,7 +189,10 @@ def weibull_tail(values: NDArray, tail: float = 0.5) -> WeibullTail:
 
     starts = [np.array([np.log(k), np.log(0.3 * k)]) for k in (1.0, 3.0, 7.0)]
     options = {"maxiter": 4000, "xatol": 1e-6, "fatol": 1e-8}
-    fits = [scipy.optimize.minimize(negative_log_likelihood, p, method="Nelder-Mead", options=options) for p in starts]
+    fits = [
+        scipy.optimize.minimize(negative_log_likelihood, p, method="Nelder-Mead", options=options)
+        for p in starts
+    ]
     k, b, s = parameters(min(fits, key=lambda fit: fit.fun).x)
     distance = np.abs(law.cdf(x, k, b, s) - probability[below:]).max()
     return WeibullTail(k, b, s, float(low), n, len(x), float(distance))

@@ -46,7 +46,9 @@ def group_patches(face: Interface, n_groups: int) -> NDArray:
         a, b = grid
         return min(a, b, ROWS), min(a, ROWS), a * b, -bool(n1 % a) - bool(n2 % b), min(a, b)
 
-    strips, groups = max(((a, min(n2, n_groups // a)) for a in range(1, min(n1, n_groups) + 1)), key=quality)
+    strips, groups = max(
+        ((a, min(n2, n_groups // a)) for a in range(1, min(n1, n_groups) + 1)), key=quality
+    )
     label = groups * _equal_parts(place[:, 0], face.area, strips, apart)
     for strip in np.unique(label):
         inside = label == strip
@@ -83,7 +85,11 @@ class _Groups:
         self.vectors = np.einsum("mp,pij->mipj", self.mean, turn).reshape(3 * m, 3 * n)
         self.forces = np.einsum("mp,pij->mipj", self.sum, turn).reshape(3 * m, 3 * n)
         self.face = replace(
-            face, points=self.mean @ face.points, area=self.area, frame=self.frame, gap=self.mean @ face.gap
+            face,
+            points=self.mean @ face.points,
+            area=self.area,
+            frame=self.frame,
+            gap=self.mean @ face.gap,
         )
 
 
@@ -105,7 +111,10 @@ def unite_contact_points(model: Model, n_points: int) -> Model:
         model,
         interfaces={name: g.face for name, g in groups.items()},
         bodies={name: _united(body, body, groups) for name, body in model.bodies.items()},
-        contact={name: ContactStiffness(groups[name].sum @ c.stiffness, c.source) for name, c in model.contact.items()},
+        contact={
+            name: ContactStiffness(groups[name].sum @ c.stiffness, c.source)
+            for name, c in model.contact.items()
+        },
         static={
             name: StaticContact(
                 (groups[name].forces @ s.force.ravel()).reshape(-1, 3),
@@ -138,13 +147,21 @@ def _united(record: Any, body: Body, groups: dict[str, _Groups]) -> Any:
     changed = {}
     for field in (field for field in layout(kind) if not field.is_attribute):
         value: Any = getattr(record, field.name)
-        unite = partial(_united, body=body, groups=groups) if field.is_record else partial(mean, shape=field.data.shape)
+        unite = (
+            partial(_united, body=body, groups=groups)
+            if field.is_record
+            else partial(mean, shape=field.data.shape)
+        )
         if value is not None:
-            changed[field.name] = {key: unite(part) for key, part in value.items()} if field.keys else unite(value)
+            changed[field.name] = (
+                {key: unite(part) for key, part in value.items()} if field.keys else unite(value)
+            )
     return replace(record, **changed)
 
 
-def united(face: Interface, n_points: int | None, values: NDArray, kind: Literal["sum", "mean"]) -> NDArray:
+def united(
+    face: Interface, n_points: int | None, values: NDArray, kind: Literal["sum", "mean"]
+) -> NDArray:
     """Return values (n_groups, ...) of the groups of a face from values (n_points, ...) of its patches.
 
     Stiffness and loads are summed; gaps and coefficients are means weighted with the area.
@@ -186,7 +203,9 @@ def face_gap(
     SettingError
         If a number is not finite, or an angle exceeds 0.1 rad.
     """
-    validation.instance("interface", interface, Interface, "an Interface, for example model.interfaces['left']")
+    validation.instance(
+        "interface", interface, Interface, "an Interface, for example model.interfaces['left']"
+    )
     for name, value in (("angle", angle), ("axial_angle", axial_angle)):
         validation.number(f"misfit {name}", value, least=-0.1, most=0.1, unit="rad")
     for name, value in (("crowning", crowning), ("axial_crowning", axial_crowning)):

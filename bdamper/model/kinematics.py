@@ -136,18 +136,27 @@ def standard_rigid_modes(model: Model, body: Body) -> Body:
     translation, rotation = body_axes(body) / np.sqrt(body.mass), turn / np.sqrt(moments)[:, None]
     motion = rigid_motions(points, body.centre, translation, rotation).reshape(-1, 3, 6)
     # two kinds of products keep the rounding of earlier versions, to which folds are sensitive
-    rigid = np.concatenate([frames @ motion[..., :3], np.einsum("pij,pjk->pik", frames, motion[..., 3:])], axis=2)
+    rigid = np.concatenate(
+        [frames @ motion[..., :3], np.einsum("pij,pjk->pik", frames, motion[..., 3:])], axis=2
+    )
     # both sets of modes span the same space: stored @ change = new
-    change = np.linalg.lstsq(basis.contact_modes[..., :6].real.reshape(-1, 6), rigid.reshape(-1, 6), rcond=None)[0]
+    change = np.linalg.lstsq(
+        basis.contact_modes[..., :6].real.reshape(-1, 6), rigid.reshape(-1, 6), rcond=None
+    )[0]
     modes = basis.contact_modes.copy()
     modes[..., :6] = rigid
-    locations = {name: np.concatenate([m[:, :6] @ change, m[:, 6:]], axis=1) for name, m in basis.locations.items()}
+    locations = {
+        name: np.concatenate([m[:, :6] @ change, m[:, 6:]], axis=1)
+        for name, m in basis.locations.items()
+    }
     load = body.load
     if load is not None:
         generalised = load.generalised.copy()
         generalised[:6] = change.T @ load.generalised[:6]
         load = replace(load, generalised=generalised)
-    return replace(body, bases={0: replace(basis, contact_modes=modes, locations=locations)}, load=load)
+    return replace(
+        body, bases={0: replace(basis, contact_modes=modes, locations=locations)}, load=load
+    )
 
 
 def _mode_name(body: Body, index: int) -> str:
@@ -158,7 +167,10 @@ def _mode_name(body: Body, index: int) -> str:
 
 
 def retained_modes(
-    model: Model, blade_modes: int, damper_modes: Mapping[str, int], rigid: Sequence[str] = RIGID_NAMES
+    model: Model,
+    blade_modes: int,
+    damper_modes: Mapping[str, int],
+    rigid: Sequence[str] = RIGID_NAMES,
 ) -> dict[str, NDArray]:
     """Return the indices of the retained modes of each body.
 
@@ -182,11 +194,18 @@ def retained_modes(
     for body in model.bodies.values():
         if body.kind == "constrained":
             have = min(basis.n_natural for basis in body.bases.values())
-            validation.check(1 <= blade_modes <= have, "blade_modes", f"1 to {have} (body '{body.name}')", blade_modes)
+            validation.check(
+                1 <= blade_modes <= have,
+                "blade_modes",
+                f"1 to {have} (body '{body.name}')",
+                blade_modes,
+            )
             out[body.name] = np.arange(blade_modes)
         elif body.kind == "free":
             have, elastic = body.bases[0].n_modes - 6, damper_modes[body.name]
-            validation.check(0 <= elastic <= have, "damper_modes", f"0 to {have} (body '{body.name}')", elastic)
+            validation.check(
+                0 <= elastic <= have, "damper_modes", f"0 to {have} (body '{body.name}')", elastic
+            )
             indices = [RIGID_NAMES.index(name) for name in RIGID_NAMES if name in rigid]
             out[body.name] = np.array(indices + list(range(6, 6 + elastic)), int)
         elif body.kind == "lumped":
@@ -227,7 +246,9 @@ class Coupling:
     @cached_property
     def interface_of(self) -> tuple[str, ...]:
         """Interface name of each contact point, (n_points,)."""
-        return tuple(name for name in self.interfaces for _ in range(self.model.interfaces[name].n_points))
+        return tuple(
+            name for name in self.interfaces for _ in range(self.model.interfaces[name].n_points)
+        )
 
     def rows(self, interface: str) -> slice:
         """Return the rows of one interface among the stacked contact points."""
@@ -237,19 +258,25 @@ class Coupling:
     @property
     def friction_faces(self) -> tuple[str, ...]:
         """Interfaces with friction."""
-        return tuple(name for name in self.interfaces if self.model.interfaces[name].kind == "friction")
+        return tuple(
+            name for name in self.interfaces if self.model.interfaces[name].kind == "friction"
+        )
 
     @property
     def friction_rows(self) -> NDArray:
         """Rows (n,) of all friction interfaces among the stacked contact points."""
         numbers = np.arange(self.n_points)
-        return np.concatenate([np.zeros(0, int), *(numbers[self.rows(name)] for name in self.friction_faces)])
+        return np.concatenate(
+            [np.zeros(0, int), *(numbers[self.rows(name)] for name in self.friction_faces)]
+        )
 
     @property
     def spring_points(self) -> NDArray:
         """Whether each point belongs to linear springs that are part of the bodies, (n_points,) bool."""
         faces = [self.model.interfaces[name] for name in self.interfaces]
-        return np.repeat([face.kind == "spring" for face in faces], [face.n_points for face in faces])
+        return np.repeat(
+            [face.kind == "spring" for face in faces], [face.n_points for face in faces]
+        )
 
     def _moving(self, harmonic: int) -> Iterator[tuple[Body, ModalBasis, NDArray]]:
         """Iterate over the bodies except the ground, with basis and retained modes at a harmonic."""
@@ -258,7 +285,9 @@ class Coupling:
                 yield body, self._basis(body, harmonic), np.asarray(self.modes[body.name])
 
     def _nodal_diameter(self, harmonic: int) -> tuple[int, bool]:
-        return self.model.folded_nodal_diameter(self.engine_order * (1 if self.fundamental_modes_only else harmonic))
+        return self.model.folded_nodal_diameter(
+            self.engine_order * (1 if self.fundamental_modes_only else harmonic)
+        )
 
     def _basis(self, body: Body, harmonic: int) -> ModalBasis:
         if body.kind == "free":
@@ -272,7 +301,9 @@ class Coupling:
             )
         return body.bases[d].conjugate() if conjugate else body.bases[d]
 
-    def placed(self, body: Body, array: NDArray, harmonic: int, sectors: Collection[int] = (-1, 0, 1)) -> NDArray:
+    def placed(
+        self, body: Body, array: NDArray, harmonic: int, sectors: Collection[int] = (-1, 0, 1)
+    ) -> NDArray:
         """Return the relative motion at all contact points that a motion at the ports of one body causes, Eq. (14).
 
         Parameters
@@ -338,7 +369,11 @@ class Coupling:
         constrained body.
         """
         if location not in self.model.locations:
-            modes = [(b.kind, f"mode {i + 1}") for b, _, retained in self._moving(harmonic) for i in retained]
+            modes = [
+                (b.kind, f"mode {i + 1}")
+                for b, _, retained in self._moving(harmonic)
+                for i in retained
+            ]
             return np.outer([1.0, 0.0, 0.0], [mode == ("constrained", location) for mode in modes])
         moving = self.model.locations[location].body
         columns = [
@@ -371,7 +406,9 @@ class Coupling:
             residual = basis.flexibility - (modes / basis.omega2[keep]) @ modes.conj().T
             m = residual.shape[0] // 3
             half = self.placed(body, residual.reshape(m, 3, 3 * m), harmonic).reshape(n, 3 * m)
-            out += self.placed(body, half.conj().T.reshape(m, 3, n), harmonic).reshape(n, n).conj().T
+            out += (
+                self.placed(body, half.conj().T.reshape(m, 3, n), harmonic).reshape(n, n).conj().T
+            )
         return 0.5 * (out + out.conj().T)
 
     def left_out_modes(self, harmonic: int) -> tuple[NDArray, NDArray, NDArray]:
@@ -394,7 +431,9 @@ class Coupling:
 
     def constant_force(self) -> NDArray:
         """Return the modal static force (n_modes,) independent of the load."""
-        return np.concatenate([_picked(body.constant_force, keep) for body, _, keep in self._moving(0)])
+        return np.concatenate(
+            [_picked(body.constant_force, keep) for body, _, keep in self._moving(0)]
+        )
 
     def load(self, shares: Mapping[str, float] | None = None) -> tuple[NDArray, NDArray]:
         """Return the static load of the free bodies.
@@ -422,7 +461,8 @@ class Coupling:
             basis = body.bases[0]
             elastic = keep[basis.omega2[keep] > 0.0]
             omitted = body.load.displacement - (
-                basis.contact_modes[..., elastic].real @ (body.load.generalised[elastic] / basis.omega2[elastic])
+                basis.contact_modes[..., elastic].real
+                @ (body.load.generalised[elastic] / basis.omega2[elastic])
             )
             displacement += share * self.placed(body, omitted[..., None], 0)[..., 0].real
         return np.concatenate(force), displacement
@@ -458,7 +498,12 @@ def centrifugal_arms(model: Model) -> dict[str, float]:
     loaded = {b.name: b for b in model.bodies.values() if b.kind == "free" and b.load is not None}
     arms = {name: float(b.mass * np.hypot(*b.centre[:2])) for name, b in loaded.items()}  # type: ignore[index]
     found = ", ".join(f"{arm:.6g} kg m of '{name}'" for name, arm in arms.items())
-    validation.check(min(arms.values(), default=1.0) > 0.0, "rotor speed", "loaded free bodies off the axis", found)
+    validation.check(
+        min(arms.values(), default=1.0) > 0.0,
+        "rotor speed",
+        "loaded free bodies off the axis",
+        found,
+    )
     return arms
 
 
@@ -476,7 +521,11 @@ def centrifugal_load(model: Model) -> float:
 
 
 def damper_drag(
-    model: Model, basis: HarmonicBasis, springs: NDArray, ratio: Mapping[str, float], drag: Mapping[str, float]
+    model: Model,
+    basis: HarmonicBasis,
+    springs: NDArray,
+    ratio: Mapping[str, float],
+    drag: Mapping[str, float],
 ) -> dict[Coordinate, float]:
     """Return the viscous modal damping of the coordinates of free bodies, rad/s.
 
@@ -494,14 +543,30 @@ def damper_drag(
     """
     closed = springs.ravel() > 0.0
     G = basis.G.real.reshape(-1, basis.n_modes)[closed]
-    free = {i: c for i, c in enumerate(basis.coordinates) if c.body in model.bodies and model.bodies[c.body].kind == "free"}
+    free = {
+        i: c
+        for i, c in enumerate(basis.coordinates)
+        if c.body in model.bodies and model.bodies[c.body].kind == "free"
+    }
     residual = [i for i, c in enumerate(basis.coordinates) if c.body not in model.bodies]
-    flexibility = np.diag(1.0 / springs.ravel()[closed]) + G[:, residual] / basis.omega2[residual] @ G[:, residual].T
+    flexibility = (
+        np.diag(1.0 / springs.ravel()[closed])
+        + G[:, residual] / basis.omega2[residual] @ G[:, residual].T
+    )
     motion = G[:, list(free)]
-    frequency = np.sqrt((motion * np.linalg.solve(flexibility, motion)).sum(axis=0) + basis.omega2[list(free)])
+    frequency = np.sqrt(
+        (motion * np.linalg.solve(flexibility, motion)).sum(axis=0) + basis.omega2[list(free)]
+    )
     masses = {c: (w, model.bodies[c.body].mass) for c, w in zip(free.values(), frequency)}
-    rates = {c: float(2.0 * ratio[c.body] * w + drag[c.body] / m) for c, (w, m) in masses.items() if m is not None}
-    omega, rate = float(np.sqrt(basis.omega2[basis.omega2 > 0.0].min(initial=np.inf))), max(rates.values(), default=0.0)
+    rates = {
+        c: float(2.0 * ratio[c.body] * w + drag[c.body] / m)
+        for c, (w, m) in masses.items()
+        if m is not None
+    }
+    omega, rate = (
+        float(np.sqrt(basis.omega2[basis.omega2 > 0.0].min(initial=np.inf))),
+        max(rates.values(), default=0.0),
+    )
     if rate > omega:
         warn(
             f"damping of the damper: a rate of up to {rate:.3g} 1/s exceeds omega = {omega:.3g} rad/s of the lowest mode; "
@@ -510,7 +575,9 @@ def damper_drag(
     return rates
 
 
-def in_flow(basis: HarmonicBasis, model: Model, flow: Mapping[int, complex], wave: int) -> HarmonicBasis:
+def in_flow(
+    basis: HarmonicBasis, model: Model, flow: Mapping[int, complex], wave: int
+) -> HarmonicBasis:
     """Add aerodynamic stiffness ``2 Re z omega^2`` and damping ``2 Im z omega`` to the modes of constrained bodies.
 
     Parameters
@@ -531,8 +598,17 @@ def in_flow(basis: HarmonicBasis, model: Model, flow: Mapping[int, complex], wav
     blades = [name for name, body in model.bodies.items() if body.kind == "constrained"]
     z = z * np.array([coordinate.body in blades for coordinate in basis.coordinates])
     drag = basis.damping + 2.0 * np.imag(z) * np.sqrt(basis.omega2)
-    expected = "modes with positive damping and stiffness; study.flutter finds the limit cycles of others"
+    expected = (
+        "modes with positive damping and stiffness; study.flutter finds the limit cycles of others"
+    )
     good = (drag >= 0.0).all() and (np.real(z) > -0.5).all()
-    validation.check(good, f"aerodynamic_damping at nodal diameter {wave % model.n_blades}", expected, "some without")
+    validation.check(
+        good,
+        f"aerodynamic_damping at nodal diameter {wave % model.n_blades}",
+        expected,
+        "some without",
+    )
     none = np.zeros_like(basis.damping_ratio)
-    return replace(basis, omega2=basis.omega2 * (1.0 + 2.0 * np.real(z)), damping_ratio=none, drag=drag)
+    return replace(
+        basis, omega2=basis.omega2 * (1.0 + 2.0 * np.real(z)), damping_ratio=none, drag=drag
+    )

@@ -17,11 +17,17 @@ from bdamper.util.formatting import text_of
 
 def direction_vector(value: str | Sequence[float], what: str) -> NDArray:
     """Return the unit vector along a named direction or along three components; ``what`` is its name in errors."""
-    directions = {"tangential": (1.0, 0.0, 0.0), "radial": (0.0, 1.0, 0.0), "axial": (0.0, 0.0, 1.0)}
+    directions = {
+        "tangential": (1.0, 0.0, 0.0),
+        "radial": (0.0, 1.0, 0.0),
+        "axial": (0.0, 0.0, 1.0),
+    }
     if isinstance(value, str):
         if value not in directions:
             suggestion = validation.suggest_name(value, directions)
-            raise SettingError(f"{what}: expected one of {tuple(directions)} or three numbers, found '{value}'{suggestion}")
+            raise SettingError(
+                f"{what}: expected one of {tuple(directions)} or three numbers, found '{value}'{suggestion}"
+            )
         return np.array(directions[value])
     vector = validation.numbers(what, value, 3)
     validation.check_value(np.any(vector), what, "3 finite numbers, not all zero", value)
@@ -141,7 +147,14 @@ def influence_coefficients(given: Mapping[int, complex], n_blades: int) -> dict[
         If an offset is not an integer or a coefficient is not finite.
     """
     n = validation.integer("n_blades", n_blades, 1)
-    for k, z in validation.instance("influence coefficients", given, Mapping, "a mapping of blades to numbers").items():
+    for k, z in validation.instance(
+        "influence coefficients", given, Mapping, "a mapping of blades to numbers"
+    ).items():
         validation.integer(f"blade of coefficient {k}", k, -n)
-        validation.check_value(np.isfinite(z), f"influence coefficient of blade {k}", "a finite number", z)
-    return {d: complex(sum(z * np.exp(2j * np.pi * k * d / n) for k, z in given.items())) for d in range(n)}
+        validation.check_value(
+            np.isfinite(z), f"influence coefficient of blade {k}", "a finite number", z
+        )
+    return {
+        d: complex(sum(z * np.exp(2j * np.pi * k * d / n) for k, z in given.items()))
+        for d in range(n)
+    }

@@ -114,7 +114,9 @@ class SpeedBasis(Record):
         """
         omega2, shapes = eigh(self.stiffness(omega))
         found = f"a negative squared frequency at {omega:.6g} rad/s"
-        validation.check(not omega2[0] < -1e-12 * omega2[-1], "rotor speed", "a stable structure", found)
+        validation.check(
+            not omega2[0] < -1e-12 * omega2[-1], "rotor speed", "a stable structure", found
+        )
         order = scipy.optimize.linear_sum_assignment(-(np.abs(shapes) ** 2))[1]
         omega2, shapes = np.maximum(omega2[order], 0.0), shapes[:, order]
         overlap = np.diag(shapes)
@@ -123,13 +125,19 @@ class SpeedBasis(Record):
 
     def conjugate(self) -> SpeedBasis:
         """Return the complex conjugate basis (nodal diameter ``N - d``)."""
-        arrays: dict[str, Any] = {name: part.conj() for name, part in vars(self).items() if isinstance(part, np.ndarray)}
+        arrays: dict[str, Any] = {
+            name: part.conj() for name, part in vars(self).items() if isinstance(part, np.ndarray)
+        }
         return replace(self, **arrays)
 
     def turned(self, omega: float, shapes: NDArray) -> SpeedBasis:
         """Transform to the modes ``shapes`` (n_modes, n_modes) of another speed, combinations of the modes of the basis."""
         modal = {name: getattr(self, name) for name in ("stiffness0", "stiffness2", "coriolis")}
-        turned: dict[str, Any] = {name: shapes.conj().T @ part @ shapes for name, part in modal.items() if part is not None}
+        turned: dict[str, Any] = {
+            name: shapes.conj().T @ part @ shapes
+            for name, part in modal.items()
+            if part is not None
+        }
         return replace(self, omega_ref=omega, **turned)
 
     def coriolis_size(self, omega: float, omega2: NDArray) -> tuple[NDArray, NDArray]:
@@ -158,7 +166,9 @@ class SpeedBasis(Record):
         size, frequency = omega * np.abs(self.coriolis), np.sqrt(omega2)
         difference = np.abs(frequency[:, None] - frequency)
         np.fill_diagonal(difference, np.inf)
-        return np.diag(size) / frequency, (size / np.maximum(difference, np.finfo(float).tiny)).max(axis=1, initial=0.0)
+        return np.diag(size) / frequency, (size / np.maximum(difference, np.finfo(float).tiny)).max(
+            axis=1, initial=0.0
+        )
 
 
 @short_repr
@@ -217,8 +227,13 @@ class ModalBasis(Record):
     omega2: Annotated[NDArray, Data("rad2/s2", ("n_modes",))]
     damping_ratio: Annotated[NDArray, Data("1", ("n_modes",), limits=DAMPING)]
     contact_modes: Annotated[NDArray, Data("kg^-1/2", ("n_points", 3, "n_modes"), "field", "modes")]
-    locations: Annotated[Mapping[str, NDArray], Data("kg^-1/2", (3, "n_modes"), "field")] = field(default_factory=dict)
-    flexibility: Annotated[NDArray, Data("m/N", ("n_forces", "n_forces"), "field", matrix="Hermitian")] | None = None
+    locations: Annotated[Mapping[str, NDArray], Data("kg^-1/2", (3, "n_modes"), "field")] = field(
+        default_factory=dict
+    )
+    flexibility: (
+        Annotated[NDArray, Data("m/N", ("n_forces", "n_forces"), "field", matrix="Hermitian")]
+        | None
+    ) = None
     drag: Annotated[NDArray, Data("1/s", ("n_modes",), limits=Limits(least=0.0))] | None = None
     speed: SpeedBasis | None = None
     static_shapes: Annotated[int, Data(limits=Limits(least=0))] | None = None
@@ -244,7 +259,11 @@ class ModalBasis(Record):
         )
 
     def with_speed(
-        self, stiffness2: NDArray, residual2: NDArray | None = None, omega_ref: float = 0.0, **others: Any
+        self,
+        stiffness2: NDArray,
+        residual2: NDArray | None = None,
+        omega_ref: float = 0.0,
+        **others: Any,
     ) -> ModalBasis:
         """Add data over speed to the basis, which is valid at the speed ``omega_ref``; derive the data at standstill.
 
@@ -253,9 +272,16 @@ class ModalBasis(Record):
         residual0 = None
         if residual2 is not None and self.flexibility is not None:
             shapes = self.contact_modes.reshape(len(self.flexibility), -1)
-            residual0 = self.flexibility - (shapes / self.omega2) @ shapes.conj().T - omega_ref**2 * residual2
+            residual0 = (
+                self.flexibility
+                - (shapes / self.omega2) @ shapes.conj().T
+                - omega_ref**2 * residual2
+            )
         stiffness0 = np.diag(self.omega2).astype(stiffness2.dtype) - omega_ref**2 * stiffness2
-        return replace(self, speed=SpeedBasis(omega_ref, stiffness0, stiffness2, residual0, residual2, **others))
+        return replace(
+            self,
+            speed=SpeedBasis(omega_ref, stiffness0, stiffness2, residual0, residual2, **others),
+        )
 
     def at_speed(self, omega: float) -> tuple[ModalBasis, NDArray]:
         """Return the basis at a rotor speed (rad/s), with the modes in the same order.
@@ -279,14 +305,18 @@ class ModalBasis(Record):
         locations = {name: modes @ shapes for name, modes in self.locations.items()}
         damping, turned = self.damping_ratio, speed.turned(omega, shapes)
         static = self.static_shapes
-        basis = ModalBasis(omega2, damping, contact, locations, flexibility, speed=turned, static_shapes=static)
+        basis = ModalBasis(
+            omega2, damping, contact, locations, flexibility, speed=turned, static_shapes=static
+        )
         return basis, shapes
 
 
 # ---- Rigid-body motion and phase of shapes ----
 
 
-def rigid_motions(points: NDArray, centre: NDArray, axes: NDArray, turning: NDArray | None = None) -> NDArray:
+def rigid_motions(
+    points: NDArray, centre: NDArray, axes: NDArray, turning: NDArray | None = None
+) -> NDArray:
     """Return unit translations along ``axes`` and rotations about ``turning`` as columns, (3 n_points, 6).
 
     Parameters
@@ -297,8 +327,12 @@ def rigid_motions(points: NDArray, centre: NDArray, axes: NDArray, turning: NDAr
     axes, turning : (3, 3) float
         Axes as rows; ``turning`` is ``axes`` by default.
     """
-    turned = np.cross((axes if turning is None else turning)[:, None], points - centre).transpose(1, 2, 0)
-    return np.ascontiguousarray(np.concatenate([np.broadcast_to(axes.T, turned.shape), turned], axis=2)).reshape(-1, 6)
+    turned = np.cross((axes if turning is None else turning)[:, None], points - centre).transpose(
+        1, 2, 0
+    )
+    return np.ascontiguousarray(
+        np.concatenate([np.broadcast_to(axes.T, turned.shape), turned], axis=2)
+    ).reshape(-1, 6)
 
 
 def fix_phase(vectors: NDArray, mass: NDArray | sp.spmatrix) -> NDArray:
@@ -353,11 +387,17 @@ class LocalBasis(Record):
     damping_ratio: Annotated[NDArray, Data("1", ("n",), limits=DAMPING)]
     blade_stiffness: Annotated[NDArray, Data("rad2/s2", ("n", "n"), matrix="symmetric")]
     blade_mass: Annotated[NDArray, Data("1", ("n", "n"), matrix="symmetric")]
-    disk_stiffness: Annotated[NDArray, Data("rad2/s2", ("n_diameters", "n_interface", "n_interface"), "field")]
+    disk_stiffness: Annotated[
+        NDArray, Data("rad2/s2", ("n_diameters", "n_interface", "n_interface"), "field")
+    ]
     disk_mass: Annotated[NDArray, Data("1", ("n_diameters", "n_interface", "n_interface"), "field")]
     contact_modes: Annotated[NDArray, Data("kg^-1/2", ("n_points", 3, "n"), file="modes")]
-    locations: Annotated[Mapping[str, NDArray], Data("kg^-1/2", (3, "n"))] = field(default_factory=dict)
-    flexibility: Annotated[NDArray, Data("m/N", ("n_forces", "n_forces"), matrix="symmetric")] | None = None
+    locations: Annotated[Mapping[str, NDArray], Data("kg^-1/2", (3, "n"))] = field(
+        default_factory=dict
+    )
+    flexibility: (
+        Annotated[NDArray, Data("m/N", ("n_forces", "n_forces"), matrix="symmetric")] | None
+    ) = None
 
     @property
     def n(self) -> int:
@@ -408,7 +448,10 @@ class LocalBasis(Record):
             return None
         clamped = slice(self.n - self.n_interface)
         shapes = self.contact_modes.reshape(-1, self.n)[:, clamped]
-        return np.asarray(self.flexibility - shapes @ np.linalg.solve(self.blade_stiffness[clamped, clamped], shapes.T))
+        return np.asarray(
+            self.flexibility
+            - shapes @ np.linalg.solve(self.blade_stiffness[clamped, clamped], shapes.T)
+        )
 
     def nodal_diameter(self, d: int) -> ModalBasis:
         """Return all n modes of the tuned disk at a nodal diameter from 0 to N/2."""

@@ -112,13 +112,20 @@ def read_model(file: h5py.Group) -> Model:
     found = f"'{stored}': bd.load reads results" if stored.startswith("bdamper-") else f"'{stored}'"
     check(stored == FORMAT, place(file, "@format"), f"'{FORMAT}'", found)
     version = read_attribute(file, "version", int)
-    check(version == VERSION, place(file, "@version"), f"{VERSION}", f"{version}; make the model again")
+    check(
+        version == VERSION,
+        place(file, "@version"),
+        f"{VERSION}",
+        f"{version}; make the model again",
+    )
     check_text(file, "time_convention", TIME_CONVENTION)
     check_text(file, "phase_convention", PHASE_CONVENTION)
     axis = np.asarray(file.attrs.get("axis", "nothing"))
     good = axis.dtype.kind in "fiu" and np.array_equal(axis, AXIS)
     check(good, place(file, "@axis"), f"{list(AXIS)}", f"{axis.tolist()!r}")
-    return _with_bases(read_record(file, Model), lambda at, basis: _with_derived(basis, place(file, at)))
+    return _with_bases(
+        read_record(file, Model), lambda at, basis: _with_derived(basis, place(file, at))
+    )
 
 
 # ---- Data over speed that follow from the basis ----
@@ -139,7 +146,11 @@ def _without_derived(basis: ModalBasis) -> ModalBasis:
     if speed is None:
         return basis
     derived: Any = basis.with_speed(speed.stiffness2, speed.residual2, speed.omega_ref).speed
-    equal = [key for key in ("stiffness0", "residual0") if np.array_equal(getattr(speed, key), getattr(derived, key))]
+    equal = [
+        key
+        for key in ("stiffness0", "residual0")
+        if np.array_equal(getattr(speed, key), getattr(derived, key))
+    ]
     return replace(basis, speed=replace(speed, **dict.fromkeys(equal)))
 
 
@@ -153,9 +164,18 @@ def _with_derived(basis: ModalBasis, at: str) -> ModalBasis:
     paired = residual2 is not None or residual0 is None
     check(paired, f"{at}/speed/residual2", "this dataset if there is residual0", "nothing")
     derivable = residual2 is None or residual0 is not None or basis.flexibility is not None
-    check(derivable, f"{at}/speed/residual0", "this dataset where the basis has no flexibility", "nothing")
+    check(
+        derivable,
+        f"{at}/speed/residual0",
+        "this dataset where the basis has no flexibility",
+        "nothing",
+    )
     known = replace(speed, stiffness0=speed.stiffness2, residual0=residual2)
     check_record(known, SpeedBasis, f"{at}/speed", {**sizes, "n_modes": basis.n_modes})
     derived: Any = basis.with_speed(speed.stiffness2, residual2, speed.omega_ref).speed
-    missing = {key: getattr(derived, key) for key in ("stiffness0", "residual0") if getattr(speed, key) is None}
+    missing = {
+        key: getattr(derived, key)
+        for key in ("stiffness0", "residual0")
+        if getattr(speed, key) is None
+    }
     return replace(basis, speed=replace(speed, **missing))

@@ -33,7 +33,11 @@ Place = tuple[str, NDArray]
 
 
 def completed(
-    model: Model, places: Sequence[Place], blade_modes: int, damper_modes: Mapping[str, int], rigid: Sequence[str]
+    model: Model,
+    places: Sequence[Place],
+    blade_modes: int,
+    damper_modes: Mapping[str, int],
+    rigid: Sequence[str],
 ) -> tuple[Model, dict[str, NDArray]]:
     """Add the residual vectors of forces and responses to a model and to its retained modes, if it has static shapes.
 
@@ -54,26 +58,42 @@ def completed(
     modes = retained_modes(model, blade_modes, damper_modes, rigid)
     bodies, retained, stress = dict(model.bodies), dict(modes), dict(model.stress)
     for name, body in model.bodies.items():
-        on_body = [(location, direction) for location, direction in places if model.locations[location].body == name]
+        on_body = [
+            (location, direction)
+            for location, direction in places
+            if model.locations[location].body == name
+        ]
         if not on_body or all(basis.static_shapes is None for basis in body.bases.values()):
             continue
         n = len(modes[name])
         parts = {d: _energies(basis, n, on_body) for d, basis in body.bases.items()}
-        count = min(int((size > PARALLEL * size.max(initial=0.0)).sum()) for _, size in parts.values())
+        count = min(
+            int((size > PARALLEL * size.max(initial=0.0)).sum()) for _, size in parts.values()
+        )
         if not count:
             continue
-        complete = {d: _with_vectors(basis, n, parts[d][0][:, :count]) for d, basis in body.bases.items()}
-        bodies[name] = _transformed(body, {d: basis for d, (basis, _) in complete.items()}, complete[0][1])
+        complete = {
+            d: _with_vectors(basis, n, parts[d][0][:, :count]) for d, basis in body.bases.items()
+        }
+        bodies[name] = _transformed(
+            body, {d: basis for d, (basis, _) in complete.items()}, complete[0][1]
+        )
         retained[name] = np.concatenate([modes[name], np.arange(count) + len(complete[0][1])])
         for key, rows in stress.items():
             if rows.body == name:
-                stress[key] = replace(rows, modes={d: s @ complete[d][1] for d, s in rows.modes.items()})
+                stress[key] = replace(
+                    rows, modes={d: s @ complete[d][1] for d, s in rows.modes.items()}
+                )
     return replace(model, bodies=bodies, stress=stress), retained
 
 
 def _energies(basis: ModalBasis, n: int, places: Sequence[Place]) -> tuple[NDArray, NDArray]:
     """Return orthonormal combinations (m, k) of ``Omega_L X``, with columns scaled to length 1, and singular values."""
-    loads = np.array([direction @ basis.locations[location] for location, direction in places])[:, n:].conj().T
+    loads = (
+        np.array([direction @ basis.locations[location] for location, direction in places])[:, n:]
+        .conj()
+        .T
+    )
     scaled = loads / np.sqrt(basis.omega2[n:])[:, None]
     length = np.linalg.norm(scaled, axis=0)
     return np.linalg.svd(scaled[:, length > 0.0] / length[length > 0.0], full_matrices=False)[:2]
@@ -88,7 +108,9 @@ def _with_vectors(basis: ModalBasis, n: int, energies: NDArray) -> tuple[ModalBa
     total, count = basis.n_modes, len(omega2)
     moved = np.concatenate([rows[:, n:] @ shapes for rows in basis.locations.values()])
     largest = np.take_along_axis(moved, np.abs(moved).argmax(axis=0)[None], axis=0)[0]
-    shapes = shapes * np.divide(np.abs(largest), largest, out=np.ones_like(largest), where=largest != 0.0)
+    shapes = shapes * np.divide(
+        np.abs(largest), largest, out=np.ones_like(largest), where=largest != 0.0
+    )
     T = np.eye(total, total + count, dtype=shapes.dtype)
     T[n:, n:total] -= (shapes / omega2) @ shapes.conj().T * basis.omega2[n:]
     T[n:, total:] = shapes

@@ -81,10 +81,12 @@ class StressSet(Record):
     name: GroupName
     body: str
     points: Annotated[NDArray, Data("m", ("n", 3))]
-    modes: Annotated[Mapping[int, NDArray], Data("Pa m^-1 kg^-1/2", ("n", 6, None), "field", "*/mode_stress")]
-    contact: Annotated[Mapping[int, NDArray], Data("Pa/N", ("n", 6, "n_forces"), "field", "*/contact_stress")] = field(
-        default_factory=dict
-    )
+    modes: Annotated[
+        Mapping[int, NDArray], Data("Pa m^-1 kg^-1/2", ("n", 6, None), "field", "*/mode_stress")
+    ]
+    contact: Annotated[
+        Mapping[int, NDArray], Data("Pa/N", ("n", 6, "n_forces"), "field", "*/contact_stress")
+    ] = field(default_factory=dict)
     static: Annotated[NDArray, Data("Pa s2", ("n", 6), file="static_stress")] | None = None
     spread: Annotated[NDArray, Data("1", ("n",))] | None = None
     near_contact: Annotated[NDArray, Data("1", ("n",), "bool")] | None = None
@@ -183,7 +185,9 @@ class Body(Record):
     @property
     def damping_text(self) -> str:
         """Modal damping ratio of the elastic modes at all nodal diameters, or its range; empty without such modes."""
-        natural = [basis.damping_ratio[self.n_rigid : basis.n_natural] for basis in self.bases.values()]
+        natural = [
+            basis.damping_ratio[self.n_rigid : basis.n_natural] for basis in self.bases.values()
+        ]
         ratio = np.concatenate([*natural, np.empty(0)])
         drags = any(basis.drag is not None and np.any(basis.drag) for basis in self.bases.values())
         matrix = "damping matrix" if drags else ""
@@ -310,7 +314,9 @@ class SurfaceMesh(Record):
 
     points: Annotated[NDArray, Data("m", ("n_nodes", 3))]
     quads: Annotated[NDArray, Data("1", (None, 4), "integer")]
-    modes: Annotated[Mapping[int, NDArray], Data("kg^-1/2", ("n_nodes", 3, None), "picture")] = field(default_factory=dict)
+    modes: Annotated[Mapping[int, NDArray], Data("kg^-1/2", ("n_nodes", 3, None), "picture")] = (
+        field(default_factory=dict)
+    )
 
 
 @short_repr
@@ -349,26 +355,43 @@ class Model(Plottable, Record):
         lines = [f"model {self.hash}: {sectors}, locations {', '.join(self.locations) or 'none'}"]
         for body in self.bodies.values():
             modes = f", {min(b.n_natural for b in body.bases.values())} modes" if body.bases else ""
-            at = f" at nodal diameters {', '.join(map(str, sorted(body.bases)))}" if body.kind == "constrained" else ""
+            at = (
+                f" at nodal diameters {', '.join(map(str, sorted(body.bases)))}"
+                if body.kind == "constrained"
+                else ""
+            )
             mass = f", {self.mass_text(body.name)}" if body.mass is not None else ""
             damping = f", modal damping ratio {body.damping_text}" if body.damping_text else ""
             lines.append(f"  {body.name}: {body.kind}{modes}{at}{mass}{damping}")
         for face in self.interfaces.values():
             gap = f", gap up to {1e6 * face.gap.max():.3g} um" if np.any(face.gap > 0.0) else ""
-            lines.append(f"  {face.name}: {face.kind}, {face.body_a} on {face.body_b}, {face.n_points} contact points{gap}")
+            lines.append(
+                f"  {face.name}: {face.kind}, {face.body_a} on {face.body_b}, {face.n_points} contact points{gap}"
+            )
         return "\n".join(lines)
 
     def mass_text(self, name: str) -> str:
         """Return the mass of a free body, with the radius of its centre of mass if the structure can rotate."""
         body = self.bodies[name]
-        at = f" at a radius of {body.radius:.4g} m" if self.n_blades > 1 and np.isfinite(body.radius) else ""
+        at = (
+            f" at a radius of {body.radius:.4g} m"
+            if self.n_blades > 1 and np.isfinite(body.radius)
+            else ""
+        )
         return f"{body.mass:.4g} kg{at}"
 
     @property
     def masses_text(self) -> str:
         """Mass and radius of each free body; names if there are several."""
-        names = [name for name, body in self.bodies.items() if body.kind == "free" and body.mass is not None]
-        return ", ".join(f"{name} {self.mass_text(name)}" if len(names) > 1 else self.mass_text(name) for name in names)
+        names = [
+            name
+            for name, body in self.bodies.items()
+            if body.kind == "free" and body.mass is not None
+        ]
+        return ", ".join(
+            f"{name} {self.mass_text(name)}" if len(names) > 1 else self.mass_text(name)
+            for name in names
+        )
 
     def port_slice(self, body: str, port: Port) -> slice:
         """Return the rows of ``port`` among the stacked contact points of ``body``."""
@@ -415,11 +438,15 @@ class Model(Plottable, Record):
             if force is not None:
                 force = np.real(made[0][1].conj().T @ force)
             bases = {d: basis for d, (basis, _) in made.items()}
-            local = body.local if all(bases[d] is basis for d, basis in body.bases.items()) else None
+            local = (
+                body.local if all(bases[d] is basis for d, basis in body.bases.items()) else None
+            )
             bodies[name] = replace(body, bases=bases, constant_force=force, local=local)
             for key, rows in stress.items():
                 if rows.body == name:
-                    stress[key] = replace(rows, modes={d: s @ made[d][1] for d, s in rows.modes.items()})
+                    stress[key] = replace(
+                        rows, modes={d: s @ made[d][1] for d, s in rows.modes.items()}
+                    )
         provenance = {**self.provenance, "rotor speed": f"{omega:.9g} rad/s"}
         return replace(self, bodies=bodies, stress=stress, provenance=provenance)
 
@@ -477,7 +504,11 @@ def feed_digest(digest: Digest, key: str, value: object) -> None:
             part = getattr(value, item.name)
             # without these fields the fingerprint is the same as in earlier versions
             later = ("constant_force", "drag", "kind", "local", "speed", "spin", "static_shapes")
-            if isinstance(value, ModalBasis) and isinstance(part, SpeedBasis) and value.flexibility is not None:
+            if (
+                isinstance(value, ModalBasis)
+                and isinstance(part, SpeedBasis)
+                and value.flexibility is not None
+            ):
                 part = replace(part, residual0=None)
             for_names = isinstance(value, StressSet) and item.name == "nodes"
             if not (for_names or (part is None and item.name in later)):

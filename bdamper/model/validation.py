@@ -106,7 +106,9 @@ def _check_head(model: Model, where: str) -> None:
         check_type(getattr(model, group.name), Mapping, f"{where}: /{group.place()}")
         for name, member in getattr(model, group.name).items():
             item = f"{where}: /{group.place(name)}"
-            good = isinstance(name, str) and name.isprintable() and name and not set(name) & set("/.")
+            good = (
+                isinstance(name, str) and name.isprintable() and name and not set(name) & set("/.")
+            )
             check(good, item, "a name of printable characters without '/' and '.'", repr(name))
             check_type(member, group.kind, item)
             member_name = getattr(member, "name", name)
@@ -138,19 +140,35 @@ def _check_ports(body: Body, model: Model, item: str) -> None:
     item = f"{item}/@ports"
     check_type(body.ports, tuple, item)
     for port in body.ports:
-        good = isinstance(port, tuple) and len(port) == 2 and all(isinstance(part, str) for part in port)
+        good = (
+            isinstance(port, tuple)
+            and len(port) == 2
+            and all(isinstance(part, str) for part in port)
+        )
         check(good and port[1] in ("a", "b"), item, "pairs (interface, 'a' or 'b')", repr(port))
     sides = [(face.name, "a") for face in model.interfaces.values() if face.body_a == body.name]
     sides += [(face.name, "b") for face in model.interfaces.values() if face.body_b == body.name]
-    good = sorted(body.ports) == sorted(sides) or (body.kind == "ground" and set(body.ports) <= set(sides))
-    check(good, item, f"the sides of interfaces that name this body, {sorted(sides)}", f"{list(body.ports)}")
+    good = sorted(body.ports) == sorted(sides) or (
+        body.kind == "ground" and set(body.ports) <= set(sides)
+    )
+    check(
+        good,
+        item,
+        f"the sides of interfaces that name this body, {sorted(sides)}",
+        f"{list(body.ports)}",
+    )
 
 
 def _check_sides(interface: Interface, model: Model, item: str) -> None:
     """Check that both sides of an interface are bodies with possible relative motion."""
     sides = (("a", interface.body_a), ("b", interface.body_b))
     bodies = [_known_body(name, model, f"{item}/@body_{side}") for side, name in sides]
-    check(not bodies[0].kind == bodies[1].kind == "ground", item, "a body that can move", "ground on both sides")
+    check(
+        not bodies[0].kind == bodies[1].kind == "ground",
+        item,
+        "a body that can move",
+        "ground on both sides",
+    )
     different = bodies[0] is not bodies[1] or interface.sector_a != interface.sector_b
     found = f"body '{interface.body_a}' of sector {interface.sector_a} on both sides"
     check(different, item, "two bodies, or one body in two sectors", found)
@@ -168,7 +186,12 @@ def _check_locations(model: Model, where: str) -> None:
         item = f"{where}: /locations/{name}"
         check_record(location, type(location), item)
         body = _known_body(location.body, model, f"{item}/@body")
-        check(body.kind != "ground", f"{item}/@body", "a body that can move", f"'{body.name}', which is ground")
+        check(
+            body.kind != "ground",
+            f"{item}/@body",
+            "a body that can move",
+            f"'{body.name}', which is ground",
+        )
 
 
 # ---- Bodies ----
@@ -177,7 +200,9 @@ def _check_locations(model: Model, where: str) -> None:
 def _check_body(body: Body, model: Model, item: str) -> None:
     check_type(body.bases, Mapping, item)
     if body.kind == "ground":
-        check(not body.bases, item, "no modes of a ground body", f"nodal diameters {list(body.bases)}")
+        check(
+            not body.bases, item, "no modes of a ground body", f"nodal diameters {list(body.bases)}"
+        )
         check(body.load is None, f"{item}/load", "no load on a ground body", "one")
         return
     _check_nodal_diameters(body, model, item)
@@ -194,12 +219,22 @@ def _check_body(body: Body, model: Model, item: str) -> None:
     _check_real(body.bases[0], f"{item}/nd000", body.kind == "lumped")
     if body.kind == "free":
         for key in ("mass", "centre", "inertia"):
-            check(getattr(body, key) is not None, f"{item}/{key}", f"the {key} of a free body", "nothing")
+            check(
+                getattr(body, key) is not None,
+                f"{item}/{key}",
+                f"the {key} of a free body",
+                "nothing",
+            )
         _check_rigid(body, model, f"{item}/nd000")
     if body.load is not None:
         check_record(body.load, BodyLoad, f"{item}/load", sizes)
         length = np.linalg.norm(body.load.direction)
-        check(abs(length - 1) <= SINGLE, f"{item}/load/direction", "a unit vector", f"length {length:.9g}")
+        check(
+            abs(length - 1) <= SINGLE,
+            f"{item}/load/direction",
+            "a unit vector",
+            f"length {length:.9g}",
+        )
     if body.spin is not None:
         check_record(body.spin, SpinStatic, f"{item}/spin", sizes)
         _check_places(body.spin.locations, places, f"{item}/spin")
@@ -222,7 +257,12 @@ def _check_nodal_diameters(body: Body, model: Model, item: str) -> None:
         check_integer(d, f"{item} (nodal diameter)")
         expected = f"nodal diameters 0 to {largest} of a {body.kind} body"
         check(0 <= d <= largest, item, f"{expected} (n_blades = {model.n_blades})", d)
-    check(0 in body.bases, f"{item}/nd000", "the modes of nodal diameter 0", f"only {sorted(body.bases)}")
+    check(
+        0 in body.bases,
+        f"{item}/nd000",
+        "the modes of nodal diameter 0",
+        f"only {sorted(body.bases)}",
+    )
 
 
 def _check_basis(basis: ModalBasis, body: Body, sizes: Sizes, places: list[str], item: str) -> None:
@@ -230,15 +270,27 @@ def _check_basis(basis: ModalBasis, body: Body, sizes: Sizes, places: list[str],
     _check_places(basis.locations, places, item)
     first = N_RIGID if body.kind == "free" else 0
     found = f"{basis.static_shapes} of {basis.n_modes}"
-    check(basis.n_natural > 0, f"{item}/static_shapes", "at least one mode before the static shapes", found)
+    check(
+        basis.n_natural > 0,
+        f"{item}/static_shapes",
+        "at least one mode before the static shapes",
+        found,
+    )
     _check_frequencies(basis.omega2, first, f"{item}/omega2", lumped=body.kind == "lumped")
     if basis.flexibility is not None:
         shapes = basis.contact_modes.reshape(len(basis.flexibility), basis.n_modes)[:, first:]
         rest = basis.flexibility - (shapes / basis.omega2[first:]) @ shapes.conj().T
-        _check_residual(rest, basis.flexibility, f"{item}/flexibility", "flexibility - Phi Omega^-2 Phi^H (elastic modes)")
+        _check_residual(
+            rest,
+            basis.flexibility,
+            f"{item}/flexibility",
+            "flexibility - Phi Omega^-2 Phi^H (elastic modes)",
+        )
     if basis.speed is not None:
         check(body.kind != "free", f"{item}/speed", "nothing over speed on a free body", "a group")
-        check(basis.drag is None, f"{item}/speed", "no drag on modes that change with speed", "drag")
+        check(
+            basis.drag is None, f"{item}/speed", "no drag on modes that change with speed", "drag"
+        )
         check_record(basis.speed, SpeedBasis, f"{item}/speed", {**sizes, "n_modes": basis.n_modes})
         _check_speed(basis, basis.speed, f"{item}/speed")
 
@@ -259,7 +311,12 @@ def _check_residual(rest: NDArray, flexibility: NDArray, item: str, what: str) -
     size = np.linalg.norm(flexibility)
     allowed = SINGLE * size
     good = np.isfinite(size) and np.isfinite(rest).all()
-    check(good, item, "numbers whose squares are finite", f"sizes up to {np.abs(flexibility).max(initial=0.0):.3g}")
+    check(
+        good,
+        item,
+        "numbers whose squares are finite",
+        f"sizes up to {np.abs(flexibility).max(initial=0.0):.3g}",
+    )
     if not is_positive_definite(rest + allowed * np.eye(len(rest))):
         smallest = np.linalg.eigvalsh(0.5 * (rest + rest.conj().T))[0]
         found = f"the eigenvalue {smallest:.3g} m/N, size {size:.3g} m/N"
@@ -269,7 +326,9 @@ def _check_residual(rest: NDArray, flexibility: NDArray, item: str, what: str) -
 def _check_speed(basis: ModalBasis, speed: SpeedBasis, item: str) -> None:
     """Check that the matrices over rotor speed agree with the frequencies and the flexibility of the basis at its speed."""
     size = np.sqrt(np.maximum(basis.omega2, 1e-8 * basis.omega2.max(initial=0.0)))
-    difference = np.abs(speed.stiffness(speed.omega_ref) - np.diag(basis.omega2)) / (size[:, None] * size)
+    difference = np.abs(speed.stiffness(speed.omega_ref) - np.diag(basis.omega2)) / (
+        size[:, None] * size
+    )
     error, found = difference.max(initial=0.0), "a relative difference of {:.3g}"
     expected = "stiffness0 + omega_ref^2 stiffness2 = the diagonal matrix of omega2"
     check(error <= STIFFNESS_TOLERANCE, f"{item}/stiffness0", expected, found.format(error))
@@ -296,7 +355,12 @@ def _check_real(basis: ModalBasis, item: str, lumped: bool) -> None:
         for key, values in arrays.items():
             largest = np.abs(values.imag).max(initial=0.0)
             found = f"imaginary parts up to {largest:.3g}, size {size:.3g}"
-            check(largest <= ROUNDING * size, f"{item}/{key}", "real numbers at nodal diameter 0", found)
+            check(
+                largest <= ROUNDING * size,
+                f"{item}/{key}",
+                "real numbers at nodal diameter 0",
+                found,
+            )
 
 
 # ---- Rigid-body modes ----
@@ -306,7 +370,9 @@ def _check_rigid(body: Body, model: Model, item: str) -> None:
     """Check that the first six modes are an orthonormal combination of the rigid motions of the body."""
     basis = body.bases[0]
     exact = _rigid_motions(body, model)
-    given = np.concatenate([basis.contact_modes, *(values[None] for values in basis.locations.values())])
+    given = np.concatenate(
+        [basis.contact_modes, *(values[None] for values in basis.locations.values())]
+    )
     given = given[:, :, :N_RIGID].real.reshape(-1, N_RIGID)
     if len(given) == 0:
         return
@@ -318,10 +384,19 @@ def _check_rigid(body: Body, model: Model, item: str) -> None:
     worst = int(np.argmax(error))
     if not error[worst] <= RIGID_TOLERANCE:
         found = f"mode {worst} off by {error[worst]:.3g} of the largest rigid motion"
-        raise mismatch(f"{item}/modes", "rigid motions about the centre as the first six modes", found)
+        raise mismatch(
+            f"{item}/modes", "rigid motions about the centre as the first six modes", found
+        )
     difference = np.abs(given @ given.T - exact @ exact.T).max() / size**2
-    expected = "mass-normalised independent rigid-body modes (Phi Phi^T as from mass, centre, inertia)"
-    check(difference <= 4 * RIGID_TOLERANCE, f"{item}/modes", expected, f"a relative difference of {difference:.3g}")
+    expected = (
+        "mass-normalised independent rigid-body modes (Phi Phi^T as from mass, centre, inertia)"
+    )
+    check(
+        difference <= 4 * RIGID_TOLERANCE,
+        f"{item}/modes",
+        expected,
+        f"a relative difference of {difference:.3g}",
+    )
 
 
 def _rigid_motions(body: Body, model: Model) -> NDArray:
@@ -330,7 +405,9 @@ def _rigid_motions(body: Body, model: Model) -> NDArray:
     points, frames = [], []
     for name, side in body.ports:  # rotated into the sector of the body
         face = model.interfaces[name]
-        rotation = turn(2 * np.pi * (face.sector_a if side == "a" else face.sector_b) / model.n_blades)
+        rotation = turn(
+            2 * np.pi * (face.sector_a if side == "a" else face.sector_b) / model.n_blades
+        )
         points.append(face.points @ rotation)  # rows R^T x
         frames.append(face.frame @ rotation)
     for name in body.bases[0].locations:
@@ -353,31 +430,61 @@ def _check_local(body: Body, local: LocalBasis, model: Model, item: str, sizes: 
     By Rayleigh-Ritz its frequencies are not below the modes of the body, and the lowest one is close.
     """
     check_type(local, LocalBasis, item)
-    check(body.kind == "constrained", item, "a local basis on constrained bodies only", f"one on a {body.kind} body")
+    check(
+        body.kind == "constrained",
+        item,
+        "a local basis on constrained bodies only",
+        f"one on a {body.kind} body",
+    )
     check(model.n_blades > 1, item, "a local basis in cyclic structures only", "an acyclic one")
     loaded = body.load is not None or body.constant_force is not None
     check(not loaded, item, "no static load on a body with a local basis", "one")
     check_type(local.blade_stiffness, np.ndarray, f"{item}/blade_stiffness")
-    numbers: Sizes = {"n": len(np.atleast_1d(local.blade_stiffness)), "n_diameters": model.n_blades // 2 + 1}
+    numbers: Sizes = {
+        "n": len(np.atleast_1d(local.blade_stiffness)),
+        "n_diameters": model.n_blades // 2 + 1,
+    }
     check_record(local, LocalBasis, item, {**sizes, **numbers})
     r, m = local.n_interface, local.n_cantilever
     enough = local.n_attachment >= 0 and r > 0 and m > 0
-    check(enough, item, "cantilever modes and root shapes, together at most n", f"{m} and {r} of n = {local.n}")
+    check(
+        enough,
+        item,
+        "cantilever modes and root shapes, together at most n",
+        f"{m} and {r} of n = {local.n}",
+    )
     for key in ("disk_stiffness", "disk_mass"):
         _check_disk(getattr(local, key), model.n_blades, f"{item}/{key}")
     _check_cantilever(local, item)
     for d in range(model.n_blades // 2 + 1):
         for key in ("stiffness", "mass"):
             definite = is_positive_definite(getattr(local, key)(d))
-            check(definite, f"{item}/disk_{key}", "blade and disk positive definite", f"not at nodal diameter {d}")
+            check(
+                definite,
+                f"{item}/disk_{key}",
+                "blade and disk positive definite",
+                f"not at nodal diameter {d}",
+            )
     if local.flexibility is not None and (rest := local.residual_flexibility()) is not None:
-        _check_residual(rest, local.flexibility, f"{item}/flexibility", "flexibility less that of the coordinates")
+        _check_residual(
+            rest,
+            local.flexibility,
+            f"{item}/flexibility",
+            "flexibility less that of the coordinates",
+        )
     for d, basis in body.bases.items():
         omega2 = eigh(local.stiffness(d), local.mass(d), eigvals_only=True)[: basis.n_natural]
         ratio = np.sqrt(omega2 / np.sort(basis.omega2[: basis.n_natural])[: len(omega2)])
         close = ratio.min() >= 1.0 - SINGLE and ratio[0] <= 1.0 + NEAREST_FREQUENCY
-        expected = f"frequencies of nd{d:03d} or above, the lowest within {100 * NEAREST_FREQUENCY:g} %"
-        check(close, item, expected, f"{ratio[0]:.6g} times the lowest, {ratio.min():.9g} times at least")
+        expected = (
+            f"frequencies of nd{d:03d} or above, the lowest within {100 * NEAREST_FREQUENCY:g} %"
+        )
+        check(
+            close,
+            item,
+            expected,
+            f"{ratio[0]:.6g} times the lowest, {ratio.min():.9g} times at least",
+        )
 
 
 def _check_disk(disk: NDArray, n_blades: int, item: str) -> None:
@@ -398,9 +505,18 @@ def _check_cantilever(local: LocalBasis, item: str) -> None:
     if not error.max() <= ROUNDING:
         i, j = (int(k) for k in np.unravel_index(error.argmax(), error.shape))
         found = f"{local.blade_stiffness[i, j]:.9g} instead of {expected[i, j]:.9g} at ({i}, {j})"
-        raise mismatch(f"{item}/blade_stiffness", "a diagonal block with omega2 for the cantilever modes", found)
+        raise mismatch(
+            f"{item}/blade_stiffness",
+            "a diagonal block with omega2 for the cantilever modes",
+            found,
+        )
     smallest = np.linalg.eigvalsh(local.blade_stiffness / np.outer(size, size))[0]
-    check(smallest >= -ROUNDING, f"{item}/blade_stiffness", "no negative eigenvalue", f"{smallest:.3g} of its size")
+    check(
+        smallest >= -ROUNDING,
+        f"{item}/blade_stiffness",
+        "no negative eigenvalue",
+        f"{smallest:.3g} of its size",
+    )
 
 
 # ---- Optional parts ----
@@ -417,18 +533,35 @@ def _check_optional(model: Model, where: str) -> None:
             check_record(part, group.kind, item, {"n_points": getattr(owners[name], "n_points", 0)})
     for name, mesh in model.meshes.items():
         inside = (mesh.quads >= 0) & (mesh.quads < len(mesh.points))
-        check_all(inside, mesh.quads, f"indices 0 to {len(mesh.points) - 1}", f"{where}: /mesh/{name}/quads")
+        check_all(
+            inside,
+            mesh.quads,
+            f"indices 0 to {len(mesh.points) - 1}",
+            f"{where}: /mesh/{name}/quads",
+        )
 
 
 def _check_stress(stress: StressSet, model: Model, item: str) -> None:
     """Check body, nodal diameters and number of modes of a stress set."""
-    bodies = {name: body for name, body in model.bodies.items() if body.kind in ("constrained", "lumped")}
-    check(stress.body in bodies, f"{item}/@body", f"a constrained body of {list(bodies)}", repr(stress.body))
+    bodies = {
+        name: body for name, body in model.bodies.items() if body.kind in ("constrained", "lumped")
+    }
+    check(
+        stress.body in bodies,
+        f"{item}/@body",
+        f"a constrained body of {list(bodies)}",
+        repr(stress.body),
+    )
     body = bodies[stress.body]
     check_record(stress, StressSet, item, {"n_forces": 3 * _n_points(body, model)})
     check(len(stress) > 0, f"{item}/points", "at least one point", "none")
     known, own = 0 in stress.modes and set(stress.modes) <= set(body.bases), sorted(stress.modes)
-    check(known, f"{item} (nodal diameters)", f"nodal diameter 0 and others of {sorted(body.bases)}", own)
+    check(
+        known,
+        f"{item} (nodal diameters)",
+        f"nodal diameter 0 and others of {sorted(body.bases)}",
+        own,
+    )
     paired = not stress.contact or set(stress.contact) == set(stress.modes)
     check(paired, f"{item} (nodal diameters of contact)", f"{own}", sorted(stress.contact))
     for d, rows in stress.modes.items():
@@ -444,5 +577,13 @@ def _check_provenance(model: Model, where: str) -> None:
         text = key + value
         good = key and "\0" not in text and text.encode(errors="ignore").decode() == text
         check(good, item, "named texts that UTF-8 can hold, without NUL", f"{key!r}: {value!r}")
-        size, most = len(value.encode()), 60000  # bytes; an HDF5 attribute with its name has at most 64 KiB
-        check(size + len(key.encode()) <= most, item, f"texts of at most {most} bytes", f"{size} bytes in '{key[:40]}'")
+        size, most = (
+            len(value.encode()),
+            60000,
+        )  # bytes; an HDF5 attribute with its name has at most 64 KiB
+        check(
+            size + len(key.encode()) <= most,
+            item,
+            f"texts of at most {most} bytes",
+            f"{size} bytes in '{key[:40]}'",
+        )
