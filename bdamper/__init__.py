@@ -22,12 +22,12 @@ def _folders_with_core(path: list[str]) -> list[str]:
     if not compiled:
         raise ImportError(
             f"bdamper in {path[0]} has no compiled core; run 'pip install .' in the checkout, or "
-            "'make demo' for an editable one"
+            "'make demo' for an editable installation"
         )
     return compiled
 
 
-# an editable installation finds its core by a loader of its own
+# in an editable installation a special loader finds the core
 if __spec__ is not None and type(__spec__.loader).__module__ != "_bdamper_editable_loader":
     __path__ = _folders_with_core(list(__path__))
     __file__ = join(__path__[0], "__init__.py")

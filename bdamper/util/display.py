@@ -215,14 +215,15 @@ class Summarised:
 
 def _owners(name: str) -> str:
     """Return "; A and B have it" for an attribute of other results; an empty text if none has it."""
-    owners = []
+    owners = {}
     for kind in _kinds(Summarised):
+        # a class with several result classes as bases occurs several times
         if name in dir(kind) or name in getattr(kind, "__dataclass_fields__", ()):
-            owners.append(kind.__name__)
+            owners[kind.__name__] = kind
     if not owners:
         return ""
     verb = "has" if len(owners) == 1 else "have"
-    return f"; {' and '.join(owners[:3])} {verb} it"
+    return f"; {' and '.join([*owners][:3])} {verb} it"
 
 
 def _kinds(of: type[Any]) -> Iterator[type[Any]]:
