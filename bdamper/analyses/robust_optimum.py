@@ -21,6 +21,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -36,11 +37,12 @@ from bdamper.harmonic_balance.checks import Asking, problem_of
 from bdamper.harmonic_balance.parameters import present_name, vary
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response import response_curve as tracking
+from bdamper.response.followed_peak import Followed, drops, followed_peaks
 from bdamper.response.linear_limits import peak_interval
 from bdamper.response.optimal_curve import Curves, at_preload, preload_values
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.peak import Peak, find_peak
-from bdamper.response.response_curve import NO_STEADY
+from bdamper.response.response_curve_result import NO_STEADY
 from bdamper.response.scalar_search import Sample, find_minimum
 from bdamper.response.verification import FRICTION_SPREAD, MUCH, FrictionPeak, FrictionRange
 from bdamper.util import validation
@@ -388,7 +390,9 @@ class SteadyPeak(PeakTask):
         there = at_preload(problem, load, peak_interval(problem.at(load), self.frequency, self.mode))
         height = np.inf if there.rattles else float(np.nan_to_num(there.height, posinf=np.inf))
         status = with_reason(NOT_FOUND, f"{NO_STEADY}: {there.rattles}") if there.rattles else there.status
-        return {"amplitude": height, "known": there.known, "search": status, "cost": there.cost}
+        return {
+            "amplitude": height, "known": there.known, "search": status, "cost": there.cost, "height": there.height
+        }  # fmt: skip
 
 
 OTHER_FRICTION = (1.0, 0.7, 1.3)
@@ -482,23 +486,75 @@ def _by_distance(curve: OptimalCurve, preload: float) -> list[float]:
     return [p for p in away if tolerant(p)][:MOST_REMEDIES]
 
 
-def _percentiles(done: SweepResult, n: int, percentile: float) -> list[tuple[float, float]]:
-    """Return the percentile of the amplitude at each of ``n`` preloads, and a lower bound of it.
+class _Draws:
+    """Highest peaks of all draws at the preloads computed so far.
 
-    Both are equal if every draw has a peak or rattles.  In the percentile a draw without a peak counts as infinite; in the
-    lower bound it has the highest amplitude that was found, or zero.
+    Parameters
+    ----------
+    study : Study or Problem
+    samples : mapping of setting to sequence of float
+    frequency, mode
+        See :func:`robust_optimum`.
     """
-    if not done.quantities:
-        return [(np.inf, 0.0)] * n
-    size, known = (done.array(name).reshape(-1, n) for name in ("amplitude", "known"))
-    upper = _upper_percentile(np.where(known == 1.0, size, np.inf), percentile)
-    lower = _upper_percentile(np.nan_to_num(size, posinf=np.inf), percentile)
-    return list(zip(upper.tolist(), lower.tolist()))
 
+    def __init__(
+        self,
+        study: Asking | Problem,
+        samples: Mapping[str, Sequence[float]],
+        frequency: tuple[float, float] | None,
+        mode: int,
+    ) -> None:
+        self.problem, self.samples, self.frequency, self.mode = problem_of(study), samples, frequency, mode
+        self.n = len(next(iter(samples.values())))
+        # for each draw: amplitude as SteadyPeak counts it, amplitude of the highest point, and whether it is known
+        self.size, self.height, self.known = (dict[float, NDArray]() for _ in range(3))
+        self.followed: list[dict[float, Followed]] = [{} for _ in range(self.n)]
 
-def _lower_bounds(done: SweepResult) -> int:
-    """Return the number of points whose amplitude is not known."""
-    return int(np.count_nonzero(done.array("known") != 1.0)) if done.quantities else len(done)
+    def add(self, grid: Sequence[float], done: SweepResult) -> None:
+        """Add the results of a sweep over all draws and a grid of preloads (N).  Failed evaluations give NaN."""
+        for name in ("size", "height", "known"):
+            quantity = "amplitude" if name == "size" else name
+            column = done.array(quantity) if done.quantities else np.full(len(done), np.nan)
+            getattr(self, name).update(zip(grid, column.astype(float).reshape(-1, len(grid)).T))
+
+    def follow_drops(self) -> None:
+        """Follow the peaks of lower preloads where the amplitude of a draw decreases by more than a third."""
+        for i in range(self.n):
+            heights = {p: float(height[i]) for p, height in self.height.items()}
+            places = sorted(heights)
+            if not self.followed[i] and not any(drops(heights[a], heights[b]) for a, b in pairwise(places)):
+                continue
+            problem = vary(self.problem, {name: values[i] for name, values in self.samples.items()})
+
+            def peak_at(preload: float, problem: Problem = problem) -> Peak | None:
+                interval = peak_interval(problem.at(preload), self.frequency, self.mode)
+                top = at_preload(problem, preload, interval).top
+                return top.peak if top is not None and top.kind == "peak" else None
+
+            def steady(preload: float, i: int = i) -> bool:
+                return bool(self.known[preload][i] == 1.0 and self.size[preload][i] < np.inf)
+
+            self.followed[i] = followed_peaks(problem, heights, steady, peak_at, self.followed[i])
+            for p, followed in self.followed[i].items():
+                self.size[p][i], self.known[p][i] = followed.peak.amplitude, 0.0
+
+    def percentiles(self, percentile: float) -> dict[float, tuple[float, float]]:
+        """Return the percentile of the amplitude at each preload, and a lower bound of it.
+
+        Both are equal if every draw has a peak or rattles.  In the percentile a draw without a peak counts as infinite; in
+        the lower bound it has the highest amplitude that was found, or zero.
+        """
+        out = {}
+        for p, size in self.size.items():
+            upper = np.where(self.known[p] == 1.0, size, np.inf)
+            ends = np.column_stack([upper, np.nan_to_num(size, posinf=np.inf)])
+            high, low = _upper_percentile(ends, percentile).tolist()
+            out[p] = high, low
+        return out
+
+    def unknown(self, preload: float) -> int:
+        """Return the number of draws whose amplitude at a preload is not known."""
+        return int(np.count_nonzero(self.known[preload] != 1.0))
 
 
 @validation.check_arguments
@@ -559,6 +615,7 @@ def robust_optimum(
     n_draws = len(next(iter(valid.values())))
     optimum: RobustOptimum | None = None
     known = dict[float, tuple[float, float]]()  # percentile and its lower bound at each preload
+    draws = _Draws(study, valid, frequency, mode)
     while optimum is None or optimum.uncertainty > tolerance:
         grid = [float(p) for p in preload_values((low, high), n) if float(p) not in known]
         points: dict[str, Any] = {name: [value for value in values for _ in grid] for name, values in valid.items()}
@@ -570,7 +627,9 @@ def robust_optimum(
             if optimum is None:
                 raise BdamperError(f"robust optimum{left[0]}") if left[0] else KeyboardInterrupt
             return replace(optimum, status=f"{INTERRUPTED}{left[0]}")
-        known |= dict(zip(grid, _percentiles(done, len(grid), percentile)))
+        draws.add(grid, done)
+        draws.follow_drops()
+        known |= draws.percentiles(percentile)
         places = sorted(known)
         k = min(range(len(places)), key=lambda i: known[places[i]][0])
         best, amplitude = places[k], known[places[k]][0]
@@ -584,7 +643,7 @@ def robust_optimum(
         width = float(np.log(high / low)) / 2.0
         why = f"{counted(lower, 'preload')} without a peak in every draw could be lower"
         status = with_reason(INCOMPLETE, why) if lower else COMPLETE
-        kind, unsure = "end" if best in limits else "interior", _lower_bounds(done)
+        kind, unsure = "end" if best in limits else "interior", sum(draws.unknown(p) for p in grid)
         optimum = RobustOptimum(best, amplitude, float(percentile), width, kind, unsure, status, n_draws, failed)
     return optimum
 

@@ -22,20 +22,23 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.analyses.executors import check_executor, run_stored
+from bdamper.analyses.executors import Records, check_executor, run_stored
 from bdamper.harmonic_balance.checks import Asking, check_question, like, problem_of
 from bdamper.harmonic_balance.parameters import MASS, check_name, present_name, study_fingerprint, vary
 from bdamper.harmonic_balance.problem import Problem
+from bdamper.response.followed_peak import drops, followed_peaks
 from bdamper.response.headline import checks
 from bdamper.response.highest_peak import highest_peak
 from bdamper.response.linear_limits import free_and_stuck
 from bdamper.response.optimal_curve import optimal_curve, preload_values
 from bdamper.response.optimal_curve_result import OptimalCurve
+from bdamper.response.peak import Peak
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util import plausible_ranges, validation
 from bdamper.util.display import Differences, Plottable
 from bdamper.util.errors import (
     FAILED,
+    INCOMPLETE,
     NOT_RUN,
     BdamperError,
     SettingError,
@@ -44,9 +47,10 @@ from bdamper.util.errors import (
     called_by_user,
     inside_user_code,
     status_word,
+    with_reason,
 )
 from bdamper.util.formatting import UNITS, amount, counted, peak_text, percent, short_repr, short_text, spaced
-from bdamper.util.progress import one_thread, shows_progress, with_progress
+from bdamper.util.progress import LongWork, one_thread, shows_progress, with_progress
 from bdamper.util.records import named_fields, names_of, row_of
 from bdamper.util.storage import INSTALLED, Recorded, ResultsFile, Storable
 from bdamper.util.tables import Column, Tabular, concatenate
@@ -292,7 +296,7 @@ class _Job:
     study: Asking | Problem
     evaluate: Task
 
-    def _varied(self, settings: Mapping[str, Any]) -> Asking | Problem:
+    def varied(self, settings: Mapping[str, Any]) -> Asking | Problem:
         varied = {name: value for name, value in settings.items() if name != "preload"}
         return vary(self.study, varied) if varied else self.study
 
@@ -301,7 +305,7 @@ class _Job:
         first: BdamperError | None = None
         for i in range(len(points)):
             try:
-                self._varied(row_of(points, i))
+                self.varied(row_of(points, i))
                 return
             except BdamperError as error:
                 first = first or error
@@ -312,7 +316,7 @@ class _Job:
         preload = settings.get("preload")
         if preload is not None:
             preload = float(preload)
-        varied = self._varied(settings)
+        varied = self.varied(settings)
         if isinstance(self.evaluate, (PeakTask, OptimalTask)):
             return self.evaluate(varied, preload)
         with inside_user_code():
@@ -389,6 +393,39 @@ def _check_loads(problem: Problem, evaluate: Task, points: NDArray) -> None:
     any(problem.sizes.check_preload(np.array(preloads), *at) for at, preloads in groups.items())
 
 
+def _with_followed_peaks(job: _Job, task: PeakTask, points: NDArray, found: Records) -> Records:
+    """Return the records of a sweep over the preload, without amplitudes below a peak of the next lower preload.
+
+    The points with equal other settings are compared with each other (:mod:`bdamper.response.followed_peak`).
+    """
+    groups: dict[str, dict[float, int]] = {}
+    for i in range(len(points)):
+        settings = row_of(points, i)
+        groups.setdefault(repr({**settings, "preload": None}), {})[float(settings["preload"])] = i
+    if "amplitude" not in names_of(found.values):
+        return found
+    values, status = found.values.copy(), list(found.status)
+    amplitude = values["amplitude"].astype(float)
+    for group in groups.values():
+        heights = {p: float(amplitude[i]) for p, i in group.items()}
+        ordered = [heights[p] for p in sorted(heights) if np.isfinite(heights[p])]
+        if not any(drops(a, b) for a, b in itertools.pairwise(ordered)):
+            continue
+        problem = problem_of(job.varied(row_of(points, next(iter(group.values())))))
+
+        def peak_at(preload: float, problem: Problem = problem) -> Peak | None:
+            peak = highest_peak(problem, preload, task.frequency, mode=task.mode)
+            return peak if peak.converged and not peak.corner else None
+
+        for p, followed in followed_peaks(problem, heights, lambda _: True, peak_at).items():
+            i = group[p]
+            values["amplitude"][i], values["frequency"][i] = np.nan, np.nan
+            values["lower_bound"][i] = followed.peak.amplitude
+            status[i] = with_reason(INCOMPLETE, followed.note)
+            values["warning"][i] = followed.note
+    return replace(found, values=values, status=tuple(status))
+
+
 def _header(job: _Job, over: Mapping[str, Any], combine: str) -> dict[str, Any]:
     """Return the identification of a sweep in its results file."""
     return {
@@ -460,6 +497,9 @@ def sweep(
     with opened as store:
         point = partial(row_of, points)
         found = run_stored(job, point, range(len(points)), executor, store, progress, "sweep", "point")
+    if type(evaluate) is PeakTask and "preload" in names:
+        with LongWork():
+            found = _with_followed_peaks(job, evaluate, points, found)
     return SweepResult(names, points, shape=shape, **vars(found), **problem.recorded())
 
 

@@ -44,8 +44,7 @@ from bdamper.plot.speed_and_fatigue import SPEED
 from bdamper.plot.studies import draw_table
 from bdamper.response.headline import NEAR_BEST
 from bdamper.response.optimal_curve_result import OptimalCurve
-from bdamper.response.response_curve import NO_STEADY
-from bdamper.response.response_curve_result import ResponseCurve, unstable_points
+from bdamper.response.response_curve_result import NO_STEADY, ResponseCurve, unstable_points
 from bdamper.response.sensitivity import CurveSensitivity, band
 from bdamper.response.verification import TimeResponse
 from bdamper.time_domain.frequency_sweep import TimeSweep

@@ -12,7 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.response.branches import NO_SOLUTION
 from bdamper.response.motion_range import exceeds
+from bdamper.response.response_curve_result import NO_STEADY
 from bdamper.response.verification import FRICTION_SPREAD, MUCH, TimeResponse
 from bdamper.util.errors import COMPLETE, INTERRUPTED, status_word
 from bdamper.util.formatting import amount, loads_text, peak_text, percent, span
@@ -221,7 +223,7 @@ def headline(curve: OptimalCurve) -> str:
     remedies = "; ".join(dict.fromkeys(check.remedy for check in red))
     doubt = f"Not for design: {'; '.join(check.failure for check in red)}. {remedies[:1].upper()}{remedies[1:]}."
     amplitudes = [_preload(curve), _amplitude(curve), _range(curve), other]
-    said = [doubt if red else "", *amplitudes, _locked(curve), _not_covered(curve)]
+    said = [doubt if red else "", *amplitudes, _locked(curve), _doubts(curve), _not_covered(curve)]
     return " ".join(filter(None, said))
 
 
@@ -354,6 +356,21 @@ def _design(curve: OptimalCurve) -> str:
         return f"No design amplitude, it is not known {' and '.join(unknown)};"
     highest = max(amplitudes, key=lambda name: amplitudes[name])
     return f"Design amplitude: {amount(curve.design_amplitude, 'm')} ({highest});"
+
+
+def _doubts(curve: OptimalCurve) -> str:
+    """Return the doubts of the response curve at the optimum: paths that broke off, and a damper that may rattle."""
+    best = curve.optimum.preload
+    there = [k for k in curve.curves if np.isclose(k.preload, best, rtol=1e-9, atol=0.0)]
+    doubts = []
+    if any(NO_STEADY in k.reason for k in there):
+        doubts.append(f"{NO_STEADY} is expected")
+    # gaps without a solution are narrower than a thousandth of the interval in a complete curve
+    broken = [part for k in there for part in k.missing_ranges if part.why != NO_SOLUTION]
+    if broken:
+        places = " and ".join(f"{(part.low + part.high) / 2.0:.4g} Hz" for part in broken[:2])
+        doubts.append(f"a path of the response curve broke off near {places}, so that a higher branch may be missing")
+    return f"Doubt at {amount(best, 'N')}: {'; '.join(doubts)}." if doubts else ""
 
 
 def _not_covered(curve: OptimalCurve) -> str:

@@ -48,6 +48,10 @@ largest distance of a peak from the interpolation between two preloads.
 """
 
 
+FOLLOWED = "higher on the peak followed from"
+"""Beginning of the note on a peak that exists at the next lower preload and still at this one."""
+
+
 @dataclass(frozen=True)
 class Highest:
     """Refined highest point of a curve.
@@ -258,6 +262,11 @@ class AtPreload:
         if self.top is None or not self.curve.complete:
             return False
         return self.top.kind != "end" and not self.top.note
+
+    @property
+    def followed(self) -> bool:
+        """Whether the highest point was followed from a lower preload (:mod:`bdamper.response.followed_peak`)."""
+        return self.top is not None and self.top.note.startswith(FOLLOWED)
 
     @property
     def height(self) -> float:

@@ -31,13 +31,14 @@ from bdamper.harmonic_balance.parameters import study_fingerprint
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.model.kinematics import centrifugal_load
 from bdamper.response.events import ContinuationOptions
+from bdamper.response.followed_peak import without_lost_peaks
 from bdamper.response.headline import NEAR_BEST
 from bdamper.response.highest_peak import REACH, AtPreload, check_options, found_at, given_up
 from bdamper.response.linear_limits import linear_peak, peak_interval
 from bdamper.response.optimal_curve_result import OptimalCurve, OptimumPoint
 from bdamper.response.peak import Family, Peak, PeakOptions, find_peak
-from bdamper.response.response_curve import NO_STEADY, open_at_rest, rattles, without_points
-from bdamper.response.response_curve_result import ResponseCurve
+from bdamper.response.response_curve import open_at_rest, rattles, without_points
+from bdamper.response.response_curve_result import NO_STEADY, ResponseCurve
 from bdamper.response.scalar_search import Sample, find_minimum, find_root, on_one_branch
 from bdamper.response.sensitivity import amplitude_sensitivity
 from bdamper.util import validation
@@ -315,7 +316,15 @@ class Curves:
             stop.set()  # ends running curves
             for future in running.values():
                 future.cancel()
-        return out
+        self._follow_drops()
+        return [self.known[there.preload] for there in out]
+
+    def _follow_drops(self) -> None:
+        """Replace the highest points above which a peak of the next lower preload still exists.
+
+        The file keeps what each curve gave, because the neighbours of a preload may change.
+        """
+        self.known |= without_lost_peaks(self.problem, self.known, self.options)
 
     def _store(self, there: AtPreload) -> None:
         self.known[there.preload] = there

@@ -47,7 +47,7 @@ from bdamper.response.continuation import OUT_OF_BUDGET, TWO_PI
 from bdamper.response.events import ContinuationOptions, Path
 from bdamper.response.linear_limits import free
 from bdamper.response.resolution import unresolved_resonance
-from bdamper.response.response_curve_result import LOCKED, ResponseCurve, crossed, unstable_points
+from bdamper.response.response_curve_result import LOCKED, NO_STEADY, ResponseCurve, crossed, unstable_points
 from bdamper.util import validation
 from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, SettingError
 from bdamper.util.progress import Cost, CostMeter, is_part_of_work, progress_bar, single_thread
@@ -129,7 +129,6 @@ def why_no_solution(system: Equations[Sector], model: Model, coordinates: Sequen
 # ---- rattling damper ----
 
 
-NO_STEADY = "no steady periodic response"
 FOLDS = 14
 """Smallest number of folds of a rattling damper.  With 12 the same 11 of 84 curves are detected, but an optimal curve
 ends at 49 N instead of 42 N, and a time integration at 50 N becomes steady.

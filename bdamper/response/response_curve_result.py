@@ -39,6 +39,8 @@ from bdamper.util.tables import (
     Tabular,
 )
 
+NO_STEADY = "no steady periodic response"
+"""Reason at preloads at which the damper rattles."""
 HIGHEST = "Highest response"
 LOCKED = "is self-locking: its static normal load is not unique"
 """Note on a body that friction alone can hold between its faces."""

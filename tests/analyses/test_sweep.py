@@ -543,7 +543,7 @@ class TestWarnings:
 def found_at_all(height, known=True, rattles=""):
     """What the search at one preload comes to."""
     status = "complete" if known else "incomplete: why"
-    return SimpleNamespace(height=height, known=known, rattles=rattles, status=status, cost=Cost())
+    return SimpleNamespace(height=height, known=known, rattles=rattles, status=status, cost=Cost(), top=None)
 
 
 class TestUncertainty:

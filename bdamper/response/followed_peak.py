@@ -1,0 +1,156 @@
+"""Peaks followed upward in preload, where the highest peaks at two neighbouring preloads differ by more than a third.
+
+The search at one preload follows the branches that connect with an end of the frequency interval. If the preload rises, the
+branch of the highest peak can detach and become closed. The highest peak of the remaining branches is then much lower. The
+amplitude seems to jump down to a minimum. A damper that is run up under increasing load stays on the detached
+branch, and time integration finds its amplitude: about 70 µm on the difficult disk (friction 0.432, engine order 10, 91.9
+N), where the remaining branch has 40 µm.
+
+Therefore :func:`without_lost_peaks` follows the peak of the next lower preload upward before it accepts such a drop. If the
+peak still exists at the higher preload, the amplitude there is not known, and the followed peak is its lower bound.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from bdamper.harmonic_balance.problem import Problem
+from bdamper.response.highest_peak import FOLLOWED, NEAR, REACH, AtPreload, Highest
+from bdamper.response.peak import Peak, PeakOptions, find_peak
+from bdamper.util.formatting import amount, peak_text
+
+DROP = 1.0 / 3.0
+"""Relative decrease of the amplitude from one preload to the next one above which the lower amplitude needs a check."""
+STEPS = 1e-4, 0.01, 0.1
+"""Smallest, first, and largest relative step of the preload. On the difficult disk the steps are between 0.05 and 3 %."""
+CHANGE = 0.3
+"""Largest change of ln(amplitude) in a step; a larger one is a jump to another peak."""
+
+
+def drops(lower: float, higher: float) -> bool:
+    """Return whether the amplitude decreases by more than a third from the lower to the higher preload."""
+    return higher < (1.0 - DROP) * lower
+
+
+def follow_upward(
+    problem: Problem, peak: Peak, preload: float, *, above: float = 0.0, options: PeakOptions | None = None
+) -> Peak | None:
+    """Follow a smooth peak from its preload to a higher preload.
+
+    Parameters
+    ----------
+    problem : Problem
+    peak : Peak
+        Smooth maximum at a lower preload.
+    preload : float, N
+    above : float, m
+        Amplitude at which the path ends.
+    options : PeakOptions
+
+    Returns
+    -------
+    Peak or None
+        None if the peak vanishes, is a corner, or falls to the amplitude ``above``.
+    """
+    smallest, step, largest = STEPS
+    here, before = peak, None
+    while here.parameter < preload * (1.0 - 1e-12):
+        if here.corner or step < smallest:
+            return None
+        at = min(here.parameter * np.exp(step), preload)
+        guess = here.y
+        if before is not None:
+            guess = here.y + (here.y - before.y) * np.log(at / here.parameter) / np.log(here.parameter / before.parameter)
+        shape: dict[str, Any] = {"tangent": here.tangent, "scale": here.scale, "curvature": here.curvature}
+        shape = shape if here.tangent.any() else {}
+        new = find_peak(problem.system(at), guess, options=options, parameter=at, reach=REACH, **shape)
+        if new.converged and abs(np.log(new.amplitude / here.amplitude)) < CHANGE:
+            if new.amplitude <= above:
+                return None
+            here, before, step = new, here, min(1.5 * step, largest)
+        else:
+            step *= 0.5
+    return here
+
+
+class Followed(NamedTuple):
+    """Peak at a preload that was followed from a lower preload ``start`` (N)."""
+
+    peak: Peak
+    start: float
+
+    @property
+    def note(self) -> str:
+        """Reason why the highest point of the response curve at this preload is not the highest response."""
+        height = peak_text(self.peak.amplitude, self.peak.frequency, 4)
+        return f"{FOLLOWED} {amount(self.start, 'N')}: {height}; not on a branch from an end of the interval"
+
+
+def followed_peaks(
+    problem: Problem,
+    heights: Mapping[float, float],
+    known: Callable[[float], bool],
+    peak_at: Callable[[float], Peak | None],
+    before: Mapping[float, Followed] | None = None,
+    options: PeakOptions | None = None,
+) -> dict[float, Followed]:
+    """Return the peaks that exist at a lower preload and are still higher than the highest point found at the next one.
+
+    Parameters
+    ----------
+    problem : Problem
+    heights : mapping of preload to float, m
+        Amplitude of the highest point found at each preload, also of one that is not known to be the highest.
+    known : callable
+        Whether the amplitude at a preload is known and needs a check.
+    peak_at : callable
+        Returns the highest point at a preload if it is a smooth maximum, otherwise None.
+    before : mapping of preload to Followed, optional
+        Followed peaks from earlier calls.
+    options : PeakOptions
+
+    Returns
+    -------
+    dict of preload to Followed
+        All followed peaks, also those of ``before``.
+    """
+    found = dict(before or {})
+    below: float | None = None
+    for preload in sorted(heights):
+        if preload in found:
+            below = preload
+            continue
+        if not np.isfinite(heights[preload]):
+            continue
+        if below is not None and known(preload) and (below in found or drops(heights[below], heights[preload])):
+            start = found[below].peak if below in found else peak_at(below)
+            limit = (1.0 + NEAR) * heights[preload]
+            peak = None if start is None else follow_upward(problem, start, preload, above=limit, options=options)
+            if peak is not None:
+                found[preload] = Followed(peak, below)
+        below = preload
+    return found
+
+
+def without_lost_peaks(
+    problem: Problem, known: Mapping[float, AtPreload], options: PeakOptions | None = None
+) -> dict[float, AtPreload]:
+    """Return the preloads of response curves at which a peak followed from the next lower preload is higher.
+
+    Their highest point is the followed peak, with a note, so that their amplitude counts as unknown.
+    """
+
+    def peak_at(preload: float) -> Peak | None:
+        top = known[preload].top
+        return top.peak if top is not None and top.kind == "peak" else None
+
+    before = {p: Followed(there.top.peak, p) for p, there in known.items() if there.followed and there.top is not None}
+    heights = {p: there.height for p, there in known.items()}  # also where the damper rattles
+    steady = {p for p, there in known.items() if there.known and not there.rattles}
+    found = followed_peaks(problem, heights, steady.__contains__, peak_at, before, options)
+    new = {p: Highest(f.peak, "peak", -1, note=f.note) for p, f in found.items() if p not in before}
+    return {p: replace(known[p], top=top, slope=np.nan) for p, top in new.items()}

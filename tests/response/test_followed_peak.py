@@ -1,0 +1,166 @@
+"""Peaks of the next lower preload, where the amplitude decreases by more than a third to the next one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.analyses import robust_optimum
+from bdamper.response import followed_peak, response_curve
+from bdamper.response.branches import NO_SOLUTION, LeftOut
+from bdamper.response.followed_peak import Followed, follow_upward, followed_peaks
+from bdamper.response.linear_limits import peak_interval
+from bdamper.response.peak import coarse_options
+from bdamper.response.response_curve_result import NO_STEADY
+from tests.util.test_disk import BAND, pressed
+
+FOUND = {1.0: 10.0, 2.0: 9.0, 3.0: 4.0, 4.0: 3.9, 5.0: 3.8}
+"""Highest amplitude found at each preload; at 3 N a branch is lost."""
+
+
+def branch_to(end):
+    """Return a stand-in for follow_upward: a peak of 10 m less the preload, up to the preload ``end``."""
+    asked = []
+
+    def follow(problem, peak, preload, *, above=0.0, options=None):
+        asked.append((peak.parameter, preload))
+        height = 10.0 - preload
+        if preload > end or height <= above:
+            return None
+        return SimpleNamespace(parameter=preload, amplitude=height, frequency=1.0)
+
+    return follow, asked
+
+
+def followed(monkeypatch, end, heights=None, known=lambda p: True, before=None):
+    follow, asked = branch_to(end)
+    monkeypatch.setattr(followed_peak, "follow_upward", follow)
+    peak_at = lambda p: SimpleNamespace(parameter=p)  # noqa: E731
+    return followed_peaks(None, heights or FOUND, known, peak_at, before), asked
+
+
+def test_a_lost_branch_is_followed_to_its_end(monkeypatch):
+    found, asked = followed(monkeypatch, end=4.5)
+    assert {p: (f.peak.amplitude, f.start) for p, f in found.items()} == {3.0: (7.0, 2.0), 4.0: (6.0, 3.0)}
+    assert asked == [(2.0, 3.0), (3.0, 4.0), (4.0, 5.0)]
+    assert found[3.0].note.startswith("higher on the peak followed from 2 N: 7 m at 1 Hz")
+
+
+def test_a_drop_with_a_vanishing_peak_is_believed(monkeypatch):
+    assert followed(monkeypatch, end=2.5)[0] == {}
+    smooth = {p: 10.0 - p for p in FOUND}  # neighbours differ by less than a third up to 7 N
+    assert followed(monkeypatch, end=9.0, heights=smooth) == ({}, [])
+
+
+def test_unknown_and_missing_preloads(monkeypatch):
+    """An unknown amplitude is no drop; a preload without a response is passed over."""
+    found, asked = followed(monkeypatch, end=9.0, known=lambda p: p != 3.0)
+    assert 3.0 not in found and asked == []
+    assert set(followed(monkeypatch, end=9.0, heights=FOUND | {2.0: np.nan})[0]) == {3.0, 4.0, 5.0}
+
+
+def test_preloads_between_followed_ones_are_followed(monkeypatch):
+    """A preload that is added later between two followed ones has the same branch."""
+    first, _ = followed(monkeypatch, end=9.0)
+    found, asked = followed(monkeypatch, end=9.0, heights=FOUND | {3.5: 3.95}, before=first)
+    assert set(found) == {3.0, 3.5, 4.0, 5.0} and asked == [(3.0, 3.5)] and isinstance(found[3.5], Followed)
+
+
+def test_a_smooth_peak_is_followed_to_the_peak_of_the_other_preload():
+    """Following and an independent search give the same peak; below a given height there is none."""
+    study = pressed()
+    low, high = (study.peak(p, BAND) for p in (2.0, 3.0))
+    there = follow_upward(study.problem, low, 3.0)
+    assert (there.amplitude, there.frequency) == pytest.approx((high.amplitude, high.frequency), rel=1e-6)
+    assert follow_upward(study.problem, low, 3.0, above=1.01 * max(low.amplitude, high.amplitude)) is None
+    assert follow_upward(study.problem, replace(low, corner=True), 3.0) is None
+
+
+@pytest.fixture(scope="module")
+def right():
+    return pressed().peak(2.0, BAND).amplitude
+
+
+class TestAnalyses:
+    """Each analysis over preloads: the search at 2 N finds a lower solution than the branch from 1 N has."""
+
+    PLACES, LOST = [1.0, 2.0, 4.0], 2.0
+
+    @pytest.fixture
+    def study(self, monkeypatch):
+        """Study whose search at 2 N finds 0.3 times the amplitude."""
+        from bdamper.response import highest_peak
+
+        whole = highest_peak.highest_of_curve
+
+        def lower(system, curve, *, options=None):
+            top = whole(system, curve, options=options)
+            if curve.preload != self.LOST:
+                return top
+            return replace(top, peak=replace(top.peak, amplitude=0.3 * top.peak.amplitude))
+
+        monkeypatch.setattr(highest_peak, "highest_of_curve", lower)
+        return pressed()
+
+    def test_optimal_curve(self, study, right):
+        curve = study.optimal_curve(self.PLACES, frequency=BAND, check=False)
+        i = int(np.flatnonzero(curve.preload == self.LOST)[0])
+        assert np.isnan(curve.amplitude[i]) and curve.lower_bound[i] == pytest.approx(right, rel=1e-6)
+        assert curve.status[i].startswith("incomplete: higher on the peak followed from ")
+        assert curve.optimum.preload != self.LOST
+
+    def test_sweep(self, study, right):
+        found = bd.sweep(study, {"preload": self.PLACES[::-1]}, frequency=BAND)
+        assert found.status[0] == found.status[2] == "complete"
+        assert found.status[1].startswith("incomplete: higher on the peak followed from 1 N")
+        assert np.isnan(found.array("amplitude")[1]) and found.array("lower_bound")[1] == pytest.approx(right, rel=1e-6)
+        assert "followed from 1 N" in found.warnings[1]
+
+    def test_robust_optimum(self, study, monkeypatch):
+        grid = np.array(self.PLACES)
+        monkeypatch.setattr(robust_optimum, "preload_values", lambda ends, n: grid if n > 2 else np.array([1.0, 4.0]))
+        found = bd.robust_optimum(study, {"friction_coefficient": [0.3]}, (1.0, 4.0), n=5, tolerance=0.9, frequency=BAND)
+        assert found.preload == 1.0 and found.warnings == 1
+
+
+@pytest.fixture(scope="module")
+def curve():
+    return pressed().optimal_curve((0.5, 5.0), 6, frequency=BAND, check=False)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({}, ""),
+        ({"missing_ranges": (LeftOut(0.1, 0.1, NO_SOLUTION),)}, ""),
+        ({"missing_ranges": (LeftOut(0.1, 0.3, "many folds: why"),)}, "a path of the response curve broke off near 0.2 Hz"),
+        ({"reason": f"through; {NO_STEADY} is expected at this preload: why"}, f"{NO_STEADY} is expected"),
+    ],
+)
+def test_doubts_of_the_curve_at_the_optimum(curve, change, said):
+    best = curve.optimum.preload
+    curves = tuple(replace(k, **change) if k.preload == best else k for k in curve.curves)
+    assert any(k.preload == best for k in curves)
+    line = replace(curve, curves=curves)._headline()
+    assert ("Doubt at " in line) == bool(said) and said in line
+
+
+@pytest.mark.slow
+def test_the_difficult_disk_loses_a_branch_at_90_newtons():
+    """The search finds 40 µm at 90 and 91.9 N. The closed branch through the followed peak has the same higher maximum."""
+    study = bd.Study(bd.reference_model("bladed_disk"), bd.Excitation("tip", direction="tangential"), engine_order=10,
+                     friction_coefficient=0.432)  # fmt: skip
+    found = bd.sweep(study, {"preload": [85.0, 90.0, 91.9]})
+    assert found.status[0] == "complete" and np.isnan(found.array("amplitude")[1:]).all()
+    bounds = found.array("lower_bound")
+    assert 77e-6 < bounds[1] < 80e-6 and 70e-6 < bounds[2] < 78e-6
+    there = follow_upward(study.problem, study.peak(85.0), 90.0)
+    case = study.problem.at(90.0)
+    search = response_curve._search(case, peak_interval(case, None), coarse_options())
+    search.both_ways(there.y)
+    amplitude = [abs(study.problem.system(90.0).response(p.y[:-1])[1]) for p in search.pieces[0].path.points]
+    assert search.pieces[0].path.status == "closed" and max(amplitude) == pytest.approx(bounds[1], rel=1e-3)
