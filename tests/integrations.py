@@ -48,9 +48,9 @@ def compared(system, u, omega, n_blades, engine_order, steps, **asked):
     """Whether the motion stays at a solution."""
     transient = integrated(system, omega, n_blades, engine_order, u, 0, steps)
     expected = system.response(np.asarray(u))
-    verdict = compare_with_solution(transient, expected, **asked)
     off = transient.response[-1] - expected
-    return Compared(*verdict, transient, float(np.linalg.norm(off[1:]) / np.linalg.norm(expected[1:])))
+    (verdict, reason, _), stopped = compare_with_solution(transient, expected, **asked)
+    return Compared(verdict, reason, stopped, transient, float(np.linalg.norm(off[1:]) / np.linalg.norm(expected[1:])))
 
 
 def integrated(system, omega, n_blades, engine_order, start, periods, steps):

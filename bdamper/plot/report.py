@@ -25,7 +25,7 @@ from bdamper.mistuning.peak import DiskPeak
 from bdamper.mistuning.sample import MistunedSample
 from bdamper.plot.axes import save_figure
 from bdamper.response import linear_limits
-from bdamper.response.headline import Check, checks, graded
+from bdamper.response.headline import Check, checks, graded, headline
 from bdamper.response.highest_peak import highest_peak
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.response_curve import frequency_response
@@ -90,12 +90,11 @@ def write_report(
     low, high = curve.near_best
     found = lights(curve, fit)
     colours = [light.colour for light in found if light.name != "Contact constants" or fit is not None]
-    other = [f"{light.name.lower()}: {light.found}" for light in found if light.colour == "red" and not light.failure]
     model = subject.get("model_file") or "model.h5"
     text = page.render(
         curve=curve, fit=fit, figures=figures, lights=found, sensitivities=rows,
         subject=_subject(curve, subject) | _damper(curve, None if study is None else problem_of(study)),
-        headline=" ".join([*(f"Not for design: {each}." for each in other), curve._headline()]),
+        headline=headline(curve, [_contact_constants(curve, fit)]),
         colour=next(c for c in ("red", "white", "amber", "green") if c in colours), left_out=NOT_MODELLED,
         notes=curve.warnings, settings=_settings(curve.settings),
         range=f"{amount(low, 'N')} to {amount(high, 'N')}", given=study is not None,
@@ -184,20 +183,22 @@ def _has(settings: Mapping[str, Any], name: str, value: Any) -> bool:
 
 def lights(curve: OptimalCurve, fit: Fitted | None = None) -> list[Check]:
     """Return the checks of an optimal curve, with a check of the contact constants."""
-    out = checks(curve)
+    return [*checks(curve), _contact_constants(curve, fit)]
+
+
+def _contact_constants(curve: OptimalCurve, fit: Fitted | None) -> Check:
+    """Rate the contact constants by the fit from which they are taken."""
+    name = "Contact constants"
     if fit is None:
-        out.append(Check("white", "Contact constants", "assumed, not fitted", "white without a fit"))
-    else:
-        fitted = fit.settings | dict(zip(fit.names, fit.values.tolist()))
-        other = [name for name in fitted if name.split(".")[0] in BELONG and not _has(curve.settings, name, fitted[name])]
-        rule = (
-            f"green below {NOISE[0]:g} times the noise, amber below {NOISE[1]:g}, red above, or if incomplete or not used"
-        )
-        result = f"misfit {fit.misfit:.2g} times the noise, {fit.status}"
-        result += f"; the curve has other values of {', '.join(map(spaced, other))}" * bool(other)
-        colour = "red" if fit.status != COMPLETE or other else graded(fit.misfit, *NOISE)
-        out.append(Check(colour, "Contact constants", result, rule))
-    return out
+        return Check("white", name, "assumed, not fitted", "white without a fit")
+    fitted = fit.settings | dict(zip(fit.names, fit.values.tolist()))
+    other = [name for name in fitted if name.split(".")[0] in BELONG and not _has(curve.settings, name, fitted[name])]
+    rule = f"green below {NOISE[0]:g} times the noise, amber below {NOISE[1]:g}, red above, or if incomplete or not used"
+    result = f"misfit {fit.misfit:.2g} times the noise, {fit.status}"
+    result += f"; the curve has other values of {', '.join(map(spaced, other))}" * bool(other)
+    colour = "red" if fit.status != COMPLETE or other else graded(fit.misfit, *NOISE)
+    remedy = "compute the curve with the fitted values" if other else "improve the fit"
+    return Check(colour, name, result, rule, f"contact constants: {result}", remedy)
 
 
 def _at_optimum(problem: Problem, curve: OptimalCurve) -> tuple[list[tuple[str, str]], list[tuple[str, ...]]]:

@@ -6,7 +6,7 @@ If a check has failed, it begins with the failure and a remedy, and there is no 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -64,8 +64,8 @@ def checks(curve: OptimalCurve) -> list[Check]:
               "red at an end of the range of preloads",
               f"the least amplitude is at the {ENDS.get(best.kind, '')}",
               beyond if best.kind == "end" else "add damping to the damper"),
-        Check("green" if best.verified else "red", "Optimum verified", best.status,
-              "red if a lower value may exist at another preload",
+        Check(_verified(curve), "Optimum verified", ", ".join(filter(None, [best.status, best.known_to])),
+              f"red if a lower value may exist at another preload, amber above {percent(GOOD)} of uncertainty",
               f"the search for the optimum is {best.status}",
               "run it to its end" if INTERRUPTED in best.status else "compute other preloads near it"),
         Check("amber" if missing else "green", "A value at every preload", f"{known.sum()} of {len(curve)}{steady}",
@@ -77,14 +77,23 @@ def checks(curve: OptimalCurve) -> list[Check]:
         *_ends_of_range(curve),
     ]  # fmt: skip
     for margins in curve.margins:
-        least = float(margins.margin[np.abs(margins.preload - curve.recommended_preload).argmin()])
+        row = int(np.abs(margins.preload - curve.recommended_preload).argmin())
+        least, at = float(margins.margin[row]), f"at {amount(margins.preload[row], 'N')}"
         colour = graded(-least, -SAFE, -1.0)
-        failure = f"the margin against fatigue is {least:.3g} near the preload"
+        failure = f"the margin against fatigue is {least:.3g} {at}"
         out.append(
-            Check(colour, "Margin against fatigue", f"{least:.3g}", f"red below 1, amber below {SAFE:g}", failure,
+            Check(colour, "Margin against fatigue", f"{least:.3g} {at}", f"red below 1, amber below {SAFE:g}", failure,
                   "reduce the excitation or the stress")
         )  # fmt: skip
     return out
+
+
+def _verified(curve: OptimalCurve) -> str:
+    """Return the colour of the optimum: red if a lower value may exist, amber if its preload is not known well."""
+    best = curve.optimum
+    if not best.verified:
+        return "red"
+    return "amber" if GOOD < best.uncertainty < np.inf else "green"
 
 
 def _beyond(curve: OptimalCurve) -> str:
@@ -205,8 +214,8 @@ def known_in_time(response: TimeResponse) -> bool:
     return bool(np.isfinite(response.mean)) and response.status != INTERRUPTED
 
 
-def headline(curve: OptimalCurve) -> str:
-    """Return the headline of an optimal curve, with failed checks first."""
+def headline(curve: OptimalCurve, further: Sequence[Check] = ()) -> str:
+    """Return the headline of an optimal curve, with failed checks first; ``further`` are checks of a report."""
     o = curve.optimum
     if not np.isfinite(o.preload):
         gone = [
@@ -215,14 +224,15 @@ def headline(curve: OptimalCurve) -> str:
         if o.kind == "flat":
             return f"The preload does not matter: {peak_text(o.amplitude, o.frequency)}."
         return f"No optimum: {o.status}{''.join(gone[:1])}."
-    red, friction = failed(curve), _other_friction(curve)
+    friction = _other_friction(curve)
+    red = [*failed(curve), *(check for check in further if check.colour == "red")]
     other = f"Other friction: {friction.found}." if friction.colour in ("green", "amber") else ""
     doubles = _friction_range(curve)
     if doubles.colour in ("green", "amber"):
         other = " ".join(filter(None, [other, f"{doubles.found[0].upper()}{doubles.found[1:]}."]))
     remedies = "; ".join(dict.fromkeys(check.remedy for check in red))
     doubt = f"Not for design: {'; '.join(check.failure for check in red)}. {remedies[:1].upper()}{remedies[1:]}."
-    amplitudes = [_preload(curve), _amplitude(curve), _range(curve), other]
+    amplitudes = [_preload(curve), _amplitude(curve, bool(red)), _range(curve), other]
     said = [doubt if red else "", *amplitudes, _locked(curve), _doubts(curve), _not_covered(curve)]
     return " ".join(filter(None, said))
 
@@ -234,6 +244,8 @@ def _preload(curve: OptimalCurve) -> str:
     shares = loads_text(curve.settings.get("load_per_preload"))
     per = " per newton of excitation" if force == 1.0 else f" at {amount(force, 'N')} of excitation" if force else ""
     where = f"Preload: {amount(best, 'N')}{f' ({shares})' if shares else ''}{per}"
+    if o.uncertainty > GOOD and o.known_to:
+        where += f" ({o.known_to})"
     if not np.isclose(best, o.preload):
         where += f", least in time (harmonic balance alone: {amount(o.preload, 'N')})"
     known = [k.preload for k in curve.time_response if known_in_time(k)]
@@ -309,7 +321,7 @@ def _rise(curve: OptimalCurve, side: NDArray) -> tuple[float, bool]:
     return float(slope.max(initial=0.0)), bool(known[side].all())
 
 
-def _amplitude(curve: OptimalCurve) -> str:
+def _amplitude(curve: OptimalCurve, any_failed: bool) -> str:
     """Return the design amplitude, unless a check has failed, and the amplitudes by each method."""
     o, response = curve.optimum, curve.recommended_response
     free = curve.free.amplitude
@@ -328,7 +340,7 @@ def _amplitude(curve: OptimalCurve) -> str:
     least, most = response.spread
     differs = f" Blades do not vibrate alike: {span(least, most, 'm')}." if response.parted else ""
     in_time = span(response.lowest, response.largest, "m")
-    return f"{_design(curve)} in time{at} {in_time}, by harmonic balance {balance}{ends}{gain}.{differs}"
+    return f"{_design(curve, any_failed)} in time{at} {in_time}, by harmonic balance {balance}{ends}{gain}.{differs}"
 
 
 def _range(curve: OptimalCurve) -> str:
@@ -346,10 +358,10 @@ def _locked(curve: OptimalCurve) -> str:
     return " ".join(f"{note[:1].upper()}{note[1:]}." for note in notes)
 
 
-def _design(curve: OptimalCurve) -> str:
+def _design(curve: OptimalCurve, any_failed: bool) -> str:
     """Return the beginning of the sentence on amplitudes: the design amplitude and its check, or why there is none."""
     amplitudes = checked_amplitudes(curve)
-    if failed(curve):
+    if any_failed:
         return "Amplitude"
     unknown = [name for name, size in amplitudes.items() if np.isnan(size)]
     if unknown:

@@ -81,10 +81,14 @@ class OptimumPoint:
         return self.status == COMPLETE
 
     @property
+    def known_to(self) -> str:
+        """Uncertainty of the preload in words; "" if it is negligible or unknown."""
+        return f"preload known to {percent(self.uncertainty)}" if 1e-5 < self.uncertainty < np.inf else ""
+
+    @property
     def text(self) -> str:
         """Kind, uncertainty of the preload if it is not negligible, and status unless it is complete."""
-        known = f", preload known to {percent(self.uncertainty)}" if 1e-5 < self.uncertainty < np.inf else ""
-        return f"{KINDS[self.kind]}{known}{'' if self.verified else f', {self.status}'}"
+        return ", ".join(filter(None, [KINDS[self.kind], self.known_to, "" if self.verified else self.status]))
 
 
 @short_repr
@@ -206,8 +210,7 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
         if o.kind in ENDS:
             out.append(f"optimum: least value at the {ENDS[o.kind]}")
         if o.kind != "flat" and not o.verified:
-            known = f", preload known to a relative {o.uncertainty:.2g}" if o.uncertainty > 1e-5 else ""
-            out.append(f"optimum {o.status}{known}")
+            out.append(", ".join(filter(None, [f"optimum {o.status}", o.known_to])))
         return tuple(out)
 
     @property

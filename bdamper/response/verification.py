@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, NamedTuple
 
@@ -237,7 +238,7 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
             return f"{at} the amplitude in time is not known, so nothing confirms the peak of the harmonic balance: {why}."
         peak = f"the peak of the harmonic balance is {amount(self.balance, 'm')}"
         doubt = f" ({self.status})" if self.status != COMPLETE else ""
-        head = f"{at} in time the highest blade has {self.text} at {amount(self.frequency, 'Hz', 6)}; {peak}{doubt}."
+        head = f"{at} in time the highest blade has {self.text} at {amount(self.frequency, 'Hz', 6)}{doubt}; {peak}."
         if self.highest_period > (1.0 + BEATS) * self.mean:
             head = f"{head} Single periods reach {amount(self.highest_period, 'm')}."
         if exceeds(self.half_range, self.mean):
@@ -259,7 +260,8 @@ class MotionInTime(AllBlades, Plottable, Tabular, Recorded, Storable, kind="bdam
     Parameters
     ----------
     mean, lowest, highest : float, m
-        Amplitude of the first harmonic of the highest blade: mean, and range of single periods, over their second half.
+        Amplitude of the first harmonic of the highest blade: mean, and range of single periods.  With a verdict over the
+        periods named in its reason, otherwise over the second half.
     frequency, preload : float, Hz, N
     harmonics : (n_periods, n_harmonics + 1) complex, m
         Response amplitudes of the highest blade; the first column is the mean position.
@@ -538,6 +540,12 @@ class Meeting(NamedTuple):
         return f"harmonic {self.harmonic} is {near} ({amount(self.frequency, 'Hz')})"
 
 
+def _heights(peaks: Sequence[HarmonicPeak]) -> str:
+    """Return the range of the amplitudes of peaks, or one amplitude if both ends have the same digits."""
+    low, high = min(p.amplitude for p in peaks), max(p.amplitude for p in peaks)
+    return amount(high, "m") if amount(low, "m") == amount(high, "m") else span(low, high, "m")
+
+
 @short_repr
 @dataclass(frozen=True)
 class Convergence(Plottable, Tabular):
@@ -587,8 +595,8 @@ class Convergence(Plottable, Tabular):
 
     @property
     def range(self) -> tuple[float, float]:
-        """Smallest and largest amplitude (m) of the settled peaks, or of all if fewer than two agree."""
-        amplitude = [p.amplitude for p in (self.settled if len(self.settled) > 1 else self.peaks)]
+        """Smallest and largest amplitude (m) of all peaks."""
+        amplitude = [p.amplitude for p in self.peaks]
         return min(amplitude), max(amplitude)
 
     @property
@@ -600,13 +608,12 @@ class Convergence(Plottable, Tabular):
     def verdict(self) -> str:
         """Result of the convergence study in words."""
         first_peak, *more = self.peaks
-        others = [p for p in self.settled if p is not first_peak] if len(self.settled) > 1 else more
-        if not others:
+        if not more:
             return "not known with more harmonics"
-        low, high = min(p.amplitude for p in others), max(p.amplitude for p in others)
-        heights = amount(high, "m") if amount(low, "m") == amount(high, "m") else span(low, high, "m")
-        first, last = others[0].harmonics, others[-1].harmonics
-        result = f"{heights} with {first if first == last else f'{first} to {last}'}"
+        first, last = more[0].harmonics, more[-1].harmonics
+        result = f"{_heights(more)} with {first if first == last else f'{first} to {last}'}"
+        if 1 < len(self.settled) < len(more):
+            result += f", {_heights(self.settled)} from {self.settled[0].harmonics} on"
         if self.converged:
             return f"{result}: converged to {percent(self.tolerance)}"
         if len(self.settled) == len(self.peaks):

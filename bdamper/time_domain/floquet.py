@@ -278,10 +278,10 @@ def judged_at(ring: Ring, u: NDArray, omega: float) -> tuple[str, float]:
         return UNDECIDED, np.nan
     try:
         transient = disturbed(ring, u, omega, CRITERIA.steps)
-        verdict, *_ = compare_with_solution(transient, expected)
+        verdict, _ = compare_with_solution(transient, expected)
     except IntegrationFailed:
         return UNDECIDED, np.nan
-    return verdict, float(transient.amplitude[-2 * CRITERIA.window :].mean() / abs(expected[1]))
+    return verdict.verdict, float(transient.amplitude[-verdict.periods :].mean() / abs(expected[1]))
 
 
 @one_thread

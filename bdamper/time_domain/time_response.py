@@ -42,6 +42,7 @@ from bdamper.time_domain.transient import (
     UNDECIDED,
     SteadyPoint,
     Transient,
+    Verdict,
     judged,
     outside,
     repeats_after,
@@ -418,12 +419,12 @@ def disturbed(ring: Ring, u: NDArray, omega: float, steps: int | None = None) ->
 def compare_with_solution(
     transient: Transient, expected: NDArray, tolerance: float = CRITERIA.tolerance, periods: int = CRITERIA.longest,
     progress: bool = False,
-) -> tuple[str, str, bool]:  # fmt: skip
+) -> tuple[Verdict, bool]:  # fmt: skip
     """Integrate until it is decided whether the motion keeps the response ``expected`` (n_harmonics + 1,) complex, m.
 
     Returns
     -------
-    verdict, reason : str
+    verdict : Verdict
     interrupted : bool
 
     Raises
@@ -432,13 +433,13 @@ def compare_with_solution(
         If the time integration fails.
     """
 
-    def verdict_so_far() -> tuple[str, str]:
+    def verdict_so_far() -> Verdict:
         return judged(transient.amplitude, float(abs(expected[1])), tolerance, transient.memory)
 
-    stopped = transient.run(periods, progress, lambda: verdict_so_far()[0] != UNDECIDED)
+    stopped = transient.run(periods, progress, lambda: verdict_so_far().verdict != UNDECIDED)
     if not transient.harmonics:
         raise KeyboardInterrupt
-    return (*verdict_so_far(), stopped)
+    return verdict_so_far(), stopped
 
 
 @validation.check_arguments
@@ -513,10 +514,11 @@ def motion_in_time(
     transient = disturbed(ring, curve.unknowns[i], TWO_PI * frequency, steps)
     if free:
         status, more = _without_decision(transient, periods, progress)
+        amplitude = second_half(transient.amplitude)
     else:
         expected = problem.system(curve.preload).response(curve.unknowns[i])
-        status, more = _with_decision(transient, expected, tolerance, periods, progress)
-    amplitude = second_half(transient.amplitude)
+        status, more, last = _with_decision(transient, expected, tolerance, periods, progress)
+        amplitude = transient.amplitude[-last:]  # the periods whose amplitude the reason gives
     more |= of_blades(transient, len(amplitude))
     return MotionInTime(
         float(amplitude.mean()), float(amplitude.min()), float(amplitude.max()), frequency, curve.preload,
@@ -548,10 +550,11 @@ def _without_decision(transient: Transient, periods: int, progress: bool) -> tup
 
 def _with_decision(
     transient: Transient, expected: NDArray, tolerance: float, periods: int, progress: bool
-) -> tuple[str, dict[str, Any]]:
-    """Integrate until a decision and return the status, and the fields of the result on it."""
-    verdict, reason, interrupted = compare_with_solution(transient, expected, tolerance, periods, progress)
+) -> tuple[str, dict[str, Any], int]:
+    """Integrate until a decision and return the status, the fields of the result on it, and the number of its periods."""
+    (verdict, reason, last), interrupted = compare_with_solution(transient, expected, tolerance, periods, progress)
     apart, size = (float(np.linalg.norm(x[1:])) for x in (transient.response[-1] - expected, expected))
     status = INTERRUPTED if interrupted else with_reason(INCOMPLETE, UNDECIDED) if verdict == UNDECIDED else COMPLETE
     distance = apart / max(size, 1e-300)
-    return status, {"balance": float(abs(expected[1])), "distance": distance, "verdict": verdict, "reason": reason}
+    decided = {"balance": float(abs(expected[1])), "distance": distance, "verdict": verdict, "reason": reason}
+    return status, decided, last

@@ -350,8 +350,16 @@ def outside(transient: Transient, periods: int) -> tuple[float, float]:
     return (last / before if last > 0.1 * CRITERIA.seed and before > 0.0 else 0.0), last
 
 
-def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float) -> tuple[str, str]:
-    """Return verdict and reason from the amplitudes so far; "undecided" requires more periods.
+class Verdict(NamedTuple):
+    """Verdict on a motion, its reason, and the number of last periods whose amplitudes the reason gives."""
+
+    verdict: str
+    reason: str
+    periods: int
+
+
+def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float) -> Verdict:
+    """Return the verdict from the amplitudes so far; "undecided" requires more periods.
 
     Parameters
     ----------
@@ -368,12 +376,14 @@ def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float)
     n = len(off)
     last = float(off[-look:].mean())
     if n < 3 * look:
-        return UNDECIDED, f"{100.0 * last:+.2g} % in the mean of {min(n, look)} periods; at least {3 * look} decide"
+        few = f"{100.0 * last:+.2g} % in the mean of {min(n, look)} periods; at least {3 * look} decide"
+        return Verdict(UNDECIDED, few, min(n, look))
     away = np.abs(off[-2 * look :])
     if (away > 2.0 * tolerance).all() and abs(last) >= abs(float(off[-2 * look : -look].mean())):
-        return DIFFERS, f"{100.0 * last:+.2g} %, and no way back within {look} periods"
+        return Verdict(DIFFERS, f"{100.0 * last:+.2g} %, and no way back within {look} periods", look)
     if n < span + look:
-        return UNDECIDED, f"{100.0 * last:+.2g} % so far; {span + look} periods show whether it has settled"
+        few = f"{100.0 * last:+.2g} % so far; {span + look} periods show whether it has settled"
+        return Verdict(UNDECIDED, few, look)
     then, between, now = (float(off[n - k - look : n - k].mean()) for k in (span, span // 2, 0))
     drift = (now - then) / max(1.0 + then, 1e-300)
     slowest = float(np.exp(-CRITERIA.window / memory))
@@ -386,14 +396,15 @@ def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float)
     if settled and (not stays or within == (abs(last + to_come(amplitude, memory)) <= tolerance)):
         shown = f", {spread}" if np.ptp(recent) > CRITERIA.drift else ""
         text = f"{100.0 * float(recent.mean()):+.2g} % in the mean of {span} periods{shown}"
-        return AGREES if stays and within else DIFFERS, text
+        return Verdict(AGREES if stays and within else DIFFERS, text, span)
     sizes, before = (np.array([np.abs(x).max(), np.ptp(x)]) for x in (recent, earlier))
     if n >= 2 * span and not stays and (sizes > min(1.0, 1.1 * np.exp(-span / memory)) * before).all():
-        return DIFFERS, f"wanders, {spread} within {span} periods"
-    return UNDECIDED, (
+        return Verdict(DIFFERS, f"wanders, {spread} within {span} periods", span)
+    changing = (
         f"{100.0 * last:+.2g} %, changed by {100.0 * drift:+.2g} % within {span} periods; a transient takes "
         f"{memory:.3g} periods to fall to 1/e"
     )
+    return Verdict(UNDECIDED, changing, look)
 
 
 def drift_fades(change_before: float, change_now: float, slowest: float) -> bool:

@@ -530,7 +530,7 @@ class TestWarnings:
         assert result.values[0]["optimum_uncertainty"] == 0.1
         expected = (
             "500 N: scan incomplete (lost); optimum: least value at the end of the range, the optimum may lie beyond; "
-            "optimum incomplete: lost, preload known to a relative 0.1"
+            "optimum incomplete: lost, preload known to 10 %"
         )
         assert result.warnings == (expected,)
         curve = bd.optimal_curve_uncertainty(study, samples, (500.0, 3000.0), 5, frequency=INTERVAL)

@@ -181,6 +181,11 @@ def test_a_fit_and_whether_its_constants_are_those_of_the_curve(curve, tmp_path,
     assert light.colour == colour and ("other values" in light.found) == bool(settings or mu)
     first = Page(curve.report(tmp_path / "review.html", fit=fit).read_text()).said.partition("Checks")[0]
     assert ("Not for design: contact constants: misfit" in first) == (colour == "red")
+    best = curve.optimum
+    response = TimeResponse(*[best.amplitude] * 3, best.frequency, best.preload, best.amplitude)
+    checked = replace(curve, optimum=replace(best, kind="smooth", status="complete"), time_response=(response,))
+    first = Page(checked.report(tmp_path / "checked.html", fit=fit).read_text()).said.partition("Checks")[0]
+    assert ("Design amplitude: " in first) == (colour != "red"), "the lights and the first sentence agree"
 
 
 def test_what_is_open_is_red(curve):

@@ -1,5 +1,7 @@
 """Stability from the motion in time: labels of curves against integrations from single points."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -124,3 +126,22 @@ def test_resting_contacts_on_springs_that_only_resist():
     i = int(np.flatnonzero(still)[0])
     system.structure.arrays["damping"] = system.structure.arrays["damping"] - 1.0
     assert not rests(system, curve.unknowns[i])
+
+
+def test_the_verdict_and_the_amplitude_are_of_the_same_periods():
+    """The reason gives the mean over its periods relative to the solution, and the result has this mean."""
+    study = bd.lumped(
+        [[1.0]], [[0.05]], [[1.0]], contacts=[bd.Contact(normal=0, kn=2.0, gap=1.0)], forces={0: 0.2}, harmonics=5
+    )
+    curve = study.frequency_response(0.0, (0.1, 0.35))
+    middle = np.flatnonzero(curve.backward)
+    verdicts = set()
+    for i in (int(middle[len(middle) // 2]), curve.peak_index, 0):
+        found = study.motion_in_time(curve, i)
+        verdicts.add(found.verdict)
+        change = float(re.match(r"([+-][0-9.e+-]+) %", found.reason)[1])
+        assert change == pytest.approx(100.0 * (found.mean / found.balance - 1.0), rel=0.06, abs=1e-3), found.reason
+        n = int(re.search(r"(\d+) periods", found.reason)[1])
+        assert found.mean == pytest.approx(found.amplitude[-n:].mean(), rel=1e-12)
+        assert (found.lowest, found.highest) == (found.amplitude[-n:].min(), found.amplitude[-n:].max())
+    assert verdicts == {AGREES, DIFFERS}

@@ -253,7 +253,27 @@ class TestBottomLine:
         o = replace(bonded.optimum, preload=1000.0, kind="smooth", status="complete")
         margins = SimpleNamespace(preload=np.array([800.0, 1000.0, 2000.0]), margin=np.array([1.8, 0.8, 2.0]))
         (check,) = [c for c in checks(replace(bonded, optimum=o, margins=(margins,))) if c.name == "Margin against fatigue"]
-        assert check.colour == "red" and check.found == "0.8"
+        assert check.colour == "red" and check.found == "0.8 at 1 kN"
+
+    def test_an_uncertain_preload_is_named_in_all_places(self, study, tmp_path):
+        """Print, check and warnings contain the same words."""
+        curve = study.optimal_curve((200.0, 5e3), 4, frequency=INTERVAL, check=False)
+        o = replace(curve.optimum, kind="jump", status="complete", uncertainty=0.24)
+        uncertain = replace(curve, optimum=o)
+        (check,) = [c for c in checks(uncertain) if c.name == "Optimum verified"]
+        assert (check.colour, check.found) == ("amber", "complete, preload known to 24 %")
+        first = f"Preload: {amount(o.preload, 'N')} per newton of excitation (preload known to 24 %)"
+        assert first in uncertain._headline()
+        assert o.text.endswith(", preload known to 24 %") and Fact("optimum", o.text) in uncertain._facts()
+        lost = replace(curve, optimum=replace(o, status="incomplete: why"))
+        assert "optimum incomplete: why, preload known to 24 %" in lost.warnings
+        fine = replace(curve, optimum=replace(o, uncertainty=1e-6))
+        assert "known to" not in fine._headline() and checks(fine)[1].colour == "green"
+
+    def test_a_status_follows_the_amplitude_that_it_is_about(self):
+        response = TimeResponse(9e-6, 8e-6, 1e-5, 300.0, 50.0, 2e-5, status="incomplete: some steps failed")
+        said = "9 µm (8 to 10) at 300 Hz (incomplete: some steps failed); the peak of the harmonic balance is 20 µm."
+        assert said in response._headline()
 
     def test_harmonics_that_are_not_known_have_no_range(self, study):
         curve = study.optimal_curve((200.0, 5e3), 4, frequency=INTERVAL, check=False)
