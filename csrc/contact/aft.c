@@ -22,63 +22,80 @@
  * The loops over samples, for several points at a time, are in aft_kernel.c. */
 #include "contact/aft.h"
 
+#include "util/storage.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
+/* An integer reduction of the argument makes it exact for every harmonic. */
+static void fill_powers(bd_sampled_work *work) {
+    const int n_time = work->n_time, n_power = bd_n_power(work->n_harm);
+    for (int i = 0; i < n_time; ++i) {
+        double *at_sample = work->power + (size_t)i * (size_t)n_power;
+        at_sample[0] = 1.0;
+        at_sample[1] = 1.0;
+        for (int l = 1; l <= 2 * work->n_harm; ++l) {
+            const long reduced = ((long)l * i) % n_time;
+            const double angle = BD_TWO_PI * (double)reduced / n_time;
+            at_sample[2 * l] = cos(angle);
+            at_sample[2 * l + 1] = sin(angle);
+        }
+    }
+}
+
 bd_status bd_sampled_create(bd_sampled_work *work, int n_harm, int n_time, int interpolate) {
     memset(work, 0, sizeof *work);
     work->kernel = bd_kernel_get();
-    if (!work->kernel || n_harm < 1 || n_harm > BD_MAX_HARM || n_time < 2 * n_harm + 2)
-        return BD_BAD_ARGUMENT;
-    const size_t n_coef = (size_t)bd_n_coef(n_harm), n_power = (size_t)bd_n_power(n_harm),
-                 k = (size_t)n_time;
+    const int valid = n_harm >= 1 && n_harm <= BD_MAX_HARM && n_time >= 2 * n_harm + 2;
+    if (!work->kernel || !valid) return BD_BAD_ARGUMENT;
+
+    const size_t n_coef = (size_t)bd_n_coef(n_harm);
+    const size_t n_power = (size_t)bd_n_power(n_harm);
+    const size_t n_sample = (size_t)n_time;
     const size_t lanes = BD_LANES;
-    const size_t n_double = k * n_power + 3 * n_coef * lanes + 6 * k * lanes + 4 * n_power * lanes +
-                            3 * n_power + lanes * n_coef + (2 * lanes + 1) * n_coef * n_coef;
+    const size_t per_sample = n_power + 6 * lanes;
+    const size_t per_power = 4 * lanes + 3;
+    const size_t per_coef = 4 * lanes + (2 * lanes + 1) * n_coef;
+    const size_t n_double = n_sample * per_sample + n_power * per_power + n_coef * per_coef;
     work->memory = calloc(n_double, sizeof(double));
-    work->segment[0] = malloc(sizeof(bd_segment) * 2 * k);
-    work->state = calloc(k * lanes, 1);
+    work->segment[0] = malloc(sizeof(bd_segment) * 2 * n_sample);
+    work->state = calloc(n_sample * lanes, 1);
     if (!work->memory || !work->segment[0] || !work->state) {
         bd_sampled_destroy(work);
         return BD_NO_MEMORY;
     }
+    work->segment[1] = work->segment[0] + n_sample;
     work->n_harm = n_harm;
     work->n_time = n_time;
-    double *p = work->memory;
-    work->power = p, p += k * n_power;
-    work->x = p, p += 3 * n_coef * lanes;
-    work->u = p, p += k * lanes;
-    work->g = p, p += k * lanes;
-    work->limit = p, p += k * lanes;
-    work->lanes.lo = p, p += k * lanes;
-    work->lanes.hi = p, p += k * lanes;
-    work->lanes.path = p, p += k * lanes;
-    work->contact = p, p += n_power * lanes;
-    work->lanes.stick = p, p += n_power * lanes;
-    work->lanes.slip = p, p += n_power * lanes;
-    work->lanes.saved = p, p += n_power * lanes;
-    work->stick = p, p += n_power;
-    work->slip = p, p += n_power;
-    work->one = p, p += n_power;
-    work->lanes.stick_slider = p, p += lanes * n_coef;
-    work->stick_slider_u = p, p += lanes * n_coef * n_coef;
-    work->stick_slider_g = p, p += lanes * n_coef * n_coef;
-    work->scratch = p;
+
+    double *rest = work->memory;
+    work->power = bd_take(&rest, n_sample * n_power);
+    work->x = bd_take(&rest, 3 * n_coef * lanes);
+    work->u = bd_take(&rest, n_sample * lanes);
+    work->g = bd_take(&rest, n_sample * lanes);
+    work->limit = bd_take(&rest, n_sample * lanes);
+    work->lanes.lo = bd_take(&rest, n_sample * lanes);
+    work->lanes.hi = bd_take(&rest, n_sample * lanes);
+    work->lanes.path = bd_take(&rest, n_sample * lanes);
+    work->contact = bd_take(&rest, n_power * lanes);
+    work->lanes.stick = bd_take(&rest, n_power * lanes);
+    work->lanes.slip = bd_take(&rest, n_power * lanes);
+    work->lanes.saved = bd_take(&rest, n_power * lanes);
+    work->stick = bd_take(&rest, n_power);
+    work->slip = bd_take(&rest, n_power);
+    work->one = bd_take(&rest, n_power);
+    work->lanes.stick_slider = bd_take(&rest, lanes * n_coef);
+    work->stick_slider_u = bd_take(&rest, lanes * n_coef * n_coef);
+    work->stick_slider_g = bd_take(&rest, lanes * n_coef * n_coef);
+    work->scratch = bd_take(&rest, n_coef * n_coef);
+
     work->lanes.n_harm = n_harm;
     work->lanes.n_time = n_time;
     work->lanes.interpolate = interpolate;
     work->lanes.power = work->power;
     work->lanes.u = work->u;
-    work->segment[1] = work->segment[0] + k;
-    /* an integer reduction of the argument makes it exact for every harmonic */
-    for (int i = 0; i < n_time; ++i)
-        for (int l = 0; l <= 2 * n_harm; ++l) {
-            const double angle = BD_TWO_PI * (double)(((long)l * i) % n_time) / n_time;
-            double *power = work->power + (size_t)i * n_power + 2 * l;
-            power[0] = l == 0 ? 1.0 : cos(angle);
-            power[1] = l == 0 ? 1.0 : sin(angle);
-        }
+    fill_powers(work);
     return BD_OK;
 }
 
@@ -97,33 +114,42 @@ static void whole_cycle(bd_sampled_work *work, int d, int state) {
     work->n_segment[d] = 1;
 }
 
+/* Join equal states of consecutive samples to parts. */
 static void list_parts(bd_sampled_work *work, int d) {
     const double h = BD_TWO_PI / work->n_time;
+    bd_segment *part = work->segment[d];
     int n = 0;
     for (int k = 0; k < work->n_time; ++k) {
         const int state = work->state[k * BD_LANES];
-        if (n > 0 && work->segment[d][n - 1].state == state)
-            work->segment[d][n - 1].end = (k + 1) * h;
-        else
-            work->segment[d][n++] = (bd_segment){k * h, (k + 1) * h, state};
+        const double start = k * h, end = (k + 1) * h;
+        if (n > 0 && part[n - 1].state == state) {
+            part[n - 1].end = end;
+        } else {
+            part[n] = (bd_segment){start, end, state};
+            ++n;
+        }
     }
     work->n_segment[d] = n;
 }
 
 /* ---- lanes ---- */
 
+/* Copy u1, u2 and n0 + kn v of n points side by side. */
 static void load_lanes(int n, const bd_element *element, const double *x, bd_sampled_work *work) {
     const int n_coef = bd_n_coef(work->n_harm);
-    memset(work->x, 0, sizeof(double) * 3 * (size_t)n_coef * BD_LANES);
+    double *to = work->x;
+    memset(to, 0, sizeof(double) * 3 * (size_t)n_coef * BD_LANES);
     for (int lane = 0; lane < n; ++lane) {
         const double *from = x + 3 * (size_t)n_coef * (size_t)lane;
-        for (int i = 0; i < 2 * n_coef; ++i) work->x[i * BD_LANES + lane] = from[i];
-        for (int i = 2 * n_coef; i < 3 * n_coef; ++i)
-            work->x[i * BD_LANES + lane] = element[lane].kn * from[i];
-        work->x[2 * n_coef * BD_LANES + lane] += element[lane].n0;
+        const double kn = element[lane].kn;
+        const int mean_of_v = 2 * n_coef;
+        for (int i = 0; i < 2 * n_coef; ++i) to[i * BD_LANES + lane] = from[i];
+        for (int i = 2 * n_coef; i < 3 * n_coef; ++i) to[i * BD_LANES + lane] = kn * from[i];
+        to[mean_of_v * BD_LANES + lane] += element[lane].n0;
     }
 }
 
+/* E_n of one point. */
 static void one_lane(const bd_sampled_work *work, const double *sums, int lane, double *E) {
     const double weight = BD_TWO_PI / work->n_time;
     const int n_power = bd_n_power(work->n_harm);
@@ -133,136 +159,191 @@ static void one_lane(const bd_sampled_work *work, const double *sums, int lane, 
 /* Normal forces; return the number of points that touch during the cycle. */
 static int normal_direction(int n, const bd_element *element, const double *x, bd_response *out,
                             bd_status_share *share, bd_sampled_work *work) {
-    const int n_coef = bd_n_coef(work->n_harm), n_power = bd_n_power(work->n_harm);
-    const double *xg = work->x + 2 * n_coef * BD_LANES;
-    int n_contact = 0;
-    work->kernel->lane_values(n_coef, work->n_time, work->power, n_power, xg, work->g);
-    work->kernel->lane_contact(n_power, work->n_time, work->power, work->g, work->contact);
+    const int n_harm = work->n_harm, n_time = work->n_time;
+    const int n_coef = bd_n_coef(n_harm), n_power = bd_n_power(n_harm);
+    const double *coefficients = work->x + 2 * n_coef * BD_LANES; /* of g = n0 + kn v */
+    int n_touching = 0;
+    work->kernel->lane_values(n_coef, n_time, work->power, n_power, coefficients, work->g);
+    work->kernel->lane_contact(n_power, n_time, work->power, work->g, work->contact);
     for (int lane = 0; lane < n; ++lane) {
         const double *v = x + (3 * (size_t)lane + 2) * (size_t)n_coef;
-        const double count = work->contact[lane];
-        if (bd_law_is_two_sided(element[lane].law) || count == (double)work->n_time) {
-            bd_element_closed(element + lane, work->n_harm, v, out + lane);
-            ++n_contact;
+        const double n_closed = work->contact[lane]; /* number of samples with g > 0 */
+        const int always_closed = n_closed == (double)n_time;
+        if (bd_law_is_two_sided(element[lane].law) || always_closed) {
+            bd_element_closed(element + lane, n_harm, v, out + lane);
+            ++n_touching;
             continue;
         }
-        share[lane].open = 1.0 - count / work->n_time;
-        if (count == 0.0) continue;
-        ++n_contact;
+        share[lane].open = 1.0 - n_closed / n_time;
+        if (n_closed == 0.0) continue;
+
+        ++n_touching;
         one_lane(work, work->contact, lane, work->one);
-        bd_cycle_normal(element + lane, work->n_harm, work->one, v, out + lane, work->scratch);
+        bd_cycle_normal(element + lane, n_harm, work->one, v, out + lane, work->scratch);
     }
-    return n_contact;
+    return n_touching;
 }
 
-/* Load in the friction limit at every sample. */
+/* Load in the friction limit at every sample: n0 + kn v, or the constant load. */
 static const double *find_limit(int n, const bd_element *element, bd_sampled_work *work) {
-    int constant = 0;
-    for (int lane = 0; lane < n; ++lane) constant |= bd_law_is_constant(element[lane].law);
-    if (!constant) return work->g;
+    int any_constant = 0;
+    for (int lane = 0; lane < n; ++lane) any_constant |= bd_law_is_constant(element[lane].law);
+    if (!any_constant) return work->g;
+
     memcpy(work->limit, work->g, sizeof(double) * (size_t)work->n_time * BD_LANES);
-    for (int lane = 0; lane < n; ++lane)
-        for (int k = 0; k < work->n_time && bd_law_is_constant(element[lane].law); ++k)
+    for (int lane = 0; lane < n; ++lane) {
+        if (!bd_law_is_constant(element[lane].law)) continue;
+        for (int k = 0; k < work->n_time; ++k)
             work->limit[k * BD_LANES + lane] = element[lane].load;
+    }
     return work->limit;
 }
 
+/* Force, tangent and shares of direction d of one point from the sums over its samples. */
 static void finish_lane(const bd_element *element, int d, int lane, const double *x,
                         bd_response *out, bd_status_share *share, bd_sampled_work *work) {
+    static const double NO_SLIP = 1e-12; /* a share below this is rounding */
     const size_t n = (size_t)bd_n_coef(work->n_harm), at = (size_t)lane;
     const double weight = BD_TWO_PI / work->n_time;
-    const int tangent = work->lanes.stick_slider_u != NULL;
-    bd_cycle cycle = {.n_harm = work->n_harm,
-                      .stick = work->stick,
-                      .slip = work->slip,
-                      .stick_slider = work->lanes.stick_slider + at * n,
-                      .stick_slider_u = tangent ? work->stick_slider_u + at * n * n : NULL,
-                      .stick_slider_v = tangent ? work->stick_slider_g + at * n * n : NULL};
+    const double *u = x + (size_t)d * n, *v = x + 2 * n;
+    bd_cycle cycle = {
+        .n_harm = work->n_harm,
+        .stick = work->stick,
+        .slip = work->slip,
+        .stick_slider = work->lanes.stick_slider + at * n,
+    };
     one_lane(work, work->lanes.stick, lane, work->stick);
     one_lane(work, work->lanes.slip, lane, work->slip);
     for (size_t i = 0; i < n; ++i) cycle.stick_slider[i] *= weight;
-    for (size_t i = 0; i < n * n && tangent; ++i) {
-        cycle.stick_slider_u[i] *= weight;
-        cycle.stick_slider_v[i] *= weight * element->kn;
+
+    const int with_tangent = work->lanes.stick_slider_u != NULL;
+    if (with_tangent) {
+        cycle.stick_slider_u = work->stick_slider_u + at * n * n;
+        cycle.stick_slider_v = work->stick_slider_g + at * n * n;
+        for (size_t i = 0; i < n * n; ++i) cycle.stick_slider_u[i] *= weight;
+        /* g changes by kn dv */
+        for (size_t i = 0; i < n * n; ++i) cycle.stick_slider_v[i] *= weight * element->kn;
     }
+
     share->stick[d] = cycle.stick[0] / BD_TWO_PI;
     share->slip[d] = 1.0 - share->stick[d] - share->open;
-    if (share->slip[d] < 1e-12) share->slip[d] = 0.0;
-    bd_cycle_friction(element, d, &cycle, x + (size_t)d * n, x + 2 * n, out, work->scratch);
+    if (share->slip[d] < NO_SLIP) share->slip[d] = 0.0;
+    bd_cycle_friction(element, d, &cycle, u, v, out, work->scratch);
+}
+
+/* Prepare the sliders of direction d; return whether any point has friction. */
+static int load_friction(int n, const bd_element *element, int d, bd_lanes *lanes) {
+    int any_friction = 0;
+    for (int lane = 0; lane < BD_LANES; ++lane) {
+        lanes->slope[lane] = 0.0;
+        lanes->w[lane] = 0.0;
+        lanes->origin[lane] = -1;
+        if (lane >= n) continue;
+
+        /* coupled friction has a kernel of its own */
+        const bd_element *e = element + lane;
+        if (!bd_element_has_friction(e, d) || bd_law_is_coupled(e->law)) continue;
+        lanes->slope[lane] = e->mu / e->kt[d];
+        lanes->w[lane] = e->w[d];
+        any_friction = 1;
+    }
+    return any_friction;
+}
+
+/* Return whether any sample has set the slider of a point with friction. */
+static int any_slider_moves(int n, const bd_lanes *lanes) {
+    for (int lane = 0; lane < n; ++lane)
+        if (lanes->slope[lane] > 0.0 && lanes->origin[lane] >= 0) return 1;
+    return 0;
+}
+
+/* Sums over the steady cycle. */
+static void sum_steady_cycle(bd_sampled_work *work) {
+    bd_lanes *lanes = &work->lanes;
+    const size_t n_coef = (size_t)bd_n_coef(work->n_harm);
+    const size_t n_power = (size_t)bd_n_power(work->n_harm);
+    const size_t power_bytes = sizeof(double) * n_power * BD_LANES;
+    const size_t coef_bytes = sizeof(double) * n_coef * BD_LANES;
+    memset(lanes->stick, 0, power_bytes);
+    memset(lanes->slip, 0, power_bytes);
+    memset(lanes->stick_slider, 0, coef_bytes);
+    if (lanes->stick_slider_u) {
+        memset(lanes->stick_slider_u, 0, coef_bytes * n_coef);
+        memset(lanes->stick_slider_g, 0, coef_bytes * n_coef);
+    }
+    work->kernel->sum_cycle(lanes);
 }
 
 static void tangential_direction(int n, const bd_element *element, int d, const double *x,
                                  bd_response *out, bd_status_share *share, bd_sampled_work *work) {
-    const size_t n_coef = (size_t)bd_n_coef(work->n_harm);
     const int n_power = bd_n_power(work->n_harm);
+    const size_t n_coef = (size_t)bd_n_coef(work->n_harm);
+    const double *coefficients = work->x + (size_t)d * n_coef * BD_LANES;
     bd_lanes *lanes = &work->lanes;
-    int any_friction = 0;
-    for (int lane = 0; lane < BD_LANES; ++lane) {
-        const int has_friction = lane < n && bd_element_has_friction(element + lane, d) &&
-                                 !bd_law_is_coupled(element[lane].law);
-        lanes->slope[lane] = has_friction ? element[lane].mu / element[lane].kt[d] : 0.0;
-        lanes->w[lane] = has_friction ? element[lane].w[d] : 0.0;
-        lanes->origin[lane] = -1;
-        any_friction |= has_friction;
-    }
-    if (!any_friction) return;
-    work->kernel->lane_values((int)n_coef, work->n_time, work->power, n_power,
-                              work->x + (size_t)d * n_coef * BD_LANES, work->u);
+    if (!load_friction(n, element, d, lanes)) return;
+
+    work->kernel->lane_values((int)n_coef, work->n_time, work->power, n_power, coefficients,
+                              work->u);
     work->kernel->settle(lanes);
-    int moving = 0;
-    for (int lane = 0; lane < n; ++lane)
-        moving |= lanes->slope[lane] > 0.0 && lanes->origin[lane] >= 0;
-    if (moving) {
-        memset(lanes->stick, 0, sizeof(double) * (size_t)n_power * BD_LANES);
-        memset(lanes->slip, 0, sizeof(double) * (size_t)n_power * BD_LANES);
-        memset(lanes->stick_slider, 0, sizeof(double) * n_coef * BD_LANES);
-        if (lanes->stick_slider_u)
-            memset(lanes->stick_slider_u, 0, sizeof(double) * n_coef * n_coef * BD_LANES);
-        if (lanes->stick_slider_u)
-            memset(lanes->stick_slider_g, 0, sizeof(double) * n_coef * n_coef * BD_LANES);
-        work->kernel->sum_cycle(lanes);
+    if (any_slider_moves(n, lanes)) {
+        sum_steady_cycle(work);
         if (n == 1) list_parts(work, d);
     }
     for (int lane = 0; lane < n; ++lane) {
-        const double *xl = x + 3 * n_coef * (size_t)lane;
-        if (lanes->slope[lane] == 0.0) continue;
-        if (lanes->origin[lane] >= 0) {
-            if (share[lane].open < 1.0)
-                finish_lane(element + lane, d, lane, xl, out + lane, share + lane, work);
+        const double *x_point = x + 3 * n_coef * (size_t)lane;
+        const double *u = x_point + (size_t)d * n_coef;
+        const int has_friction = lanes->slope[lane] != 0.0;
+        const int is_moved = lanes->origin[lane] >= 0;
+        if (!has_friction) continue;
+
+        if (is_moved) {
+            if (share[lane].open == 1.0) continue;
+            finish_lane(element + lane, d, lane, x_point, out + lane, share + lane, work);
             continue;
         }
-        bd_element_stuck(element + lane, work->n_harm, d, xl + (size_t)d * n_coef, out + lane);
+        bd_element_stuck(element + lane, work->n_harm, d, u, out + lane);
         share[lane].stick[d] = 1.0;
         if (n == 1) whole_cycle(work, d, BD_STICK);
     }
 }
 
+/* Linear springs in both tangential directions. */
+static void stick_throughout(const bd_element *element, int n_harm, const double *x,
+                             bd_response *out, bd_status_share *share) {
+    const size_t n_coef = (size_t)bd_n_coef(n_harm);
+    for (int d = 0; d < 2; ++d) {
+        bd_element_stuck(element, n_harm, d, x + (size_t)d * n_coef, out);
+        share->stick[d] = 1.0;
+    }
+}
+
 void bd_sampled_evaluate(int n, const bd_element *element, const double *x, bd_response *out,
                          bd_status_share *share, bd_sampled_work *work) {
-    const size_t n_coef = (size_t)bd_n_coef(work->n_harm);
+    const int n_harm = work->n_harm;
+    const size_t n_coef = (size_t)bd_n_coef(n_harm);
+    const int with_tangent = out->dN != NULL;
+    const int alone = n == 1; /* parts of the cycle are listed for a point alone */
     bd_status_share unused[BD_LANES];
     if (!share) share = unused;
     for (int lane = 0; lane < n; ++lane) {
+        const double *x_point = x + 3 * n_coef * (size_t)lane;
         share[lane] = (bd_status_share){{0.0, 0.0}, {0.0, 0.0}, 0.0};
-        bd_element_open(element + lane, work->n_harm, out + lane);
-        if (element[lane].law != BD_LAW_BONDED) continue;
-        for (int d = 0; d < 2; ++d) {
-            bd_element_stuck(element + lane, work->n_harm, d,
-                             x + (3 * (size_t)lane + (size_t)d) * n_coef, out + lane);
-            share[lane].stick[d] = 1.0;
-        }
+        bd_element_open(element + lane, n_harm, out + lane);
+        if (element[lane].law == BD_LAW_BONDED)
+            stick_throughout(element + lane, n_harm, x_point, out + lane, share + lane);
     }
-    work->lanes.stick_slider_u = out->dN ? work->stick_slider_u : NULL;
-    work->lanes.stick_slider_g = out->dN ? work->stick_slider_g : NULL;
-    work->lanes.state = n == 1 ? work->state : NULL;
+    work->lanes.stick_slider_u = with_tangent ? work->stick_slider_u : NULL;
+    work->lanes.stick_slider_g = with_tangent ? work->stick_slider_g : NULL;
+    work->lanes.state = alone ? work->state : NULL;
     load_lanes(n, element, x, work);
-    const int n_contact = normal_direction(n, element, x, out, share, work);
-    for (int d = 0; d < 2 && n == 1; ++d) {
-        whole_cycle(work, d, n_contact ? BD_STICK : BD_OPEN);
-        if (n_contact && !bd_element_has_friction(element, d) && element->law != BD_LAW_BONDED)
-            work->n_segment[d] = 0;
+
+    const int n_touching = normal_direction(n, element, x, out, share, work);
+    for (int d = 0; d < 2 && alone; ++d) {
+        const int has_state = bd_element_has_friction(element, d) || element->law == BD_LAW_BONDED;
+        whole_cycle(work, d, n_touching ? BD_STICK : BD_OPEN);
+        if (n_touching && !has_state) work->n_segment[d] = 0;
     }
+    if (!n_touching) return;
     work->lanes.g = find_limit(n, element, work);
-    for (int d = 0; d < 2 && n_contact; ++d)
-        tangential_direction(n, element, d, x, out, share, work);
+    for (int d = 0; d < 2; ++d) tangential_direction(n, element, d, x, out, share, work);
 }

@@ -33,15 +33,14 @@
 #include <string.h>
 
 void bd_cycle_clear(bd_cycle *cycle) {
-    const size_t n_coef = (size_t)bd_n_coef(cycle->n_harm),
-                 n_power = (size_t)bd_n_power(cycle->n_harm);
+    const size_t n_coef = (size_t)bd_n_coef(cycle->n_harm);
+    const size_t n_power = (size_t)bd_n_power(cycle->n_harm);
     memset(cycle->stick, 0, sizeof(double) * n_power);
     memset(cycle->slip, 0, sizeof(double) * n_power);
     memset(cycle->stick_slider, 0, sizeof(double) * n_coef);
-    if (cycle->stick_slider_u) {
-        memset(cycle->stick_slider_u, 0, sizeof(double) * n_coef * n_coef);
-        memset(cycle->stick_slider_v, 0, sizeof(double) * n_coef * n_coef);
-    }
+    if (!cycle->stick_slider_u) return;
+    memset(cycle->stick_slider_u, 0, sizeof(double) * n_coef * n_coef);
+    memset(cycle->stick_slider_v, 0, sizeof(double) * n_coef * n_coef);
 }
 
 void bd_cycle_integrate(int n_harm, double *E, double length, const double *start,
@@ -72,14 +71,19 @@ void bd_cycle_add_stick(bd_cycle *cycle, const double *g, double w, const double
 
 void bd_cycle_products(int n_harm, const double *E, double *products) {
     const size_t n_coef = (size_t)bd_n_coef(n_harm);
-    const double *g = E + 1;
+    const double *g = E + 1; /* integrals of the basis: products with its constant */
     for (size_t j = 0; j < n_coef; ++j) products[j] = products[j * n_coef] = g[j];
     for (int l = 1; l <= n_harm; ++l) {
-        double *cos_row = products + (size_t)(2 * l - 1) * n_coef, *sin_row = cos_row + n_coef;
+        double *cos_row = products + (size_t)(2 * l - 1) * n_coef;
+        double *sin_row = cos_row + n_coef;
         for (int m = 1; m <= n_harm; ++m) {
-            const int d = l > m ? l - m : m - l, s = l + m;
-            const double re_d = E[2 * d],
-                         im_d = d == 0 ? 0.0 : (m > l ? E[2 * d + 1] : -E[2 * d + 1]);
+            /* E_{m-l}, from its conjugate if m < l, and E_{l+m} */
+            const int d = l > m ? l - m : m - l;
+            const int s = l + m;
+            const double re_d = E[2 * d];
+            double im_d = 0.0;
+            if (m > l) im_d = E[2 * d + 1];
+            if (m < l) im_d = -E[2 * d + 1];
             const double re_s = E[2 * s], im_s = E[2 * s + 1];
             cos_row[2 * m - 1] = 0.5 * (re_d + re_s);
             cos_row[2 * m] = 0.5 * (im_s + im_d);
@@ -89,64 +93,84 @@ void bd_cycle_products(int n_harm, const double *E, double *products) {
     }
 }
 
+/* Factor from an integral with the basis function i to a coefficient. */
 static double row_scale(int i) { return i == 0 ? 1.0 / BD_TWO_PI : 1.0 / BD_PI; }
+
+/* Force and tangent of the parts that stick: kt (Gs u - sum_parts g w). */
+static void sticking_part(double kt, const bd_cycle *cycle, const double *u, double *F, double *dT,
+                          double *products) {
+    const int n_coef = bd_n_coef(cycle->n_harm);
+    bd_cycle_products(cycle->n_harm, cycle->stick, products);
+    for (int i = 0; i < n_coef; ++i) {
+        const double scale = row_scale(i);
+        const size_t first = (size_t)i * (size_t)n_coef; /* of row i */
+        const double *Gs = products + first;
+        double sum = -cycle->stick_slider[i];
+        for (int j = 0; j < n_coef; ++j) sum += Gs[j] * u[j];
+        F[i] = scale * kt * sum;
+        if (!cycle->stick_slider_u) continue;
+
+        const double *slider_u = cycle->stick_slider_u + first;
+        for (int j = 0; j < n_coef; ++j) dT[first + (size_t)j] = scale * kt * (Gs[j] - slider_u[j]);
+    }
+}
+
+/* Add what depends on v: mu kn (Gp - Gm) v, and in the tangent also the slider. */
+static void part_of_normal_motion(double kt, double mu_kn, const bd_cycle *cycle, const double *v,
+                                  double *F, double *dTv, double *products) {
+    const int n_coef = bd_n_coef(cycle->n_harm);
+    bd_cycle_products(cycle->n_harm, cycle->slip, products);
+    for (int i = 0; i < n_coef; ++i) {
+        const double scale = row_scale(i);
+        const size_t first = (size_t)i * (size_t)n_coef; /* of row i */
+        const double *Gpm = products + first;
+        double sum = 0.0;
+        for (int j = 0; j < n_coef; ++j) sum += Gpm[j] * v[j];
+        F[i] += scale * mu_kn * sum;
+        if (!cycle->stick_slider_u) continue;
+
+        const double *slider_v = cycle->stick_slider_v + first;
+        for (int j = 0; j < n_coef; ++j)
+            dTv[first + (size_t)j] = scale * (mu_kn * Gpm[j] - kt * slider_v[j]);
+    }
+}
 
 void bd_cycle_friction(const bd_element *element, int d, const bd_cycle *cycle, const double *u,
                        const double *v, bd_response *out, double *scratch) {
-    const int n_coef = bd_n_coef(cycle->n_harm), constant = bd_law_is_constant(element->law);
-    const size_t n = (size_t)n_coef;
-    const double kt = element->kt[d], mu = element->mu,
-                 mu_kn = constant ? 0.0 : element->mu * element->kn;
-    const double load = constant ? fmax(element->load, 0.0) : element->n0;
-    double *F = out->F + (size_t)d * n;
-    double *dT = out->dT[d], *dTv = out->dTv[d];
-    const int tangent = cycle->stick_slider_u != NULL;
-
-    bd_cycle_products(cycle->n_harm, cycle->stick, scratch);
-    for (int i = 0; i < n_coef; ++i) {
-        const double scale = row_scale(i);
-        const double *row = scratch + (size_t)i * n;
-        double sum = -cycle->stick_slider[i];
-        for (int j = 0; j < n_coef; ++j) sum += row[j] * u[j];
-        F[i] = scale * kt * sum;
-        if (tangent)
-            for (int j = 0; j < n_coef; ++j)
-                dT[(size_t)i * n + (size_t)j] =
-                    scale * kt * (row[j] - cycle->stick_slider_u[(size_t)i * n + (size_t)j]);
-    }
+    const int n_coef = bd_n_coef(cycle->n_harm);
+    const int constant_load = bd_law_is_constant(element->law);
+    const double kt = element->kt[d], mu = element->mu;
+    double *F = out->F + (size_t)d * (size_t)n_coef;
     out->tangential[d] = BD_BLOCK_FULL;
+    sticking_part(kt, cycle, u, F, out->dT[d], scratch);
+
+    /* slip under the load at v = 0, or under the constant load */
+    const double load = constant_load ? fmax(element->load, 0.0) : element->n0;
+    const double *slip_basis = cycle->slip + 1; /* gp - gm */
+    for (int i = 0; i < n_coef; ++i) F[i] += row_scale(i) * mu * load * slip_basis[i];
+
+    const double mu_kn = constant_load ? 0.0 : mu * element->kn;
     out->with_normal[d] = mu_kn > 0.0;
-    for (int i = 0; i < n_coef; ++i) F[i] += row_scale(i) * mu * load * cycle->slip[1 + i];
     if (mu_kn == 0.0) return;
-    bd_cycle_products(cycle->n_harm, cycle->slip, scratch);
-    for (int i = 0; i < n_coef; ++i) {
-        const double scale = row_scale(i);
-        const double *row = scratch + (size_t)i * n;
-        double sum = 0.0;
-        for (int j = 0; j < n_coef; ++j) sum += row[j] * v[j];
-        F[i] += scale * mu_kn * sum;
-        if (tangent)
-            for (int j = 0; j < n_coef; ++j)
-                dTv[(size_t)i * n + (size_t)j] =
-                    scale *
-                    (mu_kn * row[j] - kt * cycle->stick_slider_v[(size_t)i * n + (size_t)j]);
-    }
+    part_of_normal_motion(kt, mu_kn, cycle, v, F, out->dTv[d], scratch);
 }
 
 void bd_cycle_normal(const bd_element *element, int n_harm, const double *contact, const double *v,
                      bd_response *out, double *scratch) {
     const int n_coef = bd_n_coef(n_harm);
-    const size_t n = (size_t)n_coef;
+    const double kn = element->kn;
+    const double *basis = contact + 1; /* integrals of the basis over the parts in contact */
+    double *N = out->F + 2 * (size_t)n_coef;
     bd_cycle_products(n_harm, contact, scratch);
     for (int i = 0; i < n_coef; ++i) {
         const double scale = row_scale(i);
-        const double *row = scratch + (size_t)i * n;
-        double sum = element->n0 * contact[1 + i];
-        for (int j = 0; j < n_coef; ++j) sum += element->kn * row[j] * v[j];
-        out->F[2 * n + (size_t)i] = scale * sum;
-        if (out->dN)
-            for (int j = 0; j < n_coef; ++j)
-                out->dN[(size_t)i * n + (size_t)j] = scale * element->kn * row[j];
+        const size_t first = (size_t)i * (size_t)n_coef; /* of row i */
+        const double *G = scratch + first;
+        double sum = element->n0 * basis[i];
+        for (int j = 0; j < n_coef; ++j) sum += kn * G[j] * v[j];
+        N[i] = scale * sum;
+        if (!out->dN) continue;
+        for (int j = 0; j < n_coef; ++j) out->dN[first + (size_t)j] = scale * kn * G[j];
     }
     out->normal = BD_BLOCK_FULL;
 }
@@ -162,28 +186,37 @@ void bd_element_closed(const bd_element *element, int n_harm, const double *v, b
 void bd_element_stuck(const bd_element *element, int n_harm, int d, const double *u,
                       bd_response *out) {
     const int n_coef = bd_n_coef(n_harm);
+    const double kt = element->kt[d];
     double *T = out->F + (size_t)d * (size_t)n_coef;
-    for (int i = 0; i < n_coef; ++i) T[i] = element->kt[d] * u[i];
-    T[0] -= element->kt[d] * element->w[d];
+    for (int i = 0; i < n_coef; ++i) T[i] = kt * u[i];
+    T[0] -= kt * element->w[d];
     out->tangential[d] = BD_BLOCK_LINEAR;
 }
 
 void bd_element_open(const bd_element *element, int n_harm, bd_response *out) {
     (void)element;
     memset(out->F, 0, sizeof(double) * 3 * (size_t)bd_n_coef(n_harm));
-    out->tangential[0] = out->tangential[1] = out->normal = BD_BLOCK_ZERO;
-    out->coupled = out->with_normal[0] = out->with_normal[1] = out->with_tangential = 0;
+    for (int d = 0; d < 2; ++d) {
+        out->tangential[d] = BD_BLOCK_ZERO;
+        out->with_normal[d] = 0;
+    }
+    out->normal = BD_BLOCK_ZERO;
+    out->coupled = 0;
+    out->with_tangential = 0;
 }
 
-/* Real and imaginary part of a_n = conj a_{-n}; zero beyond n_harm. */
+/* Real part of a_n = conj a_{-n}; zero beyond n_harm. */
 static double real_part(const double *u, int n_harm, int n) {
     const int l = abs(n);
-    return l > n_harm ? 0.0 : l == 0 ? u[0] : 0.5 * u[2 * l - 1];
+    if (l > n_harm) return 0.0;
+    return l == 0 ? u[0] : 0.5 * u[2 * l - 1];
 }
 
+/* Imaginary part of a_n. */
 static double imaginary_part(const double *u, int n_harm, int n) {
     const int l = abs(n);
-    return l > n_harm || l == 0 ? 0.0 : (n > 0 ? -0.5 : 0.5) * u[2 * l];
+    if (l > n_harm || l == 0) return 0.0;
+    return (n > 0 ? -0.5 : 0.5) * u[2 * l];
 }
 
 /* E_n of the weight k u^2: 2 pi times the conjugate of its coefficient n. */
@@ -191,8 +224,10 @@ static void weight_of_cubic(double k, int n_harm, const double *u, double *E) {
     for (int n = 0; n <= 2 * n_harm; ++n) {
         double re = 0.0, im = 0.0;
         for (int m = n - n_harm; m <= n_harm; ++m) {
-            const double a = real_part(u, n_harm, m), b = imaginary_part(u, n_harm, m);
-            const double c = real_part(u, n_harm, n - m), d = imaginary_part(u, n_harm, n - m);
+            const double a = real_part(u, n_harm, m);
+            const double b = imaginary_part(u, n_harm, m);
+            const double c = real_part(u, n_harm, n - m);
+            const double d = imaginary_part(u, n_harm, n - m);
             re += a * c - b * d;
             im += a * d + b * c;
         }
@@ -207,9 +242,14 @@ static void force_of_weight(int n_harm, const double *E, const double *u, double
     for (int l = 0; l <= n_harm; ++l) {
         double re = 0.0, im = 0.0; /* coefficient l of the product, times 2 pi */
         for (int m = -n_harm; m <= n_harm; ++m) {
-            const int k = l - m, at = 2 * abs(k); /* at most 2 n_harm */
-            const double a = E[at], b = k == 0 ? 0.0 : (k > 0 ? -E[at + 1] : E[at + 1]);
-            const double c = real_part(u, n_harm, m), d = imaginary_part(u, n_harm, m);
+            /* coefficient l - m of the weight, conj E_{l-m}; |l - m| is at most 2 n_harm */
+            const int k = l - m, at = 2 * abs(k);
+            const double a = E[at];
+            double b = 0.0;
+            if (k > 0) b = -E[at + 1];
+            if (k < 0) b = E[at + 1];
+            const double c = real_part(u, n_harm, m);
+            const double d = imaginary_part(u, n_harm, m);
             re += a * c - b * d;
             im += a * d + b * c;
         }
@@ -228,41 +268,42 @@ void bd_element_cubic(const bd_element *element, int n_harm, const double *x, bd
     bd_element_open(element, n_harm, out);
     for (int d = 0; d < 2; ++d) {
         const double *u = x + (size_t)d * n;
-        double *F = out->F + (size_t)d * n;
+        double *F = out->F + (size_t)d * n, *dT = out->dT[d];
         if (element->kt[d] == 0.0) continue;
         weight_of_cubic(element->kt[d], n_harm, u, E);
         force_of_weight(n_harm, E, u, F);
-        if (!out->dT[d]) continue;
-        bd_cycle_products(n_harm, E, out->dT[d]);
+        if (!dT) continue;
+
+        bd_cycle_products(n_harm, E, dT);
         for (size_t i = 0; i < n; ++i)
-            for (size_t j = 0; j < n; ++j) out->dT[d][i * n + j] *= 3.0 * row_scale((int)i);
+            for (size_t j = 0; j < n; ++j) dT[i * n + j] *= 3.0 * row_scale((int)i);
         out->tangential[d] = BD_BLOCK_FULL;
     }
 }
 
 static void set_diagonal(double *block, int n_coef, double value) {
-    memset(block, 0, sizeof(double) * (size_t)n_coef * (size_t)n_coef);
-    for (int i = 0; i < n_coef; ++i) block[(size_t)i * (size_t)n_coef + (size_t)i] = value;
+    const size_t n = (size_t)n_coef;
+    memset(block, 0, sizeof(double) * n * n);
+    for (size_t i = 0; i < n; ++i) block[i * n + i] = value;
 }
 
 bd_block bd_element_form(const bd_response *out) {
-    return out->tangential[0] == out->normal && out->tangential[1] == out->normal ? out->normal
-                                                                                  : BD_BLOCK_FULL;
+    const bd_block form = out->normal;
+    const int all_equal = out->tangential[0] == form && out->tangential[1] == form;
+    return all_equal ? form : BD_BLOCK_FULL;
 }
 
 void bd_element_write_blocks(const bd_element *element, int n_harm, bd_response *out) {
     const int n_coef = bd_n_coef(n_harm);
     for (int d = 0; d < 2; ++d) {
-        if (out->tangential[d] != BD_BLOCK_FULL)
-            set_diagonal(out->dT[d], n_coef,
-                         out->tangential[d] == BD_BLOCK_LINEAR ? element->kt[d] : 0.0);
-        if (out->tangential[d] != BD_BLOCK_FULL || !out->with_normal[d])
-            set_diagonal(out->dTv[d], n_coef, 0.0);
-        if (out->dTc[d] && (out->tangential[d] != BD_BLOCK_FULL || !out->coupled))
-            set_diagonal(out->dTc[d], n_coef, 0.0);
-    }
-    if (out->normal != BD_BLOCK_FULL)
-        set_diagonal(out->dN, n_coef, out->normal == BD_BLOCK_LINEAR ? element->kn : 0.0);
-    for (int d = 0; d < 2; ++d)
+        const int is_full = out->tangential[d] == BD_BLOCK_FULL;
+        const int is_linear = out->tangential[d] == BD_BLOCK_LINEAR;
+        if (!is_full) set_diagonal(out->dT[d], n_coef, is_linear ? element->kt[d] : 0.0);
+        if (!is_full || !out->with_normal[d]) set_diagonal(out->dTv[d], n_coef, 0.0);
+        const int with_other = is_full && out->coupled; /* derivatives by the other direction */
+        if (out->dTc[d] && !with_other) set_diagonal(out->dTc[d], n_coef, 0.0);
         if (out->dNt[d] && !out->with_tangential) set_diagonal(out->dNt[d], n_coef, 0.0);
+    }
+    const int is_linear = out->normal == BD_BLOCK_LINEAR;
+    if (out->normal != BD_BLOCK_FULL) set_diagonal(out->dN, n_coef, is_linear ? element->kn : 0.0);
 }

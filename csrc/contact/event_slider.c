@@ -42,11 +42,12 @@ typedef struct {
     slider slider;
 } cycle_part;
 
-/* x and y at exp(i theta) = z. */
+/* Values of x and y at exp(i theta) = z. */
 static void values_at(int n_harm, const double *x, const double *y, const double *z, double *at_x,
                       double *at_y) {
     const double c = z[0], s = z[1];
-    double re = c, im = s, sum_x = x[0], sum_y = y[0];
+    double re = c, im = s; /* exp(i l theta) */
+    double sum_x = x[0], sum_y = y[0];
     for (int l = 1; l <= n_harm; ++l) {
         sum_x += x[2 * l - 1] * re + x[2 * l] * im;
         sum_y += y[2 * l - 1] * re + y[2 * l] * im;
@@ -59,12 +60,17 @@ static void values_at(int n_harm, const double *x, const double *y, const double
 }
 
 double bd_clear_value(int n_harm, const double *f, double start, double length) {
-    static const double position[4] = {0.29, 0.67, 0.11, 0.87};
+    enum { N_OTHER = 4 };
+    static const double other_position[N_OTHER] = {0.29, 0.67, 0.11, 0.87};
+    static const double SMALL = 1e-3; /* relative to the sum of the coefficients */
     const int n_coef = bd_n_coef(n_harm);
-    double size = 0.0, value = bd_trig_value(n_harm, f, start + 0.5 * length);
+    double size = 0.0;
     for (int i = 0; i < n_coef; ++i) size += fabs(f[i]);
-    for (int i = 0; i < 4 && fabs(value) <= 1e-3 * size; ++i) {
-        const double other = bd_trig_value(n_harm, f, start + position[i] * length);
+    double value = bd_trig_value(n_harm, f, start + 0.5 * length);
+    for (int i = 0; i < N_OTHER; ++i) {
+        const int is_small = fabs(value) <= SMALL * size;
+        if (!is_small) return value;
+        const double other = bd_trig_value(n_harm, f, start + other_position[i] * length);
         if (fabs(other) > fabs(value)) value = other;
     }
     return value;
@@ -72,10 +78,12 @@ double bd_clear_value(int n_harm, const double *f, double start, double length) 
 
 /* ---- parts of the cycle ---- */
 
+/* Append a part of the cycle, or extend the last one if the state has not changed. */
 static void push_segment(bd_event_work *work, int d, double start, double end, int state) {
     bd_segment *segment = work->segment[d];
     const int n = work->n_segment[d];
-    if (n > 0 && segment[n - 1].state == state && segment[n - 1].end == start) {
+    const int continues = n > 0 && segment[n - 1].state == state && segment[n - 1].end == start;
+    if (continues) {
         segment[n - 1].end = end;
     } else if (end > start) {
         segment[n] = (bd_segment){start, end, state};
@@ -100,43 +108,91 @@ static void reverse(bd_segment *s, int n) {
 static void arrange_segments(bd_event_work *work, int d) {
     bd_segment *segment = work->segment[d];
     int n = work->n_segment[d];
-    if (n > 1 && segment[n - 1].state == segment[0].state) { /* the cycle began inside a part */
+
+    /* the cycle began inside a part: its end and its beginning are one part */
+    if (n > 1 && segment[n - 1].state == segment[0].state) {
         segment[n - 1].end = segment[0].end + BD_TWO_PI;
         --n;
         memmove(segment, segment + 1, sizeof *segment * (size_t)n);
         work->n_segment[d] = n;
     }
+
     int n_shifted = 0; /* parts at the end that lie in the next period */
-    for (int i = 0; i < n; ++i)
-        if (segment[i].start >= BD_TWO_PI) {
-            segment[i].start -= BD_TWO_PI;
-            segment[i].end -= BD_TWO_PI;
-            ++n_shifted;
-        }
-    reverse(segment, n - n_shifted);
-    reverse(segment + n - n_shifted, n_shifted);
+    for (int i = 0; i < n; ++i) {
+        if (segment[i].start < BD_TWO_PI) continue;
+        segment[i].start -= BD_TWO_PI;
+        segment[i].end -= BD_TWO_PI;
+        ++n_shifted;
+    }
+
+    /* three reversals rotate the shifted parts to the front */
+    const int n_unshifted = n - n_shifted;
+    reverse(segment, n_unshifted);
+    reverse(segment + n_unshifted, n_shifted);
     reverse(segment, n);
+
     /* the same instant except for rounding */
     if (n_shifted > 0 && n_shifted < n) segment[n_shifted - 1].end = segment[n_shifted].start;
 }
 
 /* ---- pieces between events ---- */
 
+/* Insertion sort by angle: the three lists of roots are sorted already. */
 static void sort_events(bd_direction *dir) {
-    bd_event_work *work = dir->work;
+    const double *theta = dir->work->event_theta;
+    int *order = dir->work->order;
     for (int i = 0; i < dir->n_event; ++i) {
         int j = i;
-        for (; j > 0 && work->event_theta[work->order[j - 1]] > work->event_theta[i]; --j)
-            work->order[j] = work->order[j - 1];
-        work->order[j] = i;
+        while (j > 0 && theta[order[j - 1]] > theta[i]) {
+            order[j] = order[j - 1];
+            --j;
+        }
+        order[j] = i;
     }
 }
 
+/* Event at the end of piece i: the next one. */
+static int event_after(const bd_direction *dir, int i) {
+    const int next = i + 1 < dir->n_event ? i + 1 : 0;
+    return dir->work->order[next];
+}
+
+/* Angle at the end of piece i; that of the last piece lies in the next period. */
 static double piece_end(const bd_direction *dir, int i) {
+    const double theta = dir->work->event_theta[event_after(dir, i)];
+    const int is_last = i + 1 == dir->n_event;
+    return is_last ? theta + BD_TWO_PI : theta;
+}
+
+static int longest_piece(const bd_direction *dir, double *length) {
     const bd_event_work *work = dir->work;
-    const int n = dir->n_event;
-    return i + 1 < n ? work->event_theta[work->order[i + 1]]
-                     : work->event_theta[work->order[0]] + BD_TWO_PI;
+    int longest = 0;
+    *length = -1.0;
+    for (int i = 0; i < dir->n_event; ++i) {
+        const double l = piece_end(dir, i) - work->event_theta[work->order[i]];
+        if (l > *length) {
+            *length = l;
+            longest = i;
+        }
+    }
+    return longest;
+}
+
+/* Return whether n0 + kn v is positive in a piece. */
+static int is_in_contact(const bd_direction *dir, const bd_element *element, const double *v,
+                         double start, double length) {
+    if (dir->n_lift == 0) return 1; /* an open point has no slider */
+    double *g = dir->work->polynomial;
+    for (int i = 0; i < dir->n_coef; ++i) g[i] = element->kn * v[i];
+    g[0] += element->n0;
+    return bd_clear_value(dir->n_harm, g, start, length) > 0.0;
+}
+
+/* Flags whose polynomials change sign at an event. */
+static int flags_changed_by(const bd_direction *dir, int event) {
+    if (event < dir->n_lift) return CONTACT;
+    if (dir->common) return LO_RISES | HI_FALLS;
+    return event < dir->n_lift + dir->n_lo ? LO_RISES : HI_FALLS;
 }
 
 /* Signs in every piece. They are evaluated inside the longest piece, where the values are farthest
@@ -144,42 +200,27 @@ static double piece_end(const bd_direction *dir, int i) {
  * follow by toggling. */
 static void flag_pieces(bd_direction *dir, const bd_element *element, const double *v) {
     bd_event_work *work = dir->work;
-    const int n = dir->n_event;
-    int longest = 0, flags = 0;
-    double length = -1.0;
-    for (int i = 0; i < n; ++i) {
-        const double l = piece_end(dir, i) - work->event_theta[work->order[i]];
-        if (l > length) length = l, longest = i;
-    }
+    const int n = dir->n_event, n_harm = dir->n_harm;
+    double length;
+    const int longest = longest_piece(dir, &length);
     const double start = work->event_theta[work->order[longest]];
-    if (dir->n_lift == 0) {
-        flags |= CONTACT;
-    } else {
-        double *level = work->polynomial; /* n0 + kn v */
-        for (int i = 0; i < dir->n_coef; ++i) level[i] = element->kn * v[i];
-        level[0] += element->n0;
-        if (bd_clear_value(dir->n_harm, level, start, length) > 0.0) flags |= CONTACT;
-    }
-    if (bd_clear_value(dir->n_harm, dir->dlo, start, length) > 0.0) flags |= LO_RISES;
-    if (bd_clear_value(dir->n_harm, dir->dhi, start, length) < 0.0) flags |= HI_FALLS;
+    int flags = 0;
+    if (is_in_contact(dir, element, v, start, length)) flags |= CONTACT;
+    if (bd_clear_value(n_harm, dir->dlo, start, length) > 0.0) flags |= LO_RISES;
+    if (bd_clear_value(n_harm, dir->dhi, start, length) < 0.0) flags |= HI_FALLS;
     work->piece[longest] = flags;
     for (int k = 1; k < n; ++k) {
-        const int i = (longest + k) % n, event = work->order[i];
-        if (event < dir->n_lift)
-            flags ^= CONTACT;
-        else if (dir->common)
-            flags ^= LO_RISES | HI_FALLS;
-        else
-            flags ^= event < dir->n_lift + dir->n_lo ? LO_RISES : HI_FALLS;
+        const int i = (longest + k) % n;
+        flags ^= flags_changed_by(dir, work->order[i]);
         work->piece[i] = flags;
     }
 }
 
 /* ---- cycle ---- */
 
+/* Slider at the event that ends a piece. In open contact it follows u = (lo + hi)/2. */
 static slider clip_at_end(const bd_direction *dir, slider s, int flags, int event) {
-    const bd_event_work *work = dir->work;
-    const double lo = work->event_lo[event], hi = work->event_hi[event];
+    const double lo = dir->work->event_lo[event], hi = dir->work->event_hi[event];
     if (!(flags & CONTACT)) return (slider){SET_BY_CLOSING, event, 0.5 * (lo + hi)};
     if (s.w < lo) return (slider){SET_BY_LO, event, lo};
     if (s.w > hi) return (slider){SET_BY_HI, event, hi};
@@ -188,82 +229,87 @@ static slider clip_at_end(const bd_direction *dir, slider s, int flags, int even
 
 /* Slider at the first event of the steady cycle. */
 static slider settle(const bd_direction *dir, double w) {
-    const bd_event_work *work = dir->work;
-    const int n = dir->n_event;
+    const int *piece = dir->work->piece;
     slider s = {INITIAL, -1, w};
-    for (int i = 0; i < n; ++i)
-        s = clip_at_end(dir, s, work->piece[i], work->order[i + 1 < n ? i + 1 : 0]);
+    for (int i = 0; i < dir->n_event; ++i) s = clip_at_end(dir, s, piece[i], event_after(dir, i));
     return s;
+}
+
+/* Factor f in the derivative dw = b.du + f b.dv of the slider at the start of a sticking part. */
+static double slider_by_normal_motion(const bd_direction *dir, slider s) {
+    if (s.kind == SET_BY_LO) return -dir->r;
+    if (s.kind != SET_BY_CLOSING) return dir->r;
+
+    /* u' = (lo' + hi')/2 and v' = (hi' - lo')/(2 r) */
+    double dlo, dhi;
+    const double *z = dir->work->event_z + 2 * s.event;
+    values_at(dir->n_harm, dir->dlo, dir->dhi, z, &dlo, &dhi);
+    if (!(dhi > dlo)) return 0.0;
+    /* the point sticks afterwards, so |u'/v'| <= r */
+    const double ratio = fmax(-1.0, fmin(1.0, (dhi + dlo) / (dhi - dlo)));
+    return -dir->r * ratio;
 }
 
 /* Add the current sticking part, whose slider was set at its beginning, with the slider's
  * derivative dw. */
 static void add_stick(const bd_direction *dir, const cycle_part *part) {
     bd_event_work *work = dir->work;
-    const double *b = work->power[part->at] + 1;
+    const double *basis = work->power[part->at] + 1; /* at the beginning of the part */
+    const double *basis_integral = work->part_sum + 1;
     if (!work->cycle.stick_slider_u) {
-        bd_cycle_add_stick(&work->cycle, work->part_sum + 1, part->slider.w, NULL, NULL);
+        bd_cycle_add_stick(&work->cycle, basis_integral, part->slider.w, NULL, NULL);
         return;
     }
-    double factor = part->slider.kind == SET_BY_LO ? -dir->r : dir->r;
-    if (part->slider.kind == SET_BY_CLOSING) {
-        /* u' = (lo' + hi')/2 and v' = (hi' - lo')/(2 r); the point sticks afterwards, so
-         * |u'/v'| <= r */
-        double dlo, dhi;
-        values_at(dir->n_harm, dir->dlo, dir->dhi, work->event_z + 2 * part->slider.event, &dlo,
-                  &dhi);
-        factor = dhi > dlo ? -dir->r * fmax(-1.0, fmin(1.0, (dhi + dlo) / (dhi - dlo))) : 0.0;
+    const double factor = slider_by_normal_motion(dir, part->slider);
+    for (int i = 0; i < dir->n_coef; ++i) work->slider_v[i] = factor * basis[i];
+    bd_cycle_add_stick(&work->cycle, basis_integral, part->slider.w, basis, work->slider_v);
+}
+
+/* Add up the part of the cycle that ends at theta, whose powers of exp(i theta) are `to`. */
+static void end_part(const bd_direction *dir, int d, const cycle_part *part, double theta,
+                     const double *to, bd_status_share *share) {
+    bd_event_work *work = dir->work;
+    const int n_harm = dir->n_harm;
+    const double *from = work->power[part->at];
+    const double length = theta - part->start;
+    push_segment(work, d, part->start, theta, part->state);
+    if (part->state == BD_OPEN) return;
+    if (part->state == BD_STICK) {
+        memset(work->part_sum, 0, sizeof(double) * (size_t)dir->n_power);
+        bd_cycle_integrate(n_harm, work->part_sum, length, from, to, 1.0);
+        for (int n = 0; n < dir->n_power; ++n) work->cycle.stick[n] += work->part_sum[n];
+        add_stick(dir, part);
+        return;
     }
-    for (int i = 0; i < dir->n_coef; ++i) work->slider_v[i] = factor * b[i];
-    bd_cycle_add_stick(&work->cycle, work->part_sum + 1, part->slider.w, b, work->slider_v);
+    const double sign = part->state == BD_SLIP_PLUS ? 1.0 : -1.0;
+    bd_cycle_integrate(n_harm, work->cycle.slip, length, from, to, sign);
+    share->slip[d] += length;
 }
 
 /* Change the state at theta (exp(i theta) = z): add up the part that ends
  * and begin the next one. */
 static void change_state(const bd_direction *dir, int d, cycle_part *part, int state, double theta,
                          const double *z, slider s, bd_status_share *share) {
-    bd_event_work *work = dir->work;
-    double *from = work->power[part->at], *to = work->power[!part->at];
     if (part->state == state) return;
+    double *to = dir->work->power[!part->at];
     bd_trig_powers_of(2 * dir->n_harm, z, to);
-    if (part->state != NO_STATE) {
-        const double length = theta - part->start;
-        push_segment(work, d, part->start, theta, part->state);
-        if (part->state == BD_STICK) {
-            memset(work->part_sum, 0, sizeof(double) * (size_t)dir->n_power);
-            bd_cycle_integrate(dir->n_harm, work->part_sum, length, from, to, 1.0);
-            for (int n = 0; n < dir->n_power; ++n) work->cycle.stick[n] += work->part_sum[n];
-            add_stick(dir, part);
-        } else if (part->state != BD_OPEN) {
-            bd_cycle_integrate(dir->n_harm, work->cycle.slip, length, from, to,
-                               part->state == BD_SLIP_PLUS ? 1.0 : -1.0);
-            share->slip[d] += length;
-        }
-    }
+    if (part->state != NO_STATE) end_part(dir, d, part, theta, to, share);
     part->at = !part->at;
     part->state = state;
     part->start = theta;
     part->slider = s;
 }
 
-/* Angle at which lo (hi) first reaches w in a piece over which it rises (falls). */
-static double find_onset(const bd_direction *dir, int plus, double w, double start, double end,
-                         double *z) {
-    double *bound = dir->work->polynomial; /* lo - w or hi - w */
-    memcpy(bound, plus ? dir->lo : dir->hi, sizeof(double) * (size_t)dir->n_coef);
-    bound[0] -= w;
-    if (dir->n_harm > 1) {
-        const double onset = bd_trig_bracketed_root(dir->n_harm, bound, start, end);
-        z[0] = cos(onset);
-        z[1] = sin(onset);
-        return onset;
-    }
-    /* cos(theta - phi) = k on the rising (falling) side */
-    const double size = hypot(bound[1], bound[2]), c = bound[1] / size, s = bound[2] / size;
-    const double k = fmax(-1.0, fmin(1.0, -bound[0] / size)),
-                 m = sqrt((1.0 - k) * (1.0 + k)) * (plus ? -1.0 : 1.0);
+/* Solve f = 0 for one harmonic, cos(theta - phi) = k, on the rising (falling) side; z = exp(i
+ * theta) of the root. */
+static double closed_onset(const double *f, int rises, double start, double end, double *z) {
+    const double size = hypot(f[1], f[2]);
+    const double c = f[1] / size, s = f[2] / size; /* of phi */
+    const double k = fmax(-1.0, fmin(1.0, -f[0] / size));
+    const double m = sqrt((1.0 - k) * (1.0 + k)) * (rises ? -1.0 : 1.0); /* sin(theta - phi) */
     z[0] = c * k - s * m;
     z[1] = s * k + c * m;
+
     double onset = atan2(z[1], z[0]);
     while (onset < start - 1e-9) onset += BD_TWO_PI;
     while (onset > end + 1e-9) onset -= BD_TWO_PI;
@@ -275,39 +321,60 @@ static double find_onset(const bd_direction *dir, int plus, double w, double sta
     return within;
 }
 
+/* Angle at which lo (hi) first reaches w in a piece over which it rises (falls). */
+static double find_onset(const bd_direction *dir, int plus, double w, double start, double end,
+                         double *z) {
+    double *f = dir->work->polynomial; /* lo - w or hi - w */
+    memcpy(f, plus ? dir->lo : dir->hi, sizeof(double) * (size_t)dir->n_coef);
+    f[0] -= w;
+    if (dir->n_harm == 1) return closed_onset(f, plus, start, end, z);
+
+    const double onset = bd_trig_bracketed_root(dir->n_harm, f, start, end);
+    z[0] = cos(onset);
+    z[1] = sin(onset);
+    return onset;
+}
+
 /* Advance through one piece and return the slider at its end. */
 static slider slider_through_piece(const bd_direction *dir, int d, int i, double shift, slider s,
                                    cycle_part *part, bd_status_share *share) {
-    bd_event_work *work = dir->work;
-    const int n = dir->n_event;
-    const int start = work->order[i], end = work->order[i + 1 < n ? i + 1 : 0],
-              flags = work->piece[i];
-    const double *z = work->event_z + 2 * start, theta = work->event_theta[start] + shift;
+    const bd_event_work *work = dir->work;
+    const int start = work->order[i], end = event_after(dir, i);
+    const int flags = work->piece[i];
+    const double *z = work->event_z + 2 * start;
+    const double theta = work->event_theta[start] + shift;
     if (!(flags & CONTACT)) {
         change_state(dir, d, part, BD_OPEN, theta, z, s, share);
         return clip_at_end(dir, s, flags, end);
     }
-    const int set_now = s.event == start && s.kind != INITIAL;
-    const int plus_now = set_now && s.kind != SET_BY_HI && (flags & LO_RISES);
-    const int minus_now = set_now && s.kind != SET_BY_LO && (flags & HI_FALLS);
-    if (plus_now || minus_now) {
-        change_state(dir, d, part, plus_now ? BD_SLIP_PLUS : BD_SLIP_MINUS, theta, z, s, share);
-        return (slider){plus_now ? SET_BY_LO : SET_BY_HI, end,
-                        plus_now ? work->event_lo[end] : work->event_hi[end]};
+
+    /* a slider that the first event has set lies on a bound, and follows it if the bound pushes */
+    const int is_set_now = s.kind != INITIAL && s.event == start;
+    if (is_set_now && s.kind != SET_BY_HI && (flags & LO_RISES)) {
+        change_state(dir, d, part, BD_SLIP_PLUS, theta, z, s, share);
+        return (slider){SET_BY_LO, end, work->event_lo[end]};
     }
-    const slider after = clip_at_end(dir, s, flags, end);
+    if (is_set_now && s.kind != SET_BY_LO && (flags & HI_FALLS)) {
+        change_state(dir, d, part, BD_SLIP_MINUS, theta, z, s, share);
+        return (slider){SET_BY_HI, end, work->event_hi[end]};
+    }
+
     change_state(dir, d, part, BD_STICK, theta, z, s, share);
-    if (after.kind == s.kind && after.event == s.event) return s; /* the slider did not move */
+    const slider after = clip_at_end(dir, s, flags, end);
+    const int has_moved = after.kind != s.kind || after.event != s.event;
+    if (!has_moved) return s;
+
     const int plus = after.kind == SET_BY_LO;
-    /* slip resumes at the start of the piece */
-    if (plus ? work->event_lo[start] >= s.w : work->event_hi[start] <= s.w) {
-        change_state(dir, d, part, plus ? BD_SLIP_PLUS : BD_SLIP_MINUS, theta, z, after, share);
+    const int slip = plus ? BD_SLIP_PLUS : BD_SLIP_MINUS;
+    const int slips_at_start = plus ? work->event_lo[start] >= s.w : work->event_hi[start] <= s.w;
+    if (slips_at_start) {
+        change_state(dir, d, part, slip, theta, z, after, share);
         return after;
     }
-    double at[2];
+    double z_onset[2];
     const double onset =
-        find_onset(dir, plus, s.w, work->event_theta[start], piece_end(dir, i), at) + shift;
-    change_state(dir, d, part, plus ? BD_SLIP_PLUS : BD_SLIP_MINUS, onset, at, after, share);
+        find_onset(dir, plus, s.w, work->event_theta[start], piece_end(dir, i), z_onset);
+    change_state(dir, d, part, slip, onset + shift, z_onset, after, share);
     return after;
 }
 
@@ -315,17 +382,15 @@ static slider slider_through_piece(const bd_direction *dir, int d, int i, double
  * its slider was set. */
 static void sum_cycle(const bd_direction *dir, int d, slider s, bd_status_share *share) {
     bd_event_work *work = dir->work;
-    const int n = dir->n_event;
+    const int n = dir->n_event, event = s.event;
     cycle_part part = {.state = NO_STATE};
-    int first = 0;
-    while (work->order[first] != s.event) ++first;
-    for (int k = 0; k < n; ++k) {
-        const int i = first + k < n ? first + k : first + k - n;
-        s = slider_through_piece(dir, d, i, first + k < n ? 0.0 : BD_TWO_PI, s, &part, share);
-    }
-    const int event = work->order[first];
-    change_state(dir, d, &part, NO_STATE, work->event_theta[event] + BD_TWO_PI,
-                 work->event_z + 2 * event, s, share);
+    int first = 0; /* piece after this event */
+    while (work->order[first] != event) ++first;
+    for (int i = first; i < n; ++i) s = slider_through_piece(dir, d, i, 0.0, s, &part, share);
+    for (int i = 0; i < first; ++i) s = slider_through_piece(dir, d, i, BD_TWO_PI, s, &part, share);
+
+    const double end = work->event_theta[event] + BD_TWO_PI;
+    change_state(dir, d, &part, NO_STATE, end, work->event_z + 2 * event, s, share);
     arrange_segments(work, d);
 }
 
@@ -334,11 +399,13 @@ int bd_slider_cycle(bd_direction *dir, int d, const bd_element *element, const d
     bd_event_work *work = dir->work;
     sort_events(dir);
     flag_pieces(dir, element, v);
-    for (int e = 0; e < dir->n_event; ++e)
-        values_at(dir->n_harm, dir->lo, dir->hi, work->event_z + 2 * e, work->event_lo + e,
-                  work->event_hi + e);
+    for (int e = 0; e < dir->n_event; ++e) {
+        const double *z = work->event_z + 2 * e;
+        values_at(dir->n_harm, dir->lo, dir->hi, z, work->event_lo + e, work->event_hi + e);
+    }
     const slider s = settle(dir, element->w[d]);
     if (s.kind == INITIAL) return 0;
+
     sum_cycle(dir, d, s, share);
     share->slip[d] /= BD_TWO_PI;
     share->stick[d] = work->cycle.stick[0] / BD_TWO_PI;

@@ -1,0 +1,14 @@
+/* One block of memory cut into arrays. */
+#ifndef BD_UTIL_STORAGE_H
+#define BD_UTIL_STORAGE_H
+
+#include <stddef.h>
+
+/* Return the next n numbers of a block, and advance to what remains of it. */
+static inline double *bd_take(double **rest, size_t n) {
+    double *taken = *rest;
+    *rest += n;
+    return taken;
+}
+
+#endif
