@@ -10,7 +10,6 @@ import json
 import re
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from contextlib import suppress
 from dataclasses import MISSING, dataclass, fields, replace
 from functools import wraps
 from inspect import getdoc, signature
@@ -54,7 +53,7 @@ from bdamper.time_domain import time_response as in_time
 from bdamper.time_domain.frequency_sweep import frequency_sweep
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Fact
-from bdamper.util.errors import INTERRUPTED, BdamperError, SettingError, inside_package, warn
+from bdamper.util.errors import BdamperError, SettingError, inside_package, warn
 from bdamper.util.formatting import UNITS, aligned, short_repr, spaced, text_of
 from bdamper.util.progress import one_thread, shows_progress
 from bdamper.util.records import new_group, read_attribute
@@ -377,14 +376,13 @@ class Study(Comparable):
             curve = more_harmonics.with_convergence(
                 problem, plain, lambda: in_time.with_time_response(problem, plain, places, progress=progress), progress
             )
-        stopped = curve.interrupted or any(k.status == INTERRUPTED for k in curve.time_response)
-        if check and not stopped:
+        if check and not curve.interrupted:
             curve = robust_optimum.with_other_friction(problem, curve, progress)
-            stopped = any(k.status == INTERRUPTED for k in curve.other_friction)
-            stopped = stopped or (curve.friction_range is not None and curve.friction_range.interrupted)
-        if margin and material is not None and not stopped:
-            with suppress(KeyboardInterrupt):
+        if margin and material is not None and not curve.interrupted:
+            try:
                 curve = replace(curve, margins=(robust_optimum.best_margin(problem, curve, material),))
+            except KeyboardInterrupt:
+                curve = replace(curve, margins_interrupted=True)
         return curve
 
     peak_sensitivities = analysis(sensitivity.peak_sensitivities)

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from bdamper.contact.stiffness import PerArea
 from bdamper.harmonic_balance.problem import LoadCase, Problem
 from bdamper.harmonic_balance.sector import Sector
+from bdamper.harmonic_balance.settings import FRICTION
 from bdamper.model.loads import Direction, Response
 from bdamper.model.structure import Model
 from bdamper.util import plausible_ranges, validation
@@ -57,7 +58,12 @@ def check_result(problem: Problem, result: SomeResult, name: str = "result") -> 
     SettingError
         If the result belongs to another problem.
     """
-    recorded, current = result.settings, problem.record()
+    recorded, current = dict(result.settings), problem.record()
+    # versions up to 0.10 also recorded the coefficients of interfaces with a ContactLaw
+    friction, used = recorded.get("friction_coefficient"), current["friction_coefficient"]
+    if isinstance(friction, Mapping):
+        own = problem.settings.own_laws()
+        recorded["friction_coefficient"] = {name: mu for name, mu in friction.items() if name in used or name not in own}
     other = [key for key in current if key in recorded and recorded[key] != current[key] and key != "stability"]
     if "speed" in other:
         mine, at = ("none" if x is None else f"{x:.9g} rad/s" for x in (current["speed"], recorded["speed"]))
@@ -227,12 +233,9 @@ def check_settings(problem: Problem) -> None:
     for owner, name, value, item in _given(problem):
         plausible_ranges.check(owner, name, value, sizes, item)
     settings = problem.settings
-    user_laws, faces = settings.own_laws(), settings.friction_faces
-    default = next(f.default for f in fields(settings) if f.name == "friction_coefficient")
-    unused = faces and len(user_laws) == len(faces) and not sizes.lumped
-    if unused and settings.friction_coefficient is not default and settings.friction_coefficient != default:
-        found = "one that no interface uses: parameters of the law suspected"
-        warn_implausible("friction_coefficient", "none, since every friction interface has a ContactLaw", found)
+    # a lumped model has the coefficients of its contacts; Problem.replace warns of others
+    if not sizes.lumped and settings.friction_coefficient != FRICTION:
+        settings.warn_of_unused_friction(settings.friction_coefficient)
     flow, n = settings.aerodynamic_damping, max(problem.model.n_blades, 1)
     used = sorted({problem.engine_order * harmonic % n for harmonic in settings.harmonic_numbers})
     if isinstance(flow, Mapping) and not set(flow) & set(used):

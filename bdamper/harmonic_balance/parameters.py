@@ -118,7 +118,9 @@ def vary(problem: Problem, settings: Mapping[str, Any]) -> Problem:
         head, _, part = name.partition(".")
         if head == "friction_coefficient" and part:
             mu = problem.settings.friction_by_interface()
-            coefficients = {face: value if face == part else mu[face] for face in problem.settings.law_by_interface()}
+            own = problem.settings.own_laws()  # they do not use a coefficient
+            faces = [face for face in problem.settings.law_by_interface() if face == part or face not in own]
+            coefficients = {face: value if face == part else mu[face] for face in faces}
             problem = problem.replace(friction_coefficient=coefficients)
         elif head in OF_LOAD and part:
             problem = problem.replace(**{head: {**problem.settings.given_loads(head), part: value}})
@@ -156,7 +158,9 @@ def _scaled(problem: Problem, name: str, part: str, factor: float) -> Problem:
         expected = "a friction interface whose law has a friction coefficient above 0"
         validation.check(problem.settings.friction_values(), name, expected, "none")
         if isinstance(given, Mapping):
-            return problem.replace(friction_coefficient={face: factor * np.asarray(mu) for face, mu in given.items()})
+            own = problem.settings.own_laws()
+            scaled = {face: factor * np.asarray(mu) for face, mu in given.items() if face not in own}
+            return problem.replace(friction_coefficient=scaled)
         return problem.replace(friction_coefficient=factor * given)
     if name == "gap_factor":
         faces, gap = problem.coupling.interfaces, problem.point_gaps

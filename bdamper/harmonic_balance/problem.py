@@ -154,6 +154,8 @@ class Problem:
         # check_settings warns of the values, with the sizes of the model
         with inside_package():
             changed = replace(self.settings, **settings)
+        if self.sizes.lumped and "friction_coefficient" in settings:
+            changed.warn_of_unused_friction(settings["friction_coefficient"])
         return Problem(changed)
 
     def given(self, **parts: Any) -> Problem:

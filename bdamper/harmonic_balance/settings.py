@@ -24,11 +24,13 @@ from bdamper.model.loads import FIELD, Excitation, Response, direction_vector
 from bdamper.model.structure import Interface, Model
 from bdamper.model.validation import check_model_once
 from bdamper.util import validation
-from bdamper.util.errors import SettingError
+from bdamper.util.errors import SettingError, warn_implausible
 from bdamper.util.formatting import short_repr
 from bdamper.util.records import from_json
 
 LAWS = dict(zip(LAW_NAMES, (LAW_SEPARABLE, LAW_COUPLED, LAW_BONDED)))
+FRICTION = 0.3
+"""Default friction coefficient."""
 CIGEROGLU_2009: Mapping[str, Any] = {
     "contact_stiffness": "cigeroglu2009", "blade_modes": 10, "damper_modes": 0, "harmonics": 1,
     "fundamental_modes_only": True
@@ -51,7 +53,8 @@ class Settings(validation.Answering):
     engine_order : int
         Engine order of the fundamental harmonic.  Required for a bladed disk; 1 for a structure without cyclic symmetry.
     friction_coefficient : float or mapping of interface name to float or (n_points,) float
-        An array has a value for each contact point of the interface in the model; united patches have the mean.
+        An array has a value for each contact point of the interface in the model; united patches have the mean.  Interfaces
+        with a :class:`~bdamper.ContactLaw` need none, because they do not use it.
     response : Response, optional
         Location and direction of the response; by default location and direction of the excitation.
     harmonics : int or tuple of int
@@ -136,7 +139,7 @@ class Settings(validation.Answering):
     model: Model = field(repr=False)
     excitation: Annotated[Excitation, partial(validation.instance, kind=Excitation)]
     engine_order: validation.Natural = None  # type: ignore[assignment]  # 1 without cyclic symmetry
-    friction_coefficient: float | Mapping[str, float | NDArray] = 0.3
+    friction_coefficient: float | Mapping[str, float | NDArray] = FRICTION
     response: Annotated[Response, partial(validation.instance, kind=Response)] | None = None
     harmonics: Harmonics = HARMONICS
     contact_stiffness: str | float | ResidualModes | PerArea | Mapping[str, NDArray] | None = None
@@ -393,13 +396,16 @@ class Settings(validation.Answering):
         Interfaces without friction have the value 0.
         """
         out: dict[str, float | NDArray] = {}
-        given = self.friction_coefficient
+        given, own = self.friction_coefficient, self.own_laws()
         if isinstance(given, Mapping):
             validation.mapping("friction_coefficient", given, self.model.interfaces, "interfaces")
         for name in self.interface_names():
             if self.model.interfaces[name].kind != "friction":
                 out[name] = 0.0
             elif isinstance(given, Mapping):
+                if name not in given and name in own:
+                    out[name] = FRICTION
+                    continue
                 if name not in given:
                     raise SettingError(f"friction_coefficient: expected a value for interface '{name}'")
                 points = partial(validation.numbers, n=self.model.interfaces[name].n_points)
@@ -408,6 +414,17 @@ class Settings(validation.Answering):
             else:
                 out[name] = validation.number("friction_coefficient", given, least=0.0)
         return out
+
+    def warn_of_unused_friction(self, given: object) -> None:
+        """Warn if a friction coefficient is given for interfaces that have a ContactLaw and do not use it."""
+        own = self.own_laws()
+        if isinstance(given, Mapping):
+            unused = [name for name in given if name in own]
+        else:
+            unused = list(own) if len(own) == len(self.friction_faces) else []
+        if unused:
+            expected = f"none for {', '.join(map(repr, unused))}, because a ContactLaw has its own parameters"
+            warn_implausible("friction_coefficient", expected, "one without effect: parameters of the law suspected")
 
     def friction_values(self) -> list[float]:
         """Return the positive friction coefficients that a law uses, ascending."""
@@ -443,7 +460,10 @@ class Settings(validation.Answering):
         """
         places = {"excitation": self.excitation, "response": self.response_location}
         out = {f.name: getattr(self, f.name) for f in fields(Settings) if f.name not in ("model", *places)}
-        out |= {"harmonics": self.harmonic_numbers, "friction_coefficient": self.friction_by_interface(), **places}
+        # a ContactLaw does not use the coefficient of its interface
+        own = self.own_laws()
+        used = {name: mu for name, mu in self.friction_by_interface().items() if name not in own}
+        out |= {"harmonics": self.harmonic_numbers, "friction_coefficient": used, **places}
         out["contact_stiffness"] = _stiffness_setting(stiffness_method)
         if options is not None:
             out["continuation"] = options

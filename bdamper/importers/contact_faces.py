@@ -204,13 +204,17 @@ def lay_contacts(contacts: Sequence[ContactFaces], bodies: Mapping[str, Prepared
     ModelError, SettingError
         If a body or set does not exist, or two faces are not in contact.
     """
-    interfaces, stiffness, faces = {}, {}, []
+    interfaces: dict[str, Interface] = {}
+    stiffness, faces, laid = {}, [], list[ContactFaces]()
     ports: dict[str, list[Port]] = {name: [] for name in (*bodies, "ground")}
     rows = {name: [sp.csr_matrix((0, 3 * len(body.nodes)))] for name, body in bodies.items()}
     unit = bodies["blade"].placement.units.length
     for contact in contacts:
         contact = contact if isinstance(contact.gap, str) else replace(contact, gap=unit * contact.gap)
         interface, means, figures = _laid(contact, bodies, n_blades)
+        for other in laid:
+            _check_other_faces(contact, interface, other, interfaces[other.name], bodies)
+        laid.append(contact)
         interfaces[contact.name] = interface
         faces.append(figures)
         ports[contact.body_a].append((contact.name, "a"))
@@ -225,6 +229,40 @@ def lay_contacts(contacts: Sequence[ContactFaces], bodies: Mapping[str, Prepared
             stiffness[contact.name] = _user_stiffness(contact, len(means.area))
     stacked = {name: sp.vstack(parts, format="csr") for name, parts in rows.items()}
     return LaidContacts(interfaces, stiffness, tuple(faces), {name: tuple(p) for name, p in ports.items()}, stacked)
+
+
+def _check_other_faces(
+    contact: ContactFaces, own: Interface, other: ContactFaces, earlier: Interface, bodies: Mapping[str, PreparedBody]
+) -> None:
+    """Raise ModelError if two contacts are the same pair of faces, in this or the other order of their bodies."""
+    same = (own.body_a, own.body_b, own.sector_b) == (earlier.body_a, earlier.body_b, earlier.sector_b)
+    turned = (own.body_a, own.body_b, own.sector_b) == (earlier.body_b, earlier.body_a, -earlier.sector_b)
+    expected = f"other faces than those of contact '{other.name}'"
+    if contact.patches is not None or other.patches is not None:
+        # several patches may lie on one face, but not in the same place
+        apart = np.linalg.norm(own.points[:, None] - earlier.points[None], axis=2)
+        near = 1e-6 * np.sqrt(min(own.area.min(), earlier.area.min()))
+        twice = int((apart < near).any(axis=1).sum())
+        check(not (same and twice), contact.item, expected, f"{twice} contact points in the same places")
+        return
+    for matches, sides in ((same, ("a", "b")), (turned, ("b", "a"))):
+        if not matches:
+            continue
+        n_shared = [
+            len(_elements_of(contact, side, bodies) & _elements_of(other, opposite, bodies))
+            for side, opposite in zip(("a", "b"), sides)
+            if (own.body_a, own.body_b)[side == "b"] != "ground"
+        ]
+        found = f"{max(n_shared)} element faces of both; remove one of the contacts"
+        check(min(n_shared) == 0, contact.item, expected, found)
+
+
+def _elements_of(contact: ContactFaces, side: str, bodies: Mapping[str, PreparedBody]) -> set[tuple[int, ...]]:
+    """Return the element faces on one side of a contact, each as its sorted corners."""
+    body, faces = (contact.body_a, contact.faces_a) if side == "a" else (contact.body_b, contact.faces_b)
+    assert faces is not None
+    facets = bodies[body].faces(faces, contact.item)
+    return {tuple(sorted(corners)) for group in facets.corners for corners in group.tolist()}
 
 
 def _user_stiffness(contact: ContactFaces, n: int) -> ContactStiffness:

@@ -19,7 +19,7 @@ from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import Convergence, FrictionPeak, FrictionRange, TimeResponse
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Fact, InContact, draw
-from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED
+from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, status_word
 from bdamper.util.formatting import percent, short_repr
 from bdamper.util.progress import Cost
 from bdamper.util.records import Data
@@ -150,6 +150,8 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
         Mass times radius of the body to which the preload is applied; NaN if unknown or without rotation.
     half_range : (n,) float, m, or None
         Half of the peak-to-peak response with all harmonics, its largest value on the response curve of each preload.
+    margins_interrupted : bool
+        Whether Ctrl-C ended the computation of the margins before any was known.
     """
 
     preload: Newtons
@@ -176,6 +178,7 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
     friction_range: FrictionRange | None = None
     mass_radius: Annotated[float, Data(derived=True)] = float("nan")
     half_range: PerRow | None = None
+    margins_interrupted: bool = False
     _summary_fields = (
         "optimum.preload", "optimum.amplitude", "optimum.frequency", "design_amplitude", "time_response",
         "optimum_in_time", "convergence", "other_friction", "friction_range", "free", "stuck", "ratio",
@@ -197,8 +200,14 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
 
     @property
     def interrupted(self) -> bool:
-        """Whether the search was interrupted; the curve then contains the part computed so far."""
-        return INTERRUPTED in self.optimum.status  # files of version 0.6 have it in the reason
+        """Whether Ctrl-C ended the search, a check or the margins; the curve contains the part computed until then."""
+        statuses = [response.status for response in self.time_response]
+        statuses += [peak.status for peak in self.other_friction]
+        statuses += [margins.best_status for margins in self.margins]
+        statuses += [] if self.convergence is None else [self.convergence.status]
+        in_range = self.friction_range is not None and self.friction_range.interrupted
+        in_search = INTERRUPTED in self.optimum.status  # files of version 0.6 have it in the reason
+        return in_search or in_range or self.margins_interrupted or INTERRUPTED in map(status_word, statuses)
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -5,6 +5,8 @@ import pickle
 import re
 import shutil
 import subprocess
+import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -280,3 +282,47 @@ def test_the_jacobian_of_states_that_depend_on_each_other():
         step = h * np.eye(len(y))[k]
         expected = (system.residual(y + step) - system.residual(y - step)) / (2.0 * h)
         np.testing.assert_allclose(jacobian[:, k], expected, rtol=0.0, atol=1e-7 * np.abs(jacobian).max())
+
+
+def two_joints(**settings):
+    """Two joints on one mass: the first has a law of its own, the second friction."""
+    contacts = [bd.Contact(0, kt=0.5, mu=1.0, preload=1.0), bd.Contact(0, kt=0.5, mu=0.5, preload=1.0)]
+    law = {"contact 1": bd.ContactLaw.jenkins([0.5], 0.4), "contact 2": "uncoupled"}
+    settings = {"harmonics": 1, "friction_law": law, **settings}
+    return bd.lumped(1.0, 0.02, 1.0, contacts=contacts, forces={0: 0.4}, **settings)
+
+
+def test_friction_that_a_law_does_not_use_is_named(tmp_path):
+    """It changes nothing, and neither the study nor a result names it."""
+    study = joint(bd.ContactLaw.jenkins([1.0], 0.5), harmonics=1)
+    unused = r"friction_coefficient: plausible none for 'contact 1', because a ContactLaw has its own parameters"
+    for change in ({"friction_coefficient": 0.9}, {"friction_coefficient": {"contact 1": 0.9}},
+                   {"friction_coefficient.contact 1": 0.9}):  # fmt: skip
+        with pytest.warns(bd.PlausibilityWarning, match=unused):
+            other = study.replace(**change)
+        band = (0.12, 0.24)
+        assert other.peak(0.0, band).amplitude == study.peak(0.0, band).amplitude
+        assert "0.9" not in str(other.problem.record()["friction_coefficient"])
+    peak = study.peak(0.0, (0.12, 0.24))
+    assert peak.settings["friction_coefficient"] == {}
+    peak.save(tmp_path / "peak.h5")
+    loaded = bd.load_study(tmp_path / "peak.h5", study.model)
+    assert loaded.peak(0.0, (0.12, 0.24)).amplitude == peak.amplitude
+    old = replace(peak, settings=peak.settings | {"friction_coefficient": {"contact 1": 1.0}})
+    assert np.isfinite(study.hysteresis(old).force).all(), "files of earlier versions have it"
+
+
+def test_friction_of_other_interfaces_is_used():
+    study = two_joints()
+    assert study.problem.record()["friction_coefficient"] == {"contact 2": 0.5}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        single = study.replace(friction_coefficient={"contact 2": 0.3})
+        named = study.replace(**{"friction_coefficient.contact 2": 0.3})
+        halved = study.replace(friction_factor=0.6)
+    for other in (single, named, halved):
+        assert other.problem.record()["friction_coefficient"]["contact 2"] == pytest.approx(0.3)
+    with pytest.warns(bd.PlausibilityWarning, match="none for 'contact 1', because a ContactLaw"):
+        study.replace(friction_coefficient={"contact 1": 0.2, "contact 2": 0.3})
+    with pytest.raises(bd.SettingError, match="expected a value for interface 'contact 2'"):
+        study.replace(friction_coefficient={})

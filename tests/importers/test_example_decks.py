@@ -1,6 +1,7 @@
 """Example decks: their files, jobs read by the files beside a deck, and models from the command line."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -73,6 +74,19 @@ def test_a_material_that_is_not_that_of_the_matrices(keyword, line, elasticity, 
     }  # fmt: skip
     with pytest.raises(ModelError, match=text):
         build_model(read_calculix(tmp_path / "sector"), read_calculix(tmp_path / "damper"), **settings)
+
+
+def test_a_pair_of_faces_has_one_contact(tmp_path):
+    """Under another name, also with the bodies exchanged."""
+    example_decks("calculix", tmp_path)
+    bodies = read_calculix(tmp_path / "sector"), read_calculix(tmp_path / "damper")
+    faces = [ContactFaces(a, a.upper(), f"{b}_UNDERSIDE", points=(3, 2)) for a, b in (("left", "RIGHT"), ("right", "LEFT"))]
+    exchanged = ContactFaces("again", "RIGHT_UNDERSIDE", "LEFT", "blade", "damper", points=(3, 3))
+    settings = {"placement": Placement("mm-t-s", axis=(1, 0, 0)), "sector": Sector(36, ("LOW", "HIGH")),
+                "reduction": Reduction(engine_order=4, harmonics=1, n_modes=8)}  # fmt: skip
+    for again in (replace(faces[0], name="again", points=(3, 3)), exchanged):
+        with pytest.raises(ModelError, match=r"again.*: expected other faces than those of contact 'left', found"):
+            build_model(*bodies, contacts=[*faces, again], **settings)
 
 
 def test_decks_and_instances_give_the_same_model_on_the_command_line(tmp_path, monkeypatch, capsys):

@@ -2,12 +2,14 @@
 
 import itertools
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
+from bdamper.fem.contact_patches import Patches
 from bdamper.fem.meshes import Geometry, Material, MeshDensity, damper_mesh, discretise, local_order
 from bdamper.fem.surface import twisted
 from bdamper.importers import ContactFaces, Placement, Sector, read_arrays
@@ -33,6 +35,27 @@ def test_plain_arrays_are_numbered_from_0(block):
     plain = read_arrays(K.toarray(), M.toarray(), nodes, elements=elements, sets=sets)
     numbered = read_arrays(K, M, (np.arange(len(nodes)), nodes), sets=sets, elements=(elements,))
     assert build(plain, **given).model.hash == build(numbered, **given).model.hash
+
+
+def test_a_face_on_the_ground_has_one_contact(block):
+    """Two contacts on one face would be twice as stiff; patches on one face may have other places."""
+    K, M, nodes, elements, sets = block
+    body = read_arrays(K, M, nodes, elements=elements, sets=sets | {"part": sets["face"][:-3]})
+    ground = {"faces_b": None, "body_a": "blade", "body_b": "ground"}
+    for faces in ("face", "part"):
+        contacts = [*SETTINGS["contacts"], ContactFaces("other", faces, points=(2, 3), **ground)]
+        message = r"other.*: expected other faces than those of contact 'pad', found \d+ element faces of both; remove one"
+        with pytest.raises(ModelError, match=message):
+            build(body, n_blades=1, **SETTINGS | {"contacts": contacts})
+    z, middle = nodes[:, 2].min(), nodes[sets["face"]].mean(axis=0)
+    frame = np.array([[[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]])
+    places = [np.array([[middle[0], middle[1] + shift, z]]) for shift in (-1e-4, 1e-4)]
+    patches = [Patches(place, frame, np.array([[1e-4, 1e-4]])) for place in places]
+    pair = [ContactFaces(f"patch {k}", "face", patches=patches[k], **ground) for k in (0, 1)]
+    assert len(build(body, n_blades=1, **SETTINGS | {"contacts": pair}).model.interfaces) == 2
+    twice = [pair[0], replace(pair[1], patches=patches[0])]
+    with pytest.raises(ModelError, match=r"than those of contact 'patch 0', found 1 contact points in the same places"):
+        build(body, n_blades=1, **SETTINGS | {"contacts": twice})
 
 
 @pytest.mark.parametrize("n", [8, 20])

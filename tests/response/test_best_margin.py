@@ -91,9 +91,10 @@ def test_the_margin_is_asked_for_after_the_time_integration(study, curve, monkey
         found = study.optimal_curve((40.0, 400.0), 6, quantity="margin", material=AISI_1050)
         assert found.time_response == (kept,) and found.margins == (asked,) * margins
         assert found.other_friction == other
+        assert found.interrupted == (not margins)
 
 
-def test_ctrl_c_in_the_margins_keeps_what_was_computed(study, curve, monkeypatch):
+def test_ctrl_c_in_the_margins_keeps_what_was_computed(study, curve, monkeypatch, tmp_path):
     """Before those of the curve are known the curve alone, later their largest."""
 
     def stop(*_):
@@ -106,7 +107,26 @@ def test_ctrl_c_in_the_margins_keeps_what_was_computed(study, curve, monkeypatch
     np.testing.assert_array_equal(found.margin, curve.margins[0].margin)
     assert (found.best_margin, found.best_status) == (np.nanmax(found.margin), "interrupted")
     monkeypatch.setattr(LeastMargin, "along", stop)
-    assert study.optimal_curve((40.0, 400.0), 6, **ask).margins == ()
+    stopped = study.optimal_curve((40.0, 400.0), 6, **ask)
+    assert stopped.margins == () and stopped.interrupted and not curve.interrupted
+    stopped.save(tmp_path / "stopped.h5")
+    assert bd.load(tmp_path / "stopped.h5").interrupted
+
+
+def test_ctrl_c_in_a_peak_with_other_friction_is_an_interruption(study, curve, monkeypatch):
+    """In the middle of the check, before the margins."""
+    monkeypatch.setattr(study_room.optimal, "optimal_curve", lambda *_, **__: replace(curve, margins=()))
+    monkeypatch.setattr(study_room.more_harmonics, "with_convergence", lambda problem, curve, *_: curve)
+    asked = []
+
+    def peaks(*_, **__):
+        asked.append(1)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(robust_optimum.SteadyPeak, "__call__", peaks)
+    found = study.optimal_curve((40.0, 400.0), 6, quantity="margin", material=AISI_1050)
+    assert asked and found.interrupted and found.margins == ()
+    assert {peak.status for peak in found.other_friction} == {"interrupted"}
 
 
 def test_the_largest_margin_may_lie_beside_preloads_without_a_value(study, curve):
