@@ -157,7 +157,7 @@ def test_forces_that_the_mesh_hardly_resolves_do_not_stiffen_the_contact():
 
 @each(("own_part", "eigenvalue", "change"), [(0.055, 1.4e-3, 0.01), (0.15, 0.0115, 0.1)])
 def test_forces_that_a_mesh_does_not_resolve_leave_the_share(own_part, eigenvalue, change):
-    """Largest eigenvalues of 50 points on 15 nodes and 24 points on 25; with such forces the share falls to 0.001 and 0.004."""
+    """Largest eigenvalues of 50 points on 15 nodes and 24 points on 25; they lower the share to 0.001 and 0.004."""
     equal, apart = points_alike(), points_alike(own_part)
     flexibility = apart.residual_flexibility(1)
     size = np.sqrt(np.diag(flexibility).real)
