@@ -27,60 +27,74 @@
  * the steady slider follows from (I - P') ds = P_x dx. */
 #include "contact/coupled_friction.h"
 
+#include "util/storage.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { FREE_STEPS = 3, MOST_PERIODS = 1000 }; /* the ellipse is then smaller than rounding */
-/* last Newton step relative to the size of the forces */
+/* Newton steps that need not shrink. */
+enum { FREE_STEPS = 3 };
+
+/* The ellipse is then smaller than rounding. */
+enum { MOST_PERIODS = 1000 };
+
+/* Last Newton step relative to the size of the forces. */
 static const double SETTLED = 1e-13;
-/* |P(s) - s| that counts as zero if Newton's method makes no progress */
+
+/* |P(s) - s| that counts as zero if Newton's method makes no progress. */
 static const double STILL = 4e-15;
-static const double SLACK = 2e-15; /* violation of a disk by a sticking slider */
-/* least violation up to which the slider is the point of least violation */
+
+/* Violation of a disk by a sticking slider. */
+static const double SLACK = 2e-15;
+
+/* Least violations of the disks up to which the slider is the point of least violation, the
+ * derivative is the limit at the onset of slip, and F is the sum of movements. */
 static const double TOUCH = 1e-14;
-/* least violation up to which F is the sum of movements */
-static const double BARELY = 1e-4;
-/* least violation up to which the derivative is the limit at the onset of slip */
 static const double ONSET = 1e-9;
+static const double BARELY = 1e-4;
 
 bd_status bd_coulomb_create(bd_coulomb_work *work, const bd_sampled_work *sampled) {
     memset(work, 0, sizeof *work);
-    const size_t n_coef = (size_t)bd_n_coef(sampled->n_harm), k = (size_t)sampled->n_time,
-                 n_col = 3 * n_coef + 2;
-    const size_t n_power = (size_t)bd_n_power(sampled->n_harm), padded = (k + 7) / 8 * 8,
-                 lanes = BD_LANES;
-    const size_t n_double = 4 * padded * lanes + 29 * k * lanes + 3 * n_coef * lanes + 4 * n_col +
-                            2 * n_coef * n_col + n_coef + n_coef * n_coef + n_power;
-    work->memory = malloc(sizeof(double) * n_double);
-    work->segment = malloc(sizeof(bd_segment) * k);
-    work->lanes.step_kind = malloc(k * lanes);
+    const size_t lanes = BD_LANES;
+    const size_t n_coef = (size_t)bd_n_coef(sampled->n_harm);
+    const size_t n_power = (size_t)bd_n_power(sampled->n_harm);
+    const size_t n_col = 3 * n_coef + 2; /* motion, and the slider at the start */
+    const size_t n_sample = (size_t)sampled->n_time;
+    const size_t n_padded = (n_sample + 7) / 8 * 8;
+    const size_t of_samples = 4 * n_padded * lanes + 29 * n_sample * lanes;
+    const size_t of_coef = 3 * n_coef * lanes + n_coef + n_coef * n_coef + n_power;
+    const size_t of_columns = 4 * n_col + 2 * n_coef * n_col;
+    work->memory = malloc(sizeof(double) * (of_samples + of_coef + of_columns));
+    work->segment = malloc(sizeof(bd_segment) * n_sample);
+    work->lanes.step_kind = malloc(n_sample * lanes);
     if (!work->memory || !work->segment || !work->lanes.step_kind) {
         bd_coulomb_destroy(work);
         return BD_NO_MEMORY;
     }
     work->n_harm = sampled->n_harm;
     work->n_time = sampled->n_time;
-    work->n_padded = (int)padded;
+    work->n_padded = (int)n_padded;
     work->kernel = sampled->kernel;
     work->power = sampled->power;
     work->lanes.n_time = sampled->n_time;
     work->lanes.interpolate = sampled->lanes.interpolate;
-    double *m = work->memory;
-    work->point_samples = m, m += 4 * padded * lanes;
-    work->lanes.x = m, m += k * lanes;
-    work->lanes.y = m, m += k * lanes;
-    work->lanes.R = m, m += k * lanes;
-    work->lanes.g = m, m += k * lanes;
-    work->lanes.chord = m, m += 7 * k * lanes;
-    work->lanes.step = m, m += 18 * k * lanes;
-    work->motion = m, m += 3 * n_coef * lanes;
-    work->slider_derivative = m, m += 2 * n_col;
-    work->next_slider = m, m += 2 * n_col;
-    work->slider_sums = m, m += 2 * n_coef * n_col;
-    work->stick_basis = m, m += n_coef;
-    work->products = m, m += n_coef * n_coef;
-    work->contact = m;
+
+    double *rest = work->memory;
+    work->point_samples = bd_take(&rest, 4 * n_padded * lanes);
+    work->lanes.x = bd_take(&rest, n_sample * lanes);
+    work->lanes.y = bd_take(&rest, n_sample * lanes);
+    work->lanes.R = bd_take(&rest, n_sample * lanes);
+    work->lanes.g = bd_take(&rest, n_sample * lanes);
+    work->lanes.chord = bd_take(&rest, 7 * n_sample * lanes);
+    work->lanes.step = bd_take(&rest, 18 * n_sample * lanes);
+    work->motion = bd_take(&rest, 3 * n_coef * lanes);
+    work->slider_derivative = bd_take(&rest, 2 * n_col);
+    work->next_slider = bd_take(&rest, 2 * n_col);
+    work->slider_sums = bd_take(&rest, 2 * n_coef * n_col);
+    work->stick_basis = bd_take(&rest, n_coef);
+    work->products = bd_take(&rest, n_coef * n_coef);
+    work->contact = bd_take(&rest, n_power);
     return BD_OK;
 }
 
@@ -92,87 +106,119 @@ void bd_coulomb_destroy(bd_coulomb_work *work) {
     memset(work, 0, sizeof *work);
 }
 
+/* Factor from an integral with the basis function i to a coefficient. */
+static double row_scale(size_t i) { return i == 0 ? 1.0 / BD_TWO_PI : 1.0 / BD_PI; }
+
 /* ---- the period map ---- */
 
 /* Move the slider into the disk of the last sample of the previous period. */
 static void make_admissible(const bd_coulomb_work *work, double *s) {
-    const int k = work->n_time - 1;
-    const double T[2] = {work->x[k] - s[0], work->y[k] - s[1]}, size = bd_norm(T[0], T[1]);
-    if (size <= work->R[k]) return;
-    s[0] = work->x[k] - T[0] * work->R[k] / size;
-    s[1] = work->y[k] - T[1] * work->R[k] / size;
+    const int last = work->n_time - 1;
+    const double x = work->x[last], y = work->y[last], R = work->R[last];
+    const double T[2] = {x - s[0], y - s[1]};
+    const double size = bd_norm(T[0], T[1]);
+    if (size <= R) return;
+    s[0] = x - T[0] * R / size;
+    s[1] = y - T[1] * R / size;
 }
 
 /* Smallest ellipse around the part of e with F . (x - m) >= 0, with a tolerance
  * `noise` relative to F. */
 static void cut_ellipse(bd_ellipse *e, const double *F, const double *m, double noise) {
-    const double g[2] = {e->Q[0][0] * F[0] + e->Q[0][1] * F[1],
-                         e->Q[1][0] * F[0] + e->Q[1][1] * F[1]};
+    /* the cut is at `depth` half widths from the centre, along g = Q F */
+    const double g[2] = {
+        e->Q[0][0] * F[0] + e->Q[0][1] * F[1],
+        e->Q[1][0] * F[0] + e->Q[1][1] * F[1],
+    };
     const double width = sqrt(F[0] * g[0] + F[1] * g[1]);
     const double depth = (F[0] * (m[0] - e->c[0]) + F[1] * (m[1] - e->c[1])) / width - noise;
-    if (!(depth > -0.5 && depth < 0.999)) return; /* no reduction, or rounding */
-    const double move = (1.0 + 2.0 * depth) / 3.0, less = 2.0 * move / (1.0 + depth),
-                 size = 4.0 / 3.0 * (1.0 - depth * depth);
+    const int reduces = depth > -0.5 && depth < 0.999; /* beyond it is rounding */
+    if (!reduces) return;
+
+    const double move = (1.0 + 2.0 * depth) / 3.0;
+    const double less = 2.0 * move / (1.0 + depth);
+    const double size = 4.0 / 3.0 * (1.0 - depth * depth);
     for (int i = 0; i < 2; ++i) {
         e->c[i] += move * g[i] / width;
-        for (int j = 0; j < 2; ++j)
-            e->Q[i][j] = size * (e->Q[i][j] - less * (g[i] / width) * (g[j] / width));
+        for (int j = 0; j < 2; ++j) {
+            const double along = less * (g[i] / width) * (g[j] / width);
+            e->Q[i][j] = size * (e->Q[i][j] - along);
+        }
     }
-    const double least = 1e-15 * (e->Q[0][0] + e->Q[1][1]); /* positive definite despite rounding */
+
+    /* positive definite despite rounding */
+    const double least = 1e-15 * (e->Q[0][0] + e->Q[1][1]);
     e->Q[0][0] += least;
     e->Q[1][1] += least;
     e->Q[1][0] = e->Q[0][1]; /* a difference would grow */
 }
 
+/* Begin at the point of least violation, with the disk of the last sample as region. */
 static void start_search(bd_coulomb_work *work, const bd_disk_point *centre, double size,
                          bd_slider_search *search) {
     const int last = work->n_time - 1;
-    const double radius2 = work->R[last] * work->R[last];
-    *search = (bd_slider_search){.state = BD_SEARCHING,
-                                 .size = size,
-                                 .centre = *centre,
-                                 .s = {centre->s[0], centre->s[1]},
-                                 .last_length = INFINITY,
-                                 .ellipse = {{work->x[last], work->y[last]},
-                                             {{radius2, 0.0}, {0.0, radius2}}}};
+    const double radius = work->R[last];
+    *search = (bd_slider_search){
+        .state = BD_SEARCHING,
+        .size = size,
+        .centre = *centre,
+        .s = {centre->s[0], centre->s[1]},
+        .last_length = INFINITY,
+        .ellipse.c = {work->x[last], work->y[last]},
+        .ellipse.Q = {{radius * radius, 0.0}, {0.0, radius * radius}},
+    };
     make_admissible(work, search->s);
+}
+
+/* F(s) = P(s) - s and P', from the period of a lane. */
+static void read_period(const bd_coupled_lanes *l, const bd_slider_search *search, int lane,
+                        double F[2], double dP[2][2]) {
+    const int barely_slips = search->centre.value < BARELY * search->size;
+    for (int i = 0; i < 2; ++i) {
+        const int at = i * BD_LANES + lane;
+        F[i] = barely_slips ? l->net_motion[at] : l->end[at] - search->s[i];
+        for (int j = 0; j < 2; ++j) dP[i][j] = l->period_derivative[(2 * i + j) * BD_LANES + lane];
+    }
 }
 
 /* Next guess, from the period of a lane that began at the latest guess. */
 static void next_guess(bd_coulomb_work *work, bd_slider_search *search, int lane) {
-    const bd_coupled_lanes *l = &work->lanes;
-    const double size = search->size,
-                 *from = search->centre.value < BARELY * size ? l->net_motion : l->end;
-    double F[2], dP[2][2], step[2] = {0.0, 0.0}, *s = search->s;
-    for (int i = 0; i < 2; ++i) {
-        F[i] = from[i * BD_LANES + lane] - (from == l->end ? s[i] : 0.0);
-        for (int j = 0; j < 2; ++j) dP[i][j] = l->period_derivative[(2 * i + j) * BD_LANES + lane];
-    }
-    const double far = bd_norm(F[0], F[1]);
+    const double size = search->size;
+    double *s = search->s;
+    double F[2], dP[2][2], step[2] = {0.0, 0.0};
+    read_period(&work->lanes, search, lane, F, dP);
+    const double distance = bd_norm(F[0], F[1]);
     const int solved = bd_coulomb_solve_period(dP, F, step);
     const double length = solved ? bd_norm(step[0], step[1]) : INFINITY;
-    const int closer =
-        solved && (search->n_newton < FREE_STEPS || length < 0.5 * search->last_length);
-    if (far == 0.0 || length <= SETTLED * size || (far <= STILL * size && !closer)) {
-        for (int i = 0; i < 2; ++i) s[i] += closer ? step[i] : F[i];
+    const int shrinks = search->n_newton < FREE_STEPS || length < 0.5 * search->last_length;
+    const int use_newton = solved && shrinks;
+
+    const int is_still = distance <= STILL * size && !use_newton;
+    if (distance == 0.0 || length <= SETTLED * size || is_still) {
+        const double *last_step = use_newton ? step : F;
+        for (int i = 0; i < 2; ++i) s[i] += last_step[i];
         make_admissible(work, s);
         search->state = BD_SETTLED;
         return;
     }
-    if (++search->n_period >= MOST_PERIODS) search->state = BD_LOST;
+    ++search->n_period;
+    if (search->n_period >= MOST_PERIODS) search->state = BD_LOST;
+
     const double middle[2] = {s[0] + 0.5 * F[0], s[1] + 0.5 * F[1]};
-    cut_ellipse(&search->ellipse, F, middle, STILL * size / far);
-    if (closer) {
+    cut_ellipse(&search->ellipse, F, middle, STILL * size / distance);
+    if (use_newton) {
         search->last_length = length;
         ++search->n_newton;
+        for (int i = 0; i < 2; ++i) s[i] = s[i] + step[i];
     } else {
         search->last_length = INFINITY;
         search->n_newton = 0;
+        for (int i = 0; i < 2; ++i) s[i] = search->ellipse.c[i];
     }
-    for (int i = 0; i < 2; ++i) s[i] = search->n_newton > 0 ? s[i] + step[i] : search->ellipse.c[i];
     make_admissible(work, s);
 }
 
+/* Let x, y, R and g be the samples of one point. */
 static void select_lane(bd_coulomb_work *work, int lane) {
     const size_t n = (size_t)work->n_padded;
     work->x = work->point_samples + 4 * n * (size_t)lane;
@@ -182,22 +228,26 @@ static void select_lane(bd_coulomb_work *work, int lane) {
 }
 
 static void set_sliders(bd_coulomb_work *work, int n) {
-    memset(work->lanes.s, 0, sizeof work->lanes.s);
+    double *s = work->lanes.s;
+    memset(s, 0, sizeof work->lanes.s);
+    for (int lane = 0; lane < n; ++lane) {
+        const bd_slider_search *search = work->search + lane;
+        if (search->state == BD_DONE) continue;
+        for (int i = 0; i < 2; ++i) s[i * BD_LANES + lane] = search->s[i];
+    }
+}
+
+static int any_searching(const bd_coulomb_work *work, int n) {
     for (int lane = 0; lane < n; ++lane)
-        for (int i = 0; i < 2; ++i)
-            if (work->search[lane].state != BD_DONE)
-                work->lanes.s[i * BD_LANES + lane] = work->search[lane].s[i];
+        if (work->search[lane].state == BD_SEARCHING) return 1;
+    return 0;
 }
 
 /* Find the steady slider of all lanes that slip; return whether there are any. */
-static int settle(bd_coulomb_work *work, int n, int tangent) {
-    int any = 0;
-    for (int searching = 1; searching;) {
-        searching = 0;
-        for (int lane = 0; lane < n; ++lane) searching |= work->search[lane].state == BD_SEARCHING;
-        if (!searching) break;
-        if (!any) work->kernel->coupled_chords(&work->lanes, tangent);
-        any = 1;
+static int settle(bd_coulomb_work *work, int n, int with_tangent) {
+    if (!any_searching(work, n)) return 0;
+    work->kernel->coupled_chords(&work->lanes, with_tangent);
+    while (any_searching(work, n)) {
         set_sliders(work, n);
         work->kernel->coupled_period(&work->lanes, 0, 0);
         for (int lane = 0; lane < n; ++lane) {
@@ -207,279 +257,360 @@ static int settle(bd_coulomb_work *work, int n, int tangent) {
         }
         ++work->n_period;
     }
-    return any;
+    return 1;
 }
 
 /* ---- force and tangent over the steady period ---- */
 
+/* The slider is about to move: add its derivative over the samples since it was last set. */
 static void end_stick_part(bd_coulomb_work *work) {
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_col = 3 * n_coef + 2;
-    for (size_t d = 0; d < 2; ++d)
+    for (size_t d = 0; d < 2; ++d) {
+        const double *restrict derivative = work->slider_derivative + d * n_col;
         for (size_t i = 0; i < n_coef; ++i) {
-            double *restrict to = work->slider_sums + (d * n_coef + i) * n_col;
-            const double *restrict from = work->slider_derivative + d * n_col,
-                                   g = work->stick_basis[i];
-            for (size_t j = 0; j < n_col; ++j) to[j] += g * from[j];
+            double *restrict sums = work->slider_sums + (d * n_coef + i) * n_col;
+            const double g = work->stick_basis[i];
+            for (size_t j = 0; j < n_col; ++j) sums[j] += g * derivative[j];
         }
+    }
     memset(work->stick_basis, 0, sizeof(double) * n_coef);
 }
 
-/* Derivative of the slider through the step of a lane to sample k, in which it moved. */
+/* to += factor0 basis0 + factor1 basis1 */
+static void add_samples(double *restrict to, size_t n, double factor0, const double *basis0,
+                        double factor1, const double *basis1) {
+    for (size_t j = 0; j < n; ++j) to[j] += factor0 * basis0[j] + factor1 * basis1[j];
+}
+
+/* Derivative of the slider through the step of a lane to sample k, in which it moved:
+ * ds_1 = A ds_0 + B0 dp_0 + B1 dp_1 + C0 dg_0 + C1 dg_1. */
 static void advance(bd_coulomb_work *work, const bd_element *element, int lane, int k) {
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_col = 3 * n_coef + 2;
     const size_t stride = (size_t)work->n_time * BD_LANES;
-    const double *A = work->lanes.step + 2 * stride + (size_t)k * BD_LANES + (size_t)lane,
-                 *B0 = A + 4 * stride;
-    const double *B1 = A + 8 * stride, *C = A + 12 * stride,
-                 *b0 = bd_coulomb_basis(work, bd_coulomb_before(work, k)),
-                 *b1 = bd_coulomb_basis(work, k);
+    const size_t at = (size_t)k * BD_LANES + (size_t)lane;
+    const double *A = work->lanes.step + 2 * stride + at;
+    const double *B0 = A + 4 * stride, *B1 = B0 + 4 * stride;
+    const double *C0 = B1 + 4 * stride, *C1 = C0 + 2 * stride;
+    const double *b0 = bd_coulomb_basis(work, bd_coulomb_before(work, k));
+    const double *b1 = bd_coulomb_basis(work, k);
     const double kn = bd_law_is_constant(element->law) ? 0.0 : element->kn;
+    const double *restrict s0 = work->slider_derivative;
+    const double *restrict s1 = s0 + n_col;
     for (size_t d = 0; d < 2; ++d) {
         double *restrict to = work->next_slider + d * n_col;
-        const double *restrict s0 = work->slider_derivative, *restrict s1 =
-                                                                 work->slider_derivative + n_col;
         const double A0 = A[2 * d * stride], A1 = A[(2 * d + 1) * stride];
         for (size_t j = 0; j < n_col; ++j) to[j] = A0 * s0[j] + A1 * s1[j];
         for (size_t c = 0; c < 2; ++c) {
-            const double kt = element->kt[c], f0 = kt * B0[(2 * d + c) * stride],
-                         f1 = kt * B1[(2 * d + c) * stride];
-            for (size_t j = 0; j < n_coef; ++j) to[c * n_coef + j] += f0 * b0[j] + f1 * b1[j];
+            const double kt = element->kt[c]; /* dp = kt du */
+            const size_t entry = (2 * d + c) * stride;
+            add_samples(to + c * n_coef, n_coef, kt * B0[entry], b0, kt * B1[entry], b1);
         }
-        const double f0 = kn * C[d * stride], f1 = kn * C[(2 + d) * stride];
-        for (size_t j = 0; j < n_coef && kn > 0.0; ++j)
-            to[2 * n_coef + j] += f0 * b0[j] + f1 * b1[j];
+        if (!(kn > 0.0)) continue;
+        add_samples(to + 2 * n_coef, n_coef, kn * C0[d * stride], b0, kn * C1[d * stride], b1);
     }
     double *swap = work->slider_derivative;
     work->slider_derivative = work->next_slider;
     work->next_slider = swap;
 }
 
+/* Append a sample to the parts of the cycle. */
 static void push_sample(bd_coulomb_work *work, int k, int state) {
     const double h = BD_TWO_PI / work->n_time;
-    if (work->n_segment > 0 && work->segment[work->n_segment - 1].state == state)
-        work->segment[work->n_segment - 1].end = (k + 1) * h;
-    else
-        work->segment[work->n_segment++] = (bd_segment){k * h, (k + 1) * h, state};
+    const double start = k * h, end = (k + 1) * h;
+    bd_segment *part = work->segment;
+    const int n = work->n_segment;
+    if (n > 0 && part[n - 1].state == state) {
+        part[n - 1].end = end;
+        return;
+    }
+    part[n] = (bd_segment){start, end, state};
+    work->n_segment = n + 1;
 }
 
 /* Start of the period: derivative of the slider with respect to itself, or of p in open contact. */
 static void start_slider(bd_coulomb_work *work, const bd_element *element) {
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_col = 3 * n_coef + 2;
-    const int last = work->n_time - 1, open = !(work->g[last] > 0.0);
+    const int last = work->n_time - 1;
+    const int is_open = !(work->g[last] > 0.0);
+    const double *basis = bd_coulomb_basis(work, last);
     memset(work->slider_derivative, 0, sizeof(double) * 2 * n_col);
     for (size_t d = 0; d < 2; ++d) {
-        if (!open) work->slider_derivative[d * n_col + 3 * n_coef + d] = 1.0;
-        for (size_t j = 0; open && j < n_coef; ++j)
-            work->slider_derivative[d * n_col + d * n_coef + j] =
-                element->kt[d] * bd_coulomb_basis(work, last)[j];
+        double *row = work->slider_derivative + d * n_col;
+        if (is_open) {
+            for (size_t j = 0; j < n_coef; ++j) row[d * n_coef + j] = element->kt[d] * basis[j];
+        } else {
+            row[3 * n_coef + d] = 1.0;
+        }
     }
+}
+
+/* State of a sample, from the kind of the step that ends there. */
+static int state_of_step(int kind) {
+    if (kind == BD_STEP_OPEN) return BD_OPEN;
+    return kind == BD_STEP_SLIP ? BD_SLIP_PLUS : BD_STICK;
 }
 
 /* Sums of the force, and of the slider's derivative with a tangent, over the
  * steady period of a lane. */
-static void sum_period(bd_coulomb_work *work, const bd_element *element, int lane, int tangent,
+static void sum_period(bd_coulomb_work *work, const bd_element *element, int lane, int with_tangent,
                        bd_response *out, bd_status_share *share) {
-    const int n_coef = bd_n_coef(work->n_harm), n_power = bd_n_power(work->n_harm),
-              n_time = work->n_time;
-    const double weight = BD_TWO_PI / n_time, *s = work->lanes.step;
+    const int n_coef = bd_n_coef(work->n_harm), n_power = bd_n_power(work->n_harm);
+    const int n_time = work->n_time, n_col = 3 * n_coef + 2;
+    const double weight = BD_TWO_PI / n_time;
+    const double *s[2] = {work->lanes.step, work->lanes.step + n_time * BD_LANES};
     double *F[2] = {out->F, out->F + n_coef};
     int n_open = 0, n_stick = 0;
     memset(out->F, 0, sizeof(double) * 2 * (size_t)n_coef);
     memset(work->contact, 0, sizeof(double) * (size_t)n_power);
     work->n_segment = 0;
-    if (tangent) {
-        memset(work->slider_sums, 0, sizeof(double) * 2 * (size_t)(n_coef * (3 * n_coef + 2)));
+    if (with_tangent) {
+        memset(work->slider_sums, 0, sizeof(double) * 2 * (size_t)(n_coef * n_col));
         memset(work->stick_basis, 0, sizeof(double) * (size_t)n_coef);
         start_slider(work, element);
     }
     for (int k = 0; k < n_time; ++k) {
-        const int at = k * BD_LANES + lane, kind = work->lanes.step_kind[at];
-        if (tangent && kind != BD_STEP_STICK) {
+        const int at = k * BD_LANES + lane;
+        const int kind = work->lanes.step_kind[at];
+        const int state = state_of_step(kind);
+        if (with_tangent && kind != BD_STEP_STICK) {
             end_stick_part(work);
             advance(work, element, lane, k);
         }
-        push_sample(work, k,
-                    kind == BD_STEP_OPEN   ? BD_OPEN
-                    : kind == BD_STEP_SLIP ? BD_SLIP_PLUS
-                                           : BD_STICK);
-        n_stick += kind == BD_STEP_STICK || kind == BD_STEP_CLOSE;
-        if (kind == BD_STEP_OPEN) {
+        push_sample(work, k, state);
+        if (state == BD_OPEN) {
             ++n_open;
             continue;
         }
-        const double *b = bd_coulomb_basis(work, k), *power = b - 1;
-        const double T[2] = {work->x[k] - s[at], work->y[k] - s[n_time * BD_LANES + at]};
+        if (state == BD_STICK) ++n_stick;
+
+        const double *basis = bd_coulomb_basis(work, k), *power = basis - 1;
+        const double T[2] = {work->x[k] - s[0][at], work->y[k] - s[1][at]};
         for (int d = 0; d < 2; ++d)
-            for (int i = 0; i < n_coef; ++i) F[d][i] += weight * T[d] * b[i];
-        for (int i = 0; tangent && i < n_power; ++i) work->contact[i] += weight * power[i];
-        for (int i = 0; tangent && i < n_coef; ++i) work->stick_basis[i] += weight * b[i];
+            for (int i = 0; i < n_coef; ++i) F[d][i] += weight * T[d] * basis[i];
+        if (!with_tangent) continue;
+        for (int i = 0; i < n_power; ++i) work->contact[i] += weight * power[i];
+        for (int i = 0; i < n_coef; ++i) work->stick_basis[i] += weight * basis[i];
     }
-    if (tangent) end_stick_part(work);
+    if (with_tangent) end_stick_part(work);
+
+    const int n_slip = n_time - n_stick - n_open;
     for (int d = 0; d < 2; ++d) {
-        for (int i = 0; i < n_coef; ++i) F[d][i] *= i == 0 ? 1.0 / BD_TWO_PI : 1.0 / BD_PI;
+        for (int i = 0; i < n_coef; ++i) F[d][i] *= row_scale((size_t)i);
         share->stick[d] = (double)n_stick / n_time;
-        share->slip[d] = (double)(n_time - n_stick - n_open) / n_time;
+        share->slip[d] = (double)n_slip / n_time;
     }
 }
 
-/* Blocks of the tangent from the sums; ds0 (2, 3 n_coef) is the derivative of the steady slider. */
+/* Derivative (2, 3 n_coef) of the steady slider: (I - P') ds = P_x dx. */
+static void solve_slider_derivative(const bd_coulomb_work *work, double *ds) {
+    const size_t n_x = 3 * (size_t)bd_n_coef(work->n_harm), n_col = n_x + 2;
+    const double *row0 = work->slider_derivative, *row1 = row0 + n_col;
+    const double dP[2][2] = {{row0[n_x], row0[n_x + 1]}, {row1[n_x], row1[n_x + 1]}};
+    for (size_t j = 0; j < n_x; ++j) {
+        const double b[2] = {row0[j], row1[j]};
+        double y[2] = {0.0, 0.0}; /* a singular matrix leaves zero */
+        bd_coulomb_solve_period(dP, b, y);
+        ds[j] = y[0];
+        ds[n_x + j] = y[1];
+    }
+}
+
+/* Blocks of the tangent of T = p - s from the sums. */
 static void write_tangent(bd_coulomb_work *work, const bd_element *element, bd_response *out) {
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_x = 3 * n_coef, n_col = n_x + 2;
-    double *ds0 = work->next_slider;
-    const double dP[2][2] = {{work->slider_derivative[n_x], work->slider_derivative[n_x + 1]},
-                             {work->slider_derivative[n_col + n_x],
-                              work->slider_derivative[n_col + n_x + 1]}};
-    for (size_t j = 0; j < n_x; ++j) {
-        const double b[2] = {work->slider_derivative[j], work->slider_derivative[n_col + j]};
-        double y[2];
-        const int solved = bd_coulomb_solve_period(dP, b, y);
-        ds0[j] = solved ? y[0] : 0.0;
-        ds0[n_x + j] = solved ? y[1] : 0.0;
-    }
+    double *ds = work->next_slider; /* (2, n_x) */
+    solve_slider_derivative(work, ds);
     bd_cycle_products(work->n_harm, work->contact, work->products);
-    for (size_t d = 0; d < 2; ++d)
+    for (size_t d = 0; d < 2; ++d) {
+        double *block[3] = {NULL, NULL, out->dTv[d]};
+        block[d] = out->dT[d];
+        block[1 - d] = out->dTc[d];
         for (size_t i = 0; i < n_coef; ++i) {
-            const double *sums = work->slider_sums + (d * n_coef + i) * n_col,
-                         scale = i == 0 ? 1.0 / BD_TWO_PI : 1.0 / BD_PI;
-            const double h0 = sums[n_x], h1 = sums[n_x + 1];
+            const double *sums = work->slider_sums + (d * n_coef + i) * n_col;
+            const double *products = work->products + i * n_coef;
+            const double scale = row_scale(i);
+            const double of_start[2] = {sums[n_x], sums[n_x + 1]};
             for (size_t c = 0; c < 3; ++c) {
-                double *row = (c == 2   ? out->dTv[d]
-                               : c == d ? out->dT[d]
-                                        : out->dTc[d]) +
-                              i * n_coef;
                 for (size_t j = 0; j < n_coef; ++j) {
                     const size_t at = c * n_coef + j;
-                    double value = -sums[at] - h0 * ds0[at] - h1 * ds0[n_x + at];
-                    if (c == d) value += element->kt[d] * work->products[i * n_coef + j];
-                    row[j] = scale * value;
+                    double value = -sums[at] - of_start[0] * ds[at] - of_start[1] * ds[n_x + at];
+                    if (c == d) value += element->kt[d] * products[j];
+                    block[c][i * n_coef + j] = scale * value;
                 }
             }
         }
+    }
+}
+
+/* Coefficients of p = kt u and of n0 + kn v (or the constant load) of one point. */
+static void load_point(bd_coulomb_work *work, int lane, const bd_element *e, const double *x) {
+    const int n_coef = bd_n_coef(work->n_harm);
+    const int constant_load = bd_law_is_constant(e->law);
+    const double factor[3] = {e->kt[0], e->kt[1], constant_load ? 0.0 : e->kn};
+    const double load = constant_load ? e->load : e->n0;
+    for (int a = 0; a < 3; ++a) {
+        double *to = work->motion + a * n_coef * BD_LANES + lane;
+        for (int i = 0; i < n_coef; ++i) to[i * BD_LANES] = factor[a] * x[a * n_coef + i];
+        if (a == 2) to[0] += load;
+    }
+}
+
+/* Copy the samples of a lane to rows of its own; padded disks are infinite. */
+static void copy_lane(bd_coulomb_work *work, int lane) {
+    const bd_coupled_lanes *l = &work->lanes;
+    select_lane(work, lane);
+    for (int k = 0; k < work->n_time; ++k) {
+        const int at = k * BD_LANES + lane;
+        work->x[k] = l->x[at];
+        work->y[k] = l->y[at];
+        work->R[k] = l->R[at];
+        work->g[k] = l->g[at];
+    }
+    for (int k = work->n_time; k < work->n_padded; ++k) {
+        work->x[k] = 0.0;
+        work->y[k] = 0.0;
+        work->R[k] = INFINITY;
+    }
 }
 
 /* Motion and load of all points at the samples, in lanes and point by point. */
 static void sample_motion(bd_coulomb_work *work, int n, const bd_element *element,
                           const double *x) {
     const int n_coef = bd_n_coef(work->n_harm), n_power = bd_n_power(work->n_harm);
+    const int n_time = work->n_time;
     bd_coupled_lanes *l = &work->lanes;
     memset(work->motion, 0, sizeof(double) * 3 * (size_t)n_coef * BD_LANES);
     for (int lane = 0; lane < n; ++lane) {
-        const bd_element *e = element + lane;
-        const int has_friction = work->search[lane].state != BD_DONE;
-        const double *from = x + 3 * (size_t)n_coef * (size_t)lane;
-        l->mu[lane] = e->mu;
-        for (int a = 0; a < 3 && has_friction; ++a) {
-            double *to = work->motion + a * n_coef * BD_LANES + lane;
-            const double factor = a < 2 ? e->kt[a] : bd_law_is_constant(e->law) ? 0.0 : e->kn;
-            for (int i = 0; i < n_coef; ++i) to[i * BD_LANES] = factor * from[a * n_coef + i];
-            if (a == 2) to[0] += bd_law_is_constant(e->law) ? e->load : e->n0;
-        }
-    }
-    double *value[3] = {l->x, l->y, l->g};
-    for (int a = 0; a < 3; ++a)
-        work->kernel->lane_values(n_coef, work->n_time, work->power, n_power,
-                                  work->motion + a * n_coef * BD_LANES, value[a]);
-    for (int i = 0; i < work->n_time * BD_LANES; ++i)
-        l->R[i] = l->mu[i % BD_LANES] * (l->g[i] > 0.0 ? l->g[i] : 0.0);
-    for (int lane = 0; lane < n; ++lane) {
+        l->mu[lane] = element[lane].mu;
         if (work->search[lane].state == BD_DONE) continue;
-        select_lane(work, lane);
-        for (int k = 0; k < work->n_time; ++k) {
-            const int at = k * BD_LANES + lane;
-            work->x[k] = l->x[at];
-            work->y[k] = l->y[at];
-            work->R[k] = l->R[at];
-            work->g[k] = l->g[at];
-        }
-        for (int k = work->n_time; k < work->n_padded; ++k)
-            work->x[k] = work->y[k] = 0.0, work->R[k] = INFINITY;
+        load_point(work, lane, element + lane, x + 3 * (size_t)n_coef * (size_t)lane);
     }
+
+    double *value[3] = {l->x, l->y, l->g};
+    for (int a = 0; a < 3; ++a) {
+        const double *coefficients = work->motion + a * n_coef * BD_LANES;
+        work->kernel->lane_values(n_coef, n_time, work->power, n_power, coefficients, value[a]);
+    }
+    for (int i = 0; i < n_time * BD_LANES; ++i) {
+        const double load = l->g[i] > 0.0 ? l->g[i] : 0.0;
+        l->R[i] = l->mu[i % BD_LANES] * load;
+    }
+    for (int lane = 0; lane < n; ++lane)
+        if (work->search[lane].state != BD_DONE) copy_lane(work, lane);
+}
+
+/* Size of the forces of the selected point: the largest extent of its motion or load. */
+static double size_of_forces(const bd_coulomb_work *work) {
+    double size = 0.0;
+    for (int k = 0; k < work->n_time; ++k) {
+        const double extent = fabs(work->x[k]) + fabs(work->y[k]);
+        const double most = extent > work->R[k] ? extent : work->R[k];
+        size = most > size ? most : size;
+    }
+    return size;
 }
 
 /* Handle points that stick or stay open; start the search for the other points. */
 static void find_sticking(bd_coulomb_work *work, const bd_element *element, const double *x,
                           bd_response *out, bd_status_share *share, bd_slider_search *search) {
-    double size = 0.0;
+    const int with_tangent = out->dN != NULL;
     int n_open = 0;
-    for (int k = 0; k < work->n_time; ++k) {
-        n_open += !(work->g[k] > 0.0);
-        const double extent = fabs(work->x[k]) + fabs(work->y[k]),
-                     most = extent > work->R[k] ? extent : work->R[k];
-        size = most > size ? most : size;
-    }
+    for (int k = 0; k < work->n_time; ++k) n_open += !(work->g[k] > 0.0);
     search->state = BD_DONE;
     if (n_open == work->n_time) {
         work->segment[0] = (bd_segment){0.0, BD_TWO_PI, BD_OPEN};
         work->n_segment = 1;
         return;
     }
+
     const double initial[2] = {element->kt[0] * element->w[0], element->kt[1] * element->w[1]};
-    const double scale = size + bd_norm(initial[0], initial[1]) + 1e-300;
-    const int tangent = out->dN != NULL;
+    const double size = size_of_forces(work) + bd_norm(initial[0], initial[1]) + 1e-300;
     const bd_disks disks = {work->n_padded, work->x, work->y, work->R, work->kernel};
     bd_disk_point centre = {.s = {initial[0], initial[1]}, .value = INFINITY};
     int worst = 0;
-    if (n_open == 0 && bd_disks_violation(&disks, initial, &worst) <= SLACK * scale) {
-        bd_sticking_write(work, element, x, initial, out, share);
+    if (n_open == 0) {
+        /* the initial slider is inside all disks */
+        if (bd_disks_violation(&disks, initial, &worst) <= SLACK * size) {
+            bd_sticking_write(work, element, x, initial, out, share);
+            return;
+        }
+        bd_disks_centre(&disks, SLACK * size, &centre);
+    }
+
+    /* the disks have no common point */
+    if (centre.value > TOUCH * size) {
+        start_search(work, &centre, size, search);
         return;
     }
-    if (n_open == 0) bd_disks_centre(&disks, SLACK * scale, &centre);
-    if (centre.value > TOUCH * scale) {
-        start_search(work, &centre, scale, search);
-        return;
-    }
-    if (centre.value >= -TOUCH * scale) {
+    /* they have one */
+    if (centre.value >= -TOUCH * size) {
         bd_sticking_write(work, element, x, centre.s, out, share);
-        if (tangent) bd_sticking_write_onset(work, element, &centre, out);
+        if (with_tangent) bd_sticking_write_onset(work, element, &centre, out);
         return;
     }
+    /* they have many: shift the initial slider towards the centre until it is admissible */
     const double fraction = bd_disks_entry(&disks, initial, centre.s, &worst);
-    const double s[2] = {initial[0] + fraction * (centre.s[0] - initial[0]),
-                         initial[1] + fraction * (centre.s[1] - initial[1])};
+    const double s[2] = {
+        initial[0] + fraction * (centre.s[0] - initial[0]),
+        initial[1] + fraction * (centre.s[1] - initial[1]),
+    };
     bd_sticking_write(work, element, x, s, out, share);
-    if (tangent) bd_sticking_write_shifted(work, element, initial, &centre, fraction, worst, out);
+    if (with_tangent)
+        bd_sticking_write_shifted(work, element, initial, &centre, fraction, worst, out);
 }
 
+/* Force and tangent of a point whose slider was searched. */
 static void finish(bd_coulomb_work *work, const bd_element *element, int lane, bd_response *out,
                    bd_status_share *share) {
     const bd_slider_search *search = work->search + lane;
-    const int tangent = out->dN != NULL, onset = search->centre.value <= ONSET * search->size;
     if (search->state == BD_LOST) {
         for (int i = 0; i < 2 * bd_n_coef(work->n_harm); ++i) out->F[i] = NAN;
         out->tangential[0] = out->tangential[1] = BD_BLOCK_LINEAR;
         return;
     }
-    sum_period(work, element, lane, tangent && !onset, out, share);
-    out->tangential[0] = out->tangential[1] = BD_BLOCK_FULL;
+    const int with_tangent = out->dN != NULL;
+    const int is_onset = search->centre.value <= ONSET * search->size;
+    sum_period(work, element, lane, with_tangent && !is_onset, out, share);
+    for (int d = 0; d < 2; ++d) {
+        out->tangential[d] = BD_BLOCK_FULL;
+        out->with_normal[d] = !bd_law_is_constant(element->law);
+    }
     out->coupled = 1;
-    out->with_normal[0] = out->with_normal[1] = !bd_law_is_constant(element->law);
-    if (tangent && onset) bd_sticking_write_onset(work, element, &search->centre, out);
-    if (tangent && !onset) write_tangent(work, element, out);
+    if (!with_tangent) return;
+    if (is_onset)
+        bd_sticking_write_onset(work, element, &search->centre, out);
+    else
+        write_tangent(work, element, out);
 }
 
 void bd_coulomb_evaluate(int n, const bd_element *element, const double *x, bd_response *out,
                          bd_status_share *share, bd_coulomb_work *work) {
-    const size_t size = 3 * (size_t)bd_n_coef(work->n_harm);
-    int any = 0;
-    work->n_segment = work->n_period = 0;
+    const size_t n_x = 3 * (size_t)bd_n_coef(work->n_harm);
+    const int with_tangent = out->dN != NULL;
+    int any_friction = 0;
+    work->n_segment = 0;
+    work->n_period = 0;
     for (int lane = 0; lane < n; ++lane) {
         const bd_element *e = element + lane;
-        const int has_friction = bd_law_is_coupled(e->law) &&
-                                 (bd_element_has_friction(e, 0) || bd_element_has_friction(e, 1));
+        const int in_a_direction = bd_element_has_friction(e, 0) || bd_element_has_friction(e, 1);
+        const int has_friction = bd_law_is_coupled(e->law) && in_a_direction;
         work->search[lane].state = has_friction ? BD_SEARCHING : BD_DONE;
-        any |= has_friction;
+        any_friction |= has_friction;
     }
-    if (!any) return;
+    if (!any_friction) return;
+
     sample_motion(work, n, element, x);
     for (int lane = 0; lane < n; ++lane) {
         if (work->search[lane].state == BD_DONE) continue;
+        const double *x_point = x + n_x * (size_t)lane;
         select_lane(work, lane);
-        find_sticking(work, element + lane, x + size * (size_t)lane, out + lane, share + lane,
-                      work->search + lane);
+        find_sticking(work, element + lane, x_point, out + lane, share + lane, work->search + lane);
     }
-    if (!settle(work, n, out->dN != NULL)) return;
+    const int any_slip = settle(work, n, with_tangent);
+    if (!any_slip) return;
+
     set_sliders(work, n);
-    work->kernel->coupled_period(&work->lanes, 1, out->dN != NULL);
+    work->kernel->coupled_period(&work->lanes, 1, with_tangent);
     for (int lane = 0; lane < n; ++lane) {
         if (work->search[lane].state == BD_DONE) continue;
         select_lane(work, lane);
