@@ -1,23 +1,27 @@
 r"""Check of a compiled contact law on short random paths, before an analysis uses it.
 
-The solvers rely on three properties of a law :math:`s_k = g(x_k, x_{k-1}, s_{k-1})`, :math:`F_k = f(x_k, s_k)`: forces and
-states are finite, a step without motion leaves the state unchanged, and the four matrices are the derivatives.  The total
-derivative of the last force with respect to the motions of a path contains all four,
+The solvers rely on three properties of a law :math:`s_k = g(x_k, x_{k-1}, s_{k-1})`,
+:math:`F_k = f(x_k, s_k)`: forces and states are finite, a step without motion leaves the state
+unchanged, and the four matrices are the derivatives.  The total derivative of the last force with
+respect to the motions of a path contains all four,
 
 .. math:: \frac{dF_m}{dx_j} = f_x \delta_{jm} + f_s \frac{ds_m}{dx_j}, \qquad
     \frac{ds_k}{dx_j} = g_s \frac{ds_{k-1}}{dx_j} + g_x \delta_{jk} + g_{x'} \delta_{j,k-1}.
 
-Each derivative is compared with a forward and a backward difference; one must agree, since the law may have a corner.
+Each derivative is compared with a forward and a backward difference; one must agree, since the law
+may have a corner.
 """
 
 from __future__ import annotations
 
 import ctypes
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import LowLevelCallable
 
+from bdamper.util.errors import SettingError
 from bdamper.util.validation import check
 
 LENGTHS = (1.0, 30.0, 1000.0)
@@ -34,7 +38,9 @@ SLOPE = 1e-3
 def check_law(
     where: str, function: LowLevelCallable, parameters: NDArray, n_state: int, length: float
 ) -> None:
-    r"""Check on short random paths that a compiled law has the properties on which the solvers rely.
+    r"""Check that a compiled law has the properties on which the solvers rely.
+
+    The law follows short random paths.
 
     Parameters
     ----------
@@ -49,90 +55,144 @@ def check_law(
     Raises
     ------
     SettingError
-        If a force, state or derivative is not finite, if a step without motion changes the state, or if a derivative
-        disagrees with finite differences.
+        If a force, state or derivative is not finite, if a step without motion changes the state,
+        or if a derivative disagrees with finite differences.
     """
-    law, rng = _Law(function, parameters, n_state), np.random.default_rng(0)
+    law = _Law(function, parameters, n_state)
+    rng = np.random.default_rng(0)
     for size in length * np.array(LENGTHS):
         path = size * rng.uniform([-1.0, -1.0, -0.3], 1.0, (STEPS, 3))
         F, D, states = law.follow(path)
-        finite = all(np.isfinite(a).all() for a in (F, D, states))
+        finite = np.isfinite(F).all() and np.isfinite(D).all() and np.isfinite(states).all()
         if not finite and size > length:
             return
-        check(
-            finite,
-            where,
-            "finite forces, states and derivatives",
-            f"others at motions of {size:.3g} m",
-        )
+        expected = "finite forces, states and derivatives"
+        check(finite, where, expected, f"others at motions of {size:.3g} m")
         for x, s in zip(path, states):
-            change = np.abs(law.step(x, x, s)[0] - s)
-            if not (change <= REST * np.abs(s)).all():
-                i = int(np.argmax(change))
-                found = f"that state {i} changes by {change[i]:.3g} from {s[i]:.6g} in such a step"
-                check(False, where, "a state that a step without motion leaves as it is", found)
+            _check_rest(where, law, x, s)
         _check_slopes(where, law, path, F, D, SHORT * size)
 
 
+def _check_rest(where: str, law: _Law, x: NDArray, s: NDArray) -> None:
+    """Check that a step without motion leaves the state ``s`` (n,) at the motion ``x`` (3,)."""
+    change = np.abs(law.step(x, x, s).state - s)
+    if (change <= REST * np.abs(s)).all():
+        return
+    i = int(np.argmax(change))
+    raise SettingError(
+        f"{where}: expected a state that a step without motion leaves as it is, "
+        f"found that state {i} changes by {change[i]:.3g} from {s[i]:.6g} in such a step"
+    )
+
+
 def _check_slopes(where: str, law: _Law, path: NDArray, F: NDArray, D: NDArray, h: float) -> None:
+    """Check the derivative ``D`` of the last force ``F`` by finite differences with the step h.
+
+    Each motion of the path is displaced along each direction.
+    """
     rounding = 1e3 * np.finfo(float).eps * np.abs(F).max() / h
-    for j, shift in enumerate(h * np.eye(path.size).reshape(-1, *path.shape)):
-        slopes = [(law.follow(path + sign * shift)[0] - F) / (sign * h) for sign in (1.0, -1.0)]
-        slope = min(slopes, key=lambda slope: np.abs(slope - D[:, j]).max())
+    for j, displacement in enumerate(h * np.eye(path.size).reshape(-1, *path.shape)):
+        forward = (law.follow(path + displacement)[0] - F) / h
+        backward = (law.follow(path - displacement)[0] - F) / -h
+        # the law may have a corner here: one side must agree
+        slope = forward
+        if np.abs(backward - D[:, j]).max() < np.abs(forward - D[:, j]).max():
+            slope = backward
+
         error = np.abs(slope - D[:, j])
-        if not error.max() <= SLOPE * max(np.abs(D).max(), np.abs(slope).max()) + rounding:
-            i = int(np.argmax(error))
-            by = f"of force {i + 1} by motion {j % 3 + 1}, {STEPS - 1 - j // 3} steps before"
-            expected = f"derivatives that agree with finite differences, {slope[i]:.6g} {by}"
-            check(False, where, expected, f"{D[i, j]:.6g}")
+        largest = max(np.abs(D).max(), np.abs(slope).max())
+        if error.max() <= SLOPE * largest + rounding:
+            continue
+        i = int(np.argmax(error))
+        steps_before = STEPS - 1 - j // 3
+        entry = f"of force {i + 1} by motion {j % 3 + 1}, {steps_before} steps before"
+        raise SettingError(
+            f"{where}: expected derivatives that agree with finite differences, "
+            f"{slope[i]:.6g} {entry}, found {D[i, j]:.6g}"
+        )
+
+
+class _Step(NamedTuple):
+    """Answer of a law of n states after one step.
+
+    Parameters
+    ----------
+    state : (n,) float
+    force : (3,) float
+    force_by_x : (3, 3) float
+        Derivative of the force with respect to the motion.
+    force_by_state : (3, n) float
+        The same with respect to the new state.
+    state_by_motions : (n, 6) float
+        Derivative of the new state with respect to the motion and the motion before.
+    state_by_state : (n, n) float
+        The same with respect to the state before.
+    """
+
+    state: NDArray
+    force: NDArray
+    force_by_x: NDArray
+    force_by_state: NDArray
+    state_by_motions: NDArray
+    state_by_state: NDArray
 
 
 class _Law:
     """Compiled law, callable from Python."""
 
     def __init__(self, function: LowLevelCallable, parameters: NDArray, n_state: int) -> None:
-        capsule, api = tuple.__getitem__(function, 0), ctypes.pythonapi
-        name = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object)(("PyCapsule_GetName", api))(
-            capsule
-        )
-        of_capsule = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p)
-        address = of_capsule(("PyCapsule_GetPointer", api))(capsule, name)
-        self._data = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object)(
-            ("PyCapsule_GetContext", api)
-        )(capsule)
+        # a LowLevelCallable is a tuple that hides its first entry, the capsule with the address
+        capsule = tuple.__getitem__(function, 0)
+        name = _of_capsule("PyCapsule_GetName")(capsule)
+        address = _of_capsule("PyCapsule_GetPointer", ctypes.c_void_p)(capsule, name)
+        self._user_data = _of_capsule("PyCapsule_GetContext")(capsule)
         self._call = ctypes.CFUNCTYPE(None, *11 * [ctypes.c_void_p])(address)
-        self._parameters, self._n = np.ascontiguousarray(parameters, float), n_state
+        self._parameters = np.ascontiguousarray(parameters, float)
+        self._n = n_state
 
-    def step(self, x: NDArray, before: NDArray, s: NDArray) -> list[NDArray]:
-        """Advance the law from motion ``before`` (3,) and state ``s`` (n,) to motion ``x`` (3,).
-
-        Returns
-        -------
-        list
-            State (n,), force (3,), and derivatives: of the force with respect to x (3, 3) and to the new state (3, n), of
-            the new state with respect to x and before (n, 6) and to s (n, n).
-        """
+    def step(self, x: NDArray, before: NDArray, s: NDArray) -> _Step:
+        """Advance the law from motion ``before`` (3,) and state ``s`` (n,) to motion ``x`` (3,)."""
         n = self._n
-        out = [np.zeros(shape) for shape in (n, 3, (3, 3), (3, n), (n, 6), (n, n))]
-        self._call(*(a.ctypes.data for a in (x, before, self._parameters, s, *out)), self._data)
-        return out
+        after = _Step(
+            state=np.zeros(n),
+            force=np.zeros(3),
+            force_by_x=np.zeros((3, 3)),
+            force_by_state=np.zeros((3, n)),
+            state_by_motions=np.zeros((n, 6)),
+            state_by_state=np.zeros((n, n)),
+        )
+        arrays = (x, before, self._parameters, s, *after)
+        addresses = [array.ctypes.data for array in arrays]
+        self._call(*addresses, self._user_data)
+        return after
 
     def follow(self, path: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         """Follow a path (m, 3) from rest.
 
-        Return the force (3,) at its end, the derivative (3, 3 m) of this force with respect to the path, and the states
-        (m, n).
+        Return the force (3,) at its end, the derivative (3, 3 m) of this force with respect to the
+        path, and the states (m, n).
         """
-        n, m = self._n, len(path)
-        before, s, by, states = np.zeros(3), np.zeros(n), np.zeros((n, 3 * m + 3)), []
+        n = self._n
+        m = len(path)
+        before = np.zeros(3)
+        s = np.zeros(n)
+        # derivative of the state with respect to the motions, those of the start first
+        by_motions = np.zeros((n, 3 * m + 3))
+        states = []
         for k, x in enumerate(path):
-            s, F, Fx, Fs, sx, ss = self.step(x, before, s)
-            by = ss @ by
-            by[:, 3 * k : 3 * k + 6] += sx[
-                :, [3, 4, 5, 0, 1, 2]
-            ]  # the first three columns belong to the start
+            after = self.step(x, before, s)
+            by_motions = after.state_by_state @ by_motions
+            # the law has the new motion first, the path the motion before
+            by_motions[:, 3 * k : 3 * k + 6] += after.state_by_motions[:, [3, 4, 5, 0, 1, 2]]
             before = x
+            s = after.state
             states.append(s)
-        D = Fs @ by[:, 3:]
-        D[:, -3:] += Fx
-        return F, D, np.array(states)
+        D = after.force_by_state @ by_motions[:, 3:]
+        D[:, -3:] += after.force_by_x
+        return after.force, D, np.array(states)
+
+
+def _of_capsule(name: str, *more: type) -> Any:
+    """Return a function of the C interface of Python that takes a capsule and returns a pointer."""
+    prototype = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, *more)
+    return prototype((name, ctypes.pythonapi))

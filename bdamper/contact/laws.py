@@ -1,34 +1,38 @@
 r"""Contact laws, and the parameters of the contact points.
 
-Relative motion :math:`x = (u_1, u_2, v)`, with the closing :math:`v`, gives the contact forces :math:`F = (T_1, T_2, N)`.
+Relative motion :math:`x = (u_1, u_2, v)`, with the closing :math:`v`, gives the contact forces
+:math:`F = (T_1, T_2, N)`.
 
 The laws ``LAW_*`` are part of the C core: Coulomb friction with variable normal load and separation
-(``csrc/contact/element.c``, exact integration over a cycle in ``contact/event_driven.c``, samples in time in
-``contact/aft.c``) and its form with coupled tangential directions (``contact/coupled_friction.c``).  :class:`PointArrays`
-holds their parameters.
+(``csrc/contact/element.c``, exact integration over a cycle in ``contact/event_driven.c``, samples
+in time in ``contact/aft.c``) and its form with coupled tangential directions
+(``contact/coupled_friction.c``).  :class:`PointArrays` holds their parameters.
 
-A compiled law (:class:`ContactLaw`) maps one instant to the next.  Its state :math:`s` depends on the motion, and on
-motion and state one instant earlier:
+A compiled law (:class:`ContactLaw`) maps one instant to the next.  Its state :math:`s` depends on
+the motion, and on motion and state one instant earlier:
 
 .. math:: s_k = g(x_k, x_{k-1}, s_{k-1}), \qquad F_k = f(x_k, s_k).
 
-Its signature is ``bd_user_law`` of ``csrc/contact/user_law.h``.  The C core calls it in harmonic balance
-(``csrc/contact/user_law_aft.c``), in the static analysis and in time integration.  ``law_checks.check_law`` tests it
-before an analysis uses it.
+Its signature is ``bd_user_law`` of ``csrc/contact/user_law.h``.  The C core calls it in harmonic
+balance (``csrc/contact/user_law_aft.c``), in the static analysis and in time integration.
+``law_checks.check_law`` tests it before an analysis uses it.
 
-**A new contact law** is such a function, written by the user or added to ``csrc/contact/shipped_laws.c`` with an entry in
-:data:`SHIPPED` and a class method of ``ContactLaw``.  A law with exact integration needs a new number ``LAW_*`` and a
-branch in the C core.
+**A new contact law** is such a function, written by the user or added to
+``csrc/contact/shipped_laws.c`` with an entry in :data:`SHIPPED` and a class method of
+``ContactLaw``.  A law with exact integration needs a new number ``LAW_*`` and a branch in the C
+core.
 
-The Iwan model of Segalman (J. Appl. Mech. 72, 2005, 752-760) has a strength :math:`F_S`, a stiffness :math:`K_T`, an
-exponent :math:`\chi` and a ratio :math:`\beta`.  It is a distribution of Jenkins elements over the slip displacement
-:math:`\phi` with the density :math:`R \phi^\chi` below :math:`\phi_m` and the additional stiffness :math:`S` there:
+The Iwan model of Segalman (J. Appl. Mech. 72, 2005, 752-760) has a strength :math:`F_S`, a
+stiffness :math:`K_T`, an exponent :math:`\chi` and a ratio :math:`\beta`.  It is a distribution of
+Jenkins elements over the slip displacement :math:`\phi` with the density :math:`R \phi^\chi` below
+:math:`\phi_m` and the additional stiffness :math:`S` there:
 
 .. math::
     \phi_m = \frac{F_S (1 + \beta)}{K_T \left(\beta + \frac{\chi + 1}{\chi + 2}\right)}, \qquad
     R \phi_m^{\chi + 1} = \frac{K_T (\chi + 1)}{1 + \beta}, \qquad S = \frac{K_T \beta}{1 + \beta}.
 
-Below macroslip the dissipation per cycle of amplitude :math:`u` is :math:`4 R u^{\chi + 3}/((\chi + 3)(\chi + 2))`.
+Below macroslip the dissipation per cycle of amplitude :math:`u` is
+:math:`4 R u^{\chi + 3}/((\chi + 3)(\chi + 2))`.
 """
 
 from __future__ import annotations
@@ -73,10 +77,11 @@ class AFT(validation.Checked):
     Parameters
     ----------
     n_time : int
-        Samples per period, at least ``4 harmonics + 4``.  With 128 samples peaks of the examples in docs/accuracy.md differ
-        by up to 4e-3 from peaks with exact events.
+        Samples per period, at least ``4 harmonics + 4``.  With 128 samples peaks of the examples in
+        docs/accuracy.md differ by up to 4e-3 from peaks with exact events.
     interpolate : bool
-        Interpolate the instant of closing between samples.  Otherwise the derivative of the forces does not converge.
+        Interpolate the instant of closing between samples.  Otherwise the derivative of the forces
+        does not converge.
     """
 
     n_time: Annotated[int, partial(validation.integer, least=8, most=MAX_SAMPLES)] = 128
@@ -84,15 +89,15 @@ class AFT(validation.Checked):
 
 
 def check_evaluation(contact_forces: str | AFT, harmonics: int) -> None:
-    """Raise SettingError unless ``contact_forces`` is "event_driven" or AFT with enough samples for all harmonics."""
+    """Raise SettingError unless ``contact_forces`` is a method that resolves all harmonics.
+
+    The methods are "event_driven", and AFT with enough samples.
+    """
     if isinstance(contact_forces, AFT):
-        expected = f"AFT with at least {4 * harmonics + 4} samples for {harmonics} harmonics"
-        validation.check_value(
-            contact_forces.n_time >= 4 * harmonics + 4,
-            "contact_forces",
-            expected,
-            contact_forces.n_time,
-        )
+        least = 4 * harmonics + 4
+        enough = contact_forces.n_time >= least
+        expected = f"AFT with at least {least} samples for {harmonics} harmonics"
+        validation.check_value(enough, "contact_forces", expected, contact_forces.n_time)
     elif not isinstance(contact_forces, str) or contact_forces != "event_driven":
         raise validation.invalid("contact_forces", '"event_driven" or AFT(n_time)', contact_forces)
 
@@ -111,20 +116,22 @@ class PointArrays:
     mu, n0 : (n_points,) float
         Friction coefficient; normal load (N) at zero closing, negative for a gap.
     slider : (n_points, 2) float, m
-        Initial position of the sliders.  For a point that never slips, plus or minus infinity selects an end of the
-        interval of admissible positions.
+        Initial position of the sliders.  For a point that never slips, plus or minus infinity
+        selects an end of the interval of admissible positions.
     law : (n_points,) int
-        LAW_SEPARABLE, LAW_NORMAL (no friction), LAW_CONSTANT (friction limited by ``load``, two-sided normal spring),
-        LAW_COUPLED and LAW_COUPLED_CONSTANT (friction force in a disk), LAW_BONDED (linear springs).
-        LAW_CUBIC is a spring ``kt u^3`` along both tangential directions, kt in N/m3, without any other force.
-        LAW_USER is a compiled law in ``own``; kt and kn are its springs in stick.
+        LAW_SEPARABLE, LAW_NORMAL (no friction), LAW_CONSTANT (friction limited by ``load``,
+        two-sided normal spring), LAW_COUPLED and LAW_COUPLED_CONSTANT (friction force in a disk),
+        LAW_BONDED (linear springs).  LAW_CUBIC is a spring ``kt u^3`` along both tangential
+        directions, kt in N/m3, without any other force.  LAW_USER is a compiled law in ``own``; kt
+        and kn are its springs in stick.
     shift : (n_points, 3) float, m
         Constant part of (u1, u2, v) that the modes do not represent.
     load : (n_points,) float, N, optional
         Normal load that limits friction under the laws of constant load; ``n0`` by default.
     index : (n_points,) int, optional
-        Contact point of the structure for each element, if they differ.  A contact that cannot separate consists of two
-        elements at one point: the second has the opposite normal direction and acts in tension.
+        Contact point of the structure for each element, if they differ.  A contact that cannot
+        separate consists of two elements at one point: the second has the opposite normal direction
+        and acts in tension.
     own : OwnLaws, optional
         Compiled laws.
     memory : (n_points, width) float, optional
@@ -144,10 +151,19 @@ class PointArrays:
     memory: NDArray | None = None
 
     def taken(self, index: NDArray) -> PointArrays:
-        """Return the points with the numbers ``index`` (n,), in this order and with repetitions, without ``load``."""
-        names = ("kt", "kn", "mu", "n0", "slider", "law", "shift")
-        arrays: dict[str, Any] = {name: getattr(self, name)[index] for name in names}
-        return replace(self, **arrays, load=None, index=index)
+        """Return the points ``index`` (n,) without ``load``, in this order and with repetitions."""
+        return replace(
+            self,
+            kt=self.kt[index],
+            kn=self.kn[index],
+            mu=self.mu[index],
+            n0=self.n0[index],
+            slider=self.slider[index],
+            law=self.law[index],
+            shift=self.shift[index],
+            load=None,
+            index=index,
+        )
 
 
 # ---- Compiled contact laws ----
@@ -162,24 +178,29 @@ SHIPPED = {"jenkins": _core.jenkins, "iwan": _core.jenkins, "bouc_wen": _core.bo
 class ContactLaw:
     """Contact law as a compiled function, for ``friction_law`` of a study.
 
-    The function has the signature ``bd_user_law`` of ``csrc/contact/user_law.h``: eleven pointers, no return value.  It
-    must not call Python.  Several threads call it at the same time, so its results must depend on its arguments alone.
+    The function has the signature ``bd_user_law`` of ``csrc/contact/user_law.h``: eleven pointers,
+    no return value.  It must not call Python.  Several threads call it at the same time, so its
+    results must depend on its arguments alone.
 
     Parameters
     ----------
     function : PyCapsule, scipy.LowLevelCallable or numba cfunc
-        A capsule has the C signature as its name.  The user data of a LowLevelCallable is the last argument.
+        A capsule has the C signature as its name.  The user data of a LowLevelCallable is the last
+        argument.
     n_state : int
         Length of the state, which is zero before any load.
     parameters : (n,) or (n_points, n) float
         Argument ``p`` of the function, the same for all points of an interface or one row for each.
     stick : (3,) or (n_points, 3) float, N/m
-        Springs kt1, kt2, kn of the law in stick.  They replace the contact stiffness in stuck curves and frequencies and
-        convert a ``gap`` to a force, so kn must be positive at points with a gap.
+        Springs kt1, kt2, kn of the law in stick.  They replace the contact stiffness in stuck
+        curves and frequencies and convert a ``gap`` to a force, so kn must be positive at points
+        with a gap.
     name : str
-        Name in output and files, by default the name of the function.  Names of built-in laws are reserved.
+        Name in output and files, by default the name of the function.  Names of built-in laws are
+        reserved.
     resolution : float, m
-        Smallest amplitude of relative motion that the law resolves.  A response curve with smaller motion has a warning.
+        Smallest amplitude of relative motion that the law resolves.  A response curve with smaller
+        motion has a warning.
 
     Raises
     ------
@@ -197,35 +218,35 @@ class ContactLaw:
     """Function as a LowLevelCallable for the C core."""
 
     def __post_init__(self) -> None:
-        pointer, name = _pointer(self.function)
+        # the dataclass is frozen: checked values replace those of the user by object.__setattr__
+        pointer, function_name = _pointer(self.function)
         object.__setattr__(self, "pointer", pointer)
-        object.__setattr__(self, "name", self.name or name)
+        object.__setattr__(self, "name", self.name or function_name)
         object.__setattr__(self, "n_state", validation.integer("n_state", self.n_state, most=1000))
         validation.number("resolution", self.resolution, least=0.0, unit="m")
-        for array in ("parameters", "stick"):
-            numbers = _numbers(getattr(self, array))
-            validation.check_value(
-                numbers is not None,
-                array,
-                "finite numbers, (n,) or (n_points, n)",
-                getattr(self, array),
-            )
-            object.__setattr__(self, array, numbers)
-        good = self.stick.shape[-1] == 3 and (self.stick >= 0.0).all() and self.stick.any()
-        validation.check_value(
-            good, "stick", "stiffness kt1, kt2, kn in N/m, none negative, one positive", self.stick
-        )
+        for field_name in ("parameters", "stick"):
+            value = getattr(self, field_name)
+            numbers = _numbers(value)
+            expected = "finite numbers, (n,) or (n_points, n)"
+            validation.check_value(numbers is not None, field_name, expected, value)
+            object.__setattr__(self, field_name, numbers)
+
+        springs = self.stick.shape[-1] == 3 and (self.stick >= 0.0).all() and self.stick.any()
+        expected = "stiffness kt1, kt2, kn in N/m, none negative, one positive"
+        validation.check_value(springs, "stick", expected, self.stick)
+
         unreserved = self.name not in SHIPPED or pointer.function is SHIPPED[self.name]
-        validation.check_value(
-            unreserved, "name", f"none of {tuple(SHIPPED)}, the names of built-in laws", self.name
-        )
+        expected = f"none of {tuple(SHIPPED)}, the names of built-in laws"
+        validation.check_value(unreserved, "name", expected, self.name)
+
+        # the core knows which parameters its own laws accept
+        no_memory = np.zeros(3 + self.n_state)
         for row in np.atleast_2d(self.parameters):
             try:
-                _core.check_laws(((pointer, row, np.zeros(3 + self.n_state)),))
+                _core.check_laws(((pointer, row, no_memory),))
             except (TypeError, ValueError) as error:
-                raise SettingError(
-                    f"law '{self.name}': {error}: {one_line(row.tolist())}"
-                ) from error
+                of_row = one_line(row.tolist())
+                raise SettingError(f"law '{self.name}': {error}: {of_row}") from error
 
     def __str__(self) -> str:
         return f"{self.name} ({self.parameters.shape[-1]} parameters, {self.n_state} states)"
@@ -240,7 +261,9 @@ class ContactLaw:
         *,
         kn: float = 0.0,
     ) -> Self:
-        """Return parallel Jenkins elements (spring and slider in series) along each tangential direction.
+        """Return parallel Jenkins elements along each tangential direction.
+
+        An element is a spring and a slider in series.
 
         Parameters
         ----------
@@ -253,15 +276,20 @@ class ContactLaw:
             Normal spring in compression only.  Without it the sliders do not depend on separation.
         """
         k = validation.numbers("stiffness", stiffness, above=0.0)
-        several = [("limit", limit), ("mu", mu)]
-        f, m = (
-            validation.numbers(n, [x] * len(k) if np.ndim(x) == 0 else x, len(k), least=0.0)
-            for n, x in several
-        )
+        n = len(k)
+        # one value stands for all elements
+        limits = [limit] * n if np.ndim(limit) == 0 else limit
+        slip_force = validation.numbers("limit", limits, n, least=0.0)
+        increases = [mu] * n if np.ndim(mu) == 0 else mu
+        increase = validation.numbers("mu", increases, n, least=0.0)
         kn = validation.number("kn", kn, least=0.0, unit="N/m")
-        parameters = np.concatenate([[len(k), kn], np.column_stack([k, f, m]).ravel()])
+        elements = np.column_stack([k, slip_force, increase])
         return cls(
-            _core.jenkins, 2 * len(k), parameters, np.array([k.sum(), k.sum(), kn]), "jenkins"
+            function=_core.jenkins,
+            n_state=2 * n,
+            parameters=np.concatenate([[n, kn], elements.ravel()]),
+            stick=np.array([k.sum(), k.sum(), kn]),
+            name="jenkins",
         )
 
     @classmethod
@@ -277,12 +305,14 @@ class ContactLaw:
         n: int | None = None,
         decades: float = 3.0,
     ) -> Self:
-        """Return the four-parameter Iwan model of Segalman as n + 1 Jenkins elements along each tangential direction.
+        """Return the four-parameter Iwan model of Segalman.
 
-        Strength, total stiffness and the stiffness of each element are exact.  The slip displacement of an element is the
-        mean over its interval.  With 13 intervals per decade the dissipation is within 1.9 % of the power law for
-        amplitudes from 10^(1 - decades) of macroslip, the ``resolution`` of the law, to macroslip: over ``decades - 1``
-        decades.  In the decade below, it is wrong by up to 91 %.
+        It consists of n + 1 Jenkins elements along each tangential direction.  Strength, total
+        stiffness and the stiffness of each element are exact.  The slip displacement of an element
+        is the mean over its interval.  With 13 intervals per decade the dissipation is within 1.9 %
+        of the power law for amplitudes from 10^(1 - decades) of macroslip, the ``resolution`` of
+        the law, to macroslip: over ``decades - 1`` decades.  In the decade below, it is wrong by up
+        to 91 %.
 
         Parameters
         ----------
@@ -297,8 +327,8 @@ class ContactLaw:
         kn : float, N/m
             Normal spring, see :meth:`jenkins`.
         n : int, optional
-            Number of intervals of slip displacements, 13 per decade by default.  The first interval begins at zero; the
-            others have equal ratios of their ends.
+            Number of intervals of slip displacements, 13 per decade by default.  The first interval
+            begins at zero; the others have equal ratios of their ends.
         decades : float
             Decades of slip displacements from the end of the first interval to macroslip.
         """
@@ -307,15 +337,23 @@ class ContactLaw:
         chi = validation.number("chi", chi, above=-1.0, most=0.0)
         beta = validation.number("beta", beta, least=0.0)
         decades = validation.number("decades", decades, least=1.0, most=12.0)
-        n = round(13.0 * decades) if n is None else validation.integer("n", n, least=2, most=400)
+        if n is None:
+            n = round(13.0 * decades)
+        else:
+            n = validation.integer("n", n, least=2, most=400)
+
+        # intervals of slip displacements relative to macroslip, with their shares of the stiffness
         edge = np.concatenate([[0.0], np.geomspace(10.0**-decades, 1.0, n)])
-        last = F * (1.0 + beta) / (K * (beta + (chi + 1.0) / (chi + 2.0)))
+        macroslip = F * (1.0 + beta) / (K * (beta + (chi + 1.0) / (chi + 2.0)))
         share = np.diff(edge ** (chi + 1.0))
-        mean = (chi + 1.0) / (chi + 2.0) * np.diff(edge ** (chi + 2.0)) / share
-        k, slip = np.append(share, beta) * K / (1.0 + beta), np.append(mean, 1.0) * last
+        mean_slip = (chi + 1.0) / (chi + 2.0) * np.diff(edge ** (chi + 2.0)) / share
+
+        # the last element slips at macroslip
+        k = np.append(share, beta) * K / (1.0 + beta)
+        slip = np.append(mean_slip, 1.0) * macroslip
         stiff = k > 0.0
         law = cls.jenkins(k[stiff], (k * slip)[stiff], kn=kn)
-        return replace(law, name="iwan", resolution=10.0 ** (1.0 - decades) * last)
+        return replace(law, name="iwan", resolution=10.0 ** (1.0 - decades) * macroslip)
 
     @classmethod
     @validation.check_arguments
@@ -329,9 +367,10 @@ class ContactLaw:
         *,
         kn: float = 0.0,
     ) -> Self:
-        """Return Bouc-Wen hysteresis along each tangential direction, T = alpha k u + (1 - alpha) k z.
+        """Return Bouc-Wen hysteresis along each tangential direction.
 
-        The state z follows dz = du - beta abs(du) abs(z)^(n - 1) z - gamma du abs(z)^n.
+        The force is T = alpha k u + (1 - alpha) k z.  The state z follows dz = du - beta abs(du)
+        abs(z)^(n - 1) z - gamma du abs(z)^n.
 
         Parameters
         ----------
@@ -353,21 +392,22 @@ class ContactLaw:
         n = validation.number("n", n, least=1.0)
         kn = validation.number("kn", kn, least=0.0, unit="N/m")
         return cls(
-            _core.bouc_wen,
-            2,
-            np.array([kn, k, alpha, beta, gamma, n]),
-            np.array([k, k, kn]),
-            "bouc_wen",
+            function=_core.bouc_wen,
+            n_state=2,
+            parameters=np.array([kn, k, alpha, beta, gamma, n]),
+            stick=np.array([k, k, kn]),
+            name="bouc_wen",
         )
 
     def record(self) -> dict[str, Any]:
         """Return the data of the law for files and results, without the function."""
-        numbers = {
+        return {
+            "contact_law": self.name,
+            "n_state": self.n_state,
             "parameters": self.parameters.tolist(),
             "stick": self.stick.tolist(),
             "resolution": self.resolution,
         }
-        return {"contact_law": self.name, "n_state": self.n_state, **numbers}
 
     @classmethod
     def of_record(cls, record: Mapping[str, Any]) -> Self:
@@ -380,19 +420,26 @@ class ContactLaw:
         """
         name = record.get("contact_law")
         if not isinstance(name, str) or name not in SHIPPED:
-            found = (
+            found = one_line(
                 f"{name!r}, of which a file has no function; create the study again with this law"
             )
-            raise SettingError(
-                f"friction_law: expected a law of {tuple(SHIPPED)}, found {one_line(found)}"
-            )
-        numbers: dict[str, Any] = {
-            key: record.get(key) for key in ("n_state", "parameters", "stick")
-        }
-        return cls(SHIPPED[name], **numbers, name=name, resolution=record.get("resolution", 0.0))
+            raise SettingError(f"friction_law: expected a law of {tuple(SHIPPED)}, found {found}")
+        # incomplete records of a file reach the checks of the constructor
+        data: Any = record
+        return cls(
+            function=SHIPPED[name],
+            n_state=data.get("n_state"),
+            parameters=data.get("parameters"),
+            stick=data.get("stick"),
+            name=name,
+            resolution=data.get("resolution", 0.0),
+        )
 
     def __reduce__(self) -> Any:
-        """Pickle by record: other processes have built-in functions only, and addresses differ between processes."""
+        """Pickle by record, since other processes have built-in functions only.
+
+        Addresses differ between processes.
+        """
         return ContactLaw.of_record, (self.record(),)
 
     @property
@@ -401,31 +448,56 @@ class ContactLaw:
         return any(self.pointer.function is function for function in SHIPPED.values())
 
     def springs(self, n: int, interface: str) -> ContactStiffness:
-        """Return the springs of the law in stick as contact stiffness of the n points of an interface."""
-        return ContactStiffness(self._rows("stick", n, interface).copy(), "user")
+        """Return the springs in stick as contact stiffness of the n points of an interface."""
+        stiffness = self._per_point("stick", self.stick, n, interface)
+        return ContactStiffness(stiffness.copy(), "user")
 
-    def of_points(self, n: int, interface: str) -> list[tuple[ContactLaw, NDArray, str]]:
-        """Return (law, parameters, interface) for each of the n points of an interface."""
-        return [(self, p, interface) for p in self._rows("parameters", n, interface)]
+    def of_points(self, n: int, interface: str) -> list[LawPoint]:
+        """Return the law at each of the n points of an interface."""
+        rows = self._per_point("parameters", self.parameters, n, interface)
+        return [LawPoint(self, parameters, interface) for parameters in rows]
 
-    def _rows(self, name: str, n: int, interface: str) -> NDArray:
-        """Return the attribute ``name`` with one row for each of n points."""
-        rows = getattr(self, name)
-        good = rows.ndim == 1 or len(rows) == n
-        validation.check(
-            good, f"{name} of law '{self.name}'", f"{n} rows for '{interface}'", f"{len(rows)}"
-        )
+    def _per_point(self, name: str, rows: NDArray, n: int, interface: str) -> NDArray:
+        """Return one row for each of n points of an interface."""
+        fits = rows.ndim == 1 or len(rows) == n
+        expected = f"{n} rows for '{interface}'"
+        validation.check(fits, f"{name} of law '{self.name}'", expected, f"{len(rows)}")
         return np.broadcast_to(rows, (n, rows.shape[-1]))
+
+
+@dataclass(frozen=True, eq=False)
+class LawPoint:
+    """Compiled law of a contact point, with its parameters (n,) there and the interface."""
+
+    law: ContactLaw
+    parameters: NDArray
+    interface: str
+
+    @property
+    def where(self) -> str:
+        """Law and interface for messages."""
+        return _named(self.law, self.interface)
+
+    @property
+    def width(self) -> int:
+        """Length of the memory: latest motion and state."""
+        return 3 + self.law.n_state
+
+
+def _named(law: ContactLaw, interface: str) -> str:
+    return f"law '{law.name}' of interface '{interface}'"
 
 
 def _numbers(value: Any) -> NDArray | None:
     """Convert to a finite array of one or two dimensions; return None for anything else."""
     try:
-        out = np.array(value)
+        array = np.array(value)
     except ValueError:  # rows of different lengths
         return None
-    good = out.ndim in (1, 2) and out.dtype.kind in "iuf" and np.isfinite(out).all()
-    return out.astype(float, order="C") if good else None
+    numeric = array.ndim in (1, 2) and array.dtype.kind in "iuf"
+    if numeric and np.isfinite(array).all():
+        return array.astype(float, order="C")
+    return None
 
 
 def _pointer(function: Any) -> tuple[LowLevelCallable, str]:
@@ -434,18 +506,21 @@ def _pointer(function: Any) -> tuple[LowLevelCallable, str]:
     try:
         if hasattr(function, "native_name") and hasattr(function, "ctypes"):  # a cfunc of numba
             function = function.ctypes
-        low_level = (
-            function if isinstance(function, LowLevelCallable) else LowLevelCallable(function)
-        )
-        signature = str(low_level.signature)
+        if not isinstance(function, LowLevelCallable):
+            function = LowLevelCallable(function)
+        signature = str(function.signature)
     except (TypeError, ValueError) as error:
-        expected = "a PyCapsule, scipy.LowLevelCallable or numba cfunc, since the core cannot call Python functions"
+        expected = (
+            "a PyCapsule, scipy.LowLevelCallable or numba cfunc, "
+            "since the core cannot call Python functions"
+        )
         raise validation.invalid("function", expected, function) from error
     if SIGNATURE.fullmatch(signature.replace(", ", ",")) is None:
         raise SettingError(
-            f"function: expected the signature void of eleven pointers (bd_user_law), found '{signature}'"
+            "function: expected the signature void of eleven pointers (bd_user_law), "
+            f"found '{signature}'"
         )
-    return low_level, getattr(low_level.function, "__name__", name)
+    return function, getattr(function.function, "__name__", name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -454,13 +529,13 @@ class OwnLaws:
 
     Parameters
     ----------
-    points : sequence of (ContactLaw, parameters, interface) or None
+    points : sequence of LawPoint or None
         One entry per point; None for laws of the C core.
     rest : (n_points,) float, m
         Closing at zero motion: interference, or minus the gap.
     """
 
-    points: Sequence[tuple[ContactLaw, NDArray, str] | None]
+    points: Sequence[LawPoint | None]
     rest: NDArray
 
     @classmethod
@@ -475,14 +550,25 @@ class OwnLaws:
             Rows of the interface among all points.
         kn, gap : (n_points,) float, N/m and m
         length : float, m
-            Typical relative motion, for the check of user-defined functions (``law_checks.check_law``).
+            Typical relative motion, for the check of user-defined functions
+            (``law_checks.check_law``).
         """
-        points: list[Any] = [None] * len(kn)
-        for rows, name, law in laws:
-            points[rows] = law.of_points(rows.stop - rows.start, name)
-            for p in () if law.shipped else np.unique(np.atleast_2d(law.parameters), axis=0):
-                check_law(f"friction_law: {_named(law, name)}", law.pointer, p, law.n_state, length)
-        return cls(points, np.where(kn > 0.0, -gap, 0.0)) if any(points) else None
+        points: list[LawPoint | None] = [None] * len(kn)
+        for rows, interface, law in laws:
+            points[rows] = law.of_points(rows.stop - rows.start, interface)
+            if law.shipped:
+                continue
+            for parameters in np.unique(np.atleast_2d(law.parameters), axis=0):
+                where = f"friction_law: {_named(law, interface)}"
+                check_law(where, law.pointer, parameters, law.n_state, length)
+        if not any(points):
+            return None
+        return cls(points, np.where(kn > 0.0, -gap, 0.0))
+
+    @property
+    def _own_points(self) -> list[LawPoint]:
+        """The points with a compiled law."""
+        return [point for point in self.points if point is not None]
 
     @property
     def held(self) -> NDArray:
@@ -492,40 +578,47 @@ class OwnLaws:
     @property
     def names(self) -> str:
         """Laws and interfaces for messages."""
-        return ", ".join(
-            sorted({_named(law, interface) for law, _, interface in filter(None, self.points)})
-        )
+        return ", ".join(sorted({point.where for point in self._own_points}))
 
     def warn_below(self, motion: NDArray) -> None:
-        """Warn of interfaces with all motions (n_points, 3, n_coef) below the resolution of their law."""
+        """Warn of interfaces that move less than the resolution of their law.
+
+        Parameters
+        ----------
+        motion : (n_points, 3, n_coef) complex, m
+        """
         moved = np.abs(motion[:, :2, 1:]).sum(axis=2).max(axis=1)
-        largest: dict[tuple[ContactLaw, str], float] = {}
+        largest: dict[str, float] = {}
+        resolution: dict[str, float] = {}
         for point, x in zip(self.points, moved.tolist()):
             if point is not None:
-                key = point[0], point[2]
-                largest[key] = max(x, largest.get(key, 0.0))
-        for (law, interface), x in largest.items():
-            if x < law.resolution:
+                largest[point.where] = max(x, largest.get(point.where, 0.0))
+                resolution[point.where] = point.law.resolution
+        for where, x in largest.items():
+            if x < resolution[where]:
                 warn(
-                    f"{_named(law, interface)} moves by at most {x:.3g} m at the highest point, less than the "
-                    f"{law.resolution:.3g} m that the law resolves: its dissipation is wrong there; increase its decades"
+                    f"{where} moves by at most {x:.3g} m at the highest point, "
+                    f"less than the {resolution[where]:.3g} m that the law resolves: "
+                    "its dissipation is wrong there; increase its decades"
                 )
 
     @property
     def width(self) -> int:
         """Length of the memory of a point: latest motion and state of its law."""
-        return max(3 + point[0].n_state for point in self.points if point is not None)
+        return max(point.width for point in self._own_points)
 
     def core(self, memory: NDArray) -> tuple[tuple[Any, ...] | None, ...]:
         """Return functions, parameters and memory (n_points, width) as arguments of the C core."""
-        return tuple(
-            None
-            if point is None
-            else (point[0].pointer, point[1].copy(), row[: 3 + point[0].n_state].copy(), point[0])
-            for point, row in zip(
-                self.points, np.reshape(memory, (len(self.points), self.width)).astype(float)
-            )
-        )
+        rows = np.reshape(memory, (len(self.points), self.width)).astype(float)
+        arguments: list[tuple[Any, ...] | None] = []
+        for point, row in zip(self.points, rows):
+            if point is None:
+                arguments.append(None)
+                continue
+            # the core keeps a reference to the law, so that its function stays in memory
+            own_memory = row[: point.width].copy()
+            arguments.append((point.law.pointer, point.parameters.copy(), own_memory, point.law))
+        return tuple(arguments)
 
     def step(self, x: NDArray, memory: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         """Evaluate one step of the laws to the motions x (n_points, 3), m.
@@ -542,33 +635,36 @@ class OwnLaws:
         SettingError
             If a force, state or derivative is not finite.
         """
-        at = np.array(x, float)
-        at[:, 2] += self.rest
-        before, after = np.array(memory, float, order="C"), np.array(memory, float, order="C")
-        F, D = np.zeros((len(at), 3)), np.zeros((len(at), 3, 3))
-        _core.step_laws(self.core(before), at, before, after, F, D)
-        wrong = ~(
-            np.isfinite(F).all(axis=1)
-            & np.isfinite(after).all(axis=1)
-            & np.isfinite(D).all(axis=(1, 2))
-        )
-        for point, motion in ((self.points[int(i)], at[i].tolist()) for i in np.flatnonzero(wrong)):
-            where = f"friction_law: {_named(point[0], point[2])}" if point else ""
+        motion = np.array(x, float)
+        motion[:, 2] += self.rest
+        before = np.array(memory, float, order="C")
+        after = before.copy()
+        force = np.zeros((len(motion), 3))
+        derivative = np.zeros((len(motion), 3, 3))
+        _core.step_laws(self.core(before), motion, before, after, force, derivative)
+
+        finite = np.isfinite(force).all(axis=1)
+        finite &= np.isfinite(after).all(axis=1)
+        finite &= np.isfinite(derivative).all(axis=(1, 2))
+        if not finite.all():
+            first = int(np.argmin(finite))
+            point = self.points[first]
+            where = f"friction_law: {point.where}" if point else ""
             raise SettingError(
-                f"{where}: expected finite forces and states, found others at the motion {motion} m"
+                f"{where}: expected finite forces and states, "
+                f"found others at the motion {motion[first].tolist()} m"
             )
-        return F, D, after
-
-
-def _named(law: ContactLaw, interface: str) -> str:
-    return f"law '{law.name}' of interface '{interface}'"
+        return force, derivative, after
 
 
 def refuse(own: OwnLaws | None, what: str) -> None:
-    """Raise SettingError if there are compiled laws; the analysis ``what`` needs the events of the laws of the core."""
+    """Raise SettingError if there are compiled laws.
+
+    The analysis ``what`` needs the events of the laws of the core.
+    """
     if own is not None:
-        names = sorted({point[0].name for point in own.points if point is not None})
-        found = ", ".join(names)
+        names = sorted({point.law.name for point in own.points if point is not None})
         raise SettingError(
-            f"friction_law: {what} expected laws of the C core, since it needs their events, found {found}"
+            f"friction_law: {what} expected laws of the C core, since it needs their events, "
+            f"found {', '.join(names)}"
         )

@@ -25,8 +25,8 @@ from bdamper.util.tables import (
 
 STICK, SLIP_PLUS, SLIP_MINUS, OPEN = range(4)
 EDGE = 0.3
-"""Part of the area of a face below which it touches at an edge.  Faces of the reference models touch with 33 to 100 %,
-those of an imported stage that rotation distorts with 4 to 33 %.
+"""Part of the area of a face below which it touches at an edge.  Faces of the reference models
+touch with 33 to 100 %, those of an imported stage that rotation distorts with 4 to 33 %.
 """
 
 
@@ -35,7 +35,8 @@ those of an imported stage that rotation distorts with 4 to 33 %.
 class PreloadState(InContact, Tabular, Storable, kind="bdamper-static", row="contact_point"):
     """Static contact state under a load.
 
-    ``plot`` draws pressure, gap or friction utilisation over the faces (:func:`bdamper.plot.plot_static`).
+    ``plot`` draws pressure, gap or friction utilisation over the faces
+    (:func:`bdamper.plot.plot_static`).
 
     Parameters
     ----------
@@ -61,10 +62,16 @@ class PreloadState(InContact, Tabular, Storable, kind="bdamper-static", row="con
         Interface of each contact point; empty if unknown.
     memory : (n_points, width) float, optional
         Latest motion and state of points with compiled laws.
-    points, frame, area, friction : (n_points, 3) m, (n_points, 3, 3), (n_points,) m2, (n_points,) float, optional
-        Positions, contact axes, areas and friction coefficients; None in states from files without them.
+    points : (n_points, 3) float, m, optional
+        Positions.  In states from files without them, this and the following are None.
+    frame : (n_points, 3, 3) float, optional
+        Contact axes as rows.
+    area : (n_points,) float, m2, optional
+    friction : (n_points,) float, optional
+        Friction coefficients.
     on_friction_face : (n_points,) bool, optional
-        Whether each point lies on a face with a friction law, unlike axial stops; None in states from files without it.
+        Whether each point lies on a face with a friction law, unlike axial stops; None in states
+        from files without it.
     """
 
     load: float
@@ -91,50 +98,65 @@ class PreloadState(InContact, Tabular, Storable, kind="bdamper-static", row="con
     @property
     def state(self) -> Kinds:
         """State of each point: "stick", "slip" (in at least one direction) or "open"."""
-        stuck, open_ = (self.status == STICK).all(axis=1), (self.status == OPEN).any(axis=1)
-        return tuple(np.select([open_, stuck], ["open", "stick"], "slip").tolist())
+        all_stick = (self.status == STICK).all(axis=1)
+        separated = (self.status == OPEN).any(axis=1)
+        return tuple(np.select([separated, all_stick], ["open", "stick"], "slip").tolist())
 
     @property
     def friction_state(self) -> tuple[str, ...]:
-        """State of each point on a friction face; of all points if there is no such face or it is unknown."""
+        """State of each point on a friction face.
+
+        Without such a face, or if it is unknown, the states of all points.
+        """
         if self.on_friction_face is None or not self.on_friction_face.any():
             return self.state
         return tuple(np.array(self.state)[self.on_friction_face].tolist())
 
     def _headline(self) -> str:
-        of_friction = self.friction_state
-        stuck, slipping, apart = (of_friction.count(name) for name in ("stick", "slip", "open"))
-        what = "contact point" if len(of_friction) == len(self.status) else "friction point"
-        open_ = "" if self.converged else f" Not converged: {self.note}."
-        edges = f" Edge contact: {self.edges}." if self.edges else ""
+        states = self.friction_state
+        n = len(states)
+        points = counted(n, "contact point" if n == len(self.status) else "friction point")
         forces = [f"{name} {amount(force, 'N')}" for name, force in self.normal_force.items()]
-        return (
-            f"Under a load of {amount(self.load, 'N')}, of {counted(len(of_friction), what)}: {stuck} in stick, "
-            f"{slipping} in slip, {apart} open; normal forces: {', '.join(forces)}.{edges}{open_}"
+        text = (
+            f"Under a load of {amount(self.load, 'N')}, of {points}: "
+            f"{states.count('stick')} in stick, {states.count('slip')} in slip, "
+            f"{states.count('open')} open; normal forces: {', '.join(forces)}."
         )
+        if self.edges:
+            text += f" Edge contact: {self.edges}."
+        if not self.converged:
+            text += f" Not converged: {self.note}."
+        return text
 
     @property
     def edges(self) -> str:
-        """Faces with friction that touch with less than :data:`EDGE` of their area, and the pressure there; or ""."""
-        found, names = [], np.array(self.interface)
+        """Faces with friction that touch with less than :data:`EDGE` of their area.
+
+        The text has the mean pressure there; it is empty without such faces.
+        """
         if not self.converged or self.area is None or self.friction is None:
             return ""
+        names = np.array(self.interface)
+        texts = []
         for name, area in self.contact_area.items():
-            part = area / float(self.area[names == name].sum())
-            if 0.0 < part < EDGE and np.any(self.friction[names == name] > 0.0):
-                there = amount(self.normal_force[name] / area, "Pa")
-                found.append(
-                    f"{name!r} touches with {percent(part)} of its area, where the mean pressure is {there}"
+            on_face = names == name
+            part = area / float(self.area[on_face].sum())
+            if 0.0 < part < EDGE and np.any(self.friction[on_face] > 0.0):
+                pressure = amount(self.normal_force[name] / area, "Pa")
+                texts.append(
+                    f"{name!r} touches with {percent(part)} of its area, "
+                    f"where the mean pressure is {pressure}"
                 )
-        return "; ".join(found)
+        return "; ".join(texts)
 
     @property
     def normal_force(self) -> dict[str, float]:
-        """Total normal force (N) on each interface, or on all together if the interfaces are unknown."""
+        """Total normal force (N) on each interface, or "in all" if the interfaces are unknown."""
         names = np.array(self.interface or ["in all"] * len(self.force))
-        return {
-            str(name): float(self.force[names == name, 2].sum()) for name in dict.fromkeys(names)
-        }
+        total = {}
+        for name in dict.fromkeys(names):
+            total[str(name)] = float(self.force[names == name, 2].sum())
+        return total
 
     @property
     def pressure(self) -> Pascals | None:
@@ -146,8 +168,9 @@ class PreloadState(InContact, Tabular, Storable, kind="bdamper-static", row="con
         """Area in contact (m2) on each interface; empty if areas are unknown."""
         if self.area is None:
             return {}
-        names, closed = np.array(self.interface), (self.status != OPEN).all(axis=1)
-        return {
-            str(name): float(self.area[closed & (names == name)].sum())
-            for name in dict.fromkeys(names)
-        }
+        names = np.array(self.interface)
+        closed = (self.status != OPEN).all(axis=1)
+        total = {}
+        for name in dict.fromkeys(names):
+            total[str(name)] = float(self.area[closed & (names == name)].sum())
+        return total

@@ -1,27 +1,31 @@
 r"""Residual modes: a few modal coordinates for the flexibility of the omitted modes.
 
-Contact forces :math:`F` cause the displacement :math:`-R F` beyond the retained modes, with the residual flexibility
-:math:`R` (:mod:`bdamper.model.kinematics`).  A contact element represents a diagonal part :math:`D` only.  The difference
-:math:`E = R - D` is projected onto a few force vectors :math:`W`,
+Contact forces :math:`F` cause the displacement :math:`-R F` beyond the retained modes, with the
+residual flexibility :math:`R` (:mod:`bdamper.model.kinematics`).  A contact element represents a
+diagonal part :math:`D` only.  The difference :math:`E = R - D` is projected onto a few force
+vectors :math:`W`,
 
 .. math:: R \approx D + E W\,(W^H E W)^{-1}\,(E W)^H.
 
-This is exact for forces in the span of :math:`W`, Hermitian, and positive definite if :math:`S = W^H E W` is.  Coordinates
-:math:`a` with the relative motion :math:`x = G q + E W a` and the energy :math:`\tfrac12 a^H S a` represent it: additional
-modal columns :math:`E W` with the modal stiffness :math:`S`.
+This is exact for forces in the span of :math:`W`, Hermitian, and positive definite if
+:math:`S = W^H E W` is.  Coordinates :math:`a` with the relative motion :math:`x = G q + E W a` and
+the energy :math:`\tfrac12 a^H S a` represent it: additional modal columns :math:`E W` with the
+modal stiffness :math:`S`.
 
-The omitted modes also have inertia.  To second order in frequency their flexibility is :math:`R + \omega^2 R_2` with
-:math:`R_2 = \sum \phi\,\Omega^{-4} \phi^H` over the omitted modes in the model.  The modal mass :math:`W^H R_2 W`
-represents it.  If the model has fewer omitted modes than there are coordinates, the remaining coordinates are massless.
-Stiffness and mass are made diagonal together.
+The omitted modes also have inertia.  To second order in frequency their flexibility is
+:math:`R + \omega^2 R_2` with :math:`R_2 = \sum \phi\,\Omega^{-4} \phi^H` over the omitted modes in
+the model.  The modal mass :math:`W^H R_2 W` represents it.  If the model has fewer omitted modes
+than there are coordinates, the remaining coordinates are massless.  Stiffness and mass are made
+diagonal together.
 
 The vectors of a harmonic are the contact forces of its stuck modes in ascending order of frequency,
-:math:`W = R^{-1} G Q` with :math:`(\Omega^2 + G^H R^{-1} G) Q = Q \Lambda`.  The stuck frequencies are then exact.
-Harmonic 0 begins with the contact forces of the static load, with friction and stuck.
+:math:`W = R^{-1} G Q` with :math:`(\Omega^2 + G^H R^{-1} G) Q = Q \Lambda`.  The stuck frequencies
+are then exact.  Harmonic 0 begins with the contact forces of the static load, with friction and
+stuck.
 
-The diagonal is a fraction of the point flexibility at the fundamental harmonic, :math:`D = s\,\mathrm{diag}(R)`.  The
-setting ``contact_share`` is its upper bound; a smaller :math:`s` leaves :math:`S` of harmonics 0 and 1 at least a tenth
-of :math:`W^H R W`.
+The diagonal is a fraction of the point flexibility at the fundamental harmonic,
+:math:`D = s\,\mathrm{diag}(R)`.  The setting ``contact_share`` is its upper bound; a smaller
+:math:`s` leaves :math:`S` of harmonics 0 and 1 at least a tenth of :math:`W^H R W`.
 """
 
 from __future__ import annotations
@@ -35,14 +39,14 @@ from numpy.typing import NDArray
 
 from bdamper.model.kinematics import Coordinate, Coupling, HarmonicBasis
 from bdamper.util import validation
-from bdamper.util.errors import check, mismatch
+from bdamper.util.errors import mismatch
 from bdamper.util.formatting import short_repr
 
 MARGIN = 0.1
 """Smallest fraction of the flexibility under a force vector that residual modes represent."""
 ROUNDING = 1e-9
-"""Relative size of a negative flexibility, or of a mass, that counts as zero.  Masses of 1e-17 instead of zero made a time
-integration jump from 0.03 to 1.5 mm at its start.
+"""Relative size of a negative flexibility, or of a mass, that counts as zero.  Masses of 1e-17
+instead of zero made a time integration jump from 0.03 to 1.5 mm at its start.
 """
 
 RESOLVED = 0.03
@@ -58,11 +62,9 @@ RESIDUAL = "residual"
 
 
 def _count_or_all(name: str, value: int | str) -> int | str:
-    return (
-        value
-        if isinstance(value, str) and value == "all"
-        else validation.integer(name, value, least=1)
-    )
+    if isinstance(value, str) and value == "all":
+        return value
+    return validation.integer(name, value, least=1)
 
 
 @dataclass(frozen=True)
@@ -72,9 +74,10 @@ class ResidualModes(validation.Checked):
     Parameters
     ----------
     n_vectors : int or "all"
-        Number of force vectors, and thus of coordinates, per harmonic.  Five vectors give five exact stuck frequencies.
-        With ten blade modes, six vectors give the highest peak to 8 %, and twelve to 4 % at twice the time
-        (measured.md).  "all" is exact for the forces that the mesh resolves; it serves as a reference.
+        Number of force vectors, and thus of coordinates, per harmonic.  Five vectors give five
+        exact stuck frequencies.  With ten blade modes, six vectors give the highest peak to 8 %,
+        and twelve to 4 % at twice the time (measured.md).  "all" is exact for the forces that the
+        mesh resolves; it serves as a reference.
     contact_share : float
         Upper bound of the fraction of the point flexibility in the contact stiffness.
     inertia : bool
@@ -88,6 +91,9 @@ class ResidualModes(validation.Checked):
 
 def joined(basis: HarmonicBasis, residual: HarmonicBasis) -> HarmonicBasis:
     """Append residual coordinates to a basis."""
+    # a drag of 0.0 stands for all modes
+    drag_of_basis = np.broadcast_to(basis.drag, basis.omega2.shape)
+    drag_of_residual = np.broadcast_to(residual.drag, residual.omega2.shape)
     return replace(
         basis,
         coordinates=(*basis.coordinates, *residual.coordinates),
@@ -95,12 +101,12 @@ def joined(basis: HarmonicBasis, residual: HarmonicBasis) -> HarmonicBasis:
         damping_ratio=np.concatenate([basis.damping_ratio, residual.damping_ratio]),
         G=np.concatenate([basis.G, residual.G], axis=2),
         mass=np.concatenate([basis.mass, residual.mass]),
-        drag=np.concatenate([np.broadcast_to(b.drag, b.omega2.shape) for b in (basis, residual)]),
+        drag=np.concatenate([drag_of_basis, drag_of_residual]),
     )
 
 
 def active_components(coupling: Coupling, friction: NDArray) -> NDArray:
-    """Return which force components (n_points, 3) bool are possible at the points of friction interfaces."""
+    """Return which force components (n_points, 3) bool are possible on friction interfaces."""
     active = np.zeros((coupling.n_points, 3), bool)
     rows = coupling.friction_rows
     active[rows, 2] = True
@@ -109,10 +115,11 @@ def active_components(coupling: Coupling, friction: NDArray) -> NDArray:
 
 
 def force_patterns(flexibility: NDArray, what: str) -> NDArray:
-    """Return force vectors ``F`` (n, m) with ``F^H R F = 1`` that span all forces that the mesh resolves.
+    """Return force vectors that span all forces that the mesh resolves.
 
-    They are the eigenvectors of the flexibility scaled by its diagonal, ``d^-1 R d^-1`` with ``d = sqrt(diag R)``.
-    ``F F^H`` is the inverse of the flexibility without the other forces.
+    The vectors ``F`` (n, m) satisfy ``F^H R F = 1``.  They are the eigenvectors of the flexibility
+    scaled by its diagonal, ``d^-1 R d^-1`` with ``d = sqrt(diag R)``.  ``F F^H`` is the inverse of
+    the flexibility without the other forces.
 
     Parameters
     ----------
@@ -126,21 +133,28 @@ def force_patterns(flexibility: NDArray, what: str) -> NDArray:
         If the flexibility is not positive semi-definite; the message has its smallest eigenvalue.
     """
     diagonal = np.diag(flexibility).real
-    found = (
-        f"{diagonal.min(initial=np.inf):.3g} m/N; the retained modes are softer than the full model"
-    )
-    check((diagonal > 0.0).all(), what, "a positive flexibility at every contact point", found)
+    if not (diagonal > 0.0).all():
+        raise mismatch(
+            what,
+            "a positive flexibility at every contact point",
+            f"{diagonal.min():.3g} m/N; the retained modes are softer than the full model",
+        )
     size = np.sqrt(diagonal)
-    part, vectors = np.linalg.eigh(flexibility / size[:, None] / size)
-    if part.min(initial=0.0) < -ROUNDING:
-        found = f"an eigenvalue of {part[0]:.3g} times the flexibility of a point; modes and static flexibility do not"
-        raise mismatch(what, "a positive semi-definite matrix", f"{found} belong together")
-    resolved = part > RESOLVED
-    return np.asarray(vectors[:, resolved] / np.sqrt(part[resolved]) / size[:, None])
+    eigenvalue, vectors = np.linalg.eigh(flexibility / size[:, None] / size)
+    if eigenvalue.min(initial=0.0) < -ROUNDING:
+        raise mismatch(
+            what,
+            "a positive semi-definite matrix",
+            f"an eigenvalue of {eigenvalue[0]:.3g} times the flexibility of a point; "
+            "modes and static flexibility do not belong together",
+        )
+    resolved = eigenvalue > RESOLVED
+    unit_vectors = vectors[:, resolved] / np.sqrt(eigenvalue[resolved])
+    return np.asarray(unit_vectors / size[:, None])
 
 
 def stuck_modes(basis: HarmonicBasis, residual: NDArray, what: str) -> tuple[NDArray, NDArray]:
-    """Compute frequencies (rad/s) and contact forces (3 n, n_modes) of the modes with all contact components bonded.
+    """Compute the modes with all contact components bonded.
 
     Parameters
     ----------
@@ -149,25 +163,69 @@ def stuck_modes(basis: HarmonicBasis, residual: NDArray, what: str) -> tuple[NDA
     residual : (3 n, 3 n) complex or float, m/N
     what : str
         Name of the residual flexibility in the error message.
+
+    Returns
+    -------
+    frequency : (n_modes,) float, rad/s
+    force : (3 n, n_modes) complex or float
+        Contact forces.
     """
     F = force_patterns(residual, what)
     G = F.conj().T @ basis.G
-    pole, Q = np.linalg.eigh(np.diag(basis.omega2) + G.conj().T @ G)
-    return np.sqrt(np.maximum(pole, 0.0)), F @ (G @ Q)
+    squared_frequency, Q = np.linalg.eigh(np.diag(basis.omega2) + G.conj().T @ G)
+    return np.sqrt(np.maximum(squared_frequency, 0.0)), F @ (G @ Q)
 
 
 def _stuck_static(
     coupling: Coupling, basis: HarmonicBasis, R: NDArray, kept: NDArray, what: str
 ) -> NDArray | None:
-    """Return the contact forces under the static load with every point bonded, or None without load."""
+    """Return the contact forces under the static load with every point bonded.
+
+    None stands for no load.  ``kept`` selects the components of ``R`` and of the basis.
+    """
     load, shift = coupling.load()
     if not np.any(load):
         return None
     F = force_patterns(R, what)
-    G, s = F.T @ basis.G, F.T @ shift.ravel()[kept]
+    G = F.T @ basis.G
+    s = F.T @ shift.ravel()[kept]
     # (Omega^2 + G^T R^-1 G) q = f - G^T R^-1 s
     q = np.linalg.lstsq(np.diag(basis.omega2) + G.T @ G, load - G.T @ s, rcond=1e-13)[0]
     return np.asarray(F @ (G @ q + s))
+
+
+def _independent(vectors: NDArray, most: int) -> NDArray:
+    """Return the columns that do not depend on previous ones, at most ``most`` (Gram-Schmidt)."""
+    chosen: list[int] = []
+    remainder = vectors.copy()
+    for k in range(vectors.shape[1]):
+        size = np.linalg.norm(remainder[:, k])
+        if size > 1e-3:
+            chosen.append(k)
+            unit = remainder[:, k] / size
+            remainder = remainder - np.outer(unit, unit.conj() @ remainder)
+        if len(chosen) == most:
+            break
+    return vectors[:, chosen]
+
+
+@dataclass(frozen=True)
+class _ForceVectors:
+    """Force vectors of a harmonic, independent of the diagonal.
+
+    Parameters
+    ----------
+    flexibility : (3 n_points, 3 n_points) complex or float, m/N
+        R of all components.
+    vectors : (n_active, n) complex or float
+        W, of the active components.
+    modal_flexibility : (n, n) complex or float
+        W^H R W.
+    """
+
+    flexibility: NDArray
+    vectors: NDArray
+    modal_flexibility: NDArray
 
 
 @short_repr
@@ -196,9 +254,7 @@ class ResidualSet:
     share: float
     static: NDArray | None = None
     _bases: dict[int, HarmonicBasis] = field(default_factory=dict, repr=False, compare=False)
-    _parts: dict[int, tuple[NDArray, NDArray, NDArray]] = field(
-        default_factory=dict, repr=False, compare=False
-    )
+    _vectors: dict[int, _ForceVectors] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
     def make(
@@ -224,91 +280,106 @@ class ResidualSet:
         """
         active = active_components(coupling, friction)
         validation.check(active.any(), "residual modes", "an interface with friction", "none")
-        point = np.where(active.ravel(), np.diag(coupling.residual_flexibility(1)).real, 0.0)
-        unscaled = cls(coupling, options, active, point.reshape(-1, 3), 1.0, static)
-        largest = max(unscaled._point_share(l) for l in (0, 1))
+        point_flexibility = np.diag(coupling.residual_flexibility(1)).real
+        diagonal = np.where(active.ravel(), point_flexibility, 0.0).reshape(-1, 3)
+        unscaled = cls(coupling, options, active, diagonal, 1.0, static)
+        largest = max(unscaled._point_share(0), unscaled._point_share(1))
         share = min(options.contact_share, (1.0 - MARGIN) / largest)
         return replace(unscaled, flexibility=share * unscaled.flexibility, share=share)
 
-    def _matrices(self, harmonic: int) -> tuple[NDArray, NDArray, NDArray]:
-        """Return R of all components, the force vectors W, and W^H R W; independent of the diagonal."""
-        if harmonic in self._parts:
-            return self._parts[harmonic]
+    def _force_vectors(self, harmonic: int) -> _ForceVectors:
+        """Return the force vectors of a harmonic, computed once."""
+        if harmonic in self._vectors:
+            return self._vectors[harmonic]
         R = self.coupling.residual_flexibility(harmonic)
         if harmonic == 0:
             R = R.real
-        kept = self.active.ravel()
-        static = None if self.static is None else self.static.ravel()[kept]
-        W = self._patterns(harmonic, R, static)
-        whole = W.conj().T @ R[np.ix_(kept, kept)] @ W
-        self._parts[harmonic] = R, W, 0.5 * (whole + whole.conj().T)
-        return self._parts[harmonic]
+        active = self.active.ravel()
+        R_active = R[np.ix_(active, active)]
+        W = self._choose_vectors(harmonic, R_active)
+        product = W.conj().T @ R_active @ W
+        hermitian = 0.5 * (product + product.conj().T)
+        self._vectors[harmonic] = _ForceVectors(R, W, hermitian)
+        return self._vectors[harmonic]
 
-    def _patterns(self, harmonic: int, residual: NDArray, static: NDArray | None) -> NDArray:
-        """Return linearly independent force vectors (n_active, n) of unit length for one harmonic."""
-        n_active = int(self.active.sum())
+    def _choose_vectors(self, harmonic: int, R: NDArray) -> NDArray:
+        """Return linearly independent force vectors (n_active, n) of unit length.
+
+        ``R`` is the residual flexibility of the active components.
+        """
         basis = self.coupling.basis(harmonic)
-        kept = self.active.ravel()
         what = f"residual flexibility at harmonic {harmonic}, nodal diameter {basis.nodal_diameter}"
-        R = residual[np.ix_(kept, kept)]
         if self.options.n_vectors == "all":
             return force_patterns(R, what)
-        restricted = replace(basis, G=basis.G.reshape(len(kept), -1)[kept])
+
+        active = self.active.ravel()
+        G = basis.G.reshape(len(active), -1)[active]
         if harmonic == 0:
-            R, restricted = R.real, replace(restricted, G=restricted.G.real)
+            R = R.real
+            G = G.real
+        restricted = replace(basis, G=G)
         _, modes = stuck_modes(restricted, R, what)
         columns = [modes]
         if harmonic == 0:
-            stuck = _stuck_static(self.coupling, restricted, R, kept, what)
-            columns = [c for c in (static, stuck) if c is not None] + columns
-        W = np.concatenate([c.reshape(n_active, -1) for c in columns], axis=1)
+            stuck = _stuck_static(self.coupling, restricted, R, active, what)
+            if stuck is not None:
+                columns.insert(0, stuck)
+            if self.static is not None:
+                columns.insert(0, self.static.ravel()[active])
+        W = np.concatenate([c.reshape(len(R), -1) for c in columns], axis=1)
         norm = np.linalg.norm(W, axis=0)
         W = W[:, norm > 0.0] / norm[norm > 0.0]
-        # in order, without vectors that depend on previous ones (Gram-Schmidt)
-        chosen: list[int] = []
-        remainder = W.copy()
-        for k in range(W.shape[1]):
-            size = np.linalg.norm(remainder[:, k])
-            if size > 1e-3:
-                chosen.append(k)
-                unit = remainder[:, k] / size
-                remainder = remainder - np.outer(unit, unit.conj() @ remainder)
-            if len(chosen) == self.options.n_vectors:
-                break
-        return W[:, chosen]
+        return _independent(W, self.options.n_vectors)
 
     def _point_share(self, harmonic: int) -> float:
         """Return the largest fraction of the flexibility under a force vector in the diagonal."""
-        _, W, whole = self._matrices(harmonic)
+        parts = self._force_vectors(harmonic)
+        W = parts.vectors
         D = self.flexibility.ravel()[self.active.ravel()]
-        return float(scipy.linalg.eigh(W.conj().T @ (D[:, None] * W), whole, eigvals_only=True)[-1])
+        in_diagonal = W.conj().T @ (D[:, None] * W)
+        fractions = scipy.linalg.eigh(in_diagonal, parts.modal_flexibility, eigvals_only=True)
+        return float(fractions[-1])
 
     def basis(self, harmonic: int) -> HarmonicBasis:
         """Return the residual coordinates of one harmonic as a basis."""
         if harmonic in self._bases:
             return self._bases[harmonic]
-        R, W, whole = self._matrices(harmonic)
-        active, D = self.active.ravel(), self.flexibility.ravel()
-        # including rows of axial stops: friction forces move them
-        columns = (R - np.diag(D))[:, active] @ W
+        parts = self._force_vectors(harmonic)
+        W = parts.vectors
+        active = self.active.ravel()
+        D = self.flexibility.ravel()
+
+        # E W, including rows of axial stops: friction forces move them
+        columns = (parts.flexibility - np.diag(D))[:, active] @ W
         S = W.conj().T @ columns[active]
-        fraction, V = scipy.linalg.eigh(0.5 * (S + S.conj().T), whole)
+        fraction, V = scipy.linalg.eigh(0.5 * (S + S.conj().T), parts.modal_flexibility)
         # at higher harmonics the diagonal may contain the complete flexibility under a force vector
-        V = V[:, fraction > 0.5 * MARGIN] / np.sqrt(fraction[fraction > 0.5 * MARGIN])
-        bodies, n = self.coupling.basis(harmonic), V.shape[1]
-        reference = float(bodies.omega2.max())
-        mass = damping = np.zeros(n)
+        represented = fraction > 0.5 * MARGIN
+        V = V[:, represented] / np.sqrt(fraction[represented])
+
+        n = V.shape[1]
+        mass = np.zeros(n)
+        damping = np.zeros(n)
         if self.options.inertia and harmonic > 0:
             omitted, omega2, ratio = self.coupling.left_out_modes(harmonic)
+            # V^H W^H R_2 W V = P P^H
             P = (W @ V).conj().T @ omitted[active] / omega2
             mass, rotation = np.linalg.eigh(P @ P.conj().T)
-            mass, V = np.where(mass > ROUNDING * mass.max(initial=0.0), mass, 0.0), V @ rotation
-            damping = np.full(n, float(np.mean(ratio)) if len(ratio) else 0.0)
+            mass = np.where(mass > ROUNDING * mass.max(initial=0.0), mass, 0.0)
+            V = V @ rotation
+            if len(ratio):
+                damping = np.full(n, float(np.mean(ratio)))
+
         # equal stiffness makes these coordinates similar in size to modal coordinates
-        G = (columns @ V * np.sqrt(reference)).reshape(-1, 3, n).astype(complex)
-        names = tuple(Coordinate(RESIDUAL, i, f"residual {i + 1}") for i in range(n))
-        stiffness = np.full(n, reference)
+        bodies = self.coupling.basis(harmonic)
+        stiffness = float(bodies.omega2.max())
+        G = (columns @ V * np.sqrt(stiffness)).reshape(-1, 3, n).astype(complex)
         self._bases[harmonic] = HarmonicBasis(
-            names, stiffness, damping, G, bodies.nodal_diameter, mass * reference
+            coordinates=tuple(Coordinate(RESIDUAL, i, f"residual {i + 1}") for i in range(n)),
+            omega2=np.full(n, stiffness),
+            damping_ratio=damping,
+            G=G,
+            nodal_diameter=bodies.nodal_diameter,
+            mass=mass * stiffness,
         )
         return self._bases[harmonic]

@@ -1,29 +1,33 @@
-r"""Contact stiffness: the effect of the omitted modes as springs at the contact points (paper, section 2.2, Eqs 1 to 11).
+r"""Contact stiffness: the effect of the omitted modes as springs at the contact points.
 
-Under the static load :math:`P` of the dampers, a finite element contact analysis gives the contact forces :math:`F` and the
-displacements :math:`U_B`, :math:`U_D` of blade and damper at each contact point.  Modal superposition gives
+These are section 2.2 and Eqs 1 to 11 of the paper.  Under the static load :math:`P` of the dampers,
+a finite element contact analysis gives the contact forces :math:`F` and the displacements
+:math:`U_B`, :math:`U_D` of blade and damper at each contact point.  Modal superposition gives
 
 .. math::
     \tilde U_B &= -R_B F \quad (1), \qquad \tilde U_D = \tilde U_{DR} + \tilde U_{DE} \quad (5), \\
     \tilde U_{DR} &= \Psi \eta \quad (6), \qquad \tilde U_{DE} = R_{DC} F + R_{DP} P \quad (7),
 
-with the receptances :math:`R_B, R_{DC}, R_{DP}` of the retained modes and the rigid-body modes :math:`\Psi` of the damper.
-The differences :math:`\Delta U_B = U_B - \tilde U_B` (2) and :math:`\Delta U_D = U_D - \tilde U_D` (8) are assigned to
-springs, :math:`K_{cB}\,\Delta U_B = -F` (3) and :math:`K_{cD}\,\Delta U_D = F` (9).  Inserted, with diagonal matrices:
+with the receptances :math:`R_B, R_{DC}, R_{DP}` of the retained modes and the rigid-body modes
+:math:`\Psi` of the damper.  The differences :math:`\Delta U_B = U_B - \tilde U_B` (2) and
+:math:`\Delta U_D = U_D - \tilde U_D` (8) are assigned to springs, :math:`K_{cB}\,\Delta U_B = -F`
+(3) and :math:`K_{cD}\,\Delta U_D = F` (9).  Inserted, with diagonal matrices:
 
 .. math::
     K_{cB}^{-1} F &= -(R_B F + U_B) \qquad (4), \\
     K_{cD}^{-1} F &= U_D - (\Psi \eta + R_{DC} F + R_{DP} P) \qquad (10), \\
     K_c^{-1} &= K_{cB}^{-1} + K_{cD}^{-1} \qquad (11).
 
-The right-hand sides follow from the linear model alone.  The residual flexibility :math:`R_{res}` of both sides
-(:mod:`bdamper.model.kinematics`) gives :math:`1/k_i = (R_{res} F)_i / F_i` as the sum of Eqs (4) and (10) at each point and
-direction: :func:`paper_equations`.  The deformation of the damper under its load, the last term of Eq (10), is not part of
-this stiffness.  It enters the analysis as an initial distance of the surfaces.  :func:`paper_contact` gives the forces and
-displacements, from the condensed contact problem (:mod:`bdamper.contact.static_contact`) or from the model file.
+The right-hand sides follow from the linear model alone.  The residual flexibility :math:`R_{res}`
+of both sides (:mod:`bdamper.model.kinematics`) gives :math:`1/k_i = (R_{res} F)_i / F_i` as the sum
+of Eqs (4) and (10) at each point and direction: :func:`paper_equations`.  The deformation of the
+damper under its load, the last term of Eq (10), is not part of this stiffness.  It enters the
+analysis as an initial distance of the surfaces.  :func:`paper_contact` gives the forces and
+displacements, from the condensed contact problem (:mod:`bdamper.contact.static_contact`) or from
+the model file.
 
-:func:`contact_stiffness` lists all methods.  A new method needs a name in :data:`METHODS`, a function that returns
-``ContactStiffness``, and a branch in :func:`contact_stiffness`.
+:func:`contact_stiffness` lists all methods.  A new method needs a name in :data:`METHODS`, a
+function that returns ``ContactStiffness``, and a branch in :func:`contact_stiffness`.
 """
 
 from __future__ import annotations
@@ -38,16 +42,26 @@ from numpy.typing import NDArray
 from bdamper.contact.residual_flexibility import ResidualModes, ResidualSet
 from bdamper.contact.static_contact import solve_static_contact, static_contact_problem
 from bdamper.model.kinematics import Coupling
-from bdamper.model.structure import ContactStiffness
+from bdamper.model.structure import ContactStiffness, Interface
 from bdamper.util import validation
 from bdamper.util.errors import SettingError, check
 from bdamper.util.formatting import short_repr
 
 METHODS = ("residual_modes", "unit_traction", "cigeroglu2009")
 FAR = 10.0
-"""Largest ratio between a stiffness from Eqs (4), (10) and from ``"unit_traction"``, in either sense."""
+"""Largest ratio between a stiffness from Eqs (4), (10) and from ``"unit_traction"``, in either
+sense.
+"""
 SMALL_FORCE = 0.05
-"""Smallest force component in Eqs (4), (10), relative to the largest component of the face in this direction."""
+"""Smallest force component in Eqs (4), (10), relative to the largest component of the face in this
+direction.
+"""
+FROM_FILE = np.array([1.0, 1.0, -1.0])
+"""Signs of (t1, t2, n) in a model file, where forces act on body a and motion is u_b - u_a.
+
+T1 and T2 oppose u_b - u_a and thus act along the force on a.  N and the closing are positive in
+compression.
+"""
 
 
 @validation.check_arguments
@@ -92,13 +106,18 @@ class Contact:
 
 
 def report(interface: str, contact: ContactStiffness) -> str:
-    """Return the range of the stiffness of an interface and the number of points with a fallback value as text."""
-    k = contact.stiffness
-    fallback = np.zeros(3, int) if contact.fallback is None else contact.fallback.sum(axis=0)
-    parts = [
-        f"{name}: {np.median(values):.3g} ({values.min():.3g}..{values.max():.3g}), {n} of {len(k)} fell back"
-        for name, values, n in zip(("t1", "t2", "n"), k.T, fallback)
-    ]
+    """Return the stiffness of an interface as text.
+
+    It has the range in each direction, and the number of points with a fallback value.
+    """
+    n_points = len(contact.stiffness)
+    n_fallback = np.zeros(3, int)
+    if contact.fallback is not None:
+        n_fallback = contact.fallback.sum(axis=0)
+    parts = []
+    for direction, k, n in zip(("t1", "t2", "n"), contact.stiffness.T, n_fallback):
+        span = f"{k.min():.3g}..{k.max():.3g}"
+        parts.append(f"{direction}: {np.median(k):.3g} ({span}), {n} of {n_points} fell back")
     return f"{interface}, {contact.source}, N/m: " + "; ".join(parts)
 
 
@@ -113,8 +132,8 @@ def contact_stiffness(
     ----------
     coupling : Coupling
     method : one of METHODS, ResidualModes, float, PerArea or mapping
-        Method (see Notes) or user-supplied values: N/m for every point and direction, N/m3 as ``PerArea``, or for each
-        interface name an array that broadcasts to (n_points, 3), N/m.
+        Method (see Notes) or user-supplied values: N/m for every point and direction, N/m3 as
+        ``PerArea``, or for each interface name an array that broadcasts to (n_points, 3), N/m.
     friction : (n_points,) float
         Friction coefficients.
 
@@ -130,10 +149,10 @@ def contact_stiffness(
         If a flexibility that the method needs is missing or not positive.
 
     Notes
-    -----
-    ``"cigeroglu2009"`` evaluates Eqs (1) to (11), ``"unit_traction"`` applies a uniform traction in one direction to each
-    face, and ``"residual_modes"`` or ``ResidualModes(...)`` combines a diagonal part of the residual flexibility with
-    further modal coordinates (:mod:`bdamper.contact.residual_flexibility`).
+    ----- ``"cigeroglu2009"`` evaluates Eqs (1) to (11), ``"unit_traction"`` applies a uniform
+    traction in one direction to each face, and ``"residual_modes"`` or ``ResidualModes(...)``
+    combines a diagonal part of the residual flexibility with further modal coordinates
+    (:mod:`bdamper.contact.residual_flexibility`).
     """
     check_method(method)
     if isinstance(method, str) and method == "residual_modes":
@@ -152,16 +171,20 @@ def contact_stiffness(
 
 
 def check_method(method: Any) -> None:
-    """Raise SettingError unless ``method`` is the name of a method, settings of residual modes or user-supplied values."""
-    if isinstance(method, ResidualModes | PerArea | Mapping) or (
-        isinstance(method, str) and method in METHODS
-    ):
+    """Raise SettingError unless ``method`` is a method or user-supplied values.
+
+    A method is one of ``METHODS`` or settings of residual modes.
+    """
+    if isinstance(method, ResidualModes | PerArea | Mapping):
+        return
+    if isinstance(method, str) and method in METHODS:
         return
     if method is None or isinstance(method, str | bytes) or np.ndim(method) != 0:
-        expected = f"one of {(*METHODS, 'model')}, one number in N/m, PerArea(...), ResidualModes(...) or a mapping"
-        raise validation.invalid(
-            "contact_stiffness", f"{expected} of interface names to values", method
+        expected = (
+            f"one of {(*METHODS, 'model')}, one number in N/m, PerArea(...), ResidualModes(...) "
+            "or a mapping of interface names to values"
         )
+        raise validation.invalid("contact_stiffness", expected, method)
     validation.number("contact_stiffness", method, least=0.0, unit="N/m")
 
 
@@ -171,19 +194,20 @@ def check_method(method: Any) -> None:
 def paper_equations(
     displacement: NDArray, force: NDArray, substitute: ContactStiffness, far: float = np.inf
 ) -> ContactStiffness:
-    """Evaluate Eqs (4), (10) and (11): force divided by the displacement that the retained modes omit.
+    """Evaluate Eqs (4), (10) and (11): force per displacement that the retained modes omit.
 
     Parameters
     ----------
     displacement : (n, 3) float, m
-        Relative displacement that the retained modes omit, positive along the force: the right-hand sides of Eqs (4) and
-        (10), added up.
+        Relative displacement that the retained modes omit, positive along the force: the right-hand
+        sides of Eqs (4) and (10), added up.
     force : (n, 3) float, N
         Contact forces T1, T2, N.
     substitute : ContactStiffness
-        Fallback if a force component is below :data:`SMALL_FORCE` times the largest one, or if the quotient is not
-        positive or differs from the fallback by more than the factor ``far``.  Under a wedge load the axial forces are
-        almost zero and of either sign, so their quotients have no meaning.
+        Fallback if a force component is below :data:`SMALL_FORCE` times the largest one, or if the
+        quotient is not positive or differs from the fallback by more than the factor ``far``.
+        Under a wedge load the axial forces are almost zero and of either sign, so their quotients
+        have no meaning.
     far : float
 
     Returns
@@ -195,16 +219,15 @@ def paper_equations(
     usable = (np.abs(force) > SMALL_FORCE * largest) & (displacement * force > 0.0)
     quotient = np.divide(force, displacement, out=np.ones_like(force), where=usable)
     usable &= np.abs(np.log(quotient / substitute.stiffness)) < np.log(far)
-    return ContactStiffness(
-        np.where(usable, quotient, substitute.stiffness), "cigeroglu2009", ~usable
-    )
+    stiffness = np.where(usable, quotient, substitute.stiffness)
+    return ContactStiffness(stiffness, "cigeroglu2009", ~usable)
 
 
 def paper_contact(coupling: Coupling, friction: NDArray) -> tuple[NDArray, NDArray]:
-    """Compute the static contact forces and the displacement that the retained modes omit under them, per newton of load.
+    """Compute static contact forces and the displacement that the retained modes omit.
 
-    The finite element analysis in the model is used if it covers every friction interface, otherwise the condensed contact
-    problem.
+    Both are per newton of load.  The finite element analysis in the model is used if it covers
+    every friction interface, otherwise the condensed contact problem.
 
     Returns
     -------
@@ -216,7 +239,8 @@ def paper_contact(coupling: Coupling, friction: NDArray) -> tuple[NDArray, NDArr
     force = _static_contact_forces(coupling, friction)
     if _has_static_solution(coupling):
         return force, _omitted_displacement(coupling, force)
-    return force, (coupling.residual_flexibility(1).real @ force.ravel()).reshape(-1, 3)
+    displacement = coupling.residual_flexibility(1).real @ force.ravel()
+    return force, displacement.reshape(-1, 3)
 
 
 def _has_static_solution(coupling: Coupling) -> bool:
@@ -224,48 +248,64 @@ def _has_static_solution(coupling: Coupling) -> bool:
 
 
 def _static_contact_forces(coupling: Coupling, friction: NDArray) -> NDArray:
-    """Return forces (T1, T2, N) from the model if it has a static solution, otherwise from the condensed problem."""
-    faces = coupling.friction_faces
+    """Return the static contact forces T1, T2, N (n_points, 3) per newton of load.
+
+    They are those of the model if it has a static solution, otherwise of the condensed problem.
+    """
     force = np.zeros((coupling.n_points, 3))
     if not _has_static_solution(coupling):
+        with_friction = replace(coupling, interfaces=coupling.friction_faces)
         rows = coupling.friction_rows
-        problem = static_contact_problem(replace(coupling, interfaces=faces), friction[rows])
+        problem = static_contact_problem(with_friction, friction[rows])
         force[rows] = solve_static_contact(problem).force
         return force
-    for name in faces:
-        # the file has the force on body a; T1 and T2 oppose u_b - u_a and thus act along the force on a
-        force[coupling.rows(name)] = coupling.model.static[name].force * np.array([1.0, 1.0, -1.0])
+
+    for name in coupling.friction_faces:
+        force[coupling.rows(name)] = coupling.model.static[name].force * FROM_FILE
     problem = static_contact_problem(coupling)
     imbalance = np.abs(problem.rigid.T @ force.ravel() - problem.load).max()
-    worst, limit = float(imbalance / max(float(np.abs(problem.load).max()), 1e-300)), 0.02
-    expected = f"equilibrium with a load of 1 N within {limit:.0%}"
-    found = f"a difference of {worst:.3g} times the load"
-    check(worst <= limit, "static contact forces of the model", expected, found)
+    largest_load = max(float(np.abs(problem.load).max()), 1e-300)
+    difference = float(imbalance / largest_load)
+    limit = 0.02
+    check(
+        difference <= limit,
+        "static contact forces of the model",
+        f"equilibrium with a load of 1 N within {limit:.0%}",
+        f"a difference of {difference:.3g} times the load",
+    )
     return force
 
 
 def _omitted_displacement(coupling: Coupling, force: NDArray) -> NDArray:
-    """Evaluate Eqs (2) and (8) with displacements of a finite element analysis; fit the rigid-body motion of Eq (6)."""
+    """Evaluate Eqs (2) and (8) with displacements of a finite element analysis.
+
+    The rigid-body motion of Eq (6) is fitted.
+    """
     problem = static_contact_problem(coupling)
     rows = coupling.friction_rows
     components = (3 * rows[:, None] + np.arange(3)).ravel()
     motion = np.zeros((coupling.n_points, 3))
     for name in coupling.friction_faces:
         static = coupling.model.static[name]
-        motion[coupling.rows(name)] = (static.displacement_b - static.displacement_a) * np.array(
-            [1.0, 1.0, -1.0]
-        )
+        relative = static.displacement_b - static.displacement_a
+        motion[coupling.rows(name)] = relative * FROM_FILE
+
+    # the motion of an elastic body plus a rigid-body motion
     deformation = problem.flexibility @ force.ravel()
     elastic = problem.offset.ravel() - deformation
-    eta = np.linalg.lstsq(
-        problem.rigid[components], (motion.ravel() - elastic)[components], rcond=None
-    )[0]
-    difference = motion.ravel() - elastic - problem.rigid @ eta
+    to_fit = motion.ravel() - elastic
+    eta = np.linalg.lstsq(problem.rigid[components], to_fit[components], rcond=None)[0]
+    difference = to_fit - problem.rigid @ eta
     size = max(float(np.linalg.norm(deformation[components])), 1e-300)
-    worst, limit = float(np.linalg.norm(difference[components]) / size), 0.2
-    expected = f"agreement with its static flexibility under its contact forces within {limit:.0%}"
-    found = f"a difference of {worst:.3g} times the deformation"
-    check(worst <= limit, "static contact displacements of the model", expected, found)
+    relative_difference = float(np.linalg.norm(difference[components]) / size)
+    limit = 0.2
+    check(
+        relative_difference <= limit,
+        "static contact displacements of the model",
+        f"agreement with its static flexibility under its contact forces within {limit:.0%}",
+        f"a difference of {relative_difference:.3g} times the deformation",
+    )
+
     modal = problem.flexibility - coupling.residual_flexibility(0).real
     # motion = offset + Psi eta - R_modal F - omitted displacement
     omitted = problem.offset.ravel() + problem.rigid @ eta - modal @ force.ravel() - motion.ravel()
@@ -278,7 +318,9 @@ def _omitted_displacement(coupling: Coupling, force: NDArray) -> NDArray:
 
 
 def unit_traction(residual: NDArray, area: NDArray) -> ContactStiffness:
-    """Compute the stiffness of one face under a uniform traction in each direction, ``k_i = A_i/(R A)_i``.
+    """Compute the stiffness ``k_i = A_i/(R A)_i`` of a face under a uniform traction.
+
+    The traction acts in each direction by itself.
 
     Parameters
     ----------
@@ -289,7 +331,8 @@ def unit_traction(residual: NDArray, area: NDArray) -> ContactStiffness:
     Returns
     -------
     ContactStiffness
-        Points with a displacement that is not positive have the median displacement per area of the others.
+        Points with a displacement that is not positive have the median displacement per area of the
+        others.
 
     Raises
     ------
@@ -303,44 +346,42 @@ def unit_traction(residual: NDArray, area: NDArray) -> ContactStiffness:
     for axis in range(3):
         displacement = blocks[:, axis, :, axis] @ area
         positive = displacement > 0.0
-        quantity, expected = (
+        check(
+            positive.any(),
             f"residual flexibility along axis {axis}",
             "a positive displacement under a uniform traction",
+            f"at most {displacement.max():.3g} m2 m/N; "
+            "the retained modes are stiffer than the full model",
         )
-        found = f"at most {displacement.max():.3g} m2 m/N; the retained modes are stiffer than the full model"
-        check(positive.any(), quantity, expected, found)
-        fallback[:, axis] = ~positive
-        displacement[~positive] = (
-            np.median(displacement[positive] / area[positive]) * area[~positive]
-        )
+        per_area = np.median(displacement[positive] / area[positive])
+        displacement[~positive] = per_area * area[~positive]
         stiffness[:, axis] = area / displacement
+        fallback[:, axis] = ~positive
     return ContactStiffness(stiffness, "unit_traction", fallback)
 
 
 def _unit_tractions(coupling: Coupling) -> dict[str, ContactStiffness]:
-    """Apply :func:`unit_traction` to every interface with the residual flexibility of the fundamental harmonic."""
+    """Apply :func:`unit_traction` to every interface at the fundamental harmonic."""
     residual = coupling.residual_flexibility(1)
     stiffness = {}
     for name in coupling.interfaces:
         rows = coupling.rows(name)
         block = slice(3 * rows.start, 3 * rows.stop)
-        stiffness[name] = unit_traction(
-            residual[block, block], coupling.model.interfaces[name].area
-        )
+        area = coupling.model.interfaces[name].area
+        stiffness[name] = unit_traction(residual[block, block], area)
     return stiffness
 
 
 def _with_residual_modes(coupling: Coupling, options: ResidualModes, friction: NDArray) -> Contact:
-    has_load = any(
-        body.load is not None and np.any(body.load.generalised)
-        for body in coupling.model.bodies.values()
-    )
-    static = (
-        _static_contact_forces(coupling, friction)
-        if has_load and options.n_vectors != "all"
-        else None
-    )
+    bodies = coupling.model.bodies.values()
+    has_load = any(body.load is not None and np.any(body.load.generalised) for body in bodies)
+    # "all" needs no force vectors from statics
+    static = None
+    if has_load and options.n_vectors != "all":
+        static = _static_contact_forces(coupling, friction)
     residual_set = ResidualSet.make(coupling, friction, options, static)
+
+    # components without friction keep the stiffness under a uniform traction
     stiffness = {}
     for name, uniform in _unit_tractions(coupling).items():
         diagonal = residual_set.flexibility[coupling.rows(name)]
@@ -352,31 +393,38 @@ def _with_residual_modes(coupling: Coupling, options: ResidualModes, friction: N
 def _user_values(
     coupling: Coupling, value: float | PerArea | Mapping[str, NDArray]
 ) -> dict[str, ContactStiffness]:
+    interfaces = coupling.model.interfaces
     if isinstance(value, Mapping):
-        validation.mapping("contact_stiffness", value, coupling.model.interfaces, "interfaces")
+        validation.mapping("contact_stiffness", value, interfaces, "interfaces")
         missing = [name for name in coupling.interfaces if name not in value]
         if missing:
             raise SettingError(
                 f"contact_stiffness: expected values for interfaces {missing} as well"
             )
+        of_interface: Mapping[str, Any] = value
+    else:
+        of_interface = dict.fromkeys(coupling.interfaces, value)
     stiffness = {}
     for name in coupling.interfaces:
-        face = coupling.model.interfaces[name]
-        numbers: Any = value[name] if isinstance(value, Mapping) else value
-        if isinstance(numbers, PerArea):
-            numbers = face.area[:, None] * np.asarray(numbers.stiffness, float)
-        try:
-            k = np.array(np.broadcast_to(np.asarray(numbers, float), (face.n_points, 3)))
-        except (TypeError, ValueError) as error:
-            expected = (
-                f"numbers in N/m, PerArea(...) or an array that broadcasts to {(face.n_points, 3)}"
-            )
-            raise validation.invalid(f"contact_stiffness['{name}']", expected, numbers) from error
-        # a cubic spring may soften
-        wrong = k[~(np.isfinite(k) & ((k >= 0.0) | (face.kind == "cubic")))]
-        if wrong.size:
-            raise validation.invalid(
-                f"contact_stiffness['{name}']", "finite numbers >= 0 N/m", wrong[0]
-            )
+        k = _checked_stiffness(interfaces[name], of_interface[name])
         stiffness[name] = ContactStiffness(k, "user")
     return stiffness
+
+
+def _checked_stiffness(face: Interface, value: Any) -> NDArray:
+    """Return the stiffness (n_points, 3) that a user has given for an interface."""
+    setting = f"contact_stiffness['{face.name}']"
+    shape = (face.n_points, 3)
+    if isinstance(value, PerArea):
+        value = face.area[:, None] * np.asarray(value.stiffness, float)
+    try:
+        k = np.array(np.broadcast_to(np.asarray(value, float), shape))
+    except (TypeError, ValueError) as error:
+        expected = f"numbers in N/m, PerArea(...) or an array that broadcasts to {shape}"
+        raise validation.invalid(setting, expected, value) from error
+    # a cubic spring may soften
+    allowed = (k >= 0.0) | (face.kind == "cubic")
+    wrong = k[~(np.isfinite(k) & allowed)]
+    if wrong.size:
+        raise validation.invalid(setting, "finite numbers >= 0 N/m", wrong[0])
+    return k

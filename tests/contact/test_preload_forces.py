@@ -65,9 +65,10 @@ def distinct_states(problem, starts=200):
     for start in range(starts):
         F = np.zeros((n, 3)) if start == 0 else 10.0 * rng.standard_normal((n, 3))
         F[:, 2] = np.abs(F[:, 2])
-        F, eta, status, ok = solver.newton(F, np.zeros(m), rest, most=50)
-        if ok and max(certify(problem, F, solver.motion(F, eta), rest).values()) < 1e-10:
-            found[status[0, 0]] = F
+        end, converged = solver.newton(F, np.zeros(m), rest, most=50)
+        motion = solver.motion(end.force, end.eta)
+        if converged and max(certify(problem, end.force, motion, rest).values()) < 1e-10:
+            found[end.status[0, 0]] = end.force
     return found
 
 
