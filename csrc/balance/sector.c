@@ -14,8 +14,10 @@
 
 static bd_status evaluate_sector(bd_equations *e, const double *y, int derivative) {
     bd_hbm *hbm = &((bd_sector *)e)->hbm;
-    return bd_hbm_evaluate(hbm, y, y[e->n], e->r, derivative ? e->J : NULL,
-                           derivative ? e->C : NULL);
+    const double omega = y[e->n];
+    double *J = derivative ? e->J : NULL;
+    double *r_omega = derivative ? e->C : NULL;
+    return bd_hbm_evaluate(hbm, y, omega, e->r, J, r_omega);
 }
 
 static void destroy_sector(bd_equations *e) {
@@ -26,25 +28,33 @@ static void destroy_sector(bd_equations *e) {
 }
 
 static const bd_equations_type SECTOR = {
-    evaluate_sector, bd_dense_factor, bd_dense_solve, bd_dense_solve_transposed, NULL,
-    destroy_sector};
+    .evaluate = evaluate_sector,
+    .factor = bd_dense_factor,
+    .solve = bd_dense_solve,
+    .solve_transposed = bd_dense_solve_transposed,
+    .destroy = destroy_sector,
+};
 
-bd_status bd_sector_create(bd_sector **sector, const bd_hbm_input *input, const double *row_scale,
+bd_status bd_sector_create(bd_sector **out, const bd_hbm_input *input, const double *row_scale,
                            const bd_lapack *lapack) {
-    *sector = NULL;
-    bd_sector *new_sector = calloc(1, sizeof *new_sector);
-    if (!new_sector) return BD_NO_MEMORY;
-    bd_status status = bd_hbm_create(&new_sector->hbm, input);
-    if (status == BD_OK) {
-        status = bd_dense_create(&new_sector->dense, &SECTOR, new_sector->hbm.n_unknown, row_scale,
-                                 lapack, &new_sector->hbm.cost);
-        if (status != BD_OK) bd_hbm_destroy(&new_sector->hbm);
+    *out = NULL;
+    bd_sector *sector = calloc(1, sizeof *sector);
+    if (!sector) return BD_NO_MEMORY;
+    bd_hbm *hbm = &sector->hbm;
+    bd_status status = bd_hbm_create(hbm, input);
+    if (status != BD_OK) {
+        free(sector);
+        return status;
     }
-    if (status == BD_OK)
-        *sector = new_sector;
-    else
-        free(new_sector);
-    return status;
+    status =
+        bd_dense_create(&sector->dense, &SECTOR, hbm->n_unknown, row_scale, lapack, &hbm->cost);
+    if (status != BD_OK) {
+        bd_hbm_destroy(hbm);
+        free(sector);
+        return status;
+    }
+    *out = sector;
+    return BD_OK;
 }
 
 /* ---- factor on the excitation ---- */
@@ -57,10 +67,12 @@ typedef struct {
     double *support; /* (n, n) in the same memory, or NULL */
 } eased_equations;
 
+/* r += (1/s - 1) S u */
 static void add_support(const eased_equations *eased, const double *y, int derivative) {
     const bd_equations *e = &eased->dense.base;
     const size_t n = (size_t)e->n;
-    const double s = y[n], share = 1.0 / s - 1.0;
+    const double s = y[n];
+    const double share = 1.0 / s - 1.0;
     for (size_t i = 0; i < n; ++i) {
         const double *row = eased->support + i * n;
         double force = 0.0;
@@ -75,16 +87,19 @@ static void add_support(const eased_equations *eased, const double *y, int deriv
 static bd_status evaluate_eased(bd_equations *e, const double *y, int derivative) {
     const eased_equations *eased = (const eased_equations *)e;
     const size_t n = (size_t)e->n;
-    const bd_status status =
-        bd_hbm_evaluate(&eased->sector->hbm, y, eased->omega, e->r, derivative ? e->J : NULL, NULL);
+    const double s = y[n];
+    double *J = derivative ? e->J : NULL;
+    const bd_status status = bd_hbm_evaluate(&eased->sector->hbm, y, eased->omega, e->r, J, NULL);
     for (size_t i = 0; i < n; ++i) {
-        e->r[i] += (1.0 - y[n]) * eased->ramp[i];
+        e->r[i] += (1.0 - s) * eased->ramp[i];
         if (derivative) e->C[i] = -eased->ramp[i];
     }
     if (eased->support) add_support(eased, y, derivative);
+    if (status != BD_OK) return status;
+
     double sum = 0.0;
     for (size_t i = 0; i < n; ++i) sum += e->r[i] * 0.0; /* preserves NaN and infinity */
-    return status == BD_OK && sum != 0.0 ? BD_NOT_FINITE : status;
+    return sum == 0.0 ? BD_OK : BD_NOT_FINITE;
 }
 
 static void destroy_eased(bd_equations *e) {
@@ -94,18 +109,24 @@ static void destroy_eased(bd_equations *e) {
     free(eased);
 }
 
-static const bd_equations_type EASED = {evaluate_eased, bd_dense_factor,
-                                        bd_dense_solve, bd_dense_solve_transposed,
-                                        NULL,           destroy_eased};
+static const bd_equations_type EASED = {
+    .evaluate = evaluate_eased,
+    .factor = bd_dense_factor,
+    .solve = bd_dense_solve,
+    .solve_transposed = bd_dense_solve_transposed,
+    .destroy = destroy_eased,
+};
 
 bd_status bd_eased_create(bd_equations **out, bd_sector *sector, double omega, const double *ramp,
                           const double *support) {
-    const size_t n = (size_t)sector->dense.base.n, n_support = support ? n * n : 0;
+    const bd_equations *base = &sector->dense.base;
+    const size_t n = (size_t)base->n;
+    const size_t n_support = support ? n * n : 0;
     *out = NULL;
     eased_equations *eased = calloc(1, sizeof *eased);
     if (!eased) return BD_NO_MEMORY;
-    bd_status status = bd_dense_create(&eased->dense, &EASED, (int)n, sector->dense.base.row_scale,
-                                       &sector->dense.lapack, sector->dense.base.cost);
+    bd_status status = bd_dense_create(&eased->dense, &EASED, base->n, base->row_scale,
+                                       &sector->dense.lapack, base->cost);
     eased->sector = sector;
     eased->omega = omega;
     eased->ramp = malloc(sizeof(double) * (n + n_support));

@@ -12,7 +12,7 @@ typedef struct {
     bd_hbm hbm;
 } bd_sector;
 
-bd_status bd_sector_create(bd_sector **sector, const bd_hbm_input *input, const double *row_scale,
+bd_status bd_sector_create(bd_sector **out, const bd_hbm_input *input, const double *row_scale,
                            const bd_lapack *lapack);
 
 /* The same at fixed omega with the parameter lambda = s, a factor on the part `ramp` (n) of the
