@@ -4,14 +4,16 @@ Each patch is one contact point.  Displacement and force of patch i with area :m
 
 .. math:: B_i = \frac{1}{A_i}\int_{A_i} N\,dA, \qquad u_i = B_i u, \qquad f = \textstyle\sum_i B_i^T F_i .
 
-A force is thus distributed uniformly over its patch and does work on the mean displacement.  With mesh refinement,
-receptances between single nodes diverge, while receptances between patches converge.
+A force is thus distributed uniformly over its patch and does work on the mean displacement.  With
+mesh refinement, receptances between single nodes diverge, while receptances between patches
+converge.
 
-Facets of both bodies are projected onto the plane of the face and intersected with each other and with the patch
-(Sutherland-Hodgman).  Each intersection lies in one facet of either body.  It is divided into triangles with seven
-integration points for the shape functions of both facets, so both bodies are averaged over the same area.  The map from the
-reference square or triangle to the plane uses the corners of a facet; Newton iteration inverts it.  The weights of a patch
-are normalised to the sum 1, so that the mean of a rigid motion is exact up to rounding.
+Facets of both bodies are projected onto the plane of the face and intersected with each other and
+with the patch (Sutherland-Hodgman).  Each intersection lies in one facet of either body.  It is
+divided into triangles with seven integration points for the shape functions of both facets, so both
+bodies are averaged over the same area.  The map from the reference square or triangle to the plane
+uses the corners of a facet; Newton iteration inverts it.  The weights of a patch are normalised to
+the sum 1, so that the mean of a rigid motion is exact up to rounding.
 """
 
 from __future__ import annotations
@@ -28,7 +30,8 @@ from bdamper.fem.surface import Facets, area_vectors, check, corner_count
 
 
 def _seven_points() -> tuple[NDArray, NDArray]:
-    """Return barycentric coordinates (7, 3) and weights (7,) with sum 1 on a triangle, exact for degree 5."""
+    """Return barycentric coordinates (7, 3) and weights (7,) with sum 1 on a triangle, exact for
+    degree 5."""
     root = np.sqrt(15.0)
     near, far = (6.0 - root) / 21.0, (6.0 + root) / 21.0
     points = [np.full((1, 3), 1.0 / 3.0)] + [
@@ -48,7 +51,8 @@ SIDES = np.array([[0, -1], [0, 1], [1, 0], [-1, 0]], float)
 """Directions of the sides of a rectangle counter-clockwise: left, right, bottom, top."""
 
 SMALL_CELL = 0.02
-"""Covered fraction of a grid cell below which the covered part is added to the neighbouring patch."""
+"""Covered fraction of a grid cell below which the covered part is added to the neighbouring
+patch."""
 
 
 @dataclass(frozen=True)
@@ -114,8 +118,8 @@ class PatchMeans:
 def patch_grid(points: int | tuple[int, int], length: float, width: float) -> tuple[int, int]:
     """Return the number of patches along the two edges of a face.
 
-    A single number is factorised.  If possible, both edges have at least three patches; then the patches are as close to
-    squares as possible.
+    A single number is factorised.  If possible, both edges have at least three patches; then the
+    patches are as close to squares as possible.
     """
     if not isinstance(points, (int, np.integer)):
         return int(points[0]), int(points[1])
@@ -135,9 +139,11 @@ def patch_grid(points: int | tuple[int, int], length: float, width: float) -> tu
 
 
 def mean_frame(facets: Facets, nodes: NDArray) -> NDArray:
-    """Return the contact axes t1, t2, n of a face as rows (3, 3): n the mean outward normal, t2 opposite to Z.
+    """Return the contact axes t1, t2, n of a face as rows (3, 3): n the mean outward normal, t2
+    opposite to Z.
 
-    If the normal is along the axis of rotation, t1 is the direction of motion of the centre in a rotation toward +X.
+    If the normal is along the axis of rotation, t1 is the direction of motion of the centre in a
+    rotation toward +X.
 
     Raises
     ------
@@ -171,7 +177,8 @@ def mean_frame(facets: Facets, nodes: NDArray) -> NDArray:
 
 
 def serendipity(xi: NDArray) -> NDArray:
-    """Return the shape functions (m, 8) of the quadrilateral: corners as in ``SQUARE``, then midpoints of the edges."""
+    """Return the shape functions (m, 8) of the quadrilateral: corners as in ``SQUARE``, then
+    midpoints of the edges."""
     a, b = xi[:, :1], xi[:, 1:]
     sa, sb = SQUARE[:, 0], SQUARE[:, 1]
     corners = 0.25 * (1 + a * sa) * (1 + b * sb) * (a * sa + b * sb - 1)
@@ -186,14 +193,16 @@ def _bilinear(xi: NDArray) -> NDArray:
 
 
 def shape_functions(xi: NDArray, n_nodes: int) -> NDArray:
-    """Return shape functions (m, n_nodes) at points of the square, or at barycentric coordinates (m, 3)."""
+    """Return shape functions (m, n_nodes) at points of the square, or at barycentric coordinates
+    (m, 3)."""
     if n_nodes in (4, 8):
         return _bilinear(xi) if n_nodes == 4 else serendipity(xi)
     return xi if n_nodes == 3 else np.hstack([xi * (2 * xi - 1), 4 * xi * np.roll(xi, -1, axis=1)])
 
 
 def inverse_map(corner: NDArray, x: NDArray) -> NDArray:
-    """Return reference coordinates (m, 2), or barycentric coordinates (m, 3), of the points ``x`` (m, 2) in a facet."""
+    """Return reference coordinates (m, 2), or barycentric coordinates (m, 3), of the points ``x``
+    (m, 2) in a facet."""
     if len(corner) == 3:
         edges = np.stack([corner[1] - corner[0], corner[2] - corner[0]], axis=1)
         st = np.linalg.solve(edges, (x - corner[0]).T).T
@@ -220,7 +229,8 @@ def inverse_map(corner: NDArray, x: NDArray) -> NDArray:
 
 
 def _cut(polygon: NDArray, inside: NDArray) -> NDArray:
-    """Return the part (m, 2) of a convex polygon with non-negative distance ``inside`` of its corners from a line."""
+    """Return the part (m, 2) of a convex polygon with non-negative distance ``inside`` of its
+    corners from a line."""
     if inside.min() >= 0.0:
         return polygon
     out = []
@@ -234,12 +244,14 @@ def _cut(polygon: NDArray, inside: NDArray) -> NDArray:
 
 
 def rectangle(low: NDArray, high: NDArray) -> NDArray:
-    """Return points (4, 2) on the sides ``SIDES`` of the rectangle from ``low`` (2,) to ``high`` (2,)."""
+    """Return points (4, 2) on the sides ``SIDES`` of the rectangle from ``low`` (2,) to ``high``
+    (2,)."""
     return np.array([low, high, low, high])
 
 
 def clip_to_polygon(polygon: NDArray, window: NDArray, sides: NDArray | None = None) -> NDArray:
-    """Return the part (m, 2) of a convex polygon inside a convex, counter-clockwise ``window`` (k, 2).
+    """Return the part (m, 2) of a convex polygon inside a convex, counter-clockwise ``window``
+    (k, 2).
 
     ``sides`` (k, 2) are the directions from its corners, by default to the next corners.
     """
@@ -253,7 +265,8 @@ def clip_to_polygon(polygon: NDArray, window: NDArray, sides: NDArray | None = N
 def overlaps(
     polygons: Sequence[NDArray], windows: Sequence[NDArray], sides: NDArray | None = None
 ) -> Iterator[tuple[int, int, NDArray]]:
-    """Intersect convex polygons with windows; return both numbers and the intersection (m, 2) for each overlap.
+    """Intersect convex polygons with windows; return both numbers and the intersection (m, 2) for
+    each overlap.
 
     For the parameters see :func:`clip_to_polygon`.
     """
@@ -290,14 +303,16 @@ def _quadrature(polygon: NDArray) -> tuple[NDArray, NDArray]:
 
 
 class _Flat(NamedTuple):
-    """Facets of one body projected onto a plane, with nodes and convex, counter-clockwise corners."""
+    """Facets of one body projected onto a plane, with nodes and convex, counter-clockwise
+    corners."""
 
     nodes: list[NDArray]
     corner: list[NDArray]
 
 
 def _flatten(facets: Facets, nodes: NDArray, origin: NDArray, frame: NDArray, what: str) -> _Flat:
-    """Project facets onto a plane; reverse clockwise facets, and raise ValueError for folded ones."""
+    """Project facets onto a plane; reverse clockwise facets, and raise ValueError for folded
+    ones."""
     rows, corners = [], []
     for row in facets.each():
         n = corner_count(len(row))

@@ -1,26 +1,31 @@
-r"""Cyclic symmetry: one sector at one nodal diameter (paper, Eq. 17), and travelling waves from modes of other programs.
+r"""Cyclic symmetry: one sector at one nodal diameter (paper, Eq. 17), and travelling waves from
+modes of other programs.
 
-A travelling wave of nodal diameter d is :math:`u^{(k+1)} = R\,u^{(k)} e^{i\varphi}` with :math:`\varphi = 2\pi d/N` and the
-rotation R from sector k to sector k+1 (:func:`bdamper.model.structure.turn`).  The right face of sector 0 is the left face
-of sector 1, so with :math:`x_R = R x_L`
+A travelling wave of nodal diameter d is :math:`u^{(k+1)} = R\,u^{(k)} e^{i\varphi}` with
+:math:`\varphi = 2\pi d/N` and the rotation R from sector k to sector k+1
+(:func:`bdamper.model.structure.turn`).  The right face of sector 0 is the left face of sector 1, so
+with :math:`x_R = R x_L`
 
 .. math:: u(x_R) = e^{i\varphi} R\, u(x_L),
 
-by interpolation if the meshes of the faces differ (:mod:`bdamper.fem.sector_faces`).  With the matrix T from the
-independent to all degrees of freedom, the Hermitian eigenproblem of one sector is :math:`(T^H K T - \omega^2 T^H M T)\,q =
-0`, :math:`u = T q`, :math:`u^H M u = 1`.  The matrices are real for d = 0 and d = N/2.  One factorisation of :math:`T^H K
-T` is sufficient for modes (shift and invert about zero) and static receptances.
+by interpolation if the meshes of the faces differ (:mod:`bdamper.fem.sector_faces`).  With the
+matrix T from the independent to all degrees of freedom, the Hermitian eigenproblem of one sector is
+:math:`(T^H K T - \omega^2 T^H M T)\,q = 0`, :math:`u = T q`, :math:`u^H M u = 1`.  The matrices are
+real for d = 0 and d = N/2.  One factorisation of :math:`T^H K T` is sufficient for modes (shift and
+invert about zero) and static receptances.
 
-The lowest modes of a slender blade are up to 1e5 times softer than the remaining response, which residual modes describe.
-Solved as a part of the whole, this remainder is lost in rounding.  It is therefore solved alone: with modes :math:`\Phi`,
-frequencies :math:`\Omega` and :math:`P = 1 - \Phi \Phi^H M`,
+The lowest modes of a slender blade are up to 1e5 times softer than the remaining response, which
+residual modes describe. Solved as a part of the whole, this remainder is lost in rounding.  It is
+therefore solved alone: with modes :math:`\Phi`, frequencies :math:`\Omega` and
+:math:`P = 1 - \Phi \Phi^H M`,
 
 .. math:: K^{-1} f = P\,K^{-1} P^H f + \Phi\,\Omega^{-2}\,\Phi^H f .
 
-Programs differ in the sign of the phase, in the numbering of sectors, and in the representation of waves by real shapes.
-:func:`travelling_waves` uses the condition above at matching nodes of the faces to find the waves toward +X.  A complex
-shape that satisfies it with the opposite phase is replaced by its conjugate.  Two real shapes a, b of one frequency are
-combined to :math:`a + c\,b` by least squares,
+Programs differ in the sign of the phase, in the numbering of sectors, and in the representation of
+waves by real shapes. :func:`travelling_waves` uses the condition above at matching nodes of the
+faces to find the waves toward +X.  A complex shape that satisfies it with the opposite phase is
+replaced by its conjugate.  Two real shapes a, b of one frequency are combined to :math:`a + c\,b`
+by least squares,
 
 .. math:: c = - \frac{\langle \delta b, \delta a\rangle}{\langle \delta b, \delta b\rangle},\qquad
           \delta u = u(x_R) - e^{2\pi i d/N} R\,u(x_L) .
@@ -78,7 +83,8 @@ def cyclic_transformation(
     n_nodes : int
     faces : SectorFaces
     clamped : (n,) int or (n_nodes, 3) bool
-        Clamped nodes, or fixed components.  A rotation about Z mixes X and Y, so on the faces both or neither are fixed.
+        Clamped nodes, or fixed components.  A rotation about Z mixes X and Y, so on the faces both
+        or neither are fixed.
     nodal_diameter : int
 
     Raises
@@ -125,7 +131,8 @@ def cyclic_transformation(
 def lowest_modes(
     stiffness: sp.spmatrix, mass: sp.spmatrix, solve: Callable[[NDArray], NDArray], n_modes: int
 ) -> tuple[NDArray, NDArray]:
-    """Compute the lowest modes of ``stiffness x = omega2 mass x``; ``solve`` applies the inverse of the stiffness.
+    """Compute the lowest modes of ``stiffness x = omega2 mass x``; ``solve`` applies the inverse of
+    the stiffness.
 
     Returns
     -------
@@ -146,8 +153,8 @@ def lowest_modes(
     _, v = eigsh(
         stiffness, n_modes, M=mass, sigma=0.0, OPinv=inverse, v0=start, ncv=min(n, 2 * n_modes + 20)
     )
-    # The complex Lanczos vectors come from a general Arnoldi process, which does not keep them orthogonal in
-    # the mass matrix; one Rayleigh-Ritz step does.
+    # The complex Lanczos vectors come from a general Arnoldi process, which does not keep them
+    # orthogonal in the mass matrix; one Rayleigh-Ritz step does.
     omega2, combination = eigh(
         *(hermitian(v.conj().T @ (matrix @ v)) for matrix in (stiffness, mass))
     )
@@ -156,7 +163,8 @@ def lowest_modes(
 
 @dataclass
 class CyclicSector:
-    """One sector at one nodal diameter: reduced matrices, factorisation and modes, computed on demand.
+    """One sector at one nodal diameter: reduced matrices, factorisation and modes, computed on
+    demand.
 
     Parameters
     ----------
@@ -210,7 +218,8 @@ class CyclicSector:
         return self._modes[0][:n_modes], self._modes[1][:, :n_modes]
 
     def static_response(self, load: sp.spmatrix | NDArray) -> NDArray:
-        """Return displacements (n_independent, n) under ``load`` (3 n_nodes, n) on all nodes of the sector."""
+        """Return displacements (n_independent, n) under ``load`` (3 n_nodes, n) on all nodes of the
+        sector."""
         force = self.transformation.conj().T @ load
         force = force.toarray() if sp.issparse(force) else np.asarray(force)
         if self._modes is None or self._reduced_shapes is None:
@@ -234,13 +243,15 @@ class CyclicSector:
         return displacement - shapes @ (shapes.conj().T @ (self.mass @ displacement))
 
     def contact_response(self, contact: sp.spmatrix) -> NDArray:
-        """Return displacements (n_independent, n) under unit forces on the rows of ``contact`` (n, 3 n_nodes); cached."""
+        """Return displacements (n_independent, n) under unit forces on the rows of ``contact``
+        (n, 3 n_nodes); cached."""
         if self._contact is None or self._contact[0] is not contact:
             self._contact = contact, self.static_response(contact.T)
         return self._contact[1]
 
     def receptance(self, contact: sp.spmatrix) -> NDArray:
-        """Return the static receptance (n, n) between the rows of ``contact`` (n, 3 n_nodes), m/N."""
+        """Return the static receptance (n, n) between the rows of ``contact``
+        (n, 3 n_nodes), m/N."""
         reduced = contact @ self.transformation
         return hermitian(reduced @ self.contact_response(contact))
 
@@ -253,7 +264,8 @@ Sectors = Callable[[int], CyclicSector]
 
 
 PAIR_TOLERANCE, PHASE_TOLERANCE = 1e-4, 1e-3
-"""Relative difference of the frequencies of two real shapes of one wave; relative violation of the phase condition."""
+"""Relative difference of the frequencies of two real shapes of one wave; relative violation of the
+phase condition."""
 
 
 @dataclass(frozen=True)
@@ -315,7 +327,8 @@ def travelling_waves(
     check(0 <= d <= n // 2, f"nodal diameter {d}: expected 0 to {n // 2} with {n} sectors")
     size = np.linalg.norm(shapes.reshape(-1, 3, len(frequency))[faces.nodes], axis=(0, 1))
     whole = np.linalg.norm(shapes, axis=0)
-    # a mode without motion of the faces does not determine the phase; its size elsewhere is then the scale
+    # a mode without motion of the faces does not determine the phase; its size elsewhere is then
+    # the scale
     size = np.maximum(size, 1e-6 * whole)
     if 2 * d % n == 0:
         return _standing(frequency, shapes, faces, d, size)

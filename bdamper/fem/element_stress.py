@@ -1,17 +1,21 @@
-r"""Stress at the nodes of solid elements as a linear function of nodal displacements, and stress sets of a sector.
+r"""Stress at the nodes of solid elements as a linear function of nodal displacements, and stress
+sets of a sector.
 
-As in CalculiX, Abaqus, Ansys and Nastran, the stress at the integration points of an element is extrapolated to its nodes
-and averaged over adjacent elements.  The difference between adjacent elements indicates the discretisation error.  At an
-edge without fillet the stress does not converge.  On a coarse, distorted block each element type agrees with CalculiX to
-3e-4 of the largest stress, the precision of its file.  Strain evaluated at the nodes differs by 7e-3 with 20 nodes.
+As in CalculiX, Abaqus, Ansys and Nastran, the stress at the integration points of an element is
+extrapolated to its nodes and averaged over adjacent elements.  The difference between adjacent
+elements indicates the discretisation error.  At an edge without fillet the stress does not
+converge.  On a coarse, distorted block each element type agrees with CalculiX to 3e-4 of the
+largest stress, the precision of its file.  Strain evaluated at the nodes differs by 7e-3 with 20
+nodes.
 
-Shape functions, nodes and integration points come from scikit-fem (extra ``bdamper[fe]``).  It lacks the wedge of 15
-nodes, which follows from its functions of the triangle (first order :math:`\lambda_a`, second order :math:`T`) and of the
-line (:math:`l_e`, bubble b):
+Shape functions, nodes and integration points come from scikit-fem (extra ``bdamper[fe]``).  It
+lacks the wedge of 15 nodes, which follows from its functions of the triangle (first order
+:math:`\lambda_a`, second order :math:`T`) and of the line (:math:`l_e`, bubble b):
 
 .. math:: N_{ae} = T_a l_e - \tfrac12 \lambda_a b,\qquad N_{ab,e} = T_{ab} l_e,\qquad N_a = \lambda_a b .
 
-A stress set contains the stress of modes, of contact forces and of the centrifugal load at chosen nodes:
+A stress set contains the stress of modes, of contact forces and of the centrifugal load at chosen
+nodes:
 
 .. math:: S = C B \Phi, \qquad A = C B\,(K^{-1} P^H - \Phi \Omega^{-2} \Phi^H P^H),
           \qquad \sigma_1 = C B\,u_s,\quad K u_s = M E_s x,\ E_s = \mathrm{diag}(1, 1, 0).
@@ -59,7 +63,8 @@ _COMMON = {
     6: np.array([[*xy, z] for z in (0.0, 1.0) for xy in _TRIANGLE]),
     8: np.array([[*xy, z] for z in (0.0, 1.0) for xy in 0.5 * (SQUARE + 1.0)]),
 }
-"""Corners of tetrahedron, wedge and hexahedron in the usual order, on the reference elements of scikit-fem."""
+"""Corners of tetrahedron, wedge and hexahedron in the usual order, on the reference elements of
+scikit-fem."""
 
 
 @dataclass(frozen=True)
@@ -69,8 +74,9 @@ class Solids:
     Parameters
     ----------
     kind : str
-        Name in CalculiX and Abaqus: "C3D4", "C3D6", "C3D8", "C3D8I", "C3D8R", "C3D10", "C3D15", "C3D20", "C3D20R".  "C3D6"
-        has six integration points; "C3D6R" is the wedge of CalculiX with two.
+        Name in CalculiX and Abaqus: "C3D4", "C3D6", "C3D8", "C3D8I", "C3D8R", "C3D10", "C3D15",
+        "C3D20", "C3D20R".  "C3D6" has six integration points; "C3D6R" is the wedge of CalculiX with
+        two.
     nodes : (n, 4 | 6 | 8 | 10 | 15 | 20) int
         Corners first, in the usual order; midside nodes in any order.
     youngs_modulus : float, Pa
@@ -84,13 +90,15 @@ class Solids:
 
 
 def _values(element: object, points: NDArray) -> tuple[NDArray, NDArray]:
-    """Return shape functions (n, n_points) and gradients (n, dimension, n_points) of an element of scikit-fem."""
+    """Return shape functions (n, n_points) and gradients (n, dimension, n_points) of an element of
+    scikit-fem."""
     both = [element.lbasis(points, k) for k in range(len(element.doflocs))]  # type: ignore[attr-defined]
     return np.array([value for value, _ in both]), np.array([gradient for _, gradient in both])
 
 
 def _wedge(points: NDArray) -> tuple[NDArray, NDArray]:
-    """Return shape functions and gradients of the second-order wedge: corners, edges of the triangles, other edges."""
+    """Return shape functions and gradients of the second-order wedge: corners, edges of the
+    triangles, other edges."""
     (t, dt), (p, dp) = (_values(e, points[:2]) for e in (ElementTriP2(), ElementTriP1()))
     (l, dl), (q, dq) = (_values(e, points[2:]) for e in (ElementLineP1(), ElementLineP2()))
     b, db = q[2], dq[2]
@@ -107,7 +115,8 @@ def _wedge(points: NDArray) -> tuple[NDArray, NDArray]:
 
 
 def _shape_functions(n_nodes: int, points: NDArray) -> tuple[NDArray, NDArray]:
-    """Return shape functions (n_nodes, n_points) and gradients (n_nodes, 3, n_points) of an element."""
+    """Return shape functions (n_nodes, n_points) and gradients (n_nodes, 3, n_points) of an
+    element."""
     return _wedge(points) if n_nodes == 15 else _values({**_FIRST, **_SECOND}[n_nodes], points)
 
 
@@ -123,9 +132,11 @@ def _places(n_nodes: int) -> NDArray:
 
 @cache
 def _samples(kind: str, n_nodes: int) -> tuple[NDArray, NDArray]:
-    """Return integration points (3, n_points) and the extrapolation (n_nodes, n_points) from them to the nodes.
+    """Return integration points (3, n_points) and the extrapolation (n_nodes, n_points) from them
+    to the nodes.
 
-    The extrapolation fits the first-order shape functions by least squares; with 27 points it uses all 20 functions.
+    The extrapolation fits the first-order shape functions by least squares; with 27 points it uses
+    all 20 functions.
     """
     element = first = _FIRST[N_CORNER[n_nodes]]
     if len(first.doflocs) == 6:
@@ -146,7 +157,8 @@ def _samples(kind: str, n_nodes: int) -> tuple[NDArray, NDArray]:
 
 
 def in_reference_order(elements: NDArray, nodes: NDArray) -> NDArray:
-    """Return the nodes of elements in the order of :func:`_places`; positions identify the midside nodes.
+    """Return the nodes of elements in the order of :func:`_places`; positions identify the midside
+    nodes.
 
     Raises
     ------
@@ -241,8 +253,8 @@ def _with_bubbles(
 ) -> tuple[NDArray, NDArray]:
     """Add the incompatible modes of C3D8I (Wilson), condensed for zero force.
 
-    As in CalculiX 2.20 their gradients use the map at the centre.  Other programs scale them by its volume, which changes
-    the stress of a distorted block by 5 %.
+    As in CalculiX 2.20 their gradients use the map at the centre.  Other programs scale them by its
+    volume, which changes the stress of a distorted block by 5 %.
     """
     centre = np.einsum("eai,ajp->eij", x, _values(_FIRST[8], np.full((3, 1), 0.5))[1])
     local = 4.0 * (1.0 - 2.0 * points.T)[:, :, None] * np.eye(3)  # of 4 s (1 - s) along each axis
@@ -275,8 +287,8 @@ def element_rows(
     Returns
     -------
     rows : (6 m, 3 n_nodes) sparse, Pa/m
-        Components xx, yy, zz, xy, yz, xz for ``m`` pairs of node and element.  If a node occurs repeatedly in a collapsed
-        element, the mean over its positions forms one pair.
+        Components xx, yy, zz, xy, yz, xz for ``m`` pairs of node and element.  If a node occurs
+        repeatedly in a collapsed element, the mean over its positions forms one pair.
     owner : (m,) int
         Index of the node of each pair in ``wanted``.
 
@@ -345,7 +357,8 @@ def node_average(owner: NDArray, n: int) -> sp.csr_matrix:
 
 
 def near_patches(points: NDArray, *faces: Patches) -> NDArray:
-    """Return whether each point (n,) is on a patch, or closer to it than the mean length of its edges."""
+    """Return whether each point (n,) is on a patch, or closer to it than the mean length of its
+    edges."""
     near = np.zeros(len(points), bool)
     for face in faces:
         local = np.einsum("pij,npj->npi", face.frame, points[:, None] - face.centre)
@@ -364,7 +377,8 @@ class StressRows:
     solids : sequence of Solids
     positions : (n_nodes, 3) float, m
     nodes : (n,) int
-        Not on the cut faces of the sector, where elements of the neighbouring sector would contribute to the average.
+        Not on the cut faces of the sector, where elements of the neighbouring sector would
+        contribute to the average.
     near_contact : (n,) bool, optional
 
     Raises
@@ -393,7 +407,8 @@ class StressRows:
     def add(
         self, sector: CyclicSector, contact: sp.spmatrix, omega2: NDArray, shapes: NDArray
     ) -> None:
-        """Add the stress of modes and contact forces at one nodal diameter, at 0 also the stress of the centrifugal load.
+        """Add the stress of modes and contact forces at one nodal diameter, at 0 also the stress of
+        the centrifugal load.
 
         Parameters
         ----------
@@ -418,7 +433,8 @@ class StressRows:
             self._spread = spread / von_mises_size(mean)
 
     def largest(self, nodal_diameter: int) -> int:
-        """Return the node of the largest von Mises stress in the lowest mode of a nodal diameter."""
+        """Return the node of the largest von Mises stress in the lowest mode of a nodal
+        diameter."""
         return int(self.nodes[von_mises_size(self._modes[nodal_diameter][..., 0]).argmax()])
 
     @staticmethod
@@ -428,7 +444,8 @@ class StressRows:
         return out.astype(single).astype(out.dtype)
 
     def set(self, body: str, source: str, numbers: NDArray | None = None) -> StressSet:
-        """Return the stress set of the added nodal diameters for the named body, with the numbers of all its nodes."""
+        """Return the stress set of the added nodal diameters for the named body, with the numbers
+        of all its nodes."""
         return StressSet(
             name=self.name, body=body, points=self.points, modes=self._modes, contact=self._contact, static=self._static,
             spread=self._spread, near_contact=self._near, source=source,

@@ -1,7 +1,8 @@
-"""Generated models: the reference disk (paper, section 4.1) and the blade-to-ground damper (paper, section 4.2).
+"""Generated models: the reference disk (paper, section 4.1) and the blade-to-ground damper
+(paper, section 4.2).
 
-**Reference disk.**  The bladed disk has wedge dampers between neighbouring blades, so a blade has contact with two dampers
-and a damper with two blades:
+**Reference disk.**  The bladed disk has wedge dampers between neighbouring blades, so a blade has
+contact with two dampers and a damper with two blades:
 
 =========  ===============  ==================  ==========================
 interface  body a (normal)  body b              kind
@@ -12,27 +13,31 @@ front      damper 0         ground (axial stop) constraint, with clearance
 back       damper 0         ground (axial stop) constraint, with clearance
 =========  ===============  ==================  ==========================
 
-Positions and axes of an interface belong to the damper of sector 0.  Modes and receptances of the blade at "right"
-belong to the left underside of blade 0, with axes rotated back by one pitch; :mod:`bdamper.model.kinematics` adds the
-phase.
+Positions and axes of an interface belong to the damper of sector 0.  Modes and receptances of the
+blade at "right" belong to the left underside of blade 0, with axes rotated back by one pitch;
+:mod:`bdamper.model.kinematics` adds the phase.
 
-Contact points are the centres of rectangular patches of the plane faces (paper, Figs 1 and 3).  With the angle a of a face
-from the radial axis, the contact axes t1, t2, n in the axes of the damper are::
+Contact points are the centres of rectangular patches of the plane faces (paper, Figs 1 and 3).
+With the angle a of a face from the radial axis, the contact axes t1, t2, n in the axes of the
+damper are::
 
     left   (sin a, cos a, 0)    (0, 0, -1)   (-cos a, sin a, 0)
     right  (sin a, -cos a, 0)   (0, 0, -1)   ( cos a, sin a, 0)
     front  (1, 0, 0)            (0, 1, 0)    (0, 0, 1)
     back   (1, 0, 0)            (0, -1, 0)   (0, 0, -1)
 
-so t1 is in the cross-section, n is the outward normal of the damper, and t1, t2, n are right-handed.
+so t1 is in the cross-section, n is the outward normal of the damper, and t1, t2, n are
+right-handed.
 
-:class:`SectorFE` contains meshes, matrices, factorisations and modes, which do not depend on the contact points.  One
-object is thus sufficient for several grids of contact points and for reference solutions of the full finite element model.
+:class:`SectorFE` contains meshes, matrices, factorisations and modes, which do not depend on the
+contact points.  One object is thus sufficient for several grids of contact points and for reference
+solutions of the full finite element model.
 
-**Blade-to-ground damper.**  The blade with its disk segment is clamped at the bore and at the two cut faces, as in a test
-block.  The right underside of its platform has friction contact with the rigid ground (interface "platform", body a the
-blade).  The structure is acyclic (``n_blades = 1``), with one basis of real modes for every harmonic.  There is no free
-body and no load: normal loads and gaps are settings of a study (``constant_loads``, ``gap``).
+**Blade-to-ground damper.**  The blade with its disk segment is clamped at the bore and at the two
+cut faces, as in a test block.  The right underside of its platform has friction contact with the
+rigid ground (interface "platform", body a the blade).  The structure is acyclic (``n_blades = 1``),
+with one basis of real modes for every harmonic.  There is no free body and no load: normal loads
+and gaps are settings of a study (``constant_loads``, ``gap``).
 """
 
 from __future__ import annotations
@@ -88,7 +93,8 @@ from bdamper.util.progress import with_progress
 
 
 def face_frame(name: str, face_angle: float) -> NDArray:
-    """Return the rows t1, t2, n (3, 3) of a damper face ("left", "right", "front", "back") in the axes of the damper."""
+    """Return the rows t1, t2, n (3, 3) of a damper face ("left", "right", "front", "back") in the
+    axes of the damper."""
     s, c = np.sin(face_angle), np.cos(face_angle)
     frames = {
         "left": [[s, c, 0], [0, 0, -1], [-c, s, 0]],
@@ -100,7 +106,8 @@ def face_frame(name: str, face_angle: float) -> NDArray:
 
 
 def wedge_patches(g: Geometry, side: str, points: int | tuple[int, int]) -> Patches:
-    """Return the patches of the ``"left"`` or ``"right"`` face of the damper of sector 0, in the axes of blade 0."""
+    """Return the patches of the ``"left"`` or ``"right"`` face of the damper of sector 0, in the
+    axes of blade 0."""
     n_s, n_z = patch_grid(points, g.face_length, g.face_width)
     s = (np.arange(n_s) + 0.5) * g.face_length / n_s
     z = ((np.arange(n_z) + 0.5) / n_z - 0.5) * g.face_width
@@ -114,7 +121,8 @@ def wedge_patches(g: Geometry, side: str, points: int | tuple[int, int]) -> Patc
 
 
 def end_patches(g: Geometry, side: str) -> Patches:
-    """Return four small patches near the corners of the ``"front"`` (+Z) or ``"back"`` (-Z) end face of the damper."""
+    """Return four small patches near the corners of the ``"front"`` (+Z) or ``"back"`` (-Z) end
+    face of the damper."""
     eaves = g.ridge_radius - g.face_length * np.cos(g.face_angle)
     width = 0.5 * g.ridge_width + g.face_length * np.sin(g.face_angle)
     z = (0.5 if side == "front" else -0.5) * g.face_width
@@ -134,7 +142,8 @@ def damper_patches(g: Geometry, points: int | tuple[int, int]) -> list[Patches]:
 
 
 def averaging_matrix(body: Discretisation, *faces: Patches) -> sp.csr_matrix:
-    """Return the matrix (3 n_patches, 3 n_nodes) from nodal displacements to patch means along t1, t2, n of all faces.
+    """Return the matrix (3 n_patches, 3 n_nodes) from nodal displacements to patch means along t1,
+    t2, n of all faces.
 
     Raises
     ------
@@ -149,7 +158,8 @@ def damper_body(
     damper: FreeBody[Discretisation], faces: Sequence[Patches], nodes: Mapping[str, int], n_modes: int,
     damping_ratio: float, g: Geometry,
 ) -> Body:  # fmt: skip
-    """Return the damper of sector 0 with the patches of its faces and with locations at ``nodes``."""
+    """Return the damper of sector 0 with the patches of its faces and with locations at
+    ``nodes``."""
     wanted = Wanted(
         DAMPER_PORTS, averaging_matrix(damper.body, *faces), nodes, n_modes, damping_ratio
     )
@@ -169,7 +179,8 @@ class SectorFE:
     density : MeshDensity
     material : Material
     keep_factors : bool
-        Keep the factorisations of all nodal diameters, not only the latest (half a gigabyte each for the reference mesh).
+        Keep the factorisations of all nodal diameters, not only the latest (half a gigabyte each
+        for the reference mesh).
     """
 
     geometry: Geometry = field(default_factory=Geometry)
@@ -189,7 +200,8 @@ class SectorFE:
         left = np.flatnonzero(on_disk & (np.abs(angle + 0.5 * g.pitch) < 1e-9))
         right = np.flatnonzero(on_disk & (np.abs(angle - 0.5 * g.pitch) < 1e-9))
         self.faces = match_faces(nodes, left, right, g.n_blades)
-        # Midpoints of straight edges along the bore lie slightly inside its radius, all others outside.
+        # Midpoints of straight edges along the bore lie slightly inside its radius, all others
+        # outside.
         self.clamped: NDArray = np.flatnonzero(radius < g.bore_radius + 1e-8)
         self._cyclic: dict[int, CyclicSector] = {}
 
@@ -219,7 +231,8 @@ class SectorFE:
         )
 
     def blade_part(self) -> BladePart:
-        """Return shank, platform and airfoil as the blade of a mistuned bladed disk; its root is at the rim."""
+        """Return shank, platform and airfoil as the blade of a mistuned bladed disk; its root is at
+        the rim."""
         blocks = sector_blocks(self.geometry, self.density)[1:]  # without the disk
         part = discretise(join_blocks(blocks), self.material)
         nodes = cKDTree(self.blade.nodes).query(part.nodes)[1]
@@ -236,17 +249,19 @@ class SectorFE:
     def local_basis(
         self, wanted: Wanted, interfaces: Mapping[str, Interface], sizes: LocalSizes
     ) -> LocalBasis:
-        """Compute the local basis of blade and disk for mistuned bladed disks; see :func:`bdamper.fem.local_basis`."""
+        """Compute the local basis of blade and disk for mistuned bladed disks; see
+        :func:`bdamper.fem.local_basis`."""
         dampers = damper_motion(wanted.ports, interfaces)
         return local_basis(
             self.blade_part(), self.cyclic, wanted, dampers, sizes, "shank, platform and airfoil"
         )
 
     def blade_contact(self, left: Patches, right: Patches) -> sp.csr_matrix:
-        """Return the averaging matrix of blade 0 for its ports at the interfaces "left" and "right", in this order.
+        """Return the averaging matrix of blade 0 for its ports at the interfaces "left" and
+        "right", in this order.
 
-        At "right" the blade is in sector +1.  The corresponding face of blade 0 is its left underside: the patches rotated
-        back by one pitch.
+        At "right" the blade is in sector +1.  The corresponding face of blade 0 is its left
+        underside: the patches rotated back by one pitch.
         """
         return averaging_matrix(self.blade, left, right.turned(turn(-self.geometry.pitch)))
 
@@ -267,7 +282,8 @@ def blade_stress(
     nodal_diameters: Iterable[int],
     n_modes: int,
 ) -> dict[str, StressSet]:
-    """Compute the stress set "blade" of the reference sector at :func:`blade_points`, in single precision.
+    """Compute the stress set "blade" of the reference sector at :func:`blade_points`, in single
+    precision.
 
     Parameters
     ----------
@@ -286,10 +302,11 @@ def blade_stress(
 
 
 def blade_points(body: Discretisation, g: Geometry) -> NDArray:
-    """Return nodes around the airfoil, at a sixth of its height, and around the shank, at half its height.
+    """Return nodes around the airfoil, at a sixth of its height, and around the shank, at half its
+    height.
 
-    Around the airfoil these are leading edge, trailing edge and the middle of either side; around the shank its four edges
-    and the middle of either side.
+    Around the airfoil these are leading edge, trailing edge and the middle of either side; around
+    the shank its four edges and the middle of either side.
     """
     root = g.ridge_radius + g.platform_edge_thickness
     # the root itself is a sharp edge
@@ -333,12 +350,13 @@ def bladed_disk(
     Parameters
     ----------
     points : int or (int, int)
-        Number of contact points on each face, or numbers along slope and axis.  With more points than nodes on the face the
-        static receptance is singular.
+        Number of contact points on each face, or numbers along slope and axis.  With more points
+        than nodes on the face the static receptance is singular.
     mesh : {"coarse", "reference"}
         Density of the mesh; ignored if ``fe`` is given.
     n_modes, n_damper_modes : int
-        Modes of the blade at each nodal diameter, and modes of the damper including six rigid-body modes.
+        Modes of the blade at each nodal diameter, and modes of the damper including six rigid-body
+        modes.
     engine_order, harmonics : int
         Determine the nodal diameters, unless ``nodal_diameters`` is given.
     damping_ratio : float
@@ -348,19 +366,22 @@ def bladed_disk(
     pictures : tuple of int
         Nodal diameters with mode shapes on the surface of the blade.
     rotation : Rotation or float, optional
-        For a model over rotor speed: result of :meth:`SectorFE.rotation`, or the speed (rad/s) of its check.
+        For a model over rotor speed: result of :meth:`SectorFE.rotation`, or the speed (rad/s) of
+        its check.
     fe : SectorFE, optional
-        Existing finite element bodies; only the parts that depend on the contact points are computed.
+        Existing finite element bodies; only the parts that depend on the contact points are
+        computed.
     wheel : LocalSizes, optional
         Sizes of a local basis for mistuned bladed disks; none by default.
     stress, progress : bool
-        Add the stress set "blade" (:func:`blade_points`) at all nodal diameters; show a progress bar.
+        Add the stress set "blade" (:func:`blade_points`) at all nodal diameters; show a progress
+        bar.
 
     Returns
     -------
     Model
-        Without contact stiffness (``contact`` is empty).  Rigid translations of the damper are along its tangential, radial
-        and axial direction; all other data are in the axes of blade 0.
+        Without contact stiffness (``contact`` is empty).  Rigid translations of the damper are
+        along its tangential, radial and axial direction; all other data are in the axes of blade 0.
     """
     fe = fe or SectorFE(density=MeshDensity.preset(mesh))
     g, interfaces = fe.geometry, dict[str, Interface]()
@@ -408,7 +429,8 @@ def reference_disk(points: int, progress: bool = False) -> Model:
 
 
 def paper_disk(points: int, progress: bool = False) -> Model:
-    """Generate the disk of the paper with 9, 24 or 48 contact points: 3, 4 and 4 rows along the slope."""
+    """Generate the disk of the paper with 9, 24 or 48 contact points: 3, 4 and 4 rows along the
+    slope."""
     rows, full = 3 if points == 9 else 4, points == 24  # others: one harmonic, for small files
     return bladed_disk(
         (rows, points // rows),
@@ -430,7 +452,8 @@ MAKERS = {"bladed_disk": reference_disk, "paper_disk": paper_disk}
 def blade_structure(
     g: Geometry, density: MeshDensity, material: Material
 ) -> tuple[Discretisation, CyclicSector]:
-    """Return the sector of one blade, clamped at the bore and at its cut faces, as an acyclic structure."""
+    """Return the sector of one blade, clamped at the bore and at its cut faces, as an acyclic
+    structure."""
     body = discretise(sector_mesh(g, density), material)
     return body, clamped_segment(body, g, 1)
 

@@ -1,24 +1,29 @@
 """Local basis of a mistuned bladed disk from the matrices of one sector.
 
-The blade is connected to the disk at the nodes of its root.  With f for the other nodes of the blade, r for the root and g
-for the rest of the disk, the coordinates of :mod:`bdamper.model.modal_basis` have these shapes:
+The blade is connected to the disk at the nodes of its root.  With f for the other nodes of the
+blade, r for the root and g for the rest of the disk, the coordinates of
+:mod:`bdamper.model.modal_basis` have these shapes:
 
 * cantilever modes U: modes of :math:`K_{ff}, M_{ff}`;
-* attachment modes X: static shapes :math:`K_{ff}^{-1} P^T q` of loads q on the contact points, without their part in U.
-  The loads are the principal contact forces in the lowest modes with sticking dampers (:func:`stuck_loads`);
-* if requested, static shapes of forces at the locations, without their part in U and X, counted as attachment modes;
-* root shapes V with the static shapes of blade, :math:`-K_{ff}^{-1} K_{fr} V`, and disk, at each nodal diameter.  V are the
-  principal shapes (singular vectors) of the motion of the root, divided by the frequency, in the lowest modes of the sector
-  at nodal diameters 0, 1, 2, 4, 8 ... N/2.  With all nodal diameters the largest error of family 1 of the 65 blades of
-  :mod:`bdamper.fem` changes from 0.00012 to 0.00016 % only.
+* attachment modes X: static shapes :math:`K_{ff}^{-1} P^T q` of loads q on the contact points,
+  without their part in U. The loads are the principal contact forces in the lowest modes with
+  sticking dampers (:func:`stuck_loads`);
+* if requested, static shapes of forces at the locations, without their part in U and X, counted as
+  attachment modes;
+* root shapes V with the static shapes of blade, :math:`-K_{ff}^{-1} K_{fr} V`, and disk, at each
+  nodal diameter.  V are the principal shapes (singular vectors) of the motion of the root, divided
+  by the frequency, in the lowest modes of the sector at nodal diameters 0, 1, 2, 4, 8 ... N/2.
+  With all nodal diameters the largest error of family 1 of the 65 blades of :mod:`bdamper.fem`
+  changes from 0.00012 to 0.00016 % only.
 
-Only V moves the root.  All shapes are modes or static, so U, X and V do not couple in the stiffness (Craig and Bampton,
-AIAA Journal 6, 1968, p. 1313).
+Only V moves the root.  All shapes are modes or static, so U, X and V do not couple in the stiffness
+(Craig and Bampton, AIAA Journal 6, 1968, p. 1313).
 
-The stiffness of the blade is assembled from its elements.  Matrices of a sector contain sums of blade and disk at the root;
-the complete stiffness of the root shapes then counts as part of the disk.  This has no effect on identical blades or on
-frequencies of different blades clamped at the root.  It neglects the change of the strain energy of the blade by
-deformation of its root: a deviation of 5 % changes family 1 of a coarse disk with a soft rim by 0.05 % too little.
+The stiffness of the blade is assembled from its elements.  Matrices of a sector contain sums of
+blade and disk at the root; the complete stiffness of the root shapes then counts as part of the
+disk.  This has no effect on identical blades or on frequencies of different blades clamped at the
+root.  It neglects the change of the strain energy of the blade by deformation of its root: a
+deviation of 5 % changes family 1 of a coarse disk with a soft rim by 0.05 % too little.
 """
 
 from __future__ import annotations
@@ -54,8 +59,9 @@ from bdamper.model.structure import Interface, Port
 from bdamper.util import validation
 
 SPRINGS = (0.3, 3.0)
-"""Stiffness of the contact springs for the loads of attachment modes, relative to the mean stiffness of a contact point of
-the blade without its cantilever modes.  On the shipped disk (1, 10) or (0.1, 1, 10) give errors larger by half.
+"""Stiffness of the contact springs for the loads of attachment modes, relative to the mean
+stiffness of a contact point of the blade without its cantilever modes.  On the shipped disk (1, 10)
+or (0.1, 1, 10) give errors larger by half.
 """
 
 
@@ -66,9 +72,10 @@ class LocalSizes(validation.Checked):
     Parameters
     ----------
     cantilever : int
-        Modes of the blade clamped at its root, with frequencies well above the families of interest.  For coarse disks of
-        5, 6, 7 and 8 blades the error of the sixth stuck family is 0.6, 6.3, 0.4 and 0.2 % with ten, and 0.2, 0.3, 0.35 and
-        0.2 % with twelve; more attachment modes do not reduce it.
+        Modes of the blade clamped at its root, with frequencies well above the families of
+        interest.  For coarse disks of 5, 6, 7 and 8 blades the error of the sixth stuck family is
+        0.6, 6.3, 0.4 and 0.2 % with ten, and 0.2, 0.3, 0.35 and 0.2 % with twelve; more attachment
+        modes do not reduce it.
     attachment : int
         Static shapes of contact forces.
     interface : int
@@ -128,12 +135,14 @@ class BladePart:
         return np.isin(np.arange(len(self.body.nodes)), self.nodes)
 
     def check_wanted(self, wanted: Wanted, faces: SectorFaces) -> None:
-        """Check that contact points and locations are on the blade, which has no node on the cut faces.
+        """Check that contact points and locations are on the blade, which has no node on the cut
+        faces.
 
         Raises
         ------
         ValueError
-            If a contact point or location is not on the blade, or a node of the blade is on a cut face.
+            If a contact point or location is not on the blade, or a node of the blade is on a cut
+            face.
         """
         check(
             self.inside[wanted.contact.indices // 3].all(),
@@ -160,7 +169,8 @@ class BladePart:
         return out
 
     def cantilever(self, n_modes: int) -> tuple[NDArray, NDArray]:
-        """Return squared frequencies (n_modes,) and modes (3 n_nodes, n_modes) of the blade clamped at its root."""
+        """Return squared frequencies (n_modes,) and modes (3 n_nodes, n_modes) of the blade clamped
+        at its root."""
         stiffness, mass = (
             m[self.own_dofs][:, self.own_dofs] for m in (self.body.stiffness, self.body.mass)
         )
@@ -168,11 +178,13 @@ class BladePart:
         return omega2, fix_phase(self._spread(shapes), self.body.mass)
 
     def contact_columns(self, contact: sp.csr_matrix) -> NDArray:
-        """Return displacements (3 n_nodes, n) of the clamped blade under unit forces on the rows of ``contact``."""
+        """Return displacements (3 n_nodes, n) of the clamped blade under unit forces on the rows of
+        ``contact``."""
         return self._spread(self.solver.solve(contact[:, self.own_dofs].T.toarray()))
 
     def attachments(self, columns: NDArray, modes: NDArray) -> NDArray:
-        """Orthogonalise static shapes ``columns`` (3 n_nodes, n) to the cantilever modes and to each other.
+        """Orthogonalise static shapes ``columns`` (3 n_nodes, n) to the cantilever modes and to
+        each other.
 
         The result is mass-normalised.
         """
@@ -181,7 +193,8 @@ class BladePart:
         return np.asarray(shapes @ eigh(k, m)[1])
 
     def carried(self, shapes: NDArray) -> NDArray:
-        """Return the static shapes (3 n_nodes, n) of the blade for displacements (n_root_dofs, n) of its root."""
+        """Return the static shapes (3 n_nodes, n) of the blade for displacements (n_root_dofs, n)
+        of its root."""
         out = -self._spread(
             self.solver.solve(self.body.stiffness[self.own_dofs][:, self.root_dofs] @ shapes)
         )
@@ -192,11 +205,13 @@ class BladePart:
 def disk_matrices(
     blade: BladePart, sector: CyclicSector, carried: NDArray
 ) -> tuple[NDArray, NDArray]:
-    """Return stiffness and mass (N // 2 + 1, n, n), complex, of static shapes of blade (3 n_nodes, n) and disk.
+    """Return stiffness and mass (N // 2 + 1, n, n), complex, of static shapes of blade
+    (3 n_nodes, n) and disk.
 
-    ``sector`` is the sector at any of the nodal diameters.  The disk between its cut faces and the roots is real and
-    factorised once; only the stiffness of the faces depends on the nodal diameter.  With a factorisation at each of 19
-    nodal diameters the import of a sector of 2,865 nodes takes 1.4 times as long.
+    ``sector`` is the sector at any of the nodal diameters.  The disk between its cut faces and the
+    roots is real and factorised once; only the stiffness of the faces depends on the nodal
+    diameter.  With a factorisation at each of 19 nodal diameters the import of a sector of 2,865
+    nodes takes 1.4 times as long.
     """
     body, held = blade.body, blade.fixed.copy()
     held.ravel()[blade.own_dofs] = True
@@ -251,9 +266,11 @@ def root_shapes(blade: BladePart, sector: Sectors, n_sectors: int, sizes: LocalS
 def damper_motion(
     ports: Sequence[Port], interfaces: Mapping[str, Interface]
 ) -> tuple[NDArray, NDArray]:
-    """Return rigid-body motions of the dampers (3 n_points, 6) at the ports of a blade, and their sectors (3 n_points,).
+    """Return rigid-body motions of the dampers (3 n_points, 6) at the ports of a blade, and their
+    sectors (3 n_points,).
 
-    Sectors are relative to the blade.  Points in contact with the ground or another blade have zero motion.
+    Sectors are relative to the blade.  Points in contact with the ground or another blade have zero
+    motion.
     """
     motion, sector = [], []
     for name, side in ports:
@@ -275,11 +292,13 @@ def stuck_loads(
     n_sectors: int,
     sizes: LocalSizes,
 ) -> NDArray:
-    """Return the principal loads (3 n_points, n) of the contact forces in the lowest modes with sticking dampers.
+    """Return the principal loads (3 n_points, n) of the contact forces in the lowest modes with
+    sticking dampers.
 
-    Dampers are rigid, free and massless, on springs :data:`SPRINGS` at every point.  The principal loads have the largest
-    energy of the contact forces in the flexibility without cantilever modes.  On the coarse disk of 65 blades (9 points a
-    face, 12 attachments) the largest errors of the six lowest frequencies at nodal diameters 0 to 32 are
+    Dampers are rigid, free and massless, on springs :data:`SPRINGS` at every point.  The principal
+    loads have the largest energy of the contact forces in the flexibility without cantilever
+    modes.  On the coarse disk of 65 blades (9 points a face, 12 attachments) the largest errors of
+    the six lowest frequencies at nodal diameters 0 to 32 are
 
     | springs at the points, N/m | 2e7 | 2e8 | 2e9 | rigid, with the residual stiffness of the points |
     |---|---|---|---|---|
@@ -325,7 +344,8 @@ def local_shapes(
     -------
     omega2 : (n_cantilever,) float, rad2/s2
     shapes : (3 n_nodes, n) float, kg^-1/2
-        Shapes of the blade on all nodes of the sector: cantilever modes, attachment modes, root shapes.
+        Shapes of the blade on all nodes of the sector: cantilever modes, attachment modes, root
+        shapes.
     stiffness, mass : (N // 2 + 1, n_interface, n_interface) complex
         Matrices of the root shapes, blade and disk together, at each nodal diameter.
     """
@@ -426,6 +446,7 @@ def _made_of(
 
 
 def mean_over_waves(matrices: NDArray, n_sectors: int) -> NDArray:
-    """Return the real mean (n, n) of Hermitian matrices (N // 2 + 1, n, n) over all waves in both directions."""
+    """Return the real mean (n, n) of Hermitian matrices (N // 2 + 1, n, n) over all waves in both
+    directions."""
     weight = np.where(2 * np.arange(len(matrices)) % n_sectors == 0, 1.0, 2.0)
     return np.asarray(np.einsum("d,dij->ij", weight, matrices).real / n_sectors)

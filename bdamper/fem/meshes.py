@@ -1,47 +1,54 @@
-r"""Meshes and matrices of the generated models: dimensions, blocks of hexahedra, stiffness, mass, geometric stiffness.
+r"""Meshes and matrices of the generated models: dimensions, blocks of hexahedra, stiffness, mass,
+geometric stiffness.
 
-**Axes.**  X is tangential (toward the next sector), Y radial, Z along the axis of rotation.  One pitch is
-:math:`\gamma = 2\pi/N`.  The rotation
+**Axes.**  X is tangential (toward the next sector), Y radial, Z along the axis of rotation.  One
+pitch is :math:`\gamma = 2\pi/N`.  The rotation
 
 .. math:: R = R_z(-\gamma) = \begin{bmatrix}\cos\gamma & \sin\gamma & 0\\ -\sin\gamma & \cos\gamma & 0\\
           0 & 0 & 1\end{bmatrix}
 
-from +Y toward +X maps sector k onto sector k+1.  The axes of the damper are the axes of the blade rotated by half a pitch,
-:math:`Q = R_z(-\gamma/2)`, so the damper is between blade 0 and blade 1.
+from +Y toward +X maps sector k onto sector k+1.  The axes of the damper are the axes of the blade
+rotated by half a pitch, :math:`Q = R_z(-\gamma/2)`, so the damper is between blade 0 and blade 1.
 
-**Damper** (paper, Figs 2 and 3).  Cross-section in its axes (x, y), with ``r`` the radius of the ridge, ``w`` its width,
-``l`` the length of a face, ``a`` the angle of the faces from the radial axis, ``h`` the height of the body::
+**Damper** (paper, Figs 2 and 3).  Cross-section in its axes (x, y), with ``r`` the radius of the
+ridge, ``w`` its width, ``l`` the length of a face, ``a`` the angle of the faces from the radial
+axis, ``h`` the height of the body::
 
-            (-w/2, r) ____ (w/2, r)            left face:  p(s) = (-w/2 - s sin a, r - s cos a),  0 <= s <= l
-                     /    \                    right face: its mirror image
-                    /      \
+            (-w/2, r) ____ (w/2, r)
+                     /    \        left face: p(s) = (-w/2 - s sin a, r - s cos a), 0 <= s <= l
+                    /      \       right face: its mirror image
     p(l) on the left        p(l) on the right
                    |        |
                    |________|  h below the eaves
 
-The underside of the platform of blade 0 is in the plane of the left face.  It extends from the edge of the platform at
-``x = -c/2``, with the clearance ``c`` between two platforms, to the shank.
+The underside of the platform of blade 0 is in the plane of the left face.  It extends from the edge
+of the platform at ``x = -c/2``, with the clearance ``c`` between two platforms, to the shank.
 
-**Blocks** are boxes of nodes ``(i, j, k)`` along X, Y and Z.  Disk and platform have all columns, the shank the middle ones
-of ``i``, the airfoil the middle ones of ``i`` and ``k``.  Adjacent blocks share a layer of nodes, so the mesh conforms.
+**Blocks** are boxes of nodes ``(i, j, k)`` along X, Y and Z.  Disk and platform have all columns,
+the shank the middle ones of ``i``, the airfoil the middle ones of ``i`` and ``k``.  Adjacent blocks
+share a layer of nodes, so the mesh conforms.
 
-**Airfoil** section at the height fraction :math:`\eta`, with :math:`\xi \in [-1, 1]` along the chord and
-:math:`\zeta \in [-1, 1]` through the thickness, rotated about Y by :math:`\eta` times the twist:
+**Airfoil** section at the height fraction :math:`\eta`, with :math:`\xi \in [-1, 1]` along the
+chord and :math:`\zeta \in [-1, 1]` through the thickness, rotated about Y by :math:`\eta` times the
+twist:
 
 .. math:: x = \kappa(\tfrac13 - \xi^2) + \tfrac12 \zeta\, t(\eta)(1 - \tfrac34 \xi^2),\qquad
           z = \tfrac12 \xi\, c(\eta).
 
-Chord c and thickness t are linear in :math:`\eta`.  Elements have straight edges with midside nodes at the midpoints.
+Chord c and thickness t are linear in :math:`\eta`.  Elements have straight edges with midside nodes
+at the midpoints.
 
-**Matrices** of 20-node hexahedra, with shape functions :math:`N_a`, gradients :math:`g_a = \nabla N_a`, the Lamé constants
-and 3 x 3 x 3 Gauss points; the geometric stiffness contains the stress :math:`\sigma` under the centrifugal load:
+**Matrices** of 20-node hexahedra, with shape functions :math:`N_a`, gradients
+:math:`g_a = \nabla N_a`, the Lamé constants and 3 x 3 x 3 Gauss points; the geometric stiffness
+contains the stress :math:`\sigma` under the centrifugal load:
 
 .. math:: K_{ai,bj} &= \int \lambda g_{ai} g_{bj} + \mu g_{aj} g_{bi} + \mu \delta_{ij}\, g_a\cdot g_b\,dV, \\
           M_{ai,bj} &= \delta_{ij} \int \rho N_a N_b\,dV, \qquad
           K_{\sigma, ai,bj} = \delta_{ij} \int g_a \cdot \sigma\, g_b\,dV .
 
-Shape functions and numbering follow the scalar element of scikit-fem: first the corners of the mesh, then the midpoints of
-its edges.  Node ``a`` has the degrees of freedom ``3 a``, ``3 a + 1``, ``3 a + 2``.
+Shape functions and numbering follow the scalar element of scikit-fem: first the corners of the
+mesh, then the midpoints of its edges.  Node ``a`` has the degrees of freedom ``3 a``, ``3 a + 1``,
+``3 a + 2``.
 """
 
 from __future__ import annotations
@@ -163,33 +170,38 @@ class Geometry(validation.Checked):
         return 2.0 * np.pi / self.n_blades
 
     def face_points(self, s: NDArray) -> NDArray:
-        """Return points (n, 2) of the left face plane in damper axes, at distances ``s`` (n,), m, below the ridge."""
+        """Return points (n, 2) of the left face plane in damper axes, at distances ``s`` (n,), m,
+        below the ridge."""
         s, a = np.asarray(s, float), self.face_angle
         return np.stack(
             [-0.5 * self.ridge_width - s * np.sin(a), self.ridge_radius - s * np.cos(a)], axis=-1
         )
 
     def underside_points(self, s: NDArray) -> NDArray:
-        """Return points (n, 2) on the right underside in blade axes, at distances ``s`` (n,) below the ridge, m."""
+        """Return points (n, 2) on the right underside in blade axes, at distances ``s`` (n,) below
+        the ridge, m."""
         return self.face_points(s) @ turn(0.5 * self.pitch)[:2, :2].T
 
     @property
     def underside_range(self) -> tuple[float, float]:
-        """Distances below the ridge of the edge of the platform and of the shank on the underside, m."""
+        """Distances below the ridge of the edge of the platform and of the shank on the
+        underside, m."""
         edge = 0.5 * (self.platform_clearance - self.ridge_width) / np.sin(self.face_angle)
-        # Along the slope the blade's x decreases linearly with s, so one linear equation gives the shank's
-        # corner.
+        # Along the slope the blade's x decreases linearly with s, so one linear equation gives the
+        # shank's corner.
         x0, x1 = self.underside_points(np.array([0.0, 1.0]))[:, 0]
         shank = (0.5 * self.shank_width - x0) / (x1 - x0)
         return float(edge), float(shank)
 
 
 def paper_geometry() -> Geometry:
-    """Return a sector for which the method of the paper reproduces its results in sections 4.1.1 and 4.1.3.
+    """Return a sector for which the method of the paper reproduces its results in sections 4.1.1
+    and 4.1.3.
 
-    A stiff shank, a thick blade with little twist and a small damper give the frequency shifts of its Figs 8 and 9.  With
-    more twist, mode 2 would separate the contacts.  The scale of all lengths gives a first frequency of 263 Hz without
-    dampers: in Fig. 16 the resonance at 5 kN is at 308.3 Hz, a shift of 17.2 %.
+    A stiff shank, a thick blade with little twist and a small damper give the frequency shifts of
+    its Figs 8 and 9.  With more twist, mode 2 would separate the contacts.  The scale of all
+    lengths gives a first frequency of 263 Hz without dampers: in Fig. 16 the resonance at 5 kN is
+    at 308.3 Hz, a shift of 17.2 %.
     """
     lengths: dict[str, Any] = {
         "bore_radius": 262.144, "rim_radius": 400.0, "axial_length": 35.319, "shank_width": 9.446, "face_length": 10.047,
@@ -286,7 +298,8 @@ def join_blocks(blocks: list[NDArray]) -> MeshHex:
 
 
 def _layers(bottom: NDArray, top: NDArray, n: int) -> NDArray:
-    """Interpolate linearly in ``n`` steps between two sheets (ni, nk, 3) to a block (ni, n + 1, nk, 3)."""
+    """Interpolate linearly in ``n`` steps between two sheets (ni, nk, 3) to a block
+    (ni, n + 1, nk, 3)."""
     w = np.linspace(0.0, 1.0, n + 1)[None, :, None, None]
     block = (1.0 - w) * bottom[:, None] + w * top[:, None]
     block[:, 0], block[:, -1] = bottom, top
@@ -296,8 +309,8 @@ def _layers(bottom: NDArray, top: NDArray, n: int) -> NDArray:
 def airfoil_points(g: Geometry, zeta: ArrayLike, xi: ArrayLike, eta: float, root: float) -> NDArray:
     """Return points (..., 3) of the airfoil in m.
 
-    The height above ``root`` (m) is the fraction ``eta`` of the airfoil height.  The coordinates ``zeta`` and ``xi`` are
-    broadcast.
+    The height above ``root`` (m) is the fraction ``eta`` of the airfoil height.  The coordinates
+    ``zeta`` and ``xi`` are broadcast.
     """
     zeta, xi = np.broadcast_arrays(zeta, xi)
     chord = g.root_chord + eta * (g.tip_chord - g.root_chord)
@@ -333,7 +346,8 @@ def sector_blocks(g: Geometry, n: MeshDensity) -> list[NDArray]:
     bottom = np.empty((nx, nz, 3))
     bottom[..., :2], bottom[..., 2] = under[:, None], z[None]
 
-    # Top of the platform: the root of the airfoil in the middle, straight lines from there to the edges.
+    # Top of the platform: the root of the airfoil in the middle, straight lines from there to the
+    # edges.
     corner = turn(half)[:2, :2] @ [
         -0.5 * g.platform_clearance,
         g.ridge_radius + g.platform_edge_thickness,
@@ -376,7 +390,8 @@ def sector_mesh(g: Geometry, n: MeshDensity) -> MeshHex:
 
 
 def damper_mesh(g: Geometry, n: MeshDensity) -> MeshHex:
-    """Return the mesh of the damper of sector 0, between blade 0 and blade 1, in the axes of blade 0."""
+    """Return the mesh of the damper of sector 0, between blade 0 and blade 1, in the axes of blade
+    0."""
     left = g.face_points(np.linspace(g.face_length, 0.0, n.damper_face + 1))
     ridge = np.linspace(-0.5, 0.5, n.damper_ridge + 1)[1:-1] * g.ridge_width
     roof = np.concatenate(
@@ -398,7 +413,8 @@ def damper_mesh(g: Geometry, n: MeshDensity) -> MeshHex:
 
 
 def local_order() -> NDArray:
-    """Return the numbers in scikit-fem of the 20 local nodes in the order of CalculiX and Abaqus."""
+    """Return the numbers in scikit-fem of the 20 local nodes in the order of CalculiX and
+    Abaqus."""
     ours = 2.0 * ElementHexS2().doflocs - 1.0
     middles = 0.5 * (SQUARE + np.roll(SQUARE, -1, axis=0))
     layers = (
@@ -435,7 +451,8 @@ class Discretisation(Structure):
 
 
 def _assembled(blocks: NDArray, rows: NDArray, n: int) -> sp.coo_matrix:
-    """Assemble the matrix (n, n) from element matrices (n_elements, ...) and their degrees of freedom (n_elements, m)."""
+    """Assemble the matrix (n, n) from element matrices (n_elements, ...) and their degrees of
+    freedom (n_elements, m)."""
     m = rows.shape[1]
     places = np.repeat(rows, m, axis=1).ravel(), np.tile(rows, (1, m)).ravel()
     return sp.coo_matrix((blocks.ravel(), places), shape=(n, n))
@@ -477,7 +494,8 @@ def discretise(mesh: MeshHex, material: Material) -> Discretisation:
 
 
 def clamped_segment(body: Discretisation, g: Geometry, n_pitches: int) -> CyclicSector:
-    """Return a disk segment of ``n_pitches`` pitches, clamped at the bore and at its cut faces: an acyclic structure."""
+    """Return a disk segment of ``n_pitches`` pitches, clamped at the bore and at its cut faces: an
+    acyclic structure."""
     angle, radius = (
         np.arctan2(body.nodes[:, 0], body.nodes[:, 1]),
         np.hypot(body.nodes[:, 0], body.nodes[:, 1]),
@@ -512,7 +530,8 @@ def interface(
     sector_b: int = 0,
     clearance: float | None = None,
 ) -> Interface:
-    """Return an interface with one contact point per patch: friction without gap, or an axial stop with clearance (m)."""
+    """Return an interface with one contact point per patch: friction without gap, or an axial stop
+    with clearance (m)."""
     kind: Literal["friction", "constraint"] = "friction" if clearance is None else "constraint"
     gap = np.full(len(patches.size), clearance or 0.0)
     places = (patches.centre.copy(), patches.area, np.array(patches.frame))
@@ -522,8 +541,8 @@ def interface(
 def blade_nodes(body: Discretisation, g: Geometry) -> dict[str, int]:
     """Return the nodes for excitation and response.
 
-    "tip" and "platform" are in the middle of the chord, "tip_trailing_edge" and "tip_leading_edge" at its ends (toward +Z
-    and -Z), all on the mean line of the airfoil.
+    "tip" and "platform" are in the middle of the chord, "tip_trailing_edge" and "tip_leading_edge"
+    at its ends (toward +Z and -Z), all on the mean line of the airfoil.
     """
     root = g.ridge_radius + g.platform_edge_thickness
     places = {
@@ -559,7 +578,8 @@ def provenance(source: str, *bodies: Discretisation, over_speed: bool = False) -
 
 
 def geometric_stiffness(body: Discretisation, displacement: NDArray) -> sp.csr_matrix:
-    """Return the symmetric matrix (3 n_nodes, 3 n_nodes) for the stress of a displacement (3 n_nodes,), linear in it."""
+    """Return the symmetric matrix (3 n_nodes, 3 n_nodes) for the stress of a displacement
+    (3 n_nodes,), linear in it."""
     basis = Basis(body.mesh, ElementHexS2(), intorder=5)
     gradient = np.stack([b[0].grad for b in basis.basis])  # (20, 3, n_elements, n_points)
     moved = displacement.reshape(-1, 3)[body.elements]  # (n_elements, 20, 3)
@@ -577,7 +597,8 @@ def geometric_stiffness(body: Discretisation, displacement: NDArray) -> sp.csr_m
 
 
 def stiffness_per_squared_speed(body: Discretisation, standstill: CyclicSector) -> sp.csr_matrix:
-    """Return geometric stiffness minus spin softening (3 n_nodes, 3 n_nodes), kg, of a sector with ``body``.
+    """Return geometric stiffness minus spin softening (3 n_nodes, 3 n_nodes), kg, of a sector with
+    ``body``.
 
     Parameters
     ----------

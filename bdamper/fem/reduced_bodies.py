@@ -1,20 +1,23 @@
-r"""Bodies of a model from finite element structures: modes, receptances and loads at contact points.
+r"""Bodies of a model from finite element structures: modes, receptances and loads at contact
+points.
 
-The displacement of a free body is the sum of a rigid-body motion and an elastic deformation (paper, Eqs 5 to 7).  The
-rigid-body modes are three translations and three rotations about the centre of mass, orthonormal in the mass matrix:
-:math:`\Psi^T M \Psi = I`.  A load accelerates the body.  Load and inertia forces together are self-equilibrated,
+The displacement of a free body is the sum of a rigid-body motion and an elastic deformation
+(paper, Eqs 5 to 7).  The rigid-body modes are three translations and three rotations about the
+centre of mass, orthonormal in the mass matrix: :math:`\Psi^T M \Psi = I`.  A load accelerates the
+body.  Load and inertia forces together are self-equilibrated,
 
 .. math:: P^T f, \qquad P = I - \Psi\Psi^T M,
 
-and deform the body (inertia relief).  Six statically determinate constraints have no reaction under these forces.  With the
-stiffness matrix :math:`K_c` of the constrained body, the elastic displacement orthogonal to the rigid-body modes is
+and deform the body (inertia relief).  Six statically determinate constraints have no reaction under
+these forces.  With the stiffness matrix :math:`K_c` of the constrained body, the elastic
+displacement orthogonal to the rigid-body modes is
 
 .. math:: u_e = P K_c^{-1} P^T f
 
 for any choice of the constraints.  Its expansion in elastic modes is :math:`\sum \phi\phi^T/\omega^2`.
 
-Rotation causes a body force per mass :math:`\Omega^2 (x, y, 0)`, here scaled to a resultant of 1 N along the radial
-direction of the damper.
+Rotation causes a body force per mass :math:`\Omega^2 (x, y, 0)`, here scaled to a resultant of 1 N
+along the radial direction of the damper.
 """
 
 from __future__ import annotations
@@ -40,7 +43,8 @@ from bdamper.model.structure import Body, BodyLoad, ModalBasis, Port, SurfaceMes
 
 
 def isostatic_dofs(nodes: NDArray, corner: int = 0) -> NDArray:
-    """Return six degrees of freedom that constrain rigid-body motion: 3 + 2 + 1 at three distant nodes.
+    """Return six degrees of freedom that constrain rigid-body motion: 3 + 2 + 1 at three distant
+    nodes.
 
     Parameters
     ----------
@@ -108,18 +112,21 @@ class FreeBody(Generic[S]):
         return factorise(self.body.stiffness[self._kept][:, self._kept])
 
     def remove_rigid(self, displacement: NDArray) -> NDArray:
-        """Return ``P u``, the part (3 n_nodes, ...) orthogonal to the rigid-body modes in the mass matrix."""
+        """Return ``P u``, the part (3 n_nodes, ...) orthogonal to the rigid-body modes in the mass
+        matrix."""
         return displacement - self.rigid @ (self._rigid_momentum.T @ displacement)
 
     def elastic_response(self, load: NDArray) -> NDArray:
-        """Return the elastic displacement (3 n_nodes, ...) under ``load`` (3 n_nodes, ...) with inertia relief."""
+        """Return the elastic displacement (3 n_nodes, ...) under ``load`` (3 n_nodes, ...) with
+        inertia relief."""
         load = load - self._rigid_momentum @ (self.rigid.T @ load)
         out = np.zeros_like(load)
         out[self._kept] = self.solver.solve(np.ascontiguousarray(load[self._kept]))
         return self.remove_rigid(out)
 
     def modes(self, n_modes: int) -> tuple[NDArray, NDArray]:
-        """Return omega2 (n_modes,) and shapes (3 n_nodes, n_modes) of six rigid-body modes, then elastic modes."""
+        """Return omega2 (n_modes,) and shapes (3 n_nodes, n_modes) of six rigid-body modes, then
+        elastic modes."""
         check(n_modes >= 6, f"a free body has six rigid modes; n_modes = {n_modes}")
         n = n_modes - 6
         if n and (self._modes is None or len(self._modes[0]) < n):
@@ -134,11 +141,13 @@ class FreeBody(Generic[S]):
         )
 
     def receptance(self, contact: sp.spmatrix) -> NDArray:
-        """Return the elastic receptance (n, n) between the rows of ``contact`` (n, 3 n_nodes), m/N."""
+        """Return the elastic receptance (n, n) between the rows of ``contact``
+        (n, 3 n_nodes), m/N."""
         return hermitian(contact @ self.elastic_response(contact.T.toarray()))
 
     def centrifugal_load(self, radial: NDArray) -> NDArray:
-        """Return nodal forces (3 n_nodes,) of rotation about Z with a resultant of 1 N along ``radial`` (3,)."""
+        """Return nodal forces (3 n_nodes,) of rotation about Z with a resultant of 1 N along
+        ``radial`` (3,)."""
         force = self.body.body_force(self.body.nodes * [1.0, 1.0, 0.0])
         return (force / (force.sum(axis=0) @ radial)).ravel()
 
@@ -147,8 +156,8 @@ class FreeBody(Generic[S]):
 
 
 LEAST = 1e-8
-"""Energy that counts as zero: of a residual shape relative to the static shape of its force, and of a combination of
-residual shapes relative to the others.
+"""Energy that counts as zero: of a residual shape relative to the static shape of its force, and of
+a combination of residual shapes relative to the others.
 """
 
 PICTURED_MODES = 10
@@ -156,7 +165,8 @@ PICTURED_MODES = 10
 
 
 def needed_nodal_diameters(n_blades: int, engine_order: int, harmonics: int) -> tuple[int, ...]:
-    """Return the nodal diameters of harmonics 0 to ``harmonics`` of an engine order, folded to at most N/2."""
+    """Return the nodal diameters of harmonics 0 to ``harmonics`` of an engine order, folded to at
+    most N/2."""
     orders = (engine_order * h % n_blades for h in range(harmonics + 1))
     return tuple(sorted({min(d, n_blades - d) for d in orders}))
 
@@ -171,7 +181,8 @@ def nodes_of(place: Place) -> NDArray:
 
 
 def place_loads(place: Place, n_dof: int) -> sp.csc_matrix:
-    """Return unit forces (n_dof, 3) along X, Y and Z at a node, or real part, imaginary part and zeros of a field."""
+    """Return unit forces (n_dof, 3) along X, Y and Z at a node, or real part, imaginary part and
+    zeros of a field."""
     if isinstance(place, np.ndarray):
         return sp.csc_matrix(
             np.stack([place.real.ravel(), place.imag.ravel(), np.zeros(place.size)], axis=1)
@@ -182,7 +193,8 @@ def place_loads(place: Place, n_dof: int) -> sp.csc_matrix:
 def location_rows(places: Mapping[str, Place], shapes: NDArray) -> dict[str, NDArray]:
     """Return rows (3, n_modes) of ``shapes`` (3 n_nodes, n_modes) for a location.
 
-    These are the motion of a node, or the work of the real and of the imaginary part of a field of forces, and zeros.
+    These are the motion of a node, or the work of the real and of the imaginary part of a field of
+    forces, and zeros.
     """
     return {name: place_loads(place, len(shapes)).T @ shapes for name, place in places.items()}
 
@@ -194,7 +206,8 @@ def location_loads(body: Structure, places: Iterable[Place]) -> sp.csc_matrix:
 
 
 def picture_mesh(surface: Facets, nodes: NDArray, shapes: Mapping[int, NDArray]) -> SurfaceMesh:
-    """Return the corners of a surface as quadrilaterals for plots; triangles repeat their last corner.
+    """Return the corners of a surface as quadrilaterals for plots; triangles repeat their last
+    corner.
 
     ``shapes`` are mode shapes (n_nodes, 3, n_modes) by nodal diameter.
     """
@@ -220,7 +233,8 @@ class Wanted:
     damping_ratio : float
         Damping ratio of all elastic modes.
     static_shapes : bool
-        Add static shapes of forces at the locations to the modes of a sector; the stored reference models have none.
+        Add static shapes of forces at the locations to the modes of a sector; the stored reference
+        models have none.
     """
 
     ports: tuple[Port, ...]
@@ -231,7 +245,8 @@ class Wanted:
     static_shapes: bool = False
 
     def shapes(self, sector: CyclicSector) -> tuple[NDArray, NDArray, int | None]:
-        """Return squared frequencies (n,) and shapes (3 n_nodes, n) of a sector, and the number of static shapes."""
+        """Return squared frequencies (n,) and shapes (3 n_nodes, n) of a sector, and the number of
+        static shapes."""
         omega2, modes = sector.modes(self.n_modes)
         if not (self.static_shapes and self.locations):
             return omega2, modes, None
@@ -247,7 +262,8 @@ class Wanted:
         flexibility: NDArray | None = None,
         static: int | None = None,
     ) -> ModalBasis:
-        """Return the modal basis for mass-normalised modes (3 n_nodes, n) with squared frequencies (n,)."""
+        """Return the modal basis for mass-normalised modes (3 n_nodes, n) with squared frequencies
+        (n,)."""
         return ModalBasis(
             omega2=omega2.copy(),
             damping_ratio=np.where(omega2 > 0.0, self.damping_ratio, 0.0),
@@ -275,8 +291,9 @@ def residual_shapes(
     -------
     omega2 : (m,) float, ascending
     shapes : (3 n_nodes, m)
-        Mass-normalised; orthogonal to the retained shapes in the stiffness and to each other in mass and stiffness.  There
-        are fewer shapes than loads if residual shapes are zero or dependent.
+        Mass-normalised; orthogonal to the retained shapes in the stiffness and to each other in
+        mass and stiffness.  There are fewer shapes than loads if residual shapes are zero or
+        dependent.
     """
     kept_stiffness, residual = (
         np.einsum("ij,ij->j", kept.conj(), body.stiffness @ kept).real,
@@ -312,7 +329,8 @@ def constrained_body(
     rotation : Rotation, optional
         Change of the stiffness with rotor speed.
     seen : callable, optional
-        Called at each nodal diameter with the sector, the squared frequencies (n,) and the shapes (3 n_nodes, n).
+        Called at each nodal diameter with the sector, the squared frequencies (n,) and the shapes
+        (3 n_nodes, n).
     """
     bases = {}
     for d in nodal_diameters:
@@ -336,7 +354,8 @@ def constrained_body(
 
 
 def free_body(name: str, wanted: Wanted, free: FreeBody, radial: NDArray) -> Body:
-    """Return a free body with rigid-body and elastic modes under centrifugal load along ``radial`` (3,).
+    """Return a free body with rigid-body and elastic modes under centrifugal load along ``radial``
+    (3,).
 
     The number of modes in ``wanted`` includes the six rigid-body modes.
     """

@@ -1,7 +1,9 @@
-"""Reference models: shipped with the package, or large ones computed by `bdamper.fem` on first use and cached.
+"""Reference models: shipped with the package, or large ones computed by `bdamper.fem` on first use
+and cached.
 
-The search order is the installed package, the folder in the environment variable BDAMPER_MODELS, ``tests/models`` of a
-checkout, and the cache folder of the user, where the first use stores the model.
+The search order is the installed package, the folder in the environment variable BDAMPER_MODELS,
+``tests/models`` of a checkout, and the cache folder of the user, where the first use stores the
+model.
 """
 
 from __future__ import annotations
@@ -29,26 +31,32 @@ CONTACT_POINTS = {
 
 
 def reference_model(name: str = "bladed_disk", contact_points: int | None = None) -> Model:
-    """Return a reference model, generated with :mod:`bdamper.fem` by ``tools/make_reference_model.py``.
+    """Return a reference model, generated with :mod:`bdamper.fem` by
+    ``tools/make_reference_model.py``.
 
-    "bladed_disk" and "paper_disk" with 24 or 48 points are too large for the package.  The first use generates them in
-    minutes and stores them in the cache folder of the user.  This needs the extra ``bdamper[fe]``.
+    "bladed_disk" and "paper_disk" with 24 or 48 points are too large for the package.  The first
+    use generates them in minutes and stores them in the cache folder of the user.  This needs the
+    extra ``bdamper[fe]``.
 
     Parameters
     ----------
     name : str
-        "turbine_blade": 60 blades of 100 mm with light wedge dampers, the typical case, for any harmonic of engine order 5.
-        "bladed_disk": 65 blades with wedge dampers on flexible platforms, the difficult disk, for engine order 5 up to
-        harmonic 7.  With 9 points: engine orders 3 to 10 up to harmonic 3, data over rotor speed, stress, local basis.
-        "paper_disk": another disk, with which the method of the paper (:data:`bdamper.CIGEROGLU_2009`, friction coefficient
-        0.46, excitation at "tip_trailing_edge") reproduces its Figs 8 and 9; with 9 and 48 points one harmonic only.
-        "blade_to_ground": one blade with friction between one side of its platform and the ground; normal loads and gaps
-        are settings of a study (``constant_loads``, ``gap``).
+        "turbine_blade": 60 blades of 100 mm with light wedge dampers, the typical case, for any
+        harmonic of engine order 5.
+        "bladed_disk": 65 blades with wedge dampers on flexible platforms, the difficult disk, for
+        engine order 5 up to harmonic 7. With 9 points: engine orders 3 to 10 up to harmonic 3, data
+        over rotor speed, stress, local basis.
+        "paper_disk": another disk, with which the method of the paper
+        (:data:`bdamper.CIGEROGLU_2009`, friction coefficient 0.46, excitation at
+        "tip_trailing_edge") reproduces its Figs 8 and 9; with 9 and 48 points one harmonic only.
+        "blade_to_ground": one blade with friction between one side of its platform and the ground;
+        normal loads and gaps are settings of a study (``constant_loads``, ``gap``).
         "test_rig": one test blade with two dampers between dummy blades, an acyclic structure.
-        "shrouded_blade": 36 blades with a tip shroud and two strip dampers, "front" and "rear", for engine order 4.
+        "shrouded_blade": 36 blades with a tip shroud and two strip dampers, "front" and "rear", for
+        engine order 4.
     contact_points : int, optional
-        Contact points on each face: 9 (default), 24 or 48 for "bladed_disk", 24 (default), 9 or 48 for "paper_disk", 9 for
-        "turbine_blade", 4 for "shrouded_blade", 24 for the others.
+        Contact points on each face: 9 (default), 24 or 48 for "bladed_disk", 24 (default), 9 or 48
+        for "paper_disk", 9 for "turbine_blade", 4 for "shrouded_blade", 24 for the others.
 
     Raises
     ------

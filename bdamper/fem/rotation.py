@@ -1,23 +1,26 @@
 r"""Rotating bodies: static displacement, and change of modes and flexibility with rotor speed.
 
-In the rotating frame, with E = diag(1, 1, 0) at every node, the mass in the plane of rotation is :math:`M_s = M E`, and
+In the rotating frame, with E = diag(1, 1, 0) at every node, the mass in the plane of rotation is
+:math:`M_s = M E`, and
 
 .. math:: K(\Omega) = K_0 + \Omega^2 B, \qquad B = K_\sigma - M_s, \qquad K_0 u_s = M_s x
 
-with the geometric stiffness :math:`K_\sigma` of the stress of the static displacement :math:`\Omega^2 u_s` at nodal
-diameter 0, the same for all nodal diameters.  Stiffness is linear in the squared speed.  The difference of two stiffness
-matrices at different speeds, from any program, thus gives B.  In modal coordinates at one speed it is :math:`\Phi^H B
-\Phi`.  The residual flexibility of these modes,
+with the geometric stiffness :math:`K_\sigma` of the stress of the static displacement
+:math:`\Omega^2 u_s` at nodal diameter 0, the same for all nodal diameters.  Stiffness is linear in
+the squared speed.  The difference of two stiffness matrices at different speeds, from any program,
+thus gives B.  In modal coordinates at one speed it is :math:`\Phi^H B \Phi`.  The residual
+flexibility of these modes,
 
 .. math:: R_{res}(\Omega) = P K(\Omega)^{-1} P^H - P \Phi\, [\Phi^H K(\Omega) \Phi]^{-1} \Phi^H P^H ,
 
-is positive semi-definite if both terms use the modes of the same speed.  Its derivative with respect to the squared speed
-follows from the static solutions :math:`X = K^{-1} P^H` of the flexibility:
+is positive semi-definite if both terms use the modes of the same speed.  Its derivative with
+respect to the squared speed follows from the static solutions :math:`X = K^{-1} P^H` of the
+flexibility:
 
 .. math:: \frac{dR_{res}}{d\Omega^2} = - X^H B X + P \Phi\, \omega^{-2}\, \Phi^H B \Phi\, \omega^{-2} \Phi^H P^H .
 
-On the shipped disk at 600 rad/s the error of this linearisation is 5e-4 of the residual flexibility with 40 modes (2e-3
-with ten), and 4e-7 (3e-5) of the frequencies.
+On the shipped disk at 600 rad/s the error of this linearisation is 5e-4 of the residual flexibility
+with 40 modes (2e-3 with ten), and 4e-7 (3e-5) of the frequencies.
 """
 
 from __future__ import annotations
@@ -47,24 +50,28 @@ def centrifugal_force(structure: Structure) -> NDArray:
 
 
 def spin_softening(structure: Structure) -> sp.csr_matrix:
-    """Return the mass in the plane of rotation (3 n_nodes, 3 n_nodes), kg: the decrease of stiffness per squared speed."""
+    """Return the mass in the plane of rotation (3 n_nodes, 3 n_nodes), kg: the decrease of
+    stiffness per squared speed."""
     plane = _of_nodes(structure, IN_PLANE)
     return (plane @ structure.mass @ plane).tocsr()
 
 
 def coriolis_matrix(structure: Structure) -> sp.csr_matrix:
-    """Return the skew-symmetric matrix S (3 n_nodes, 3 n_nodes), kg; Coriolis forces are ``-2 Omega S du/dt``."""
+    """Return the skew-symmetric matrix S (3 n_nodes, 3 n_nodes), kg; Coriolis forces are
+    ``-2 Omega S du/dt``."""
     matrix = structure.mass @ _of_nodes(structure, _ACROSS)
     return (0.5 * (matrix - matrix.T)).tocsr()
 
 
 def spin_displacement(sector: CyclicSector) -> NDArray:
-    """Return the static displacement (3 n_nodes,) of a sector without contact due to rotation, per squared speed, m s2.
+    """Return the static displacement (3 n_nodes,) of a sector without contact due to rotation, per
+    squared speed, m s2.
 
     Parameters
     ----------
     sector : CyclicSector
-        At nodal diameter 0, with the stiffness at standstill (linear theory) or at the speed (stiffened blades).
+        At nodal diameter 0, with the stiffness at standstill (linear theory) or at the speed
+        (stiffened blades).
     """
     check(
         sector.nodal_diameter == 0,
@@ -85,7 +92,8 @@ class Rotation:
     omega_ref : float, rad/s
         Speed at which the stiffness of the body is valid.
     check_at : float, rad/s, optional
-        Speed for a comparison with the frequencies of the full matrices, at the expense of one factorisation.
+        Speed for a comparison with the frequencies of the full matrices, at the expense of one
+        factorisation.
     source : str
     """
 
@@ -95,7 +103,8 @@ class Rotation:
     source: str = ""
 
     def at_speed(self, sector: CyclicSector, omega: float) -> CyclicSector:
-        """Return the sector, valid at ``omega_ref``, with the stiffness at another speed (rad/s)."""
+        """Return the sector, valid at ``omega_ref``, with the stiffness at another speed
+        (rad/s)."""
         stiffness = sector.body.stiffness + (omega**2 - self.omega_ref**2) * self.per_squared_speed
         return replace(sector, body=replace(sector.body, stiffness=stiffness))
 

@@ -1,14 +1,15 @@
 r"""Cut faces of a sector, and the motion of one face as a function of the other.
 
-With the rotation R by one pitch, the phase :math:`\varphi = 2\pi d/N` of nodal diameter d and the side :math:`s = \pm 1` of
-the dependent face (+1 toward +X),
+With the rotation R by one pitch, the phase :math:`\varphi = 2\pi d/N` of nodal diameter d and the
+side :math:`s = \pm 1` of the dependent face (+1 toward +X),
 
 .. math:: u_{dep} = e^{i s \varphi} R^s\, W u_{ind} .
 
-Row i of W has a single entry 1 if node i of the dependent face is the image of a node of the independent face.  If the
-meshes differ, the row contains the shape functions of the facet of the independent face at node i.  The finer face is
-dependent, since each of its nodes is then constrained.  Nodes on the axis of rotation are images of themselves, with the
-condition :math:`u = e^{i \varphi} R\, u`.
+Row i of W has a single entry 1 if node i of the dependent face is the image of a node of the
+independent face.  If the meshes differ, the row contains the shape functions of the facet of the
+independent face at node i.  The finer face is dependent, since each of its nodes is then
+constrained.  Nodes on the axis of rotation are images of themselves, with the condition
+:math:`u = e^{i \varphi} R\, u`.
 """
 
 from __future__ import annotations
@@ -73,13 +74,15 @@ class SectorFaces:
         )
 
     def among(self, known: NDArray) -> SectorFaces:
-        """Keep the dependent nodes that are ``known`` (n_nodes,) bool and determined by known independent nodes."""
+        """Keep the dependent nodes that are ``known`` (n_nodes,) bool and determined by known
+        independent nodes."""
         unknown = abs(self.weights) @ (~known[self.independent]).astype(float) > 0.0
         rows = known[self.dependent] & ~unknown
         return replace(self, dependent=self.dependent[rows], weights=self.weights[rows])
 
     def images(self, held: NDArray) -> NDArray:
-        """Return the mask (n_nodes,) of the nodes ``held`` and of their images on the other face."""
+        """Return the mask (n_nodes,) of the nodes ``held`` and of their images on the other
+        face."""
         out, size = held.copy(), abs(self.weights)
         out[self.dependent] |= (size > 1e-4) @ (~held[self.independent]).astype(
             float
@@ -97,7 +100,8 @@ def no_faces() -> SectorFaces:
 
 
 def sector_phase(n_sectors: int, nodal_diameter: int) -> complex:
-    """Return ``exp(2 pi i d/N)``, the phase factor to the next sector; real for d = 0 and d = N/2."""
+    """Return ``exp(2 pi i d/N)``, the phase factor to the next sector; real for d = 0 and d =
+    N/2."""
     if 2 * nodal_diameter % n_sectors == 0:
         return -1.0 if nodal_diameter % n_sectors else 1.0
     return np.exp(2j * np.pi * nodal_diameter / n_sectors)
@@ -111,7 +115,8 @@ def match_faces(
     tolerance: float = 1e-8,
     angle: float | None = None,
 ) -> SectorFaces:
-    """Pair the nodes of two sector faces with equal meshes: a rotation by one pitch maps the nodes ``left`` onto ``right``.
+    """Pair the nodes of two sector faces with equal meshes: a rotation by one pitch maps the nodes
+    ``left`` onto ``right``.
 
     A mesh with another angle (rad) between its faces is paired by a rotation by ``angle``.
 
@@ -145,7 +150,8 @@ def tie_faces(
     n_sectors: int,
     angle: float | None = None,
 ) -> SectorFaces:
-    """Tie the two faces of a sector with different meshes: the finer face follows the coarser one by interpolation.
+    """Tie the two faces of a sector with different meshes: the finer face follows the coarser one
+    by interpolation.
 
     Parameters
     ----------
@@ -206,8 +212,8 @@ def interpolation(nodes: NDArray, facets: Facets, points: NDArray) -> tuple[sp.c
     weights : (n, n_nodes) sparse
         Each row has the sum 1.
     distance : (n,) float, m
-        Distance between points and interpolated positions.  Outside of all facets it may be too large, by some tens of per
-        cent at most.
+        Distance between points and interpolated positions.  Outside of all facets it may be too
+        large, by some tens of per cent at most.
     """
     rows = facets.each()
     centres = np.array([nodes[row].mean(axis=0) for row in rows])
@@ -247,8 +253,8 @@ def find_faces(
 ) -> SectorFaces | None:
     """Find the cut faces of a sector by geometry: nodes mapped onto other nodes by one rotation.
 
-    Rotations by ``2 pi/N`` are tried for N = 2, 3, ..., since a rotation below one pitch may also map a regular mesh onto
-    itself.
+    Rotations by ``2 pi/N`` are tried for N = 2, 3, ..., since a rotation below one pitch may also
+    map a regular mesh onto itself.
 
     Parameters
     ----------

@@ -1,10 +1,12 @@
 """Finite element bodies: nodes and matrices, and the faces of elements on their surface.
 
-A facet lists its corners counter-clockwise seen from outside.  In second-order elements the midside node between corners
-``c`` and ``c + 1`` follows for each ``c``.  The number of nodes (3, 4, 6 or 8) thus identifies the type.
+A facet lists its corners counter-clockwise seen from outside.  In second-order elements the midside
+node between corners ``c`` and ``c + 1`` follows for each ``c``.  The number of nodes (3, 4, 6 or 8)
+thus identifies the type.
 
-All programs use the same order of the corners of tetrahedra, wedges and hexahedra, but different orders of midside nodes.
-Positions identify midside nodes.  The sense of rotation of a facet follows from the position of its element.
+All programs use the same order of the corners of tetrahedra, wedges and hexahedra, but different
+orders of midside nodes. Positions identify midside nodes.  The sense of rotation of a facet follows
+from the position of its element.
 """
 
 from __future__ import annotations
@@ -20,7 +22,8 @@ from numpy.typing import NDArray
 
 
 def check(good: object, wrong: str) -> None:
-    """Raise ValueError with the text ``wrong`` unless ``good``; importers add the name of the body."""
+    """Raise ValueError with the text ``wrong`` unless ``good``; importers add the name of the
+    body."""
     if not good:
         raise ValueError(wrong)
 
@@ -32,7 +35,8 @@ def hermitian(matrix: NDArray) -> NDArray:
 
 @dataclass(frozen=True)
 class Structure:
-    """Nodes and matrices of a body; node ``a`` has the degrees of freedom ``3 a``, ``3 a + 1``, ``3 a + 2``.
+    """Nodes and matrices of a body; node ``a`` has the degrees of freedom ``3 a``, ``3 a + 1``,
+    ``3 a + 2``.
 
     Parameters
     ----------
@@ -57,7 +61,8 @@ class Structure:
         return int(np.argmin(np.linalg.norm(self.nodes - position, axis=1)))
 
     def body_force(self, density: NDArray) -> NDArray:
-        """Return consistent nodal forces (n_nodes, 3), N, for a force per mass at the nodes (n_nodes, 3).
+        """Return consistent nodal forces (n_nodes, 3), N, for a force per mass at the nodes
+        (n_nodes, 3).
 
         Shape functions interpolate the force, which is exact if it is linear in the coordinates.
         """
@@ -77,15 +82,17 @@ FACES = {
 }
 """Corners of the faces S1, S2, ... of elements in CalculiX and Abaqus, in order."""
 LEAST_COSINE = 0.1
-"""Smallest cosine of the angle between two corner normals of a face.  A cube with the corners of one face shifted by one
-position has 0, the most distorted element of the reference sector 0.67.
+"""Smallest cosine of the angle between two corner normals of a face.  A cube with the corners of
+one face shifted by one position has 0, the most distorted element of the reference sector 0.67.
 """
 
 
 def twisted(corners: NDArray, nodes: NDArray) -> NDArray:
-    """Return whether the corners of hexahedra or wedges have another order than usual, in either sense of rotation.
+    """Return whether the corners of hexahedra or wedges have another order than usual, in either
+    sense of rotation.
 
-    Some face then intersects itself or is bent by a right angle, so its corner normals point to different sides.
+    Some face then intersects itself or is bent by a right angle, so its corner normals point to
+    different sides.
 
     Parameters
     ----------
@@ -160,14 +167,16 @@ def area_vectors(facets: Facets, nodes: NDArray) -> NDArray:
     """Return area times outward normal (n, 3) of each facet, m2, by its corners."""
     out = []
     for x in (nodes[corners] for corners in facets.corners):
-        # a triangle is half the parallelogram of two edges, a quadrilateral half that of its diagonals
+        # a triangle is half the parallelogram of two edges, a quadrilateral half that of its
+        # diagonals
         a, b = (x[:, 0], x[:, 1]) if x.shape[1] == 4 else (x[:, 0], x[:, 0])
         out.append(0.5 * np.cross(x[:, -2] - a, x[:, -1] - b))
     return np.concatenate(out) if out else np.zeros((0, 3))
 
 
 def enclosed_volume(facets: Facets, nodes: NDArray) -> float:
-    """Return the volume (m3) of a closed surface by the divergence theorem over triangles of its corners."""
+    """Return the volume (m3) of a closed surface by the divergence theorem over triangles of its
+    corners."""
     volume = 0.0
     for x in (nodes[corners] for corners in facets.corners):
         for k in range(1, x.shape[1] - 1):
@@ -181,7 +190,8 @@ def boundary_facets(elements: Sequence[NDArray], nodes: NDArray) -> Facets:
     Parameters
     ----------
     elements : sequence of (n, 4 | 6 | 8 | 10 | 15 | 20) int arrays
-        Node indices, corners in the usual order first; may contain repeated corners (collapsed elements).
+        Node indices, corners in the usual order first; may contain repeated corners
+        (collapsed elements).
     nodes : (n_nodes, 3) float, m
 
     Raises
@@ -208,7 +218,8 @@ def boundary_facets(elements: Sequence[NDArray], nodes: NDArray) -> Facets:
 
 
 def oriented_facet(corner: NDArray, element: NDArray, nodes: NDArray) -> NDArray:
-    """Return one facet of an element with outward normal and midside nodes, without repeated corners.
+    """Return one facet of an element with outward normal and midside nodes, without repeated
+    corners.
 
     Parameters
     ----------

@@ -1,7 +1,8 @@
 """Mistuned bladed disks: harmonic balance of all sectors, random samples and their statistics.
 
-`BladedDisk` solves a problem whose model has a sector-local basis, for one `Mistuning` and one `DamperVariation`.
-`mistuned_sample` solves many random bladed disks and fits the distribution of the highest blade amplitude.
+`BladedDisk` solves a problem whose model has a sector-local basis, for one `Mistuning` and one
+`DamperVariation`. `mistuned_sample` solves many random bladed disks and fits the distribution of
+the highest blade amplitude.
 """
 
 from bdamper.mistuning.bladed_disk import BladedDisk as BladedDisk

@@ -1,12 +1,14 @@
-"""Analyses of a mistuned bladed disk: peaks over the preload, response curves, and steady-state amplitudes in time.
+"""Analyses of a mistuned bladed disk: peaks over the preload, response curves, and steady-state
+amplitudes in time.
 
-Response curves are computed by the same continuation as for one sector; the result has the response of all blades.
+Response curves are computed by the same continuation as for one sector; the result has the response
+of all blades.
 
-**Time integration** uses the method of one sector (:mod:`bdamper.time_domain.integration`), with the disk as a single
-sector.  Its coordinates are the mistuned modes of blades and disk, and the coordinates of all dampers.  It starts at the
-peak, with free dampers.  The criteria of a steady amplitude are the same as for a sector
-(:mod:`bdamper.time_domain.steady_amplitude`).  Damping is modal: the coupling between modes is at most 2.1 % of it for
-lumped blades with deviations of 5 %.
+**Time integration** uses the method of one sector (:mod:`bdamper.time_domain.integration`), with
+the disk as a single sector.  Its coordinates are the mistuned modes of blades and disk, and the
+coordinates of all dampers.  It starts at the peak, with free dampers.  The criteria of a steady
+amplitude are the same as for a sector (:mod:`bdamper.time_domain.steady_amplitude`).  Damping is
+modal: the coupling between modes is at most 2.1 % of it for lumped blades with deviations of 5 %.
 """
 
 from __future__ import annotations
@@ -72,7 +74,8 @@ def answers(peak: DiskPeak) -> dict[str, Any]:
 def _highest(
     _: Any, preload: Any, *, disk: DiskProblem, options: DiskPeakOptions | None
 ) -> dict[str, Any]:
-    """Return the quantities of the highest peak of a bladed disk; this is the function of a sweep over the preload."""
+    """Return the quantities of the highest peak of a bladed disk; this is the function of a sweep
+    over the preload."""
     highest = peak(disk, preload, options=options)
     return answers(highest) | {"tuned_amplitude": highest.tuned_amplitude}
 
@@ -86,7 +89,8 @@ def optimal_curve(
     executor: Executor | None = None,
     progress: bool | None = None,
 ) -> SweepResult:
-    """Compute the highest amplitude of any blade at each preload, with an independent search at each.
+    """Compute the highest amplitude of any blade at each preload, with an independent search at
+    each.
 
     Parameters
     ----------
@@ -99,8 +103,9 @@ def optimal_curve(
     Returns
     -------
     SweepResult
-        Over the preload: amplitude, frequency and number of the highest blade, holding springs of the dampers, error of the
-        amplitude (:class:`~bdamper.mistuning.peak.DiskPeak`), and tuned amplitude.
+        Over the preload: amplitude, frequency and number of the highest blade, holding springs of
+        the dampers, error of the amplitude (:class:`~bdamper.mistuning.peak.DiskPeak`), and tuned
+        amplitude.
     """
     values = validation.numbers("preloads", preloads, above=0.0, unit="N")
     task = partial(_highest, disk=disk, options=options)
@@ -112,7 +117,8 @@ def optimal_curve(
 
 
 def first_point(system: DiskSystem, omega: float) -> NDArray | None:
-    """Solve at one frequency (rad/s) from the static state, or through weaker and weaker holding springs.
+    """Solve at one frequency (rad/s) from the static state, or through weaker and weaker holding
+    springs.
 
     Return None if both fail.
     """
@@ -149,9 +155,10 @@ def frequency_response(
     Returns
     -------
     ResponseCurve
-        Curve of the highest blade, with the response of all blades in ``blades`` and without unknowns.  It consists of the
-        branch from one end, of the branch from the other end if the first does not reach it, and of branches from
-        solutions in the remaining gaps.  Branches may leave the interval and return.
+        Curve of the highest blade, with the response of all blades in ``blades`` and without
+        unknowns.  It consists of the branch from one end, of the branch from the other end if the
+        first does not reach it, and of branches from solutions in the remaining gaps.  Branches may
+        leave the interval and return.
     """
     low, high = (TWO_PI * f for f in validation.interval("frequency", frequency))
     options = validation.instance(
@@ -250,7 +257,8 @@ class OneStructure:
 def time_response(
     disk: DiskProblem, peak: DiskPeak, *, steps_per_period: int | None = None
 ) -> TimeResponse:
-    """Compute the steady-state amplitude of the highest blade by time integration of all blades from the peak.
+    """Compute the steady-state amplitude of the highest blade by time integration of all blades
+    from the peak.
 
     After Ctrl-C there is no result.
 
@@ -265,17 +273,19 @@ def time_response(
     Returns
     -------
     TimeResponse
-        If the motion leaves the peak, the status is "not found" with the final amplitude, the amplitudes are NaN, and
-        ``blades`` has the motion of all blades.  If the integration fails, ``blades`` is NaN as well.
+        If the motion leaves the peak, the status is "not found" with the final amplitude, the
+        amplitudes are NaN, and ``blades`` has the motion of all blades.  If the integration fails,
+        ``blades`` is NaN as well.
 
     Raises
     ------
     SettingError
-        If the disk has more than thirteen blades, or the peak was not found or belongs to another disk.
+        If the disk has more than thirteen blades, or the peak was not found or belongs to another
+        disk.
     """
     watch, system = CostMeter(), disk.system(validation.instance("peak", peak, DiskPeak).preload)
-    # the time of a period grows with the third power of the number of blades (docs/evidence/measured.md, "Peaks of mistuned
-    # disks")
+    # the time of a period grows with the third power of the number of blades
+    # (docs/evidence/measured.md, "Peaks of mistuned disks")
     most_blades = 13
     if disk.n_blades > most_blades:
         raise SettingError(
@@ -347,10 +357,11 @@ def time_response(
 class BladedDisk(DiskProblem):
     """All blades and dampers of a mistuned bladed disk.
 
-    Contact laws, their evaluation and the preload follow from the study.  Blades and disk are described by the local
-    basis of the model (``bdamper.model.modal_basis.LocalBasis``).  If the contact stiffness of the study is computed by a
-    method, attachment modes contain the flexibility of the contacts, and the points have the stiffness of the remaining
-    flexibility (``tuned_problem``).
+    Contact laws, their evaluation and the preload follow from the study.  Blades and disk are
+    described by the local basis of the model (``bdamper.model.modal_basis.LocalBasis``).  If the
+    contact stiffness of the study is computed by a method, attachment modes contain the flexibility
+    of the contacts, and the points have the stiffness of the remaining flexibility
+    (``tuned_problem``).
 
     Parameters
     ----------

@@ -1,27 +1,27 @@
 r"""Structure and harmonic balance equations of a mistuned bladed disk with all its sectors.
 
 **Coordinates.**  The unknowns of sector ``n`` are the local coordinates :math:`u_n` of blade ``n``
-(``bdamper.model.modal_basis.LocalBasis``) and the coordinates :math:`y_n` of damper ``n``, which lies between blades ``n``
-and ``n + 1``.  The motion of a contact point is
+(``bdamper.model.modal_basis.LocalBasis``) and the coordinates :math:`y_n` of damper ``n``, which
+lies between blades ``n`` and ``n + 1``.  The motion of a contact point is
 
 .. math:: v_n = P\, u_{n + s} + D\, y_n,
 
-where its blade is in its own sector (s = 0) or in the next one (s = 1).  Only two terms couple sectors: the disk, through
-the root shapes, and the damping of the tuned modes.  Both are circulant, with one matrix for each nodal diameter, and are
-applied by a Fourier transform over the sectors.
+where its blade is in its own sector (s = 0) or in the next one (s = 1).  Only two terms couple
+sectors: the disk, through the root shapes, and the damping of the tuned modes.  Both are circulant,
+with one matrix for each nodal diameter, and are applied by a Fourier transform over the sectors.
 
 **Residual.**  With :math:`X_l = c_l - i s_l`, the residual of harmonic l in each sector is
 
 .. math::
     (K - (l\omega)^2 M + i l \omega C) X_l + P^T F_l - E_l .
 
-The core (``csrc/bladed_disk/wheel_equations.c``) computes it, its products and the solution of its linear equations.
-Unknowns have the same layout as for one sector, the mean of all sectors first, so the solvers and the continuation also
-accept a bladed disk.
+The core (``csrc/bladed_disk/wheel_equations.c``) computes it, its products and the solution of its
+linear equations. Unknowns have the same layout as for one sector, the mean of all sectors first, so
+the solvers and the continuation also accept a bladed disk.
 
-**Holding springs** hold the mean of dampers at its static position.  A damper in full slip is free along its axis, and the
-springs make the equations easier to solve.  Their solutions are initial guesses for the solutions without springs
-(:mod:`bdamper.mistuning.peak`).
+**Holding springs** hold the mean of dampers at its static position.  A damper in full slip is free
+along its axis, and the springs make the equations easier to solve.  Their solutions are initial
+guesses for the solutions without springs (:mod:`bdamper.mistuning.peak`).
 """
 
 from __future__ import annotations
@@ -52,8 +52,9 @@ from bdamper.util.formatting import short_repr
 def local_model(model: Model) -> Model:
     """Return the model with all modes of its local basis at every nodal diameter from 0 to N/2.
 
-    A study of it with all these ``blade_modes`` spans the same space as the bladed disk.  Mode shapes for plots, stress
-    rows and the dependence on rotor speed refer to the replaced modes and are left out.
+    A study of it with all these ``blade_modes`` spans the same space as the bladed disk.  Mode
+    shapes for plots, stress rows and the dependence on rotor speed refer to the replaced modes and
+    are left out.
 
     Raises
     ------
@@ -79,11 +80,13 @@ def local_model(model: Model) -> Model:
 # ---- Structure ----
 
 KEPT = 8
-"""Number of root shapes, the most important ones, whose coupling to neighbours the elimination includes.  On the shipped
-disk (9 points, 16 shapes) with one harmonic 16, 8, 6 and 4 take 3, 3, 3 and 4 iterations to 1e-2.  With three harmonics
-16, 8 and 6 take 29, 36 and 104 to 1e-4.  The cost of the ring grows with the third power of this number.  The reduced disk
-(:mod:`bdamper.mistuning.peak_search`) includes only the family's shape with one harmonic, with the same total number of
-evaluations; with three harmonics that leaves 1e-3 after 80 iterations, while eight shapes leave 1e-7 after 17."""
+"""Number of root shapes, the most important ones, whose coupling to neighbours the elimination
+includes.  On the shipped disk (9 points, 16 shapes) with one harmonic 16, 8, 6 and 4 take 3, 3, 3
+and 4 iterations to 1e-2.  With three harmonics 16, 8 and 6 take 29, 36 and 104 to 1e-4.  The cost
+of the ring grows with the third power of this number.  The reduced disk
+(:mod:`bdamper.mistuning.peak_search`) includes only the family's shape with one harmonic, with the
+same total number of evaluations; with three harmonics that leaves 1e-3 after 80 iterations, while
+eight shapes leave 1e-7 after 17."""
 
 
 @short_repr
@@ -152,14 +155,16 @@ class Structure:
         return float(np.min(self.local.damping_ratio if ratio is None else ratio))
 
     def motion(self, x: NDArray) -> NDArray:
-        """Return the motion of the contact points (n_blades, n_points, 3) for coordinates (n_blades, n_sector)."""
+        """Return the motion of the contact points (n_blades, n_points, 3) for coordinates
+        (n_blades, n_sector)."""
         ahead = np.concatenate([np.roll(x[:, : self.n], -1, axis=0), x[:, self.n :]], axis=1)
         return np.where(
             self.sector[:, None] == 1, *(np.einsum("pij,nj->npi", self.rows, z) for z in (ahead, x))
         )
 
     def gathered(self, force: NDArray) -> NDArray:
-        """Return the forces on the coordinates (n_blades, n_sector) for forces at the points (n_blades, n_points, 3)."""
+        """Return the forces on the coordinates (n_blades, n_sector) for forces at the points
+        (n_blades, n_points, 3)."""
         own, ahead = (
             np.einsum("pij,npi->nj", self.rows[p], force[:, p])
             for p in (self.sector == s for s in (0, 1))
@@ -233,7 +238,8 @@ class Structure:
         )
 
     def varied(self, mistuning: Mistuning, factor: NDArray) -> Structure:
-        """Return the same disk with mistuned blades, and with the damper masses multiplied by ``factor`` (n_blades,)."""
+        """Return the same disk with mistuned blades, and with the damper masses multiplied by
+        ``factor`` (n_blades,)."""
         return replace(
             self,
             stiffness=_blades(self.local, mistuning),
@@ -243,7 +249,8 @@ class Structure:
     def reduced(self, shapes: NDArray) -> Structure:
         """Reduce every blade to m shapes, the columns of ``shapes`` (n, m) in its coordinates.
 
-        The disk then couples all coordinates of a blade to its neighbours, since all shapes move the root.
+        The disk then couples all coordinates of a blade to its neighbours, since all shapes move
+        the root.
         """
         T, root = shapes.T, shapes[self.n - self.n_root :]
         return replace(
@@ -254,7 +261,8 @@ class Structure:
         )  # fmt: skip
 
     def wave(self, d: int, springs: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-        """Solve the eigenvalue problem of a travelling wave of mean blades, with springs at the contact points.
+        """Solve the eigenvalue problem of a travelling wave of mean blades, with springs at the
+        contact points.
 
         Returns
         -------
@@ -279,7 +287,8 @@ class Structure:
         return squares, phi, G @ phi
 
     def elastic_forces(self, x: NDArray) -> NDArray:
-        """Return the static forces of blades and disk (n_blades, n) at coordinates (n_blades, n)."""
+        """Return the static forces of blades and disk (n_blades, n) at coordinates
+        (n_blades, n)."""
         out = np.einsum("nij,nj->ni", self.stiffness, x)
         wave = np.fft.fft(x[:, self.n - self.n_root :], axis=0)
         out[:, self.n - self.n_root :] += np.fft.ifft(
@@ -301,7 +310,8 @@ class Structure:
         )
 
     def modes(self, d: int) -> NDArray:
-        """Return the modes (n, n) of the tuned study at a nodal diameter, in the coordinates of this structure."""
+        """Return the modes (n, n) of the tuned study at a nodal diameter, in the coordinates of
+        this structure."""
         local = next(
             body.local for body in self.tuned.model.bodies.values() if body.local is not None
         )
@@ -311,11 +321,12 @@ class Structure:
 def tuned_problem(study: Problem) -> Problem:
     """Return the study of one sector with all modes of the local basis.
 
-    If the contact stiffness is computed by a method, the attachment modes contain the flexibility of the contacts.  The
-    contact stiffness then represents the flexibility that the local basis leaves out, by unit tractions.  Given values are
-    used unchanged.  This flexibility is computed for nominal blades.  Division by ``(1 + eps)**2`` would be exact; it
-    changes the stuck frequencies of disks of five to eight blades with deviations of 5 % by at most 0.05 % (family 1:
-    0.01 %).
+    If the contact stiffness is computed by a method, the attachment modes contain the flexibility
+    of the contacts.  The contact stiffness then represents the flexibility that the local basis
+    leaves out, by unit tractions.  Given values are used unchanged.  This flexibility is computed
+    for nominal blades.  Division by ``(1 + eps)**2`` would be exact; it changes the stuck
+    frequencies of disks of five to eight blades with deviations of 5 % by at most 0.05 %
+    (family 1: 0.01 %).
     """
     required = {"fundamental_modes_only": False, "separation": True, "variable_normal_load": True}
     for name, value in required.items():
@@ -370,8 +381,8 @@ def _blades(local: LocalBasis, mistuning: Mistuning) -> NDArray:
 
 
 def _rows(tuned: Problem, blade: str, local: LocalBasis) -> tuple[NDArray, NDArray]:
-    """Return the relative motion at the points by sector coordinates (n_points, 3, n_sector), and the sector offset
-    (n_points,) of their blade.
+    """Return the relative motion at the points by sector coordinates (n_points, 3, n_sector), and
+    the sector offset (n_points,) of their blade.
     """
     coupling = tuned.coupling
     n_points = coupling.n_points
@@ -407,9 +418,9 @@ def _rows(tuned: Problem, blade: str, local: LocalBasis) -> tuple[NDArray, NDArr
 # ---- Equations ----
 
 NEUTRAL = 1e-8
-"""Springs on the mean of damper coordinates in the Jacobian alone, relative to the stuck stiffness.  A damper in full slip
-is free along its axis, which would make the matrix of its sector singular.  The springs change Newton steps by this
-relative amount, but not the solutions."""
+"""Springs on the mean of damper coordinates in the Jacobian alone, relative to the stuck
+stiffness.  A damper in full slip is free along its axis, which would make the matrix of its sector
+singular.  The springs change Newton steps by this relative amount, but not the solutions."""
 
 
 @dataclass(frozen=True)
@@ -427,8 +438,8 @@ class InWidths(InFrequency):
 
     def units(self, y: NDArray, vibration: float, width: float) -> NDArray:
         """Return the units of the unknowns and the frequency."""
-        # with the width of the interval as the unit, the first step along a curve of a lumped disk of six blades passes
-        # over all its resonances
+        # with the width of the interval as the unit, the first step along a curve of a lumped disk
+        # of six blades passes over all its resonances
         widths = 10.0
         return super().units(y, vibration, min(width, widths * self.narrowest * y[-1] or width))
 
@@ -441,7 +452,8 @@ class DiskScene:
     ----------
     structure : Structure
     points : PointArrays
-        Contact points of all sectors, sector by sector, with the relative motion that the coordinates do not represent.
+        Contact points of all sectors, sector by sector, with the relative motion that the
+        coordinates do not represent.
     harmonics : collection of int
         Harmonics among the unknowns.
     load : (n_blades, n_sector) float
@@ -521,14 +533,16 @@ class DiskScene:
         return np.column_stack([x[:, 0], x[:, 1::2] - 1j * x[:, 2::2]])
 
     def units_about(self, y: NDArray, width: float) -> NDArray:
-        """Return the units for a point that may be at rest, with ``width`` (rad/s) as the unit of frequency."""
+        """Return the units for a point that may be at rest, with ``width`` (rad/s) as the unit of
+        frequency."""
         n = int(self.layout.n_mode[0])
         measure, least = InFrequency(n), max(1e-3 * float(np.abs(y[:n]).max(initial=0.0)), 1e-12)
         return measure.units(y, max(measure.vibration(y), least), width)
 
     @cached_property
     def stuck(self) -> NDArray:
-        """Stiffness (n_blades, n_damper) of the stuck contacts of each damper for its own coordinates."""
+        """Stiffness (n_blades, n_damper) of the stuck contacts of each damper for its own
+        coordinates."""
         s, points = self.structure, self.points
         k = np.concatenate([points.kt, points.kn[:, None]], axis=1).reshape(s.n_blades, -1)
         springs = k @ s.rows[..., s.n :].reshape(k.shape[1], -1) ** 2
@@ -585,7 +599,8 @@ class DiskScene:
         )  # fmt: skip
 
     def held(self, springs: float) -> DiskSystem:
-        """Return the equations with holding springs on the mean of dampers, of ``springs`` times their stuck stiffness."""
+        """Return the equations with holding springs on the mean of dampers, of ``springs`` times
+        their stuck stiffness."""
         return replace(self, holding=springs).equations
 
 

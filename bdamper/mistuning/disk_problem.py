@@ -1,12 +1,14 @@
 """Static state and equations of a mistuned bladed disk, before any analysis of its vibration.
 
-If dampers differ, the static contact analysis covers all sectors.  Constant loads and interference are applied first, then
-the preload.  Each load step starts from the sliders of the last one and ends at the first change of a contact state
-(:func:`bdamper.contact.static_state.linear_range`).  Its equations are the harmonic balance equations without harmonics.
+If dampers differ, the static contact analysis covers all sectors.  Constant loads and interference
+are applied first, then the preload.  Each load step starts from the sliders of the last one and
+ends at the first change of a contact state (:func:`bdamper.contact.static_state.linear_range`).
+Its equations are the harmonic balance equations without harmonics.
 
-Newton iteration starts the first step from the state of equal dampers.  From zero it does not converge on 65 blades with
-friction coefficients or masses that differ by 0.5 to 10 %, and shorter steps do not help.  Without gaps a state is
-proportional to its load, so each further step starts from the last state times the ratio of the loads.
+Newton iteration starts the first step from the state of equal dampers.  From zero it does not
+converge on 65 blades with friction coefficients or masses that differ by 0.5 to 10 %, and shorter
+steps do not help.  Without gaps a state is proportional to its load, so each further step starts
+from the last state times the ratio of the loads.
 """
 
 from __future__ import annotations
@@ -63,7 +65,8 @@ class Loading(NamedTuple):
 def static_disk(
     structure: Structure, points: PointArrays, loading: Loading, pinned: NDArray, alike: NDArray
 ) -> tuple[NDArray, NDArray, NDArray]:
-    """Compute the static state of a bladed disk with unequal dampers after a history of load factors.
+    """Compute the static state of a bladed disk with unequal dampers after a history of load
+    factors.
 
     Parameters
     ----------
@@ -154,7 +157,8 @@ def static_disk(
 
 
 def disk_points(structure: Structure, dampers: DamperVariation) -> PointArrays:
-    """Return the contact points of all sectors, sector by sector, with sliders at zero and no shift."""
+    """Return the contact points of all sectors, sector by sector, with sliders at zero and no
+    shift."""
     tuned, N = structure.tuned, structure.n_blades
     n_points = len(structure.sector)
     on_damper = (
@@ -182,7 +186,8 @@ def disk_points(structure: Structure, dampers: DamperVariation) -> PointArrays:
 
 
 def local_vector(structure: Structure, modal: NDArray, force: bool) -> NDArray:
-    """Return the mean motion or static force of a sector (n_sector,) from modal values of the tuned study."""
+    """Return the mean motion or static force of a sector (n_sector,) from modal values of the tuned
+    study."""
     phi = structure.modes(0)
     coordinates, bodies = structure.tuned.static_basis.coordinates, structure.tuned.model.bodies
     of_damper = np.array([bodies[c.body].local is None for c in coordinates], bool)
@@ -197,7 +202,8 @@ class Loaded:
     Parameters
     ----------
     points : PointArrays
-        Contact points of all sectors, with the static sliders and the motion that the coordinates do not represent.
+        Contact points of all sectors, with the static sliders and the motion that the coordinates
+        do not represent.
     load : (n_blades, n_sector) float
         Static forces.
     mean : (n_blades, n_sector) float
@@ -249,8 +255,8 @@ def loaded(structure: Structure, preload: float, dampers: DamperVariation | None
 def disk_system(
     structure: Structure, state: Loaded, excitation: NDArray, response_row: NDArray
 ) -> DiskSystem:
-    """Return the equations of the vibration about a static state under an excitation (n_blades, n_sector) complex, N
-    kg^-1/2."""
+    """Return the equations of the vibration about a static state under an excitation
+    (n_blades, n_sector) complex, N kg^-1/2."""
     tuned = structure.tuned
     scale = float(np.abs(excitation).max())
     pressed = structure.gathered(state.force)
@@ -269,7 +275,8 @@ def disk_system(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DiskProblem(Summarised):
-    """Bladed disk and its equations; for the parameters see :class:`~bdamper.mistuning.BladedDisk`."""
+    """Bladed disk and its equations; for the parameters see
+    :class:`~bdamper.mistuning.BladedDisk`."""
 
     study: Asking | Problem
     mistuning: Mistuning | ArrayLike | None = None
@@ -298,7 +305,8 @@ class DiskProblem(Summarised):
         object.__setattr__(self, "structure", nominal.varied(mistuning, mass))
 
     def replace(self, **changes: Any) -> Self:
-        """Return the same disk with another ``mistuning`` or other ``dampers``; unchanged parts are shared."""
+        """Return the same disk with another ``mistuning`` or other ``dampers``; unchanged parts are
+        shared."""
         for name in changes:
             validation.choice("settings of a bladed disk", name, ("mistuning", "dampers"))
         return replace(self, **changes)
@@ -318,12 +326,14 @@ class DiskProblem(Summarised):
         return Mistuning.of(self.n_blades, self.mistuning).deviation.reshape(self.n_blades, -1)
 
     def tuned(self) -> Asking | Problem:
-        """Return the study of one sector that spans the same space, with the same contact stiffness."""
+        """Return the study of one sector that spans the same space, with the same contact
+        stiffness."""
         return like(self.study, self.structure.tuned)
 
     @cached_property
     def excitation(self) -> NDArray:
-        """Complex forces (n_blades, n_sector) of the first harmonic on the coordinates, N kg^-1/2."""
+        """Complex forces (n_blades, n_sector) of the first harmonic on the
+        coordinates, N kg^-1/2."""
         s, tuned = self.structure, self.structure.tuned
         e = tuned.settings.excitation
         one_force = tuned.settings.acts_at_location and not e.beside
@@ -362,7 +372,8 @@ class DiskProblem(Summarised):
 
     @one_thread
     def tuned_peak(self, preload: float) -> Peak:
-        """Return the highest peak of the tuned disk at a preload; its amplitude is NaN if none was found."""
+        """Return the highest peak of the tuned disk at a preload; its amplitude is NaN if none was
+        found."""
         if preload not in self._tuned_peaks:
             peak = highest_peak(self.structure.tuned, preload)
             self._tuned_peaks[preload] = peak if peak.converged else replace(peak, amplitude=np.nan)

@@ -1,8 +1,9 @@
 """Mistuning of the blades and variation of the dampers of a bladed disk.
 
-The *frequency deviation* ``eps`` of a blade refers to its natural frequencies clamped at the root, without the disk.  These
-are ``(1 + eps)`` times the nominal ones, so the stiffness is ``(1 + eps)**2`` times the nominal one.  (The first-order
-``1 + 2 eps`` misses the frequency by 0.12 % at 5 %.)  Blade ``n`` of an array is sector ``n``, counted toward +X.
+The *frequency deviation* ``eps`` of a blade refers to its natural frequencies clamped at the root,
+without the disk.  These are ``(1 + eps)`` times the nominal ones, so the stiffness is
+``(1 + eps)**2`` times the nominal one.  (The first-order ``1 + 2 eps`` misses the frequency by
+0.12 % at 5 %.)  Blade ``n`` of an array is sector ``n``, counted toward +X.
 """
 
 from __future__ import annotations
@@ -39,8 +40,8 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
     Parameters
     ----------
     deviation : (n_blades,) or (n_blades, n_modes) float
-        Relative deviation of the clamped frequencies of each blade, for all its modes or for each of the first cantilever
-        modes.  Higher modes have the mean of the given ones.
+        Relative deviation of the clamped frequencies of each blade, for all its modes or for each
+        of the first cantilever modes.  Higher modes have the mean of the given ones.
     source : str
         Origin of the deviations: "given", a distribution or a file.
     seed : tuple of int
@@ -65,7 +66,8 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
 
     @classmethod
     def of(cls, n_blades: int, mistuning: Mistuning | ArrayLike | None) -> Mistuning:
-        """Return the mistuning of ``n_blades`` blades from an object, an array of deviations, or None (tuned)."""
+        """Return the mistuning of ``n_blades`` blades from an object, an array of deviations, or
+        None (tuned)."""
         if not isinstance(mistuning, Mistuning):
             mistuning = cls(np.zeros(n_blades) if mistuning is None else np.asarray(mistuning))
         if mistuning.n_blades != n_blades:
@@ -87,7 +89,8 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         ----------
         frequency : (n_blades,) or (n_blades, n_modes) float, Hz
         reference : float or (n_modes,) float, Hz, optional
-            Frequencies of the nominal blade.  By default the mean over the blades, so that the deviations have zero mean.
+            Frequencies of the nominal blade.  By default the mean over the blades, so that the
+            deviations have zero mean.
         source : str
         """
         values = _by_blade("frequency", frequency, 0.0, "frequencies above 0 Hz")
@@ -106,9 +109,9 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         Parameters
         ----------
         path : path-like
-            One row for each blade, one column for each measured mode.  The header has units, such as
-            ``blade,first mode (Hz)``.  A column "blade" numbers the blades from 0 or 1, in any order.  Lines that begin
-            with ``#`` are comments.
+            One row for each blade, one column for each measured mode.  The header has units, such
+            as ``blade,first mode (Hz)``.  A column "blade" numbers the blades from 0 or 1, in any
+            order.  Lines that begin with ``#`` are comments.
         reference : float or (n_modes,) float, Hz, optional
             See :meth:`from_frequencies`.
 
@@ -139,11 +142,11 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         ----------
         n_blades : int
         standard_deviation : float
-            Standard deviation of the distribution. Mean and standard deviation of one drawn pattern scatter about zero and
-            this value; :meth:`without_mean` removes the mean.
+            Standard deviation of the distribution. Mean and standard deviation of one drawn pattern
+            scatter about zero and this value; :meth:`without_mean` removes the mean.
         distribution : {"normal", "uniform"} or Mistuning
-            A measured pattern is resampled with repetition, whole blades at a time.  Its mean is removed and its standard
-            deviation over all modes is scaled to ``standard_deviation``.
+            A measured pattern is resampled with repetition, whole blades at a time.  Its mean is
+            removed and its standard deviation over all modes is scaled to ``standard_deviation``.
         seed : int or sequence of int
             Equal seeds give equal draws.
         """
@@ -180,7 +183,8 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
 
         Shapes are (n_blades, n_modes) and (n_blades,).
 
-        The remaining coordinates (attachment modes and root shapes) have the mean change of the given modes.
+        The remaining coordinates (attachment modes and root shapes) have the mean change of the
+        given modes.
 
         Raises
         ------
@@ -235,7 +239,8 @@ class DamperVariation(Summarised, Storable, kind="bdamper-damper-variation"):
     Parameters
     ----------
     mass : (n_blades,) float
-        Factors of the damper's mass at the same shape, above 0.  They scale its inertia and its centrifugal load.
+        Factors of the damper's mass at the same shape, above 0.  They scale its inertia and its
+        centrifugal load.
     friction_coefficient, contact_stiffness : (n_blades,) float
         Factors for all contact points of a damper: at least 0, and above 0.
     gap : (n_blades,) float, m
@@ -277,7 +282,8 @@ class DamperVariation(Summarised, Storable, kind="bdamper-damper-variation"):
         missing : sequence of int
             Numbers of the missing dampers, from 0.
         **properties : float or (n_blades,) float
-            mass, friction_coefficient, contact_stiffness and gap, see the class; nominal by default.
+            mass, friction_coefficient, contact_stiffness and gap, see the class; nominal by
+            default.
         """
         n = validation.integer("n_blades", n_blades, least=1)
         full: dict[str, Any] = dict.fromkeys(_LIMITS, np.ones(n)) | {"gap": np.zeros(n)}
@@ -308,8 +314,9 @@ class DamperVariation(Summarised, Storable, kind="bdamper-damper-variation"):
         seed : int or sequence of int
             Equal seeds give equal draws of a property, whether or not other properties vary.
         **spread : float
-            mass, friction_coefficient and contact_stiffness: relative standard deviations of factors with lognormal
-            distributions of mean 1, which are positive.  gap: mean of exponentially distributed gaps, m.
+            mass, friction_coefficient and contact_stiffness: relative standard deviations of
+            factors with lognormal distributions of mean 1, which are positive.  gap: mean of
+            exponentially distributed gaps, m.
         """
         n = validation.integer("n_blades", n_blades, least=1)
         generator = np.random.default_rng([*_seed(seed), _DAMPERS])
@@ -370,7 +377,8 @@ def _seed(seed: Any) -> tuple[int, ...]:
 
 
 def _read_frequencies(path: FilePath) -> NDArray:
-    """Read (n_blades,) or (n_blades, n_modes) frequencies from a CSV file, in the order of the blades."""
+    """Read (n_blades,) or (n_blades, n_modes) frequencies from a CSV file, in the order of the
+    blades."""
     try:
         text = Path(path).read_text(encoding="utf-8-sig").splitlines()
         lines = [line for line in text if line.strip() and not line.lstrip().startswith("#")]

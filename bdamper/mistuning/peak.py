@@ -1,4 +1,5 @@
-"""Highest peak of a mistuned bladed disk: a search on a reduced disk, and its highest peaks corrected on the full one.
+"""Highest peak of a mistuned bladed disk: a search on a reduced disk, and its highest peaks
+corrected on the full one.
 
 Continuation of the tuned peak into mistuning loses the highest blade's peak too often.  The search
 (:mod:`bdamper.mistuning.peak_search`) takes four steps.
@@ -6,12 +7,13 @@ Continuation of the tuned peak into mistuning loses the highest blade's peak too
 1. Sweep the frequency band of the tuned disk's waves, with springs that hold the dampers.
 2. Follow the response uphill from the highest maxima to the peaks of single blades.
 3. Weaken the springs to zero for all peaks that may be the highest.
-4. If large blades were reduced to a few shapes, correct the peaks that may be the highest on the full disk.  The change
-   is part of the error estimate.
+4. If large blades were reduced to a few shapes, correct the peaks that may be the highest on the
+   full disk.  The change is part of the error estimate.
 
-A peak of the harmonic balance need not be a steady state in time.  The curve of a lumped disk of six blades (300 N,
-``tests/mistuning/test_in_time.py``) continues from its first maximum of 2.2 mm through some ninety folds to others of 5.4
-to 12 mm.  In time the first persists; the other tested ones decay within a hundred periods (``BladedDisk.time_response``).
+A peak of the harmonic balance need not be a steady state in time.  The curve of a lumped disk of
+six blades (300 N, ``tests/mistuning/test_in_time.py``) continues from its first maximum of 2.2 mm
+through some ninety folds to others of 5.4 to 12 mm.  In time the first persists; the other tested
+ones decay within a hundred periods (``BladedDisk.time_response``).
 """
 
 from __future__ import annotations
@@ -67,21 +69,23 @@ class DiskPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
     response : (n_blades, n_harmonics + 1) complex, m
         Response of all blades at the peak, the mean first.
     climbs : (n, 5) float
-        One row for each peak of a local search: blade, frequency (Hz) and amplitude (m) with the springs of the sweep, the
-        weakest springs with a solution, and the amplitude (m) with them.
+        One row for each peak of a local search: blade, frequency (Hz) and amplitude (m) with the
+        springs of the sweep, the weakest springs with a solution, and the amplitude (m) with them.
     sweep_frequency : (n,) float, Hz
         Frequencies of the coarse sweep with a solution.
     status, reason : str
-        "complete"; "held" if the peak was found only with holding springs on the dampers or on the reduced disk;
-        "incomplete" for a lower bound, if the sweep has a gap or no blade is as high as on the tuned disk; "not found".
+        "complete"; "held" if the peak was found only with holding springs on the dampers or on the
+        reduced disk; "incomplete" for a lower bound, if the sweep has a gap or no blade is as high
+        as on the tuned disk; "not found".
     residual : float
     unknowns : (n_blades, n_coefficients, n_sector) float
     springs : float
-        Holding springs on the mean of dampers, relative to their stuck stiffness; 0 if dampers are free.
+        Holding springs on the mean of dampers, relative to their stuck stiffness; 0 if dampers are
+        free.
     error : float
-        Relative estimate of how much higher the highest peak with free dampers may be.  It combines the changes by weaker
-        springs, the error of the reduced disk, and peaks missed by the local searches.  It is 0 if dampers are free and all
-        maxima of the sweep were examined.
+        Relative estimate of how much higher the highest peak with free dampers may be.  It combines
+        the changes by weaker springs, the error of the reduced disk, and peaks missed by the local
+        searches.  It is 0 if dampers are free and all maxima of the sweep were examined.
     interval : (low, high), Hz
         Band of the sweep.
     cost : Cost
@@ -128,7 +132,8 @@ class DiskPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
 
     @property
     def amplification(self) -> float:
-        """Amplitude relative to the peak of the tuned disk; a lower bound, with a warning, if the peak is incomplete."""
+        """Amplitude relative to the peak of the tuned disk; a lower bound, with a warning, if the
+        peak is incomplete."""
         if self.status == INCOMPLETE:
             warn(f"amplification: a lower bound, since the peak is incomplete: {self.reason}")
         return self.amplitude / self.tuned_amplitude
@@ -140,11 +145,13 @@ class DiskPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
 
     @property
     def nodal_diameters(self) -> NDArray:
-        """Amplitudes (n_blades,) of the travelling waves of 0 to N - 1 nodal diameters in the first harmonic, m."""
+        """Amplitudes (n_blades,) of the travelling waves of 0 to N - 1 nodal diameters in the first
+        harmonic, m."""
         return np.asarray(np.abs(np.fft.fft(self.response[:, 1])) / len(self.response))
 
     def plot_wheel(self, model: Model, path: FilePath | None = None, **options: Any) -> Any:
-        """Draw the disk from the front, blades coloured by their amplitude (:func:`bdamper.plot.plot_wheel`)."""
+        """Draw the disk from the front, blades coloured by their amplitude
+        (:func:`bdamper.plot.plot_wheel`)."""
         return draw(self, "figure", "plot_wheel", path, model, **options)
 
     def _headline(self) -> str:
@@ -164,9 +171,9 @@ class DiskPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
 
 
 MISSED = 0.045
-"""Relative excess of a peak that may have been missed if the sweep has more maxima than local searches.  Of 188 searches
-with three times as many local searches, four exceed all other error terms: by 2.0, 2.1, 3.4 and 4.3 % (measured.md,
-"Peaks of mistuned disks")."""
+"""Relative excess of a peak that may have been missed if the sweep has more maxima than local
+searches.  Of 188 searches with three times as many local searches, four exceed all other error
+terms: by 2.0, 2.1, 3.4 and 4.3 % (measured.md, "Peaks of mistuned disks")."""
 
 
 @validation.check_arguments
@@ -179,9 +186,10 @@ class DiskPeakOptions(validation.Checked):
     spacing : float
         Spacing of the sweep, relative to the half-power width of the tuned peak.
     climbs : int
-        Number of local searches, one for each peak.  With 8 searches from 30 points the cost is 15 % lower than with 12
-        from 60.  In 723 cases on 65 blades, 8 searches miss a peak by more than 1 % in 124 cases and find more in 73
-        (docs/evidence/measured.md, "Peaks of mistuned disks").
+        Number of local searches, one for each peak.  With 8 searches from 30 points the cost is
+        15 % lower than with 12 from 60.  In 723 cases on 65 blades, 8 searches miss a peak by more
+        than 1 % in 124 cases and find more in 73 (docs/evidence/measured.md, "Peaks of mistuned
+        disks").
     least, most : int
         Limits of the number of points of the sweep.
     """
@@ -255,8 +263,8 @@ def peak(
     ----------
     disk, preload : BladedDisk, float (N)
     frequency : (low, high), Hz, optional
-        Band of the sweep; ``bdamper.mistuning.peak_search.band`` by default.  If no blade has a peak in the default band,
-        it is extended to 1.5 times the frequency of the tuned peak.
+        Band of the sweep; ``bdamper.mistuning.peak_search.band`` by default.  If no blade has a
+        peak in the default band, it is extended to 1.5 times the frequency of the tuned peak.
     options, progress : DiskPeakOptions, bool
         Progress bars are shown by default in a terminal and a notebook.
 
@@ -265,19 +273,20 @@ def peak(
     DiskPeak
         ``status`` is one of the following, and ``reason`` explains it.
 
-        * "complete": found with free dampers, and the sweep has no gap of two or more adjacent frequencies.
-        * "held": found only with holding springs on the dampers (``springs``), or only on the reduced disk.
-        * "incomplete": a lower bound.  The sweep has a gap, or no blade is as high as on the tuned disk.
+        * "complete": found with free dampers, and the sweep has no gap of two or more adjacent
+          frequencies.
+        * "held": found only with holding springs on the dampers (``springs``), or only on the
+          reduced disk.
+        * "incomplete": a lower bound.  The sweep has a gap, or no blade is as high as on the tuned
+          disk.
         * "not found": no local search converges; the amplitude is NaN.
 
         Peaks outside the band are ignored.
 
-    Notes
-    -----
-    The extended band is needed by a lumped disk of six blades (engine order 2, 300 N).  With held dampers it vibrates at
-    295 Hz, 13 Hz above the default band; its peak at 230 Hz lies on a branch from folds at 291 Hz.  The comparison with
-    the tuned disk is needed by the same disk at 100 N: it had a "held" peak of 1.9 mm with an error of 20 %, while its
-    sector reaches 118 mm.
+    Notes ----- The extended band is needed by a lumped disk of six blades (engine order 2, 300 N).
+    With held dampers it vibrates at 295 Hz, 13 Hz above the default band; its peak at 230 Hz lies
+    on a branch from folds at 291 Hz.  The comparison with the tuned disk is needed by the same disk
+    at 100 N: it had a "held" peak of 1.9 mm with an error of 20 %, while its sector reaches 118 mm.
     """
     meter, progress = CostMeter(), shows_progress(progress)
     options = validation.instance("options", options or DiskPeakOptions(), DiskPeakOptions)
@@ -341,9 +350,9 @@ def _corrected(
 ) -> tuple[Climbed | None, float | None]:
     """Solve the highest peak to the tolerance; return it with its relative change by the reduction.
 
-    Peaks of the reduced disk are corrected on the full one, from the highest on.  The loop stops when the next peak cannot
-    be higher, given the changes so far.  If no correction converges, the peak of the reduced disk is returned, without a
-    change.
+    Peaks of the reduced disk are corrected on the full one, from the highest on.  The loop stops
+    when the next peak cannot be higher, given the changes so far.  If no correction converges, the
+    peak of the reduced disk is returned, without a change.
     """
     best: Climbed | None = None
     changed: float | None = None
@@ -374,9 +383,10 @@ def _error(
     equations: _Equations,
     all_climbed: bool,
 ) -> float:
-    """Estimate how much higher the highest peak may be (relative), from springs, reduction and missed peaks."""
-    # assumed error of the reduction if no peak was found on the full disk. On the shipped disk (65 blades, 2 %) it is
-    # 0.3 to 2.7 % at 500 N and below 0.8 % at 1 and 2 kN
+    """Estimate how much higher the highest peak may be (relative), from springs, reduction and
+    missed peaks."""
+    # assumed error of the reduction if no peak was found on the full disk. On the shipped disk
+    # (65 blades, 2 %) it is 0.3 to 2.7 % at 500 N and below 0.8 % at 1 and 2 kN
     default_reduction = 0.03
     reduction = (
         0.0 if equations.shapes is None else default_reduction if changed is None else changed
@@ -397,7 +407,8 @@ def _status(top: Climbed, lower: bool, reduced: bool) -> str:
 
 
 def _tuned_higher(top: Climbed | None, tuned: Peak, low: float, high: float) -> str:
-    """Return a note if the tuned disk has a higher peak than all peaks found, or if none was found; otherwise ""."""
+    """Return a note if the tuned disk has a higher peak than all peaks found, or if none was found;
+    otherwise ""."""
     if top is not None and not (
         low <= tuned.frequency <= high and top.height * (1.0 + MISSED) < tuned.amplitude
     ):

@@ -1,12 +1,14 @@
-r"""Search for the peaks of single blades of a mistuned bladed disk, on reduced blades and in a frequency band.
+r"""Search for the peaks of single blades of a mistuned bladed disk, on reduced blades and in a
+frequency band.
 
-**Search.**  Near a peak Newton iteration fails from remote points: with stuck contacts the blades respond so strongly that
-all contacts slip in the next iteration, and a damper in full slip is free along its axis.  Springs on the mean of dampers
-prevent both.  They are weakened along each peak until the dampers are free.
+**Search.**  Near a peak Newton iteration fails from remote points: with stuck contacts the blades
+respond so strongly that all contacts slip in the next iteration, and a damper in full slip is free
+along its axis.  Springs on the mean of dampers prevent both.  They are weakened along each peak
+until the dampers are free.
 
-**Reduced disk.**  Blades move in one shape of their mode family and in shapes of the contact flexibility.  With the modes
-:math:`\phi_{dj}` of the tuned disk with free dampers at every nodal diameter d, the family j of the peak, and the frequency
-:math:`\omega_0` of the tuned peak,
+**Reduced disk.**  Blades move in one shape of their mode family and in shapes of the contact
+flexibility.  With the modes :math:`\phi_{dj}` of the tuned disk with free dampers at every nodal
+diameter d, the family j of the peak, and the frequency :math:`\omega_0` of the tuned peak,
 
 .. math::
     W = \frac1N \sum_d \sum_{i \ne j} \frac{\phi_{di} \phi_{di}^H}{\omega_{di}^2 - \omega_0^2} , \qquad
@@ -37,39 +39,42 @@ from bdamper.util.progress import CostMeter, raise_if_stopped
 # ---- Search ----
 
 WEAKER = (0.1, 0.01, 0.0)
-"""Springs on the mean of dampers, relative to their stuck stiffness: for the sweep, then for each peak in turn.  A sweep
-without peaks is repeated with the next value: a tuned lumped disk of six blades (300 N) has no peak with 0.1, but one with
-0."""
+"""Springs on the mean of dampers, relative to their stuck stiffness: for the sweep, then for each
+peak in turn.  A sweep without peaks is repeated with the next value: a tuned lumped disk of six
+blades (300 N) has no peak with 0.1, but one with 0."""
 ERROR = (0.0, 0.06), (2e-3, 0.13), (2e-2, 0.2)
-"""Pairs (springs, error): smallest relative error assumed with springs above the first number.  The change by weaker
-springs so far predicts the remaining change poorly, so it is only a lower bound.  On 12 disks of 13 blades of the shipped
-disk (2 %, 300 N to 2 kN) these errors cover 41 of 42 peaks with springs of 0.1, and 42 of 42 with 0.01."""
+"""Pairs (springs, error): smallest relative error assumed with springs above the first number.  The
+change by weaker springs so far predicts the remaining change poorly, so it is only a lower bound.
+On 12 disks of 13 blades of the shipped disk (2 %, 300 N to 2 kN) these errors cover 41 of 42 peaks
+with springs of 0.1, and 42 of 42 with 0.01."""
 BELOW = (2e-2, 0.1), (0.0, 0.03)
-"""Pairs (springs, margin): peaks with springs above the first number are released further if they are at most this relative
-margin below the highest.  On 65 blades of the shipped disk (2 %, 2 kN) the third of the held peaks rises from 0.659 to
-0.705 mm with free dampers, while the first has 0.659 mm.  From springs of 0.01 on amplitudes rise by 1.2 % at most."""
+"""Pairs (springs, margin): peaks with springs above the first number are released further if they
+are at most this relative margin below the highest.  On 65 blades of the shipped disk (2 %, 2 kN)
+the third of the held peaks rises from 0.659 to 0.705 mm with free dampers, while the first has
+0.659 mm.  From springs of 0.01 on amplitudes rise by 1.2 % at most."""
 SAME = 0.05
 """Distance in widths of the tuned peak below which two peaks of one blade are the same."""
 
 GAIN = 1e-5
 """Estimated relative increase of the amplitude below which a local search ends."""
 NEAR, ROUGH = 2e-3, 1e-2
-"""Newton step (relative to the vibration) and residual accepted at the first point of a local search.  Without a limit
-of the residual, dampers that are nearly free have not yet reached their positions."""
+"""Newton step (relative to the vibration) and residual accepted at the first point of a local
+search.  Without a limit of the residual, dampers that are nearly free have not yet reached their
+positions."""
 TOLERANCE = 1e-9
 """Residual of a peak, relative to excitation and static load."""
 EXACT = PeakOptions(tolerance=TOLERANCE, max_trials=12)
 SHARE = 0.05
-"""Newton step accepted at the next point of a local search, relative to its step.  On 12 disks of 13 blades 0.02 takes as
-many factorisations; 0.2 takes a quarter more and loses a peak."""
+"""Newton step accepted at the next point of a local search, relative to its step.  On 12 disks of
+13 blades 0.02 takes as many factorisations; 0.2 takes a quarter more and loses a peak."""
 LEAST = 3e-5
 """Smallest step of a local search, relative to the vibration."""
 PLACES = 60
 """Largest number of points of a local search."""
 REACH = 1.0
-"""Largest distance of a local search from its initial peak, relative to the vibration there.  On a lumped disk of six
-blades (300 N) a peak of 1.2 mm with springs of 0.1 becomes 2.2 mm with free dampers.  Without this limit it becomes 5.5 mm,
-which does not persist in time."""
+"""Largest distance of a local search from its initial peak, relative to the vibration there.  On a
+lumped disk of six blades (300 N) a peak of 1.2 mm with springs of 0.1 becomes 2.2 mm with free
+dampers.  Without this limit it becomes 5.5 mm, which does not persist in time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,13 +108,15 @@ class Climbed:
 
     @property
     def error(self) -> float:
-        """Estimate of the relative change of the amplitude until the dampers are free (see ``ERROR``)."""
+        """Estimate of the relative change of the amplitude until the dampers are free
+        (see ``ERROR``)."""
         springs, moved = self.springs[-1], (max(self.heights) - min(self.heights)) / self.height
         return max(moved, *(error for least, error in ERROR if springs > least)) if springs else 0.0
 
     @property
     def below(self) -> float:
-        """Margin below the highest peak within which this one may still become the highest (see ``BELOW``)."""
+        """Margin below the highest peak within which this one may still become the highest
+        (see ``BELOW``)."""
         return next(below for least, below in BELOW if self.springs[-1] > least)
 
     @property
@@ -143,18 +150,20 @@ class Search:
     _held: dict[float, DiskSystem] = field(default_factory=dict, init=False, repr=False)
 
     def held(self, springs: float) -> DiskSystem:
-        """Return the equations with holding springs of a relative stiffness; the meter counts their work."""
+        """Return the equations with holding springs of a relative stiffness; the meter counts their
+        work."""
         if springs not in self._held:
             self._held[springs] = self.system.structure.held(springs) if springs else self.system
             self.meter.watch(self._held[springs])
         return self._held[springs]
 
     def sweep(self, omega: Iterable[float]) -> list[NDArray | None]:
-        """Solve approximately, with holding springs, at ascending frequencies (rad/s); None if Newton iteration fails.
+        """Solve approximately, with holding springs, at ascending frequencies (rad/s); None if
+        Newton iteration fails.
 
-        Each solution starts from the previous solution.  The first Newton step is then the response of the linearised
-        disk with the contact states of that solution, which reveals resonances between two frequencies.  Extrapolation
-        would pass over them.
+        Each solution starts from the previous solution.  The first Newton step is then the response
+        of the linearised disk with the contact states of that solution, which reveals resonances
+        between two frequencies.  Extrapolation would pass over them.
         """
         system, out = self.held(self.springs), []
         at_rest = last = system.structure.at_rest
@@ -177,7 +186,8 @@ class Search:
     def candidates(self, swept: list[NDArray | None], most: int) -> list[tuple[NDArray, int]]:
         """Return solutions and blades of the highest local maxima of a sweep, at most ``most``.
 
-        Two maxima differ in blade or in frequency.  A solution next to a frequency without solution may count as a maximum.
+        Two maxima differ in blade or in frequency.  A solution next to a frequency without solution
+        may count as a maximum.
         """
         failed = np.full(self.system.structure.shape[0], -np.inf)
         height = np.array(
@@ -205,8 +215,8 @@ class Search:
     ) -> Climbed | None:
         """Find the peak near a point; if another blade is higher there, continue with its peak.
 
-        The first point has the frequency of ``y``, or lies in the plane normal to ``tangent``.  Return None if no peak is
-        found.
+        The first point has the frequency of ``y``, or lies in the plane normal to ``tangent``.
+        Return None if no peak is found.
         """
         system = self.held(springs)
         for _ in range(system.structure.shape[0]):
@@ -225,8 +235,8 @@ class Search:
     def settled(self, peak: Climbed, y: NDArray | None = None) -> Climbed | None:
         """Locate a peak to the full tolerance, or search for it again from a point ``y`` near it.
 
-        A peak from ``y`` has the tolerance of :func:`uphill`.  On 65 blades with three harmonics the exact search took
-        76 s and failed.
+        A peak from ``y`` has the tolerance of :func:`uphill`.  On 65 blades with three harmonics
+        the exact search took 76 s and failed.
         """
         if y is not None:
             climbed = self.climb(y, peak.blade, peak.springs[-1])
@@ -256,7 +266,8 @@ class Search:
         return replace(peak, at=c, heights=(*peak.heights[:-1], height))
 
     def different(self, peaks: list[Climbed]) -> list[Climbed]:
-        """Return the peaks without duplicates (same blade and springs, nearly the same frequency)."""
+        """Return the peaks without duplicates (same blade and springs, nearly the same
+        frequency)."""
         out: list[Climbed] = []
         for peak in peaks:
             similar = (
@@ -271,11 +282,12 @@ class Search:
         return out
 
     def freed(self, peaks: list[Climbed]) -> list[Climbed]:
-        """Follow peaks to weaker springs until no peak that may become the highest has springs left to weaken.
+        """Follow peaks to weaker springs until no peak that may become the highest has springs left
+        to weaken.
 
-        Peaks with the strongest springs come first, since a high peak with weaker springs excludes others. This order takes
-        5 % fewer evaluations than the order by height with twelve candidates (nine searches on 65 blades), 2 % fewer with
-        eight (twenty searches).
+        Peaks with the strongest springs come first, since a high peak with weaker springs excludes
+        others. This order takes 5 % fewer evaluations than the order by height with twelve
+        candidates (nine searches on 65 blades), 2 % fewer with eight (twenty searches).
         """
         out = list(peaks)
         while out:
@@ -293,7 +305,8 @@ class Search:
         return out
 
     def weakened(self, peak: Climbed) -> Climbed:
-        """Return the peak with the next weaker springs or, if none is found, with intermediate springs."""
+        """Return the peak with the next weaker springs or, if none is found, with intermediate
+        springs."""
         present = peak.springs[-1]
         target = next(springs for springs in WEAKER if springs < 0.99 * present)
         intermediate = 0.3 * present
@@ -313,10 +326,11 @@ class Search:
 def uphill(
     system: DiskSystem, y: NDArray, tangent: NDArray | None, scale: NDArray
 ) -> Correction | None:
-    """Find the maximum of one blade's response along the curve near a point; stop if another blade becomes higher.
+    """Find the maximum of one blade's response along the curve near a point; stop if another blade
+    becomes higher.
 
-    The secant method is applied to the slope of the amplitude.  Newton iteration at intermediate points stops early, so one
-    factorisation yields both the last correction and the slope.
+    The secant method is applied to the slope of the amplitude.  Newton iteration at intermediate
+    points stops early, so one factorisation yields both the last correction and the slope.
 
     Parameters
     ----------
@@ -325,14 +339,16 @@ def uphill(
     y : (n_unknowns + 1,) float
         Approximate solution.
     tangent : (n_unknowns + 1,) float, optional
-        Tangent of the curve.  The first point lies in the plane normal to it; if omitted, the frequency is fixed.
+        Tangent of the curve.  The first point lies in the plane normal to it; if omitted, the
+        frequency is fixed.
     scale : (n_unknowns + 1,) float
         Units of the unknowns.
 
     Returns
     -------
     Correction or None
-        Maximum, or a point at which another blade is higher; None if no point was found within ``REACH``.
+        Maximum, or a point at which another blade is higher; None if no point was found within
+        ``REACH``.
     """
     condition, reach = (Fixed(), np.inf) if tangent is None else (Plane(tangent), REACH)
     start = y
@@ -369,8 +385,8 @@ def uphill(
 def _ahead(
     system: DiskSystem, point: Correction, scale: NDArray, h: float
 ) -> tuple[float, Correction]:
-    """Return the step along the curve and the next point, with smaller steps until it converges or the step is too
-    small."""
+    """Return the step along the curve and the next point, with smaller steps until it converges or
+    the step is too small."""
     first = abs(h)
     while True:
         guess = point.y + h * point.tangent * scale
@@ -386,17 +402,19 @@ def _ahead(
 # ---- Reduced disk ----
 
 SHAPES = 12
-"""Number of shapes of the contact flexibility.  On the shipped disk (9 points, 54 rows of motion) the error of the stuck
-frequency over five nodal diameters is 47, 3.5, 1.1, 0.3 and 0.1 Hz with 1, 4, 8, 10 and 12 shapes."""
+"""Number of shapes of the contact flexibility.  On the shipped disk (9 points, 54 rows of motion)
+the error of the stuck frequency over five nodal diameters is 47, 3.5, 1.1, 0.3 and 0.1 Hz with 1,
+4, 8, 10 and 12 shapes."""
 
 CLOSE = 2e-3
-"""Largest relative change of the free and the stuck frequency by an acceptable reduction.  With 65 finite-element blades
-it is 2e-4 and 7e-5.  With lumped blades with fourteen random attachments the stuck frequency changes by 5e-2, and peaks
-were too low by a factor of four."""
+"""Largest relative change of the free and the stuck frequency by an acceptable reduction.  With 65
+finite-element blades it is 2e-4 and 7e-5.  With lumped blades with fourteen random attachments the
+stuck frequency changes by 5e-2, and peaks were too low by a factor of four."""
 
 
 def close(structure: Structure, shapes: NDArray, omega: float) -> bool:
-    """Return whether the reduction keeps the frequency nearest to ``omega`` (rad/s), with free and with stuck dampers."""
+    """Return whether the reduction keeps the frequency nearest to ``omega`` (rad/s), with free and
+    with stuck dampers."""
     d = int(structure.tuned.engine_order) % structure.n_blades
     for springs in (0.0 * structure.tuned.point_stiffness, structure.tuned.point_stiffness):
         full, reduced = (
@@ -409,14 +427,15 @@ def close(structure: Structure, shapes: NDArray, omega: float) -> bool:
 
 
 def family_shapes(structure: Structure, omega: float) -> NDArray:
-    """Return mass-normalised shapes of the blades (n, m): contact flexibility, the most flexible ones last, then the
-    family.
+    """Return mass-normalised shapes of the blades (n, m): contact flexibility, the most flexible
+    ones last, then the family.
 
     Parameters
     ----------
     structure : Structure
     omega : float, rad/s
-        Frequency of the tuned peak.  The family contains the highest mode below it at the engine order, with free dampers.
+        Frequency of the tuned peak.  The family contains the highest mode below it at the engine
+        order, with free dampers.
     """
     tuned, local, N = structure.tuned, structure.local, structure.n_blades
     modes = [local.modes(d) for d in range(N // 2 + 1)]
@@ -445,7 +464,8 @@ def family_shapes(structure: Structure, omega: float) -> NDArray:
 
 
 def reduced_state(structure: Structure, state: Loaded, shapes: NDArray) -> Loaded:
-    """Return the static state as the origin of the motion in shapes, with the remaining static forces."""
+    """Return the static state as the origin of the motion in shapes, with the remaining static
+    forces."""
     n = structure.n
     blades, load = state.mean[:, :n], state.load
     motion = structure.motion(np.pad(blades, ((0, 0), (0, structure.n_damper)))).reshape(-1, 3)
@@ -460,15 +480,17 @@ def reduced_state(structure: Structure, state: Loaded, shapes: NDArray) -> Loade
 # ---- Band ----
 
 FAR = 1.5
-"""Ratio to the frequency of the tuned peak beyond which waves of other nodal diameters count as another mode family."""
+"""Ratio to the frequency of the tuned peak beyond which waves of other nodal diameters count as
+another mode family."""
 
 
 def band(disk: DiskProblem, preload: float) -> tuple[float, float, float]:
-    """Return the frequency band (low, high) of the peaks and the half-power width of the tuned peak, in Hz.
+    """Return the frequency band (low, high) of the peaks and the half-power width of the tuned
+    peak, in Hz.
 
-    Each contact point is replaced by its equivalent spring and damper in the first harmonic at the tuned peak.  The band
-    contains the resonances of all waves of the tuned disk.  It is extended by the standard deviation of the blade
-    frequencies and by two widths at each end.
+    Each contact point is replaced by its equivalent spring and damper in the first harmonic at the
+    tuned peak.  The band contains the resonances of all waves of the tuned disk.  It is extended by
+    the standard deviation of the blade frequencies and by two widths at each end.
     """
     s, tuned, top = disk.structure, disk.structure.tuned, disk.tuned_peak(preload)
     system = tuned.system(preload)

@@ -1,13 +1,16 @@
-"""Samples of mistuned bladed disks: the highest blade of each, in a file that can be resumed, with an audit of the search.
+"""Samples of mistuned bladed disks: the highest blade of each, in a file that can be resumed, with
+an audit of the search.
 
-The deviations and the dampers of disk ``k`` are drawn with the seed ``(seed, k)``.  One unit pattern is scaled to every
-standard deviation.  A disk is therefore the same at every preload and standard deviation, and in a study with more
-harmonics.  More disks can be added to a sample in the same results file.
+The deviations and the dampers of disk ``k`` are drawn with the seed ``(seed, k)``.  One unit
+pattern is scaled to every standard deviation.  A disk is therefore the same at every preload and
+standard deviation, and in a study with more harmonics.  More disks can be added to a sample in the
+same results file.
 
-**Audit.**  A coarse sweep with local searches (:mod:`bdamper.mistuning.peak_search`) can miss the highest peak.  Therefore
-a random part of the disks, drawn before any result is known, is searched again with half the spacing and three times the
-number of local searches.  After the sample, the same fraction of the highest disks of each cell is also searched again,
-since results are quoted from the tail.  Both searches release their dampers, and the released peaks are compared.
+**Audit.**  A coarse sweep with local searches (:mod:`bdamper.mistuning.peak_search`) can miss the
+highest peak.  Therefore a random part of the disks, drawn before any result is known, is searched
+again with half the spacing and three times the number of local searches.  After the sample, the
+same fraction of the highest disks of each cell is also searched again, since results are quoted
+from the tail.  Both searches release their dampers, and the released peaks are compared.
 """
 
 from __future__ import annotations
@@ -61,7 +64,8 @@ from bdamper.util.tables import (
 
 
 def highest_disks(height: NDArray, audit: float) -> NDArray:
-    """Return the mask (n_disks, ...) of the fraction ``audit`` of the disks with the highest amplitudes in each cell."""
+    """Return the mask (n_disks, ...) of the fraction ``audit`` of the disks with the highest
+    amplitudes in each cell."""
     n = int(np.ceil(audit * len(height) - 1e-9))
     rank = np.argsort(
         np.argsort(-np.nan_to_num(height, nan=-np.inf), axis=0, kind="stable"),
@@ -74,7 +78,8 @@ def highest_disks(height: NDArray, audit: float) -> NDArray:
 @short_repr
 @dataclass(frozen=True)
 class Audit(Summarised, Tabular, row="search"):
-    """Comparison of the highest peaks of a search with a thorough search of the same disks, with free dampers in both.
+    """Comparison of the highest peaks of a search with a thorough search of the same disks, with
+    free dampers in both.
 
     Parameters
     ----------
@@ -86,7 +91,8 @@ class Audit(Summarised, Tabular, row="search"):
     error : (n,) float
         Error estimate of the search (:class:`~bdamper.mistuning.peak.DiskPeak`).
     tolerance : float
-        A peak counts as missed if the thorough search exceeds it by more than this relative difference.
+        A peak counts as missed if the thorough search exceeds it by more than this relative
+        difference.
     status : tuple of str
         "complete", or why one of the searches has no peak.
     """
@@ -108,7 +114,8 @@ class Audit(Summarised, Tabular, row="search"):
 
     @property
     def covered(self) -> NDArray:
-        """Whether the error estimate of the search, or the tolerance, covers the higher peak, (n,) bool."""
+        """Whether the error estimate of the search, or the tolerance, covers the higher peak, (n,)
+        bool."""
         return np.asarray(
             self.thorough <= (1.0 + np.maximum(self.error, self.tolerance)) * self.search
         )
@@ -151,10 +158,11 @@ class BestPreload(Summarised):
     standard_deviation : float
     preload : float, N
     amplitude : Interval, m
-        The percentile at this preload, with its 95 % interval, which includes the errors of the amplitudes.
+        The percentile at this preload, with its 95 % interval, which includes the errors of the
+        amplitudes.
     low, high : float, N
-        Range of the best preload in 95 % of the bootstrap samples, which resample disks, for amplitudes within their
-        errors.
+        Range of the best preload in 95 % of the bootstrap samples, which resample disks, for
+        amplitudes within their errors.
     kind : {"interior", "end"}
         Whether the preload is inside the range of the sample or at one of its ends.
     tuned_preload, tuned_amplitude : float, N and m
@@ -191,8 +199,9 @@ class MistunedSample(
 ):
     """Highest blades of many bladed disks.
 
-    Arrays of shape (n_disks, n_deviations, n_preloads) are NaN without a result.  ``plot`` draws percentiles over
-    the standard deviation or the preload (:func:`bdamper.plot.plot_sample`), ``plot_tail`` the distribution with its tail.
+    Arrays of shape (n_disks, n_deviations, n_preloads) are NaN without a result.  ``plot`` draws
+    percentiles over the standard deviation or the preload (:func:`bdamper.plot.plot_sample`),
+    ``plot_tail`` the distribution with its tail.
 
     Parameters
     ----------
@@ -251,14 +260,16 @@ class MistunedSample(
 
     @property
     def complete(self) -> bool:
-        """Whether the search of every disk, and the thorough search of every audited disk, is complete."""
+        """Whether the search of every disk, and the thorough search of every audited disk, is
+        complete."""
         return all_complete(self.status) and all(
             s in (COMPLETE, "not asked") for s in self.curve_status
         )
 
     @property
     def amplification(self) -> Numbers:
-        """Amplitude relative to the tuned disk at the same preload, (n_disks, n_deviations, n_preloads)."""
+        """Amplitude relative to the tuned disk at the same preload, (n_disks, n_deviations,
+        n_preloads)."""
         return np.asarray(self.amplitude / self.tuned_amplitude)
 
     @property
@@ -268,10 +279,11 @@ class MistunedSample(
         return float(np.mean(known > 0.0)) if len(known) else 0.0
 
     def percentile(self, q: float, quantity: str = "amplification") -> NDArray:
-        """Return the lower end, estimate and upper end of a percentile over the disks, (3, n_deviations, n_preloads).
+        """Return the lower end, estimate and upper end of a percentile over the disks, (3,
+        n_deviations, n_preloads).
 
-        Intervals are distribution-free (:mod:`bdamper.mistuning.statistics`), include the ``error`` of the amplitudes, and
-        are infinite if the sample is too small.
+        Intervals are distribution-free (:mod:`bdamper.mistuning.statistics`), include the ``error``
+        of the amplitudes, and are infinite if the sample is too small.
         """
         values = getattr(
             self,
@@ -290,12 +302,14 @@ class MistunedSample(
         preload: float | None = None,
         tail: float = 0.5,
     ) -> WeibullTail:
-        """Fit a Weibull distribution to the upper amplification factors of one cell; the last values by default."""
+        """Fit a Weibull distribution to the upper amplification factors of one cell; the last
+        values by default."""
         i, j = self.cell(standard_deviation, preload)
         return weibull_tail(self.amplification[:, i, j], tail)
 
     def cell(self, standard_deviation: float | None, preload: float | None) -> tuple[int, int]:
-        """Return the indices of a standard deviation and a preload of the sample, the last ones by default.
+        """Return the indices of a standard deviation and a preload of the sample, the last ones by
+        default.
 
         Raises
         ------
@@ -314,7 +328,8 @@ class MistunedSample(
         return out[0], out[1]
 
     def best_preload(self, q: float = 95.0, standard_deviation: float | None = None) -> BestPreload:
-        """Find the preload of the sample with the smallest ``q`` % percentile of the highest blade amplitude.
+        """Find the preload of the sample with the smallest ``q`` % percentile of the highest blade
+        amplitude.
 
         Raises
         ------
@@ -350,7 +365,8 @@ class MistunedSample(
         )  # fmt: skip
 
     def audit(self, tail: bool = False, tolerance: float = 0.01) -> Audit:
-        """Compare with the thorough search: the disks drawn before any result, or the highest of each cell if ``tail``."""
+        """Compare with the thorough search: the disks drawn before any result, or the highest of
+        each cell if ``tail``."""
         chosen = np.broadcast_to(
             np.isin(self.disks, self.audited)[:, None, None], self.amplitude.shape
         )
@@ -369,7 +385,8 @@ class MistunedSample(
         )  # fmt: skip
 
     def plot_tail(self, path: FilePath | None = None, **options: Any) -> Any:
-        """Draw the distribution of one cell with its tail (:func:`bdamper.plot.plot_sample_tail`)."""
+        """Draw the distribution of one cell with its tail
+        (:func:`bdamper.plot.plot_sample_tail`)."""
         return draw(self, "figure", "plot_tail", path, **options)
 
     def _grid(self) -> dict[str, Any]:
@@ -380,7 +397,8 @@ class MistunedSample(
         }
 
     def _facts(self) -> tuple[Fact, ...]:
-        """Return the number of disks, the amplification factors of every cell, and the results of the audits."""
+        """Return the number of disks, the amplification factors of every cell, and the results of
+        the audits."""
         middle, upper = self.percentile(50.0)[1], self.percentile(95.0)
         cells = [
             Fact(f"factor at {100.0 * d:g} %, {p:g} N", f"median {middle[i, j]:.4g}, 95 % {Interval(*upper[:, i, j])}")
@@ -461,7 +479,8 @@ class _Sample:
         )
 
     def audits(self, peaks: Records, share: float, drawn: NDArray) -> list[int]:
-        """Return the indices of the points to search again: the disks ``drawn`` in advance and the highest disks.
+        """Return the indices of the points to search again: the disks ``drawn`` in advance and the
+        highest disks.
 
         Nothing is returned before all peaks are known.
         """
@@ -472,7 +491,8 @@ class _Sample:
         return [int(i) for i in np.flatnonzero(chosen & np.isfinite(height))]
 
     def __call__(self, settings: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Search for the highest peak of one disk at one preload, thoroughly if an interval is given."""
+        """Search for the highest peak of one disk at one preload, thoroughly if an interval is
+        given."""
         interval = settings.get("interval")
         options = thorough(self.options) if interval else self.options
         disk = self.draw(settings["disk"], settings["standard_deviation"])
@@ -480,7 +500,8 @@ class _Sample:
         return answers(peak) | {"interval": list(peak.interval)}
 
     def header(self) -> dict[str, Any]:
-        """Return the header that identifies the sample in its results file; it does not depend on the number of disks."""
+        """Return the header that identifies the sample in its results file; it does not depend on
+        the number of disks."""
         over = {name: values for name, values in self.over.items() if name != "disk"}
         return {
             "format": "bdamper-wheel-sample", "version": 4, **INSTALLED.attributes(),
@@ -497,7 +518,8 @@ def thorough(options: DiskPeakOptions) -> DiskPeakOptions:
 
 
 def audit_disks(disks: Sequence[int], share: float, seed: int = 0) -> NDArray:
-    """Return the numbers of the audited disks, each drawn independently with a probability before any result is known."""
+    """Return the numbers of the audited disks, each drawn independently with a probability before
+    any result is known."""
     share = validation.number("audit", share, least=0.0, most=1.0)
     return np.array(
         [k for k in disks if np.random.default_rng([seed, k, _AUDIT]).random() < share], int
@@ -521,7 +543,8 @@ def mistuned_sample(
     resume: str | Path | None = None,
     progress: bool | None = None,
 ) -> MistunedSample:
-    """Compute the highest blade of many mistuned bladed disks over the standard deviation and the preload.
+    """Compute the highest blade of many mistuned bladed disks over the standard deviation and the
+    preload.
 
     Parameters
     ----------
@@ -533,15 +556,17 @@ def mistuned_sample(
     disks : int or sequence of int
         Number of disks, or their numbers.  Disk ``k`` does not depend on the others.
     distribution : {"normal", "uniform"} or Mistuning
-        See :meth:`bdamper.mistuning.Mistuning.random`; a measured pattern is resampled with repetition.
+        See :meth:`bdamper.mistuning.Mistuning.random`; a measured pattern is resampled with
+        repetition.
     dampers : mapping, optional
-        Arguments of :meth:`bdamper.mistuning.DamperVariation.random`: relative standard deviations of "mass",
-        "friction_coefficient" and "contact_stiffness", mean of "gap" (m), and numbers of "missing" dampers.  Equal dampers
-        by default.
+        Arguments of :meth:`bdamper.mistuning.DamperVariation.random`: relative standard deviations
+        of "mass", "friction_coefficient" and "contact_stiffness", mean of "gap" (m), and numbers of
+        "missing" dampers.  Equal dampers by default.
     options : DiskPeakOptions
         Options of the search for each peak.
     audit : float
-        Probability that a disk is drawn for a thorough search, and fraction of the highest disks searched thoroughly.
+        Probability that a disk is drawn for a thorough search, and fraction of the highest disks
+        searched thoroughly.
     seed : int
         Equal seeds give equal disks.
     executor, resume, progress
@@ -604,7 +629,8 @@ def mistuned_sample(
 def _records(
     sample: _Sample, audit: float, audited: NDArray, run: Callable[..., Records]
 ) -> tuple[Records, Records, list[int]]:
-    """Return the records of all peaks, those of the thorough searches, and the indices of the latter."""
+    """Return the records of all peaks, those of the thorough searches, and the indices of the
+    latter."""
     cells = list(itertools.product(*sample.over.values()))
     points, names = (
         [dict(zip(sample.over, cell)) for cell in cells],

@@ -1,9 +1,11 @@
-"""Statistics of a sample of bladed disks: percentiles and probabilities with confidence intervals, and the tail.
+"""Statistics of a sample of bladed disks: percentiles and probabilities with confidence intervals,
+and the tail.
 
-Intervals of percentiles are distribution-free: of n independent values the number below the percentile is binomial, so two
-order statistics enclose it with at least 95 %.  If values have errors, the lower end of the interval uses their lower
-bounds, the upper end their upper bounds.  The interval is open if the sample is too small for an upper end.  Intervals of
-probabilities are Clopper-Pearson intervals (Biometrika 26, 1934), whose coverage is at least the nominal coverage.
+Intervals of percentiles are distribution-free: of n independent values the number below the
+percentile is binomial, so two order statistics enclose it with at least 95 %.  If values have
+errors, the lower end of the interval uses their lower bounds, the upper end their upper bounds.
+The interval is open if the sample is too small for an upper end.  Intervals of probabilities are
+Clopper-Pearson intervals (Biometrika 26, 1934), whose coverage is at least the nominal coverage.
 """
 
 from __future__ import annotations
@@ -52,12 +54,14 @@ def percentile(values: NDArray, q: float, error: NDArray | float = 0.0) -> Inter
     q : float
         Percentage, between 0 and 100.
     error : (n,) float, optional
-        Relative error of each value in both directions.  The interval covers all values within their errors.
+        Relative error of each value in both directions.  The interval covers all values within
+        their errors.
 
     Returns
     -------
     Interval
-        The value is the median-unbiased estimate from the known values, within the sample; NaN without known values.
+        The value is the median-unbiased estimate from the known values, within the sample; NaN
+        without known values.
     """
     q = validation.number("percentile", q, above=0.0, below=100.0) / 100.0
     known = values[np.isfinite(values)]
@@ -82,7 +86,8 @@ def percentile(values: NDArray, q: float, error: NDArray | float = 0.0) -> Inter
 
 
 def share(count: int, n: int) -> Interval:
-    """Estimate a probability from ``count`` successes in ``n`` independent trials, with the Clopper-Pearson interval."""
+    """Estimate a probability from ``count`` successes in ``n`` independent trials, with the
+    Clopper-Pearson interval."""
     if n == 0:
         return Interval(0.0, np.nan, 1.0)
     low, high = scipy.stats.binomtest(count, n).proportion_ci(0.95)
@@ -96,9 +101,9 @@ class WeibullTail(Summarised):
 
     .. math:: F(x) = \exp\left(-\left(\frac{b - x}{s}\right)^k\right), \quad x \le b .
 
-    It is the limit distribution of the highest of many bounded blade amplitudes (reviewed by Castanier and Pierre,
-    J. Propulsion and Power 22, 2006).  Values below the threshold enter by their number alone, so the body of the
-    distribution does not distort the tail.
+    It is the limit distribution of the highest of many bounded blade amplitudes (reviewed by
+    Castanier and Pierre, J. Propulsion and Power 22, 2006).  Values below the threshold enter by
+    their number alone, so the body of the distribution does not distort the tail.
 
     Parameters
     ----------
