@@ -587,6 +587,9 @@ def _outcome(result: ResponseCurve | OptimalCurve) -> tuple[float, float, float,
     if result.peak_at_end:
         status = f"{result.status}, no peak: highest {peak_text(top.amplitude, top.frequency)}"
         return np.nan, np.nan, result.preload, status
+    if why := result.may_be_higher:
+        bound = f"lower bound {peak_text(top.amplitude, top.frequency)}: {why}"
+        return np.nan, np.nan, result.preload, with_reason(INCOMPLETE, bound)
     return top.amplitude, top.frequency, result.preload, result.status
 
 

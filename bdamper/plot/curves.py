@@ -83,9 +83,12 @@ def _draw_tracking(ax: Axes, curve: ResponseCurve, look: Mapping[str, Any], labe
                 ax.plot(f[part], a[part], color=colour, alpha=0.3)
             ax.plot(f[part], a[part], **{**look, "linestyle": DASHED if unstable[part[0]] else "-"})
     if len(curve):  # filled at a peak, open at the end of a computed part
-        face = "w" if _only_highest(curve) else colour
-        mark = look["marker"] or "o"
-        ax.plot(f[curve.peak_index], curve.peak.amplitude, mark, color=colour, markersize=5.0, markerfacecolor=face)
+        bound = bool(curve.may_be_higher)
+        face = "w" if bound or _only_highest(curve) else colour
+        mark, name = look["marker"] or "o", once(ax, "lower bound") if bound else None
+        ax.plot(
+            f[curve.peak_index], curve.peak.amplitude, mark, color=colour, markersize=5.0, markerfacecolor=face, label=name
+        )
     ax.plot([], [], **{**look, "linestyle": "-"}, label=label)
 
 

@@ -430,7 +430,7 @@ class Page:
         point = peak_text(curve.amplitude[answer.point], curve.frequency[answer.point]) if len(curve) else ""
         chosen = f" Chosen point: {point}." if point and answer.full and answer.question.point is not None else ""
         whole = answer.full or curve.complete
-        if whole and len(curve) and curve.complete and not curve.peak_at_end:
+        if whole and len(curve) and not curve.may_be_higher and not curve.peak_at_end:
             peak, load = peak_text(curve.peak.amplitude, curve.peak.frequency), amount(curve.preload, "N")
             text = f"{DOT} <b>Peak {peak}</b>" + (f" at a preload of {load}." if curve.preload else ".")
         else:
@@ -443,7 +443,8 @@ class Page:
             self._put(name, limit.frequency, 1e6 * limit.amplitude)
         if len(curve):
             self._put("point", curve.frequency[[answer.point]], 1e6 * curve.amplitude[[answer.point]])
-            is_peak = [] if curve.peak_at_end else [curve.peak]
+            # the curve of the preload shows lower bounds; the marker belongs to peaks
+            is_peak = [] if curve.peak_at_end or curve.may_be_higher else [curve.peak]
             self._put("marker", [curve.preload for _ in is_peak], [1e6 * peak.amplitude for peak in is_peak])
             self.curve.x_range.update(start=float(curve.frequency.min()), end=float(curve.frequency.max()))
         if answer.full and len(curve):

@@ -258,8 +258,8 @@ class AtPreload:
 
     @property
     def known(self) -> bool:
-        """Whether the highest point is a maximum of a complete curve, and nothing higher is known."""
-        if self.top is None or not self.curve.complete:
+        """Whether the highest point is a maximum of a complete curve, and nothing higher is known or was given up."""
+        if self.top is None or not self.curve.complete or given_up(self.curve):
             return False
         return self.top.kind != "end" and not self.top.note
 
@@ -289,7 +289,8 @@ class AtPreload:
             return with_reason(status, f"{self.curve.status}: {self.curve.reason}".removeprefix(f"{status}: "))
         if status_word(self.top.status) == INCOMPLETE:
             return self.top.status
-        return with_reason(COMPLETE, given_up(self.curve))
+        why = given_up(self.curve)
+        return with_reason(INCOMPLETE, f"{why}, where the response could be higher") if why else COMPLETE
 
     def record(self) -> dict[str, Any]:
         """Return all data as numbers, texts, lists and arrays."""
@@ -392,8 +393,9 @@ def highest_peak(
     -------
     Peak
         ``corner`` is set unless it is a smooth maximum.  The status is "incomplete" if the curve is incomplete, has no
-        maximum in the interval, or is higher at an end or on a separate branch.  The amplitude is then NaN, and
-        ``lower_bound`` has the highest computed maximum, or the end.  The amplitude of an unbounded resonance is infinite.
+        maximum in the interval, gave up a branch among many folds, or is higher at an end or on a separate branch.  The
+        amplitude is then NaN, and ``lower_bound`` has the highest computed maximum, or the end.  The amplitude of an
+        unbounded resonance is infinite.
         The status is "not found" with the reason, and there are no unknowns, if no response was found in the interval.
     """
     frequency = peak_interval(problem.at(preload), frequency, mode)

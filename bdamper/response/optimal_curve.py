@@ -33,7 +33,7 @@ from bdamper.model.kinematics import centrifugal_load
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.followed_peak import without_lost_peaks
 from bdamper.response.headline import NEAR_BEST
-from bdamper.response.highest_peak import REACH, AtPreload, check_options, found_at, given_up
+from bdamper.response.highest_peak import REACH, AtPreload, check_options, found_at
 from bdamper.response.linear_limits import linear_peak, peak_interval
 from bdamper.response.optimal_curve_result import OptimalCurve, OptimumPoint
 from bdamper.response.peak import Family, Peak, PeakOptions, find_peak
@@ -345,7 +345,10 @@ def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
     with_value = [item for item in by_log.values() if np.isfinite(item.value) and item.preload > edge]
     if not with_value:
         reason = "no preload has a value"
-        if any(item.top is not None and item.top.note for item in by_log.values()):
+        noted = [item for item in by_log.values() if item.top is not None and item.top.note]
+        if any(item.followed for item in noted):
+            reason += f"; it is {noted[0].top.note}" if noted[0].top is not None else ""
+        elif noted:
             reason += "; another resonance is higher, widen frequency"
         return OptimumPoint(np.nan, np.nan, np.nan, "none", np.inf, with_reason(NOT_FOUND, reason))
     height = [item.value for item in with_value]
@@ -382,8 +385,6 @@ def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
     elif best.open is not None:
         low, high = np.exp(best.open)
         status = with_reason(INCOMPLETE, f"the highest peak could be lower between {low:.6g} and {high:.6g} N")
-    elif why := given_up(at.curve):
-        status = with_reason(INCOMPLETE, f"{why}, where its peak could be higher")
     peak = at.top.peak
     return OptimumPoint(at.preload, peak.amplitude, peak.frequency, kind, best.uncertainty, status, peak.half_range)
 

@@ -239,6 +239,15 @@ class ResponseCurve(InContact, Comparable, FrequencySeries, Tabular, Recorded, S
         )  # fmt: skip
 
     @property
+    def may_be_higher(self) -> str:
+        """Reason why the largest response is only a lower bound of the resonance; empty if nothing higher is known."""
+        if not len(self) or self.kind not in ("response", "run-up"):
+            return ""
+        if not self.complete:
+            return f"{self.status}, {self.reason}"
+        return self.higher(float(self.amplitude[self.peak_index]))
+
+    @property
     def out_of_reach(self) -> NDArray:
         """Whether each point (n,) is on a closed branch, or on a separate branch that is higher than the peak."""
         above = self.separate[self.amplitude[self.separate] > self.amplitude[self.peak_index]]
@@ -363,7 +372,8 @@ class ResponseCurve(InContact, Comparable, FrequencySeries, Tabular, Recorded, S
         if self.blades is not None:
             load += f", blade {np.argmax(np.abs(self.blades[i, :, 1]))}"
         peak = peak_and_range(self.amplitude[i], self.frequency[i], self.half_range)
-        out = [f"{HIGHEST if self.peak_at_end else what} of {peak}{load}."]
+        what = HIGHEST if self.peak_at_end else "Lower bound of the resonance" if self.may_be_higher else what
+        out = [f"{what} of {peak}{load}."]
         if self.peak_at_end:
             out.append(f"It lies at an end of the curve ({amount(low, 'Hz')} to {amount(high, 'Hz')}) and is not a peak.")
         if higher := self.higher(self.amplitude[i]):

@@ -164,7 +164,7 @@ def test_a_curve_given_up_among_folds_is_followed_again(study, monkeypatch, leas
     monkeypatch.setattr(module, "highest_of_curve", lambda system, curve, options: highest(curve))
     found = module.found_at(study.problem, 1000.0, INTERVAL, budget=budget)
     assert len(asked) == curves and found.top.peak.amplitude == whole.amplitude.max()
-    told = "complete: a branch was given up among many folds from 290 to 300 Hz"
+    told = "incomplete: a branch was given up among many folds from 290 to 300 Hz, where the response could be higher"
     assert found.status == ("complete" if least == "coarse" else told)
 
 
@@ -183,9 +183,14 @@ def test_an_optimum_whose_curve_was_given_up_is_not_verified(study, monkeypatch)
     assert not beyond.optimum.verified and "widen frequency" in beyond.optimum.status
     doubt = replace(beyond, time_response=in_time)._headline()
     assert doubt.startswith(f"No optimum: {beyond.optimum.status}")
-    monkeypatch.setattr(optimal, "given_up", lambda curve: "a branch was given up")
+    module = sys.modules["bdamper.response.highest_peak"]
+    monkeypatch.setattr(module, "given_up", lambda curve: "a branch was given up" if curve.preload == 30.0 else "")
     again = study.optimal_curve(preloads, frequency=INTERVAL, check=False)
-    assert not again.optimum.verified and "a branch was given up, where its peak could be higher" in again.optimum.status
+    assert np.isnan(again.amplitude[0]) and again.lower_bound[0] == pytest.approx(whole.amplitude[0])
+    assert again.status[0] == "incomplete: a branch was given up, where the response could be higher"
+    peak = study.peak(30.0, INTERVAL)
+    assert np.isnan(peak.amplitude) and peak.lower_bound == pytest.approx(whole.amplitude[0])
+    assert peak.status == again.status[0]
     lost = replace(whole.curves[0], status="incomplete", reason="no solution")
     at = sys.modules["bdamper.response.optimal_curve"].AtPreload(300.0, lost, highest(whole.curves[0]), 0.0, "", whole.cost)
     assert at.status == "incomplete: no solution"
@@ -217,10 +222,9 @@ def test_among_folds_a_search_does_not_leave_the_curve():
         bd.reference_model("bladed_disk", 24), bd.Excitation("tip", "tangential"), 10, harmonics=2, friction_coefficient=0.6
     )  # fmt: skip
     peak, curve = study.peak(65.6), study.frequency_response(65.6, (231.1673, 412.9133))
-    assert peak.search_status == "complete" or peak.search_status.startswith(
-        "complete: a branch was given up among many folds from"
-    )
-    assert peak.amplitude == pytest.approx(curve.peak.amplitude, rel=1e-7)
+    complete = peak.search_status == "complete"
+    assert complete or peak.search_status.startswith("incomplete: a branch was given up among many folds from")
+    assert (peak.amplitude if complete else peak.lower_bound) == pytest.approx(curve.peak.amplitude, rel=1e-7)
 
 
 def test_a_response_map_shows_ridge_optimum_and_several_solutions(tmp_path):
@@ -350,3 +354,19 @@ def test_a_curve_of_closed_branches_alone_has_no_peak(study, monkeypatch):
     found = bd.sweep(study, {"preload": [30.0, 100.0]}, frequency=INTERVAL)
     assert found.status[0] == peak.status and found.status[1] == "complete"
     assert np.isnan(found.array("amplitude")[0]) and np.isfinite(found.array("amplitude")[1])
+
+
+def test_the_lower_bound_of_a_curve_is_called_so(study):
+    """Comparison, headline and picture: of an incomplete curve, and of one with a higher separate branch."""
+    whole = study.frequency_response(1000.0, INTERVAL)
+    short = replace(whole, status="incomplete", reason="no solution")
+    assert whole.may_be_higher == "" and short.may_be_higher == "incomplete, no solution"
+    assert short._headline().startswith("Lower bound of the resonance of ")
+    drawn = [curve.plot().axes[0] for curve in (whole, short)]
+    assert ["lower bound" in ax.get_legend_handles_labels()[1] for ax in drawn] == [False, True]
+    answers = iter((whole, short))
+    found = bd.compare({"whole": study, "short": {}}, lambda _: next(answers))
+    assert np.isnan(found.change("short"))
+    (row,) = [row for row in found._rows() if row[0] == "short"]
+    assert row[1] == "" or row[1].strip() in ("-", "nan m", "")
+    assert row[-1].startswith("incomplete: lower bound ")
