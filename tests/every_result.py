@@ -24,7 +24,9 @@ VARIANTS = {"now": pressed(), "smooth": {"friction_coefficient": 0.2}}
 
 def costs(study):
     found = accuracy_cost(study, 2.0, BAND, vary={"harmonics": (1, 3)})
-    return replace(found, runs=tuple(replace(run, seconds=1.0 + k) for k, run in enumerate(found.runs)))
+    runs = tuple(replace(run, seconds=1.0 + k) for k, run in enumerate(found.runs))
+    sources = tuple(replace(error, seconds=2.0) if error.seconds > 0.0 else error for error in found.sources)
+    return replace(found, runs=runs, sources=sources)
 
 
 def fitted_loop():

@@ -42,6 +42,7 @@ reason is given.
     power of the frequency of the first omitted mode. Otherwise all modes of the model, since convergence is slow.
 ``residual flexibility``
     Contact stiffness by a diagonal rule against residual modes, which contain the complete flexibility for stuck modes.
+    If the study has residual modes, their number is doubled.
 """
 
 from __future__ import annotations
@@ -541,6 +542,14 @@ def _more_modes(problem: Problem) -> Richer:
 
 
 def _residual_modes(problem: Problem) -> Richer | None:
-    if problem.stiffness_method not in ("unit_traction", "cigeroglu2009"):
-        return None
-    return problem.replace(contact_stiffness="residual_modes"), "residual modes"
+    method = problem.stiffness_method
+    if isinstance(method, str) and method == "residual_modes":
+        method = ResidualModes()
+    if isinstance(method, ResidualModes):
+        if method.n_vectors == "all":
+            return None
+        more = replace(method, n_vectors=2 * method.n_vectors)
+        return problem.replace(contact_stiffness=more), f"{more.n_vectors} residual modes"
+    if isinstance(method, str) and method in ("unit_traction", "cigeroglu2009"):
+        return problem.replace(contact_stiffness="residual_modes"), "residual modes"
+    return None

@@ -199,9 +199,10 @@ def plot_convergence(convergence: Convergence, ax: Axes = NEW) -> None:
 def plot_accuracy(result: AccuracyCost, ax: Axes = NEW, *, of: str = "peak") -> None:
     """Plot the error over processor time for different settings.
 
-    Each run is a point.  Runs that differ from the reference (the most detailed settings) in one setting are labelled with
-    its value.  The error of the reference is unknown, so a vertical line shows its time.  Crosses at the upper edge are
-    runs of unknown error, triangles at the lower edge runs without a difference from the reference.
+    The error of a run is its difference from the reference (the most detailed settings) plus the estimated error of the
+    reference.  Runs that differ from the reference in one setting are labelled with its value.  An open square is a
+    forecast: settings that were not computed and are expected to meet the tolerance.  Crosses at the upper edge are runs of
+    unknown error, triangles at the lower edge runs without an error.
 
     Parameters
     ----------
@@ -212,31 +213,42 @@ def plot_accuracy(result: AccuracyCost, ax: Axes = NEW, *, of: str = "peak") -> 
     best, names, richest = result.recommended, result.varied, result.richest
     points = {name: {"color": look["color"], "marker": look["marker"]} for name, look in zip(names, looks(len(names)))}
     points[COMBINED] = {"color": "k", "marker": "*", "markersize": 9.0}
-    equal = 1e-12  # relative difference below which two results are equal
+    none = 1e-12  # relative error below which there is none
     within, line = percent(result.tolerance), dict[str, Any](color="0.4", linewidth=0.9)
-    for r in result.runs[1:]:
+    for r in result.runs:
         k = names.index(r.part) if r.part in names else -1
         name = f"{spaced(r.part)} alone, reference {richest.values[k]}" if k >= 0 else r.part
-        look = points.get(r.part, points[COMBINED])
-        ax.plot([], [], linestyle="none", label=once(ax, name), **look)
-        coordinates, y = ax.transData, 100.0 * r.error
-        if not r.error > equal:
-            known, coordinates = bool(np.isfinite(r.error)), ax.get_xaxis_transform()
+        look = {"color": "k", "marker": "D"} if r is richest else points.get(r.part, points[COMBINED])
+        ax.plot([], [], linestyle="none", label=once(ax, "reference" if r is richest else name), **look)
+        coordinates, y = ax.transData, 100.0 * result.error(r)
+        if not result.error(r) > none:
+            known, coordinates = bool(np.isfinite(result.error(r))), ax.get_xaxis_transform()
             y, look = 0.03 if known else 0.95, {**look, "marker": "v" if known else "x"}
         ax.plot(r.seconds, y, transform=coordinates, **look)
         if k >= 0:
             name_point(ax, r.values[k].removesuffix(" samples"), (r.seconds, y), xycoords=coordinates)
-        if r is best:
+        if r is best and result.reached:
             values = "\n".join(f"{spaced(name)} {value}" for name, value in zip(names, best.values))
             ax.plot(r.seconds, y, "ok", transform=coordinates, markerfacecolor="none", markersize=12.0,
                     label=f"fastest within {within}:\n{values}")  # fmt: skip
-    ax.axvline(richest.seconds, linestyle="-.", label="time of the reference", **line)
+    if result.forecast is not None:
+        settings = result.forecast.settings.replace(", ", "\n")
+        ax.plot(result.forecast.seconds, 100.0 * result.forecast.error, "sk", markerfacecolor="none",
+                label=f"forecast:\n{settings}")  # fmt: skip
     ax.axhline(100.0 * result.tolerance, label=f"tolerance, {within}", **line)
-    ratio, others = richest.seconds / (best.seconds or np.nan), ", ".join(spaced(name) for name in names)
-    speed = "none is faster" if best is richest else f"{ratio:.2g} times faster than the reference"
-    title = f"{others[:1].upper()}{others[1:]}, preload {amount(result.preload, 'N')}\nwithin {within}: {speed}"
-    ax.set(xscale="log", yscale="log", xlabel="Processor time (s)", ylabel=f"Error of the {of} (%)", title=title)
+    ax.set(xscale="log", yscale="log", xlabel="Processor time (s)", ylabel=f"Error of the {of} (%)")
+    others = ", ".join(spaced(name) for name in names)
+    verdict = f"within {within}: {_saving(result)}" if result.reached else f"{within} not reached"
+    ax.set_title(f"{others[:1].upper()}{others[1:]}, preload {amount(result.preload, 'N')}\n{verdict}")
     ax.margins(x=0.12, y=0.12)  # for the names
+
+
+def _saving(result: AccuracyCost) -> str:
+    """Return how much faster the recommended settings are."""
+    if result.recommended is result.richest:
+        return "none is faster"
+    ratio = result.richest.seconds / (result.recommended.seconds or np.nan)
+    return f"{ratio:.2g} times faster than the reference"
 
 
 # ---- Columns of a result ----

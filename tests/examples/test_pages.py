@@ -85,7 +85,14 @@ def joints(seen, page, folder):
 
 def accuracy(seen, page, folder):
     """Effects whose errors the page shows."""
-    assert seen[3]["result"].tolerance == 0.05 and seen[2]["curve"].complete
+    assert seen[2]["curve"].complete
+    cost, text = seen[3]["result"], page.read_text()
+    parts = r"most detailed settings: (\d+) %.*?modes ([\d.]+) %.*?flexibility ([\d.]+) %.*?harmonics ([\d.]+) %"
+    shown = re.search(parts, text, re.S)
+    size = {error.source: error.size for error in cost.sources}
+    computed = [cost.uncertainty, size["modes"], size["residual flexibility"], size["harmonics"]]
+    assert numbers(shown.groups()) == pytest.approx(100.0 * np.array(computed), rel=0.05)
+    assert not cost.reached and cost.forecast.settings in " ".join(text.split())
     row = re.compile(r"^ *(translation X|contact points beyond 4|separation) +([+-][\d.]+) %", re.M)
     shown, found = (dict(row.findall(text)) for text in (page.read_text(), seen[-1]["advice"].summary()))
     assert len(shown) == 3

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.analyses.accuracy import AccuracyCost, Run
+from bdamper.analyses.accuracy import AccuracyCost, Forecast, ReferenceError, Run
 from bdamper.analyses.effect_significance import EffectRow, EffectSignificance
 from bdamper.harmonic_balance.effects import ASSUMED, Effects
 from bdamper.importers import BuiltModel, Measurement
@@ -147,12 +147,13 @@ def test_accuracy_explains_its_lines(times):
         Run("contact_points", ("5", "9"), np.nan, np.nan, np.nan, t[1]),
         Run("combination", ("3", "9"), 1e-3, 300.0, 0.0, t[0]),
     )
-    result = AccuracyCost("curve", 500.0, INTERVAL, 0.01, ("harmonics", "contact_points"), runs, ())
+    sources = (ReferenceError("harmonics", 1e-3, 3.0, "harmonics 1 to 10"),)
+    result = AccuracyCost("curve", 500.0, INTERVAL, 0.01, ("harmonics", "contact_points"), runs, {}, sources=sources)
     assert plot_accuracy(result, title="own").get_title() == "own"
     ax = plot_accuracy(result)
     assert legend_texts(ax) == [
-        "harmonics alone, reference 5", "contact points alone, reference 24", "combination",
-        "fastest within 1 %:\nharmonics 3\ncontact points 9", "time of the reference", "tolerance, 1 %",
+        "reference", "harmonics alone, reference 5", "contact points alone, reference 24", "combination",
+        "fastest within 1 %:\nharmonics 3\ncontact points 9", "tolerance, 1 %",
     ]  # fmt: skip
     assert [text.get_text() for text in ax.texts] == ["3", "1", "9"]
     assert_nothing_overlaps(ax)
@@ -161,6 +162,25 @@ def test_accuracy_explains_its_lines(times):
         box = item.get_window_extent()
         assert frame.x0 <= box.x0 and box.x1 <= frame.x1 and frame.y0 <= box.y0 and box.y1 <= frame.y1, item
     assert len(drawn_ticks(ax.xaxis)) >= 2
+
+
+def test_accuracy_that_was_not_reached_shows_what_would():
+    """Reference at its own error, and the forecast to the right of it."""
+    runs = (
+        Run("richest", ("5",), 1e-3, 300.0, 0.0, 2.0),
+        Run("harmonics", ("3",), 1e-3, 300.0, 0.02, 0.5),
+    )
+    sources = (ReferenceError("harmonics", 0.06, 10.0, "harmonics 1 to 10"),)
+    forecast = Forecast("harmonics 1 to 10", 0.03, 10.0)
+    result = AccuracyCost("curve", 500.0, INTERVAL, 0.05, ("harmonics",), runs, {}, sources=sources, forecast=forecast)
+    ax = plot_accuracy(result)
+    assert legend_texts(ax) == [
+        "reference", "harmonics alone, reference 5", "forecast:\nharmonics 1 to 10", "tolerance, 5 %",
+    ]  # fmt: skip
+    drawn = np.array([line.get_xydata()[0] for line in ax.lines if len(line.get_xdata()) == 1])
+    assert drawn == pytest.approx(np.array([(2.0, 6.0), (0.5, 8.12), (10.0, 3.0)]))
+    assert ax.get_title().endswith("5 % not reached")
+    assert_nothing_overlaps(ax)
 
 
 class TestSurfaces:
