@@ -25,6 +25,7 @@ def import_decks(given: argparse.Namespace) -> None:
     """Build a model from decks; write model, report and picture."""
     from bdamper import importers
     from bdamper.plot import save_figure
+    from bdamper.util.storage import file_errors
 
     def body(text: str) -> importers.FEBody:
         deck, _, instance = text.rpartition(":") if Path(text).suffix.lower() not in (".inp", ".cdb") else (text, "", "")
@@ -64,7 +65,8 @@ def import_decks(given: argparse.Namespace) -> None:
     print(built)
     stem = given.out or Path(given.blade.partition(":")[0]).stem
     built.save(f"{stem}.h5")
-    Path(f"{stem}.txt").write_text(f"{built}\n", encoding="utf-8")
+    with file_errors(f"{stem}.txt"):
+        Path(f"{stem}.txt").write_text(f"{built}\n", encoding="utf-8")
     save_figure(built.plot(), f"{stem}.png")
     print(f"wrote {stem}.h5, {stem}.txt, {stem}.png", file=sys.stderr)
 

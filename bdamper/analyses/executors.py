@@ -64,8 +64,9 @@ def recorded(job: Job, settings: Mapping[str, Any]) -> Record:
         if work.interrupted:
             raise ExecutorEnded(work.reason) if work.reason else KeyboardInterrupt
     # SciPy raises ValueError for matrices with infinite entries
-    except (BdamperError, ArithmeticError, ValueError, ExecutorEnded) as error:
-        ending = errors.with_reason(errors.FAILED, error)
+    except (BdamperError, ArithmeticError, ValueError, MemoryError, ExecutorEnded) as error:
+        # MemoryError often has no text
+        ending = errors.with_reason(errors.FAILED, error if str(error) else type(error).__name__)
     spent = watch.read()
     cost = values.pop("cost") if isinstance(values.get("cost"), Cost) else spent
     return {"status": ending, "values": values, "seconds": spent.seconds, "cost": {**vars(cost)}}

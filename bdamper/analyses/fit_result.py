@@ -90,6 +90,21 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
     notes: tuple[str, ...] = ()
     _summary_fields = ("status", "notes")
 
+    def check_rows(self) -> None:
+        """Raise ValueError unless all fields belong to the same points, parameters and tests."""
+        super().check_rows()
+        n, k, n_tests = len(self.place), len(self.names), len(self.tests)
+        expected: dict[str, tuple[int, ...]] = dict.fromkeys(("place", "measured", "model", "test"), (n,))
+        expected |= dict.fromkeys(("values", "low", "high", "deviation", "left_out"), (k,))
+        expected |= {"residual": (n, 2), "information": (k, n_tests)}
+        # fits of older versions have none
+        if len(self.prediction):
+            expected["prediction"] = (n, 2)
+        for name, shape in expected.items():
+            found = np.shape(getattr(self, name))
+            if found != shape:
+                raise ValueError(f"'{name}' has the shape {found}, not {shape}")
+
     def with_present_names(self) -> Self:
         """Return a result of version 3 of the format with the present names of settings."""
         return replace(self, names=tuple(map(present_name, self.names)))

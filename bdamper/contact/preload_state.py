@@ -13,6 +13,7 @@ from bdamper.util.formatting import amount, counted, percent, short_repr
 from bdamper.util.progress import Cost
 from bdamper.util.storage import Storable
 from bdamper.util.tables import (
+    EachRow,
     Kinds,
     Metres,
     Pascals,
@@ -79,7 +80,7 @@ class PreloadState(InContact, Tabular, Storable, kind="bdamper-static", row="con
     slider: NDArray
     force: Annotated[NDArray, Quantity("N", parts=("t1", "t2", "n"))]
     closing: Metres
-    status: PerRow
+    status: Annotated[NDArray, EachRow((2,))]
     residual: float
     steps: int
     iterations: int
@@ -89,10 +90,10 @@ class PreloadState(InContact, Tabular, Storable, kind="bdamper-static", row="con
     interface: Annotated[tuple[str, ...], Quantity()] = ()
     memory: NDArray | None = None
     points: Places | None = None
-    frame: PerRow | None = None
+    frame: Annotated[NDArray, EachRow((3, 3))] | None = None
     area: SquareMetres | None = None
     friction: PerRow | None = None
-    on_friction_face: NDArray | None = None
+    on_friction_face: PerRow | None = None
     _summary_fields = ("contact_area",)
 
     @property

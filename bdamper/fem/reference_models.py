@@ -9,7 +9,7 @@ model.
 from __future__ import annotations
 
 import os
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 from platformdirs import user_cache_path
@@ -17,7 +17,7 @@ from platformdirs import user_cache_path
 from bdamper.model.model_file import load_model, save_model
 from bdamper.model.structure import Model
 from bdamper.util import validation
-from bdamper.util.errors import BdamperError, SettingError
+from bdamper.util.errors import BdamperError, SettingError, warn
 from bdamper.util.storage import INSTALLED
 
 CONTACT_POINTS = {
@@ -83,14 +83,18 @@ def reference_model(name: str = "bladed_disk", contact_points: int | None = None
 
 def _kept(name: str, points: int) -> Model:
     """Return a model from the cache folder of this version; generate it first if it is missing."""
-    folder = user_cache_path("bdamper", version=INSTALLED.bdamper)
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{name}_{points}.h5"
-    with open(path.with_suffix(".lock"), "w") as lock:
-        with suppress(ImportError):  # on Windows two processes may write it at once
-            import fcntl
+    path = user_cache_path("bdamper", version=INSTALLED.bdamper) / f"{name}_{points}.h5"
+    if path.is_file():
+        return load_model(path)
+    with ExitStack() as stack:
+        # on a read-only file system there is nothing to lock
+        with suppress(OSError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            lock = stack.enter_context(open(path.with_suffix(".lock"), "w"))
+            with suppress(ImportError):  # on Windows two processes may write it at once
+                import fcntl
 
-            fcntl.flock(lock, fcntl.LOCK_EX)
+                fcntl.flock(lock, fcntl.LOCK_EX)
         if path.is_file():
             return load_model(path)
         try:
@@ -100,5 +104,10 @@ def _kept(name: str, points: int) -> Model:
                 f"reference model '{name}' with {points} contact points: not in the wheel, and making it needs scikit-fem: "
                 f"pip install 'bdamper[fe]', or name a folder that has {path.name} in BDAMPER_MODELS"
             ) from error
-        save_model(MAKERS[name](points, progress=True), path)
+        model = MAKERS[name](points, progress=True)
+        try:
+            save_model(model, path)
+        except BdamperError as error:
+            warn(f"{error}; reference model '{name}' is generated again by the next process")
+            return model
     return load_model(path)

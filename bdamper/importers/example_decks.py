@@ -10,7 +10,7 @@ from bdamper.importers.ansys import read_ansys
 from bdamper.importers.fe_body import FEBody
 from bdamper.util import validation
 from bdamper.util.errors import mismatch
-from bdamper.util.storage import FilePath
+from bdamper.util.storage import FilePath, existing, file_errors
 
 _ARCHIVES = Path(__file__).resolve().parents[1] / "data" / "decks"
 
@@ -41,10 +41,11 @@ def example_decks(name: str, folder: FilePath = ".") -> list[Path]:
     with ZipFile(_ARCHIVES / f"{name}.zip") as archive:
         contents = {Path(folder) / file: archive.read(file) for file in archive.namelist()}
     for path, content in contents.items():
-        if path.exists() and path.read_bytes() != content:
+        if path.exists() and existing(path).read_bytes() != content:
             raise FileExistsError(f"'{path}' exists and is not the file of the example '{name}'")
     for path, content in contents.items():
-        path.write_bytes(content)
+        with file_errors(path):
+            path.write_bytes(content)
     return list(contents)
 
 

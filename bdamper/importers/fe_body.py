@@ -28,10 +28,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from bdamper.util import validation
 from bdamper.util.display import Summarised
-from bdamper.util.errors import BdamperError, check, mismatch
+from bdamper.util.errors import BdamperError, ModelError, check, mismatch, too_little_memory
 from bdamper.util.formatting import short_repr
 from bdamper.util.records import check_all
-from bdamper.util.storage import MOST_BYTES, FilePath, as_path
+from bdamper.util.storage import MOST_BYTES, FilePath, as_path, existing
 
 # ---- Data of one body ----
 
@@ -322,7 +322,7 @@ BODIES: dict[str, Callable[[FilePath], Any]] = {}
 
 # Exceptions that damaged input causes in parsers.  AttributeError and NameError are errors of this package and pass
 # unchanged, except from other packages (``library=True``).
-_CAUSES: tuple[type[Exception], ...] = (OSError, EOFError, MemoryError, RecursionError, ValueError, LookupError, TypeError)
+_CAUSES: tuple[type[Exception], ...] = (OSError, EOFError, RecursionError, ValueError, LookupError, TypeError)
 _CAUSES += (ArithmeticError, NotImplementedError, struct.error, zlib.error)
 
 LARGEST_COUNT = MOST_BYTES // 8
@@ -356,13 +356,17 @@ def reader(
         @wraps(function)
         def read(path: FilePath, *args: P.args, **keywords: P.kwargs) -> T:
             source = as_path(path)
-            if not source.is_file():
+            if not existing(source, ModelError).is_file():
                 raise FileNotFoundError(f"there is no file '{source}'")
             try:
                 with np.errstate(all="ignore"):  # acts on this thread only, unlike catch_warnings
                     return function(source, *args, **keywords)
             except SystemExit as error:
                 raise mismatch(str(source), expected, "the library ended the program") from error
+            except MemoryError as error:
+                if isinstance(error, BdamperError):
+                    raise
+                raise too_little_memory(f"{source}, {expected}", error) from error
             except Exception as error:
                 if isinstance(error, BdamperError) or not (library or isinstance(error, _CAUSES)):
                     raise
@@ -421,7 +425,7 @@ def parsing(item: str, expected: str, found: object = None) -> Iterator[None]:
         yield
     except BdamperError:
         raise
-    except (ValueError, LookupError, RuntimeError, ArithmeticError, np.linalg.LinAlgError, MemoryError) as error:
+    except (ValueError, LookupError, RuntimeError, ArithmeticError, np.linalg.LinAlgError) as error:
         raise mismatch(item, expected, error if found is None else f"'{str(found).strip()[:60]}'") from error
 
 
@@ -464,6 +468,9 @@ class Included:
         check(below, item, "a file in the folder of this one or below", f"'{name[:60]}'")
         path = source.parent / relative.as_posix()
         check(path.is_file(), item, "an existing file", f"'{name[:60]}'")
+        # a symbolic link can lead elsewhere
+        inside = path.resolve().is_relative_to(source.parent.resolve())
+        check(inside, item, "a file in the folder of this one or below", f"'{name[:60]}', a link to another folder")
         return path
 
 

@@ -295,10 +295,18 @@ def _cells(path: Any) -> tuple[str, int, list[str], list[tuple[int, list[str]]]]
     check(bool(lines), str(path), "a header and rows of numbers", "nothing")
     (first, header), *rest = lines
     mark = next((mark for mark in ";\t" if mark in header), ",")
-    rows = [(k, next(csv.reader([line], delimiter=mark))) for k, line in rest]
+
+    def cells(k: int, line: str) -> list[str]:
+        try:
+            return next(csv.reader([line], delimiter=mark))
+        except csv.Error as error:
+            expected = f"values separated by '{mark}' of at most {csv.field_size_limit()} characters"
+            raise mismatch(f"{path}, line {k}", expected, f"{error}: '{line[:60]}'") from error
+
+    rows = [(k, cells(k, line)) for k, line in rest]
     if mark != ",":
         rows = [(k, [cell.replace(",", ".") for cell in row]) for k, row in rows]
-    return str(path), first, [name.strip() for name in next(csv.reader([header], delimiter=mark))], rows
+    return str(path), first, [name.strip() for name in cells(first, header)], rows
 
 
 HEADER = re.compile(r"(.*?)\s*(?:[(\[](.*)[)\]])?")

@@ -76,7 +76,13 @@ def read_op4(path: Path) -> dict[str, sp.csr_matrix]:
     """
     op4 = import_extra("pyNastran.op4.op4", *_EXTRA).OP4
     _check_op4_sizes(path)
-    content = op4(debug=False).read_op4(str(path))
+    try:
+        content = op4(debug=False).read_op4(str(path))
+    except MemoryError:
+        raise
+    except (Exception, SystemExit) as error:  # pyNastran raises almost anything, with texts of many lines
+        found = f"another or damaged one ({type(error).__name__})"
+        raise mismatch(str(path), "an OP4 file that pyNastran can read", found) from error
     out = {}
     for name, value in content.items():
         data = getattr(value, "data", value[1] if isinstance(value, tuple) else value)

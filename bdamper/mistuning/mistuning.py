@@ -21,7 +21,7 @@ from bdamper.util import plausible_ranges, validation
 from bdamper.util.display import Plottable, Summarised
 from bdamper.util.errors import SettingError, mismatch
 from bdamper.util.formatting import short_repr
-from bdamper.util.storage import FilePath, Storable
+from bdamper.util.storage import FilePath, Storable, existing
 from bdamper.util.tables import Column, Tabular
 
 DISTRIBUTIONS = ("normal", "uniform")
@@ -380,7 +380,7 @@ def _read_frequencies(path: FilePath) -> NDArray:
     """Read (n_blades,) or (n_blades, n_modes) frequencies from a CSV file, in the order of the
     blades."""
     try:
-        text = Path(path).read_text(encoding="utf-8-sig").splitlines()
+        text = existing(path).read_text(encoding="utf-8-sig").splitlines()
         lines = [line for line in text if line.strip() and not line.lstrip().startswith("#")]
         if not lines:
             raise ValueError("none")

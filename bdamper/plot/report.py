@@ -34,7 +34,7 @@ from bdamper.util import validation
 from bdamper.util.display import Plottable, draw, register_plot
 from bdamper.util.errors import COMPLETE, import_extra
 from bdamper.util.formatting import amount, spaced, truncate
-from bdamper.util.storage import FilePath, check_folder, file_errors
+from bdamper.util.storage import FilePath, check_folder, replacing
 
 NOISE = 1.5, 3.0
 """Largest misfits of a fit for green and for amber, in units of its noise."""
@@ -104,8 +104,8 @@ def write_report(
             f"best = study.optimal_curve({_asked(curve)}{band}{check})",
         ),
     )  # fmt: skip
-    with file_errors(path):
-        Path(path).write_bytes(text.encode())
+    with replacing(path) as temporary:
+        temporary.write_bytes(text.encode())
     return Path(path)
 
 

@@ -59,7 +59,7 @@ from bdamper.util.storage import INSTALLED, ResultsFile, json_line
 # ---- response at one preload ----
 
 
-LOST = (ArithmeticError, ValueError)
+LOST = (ArithmeticError, ValueError, MemoryError)
 """Errors of a computation that fails at one preload, for example by overflow; they do not end the optimal curve.
 
 ValueError is what SciPy raises for matrices with infinite entries; LinAlgError and SettingError are ValueErrors too.

@@ -40,6 +40,10 @@ class SettingError(BdamperError, ValueError):
     """Setting that is out of range or does not fit the model."""
 
 
+class TooLittleMemory(BdamperError, MemoryError):
+    """Work that needs more memory than there is."""
+
+
 class StaticError(BdamperError):
     """No static equilibrium was found under a load."""
 
@@ -48,6 +52,13 @@ def mismatch(item: str, expected: str, found: object) -> ModelError:
     """Return a ModelError "item: expected ..., found ..." in one line."""
     # the text of an array can contain line breaks
     return ModelError(f"{item}: expected {' '.join(expected.split())}, found {one_line(found)}")
+
+
+def too_little_memory(item: str, error: Exception) -> TooLittleMemory:
+    """Return the error of an item that needs more memory; MemoryError itself often has no text."""
+    found = f" ({one_line(error)})" if str(error) else ""
+    remedy = "end other programs or reduce the model"
+    return TooLittleMemory(f"{item}: expected enough memory, found too little{found}; {remedy}")
 
 
 def check(good: object, item: str, expected: str, found: object) -> None:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import json
 import math
+import mmap
 import os
 import secrets
 import sys
@@ -31,7 +32,7 @@ from weakref import WeakSet
 import h5py
 
 from bdamper.util import validation
-from bdamper.util.errors import BdamperError, one_line, warn
+from bdamper.util.errors import BdamperError, TooLittleMemory, one_line, too_little_memory, warn
 from bdamper.util.formatting import truncate
 from bdamper.util.records import Record, read_attribute, read_record, subgroup, to_json, write_record, write_text
 
@@ -74,6 +75,8 @@ OLDEST = 3
 """Oldest version that can be read; its names of settings are replaced (:meth:`Storable.with_present_names`)."""
 MOST_BYTES = 1_600_000_000
 """Largest size of all arrays in a file (bytes); a larger size indicates damage, unless the file is as large."""
+OF_HDF5 = 2**22
+"""Memory that HDF5 needs beside the arrays of a file (bytes)."""
 MOST_TEXT = 2**28
 """Largest size of texts, attributes and names in a file (bytes)."""
 
@@ -210,11 +213,31 @@ def as_path(path: FilePath) -> Path:
     return Path(validation.instance("path", path, (str, os.PathLike), "the path of a file"))
 
 
-def existing(path: FilePath) -> Path:
-    """Return the path of a file; raise FileNotFoundError if there is none."""
-    if not as_path(path).exists():
+def existing(path: FilePath, kind: type[BdamperError] = BdamperError) -> Path:
+    """Return the path of a file or folder.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is none.
+    BdamperError
+        If it is a device or a pipe, which may have no end; of type ``kind``.
+    """
+    found = as_path(path)
+    if not found.exists():
         raise FileNotFoundError(f"there is no file '{path}'")
-    return as_path(path)
+    if is_endless(found):
+        raise kind(f"{path}: expected a regular file, found a device or a pipe")
+    return found
+
+
+def is_endless(path: Path) -> bool:
+    """Return whether a path is a device or a named pipe.
+
+    ``/dev/stdin`` is none if it is a pipe, which has a writer.
+    """
+    real = path.resolve()
+    return real.exists() and not (real.is_file() or real.is_dir())
 
 
 def check_folder(path: FilePath) -> None:
@@ -243,6 +266,30 @@ def file_errors(path: object) -> Iterator[None]:
 
 
 @contextmanager
+def replacing(path: FilePath) -> Iterator[Path]:
+    """Yield the path of a temporary file, which replaces ``path`` in a single step when the context ends.
+
+    After an error, for example on a full disk, the former file remains.
+
+    Raises
+    ------
+    BdamperError
+        If the file cannot be written.
+    """
+    # a link stays a link
+    target = Path(path).resolve()
+    temporary = target.with_name(f".{target.name}.{secrets.token_hex(6)}.tmp")
+    try:
+        with file_errors(path):
+            yield temporary
+            os.replace(temporary, target)
+    finally:
+        # a read-only file system refuses this, even without a file
+        with suppress(OSError):
+            temporary.unlink()
+
+
+@contextmanager
 def write_hdf5(path: FilePath) -> Iterator[h5py.File]:
     """Open a new HDF5 file, which replaces an existing file in a single step when the context ends.
 
@@ -254,38 +301,52 @@ def write_hdf5(path: FilePath) -> Iterator[h5py.File]:
         If the file cannot be written.
     """
     check_regular(path)
-    target = Path(path)
-    with h5py.File(target.name, "w", driver="core", backing_store=False, block_size=1 << 20, track_order=True) as file:
+    with h5py.File(Path(path).name, "w", driver="core", backing_store=False, block_size=1 << 20, track_order=True) as file:
         yield file
         file.flush()
         content = file.id.get_file_image()
-    temporary = target.with_name(f".{target.name}.{secrets.token_hex(6)}.tmp")
-    try:
-        with file_errors(path):
-            temporary.write_bytes(content)
-            os.replace(temporary, target)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with replacing(path) as temporary:
+        temporary.write_bytes(content)
 
 
 @contextmanager
 def read_hdf5(path: FilePath, expected: str, kind: type[BdamperError] = BdamperError) -> Iterator[h5py.File]:
     """Open an HDF5 file for reading; raise one error of type ``kind`` if it is damaged or not HDF5."""
-    if existing(path).is_dir():
+    if existing(path, kind).is_dir():
         raise kind(f"{path}: expected {expected}, found a folder")
+    size = Path(path).stat().st_size
+    _require_memory(path, size)
     try:
         with h5py.File(path, "r") as file:
-            _check_bytes(file, Path(path).stat().st_size)
+            _require_memory(path, _check_bytes(file, size))
             yield file
+    except TooLittleMemory:
+        raise
     except BdamperError as error:
         raise kind(str(error)) from error
     except Exception as error:  # a damaged file can make HDF5 and h5py raise almost anything
+        if isinstance(error, MemoryError):
+            raise too_little_memory(str(path), error) from error
         found = one_line(error) or type(error).__name__
         raise kind(f"{path}: expected {expected}, found something else ({found})") from error
 
 
-def _check_bytes(file: h5py.File, size: int) -> None:
-    """Reject a file that would expand to too much memory, such as compressed zeros or a text of gigabytes."""
+def _require_memory(path: FilePath, size: int) -> None:
+    """Raise TooLittleMemory unless ``size`` bytes are free, and some more for HDF5.
+
+    Without memory HDF5 reports damage, or aborts the process.
+    """
+    try:
+        mmap.mmap(-1, size + OF_HDF5).close()
+    except (OSError, OverflowError) as error:
+        raise too_little_memory(str(path), error) from error
+
+
+def _check_bytes(file: h5py.File, size: int) -> int:
+    """Return the bytes of all arrays.
+
+    Reject a file that would expand to too much memory, such as compressed zeros or a text of gigabytes.
+    """
     found: list[tuple[int, int]] = []
 
     def add(name: str, item: Any) -> None:
@@ -298,6 +359,7 @@ def _check_bytes(file: h5py.File, size: int) -> None:
         raise ValueError(f"arrays of {arrays} bytes in {size} bytes")
     if size - stored > MOST_TEXT:
         raise ValueError(f"{size - stored} bytes of texts and attributes, more than {MOST_TEXT}")
+    return int(arrays)
 
 
 def _read(cls: type[Storable], path: FilePath) -> Any:
@@ -309,6 +371,8 @@ def _read(cls: type[Storable], path: FilePath) -> Any:
         try:
             result = read_record(file, cls)
             return result if found == VERSION else result.with_present_names()
+        except MemoryError:
+            raise
         except Exception as error:  # invalid fields, or those of another version of bdamper
             raise ValueError(f"{_written_by(file)}: {one_line(error) or type(error).__name__}") from error
 

@@ -19,18 +19,19 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, fields
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.util.errors import COMPLETE, INTERRUPTED, import_extra
+from bdamper.util.errors import COMPLETE, INTERRUPTED, BdamperError, import_extra
 from bdamper.util.formatting import PREFIXES, spaced, unit_prefix
 from bdamper.util.records import to_json
-from bdamper.util.storage import INSTALLED, FilePath, check_folder, file_errors
+from bdamper.util.storage import INSTALLED, FilePath, check_folder, file_errors, replacing
 from bdamper.util.validation import declarations
 
 
@@ -82,7 +83,15 @@ class Quantity:
 
 @dataclass(frozen=True)
 class EachRow:
-    """Mark of an array that has an entry for each row but is not a column."""
+    """Mark of an array that has an entry for each row but is not a column.
+
+    Parameters
+    ----------
+    shape : tuple of int, optional
+        Shape of an entry.
+    """
+
+    shape: tuple[int, ...] | None = None
 
 
 PerRow = Annotated[NDArray, EachRow()]
@@ -129,6 +138,17 @@ def _columns_of(name: str, mark: Quantity, value: Any, row: str) -> Iterator[tup
         yield mark.name or name, Column(values, mark.unit, tuple(dim or row for dim in mark.dims))
 
 
+@contextmanager
+def _text_file(path: FilePath) -> Iterator[TextIO]:
+    """Open a text file that replaces an existing one at the end; a device or a pipe is written directly."""
+    written = Path(path)
+    with ExitStack() as stack:
+        if not written.exists() or written.is_file():
+            written = stack.enter_context(replacing(path))
+        with written.open("w", newline="", encoding="utf-8") as file:
+            yield file
+
+
 class Tabular:
     """Mixin of results that are tables.
 
@@ -164,10 +184,13 @@ class Tabular:
         """Raise ValueError if two fields differ in the size of a common dimension."""
         cls: Any = type(self)
         names, found = {f.name for f in fields(cls)}, dict[str, tuple[int, str]]()
-        per_row = {name for name, own in declarations(cls).items() if own.mark(EachRow)}
+        entries = {name: mark for name, own in declarations(cls).items() if (mark := own.mark(EachRow))}
+        per_row = set(entries)
         marked = {name: mark for name, mark in quantities(cls).items() if name in names}
         marked |= dict.fromkeys(per_row, Quantity(dims=(ROW,)))
         shapes = {name: np.shape(value) for name in marked if (value := getattr(self, name)) is not None}
+        for name, shape in shapes.items():
+            self._check_width(name, shape, marked[name], entries.get(name))
         shapes |= {name: shape[:1] for name, shape in shapes.items() if name in per_row}
         flat = [name for name, shape in shapes.items() if shape and not marked[name].dims]
         if grid := self._grid() if flat else {}:
@@ -182,6 +205,17 @@ class Tabular:
                 other, first = found.setdefault(dim or self._dimension(), (size, name))
                 if size != other:
                     raise ValueError(f"'{name}' has {size} values, '{first}' has {other}")
+
+    @staticmethod
+    def _check_width(name: str, shape: tuple[int, ...], mark: Quantity, entry: EachRow | None) -> None:
+        """Raise ValueError if each row of a field has another number of values than its mark says."""
+        if mark.parts and shape[-1:] != (len(mark.parts),):
+            raise ValueError(f"'{name}' has the shape {shape}, without {len(mark.parts)} columns")
+        # mean and first harmonic
+        if mark.dims[-1:] == ("harmonic",) and shape[-1] < 2:
+            raise ValueError(f"'{name}' has the shape {shape}, without two harmonics or more")
+        if entry is not None and entry.shape is not None and shape[1:] != entry.shape:
+            raise ValueError(f"'{name}' has the shape {shape}, without {entry.shape} values in each row")
 
     def _dimension(self) -> str:
         """Return the name of the dimension of the rows."""
@@ -241,9 +275,12 @@ class Tabular:
             If the file cannot be written.
         """
         check_folder(path)
+        # nobody may read a named pipe
+        if Path(path).resolve().is_fifo():
+            raise BdamperError(f"{path}: expected a regular file, found a pipe")
         table = self._flat()
         head = [f"{name} ({column.unit})" if column.unit else name for name, column in table.items()]
-        with file_errors(path), Path(path).open("w", newline="", encoding="utf-8") as file:
+        with file_errors(path), _text_file(path) as file:
             file.writelines(f"# {name}: {value}\n" for name, value in self._attributes().items())
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(head)

@@ -45,7 +45,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.util import plausible_ranges, quantities
-from bdamper.util.errors import SettingError, inside_package, one_line
+from bdamper.util.errors import BdamperError, SettingError, inside_package, one_line, too_little_memory
 
 # ---- Annotated types of fields ----
 
@@ -268,7 +268,12 @@ def check_arguments(called: T, also: Iterable[str] = (), name: str = "") -> T:
             # the outermost call is the user's, and the others repeat its arguments
             if enclosing == 0:
                 _doubt(name, bound)
-            return function(*given, **keywords)
+            try:
+                return function(*given, **keywords)
+            except MemoryError as error:
+                if enclosing or isinstance(error, BdamperError):
+                    raise
+                raise too_little_memory(name, error) from error
 
     checked.doubts = name  # type: ignore[attr-defined]
     return checked  # type: ignore[return-value]

@@ -2,14 +2,16 @@
 
 import io
 import struct
+import sys
 import tracemalloc
 import zipfile
 import zlib
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from bdamper.importers import read_body, read_inp, read_matrix
+from bdamper.importers import read_body, read_inp, read_matrix, read_op4
 from bdamper.util.errors import ModelError
 from tests.each import each
 from tests.importers.test_io_files import DECK
@@ -31,12 +33,51 @@ def test_files_of_other_folders_are_not_included(line, reader, tmp_path):
         read_body(tmp_path / "own" / f"a.{reader}")
 
 
+@each("linked", ["file", "folder"])
+@each("reader", ["inp", "bdf"])
+def test_a_link_to_another_folder_is_not_followed(linked, reader, tmp_path):
+    if reader == "bdf":
+        pytest.importorskip("pyNastran.bdf.bdf", reason="pyNastran is not installed (make nastran)", exc_type=Exception)
+    (tmp_path / "own").mkdir()
+    (tmp_path / "other").mkdir()
+    for folder in ("own", "other"):
+        (tmp_path / folder / "mesh").write_text(DECK if reader == "inp" else BULK)
+    name, target = ("link", "mesh") if linked == "file" else ("link/mesh", "")
+    deck = tmp_path / "own" / f"a.{reader}"
+    deck.write_text(f"*INCLUDE, INPUT={name}\n" if reader == "inp" else f"INCLUDE '{name}'\n")
+    (tmp_path / "own" / "link").symlink_to(tmp_path / "other" / target)
+    with pytest.raises(ModelError, match=rf"below, found '{name}', a link to another folder$"):
+        read_body(deck)
+    if linked == "file":
+        (tmp_path / "own" / "link").unlink()
+        (tmp_path / "own" / "link").symlink_to(tmp_path / "own" / target)
+        assert len(read_body(deck).numbers) == (8 if reader == "inp" else 4)
+
+
 def test_files_of_own_folders_are_included_with_either_slash(tmp_path):
     (tmp_path / "sub").mkdir()
     (tmp_path / "sub" / "mesh.inp").write_text(DECK)
     for slash in "/\\":
         (tmp_path / "a.inp").write_text(f"*INCLUDE, INPUT=sub{slash}mesh.inp\n")
         assert len(read_inp(tmp_path / "a.inp").numbers) == 8
+
+
+def test_errors_of_op4_files_have_no_text_of_another_package(tmp_path, monkeypatch):
+    class Broken:
+        def __init__(self, debug):
+            pass
+
+        def read_op4(self, path):
+            raise RuntimeError("sizes of matrices\nK: (3, 4)\n" * 20)
+
+    monkeypatch.setitem(sys.modules, "pyNastran.op4.op4", SimpleNamespace(OP4=Broken))
+    monkeypatch.setitem(sys.modules, "pyNastran.op4", SimpleNamespace())
+    monkeypatch.setitem(sys.modules, "pyNastran", SimpleNamespace())
+    (tmp_path / "k.op4").write_bytes(b"\x00" * 40)
+    with pytest.raises(ModelError) as caught:
+        read_op4(tmp_path / "k.op4")
+    found = "expected an OP4 file that pyNastran can read, found another or damaged one (RuntimeError)"
+    assert str(caught.value) == f"{tmp_path / 'k.op4'}: {found}"
 
 
 def test_the_number_of_included_files_is_bounded(tmp_path):

@@ -167,6 +167,15 @@ def test_units_of_the_header_are_converted(tmp_path):
         read_response(write(tmp_path, "frequency (Hz),amplitude (mm)\n1,2\n"), unit="um")
 
 
+@pytest.mark.parametrize("text", ["frequency (Hz),amplitude (m)\n1,{}\n", "frequency (Hz),{}\n1,2\n"])
+def test_a_field_of_great_length_is_one_line(tmp_path, text):
+    path = write(tmp_path, text.format("1" * 200_000))
+    expected = r"line \d: expected values separated by ',' of at most 131072 characters"
+    with pytest.raises(BdamperError, match=expected) as caught:
+        read_response(path)
+    assert "\n" not in str(caught.value) and len(str(caught.value)) < 500
+
+
 def test_damping_ratios_need_a_unit():
     """0.5 can be half of critical damping or half a per cent of it."""
     columns = {"amplitude (mm)": [1.0], "frequency (Hz)": [2.0]}

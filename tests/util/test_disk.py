@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.fem import generated_models, reference_models
+from bdamper.importers import example_decks, load_measured, read_cdb, read_inp, read_mode, read_response
 from bdamper.plot import save_figure
 from bdamper.response.optimal_curve import optimal_curve
 from bdamper.util.errors import BdamperWarning
@@ -105,8 +107,38 @@ def test_every_writer_on_a_full_disk(full):
     for name, write in writers.items():
         with pytest.raises(bd.BdamperError, match=NO_ROOM.format(full / name, errno.ENOSPC)):
             write(full / name)
-        assert name.endswith((".csv", ".png")) or not (full / name).exists()
+        assert name.endswith(".png") or not (full / name).exists()
         (full / name).unlink(missing_ok=True)
+
+
+def test_the_former_table_remains_if_the_disk_is_full(full):
+    (full / "curve.csv").write_text("former")
+    with pytest.raises(bd.BdamperError, match=NO_ROOM.format(full / "curve.csv", errno.ENOSPC)):
+        pressed().frequency_response(1.0, BAND).to_csv(full / "curve.csv")
+    assert (full / "curve.csv").read_text() == "former"
+    assert sorted(item.name for item in full.iterdir()) == ["curve.csv", "others"]
+
+
+def test_every_writer_on_a_read_only_file_system(full, monkeypatch):
+    study = pressed()
+    curve = study.frequency_response(1.0, BAND)
+    subprocess.run(["mount", "-o", "remount,ro", str(full)], check=True)
+    writers = {
+        "curve.h5": curve.save,
+        "curve.csv": curve.to_csv,
+        "curve.png": lambda path: save_figure(curve.plot(), path),
+        "model.h5": lambda path: bd.save_model(study.model, path),
+        "sweep.jsonl": lambda path: bd.sweep(study, {"preload": [1.0]}, question, resume=path),
+        "damper.dof": lambda path: example_decks("calculix", path.parent),
+    }
+    for name, write in writers.items():
+        with pytest.raises(bd.BdamperError, match=NO_ROOM.format(full / name, errno.EROFS)):
+            write(full / name)
+    # a generated model is not lost if it cannot be stored
+    monkeypatch.setattr(reference_models, "user_cache_path", lambda *_, **__: full / "cache")
+    monkeypatch.setitem(generated_models.MAKERS, "bladed_disk", lambda points, progress: study.model)
+    with pytest.warns(BdamperWarning, match="is generated again by the next process"):
+        assert reference_models._kept("bladed_disk", 24) is study.model
 
 
 def test_a_search_on_a_full_disk_is_finished(full):
@@ -192,10 +224,72 @@ def test_a_pipe_is_left_alone(tmp_path):
         pytest.skip("no pipes of this kind on this system")
     path = tmp_path / "pipe"
     os.mkfifo(path)
-    for write in (pressed().save, pressed().frequency_response(1.0, BAND).save):
-        with pytest.raises(bd.BdamperError, match="expected a regular file, found a device or a pipe"):
+    curve = pressed().frequency_response(1.0, BAND)
+    for write in (pressed().save, curve.save, curve.to_csv):
+        with pytest.raises(bd.BdamperError, match=r"expected a regular file, found (a device or )?a pipe"):
             write(path)
     assert path.is_fifo() and [item.name for item in tmp_path.iterdir()] == ["pipe"]
+
+
+@pytest.mark.parametrize(
+    ("name", "read"),
+    [
+        ("a.h5", bd.load), ("b.h5", bd.load_model), ("c.h5", lambda path: bd.load_study(path)), ("d.csv", read_response),
+        ("e.csv", load_measured), ("f.csv", read_mode), ("g.inp", read_inp), ("h.cdb", read_cdb),
+    ],
+)  # fmt: skip
+def test_a_pipe_is_not_read(tmp_path, name, read):
+    """Nobody writes into it: reading would wait for ever."""
+    if not hasattr(os, "mkfifo"):
+        pytest.skip("no pipes of this kind on this system")
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(bd.BdamperError, match="expected a regular file, found a device or a pipe"):
+        read(tmp_path / name)
+
+
+MEMORY = """
+import resource, sys
+import bdamper as bd
+bd.load_model(sys.argv[2])  # imports what is needed
+used = 4096 * int(open("/proc/self/statm").read().split()[0])
+resource.setrlimit(resource.RLIMIT_AS, (used + 2**20,) * 2)
+try:
+    bd.load_model(sys.argv[1])
+except bd.BdamperError as error:
+    print(error)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="no limits of this kind on this system")
+def test_a_lack_of_memory_does_not_blame_the_file(tmp_path):
+    path, small = tmp_path / "model.h5", tmp_path / "small.h5"
+    bd.save_model(bd.reference_model("turbine_blade"), path)
+    bd.save_model(pressed().model, small)
+    command = [sys.executable, "-c", MEMORY, str(path), str(small)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.stdout.startswith(f"{path}: expected enough memory, found too little"), done
+    assert done.stdout.count("\n") == 1
+
+
+def without_memory(*_, **__):
+    raise MemoryError
+
+
+def test_a_lack_of_memory_at_one_point_keeps_the_others(monkeypatch):
+    def greedy(study, preload):
+        return without_memory() if preload == 2.0 else {"value": preload}
+
+    found = bd.sweep(pressed(), {"preload": [1.0, 2.0, 3.0]}, greedy)
+    assert found.status == ("complete", "failed: MemoryError", "complete")
+    assert found.array("value")[[0, 2]].tolist() == [1.0, 3.0]
+
+
+def test_a_lack_of_memory_names_what_was_called(monkeypatch):
+    study = pressed()
+    monkeypatch.setattr(type(study.problem), "static_states", property(without_memory))
+    with pytest.raises(bd.BdamperError, match=r"^static: expected enough memory, found too little; end") as caught:
+        study.static(1.0)
+    assert isinstance(caught.value, MemoryError)
 
 
 def test_a_folder_without_permission(tmp_path, monkeypatch):

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.analyses.fit_result import Fitted
 from bdamper.analyses.sweep import Comparison, SweepResult
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util.records import named_fields, names_of
@@ -89,8 +90,8 @@ class TestReading:
 
     def test_errors_without_a_text_are_named(self, tmp_path):
         h5py.File(path := tmp_path / "result.h5", "w").close()
-        with pytest.raises(bd.BdamperError, match=r"found something else \(MemoryError\)$"), read_hdf5(path, "a file"):
-            raise MemoryError
+        with pytest.raises(bd.BdamperError, match=r"found something else \(EOFError\)$"), read_hdf5(path, "a file"):
+            raise EOFError
 
     @each("cls", Storable.__subclasses__(), ids=lambda cls: cls.__name__)
     def test_an_incomplete_file_is_refused(self, tmp_path, cls):
@@ -136,6 +137,37 @@ class TestDamaged:
         with pytest.raises(bd.BdamperError, match=rf"{path}: expected a file written by \w+\.save, found .*") as caught:
             bd.load(path)
         assert "\n" not in str(caught.value)
+
+    WIDE: ClassVar = {
+        "frequency_response": ("harmonics", "shares"),
+        "hysteresis": ("points",),
+        "static": ("force", "points", "frame", "status"),
+    }
+
+    @each(("name", "field"), [(name, field) for name, own in WIDE.items() for field in own])
+    def test_a_column_of_another_width_is_refused(self, tmp_path, name, field, answers):
+        """Without the first harmonic, the normal direction or the open contacts, nothing could be printed."""
+        path = tmp_path / "result.h5"
+        answers(name).save(path)
+        rewritten(path, field, lambda value: value[..., :-1] if field != "harmonics" else value[:, :1])
+        with pytest.raises(bd.BdamperError, match=rf"{path}: expected a file written by \w+\.save, found .*") as caught:
+            bd.load(path)
+        assert "\n" not in str(caught.value)
+
+    @each("field", ["place", "measured", "model", "test", "residual", "prediction", "values", "information"])
+    def test_points_of_a_fit_without_one_of_their_values_are_refused(self, tmp_path, field):
+        """Two points of one test, and one parameter."""
+        one, two = np.ones(1), np.ones(2)
+        fit = Fitted(
+            names=("friction",), values=one, low=one, high=one, deviation=one, left_out=one, information=np.ones((1, 1)),
+            tests=("a",), noise=0.02, place=two, measured=two + 0j, model=two + 0j, residual=np.ones((2, 2)),
+            test=np.zeros(2, int), prediction=np.ones((2, 2)),
+        )  # fmt: skip
+        fit.save(tmp_path / "fit.h5")
+        assert bd.load(tmp_path / "fit.h5").names == fit.names
+        rewritten(tmp_path / "fit.h5", field, lambda value: value[..., :-1])
+        with pytest.raises(bd.BdamperError, match=r"expected a file written by Fitted\.save, found .*' has the shape"):
+            bd.load(tmp_path / "fit.h5")
 
     def test_what_would_fill_the_memory_is_not_read(self, tmp_path, curve, monkeypatch):
         curve.save(tmp_path / "zeros.h5")
