@@ -43,7 +43,7 @@ from bdamper.harmonic_balance.sector import evaluation_code, row_scale
 from bdamper.mistuning.mistuning import Mistuning
 from bdamper.model.loads import direction_vector
 from bdamper.model.modal_basis import LocalBasis
-from bdamper.model.structure import Model, SurfaceMesh
+from bdamper.model.structure import Body, Model, SurfaceMesh
 from bdamper.model.validation import as_checked
 from bdamper.util.errors import ModelError, SettingError, warn
 from bdamper.util.formatting import short_repr
@@ -61,20 +61,30 @@ def local_model(model: Model) -> Model:
     ModelError
         If no body of the model has a local basis.
     """
-    bodies, meshes, stress = dict(model.bodies), dict(model.meshes), dict(model.stress)
-    for name, body in model.bodies.items():
-        if body.local is not None:
-            bases = {d: body.local.nodal_diameter(d) for d in range(model.n_blades // 2 + 1)}
-            bodies[name] = replace(body, bases=bases)
-            if name in meshes:  # its shapes belong to the modes that are replaced
-                meshes[name] = SurfaceMesh(meshes[name].points, meshes[name].quads)
-            stress = {key: rows for key, rows in stress.items() if rows.body != name}
     if all(body.local is None for body in model.bodies.values()):
         raise ModelError(
             "a bladed disk needs a local basis of blade and disk, and no body of the model has one; create it with "
             "bladed_disk(wheel=LocalSizes()) of bdamper.fem, or with build_model(sector=Sector(blade_nodes=...))"
         )
+    bodies = dict(model.bodies)
+    meshes = dict(model.meshes)
+    stress = dict(model.stress)
+    nodal_diameters = range(model.n_blades // 2 + 1)
+    for name, body in model.bodies.items():
+        if body.local is None:
+            continue
+        bases = {d: body.local.nodal_diameter(d) for d in nodal_diameters}
+        bodies[name] = replace(body, bases=bases)
+        # shapes of a mesh and rows of stress belong to the modes that are replaced
+        if name in meshes:
+            meshes[name] = SurfaceMesh(meshes[name].points, meshes[name].quads)
+        stress = {key: rows for key, rows in stress.items() if rows.body != name}
     return as_checked(replace(model, bodies=bodies, meshes=meshes, stress=stress))
+
+
+def blade_of(model: Model) -> Body:
+    """Return the body with the local basis of a model that has one."""
+    return next(body for body in model.bodies.values() if body.local is not None)
 
 
 # ---- Structure ----
@@ -152,26 +162,35 @@ class Structure:
     def damping_ratio(self) -> float:
         """Smallest damping ratio of the tuned modes."""
         ratio = self.tuned.settings.damping_ratio
-        return float(np.min(self.local.damping_ratio if ratio is None else ratio))
+        if ratio is None:
+            return float(np.min(self.local.damping_ratio))
+        return float(np.min(ratio))
 
     def motion(self, x: NDArray) -> NDArray:
-        """Return the motion of the contact points (n_blades, n_points, 3) for coordinates
-        (n_blades, n_sector)."""
-        ahead = np.concatenate([np.roll(x[:, : self.n], -1, axis=0), x[:, self.n :]], axis=1)
-        return np.where(
-            self.sector[:, None] == 1, *(np.einsum("pij,nj->npi", self.rows, z) for z in (ahead, x))
-        )
+        """Return the motion of the contact points for coordinates (n_blades, n_sector).
+
+        The result has the shape (n_blades, n_points, 3).
+        """
+        # points on the following blade move with blade n + 1, but with damper n
+        following_blade = np.roll(x[:, : self.n], -1, axis=0)
+        x_following = np.concatenate([following_blade, x[:, self.n :]], axis=1)
+        motion_own = np.einsum("pij,nj->npi", self.rows, x)
+        motion_following = np.einsum("pij,nj->npi", self.rows, x_following)
+        return np.where(self.sector[:, None] == 1, motion_following, motion_own)
 
     def gathered(self, force: NDArray) -> NDArray:
-        """Return the forces on the coordinates (n_blades, n_sector) for forces at the points
-        (n_blades, n_points, 3)."""
-        own, ahead = (
-            np.einsum("pij,npi->nj", self.rows[p], force[:, p])
-            for p in (self.sector == s for s in (0, 1))
-        )
-        return own + np.concatenate(
-            [np.roll(ahead[:, : self.n], 1, axis=0), ahead[:, self.n :]], axis=1
-        )
+        """Return the forces on the coordinates for forces at the points (n_blades, n_points, 3).
+
+        The result has the shape (n_blades, n_sector).
+        """
+        on_own = self.sector == 0
+        on_following = self.sector == 1
+        of_own = np.einsum("pij,npi->nj", self.rows[on_own], force[:, on_own])
+        of_following = np.einsum("pij,npi->nj", self.rows[on_following], force[:, on_following])
+        # points on the following blade load blade n + 1, but damper n
+        on_blade = np.roll(of_following[:, : self.n], 1, axis=0)
+        on_damper = of_following[:, self.n :]
+        return of_own + np.concatenate([on_blade, on_damper], axis=1)
 
     @property
     def n_sector(self) -> int:
@@ -194,28 +213,20 @@ class Structure:
             If the model has no local basis.
         """
         tuned = tuned_problem(study)
-        model, N = tuned.coupling.model, tuned.coupling.model.n_blades
-        blade = next(body for body in model.bodies.values() if body.local is not None)
+        model = tuned.coupling.model
+        N = model.n_blades
+        blade = blade_of(model)
         assert blade.local is not None
         local, order = _reversed(blade.local)
         rows, sector = _rows(tuned, blade.name, local)
-        waves = np.arange(N)
-        folded, reverse = np.minimum(waves, N - waves), waves > N - waves
-
-        def all_nodal_diameters(matrices: NDArray) -> NDArray:
-            full = np.asarray(matrices, complex)[folded]
-            full[reverse] = full[reverse].conj()
-            return full
-
-        ratio = (
-            None if tuned.settings.damping_ratio is None else float(tuned.settings.damping_ratio)
-        )
-        damping = all_nodal_diameters(
-            np.array([local.damping(d, ratio) for d in range(N // 2 + 1)])
-        )
+        ratio = tuned.settings.damping_ratio
+        if ratio is not None:
+            ratio = float(ratio)
+        damping = np.array([local.damping(d, ratio) for d in range(N // 2 + 1)])
         if tuned.settings.aerodynamic_damping is not None:
             raise SettingError(
-                "aerodynamic_damping is not supported by a bladed disk with all sectors; set it to None"
+                "aerodynamic_damping is not supported by a bladed disk with all sectors; set it to "
+                "None"
             )
         basis = tuned.damped(tuned.coupling.basis(1), None)
         of_damper = np.array([c.body != blade.name for c in basis.coordinates], bool)
@@ -227,9 +238,9 @@ class Structure:
             n_damper=int(of_damper.sum()),
             stiffness=_blades(local, Mistuning.of(N, None)),
             mass=local.blade_mass,
-            disk_stiffness=all_nodal_diameters(local.disk_stiffness),
-            disk_mass=all_nodal_diameters(local.disk_mass),
-            damping=damping,
+            disk_stiffness=_all_waves(local.disk_stiffness, N),
+            disk_mass=_all_waves(local.disk_mass, N),
+            damping=_all_waves(damping, N),
             damper_stiffness=basis.omega2[of_damper],
             damper_mass=np.tile(basis.mass[of_damper], (N, 1)),
             damper_damping=basis.damping[of_damper],
@@ -252,17 +263,25 @@ class Structure:
         The disk then couples all coordinates of a blade to its neighbours, since all shapes move
         the root.
         """
-        T, root = shapes.T, shapes[self.n - self.n_root :]
+        root = shapes[self.n - self.n_root :]
+        blade_rows = self.rows[..., : self.n] @ shapes
+        damper_rows = self.rows[..., self.n :]
+        has_higher_harmonics = max(self.tuned.settings.active_harmonics) > 1
         return replace(
-            self, stiffness=T @ self.stiffness @ shapes, mass=T @ self.mass @ shapes, damping=T @ self.damping @ shapes,
-            disk_stiffness=root.T @ self.disk_stiffness @ root, disk_mass=root.T @ self.disk_mass @ root,
-            rows=np.concatenate([self.rows[..., : self.n] @ shapes, self.rows[..., self.n :]], axis=2),
-            n_kept=KEPT if max(self.tuned.settings.active_harmonics) > 1 else 1,
-        )  # fmt: skip
+            self,
+            stiffness=shapes.T @ self.stiffness @ shapes,
+            mass=shapes.T @ self.mass @ shapes,
+            damping=shapes.T @ self.damping @ shapes,
+            disk_stiffness=root.T @ self.disk_stiffness @ root,
+            disk_mass=root.T @ self.disk_mass @ root,
+            rows=np.concatenate([blade_rows, damper_rows], axis=2),
+            n_kept=KEPT if has_higher_harmonics else 1,
+        )
 
     def wave(self, d: int, springs: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-        """Solve the eigenvalue problem of a travelling wave of mean blades, with springs at the
-        contact points.
+        """Solve the eigenvalue problem of one travelling wave with springs at the contact points.
+
+        All blades have the mean stiffness of the blades.
 
         Returns
         -------
@@ -271,51 +290,53 @@ class Structure:
         phi, motion : (n_sector, n_sector), (3 n_points, n_sector) complex
             Modes, and their motion at the points.
         """
-        n, root = self.n, slice(self.n - self.n_root, self.n)
-        K = scipy.linalg.block_diag(
-            self.stiffness.mean(axis=0), np.diag(self.damper_stiffness)
-        ).astype(complex)
-        M = scipy.linalg.block_diag(self.mass, np.diag(self.damper_mass.mean(axis=0))).astype(
-            complex
-        )
+        blade_stiffness = self.stiffness.mean(axis=0)
+        damper_stiffness = np.diag(self.damper_stiffness)
+        damper_mass = np.diag(self.damper_mass.mean(axis=0))
+        K = scipy.linalg.block_diag(blade_stiffness, damper_stiffness).astype(complex)
+        M = scipy.linalg.block_diag(self.mass, damper_mass).astype(complex)
+        root = slice(self.n - self.n_root, self.n)
         K[root, root] += self.disk_stiffness[d]
         M[root, root] += self.disk_mass[d]
+        # the following blade is ahead by the phase of the wave over one sector
+        phase = np.exp(2j * np.pi * d * self.sector / self.n_blades)
         G = self.rows.astype(complex)
-        G[..., :n] *= np.exp(2j * np.pi * d * self.sector / self.n_blades)[:, None, None]
+        G[..., : self.n] *= phase[:, None, None]
         G = G.reshape(-1, self.n_sector)
-        squares, phi = scipy.linalg.eigh(K + G.conj().T @ (springs.reshape(-1, 1) * G), M)
+        contact_stiffness = G.conj().T @ (springs.reshape(-1, 1) * G)
+        squares, phi = scipy.linalg.eigh(K + contact_stiffness, M)
         return squares, phi, G @ phi
 
     def elastic_forces(self, x: NDArray) -> NDArray:
         """Return the static forces of blades and disk (n_blades, n) at coordinates
         (n_blades, n)."""
-        out = np.einsum("nij,nj->ni", self.stiffness, x)
-        wave = np.fft.fft(x[:, self.n - self.n_root :], axis=0)
-        out[:, self.n - self.n_root :] += np.fft.ifft(
-            np.einsum("dij,dj->di", self.disk_stiffness, wave), axis=0
-        ).real
-        return out
+        root = slice(self.n - self.n_root, self.n)
+        force = np.einsum("nij,nj->ni", self.stiffness, x)
+        # the disk couples the roots of all blades; for each travelling wave it is one matrix
+        wave = np.fft.fft(x[:, root], axis=0)
+        wave_force = np.einsum("dij,dj->di", self.disk_stiffness, wave)
+        force[:, root] += np.fft.ifft(wave_force, axis=0).real
+        return force
 
     def location_rows(
         self, location: str, direction: str | Sequence[float], setting: str
     ) -> NDArray:
         """Return the row (n,) of the motion of a blade location along a direction."""
-        if self.local.locations.get(location) is None:
+        shapes = self.local.locations.get(location)
+        if shapes is None:
             body = self.tuned.model.locations[location].body
             raise SettingError(
                 f"{setting}: expected a location on the blade, found '{location}' on '{body}'"
             )
-        return np.asarray(
-            direction_vector(direction, f"{setting} direction") @ self.local.locations[location]
-        )
+        return np.asarray(direction_vector(direction, f"{setting} direction") @ shapes)
 
     def modes(self, d: int) -> NDArray:
         """Return the modes (n, n) of the tuned study at a nodal diameter, in the coordinates of
         this structure."""
-        local = next(
-            body.local for body in self.tuned.model.bodies.values() if body.local is not None
-        )
-        return np.asarray(local.modes(d)[1][self.order])
+        local = blade_of(self.tuned.model).local
+        assert local is not None
+        _, phi = local.modes(d)
+        return np.asarray(phi[self.order])
 
 
 def tuned_problem(study: Problem) -> Problem:
@@ -330,37 +351,53 @@ def tuned_problem(study: Problem) -> Problem:
     """
     required = {"fundamental_modes_only": False, "separation": True, "variable_normal_load": True}
     for name, value in required.items():
-        if getattr(study.settings, name) != value:
-            raise SettingError(
-                f"{name} must be {value!r} for a bladed disk, found {getattr(study.settings, name)!r}"
-            )
+        setting = getattr(study.settings, name)
+        if setting != value:
+            raise SettingError(f"{name} must be {value!r} for a bladed disk, found {setting!r}")
     refuse(study.own_laws, "a bladed disk")
     speed = study.settings.speed
     if speed and all(body.local is None for body in study.model.bodies.values()):
         raise SettingError(
-            f"speed: the modes of a bladed disk are known without rotation, found {speed:g} rad/s; pass the study without "
-            "at_speed, and the preload of this speed to the disk"
+            f"speed: the modes of a bladed disk are known without rotation, found {speed:g} rad/s; "
+            "pass the study without at_speed, and the preload of this speed to the disk"
         )
     if np.any(study.coupling.closing_by_rotation()):
         warn(
-            "bladed disk: modes and faces at standstill, although rotation displaces the faces of this model"
+            "bladed disk: modes and faces at standstill, although rotation displaces the faces of "
+            "this model"
         )
     model = local_model(study.model)
-    local = next(body.local for body in model.bodies.values() if body.local is not None)
+    local = blade_of(model).local
+    assert local is not None
     stiffness = study.settings.contact_stiffness
-    if stiffness is None or stiffness == "residual_modes" or isinstance(stiffness, ResidualModes):
+    from_residual_modes = stiffness == "residual_modes" or isinstance(stiffness, ResidualModes)
+    if stiffness is None or from_residual_modes:
         stiffness = "model" if local.flexibility is None else "unit_traction"
     return study.replace(model=model, blade_modes=local.n, contact_stiffness=stiffness)
 
 
+def _all_waves(matrices: NDArray, N: int) -> NDArray:
+    """Return matrices of the nodal diameters 0 to N - 1 from those of 0 to N/2."""
+    waves = np.arange(N)
+    nodal_diameter = np.minimum(waves, N - waves)
+    all_matrices = np.asarray(matrices, complex)[nodal_diameter]
+    # a wave in the opposite direction has the complex conjugate matrix
+    opposite = waves > N - waves
+    all_matrices[opposite] = all_matrices[opposite].conj()
+    return all_matrices
+
+
 def _reversed(local: LocalBasis) -> tuple[LocalBasis, NDArray]:
     """Return the basis with the root shapes in reverse order, and the order of its coordinates."""
-    n, r = local.n, local.n_interface
-    order = np.concatenate([np.arange(n - r), np.arange(n - 1, n - r - 1, -1)])
+    n = local.n
+    first_root = n - local.n_interface
+    reversed_root = np.arange(n - 1, first_root - 1, -1)
+    order = np.concatenate([np.arange(first_root), reversed_root])
+    both = np.ix_(order, order)
     basis = replace(
         local,
-        blade_stiffness=local.blade_stiffness[np.ix_(order, order)],
-        blade_mass=local.blade_mass[np.ix_(order, order)],
+        blade_stiffness=local.blade_stiffness[both],
+        blade_mass=local.blade_mass[both],
         disk_stiffness=local.disk_stiffness[:, ::-1, ::-1],
         disk_mass=local.disk_mass[:, ::-1, ::-1],
         contact_modes=np.ascontiguousarray(local.contact_modes[..., order]),
@@ -371,13 +408,14 @@ def _reversed(local: LocalBasis) -> tuple[LocalBasis, NDArray]:
 
 def _blades(local: LocalBasis, mistuning: Mistuning) -> NDArray:
     """Return the stiffness (n_blades, n, n) of every mistuned blade."""
-    out = np.repeat(local.blade_stiffness[None], mistuning.n_blades, axis=0)
+    stiffness = np.repeat(local.blade_stiffness[None], mistuning.n_blades, axis=0)
     m = local.n_cantilever
-    modes, rest = mistuning.by_mode(m)
-    out[:, m:, m:] *= 1.0 + rest[:, None, None]
+    change_of_modes, change_of_others = mistuning.by_mode(m)
+    stiffness[:, m:, m:] *= 1.0 + change_of_others[:, None, None]
+    # cantilever modes are not coupled to other coordinates in the stiffness
     k = np.arange(m)
-    out[:, k, k] = local.omega2 * (1.0 + modes)
-    return out
+    stiffness[:, k, k] = local.omega2 * (1.0 + change_of_modes)
+    return stiffness
 
 
 def _rows(tuned: Problem, blade: str, local: LocalBasis) -> tuple[NDArray, NDArray]:
@@ -386,32 +424,35 @@ def _rows(tuned: Problem, blade: str, local: LocalBasis) -> tuple[NDArray, NDArr
     """
     coupling = tuned.coupling
     n_points = coupling.n_points
-    sector, blade_rows, damper_rows = np.zeros(n_points, int), np.zeros((n_points, 3, local.n)), []
+    sector = np.zeros(n_points, int)
+    blade_rows = np.zeros((n_points, 3, local.n))
+    damper_rows = []
     for body in coupling.model.bodies.values():
         if body.kind == "ground":
             continue
+        is_blade = body.name == blade
         modes = coupling.modes[body.name]
-        shapes = (
-            local.contact_modes
-            if body.name == blade
-            else body.bases[0].contact_modes[..., modes].real
-        )
-        previous, own, following = (coupling.placed(body, shapes, 0, (s,)).real for s in (-1, 0, 1))
-        if previous.any() or (body.name != blade and following.any()):
+        shapes = local.contact_modes if is_blade else body.bases[0].contact_modes[..., modes].real
+        rows_previous = coupling.placed(body, shapes, 0, (-1,)).real
+        rows_own = coupling.placed(body, shapes, 0, (0,)).real
+        rows_following = coupling.placed(body, shapes, 0, (1,)).real
+        if rows_previous.any() or (not is_blade and rows_following.any()):
             raise SettingError(
-                f"model: the dampers of a bladed disk must be in sector 0, between the blades of sectors 0 and 1; "
-                f"'{body.name}' is in another sector"
+                "model: the dampers of a bladed disk must be in sector 0, between the blades of "
+                f"sectors 0 and 1; '{body.name}' is in another sector"
             )
-        if body.name != blade:
-            damper_rows.append(own)
+        if not is_blade:
+            damper_rows.append(rows_own)
             continue
-        on_following = following.any(axis=(1, 2))
-        if np.any(own.any(axis=(1, 2)) & on_following):
+        on_own = rows_own.any(axis=(1, 2))
+        on_following = rows_following.any(axis=(1, 2))
+        if np.any(on_own & on_following):
             raise SettingError(
-                "model: blades of a bladed disk may touch dampers only, found blades that touch each other"
+                "model: blades of a bladed disk may touch dampers only, found blades that touch "
+                "each other"
             )
         sector[on_following] = 1
-        blade_rows += own + following
+        blade_rows += rows_own + rows_following
     return np.concatenate([blade_rows, *damper_rows], axis=2), sector
 
 
@@ -440,8 +481,11 @@ class InWidths(InFrequency):
         """Return the units of the unknowns and the frequency."""
         # with the width of the interval as the unit, the first step along a curve of a lumped disk
         # of six blades passes over all its resonances
-        widths = 10.0
-        return super().units(y, vibration, min(width, widths * self.narrowest * y[-1] or width))
+        most_widths = 10.0
+        largest = most_widths * self.narrowest * y[-1]
+        if largest > 0.0:
+            width = min(width, largest)
+        return super().units(y, vibration, width)
 
 
 @dataclass(frozen=True, eq=False)
@@ -494,9 +538,9 @@ class DiskScene:
     def layout(self) -> Layout:
         """Layout of the harmonics among the unknowns."""
         N, n_coef, size = self.shape
-        return Layout(
-            np.array([N * size * (l in self.harmonics) for l in range(n_coef // 2 + 1)], np.intc)
-        )
+        n_mode = np.zeros(n_coef // 2 + 1, np.intc)
+        n_mode[list(self.harmonics)] = N * size
+        return Layout(n_mode)
 
     @cached_property
     def active(self) -> NDArray:
@@ -508,14 +552,17 @@ class DiskScene:
         """Static load and excitation, (n_unknowns,)."""
         force = np.zeros(self.shape)
         force[:, 0] = self.load
-        force[:, 1], force[:, 2] = self.excitation.real, -self.excitation.imag
+        force[:, 1] = self.excitation.real
+        force[:, 2] = -self.excitation.imag
         force[self.missing, :, self.structure.n :] = 0.0
         return self.flat(force)
 
     @cached_property
     def at_rest(self) -> NDArray:
         """Static state as unknowns (n_unknowns,), without vibration."""
-        return self.flat(np.pad(self.mean[:, None], ((0, 0), (0, self.shape[1] - 1), (0, 0))))
+        coefficients = np.zeros(self.shape)
+        coefficients[:, 0] = self.mean
+        return self.flat(coefficients)
 
     def flat(self, X: NDArray) -> NDArray:
         """Return the unknowns (n_unknowns,) from an array (n_blades, n_coefficients, n_sector)."""
@@ -523,80 +570,127 @@ class DiskScene:
 
     def array(self, u: NDArray) -> NDArray:
         """Return the array (n_blades, n_coefficients, n_sector) from unknowns (n_unknowns,)."""
-        out = np.zeros((self.shape[1], self.shape[0], self.shape[2]))
-        out[self.active] = u.reshape(-1, self.shape[0], self.shape[2])
-        return out.transpose(1, 0, 2)
+        N, n_coef, size = self.shape
+        by_coefficient = np.zeros((n_coef, N, size))
+        by_coefficient[self.active] = u.reshape(-1, N, size)
+        return by_coefficient.transpose(1, 0, 2)
 
     def responses(self, u: NDArray) -> NDArray:
         """Return the complex response of all blades (n_blades, n_harmonics + 1), the mean first."""
         x = self.array(u)[..., : self.structure.n] @ self.response_row
-        return np.column_stack([x[:, 0], x[:, 1::2] - 1j * x[:, 2::2]])
+        mean = x[:, 0]
+        cosine = x[:, 1::2]
+        sine = x[:, 2::2]
+        return np.column_stack([mean, cosine - 1j * sine])
 
     def units_about(self, y: NDArray, width: float) -> NDArray:
         """Return the units for a point that may be at rest, with ``width`` (rad/s) as the unit of
         frequency."""
-        n = int(self.layout.n_mode[0])
-        measure, least = InFrequency(n), max(1e-3 * float(np.abs(y[:n]).max(initial=0.0)), 1e-12)
-        return measure.units(y, max(measure.vibration(y), least), width)
+        n_mean = int(self.layout.n_mode[0])
+        measure = InFrequency(n_mean)
+        largest_mean = float(np.abs(y[:n_mean]).max(initial=0.0))
+        # at rest the unit is a small part of the static displacement
+        least = max(1e-3 * largest_mean, 1e-12)
+        vibration = max(measure.vibration(y), least)
+        return measure.units(y, vibration, width)
 
     @cached_property
     def stuck(self) -> NDArray:
         """Stiffness (n_blades, n_damper) of the stuck contacts of each damper for its own
         coordinates."""
-        s, points = self.structure, self.points
-        k = np.concatenate([points.kt, points.kn[:, None]], axis=1).reshape(s.n_blades, -1)
-        springs = k @ s.rows[..., s.n :].reshape(k.shape[1], -1) ** 2
+        s = self.structure
+        stiffness = np.concatenate([self.points.kt, self.points.kn[:, None]], axis=1)
+        stiffness = stiffness.reshape(s.n_blades, -1)
+        damper_rows = s.rows[..., s.n :].reshape(stiffness.shape[1], -1)
+        springs = stiffness @ damper_rows**2
+        # missing dampers and coordinates without contact have no springs of their own
         return np.maximum(springs, 1e-6 * springs.max(initial=1e-300))
 
     def _core(self) -> WheelCore:
         """Create the equations of the core, from arrays of the required types."""
-        s, points, half = self.structure, self.points, self.structure.n_blades // 2 + 1
+        s = self.structure
+        points = self.points
+        n_harmonics = self.shape[1] // 2
         stuck = self.stuck
-        mode, n_time = evaluation_code(
-            self.contact_forces, self.shape[1] // 2, np.asarray(points.law)
+        evaluation, n_time = evaluation_code(
+            self.contact_forces, n_harmonics, np.asarray(points.law)
         )
-        kinds: dict[str, type] = {"law": np.intc, "next": bool, "active": bool, "pinned": bool}
-        kinds |= {"disk_stiffness": complex, "disk_mass": complex, "damping": complex}
-        arrays = {
-            "n_sector": s.n_blades, "n_harm": self.shape[1] // 2, "n_blade": s.n, "n_damper": s.n_damper,
-            "n_root": s.n_root, "n_kept": min(s.n_kept, s.n_root), "n_point": len(s.sector), "next": s.sector == 1,
-            "rows": s.rows, "active": self.active, "pinned": self.missing, "stiffness": s.stiffness, "mass": s.mass,
-            "disk_stiffness": s.disk_stiffness[:half], "disk_mass": s.disk_mass[:half], "damping": s.damping[:half],
-            "damper_stiffness": s.damper_stiffness, "damper_mass": s.damper_mass, "damper_damping": s.damper_damping,
-            "springs": self.holding * stuck, "neutral": NEUTRAL * stuck, "home": self.mean[:, s.n :], "kt": points.kt,
-            "kn": points.kn, "mu": points.mu, "n0": points.n0, "w": points.slider,
-            "load": points.n0 if points.load is None else points.load, "shift": points.shift, "force": self.force,
-            "row_scale": row_scale(self.layout, self.force_scale), "law": points.law,
-        }  # fmt: skip
-        inputs: dict[str, Any] = {
-            k: np.ascontiguousarray(v, kinds.get(k, float)) if np.ndim(v) else v
-            for k, v in arrays.items()
-        }
-        return WheelCore(**inputs, evaluation=mode, n_time=n_time)
+        reference_load = points.n0 if points.load is None else points.load
+        # waves in the opposite direction have the complex conjugate matrices
+        half = s.n_blades // 2 + 1
+
+        def values(array: NDArray, kind: type = float) -> NDArray:
+            return np.ascontiguousarray(array, kind)
+
+        return WheelCore(
+            n_sector=s.n_blades,
+            n_harm=n_harmonics,
+            n_blade=s.n,
+            n_damper=s.n_damper,
+            n_root=s.n_root,
+            n_kept=min(s.n_kept, s.n_root),
+            n_point=len(s.sector),
+            next=values(s.sector == 1, bool),
+            rows=values(s.rows),
+            active=values(self.active, bool),
+            pinned=values(self.missing, bool),
+            stiffness=values(s.stiffness),
+            mass=values(s.mass),
+            disk_stiffness=values(s.disk_stiffness[:half], complex),
+            disk_mass=values(s.disk_mass[:half], complex),
+            damping=values(s.damping[:half], complex),
+            damper_stiffness=values(s.damper_stiffness),
+            damper_mass=values(s.damper_mass),
+            damper_damping=values(s.damper_damping),
+            springs=values(self.holding * stuck),
+            neutral=values(NEUTRAL * stuck),
+            home=values(self.mean[:, s.n :]),
+            kt=values(points.kt),
+            kn=values(points.kn),
+            mu=values(points.mu),
+            n0=values(points.n0),
+            w=values(points.slider),
+            load=values(reference_load),
+            shift=values(points.shift),
+            force=values(self.force),
+            row_scale=values(row_scale(self.layout, self.force_scale)),
+            law=values(points.law, np.intc),
+            evaluation=evaluation,
+            n_time=n_time,
+        )
 
     def _response(self, blade: int) -> dict[str, Any]:
         """Return the response rows of one blade, as fields of the equations."""
-        row = np.zeros((self.shape[0], self.shape[2]))
+        N, _, size = self.shape
+        row = np.zeros((N, size))
         row[blade, : self.structure.n] = self.response_row
-        rows = [row.ravel() * (n > 0) if n else np.zeros(0) for n in self.layout.n_mode]
-        first = (
-            self.layout.parts(rows[1]) if len(rows[1]) else np.zeros((2, self.layout.n_unknowns))
-        )
-        return {"response_rows": rows, "rows": Rows(np.array([first]))}
+        response_rows = [row.ravel() if n > 0 else np.zeros(0) for n in self.layout.n_mode]
+        first_harmonic = np.zeros((2, self.layout.n_unknowns))
+        if self.layout.n_mode[1] > 0:
+            first_harmonic[:] = self.layout.parts(response_rows[1])
+        return {"response_rows": response_rows, "rows": Rows(first_harmonic[None])}
 
     @property
     def equations(self) -> DiskSystem:
         """Equations at any frequency, with the response of the first blade."""
         N, n_coef, size = self.shape
-        contact = 28e3 * len(self.points.kn) * n_coef
+        n_points = len(self.points.kn)
+        n_mean = int(self.layout.n_mode[0])
+        contact = 28e3 * n_points * n_coef
+        elimination = 4.0 * N * (n_coef * size) ** 3  # sector by sector
         dense = 2000  # largest number of unknowns for which the full matrix (32 MB) may be formed
         return Equations(
-            core=self._core(), structure=self, layout=self.layout, **self._response(0),
-            measure=InWidths(int(self.layout.n_mode[0]), 2.0 * self.structure.damping_ratio),
-            row_scale=row_scale(self.layout, self.force_scale), n_points=len(self.points.kn),
+            core=self._core(),
+            structure=self,
+            layout=self.layout,
+            **self._response(0),
+            # a resonance is twice as wide as its damping ratio
+            measure=InWidths(n_mean, 2.0 * self.structure.damping_ratio),
+            row_scale=row_scale(self.layout, self.force_scale),
+            n_points=n_points,
             forms_matrix=self.layout.n_unknowns <= dense,
-            work=1e-6 * np.array([contact, 0.0, 4.0 * N * (n_coef * size) ** 3, 0.0]),  # elimination sector by sector
-        )  # fmt: skip
+            work=1e-6 * np.array([contact, 0.0, elimination, 0.0]),
+        )
 
     def held(self, springs: float) -> DiskSystem:
         """Return the equations with holding springs on the mean of dampers, of ``springs`` times
