@@ -31,6 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.harmonic_balance.equations import OK, Correction, Fixed, Plane, norm2
+from bdamper.harmonic_balance.problem import Problem
 from bdamper.mistuning.disk_equations import DiskSystem, Structure, of_blade
 from bdamper.mistuning.disk_problem import DiskProblem, Loaded
 from bdamper.response.peak import PeakOptions, find_peak, slope_along
@@ -110,8 +111,12 @@ class Climbed:
     def error(self) -> float:
         """Estimate of the relative change of the amplitude until the dampers are free
         (see ``ERROR``)."""
-        springs, moved = self.springs[-1], (max(self.heights) - min(self.heights)) / self.height
-        return max(moved, *(error for least, error in ERROR if springs > least)) if springs else 0.0
+        springs = self.springs[-1]
+        if not springs:
+            return 0.0
+        change_so_far = (max(self.heights) - min(self.heights)) / self.height
+        assumed = [error for least, error in ERROR if springs > least]
+        return max(change_so_far, *assumed)
 
     @property
     def below(self) -> float:
@@ -165,23 +170,25 @@ class Search:
         of the linearised disk with the contact states of that solution, which reveals resonances
         between two frequencies.  Extrapolation would pass over them.
         """
-        system, out = self.held(self.springs), []
+        system = self.held(self.springs)
         at_rest = last = system.structure.at_rest
         accepted_step = 0.05  # Newton step relative to the vibration
+        swept: list[NDArray | None] = []
         for w in omega:
             solution = None
             for start in (last, at_rest):
                 raise_if_stopped()
                 y = np.append(start, w)
                 scale = self.system.structure.units_about(y, self.width)
-                c = system.solve(
-                    y, Fixed(), scale, 1e-6, 25, 2, loose=0.0 if start is at_rest else accepted_step
-                )
+                # from rest a rough solution is not good enough
+                loose = 0.0 if start is at_rest else accepted_step
+                c = system.solve(y, Fixed(), scale, 1e-6, 25, 2, loose=loose)
                 if c.status == OK:
-                    solution, last = c.y, c.y[:-1]
+                    solution = c.y
+                    last = c.y[:-1]
                     break
-            out.append(solution)
-        return out
+            swept.append(solution)
+        return swept
 
     def candidates(self, swept: list[NDArray | None], most: int) -> list[tuple[NDArray, int]]:
         """Return solutions and blades of the highest local maxima of a sweep, at most ``most``.
@@ -189,26 +196,32 @@ class Search:
         Two maxima differ in blade or in frequency.  A solution next to a frequency without solution
         may count as a maximum.
         """
-        failed = np.full(self.system.structure.shape[0], -np.inf)
-        height = np.array(
-            [
-                failed if y is None else np.abs(self.system.structure.responses(y[:-1])[:, 1])
-                for y in swept
-            ]
-        )
+        height = np.full((len(swept), self.system.structure.shape[0]), -np.inf)
+        for i, y in enumerate(swept):
+            if y is not None:
+                height[i] = np.abs(self.system.structure.responses(y[:-1])[:, 1])
+
+        # a local maximum is not lower than at the frequencies before and after it
         padded = np.pad(height, ((1, 1), (0, 0)), constant_values=-np.inf)
-        maxima = np.argwhere((height >= padded[:-2]) & (height >= padded[2:]) & np.isfinite(height))
-        out: list[tuple[NDArray, int]] = []
+        before = padded[:-2]
+        after = padded[2:]
+        maxima = np.argwhere((height >= before) & (height >= after) & np.isfinite(height))
+        highest_first = maxima[np.argsort(-height[tuple(maxima.T)])]
+
+        chosen: list[tuple[NDArray, int]] = []
         taken: list[tuple[int, int]] = []
-        for i, k in maxima[np.argsort(-height[tuple(maxima.T)])]:
+        for i, blade in highest_first:
             y = swept[i]
-            if y is None or any(abs(i - j) <= 1 and k == other for j, other in taken):
+            if y is None:
                 continue
-            taken.append((int(i), int(k)))
-            out.append((y, int(k)))
-            if len(out) == most:
+            # equal heights at adjacent frequencies are one maximum
+            if any(abs(i - j) <= 1 and blade == other for j, other in taken):
+                continue
+            taken.append((int(i), int(blade)))
+            chosen.append((y, int(blade)))
+            if len(chosen) == most:
                 break
-        return out
+        return chosen
 
     def climb(
         self, y: NDArray, blade: int, springs: float, tangent: NDArray | None = None
@@ -220,16 +233,20 @@ class Search:
         """
         system = self.held(springs)
         for _ in range(system.structure.shape[0]):
-            top = uphill(
-                of_blade(system, blade), y, tangent, system.structure.units_about(y, self.width)
-            )
-            if top is None or not self.band[0] <= top.y[-1] <= self.band[1]:
+            scale = system.structure.units_about(y, self.width)
+            top = uphill(of_blade(system, blade), y, tangent, scale)
+            if top is None:
+                return None
+            in_band = self.band[0] <= top.y[-1] <= self.band[1]
+            if not in_band:
                 return None
             heights = np.abs(system.structure.responses(top.y[:-1])[:, 1])
             highest = int(np.argmax(heights))
             if heights[highest] <= heights[blade] * (1.0 + 1e-9):
                 return Climbed(top, blade, (springs,), (float(heights[blade]),))
-            y, tangent, blade = top.y, top.tangent, highest
+            y = top.y
+            tangent = top.tangent
+            blade = highest
         return None
 
     def settled(self, peak: Climbed, y: NDArray | None = None) -> Climbed | None:
@@ -242,16 +259,16 @@ class Search:
             climbed = self.climb(y, peak.blade, peak.springs[-1])
             if climbed is None:
                 return None
-            peak = replace(
-                climbed, springs=peak.springs, heights=(*peak.heights[:-1], climbed.height)
-            )
+            heights = (*peak.heights[:-1], climbed.height)
+            peak = replace(climbed, springs=peak.springs, heights=heights)
         system = self.held(peak.springs[-1])
         scale = system.structure.units_about(peak.at.y, self.width)
         c = system.solve(peak.at.y, Plane(peak.at.tangent), scale, TOLERANCE, 25, 2)
         if c.status != OK:
             return None
         if y is None:
-            reach = 0.05  # largest distance from the end of a local search to its peak, relative to the vibration
+            # largest distance from the end of a local search to its peak, relative to the vibration
+            reach = 0.05
             top = find_peak(
                 of_blade(system, peak.blade),
                 c.y,
@@ -262,24 +279,23 @@ class Search:
             )
             if top.converged:
                 c = replace(c, y=top.y, tangent=top.tangent, residual=top.residual)
-        height = float(np.abs(system.structure.responses(c.y[:-1])[peak.blade, 1]))
+        response = system.structure.responses(c.y[:-1])
+        height = float(np.abs(response[peak.blade, 1]))
         return replace(peak, at=c, heights=(*peak.heights[:-1], height))
 
     def different(self, peaks: list[Climbed]) -> list[Climbed]:
         """Return the peaks without duplicates (same blade and springs, nearly the same
         frequency)."""
-        out: list[Climbed] = []
+        distinct: list[Climbed] = []
         for peak in peaks:
-            similar = (
-                other
-                for other in out
-                if other.blade == peak.blade and other.springs[-1] == peak.springs[-1]
-            )
-            if not any(
-                abs(peak.at.y[-1] - other.at.y[-1]) < SAME * self.width for other in similar
-            ):
-                out.append(peak)
-        return out
+            if not any(self._are_same(peak, other) for other in distinct):
+                distinct.append(peak)
+        return distinct
+
+    def _are_same(self, a: Climbed, b: Climbed) -> bool:
+        if a.blade != b.blade or a.springs[-1] != b.springs[-1]:
+            return False
+        return bool(abs(a.at.y[-1] - b.at.y[-1]) < SAME * self.width)
 
     def freed(self, peaks: list[Climbed]) -> list[Climbed]:
         """Follow peaks to weaker springs until no peak that may become the highest has springs left
@@ -289,20 +305,20 @@ class Search:
         others. This order takes 5 % fewer evaluations than the order by height with twelve
         candidates (nine searches on 65 blades), 2 % fewer with eight (twenty searches).
         """
-        out = list(peaks)
-        while out:
-            top = max(peak.height for peak in out)
+        remaining = list(peaks)
+        while remaining:
+            top = max(peak.height for peak in remaining)
             candidates = [
                 i
-                for i, peak in enumerate(out)
+                for i, peak in enumerate(remaining)
                 if not peak.final and peak.height >= (1.0 - peak.below) * top
             ]
             if not candidates:
                 break
-            i = max(candidates, key=lambda i: (out[i].springs[-1], out[i].height))
-            out[i] = self.weakened(out[i])
-            out = self.different(out)
-        return out
+            i = max(candidates, key=lambda i: (remaining[i].springs[-1], remaining[i].height))
+            remaining[i] = self.weakened(remaining[i])
+            remaining = self.different(remaining)
+        return remaining
 
     def weakened(self, peak: Climbed) -> Climbed:
         """Return the peak with the next weaker springs or, if none is found, with intermediate
@@ -310,16 +326,18 @@ class Search:
         present = peak.springs[-1]
         target = next(springs for springs in WEAKER if springs < 0.99 * present)
         intermediate = 0.3 * present
-        for springs in (
-            (target, intermediate) if intermediate > max(1.01 * target, 1e-4) else (target,)
-        ):
+        trials = [target]
+        if intermediate > max(1.01 * target, 1e-4):
+            trials.append(intermediate)
+        for springs in trials:
             climbed = self.climb(peak.at.y, peak.blade, springs, peak.at.tangent)
-            if climbed is not None:
-                return replace(
-                    climbed,
-                    springs=(*peak.springs, springs),
-                    heights=(*peak.heights, climbed.height),
-                )
+            if climbed is None:
+                continue
+            return replace(
+                climbed,
+                springs=(*peak.springs, springs),
+                heights=(*peak.heights, climbed.height),
+            )
         return replace(peak, last=True)
 
 
@@ -350,53 +368,95 @@ def uphill(
         Maximum, or a point at which another blade is higher; None if no point was found within
         ``REACH``.
     """
-    condition, reach = (Fixed(), np.inf) if tangent is None else (Plane(tangent), REACH)
+    condition: Fixed | Plane
+    if tangent is None:
+        condition = Fixed()
+        reach = np.inf
+    else:
+        condition = Plane(tangent)
+        reach = REACH
     start = y
     point = system.solve(y, condition, scale, 1e-6, 25, 2, loose=NEAR, rough=ROUGH)
-    h, last_slope, curvature, bracket, longest, known = 0.0, 0.0, 1.0, np.inf, 0.5, False
+    last_step = 0.0
+    last_slope = 0.0
+    curvature = 1.0
+    has_curvature = False  # known from the slopes at two points
+    bracket = np.inf
+    longest = 0.5
     for _ in range(PLACES):
-        if point.status != OK or norm2(((point.y - start) / scale)[system.n_mean : -1]) > reach:
+        if point.status != OK:
             return None
+        distance = norm2(((point.y - start) / scale)[system.n_mean : -1])
+        if distance > reach:
+            return None
+
         slope = slope_along(system, point.y, point.tangent, scale)
-        if h:
-            known, curvature = True, (last_slope - slope) / h
-            if (
-                slope * last_slope < 0.0
-            ):  # the slope may jump at a contact event, so the bracket is at least halved
-                bracket = 0.5 * abs(h)
-        furthest = min(bracket, 0.5)
-        secant = slope / curvature if curvature > 0.0 else slope * np.inf
-        step = float(np.clip(secant, -furthest, furthest)) if slope else 0.0
-        gain = (
-            0.5 * abs(slope * step) if known else 5.0 * slope**2
-        )  # the curvature of curves is 0.1 to 10
-        if (curvature > 0.0 or bracket < 0.5) and (gain < GAIN or abs(step) < LEAST):
+        if last_step:
+            has_curvature = True
+            curvature = (last_slope - slope) / last_step
+            # the maximum lies between the two points; the slope may jump there at a contact event,
+            # so the bracket is at least halved
+            if slope * last_slope < 0.0:
+                bracket = 0.5 * abs(last_step)
+        step = _uphill_step(slope, curvature, furthest=min(bracket, 0.5))
+
+        # expected increase of ln(amplitude); the curvature of curves is 0.1 to 10
+        gain = 0.5 * abs(slope * step) if has_curvature else 5.0 * slope**2
+        near_maximum = curvature > 0.0 or bracket < 0.5
+        if near_maximum and (gain < GAIN or abs(step) < LEAST):
             return point
+        # another blade stays higher than this one can become
         heights = np.abs(system.structure.responses(point.y[:-1])[:, 1])
         height = float(abs(system.rows.value(point.y)))
-        if known and curvature > 0.0 and height * (1.0 + 4.0 * gain) < 0.98 * heights.max():
+        highest = heights.max()
+        if has_curvature and curvature > 0.0 and height * (1.0 + 4.0 * gain) < 0.98 * highest:
             return point
-        last_slope, tried = slope, float(np.clip(step, -longest, longest))
-        h, point = _ahead(system, point, scale, tried)
-        longest = 3.0 * abs(h) if h == tried and point.iterations <= 2 else 1.5 * abs(h)
+
+        last_slope = slope
+        trial = float(np.clip(step, -longest, longest))
+        last_step, point = _ahead(system, point, scale, trial)
+        easy = last_step == trial and point.iterations <= 2
+        longest = 3.0 * abs(last_step) if easy else 1.5 * abs(last_step)
     return None
 
 
+def _uphill_step(slope: float, curvature: float, furthest: float) -> float:
+    """Return the step of the secant method to the maximum, at most ``furthest``.
+
+    If the slope does not decrease along the curve, the step is the longest one uphill.
+    """
+    if slope == 0.0:
+        return 0.0
+    secant = slope / curvature if curvature > 0.0 else slope * np.inf
+    return float(np.clip(secant, -furthest, furthest))
+
+
 def _ahead(
-    system: DiskSystem, point: Correction, scale: NDArray, h: float
+    system: DiskSystem, point: Correction, scale: NDArray, step: float
 ) -> tuple[float, Correction]:
-    """Return the step along the curve and the next point, with smaller steps until it converges or
-    the step is too small."""
-    first = abs(h)
+    """Return the step along the curve and the next point.
+
+    The step is shortened until Newton iteration converges or the step is too small.
+    """
+    smallest = max(LEAST, 0.05 * abs(step))
     while True:
-        guess = point.y + h * point.tangent * scale
+        guess = point.y + step * point.tangent * scale
+        # the mean position may drift far while the vibration hardly changes
         guess[: system.n_mean] = point.y[: system.n_mean]
         new = system.solve(
-            guess, Plane(point.tangent), scale, 1e-6, 6, 2, 1.0, SHARE * abs(h), ROUGH
+            guess,
+            Plane(point.tangent),
+            scale,
+            tolerance=1e-6,
+            max_iterations=6,
+            line_search=2,
+            reach=1.0,
+            loose=SHARE * abs(step),
+            rough=ROUGH,
         )
-        if new.status == OK or abs(h) < max(LEAST, 0.05 * first):
-            return h, new
-        h *= 0.3
+        if new.status == OK or abs(step) < smallest:
+            return step, new
+        step *= 0.3
 
 
 # ---- Reduced disk ----
@@ -413,22 +473,30 @@ stuck frequency changes by 5e-2, and peaks were too low by a factor of four."""
 
 
 def close(structure: Structure, shapes: NDArray, omega: float) -> bool:
-    """Return whether the reduction keeps the frequency nearest to ``omega`` (rad/s), with free and
-    with stuck dampers."""
-    d = int(structure.tuned.engine_order) % structure.n_blades
-    for springs in (0.0 * structure.tuned.point_stiffness, structure.tuned.point_stiffness):
-        full, reduced = (
-            np.sqrt(np.abs(s.wave(d, springs)[0])) for s in (structure, structure.reduced(shapes))
-        )
-        nearest = full[np.argmin(np.abs(full - omega))]
-        if np.abs(reduced - nearest).min() > CLOSE * nearest:
+    """Return whether a reduction to shapes keeps the frequency nearest to ``omega`` (rad/s).
+
+    The frequency is compared with free and with stuck dampers.
+    """
+    nodal_diameter = int(structure.tuned.engine_order) % structure.n_blades
+    reduced = structure.reduced(shapes)
+    stuck = structure.tuned.point_stiffness
+    free = 0.0 * stuck
+    for springs in (free, stuck):
+        full_squares, _, _ = structure.wave(nodal_diameter, springs)
+        reduced_squares, _, _ = reduced.wave(nodal_diameter, springs)
+        full_frequencies = np.sqrt(np.abs(full_squares))
+        reduced_frequencies = np.sqrt(np.abs(reduced_squares))
+        nearest = full_frequencies[np.argmin(np.abs(full_frequencies - omega))]
+        if np.abs(reduced_frequencies - nearest).min() > CLOSE * nearest:
             return False
     return True
 
 
 def family_shapes(structure: Structure, omega: float) -> NDArray:
-    """Return mass-normalised shapes of the blades (n, m): contact flexibility, the most flexible
-    ones last, then the family.
+    """Return mass-normalised shapes of the blades (n, m).
+
+    The first are shapes of the contact flexibility, the most flexible ones last; the last is the
+    shape of the mode family.
 
     Parameters
     ----------
@@ -437,44 +505,63 @@ def family_shapes(structure: Structure, omega: float) -> NDArray:
         Frequency of the tuned peak.  The family contains the highest mode below it at the engine
         order, with free dampers.
     """
-    tuned, local, N = structure.tuned, structure.local, structure.n_blades
+    tuned = structure.tuned
+    local = structure.local
+    N = structure.n_blades
+    n = structure.n
     modes = [local.modes(d) for d in range(N // 2 + 1)]
-    e = int(tuned.engine_order) % N
-    family = max(int(np.searchsorted(np.sqrt(modes[min(e, N - e)][0]), 1.001 * omega)) - 1, 0)
-    W, family_modes = np.zeros((structure.n, structure.n)), []
+    engine_order = int(tuned.engine_order) % N
+    squares_at_engine_order, _ = modes[min(engine_order, N - engine_order)]
+    n_below = int(np.searchsorted(np.sqrt(squares_at_engine_order), 1.001 * omega))
+    family = max(n_below - 1, 0)
+
+    # mean flexibility at omega over all waves, without the family, which responds in resonance
+    W = np.zeros((n, n))
+    family_modes = []
     for d, (squares, phi) in enumerate(modes):
-        weight = (1.0 if 2 * d % N == 0 else 2.0) / N
+        both_directions = 1.0 if 2 * d % N == 0 else 2.0
+        weight = both_directions / N
         difference = squares - omega**2
         difference[family] = np.inf
         W += weight * ((phi / difference) @ phi.conj().T).real
-        family_modes += [phi[:, family].real, phi[:, family].imag]
-    M = structure.mass + np.pad(
-        structure.disk_mass.mean(axis=0).real, (structure.n - structure.n_root, 0)
-    )
+        family_modes.append(phi[:, family].real)
+        family_modes.append(phi[:, family].imag)
+
+    # the common shape of the family is the first principal shape in the mass matrix
+    mean_disk_mass = structure.disk_mass.mean(axis=0).real
+    M = structure.mass + np.pad(mean_disk_mass, (n - structure.n_root, 0))
     L = np.linalg.cholesky(M)
-    common = np.linalg.solve(
-        L.T, np.linalg.svd(L.T @ np.array(family_modes).T, full_matrices=False)[0][:, 0]
-    )
-    B = np.sqrt(tuned.point_stiffness).reshape(-1, 1) * structure.rows[..., : structure.n].reshape(
-        -1, structure.n
-    )
+    principal, _, _ = np.linalg.svd(L.T @ np.array(family_modes).T, full_matrices=False)
+    family_shape = np.linalg.solve(L.T, principal[:, 0])
+
+    # static shapes of the principal loads on the contact springs
+    root_stiffness = np.sqrt(tuned.point_stiffness).reshape(-1, 1)
+    B = root_stiffness * structure.rows[..., :n].reshape(-1, n)
     _, U = np.linalg.eigh(B @ W @ B.T)
-    shapes = np.column_stack([W @ B.T @ U[:, -SHAPES:], common])
-    return np.asarray(shapes / np.sqrt(np.einsum("ij,ik,kj->j", shapes, M, shapes)))
+    contact_shapes = W @ B.T @ U[:, -SHAPES:]
+    shapes = np.column_stack([contact_shapes, family_shape])
+    modal_mass = np.einsum("ij,ik,kj->j", shapes, M, shapes)
+    return np.asarray(shapes / np.sqrt(modal_mass))
 
 
 def reduced_state(structure: Structure, state: Loaded, shapes: NDArray) -> Loaded:
     """Return the static state as the origin of the motion in shapes, with the remaining static
     forces."""
     n = structure.n
-    blades, load = state.mean[:, :n], state.load
-    motion = structure.motion(np.pad(blades, ((0, 0), (0, structure.n_damper)))).reshape(-1, 3)
-    remaining = (load[:, :n] - structure.elastic_forces(blades)) @ shapes
-    zero = np.zeros((len(blades), shapes.shape[1]))
+    blades = state.mean[:, :n]
+    dampers = state.mean[:, n:]
+    load_on_blades = state.load[:, :n]
+    load_on_dampers = state.load[:, n:]
+    without_dampers = np.pad(blades, ((0, 0), (0, structure.n_damper)))
+    motion = structure.motion(without_dampers).reshape(-1, 3)
+    remaining = (load_on_blades - structure.elastic_forces(blades)) @ shapes
+    no_motion = np.zeros((len(blades), shapes.shape[1]))
     return replace(
-        state, points=replace(state.points, shift=state.points.shift + motion), load=np.hstack([remaining, load[:, n:]]),
-        mean=np.hstack([zero, state.mean[:, n:]]),
-    )  # fmt: skip
+        state,
+        points=replace(state.points, shift=state.points.shift + motion),
+        load=np.hstack([remaining, load_on_dampers]),
+        mean=np.hstack([no_motion, dampers]),
+    )
 
 
 # ---- Band ----
@@ -492,32 +579,52 @@ def band(disk: DiskProblem, preload: float) -> tuple[float, float, float]:
     tuned peak.  The band contains the resonances of all waves of the tuned disk.  It is extended by
     the standard deviation of the blade frequencies and by two widths at each end.
     """
-    s, tuned, top = disk.structure, disk.structure.tuned, disk.tuned_peak(preload)
-    system = tuned.system(preload)
-    X, F, _ = system.contact(top.y[:-1])
-    x, f = X[..., 1] - 1j * X[..., 2], F[..., 1] - 1j * F[..., 2]
-    complex_stiffness = np.where(np.abs(x) > 0.0, f / np.where(np.abs(x) > 0.0, x, 1.0), 0.0)
-    springs, loss = np.maximum(complex_stiffness.real, 0.0), np.maximum(complex_stiffness.imag, 0.0)
-    omega = float(top.y[-1])
-    N, n, nominal = s.n_blades, s.n, replace(s, stiffness=s.local.blade_stiffness[None])
-    e = int(tuned.engine_order) % N
-    reference, resonances = None, {}
-    for d in [e if 2 * e <= N else N - e, *range(N // 2 + 1)]:
-        squares, phi, motion = nominal.wave(d, springs)
-        cantilever = phi[: s.local.n_cantilever]
-        if reference is None:
-            k = int(np.argmin(np.abs(squares - omega**2)))
-            reference = cantilever[:, k]
-            friction = float((loss.ravel() * np.abs(motion[:, k]) ** 2).sum())
-            viscous = float((phi[:n, k].conj() @ s.damping[d] @ phi[:n, k]).real) * omega
-            width = (friction + viscous) / omega
+    s = disk.structure
+    tuned = s.tuned
+    peak = disk.tuned_peak(preload)
+    omega = float(peak.y[-1])
+    springs, loss = _equivalent_contacts(tuned, preload, peak.y[:-1])
+
+    # mode of the tuned disk at its peak, and the half-power width from all its losses
+    nominal = replace(s, stiffness=s.local.blade_stiffness[None])
+    N = s.n_blades
+    engine_order = int(tuned.engine_order) % N
+    nodal_diameter = min(engine_order, N - engine_order)
+    squares, phi, motion = nominal.wave(nodal_diameter, springs)
+    k = int(np.argmin(np.abs(squares - omega**2)))
+    blade_mode = phi[: s.n, k]
+    friction = float((loss.ravel() * np.abs(motion[:, k]) ** 2).sum())
+    viscous = float((blade_mode.conj() @ s.damping[nodal_diameter] @ blade_mode).real) * omega
+    width = (friction + viscous) / omega
+
+    # resonance of each wave: the mode whose cantilever part is most like that of the peak
+    cantilever_mode = phi[: s.local.n_cantilever, k]
+    resonances = []
+    for d in range(N // 2 + 1):
+        squares, phi, _ = nominal.wave(d, springs)
         near = np.flatnonzero((squares > (omega / FAR) ** 2) & (squares < (omega * FAR) ** 2))
-        if len(near):
-            correlation = np.abs(reference.conj() @ cantilever[:, near]) / np.linalg.norm(
-                cantilever[:, near], axis=0
-            )
-            resonances[d] = float(np.sqrt(squares[near[int(np.argmax(correlation))]]))
-    mean, spread = float(disk.deviation.mean()), float(disk.deviation.std())
-    low = min(omega, *resonances.values()) * (1.0 + mean - spread) - 2.0 * width
-    high = max(omega, *resonances.values()) * (1.0 + mean + spread) + 2.0 * width
+        if len(near) == 0:
+            continue
+        cantilever = phi[: s.local.n_cantilever, near]
+        projection = np.abs(cantilever_mode.conj() @ cantilever)
+        correlation = projection / np.linalg.norm(cantilever, axis=0)
+        most_similar = near[int(np.argmax(correlation))]
+        resonances.append(float(np.sqrt(squares[most_similar])))
+
+    mean = float(disk.deviation.mean())
+    spread = float(disk.deviation.std())
+    low = min(omega, *resonances) * (1.0 + mean - spread) - 2.0 * width
+    high = max(omega, *resonances) * (1.0 + mean + spread) + 2.0 * width
     return low / tau, high / tau, width / tau
+
+
+def _equivalent_contacts(tuned: Problem, preload: float, u: NDArray) -> tuple[NDArray, NDArray]:
+    """Return springs and losses of the contacts in the first harmonic, (n_points, 3) each, N/m."""
+    motion, force, _ = tuned.system(preload).contact(u)
+    x = motion[..., 1] - 1j * motion[..., 2]
+    f = force[..., 1] - 1j * force[..., 2]
+    moves = np.abs(x) > 0.0
+    complex_stiffness = np.where(moves, f / np.where(moves, x, 1.0), 0.0)
+    springs = np.maximum(complex_stiffness.real, 0.0)
+    loss = np.maximum(complex_stiffness.imag, 0.0)
+    return springs, loss
