@@ -79,10 +79,9 @@ def _check_rest(where: str, law: _Law, x: NDArray, s: NDArray) -> None:
     if (change <= REST * np.abs(s)).all():
         return
     i = int(np.argmax(change))
-    raise SettingError(
-        f"{where}: expected a state that a step without motion leaves as it is, "
-        f"found that state {i} changes by {change[i]:.3g} from {s[i]:.6g} in such a step"
-    )
+    expected = "a state that a step without motion leaves as it is"
+    found = f"that state {i} changes by {change[i]:.3g} from {s[i]:.6g} in such a step"
+    raise SettingError(f"{where}: expected {expected}, found {found}")
 
 
 def _check_slopes(where: str, law: _Law, path: NDArray, F: NDArray, D: NDArray, h: float) -> None:
@@ -176,7 +175,7 @@ class _Law:
         m = len(path)
         before = np.zeros(3)
         s = np.zeros(n)
-        # derivative of the state with respect to the motions, those of the start first
+        # derivative of the state with respect to the motions; the first three columns: the start
         by_motions = np.zeros((n, 3 * m + 3))
         states = []
         for k, x in enumerate(path):

@@ -277,7 +277,7 @@ class ContactLaw:
         """
         k = validation.numbers("stiffness", stiffness, above=0.0)
         n = len(k)
-        # one value stands for all elements
+        # one value applies to all elements
         limits = [limit] * n if np.ndim(limit) == 0 else limit
         slip_force = validation.numbers("limit", limits, n, least=0.0)
         increases = [mu] * n if np.ndim(mu) == 0 else mu

@@ -91,7 +91,7 @@ class ResidualModes(validation.Checked):
 
 def joined(basis: HarmonicBasis, residual: HarmonicBasis) -> HarmonicBasis:
     """Append residual coordinates to a basis."""
-    # a drag of 0.0 stands for all modes
+    # a drag of 0.0 applies to all modes
     drag_of_basis = np.broadcast_to(basis.drag, basis.omega2.shape)
     drag_of_residual = np.broadcast_to(residual.drag, residual.omega2.shape)
     return replace(
@@ -181,7 +181,7 @@ def _stuck_static(
 ) -> NDArray | None:
     """Return the contact forces under the static load with every point bonded.
 
-    None stands for no load.  ``kept`` selects the components of ``R`` and of the basis.
+    The result is None without load.  ``kept`` selects the components of ``R`` and of the basis.
     """
     load, shift = coupling.load()
     if not np.any(load):

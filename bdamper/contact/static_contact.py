@@ -109,7 +109,7 @@ class StaticContactSolution:
 
 @dataclass(frozen=True)
 class _Iterate:
-    """Contact forces (n, 3), rigid-body coordinates (n_rigid,) and what the equations say there.
+    """Contact forces (n, 3) and rigid-body coordinates (n_rigid,), with their residuals.
 
     Parameters
     ----------

@@ -250,7 +250,7 @@ def _has_static_solution(coupling: Coupling) -> bool:
 def _static_contact_forces(coupling: Coupling, friction: NDArray) -> NDArray:
     """Return the static contact forces T1, T2, N (n_points, 3) per newton of load.
 
-    They are those of the model if it has a static solution, otherwise of the condensed problem.
+    A static solution of the model contains them; without it, the condensed problem is solved.
     """
     force = np.zeros((coupling.n_points, 3))
     if not _has_static_solution(coupling):

@@ -1,25 +1,30 @@
-r"""Kinematics: motion of the bodies and relative motion at the contact points by modal coordinates (paper, Eqs 12 to 14).
+r"""Kinematics: motion of the bodies and relative motion at the contact points.
 
-The equations of motion :math:`M \ddot X + C \dot X + K X = F_e(t) + F_n(X)` (12) are solved by modal superposition.  At
+It follows Eqs 12 to 14 of the paper.  The equations of motion
+:math:`M \ddot X + C \dot X + K X = F_e(t) + F_n(X)` (12) are solved by modal superposition.  At
 harmonic :math:`l` the motion of a body is (13)
 
 .. math:: u = \mathrm{Re} \sum_l \Phi\, q_l\, e^{i l \theta},
 
-with elastic and, for free bodies, six rigid-body modes :math:`\Phi`.  Harmonic 0 is the mean position.  The relative motion
-of the two sides of an interface along the contact axes is their difference (14).  At harmonic :math:`l` of engine order
-:math:`EO` each sector follows its neighbour with the phase :math:`l\varphi`, :math:`\varphi = 2\pi EO/N` (17, 18).  A side
-in sector :math:`s` thus moves as in the reference sector times :math:`e^{i l \varphi s}`, along axes that turn with the
+with elastic and, for free bodies, six rigid-body modes :math:`\Phi`.  Harmonic 0 is the mean
+position.  The relative motion of the two sides of an interface along the contact axes is their
+difference (14).  At harmonic :math:`l` of engine order :math:`EO` each sector follows its neighbour
+with the phase :math:`l\varphi`, :math:`\varphi = 2\pi EO/N` (17, 18).  A side in sector :math:`s`
+thus moves as in the reference sector times :math:`e^{i l \varphi s}`, along axes that turn with the
 sector:
 
-.. math:: (u_1, u_2, v)_l = G_l q_l, \qquad G_l = D (P_b \Phi_b - P_a \Phi_a), \qquad D = \mathrm{diag}(1, 1, -1).
+.. math:: (u_1, u_2, v)_l = G_l q_l, \qquad G_l = D (P_b \Phi_b - P_a \Phi_a), \qquad
+    D = \mathrm{diag}(1, 1, -1).
 
-:math:`P` selects the contact points with this phase, and :math:`v` is positive if the surfaces approach.  The modal contact
-force of Eq. (16) is :math:`-G_l^H F_l`.  :meth:`Coupling.basis` returns :math:`G_l`.
+:math:`P` selects the contact points with this phase, and :math:`v` is positive if the surfaces
+approach.  The modal contact force of Eq. (16) is :math:`-G_l^H F_l`.  :meth:`Coupling.basis`
+returns :math:`G_l`.
 
-The wave :math:`l\,EO` has the nodal diameter :math:`d = l\,EO \bmod N`.  The model contains :math:`d \le N/2`; other modes
-are complex conjugates of these.
+The wave :math:`l\,EO` has the nodal diameter :math:`d = l\,EO \bmod N`.  The model contains
+:math:`d \le N/2`; other modes are complex conjugates of these.
 
-The residual flexibility of the omitted modes (for :mod:`bdamper.contact.stiffness`) uses the same :math:`P`,
+The residual flexibility of the omitted modes (for :mod:`bdamper.contact.stiffness`) uses the same
+:math:`P`,
 
 .. math:: R_{res} = D \Big[ \sum P\,(R - \Phi \Omega^{-2} \Phi^H)\,P^H \Big] D .
 """
@@ -42,7 +47,9 @@ from bdamper.util.errors import ModelError, SettingError, warn
 from bdamper.util.formatting import short_repr
 
 RIGID_NAMES = ("TX", "TY", "TZ", "RX", "RY", "RZ")
-"""Rigid-body modes of a free body, along and about its axes: Y along its load, Z along the axis of rotation."""
+"""Rigid-body modes of a free body, along and about its axes: Y along its load, Z along the axis of
+rotation.
+"""
 STATIC = "static shape"
 """Beginning of the names of coordinates of static shapes."""
 
@@ -105,65 +112,77 @@ class HarmonicBasis:
 
 
 def body_axes(body: Body) -> NDArray:
-    """Return the body axes X, Y, Z of a free body as rows (3, 3): Y along its load, Z along the axis of rotation."""
-    y = np.array([0.0, 1.0, 0.0]) if body.load is None else np.asarray(body.load.direction, float)
+    """Return the body axes X, Y, Z of a free body as rows (3, 3).
+
+    Y is along its load, Z along the axis of rotation.
+    """
+    y = np.array([0.0, 1.0, 0.0])
+    if body.load is not None:
+        y = np.asarray(body.load.direction, float)
     z = np.array([0.0, 0.0, 1.0])
     x = np.cross(y, z)
     return np.array([x / np.linalg.norm(x), y, z])
 
 
 def principal_axes(body: Body) -> tuple[NDArray, NDArray]:
-    """Return principal moments (3,), kg m2, and axes as rows (3, 3) of a free body, in the order of its body axes."""
+    """Return principal moments (3,), kg m2, and axes as rows (3, 3) of a free body.
+
+    They follow the order and the senses of the closest body axes.
+    """
     assert body.inertia is not None
     axes = body_axes(body)
     moments, principal = np.linalg.eigh(body.inertia)
-    along = axes @ principal
-    order = scipy.optimize.linear_sum_assignment(-np.abs(along))[1]
-    return moments[order], (principal[:, order] * np.sign(along[range(3), order])).T
+    cosine = axes @ principal
+    order = scipy.optimize.linear_sum_assignment(-np.abs(cosine))[1]
+    sense = np.sign(cosine[range(3), order])
+    return moments[order], (principal[:, order] * sense).T
 
 
 def standard_rigid_modes(model: Model, body: Body) -> Body:
-    """Replace the rigid-body modes of a free body by translations along and rotations about its body axes.
+    """Replace the rigid-body modes of a free body by motions along and about its body axes.
 
-    The rotations are about the principal axes of inertia closest to X, Y, Z, through the centre of mass, so that the modes
-    remain mass-normalised and orthogonal.
+    The rotations are about the principal axes of inertia closest to X, Y, Z, through the centre of
+    mass, so that the modes remain mass-normalised and orthogonal.
     """
     assert body.mass is not None and body.centre is not None
-    moments, turn = principal_axes(body)
+    moments, rotation_axes = principal_axes(body)
     basis = body.bases[0]
-    points = np.concatenate([model.interfaces[name].points for name, _ in body.ports])
-    frames = np.concatenate([model.interfaces[name].frame for name, _ in body.ports])
-    translation, rotation = body_axes(body) / np.sqrt(body.mass), turn / np.sqrt(moments)[:, None]
+    faces = [model.interfaces[name] for name, _ in body.ports]
+    points = np.concatenate([face.points for face in faces])
+    frames = np.concatenate([face.frame for face in faces])
+    translation = body_axes(body) / np.sqrt(body.mass)
+    rotation = rotation_axes / np.sqrt(moments)[:, None]
     motion = rigid_motions(points, body.centre, translation, rotation).reshape(-1, 3, 6)
+
     # two kinds of products keep the rounding of earlier versions, to which folds are sensitive
-    rigid = np.concatenate(
-        [frames @ motion[..., :3], np.einsum("pij,pjk->pik", frames, motion[..., 3:])], axis=2
-    )
-    # both sets of modes span the same space: stored @ change = new
-    change = np.linalg.lstsq(
-        basis.contact_modes[..., :6].real.reshape(-1, 6), rigid.reshape(-1, 6), rcond=None
-    )[0]
+    translations = frames @ motion[..., :3]
+    rotations = np.einsum("pij,pjk->pik", frames, motion[..., 3:])
+    rigid = np.concatenate([translations, rotations], axis=2)
     modes = basis.contact_modes.copy()
     modes[..., :6] = rigid
-    locations = {
-        name: np.concatenate([m[:, :6] @ change, m[:, 6:]], axis=1)
-        for name, m in basis.locations.items()
-    }
+
+    # both sets of modes span the same space: stored @ change = rigid
+    stored = basis.contact_modes[..., :6].real
+    change = np.linalg.lstsq(stored.reshape(-1, 6), rigid.reshape(-1, 6), rcond=None)[0]
+    locations = {}
+    for name, at_location in basis.locations.items():
+        locations[name] = np.concatenate([at_location[:, :6] @ change, at_location[:, 6:]], axis=1)
     load = body.load
     if load is not None:
         generalised = load.generalised.copy()
         generalised[:6] = change.T @ load.generalised[:6]
         load = replace(load, generalised=generalised)
-    return replace(
-        body, bases={0: replace(basis, contact_modes=modes, locations=locations)}, load=load
-    )
+    new_basis = replace(basis, contact_modes=modes, locations=locations)
+    return replace(body, bases={0: new_basis}, load=load)
 
 
 def _mode_name(body: Body, index: int) -> str:
     if body.kind == "free":
         return RIGID_NAMES[index] if index < 6 else f"elastic {index - 5}"
-    natural = body.bases[0].n_natural
-    return f"mode {index + 1}" if index < natural else f"{STATIC} {index - natural + 1}"
+    n_natural = body.bases[0].n_natural
+    if index < n_natural:
+        return f"mode {index + 1}"
+    return f"{STATIC} {index - n_natural + 1}"
 
 
 def retained_modes(
@@ -190,27 +209,32 @@ def retained_modes(
     """
     unknown = [name for name in rigid if name not in RIGID_NAMES]
     validation.check(not unknown, "rigid-body modes", f"names out of {RIGID_NAMES}", unknown)
-    out = {}
+    rigid_indices = [RIGID_NAMES.index(name) for name in RIGID_NAMES if name in rigid]
+    retained = {}
     for body in model.bodies.values():
         if body.kind == "constrained":
-            have = min(basis.n_natural for basis in body.bases.values())
+            available = min(basis.n_natural for basis in body.bases.values())
             validation.check(
-                1 <= blade_modes <= have,
+                1 <= blade_modes <= available,
                 "blade_modes",
-                f"1 to {have} (body '{body.name}')",
+                f"1 to {available} (body '{body.name}')",
                 blade_modes,
             )
-            out[body.name] = np.arange(blade_modes)
+            retained[body.name] = np.arange(blade_modes)
         elif body.kind == "free":
-            have, elastic = body.bases[0].n_modes - 6, damper_modes[body.name]
+            available = body.bases[0].n_modes - 6
+            elastic = damper_modes[body.name]
             validation.check(
-                0 <= elastic <= have, "damper_modes", f"0 to {have} (body '{body.name}')", elastic
+                0 <= elastic <= available,
+                "damper_modes",
+                f"0 to {available} (body '{body.name}')",
+                elastic,
             )
-            indices = [RIGID_NAMES.index(name) for name in RIGID_NAMES if name in rigid]
-            out[body.name] = np.array(indices + list(range(6, 6 + elastic)), int)
+            elastic_indices = list(range(6, 6 + elastic))
+            retained[body.name] = np.array(rigid_indices + elastic_indices, int)
         elif body.kind == "lumped":
-            out[body.name] = np.arange(body.bases[0].n_modes)
-    return out
+            retained[body.name] = np.arange(body.bases[0].n_modes)
+    return retained
 
 
 # ---- Relative motion at the contact points (Eqs 13 and 14) ----
@@ -230,7 +254,8 @@ class Coupling:
         Retained modes of each body.
     engine_order : int
     fundamental_modes_only : bool
-        Use the modes of the nodal diameter of the fundamental for every harmonic, as the paper does.
+        Use the modes of the nodal diameter of the fundamental for every harmonic, as the paper
+        does.
     """
 
     model: Model
@@ -246,9 +271,10 @@ class Coupling:
     @cached_property
     def interface_of(self) -> tuple[str, ...]:
         """Interface name of each contact point, (n_points,)."""
-        return tuple(
-            name for name in self.interfaces for _ in range(self.model.interfaces[name].n_points)
-        )
+        names: list[str] = []
+        for name in self.interfaces:
+            names += [name] * self.model.interfaces[name].n_points
+        return tuple(names)
 
     def rows(self, interface: str) -> slice:
         """Return the rows of one interface among the stacked contact points."""
@@ -258,36 +284,33 @@ class Coupling:
     @property
     def friction_faces(self) -> tuple[str, ...]:
         """Interfaces with friction."""
-        return tuple(
-            name for name in self.interfaces if self.model.interfaces[name].kind == "friction"
-        )
+        interfaces = self.model.interfaces
+        return tuple(name for name in self.interfaces if interfaces[name].kind == "friction")
 
     @property
     def friction_rows(self) -> NDArray:
         """Rows (n,) of all friction interfaces among the stacked contact points."""
         numbers = np.arange(self.n_points)
-        return np.concatenate(
-            [np.zeros(0, int), *(numbers[self.rows(name)] for name in self.friction_faces)]
-        )
+        rows = [numbers[self.rows(name)] for name in self.friction_faces]
+        return np.concatenate([np.zeros(0, int), *rows])
 
     @property
     def spring_points(self) -> NDArray:
-        """Whether each point belongs to linear springs that are part of the bodies, (n_points,) bool."""
+        """Whether each point is a linear spring that is part of the bodies, (n_points,) bool."""
         faces = [self.model.interfaces[name] for name in self.interfaces]
-        return np.repeat(
-            [face.kind == "spring" for face in faces], [face.n_points for face in faces]
-        )
+        is_spring = [face.kind == "spring" for face in faces]
+        return np.repeat(is_spring, [face.n_points for face in faces])
 
     def _moving(self, harmonic: int) -> Iterator[tuple[Body, ModalBasis, NDArray]]:
-        """Iterate over the bodies except the ground, with basis and retained modes at a harmonic."""
+        """Iterate over bodies except the ground, with basis and retained modes at a harmonic."""
         for body in self.model.bodies.values():
             if body.kind != "ground":
                 yield body, self._basis(body, harmonic), np.asarray(self.modes[body.name])
 
     def _nodal_diameter(self, harmonic: int) -> tuple[int, bool]:
-        return self.model.folded_nodal_diameter(
-            self.engine_order * (1 if self.fundamental_modes_only else harmonic)
-        )
+        if self.fundamental_modes_only:
+            harmonic = 1
+        return self.model.folded_nodal_diameter(self.engine_order * harmonic)
 
     def _basis(self, body: Body, harmonic: int) -> ModalBasis:
         if body.kind == "free":
@@ -295,16 +318,17 @@ class Coupling:
         d, conjugate = self._nodal_diameter(harmonic)
         if d not in body.bases:
             raise SettingError(
-                f"body '{body.name}': harmonic {harmonic} of engine order {self.engine_order} needs nodal diameter "
-                f"{d}, the model has {sorted(body.bases)}; set engine_order, or use fewer harmonics, or "
-                "fundamental_modes_only=True to use the modes of the first harmonic for all"
+                f"body '{body.name}': harmonic {harmonic} of engine order {self.engine_order} "
+                f"needs nodal diameter {d}, the model has {sorted(body.bases)}; "
+                "set engine_order, or use fewer harmonics, or fundamental_modes_only=True "
+                "to use the modes of the first harmonic for all"
             )
         return body.bases[d].conjugate() if conjugate else body.bases[d]
 
     def placed(
         self, body: Body, array: NDArray, harmonic: int, sectors: Collection[int] = (-1, 0, 1)
     ) -> NDArray:
-        """Return the relative motion at all contact points that a motion at the ports of one body causes, Eq. (14).
+        """Return the relative motion at all contact points due to the motion of one body, Eq. (14).
 
         Parameters
         ----------
@@ -320,15 +344,21 @@ class Coupling:
         (n_points, 3, n) complex
         """
         phase = 2.0 * np.pi * self.engine_order * harmonic / self.model.n_blades
-        out = np.zeros((self.n_points, 3, array.shape[2]), complex)
+        relative = np.zeros((self.n_points, 3, array.shape[2]), complex)
         for name, side in body.ports:
             face = self.model.interfaces[name]
-            sector, sense = (face.sector_a, -1.0) if side == "a" else (face.sector_b, 1.0)
+            if side == "a":
+                sector = face.sector_a
+                sense = -1.0
+            else:
+                sector = face.sector_b
+                sense = 1.0
             if name in self.interfaces and sector in sectors:
                 port = array[self.model.port_slice(body.name, (name, side))]
-                out[self.rows(name)] += np.exp(1j * phase * sector) * (sense * port)
-        out[:, 2] *= -1.0
-        return out
+                relative[self.rows(name)] += np.exp(1j * phase * sector) * (sense * port)
+        # v is positive if the surfaces approach
+        relative[:, 2] *= -1.0
+        return relative
 
     def basis(self, harmonic: int) -> HarmonicBasis:
         """Return modes, modal stiffness and relative motion G of one harmonic, Eqs (13) and (14).
@@ -339,51 +369,67 @@ class Coupling:
             If the model lacks the nodal diameter that this harmonic excites.
         """
         coordinates: list[Coordinate] = []
-        omega2, damping, drag, G = [], [], [], []
+        omega2, damping_ratio, drag, G = [], [], [], []
         diameter = 0
         for body, basis, keep in self._moving(harmonic):
             if body.kind == "constrained":
                 diameter, _ = self._nodal_diameter(harmonic)
-            placed = self.placed(body, basis.contact_modes[..., keep], harmonic)
+            relative = self.placed(body, basis.contact_modes[..., keep], harmonic)
             if harmonic == 0:  # the mean position is real, also with the modes of the fundamental
-                placed = placed.real.astype(complex)
-            G.append(placed)
+                relative = relative.real.astype(complex)
+            G.append(relative)
             omega2.append(basis.omega2[keep])
-            damping.append(basis.damping_ratio[keep])
+            damping_ratio.append(basis.damping_ratio[keep])
             drag.append(_picked(basis.drag, keep))
             coordinates += [Coordinate(body.name, int(i), _mode_name(body, int(i))) for i in keep]
         stiffness = np.concatenate(omega2)
-        relative, mass = np.concatenate(G, axis=2), np.ones_like(stiffness)
-        ratio, rate = np.concatenate(damping), np.concatenate(drag)
-        return HarmonicBasis(tuple(coordinates), stiffness, ratio, relative, diameter, mass, rate)
+        return HarmonicBasis(
+            coordinates=tuple(coordinates),
+            omega2=stiffness,
+            damping_ratio=np.concatenate(damping_ratio),
+            G=np.concatenate(G, axis=2),
+            nodal_diameter=diameter,
+            mass=np.ones_like(stiffness),
+            drag=np.concatenate(drag),
+        )
 
     def no_basis(self) -> HarmonicBasis:
         """Return a basis without modes, for a harmonic without motion."""
         empty = np.zeros(0)
-        return HarmonicBasis((), empty, empty, np.zeros((self.n_points, 3, 0), complex), 0, empty)
+        no_motion = np.zeros((self.n_points, 3, 0), complex)
+        return HarmonicBasis(
+            coordinates=(),
+            omega2=empty,
+            damping_ratio=empty,
+            G=no_motion,
+            nodal_diameter=0,
+            mass=empty,
+        )
 
     def location_modes(self, location: str, harmonic: int) -> NDArray:
-        """Return the motion along X, Y, Z of a location for unit modal coordinates of one harmonic, (3, n_modes).
+        """Return the motion of a location for unit modal coordinates, (3, n_modes).
 
-        For a field of forces these are its rows.  For "mode 1" the first row selects the coordinate of this mode of the
-        constrained body.
+        The rows are along X, Y, Z.  For a field of forces these are its rows.  For "mode 1" the
+        first row selects the coordinate of this mode of the constrained body.
         """
+        columns = []
         if location not in self.model.locations:
-            modes = [
-                (b.kind, f"mode {i + 1}")
-                for b, _, retained in self._moving(harmonic)
-                for i in retained
-            ]
-            return np.outer([1.0, 0.0, 0.0], [mode == ("constrained", location) for mode in modes])
+            for body, _, keep in self._moving(harmonic):
+                selected = np.zeros((3, len(keep)))
+                if body.kind == "constrained":
+                    selected[0] = [f"mode {i + 1}" == location for i in keep]
+                columns.append(selected)
+            return np.concatenate(columns, axis=1)
         moving = self.model.locations[location].body
-        columns = [
-            _picked(basis.locations[location] if body.name == moving else None, retained, (3,))
-            for body, basis, retained in self._moving(harmonic)
-        ]
+        for body, basis, keep in self._moving(harmonic):
+            modes = basis.locations[location] if body.name == moving else None
+            columns.append(_picked(modes, keep, (3,)))
         return np.concatenate(columns, axis=1)
 
     def residual_flexibility(self, harmonic: int) -> NDArray:
-        """Return the flexibility of the omitted modes for (u1, u2, v), Hermitian (3 n_points, 3 n_points), m/N.
+        """Return the flexibility of the omitted modes for (u1, u2, v), m/N.
+
+        It is Hermitian, (3 n_points, 3 n_points).
 
         Raises
         ------
@@ -391,25 +437,27 @@ class Coupling:
             If the model lacks a static flexibility at this nodal diameter.
         """
         n = 3 * self.n_points
-        out = np.zeros((n, n), complex)
+        total = np.zeros((n, n), complex)
         for body, basis, keep in self._moving(harmonic):
             if not body.ports:
                 continue
             if basis.flexibility is None:
                 d = 0 if body.kind == "free" else self._nodal_diameter(harmonic)[0]
                 raise ModelError(
-                    f"body '{body.name}': contact stiffness needs its static flexibility at nodal diameter {d}, which "
-                    "the model lacks; set contact_stiffness to numbers"
+                    f"body '{body.name}': contact stiffness needs its static flexibility at nodal "
+                    f"diameter {d}, which the model lacks; set contact_stiffness to numbers"
                 )
-            keep = keep[basis.omega2[keep] > 0.0]
-            modes = basis.contact_modes[..., keep].reshape(basis.flexibility.shape[0], len(keep))
-            residual = basis.flexibility - (modes / basis.omega2[keep]) @ modes.conj().T
-            m = residual.shape[0] // 3
-            half = self.placed(body, residual.reshape(m, 3, 3 * m), harmonic).reshape(n, 3 * m)
-            out += (
-                self.placed(body, half.conj().T.reshape(m, 3, n), harmonic).reshape(n, n).conj().T
-            )
-        return 0.5 * (out + out.conj().T)
+            elastic = keep[basis.omega2[keep] > 0.0]
+            n_forces = len(basis.flexibility)
+            modes = basis.contact_modes[..., elastic].reshape(n_forces, len(elastic))
+            residual = basis.flexibility - (modes / basis.omega2[elastic]) @ modes.conj().T
+
+            # P R P^H: placed by columns, then by rows
+            by_force = residual.reshape(n_forces // 3, 3, n_forces)
+            half = self.placed(body, by_force, harmonic).reshape(n, n_forces)
+            by_contact = half.conj().T.reshape(n_forces // 3, 3, n)
+            total += self.placed(body, by_contact, harmonic).reshape(n, n).conj().T
+        return 0.5 * (total + total.conj().T)
 
     def left_out_modes(self, harmonic: int) -> tuple[NDArray, NDArray, NDArray]:
         """Return the elastic modes in the model that are not retained.
@@ -431,9 +479,8 @@ class Coupling:
 
     def constant_force(self) -> NDArray:
         """Return the modal static force (n_modes,) independent of the load."""
-        return np.concatenate(
-            [_picked(body.constant_force, keep) for body, _, keep in self._moving(0)]
-        )
+        forces = [_picked(body.constant_force, keep) for body, _, keep in self._moving(0)]
+        return np.concatenate(forces)
 
     def load(self, shares: Mapping[str, float] | None = None) -> tuple[NDArray, NDArray]:
         """Return the static load of the free bodies.
@@ -457,13 +504,14 @@ class Coupling:
             if body.load is None or share == 0.0:
                 force.append(_picked(None, keep))
                 continue
-            force.append(share * body.load.generalised[keep])
+            generalised = body.load.generalised
+            force.append(share * generalised[keep])
+            # the elastic displacement without that of the retained modes
             basis = body.bases[0]
             elastic = keep[basis.omega2[keep] > 0.0]
-            omitted = body.load.displacement - (
-                basis.contact_modes[..., elastic].real
-                @ (body.load.generalised[elastic] / basis.omega2[elastic])
-            )
+            coordinates = generalised[elastic] / basis.omega2[elastic]
+            represented = basis.contact_modes[..., elastic].real @ coordinates
+            omitted = body.load.displacement - represented
             displacement += share * self.placed(body, omitted[..., None], 0)[..., 0].real
         return np.concatenate(force), displacement
 
@@ -481,34 +529,39 @@ class Coupling:
 
 def _picked(array: NDArray | None, keep: NDArray, before: tuple[int, ...] = ()) -> NDArray:
     """Return the columns ``keep`` of an array; zeros of shape (*before, len(keep)) for None."""
-    return np.zeros((*before, len(keep))) if array is None else array[..., keep]
+    if array is None:
+        return np.zeros((*before, len(keep)))
+    return array[..., keep]
 
 
 # ---- Centrifugal load, damping and flow ----
 
 
 def centrifugal_arms(model: Model) -> dict[str, float]:
-    """Return mass times radius (kg m) of each loaded free body: its centrifugal load per squared rotor speed.
+    """Return mass times radius (kg m) of each loaded free body.
+
+    This is its centrifugal load per squared rotor speed.
 
     Raises
     ------
     SettingError
         If the centre of mass of one of them lies on the axis.
     """
-    loaded = {b.name: b for b in model.bodies.values() if b.kind == "free" and b.load is not None}
-    arms = {name: float(b.mass * np.hypot(*b.centre[:2])) for name, b in loaded.items()}  # type: ignore[index]
+    arms = {}
+    for body in model.bodies.values():
+        if body.kind == "free" and body.load is not None:
+            assert body.mass is not None and body.centre is not None
+            arms[body.name] = float(body.mass * np.hypot(*body.centre[:2]))
+    off_axis = min(arms.values(), default=1.0) > 0.0
     found = ", ".join(f"{arm:.6g} kg m of '{name}'" for name, arm in arms.items())
-    validation.check(
-        min(arms.values(), default=1.0) > 0.0,
-        "rotor speed",
-        "loaded free bodies off the axis",
-        found,
-    )
+    validation.check(off_axis, "rotor speed", "loaded free bodies off the axis", found)
     return arms
 
 
 def centrifugal_load(model: Model) -> float:
-    """Return the centrifugal load of the first loaded free body per squared rotor speed (kg m): its preload at a speed.
+    """Return the centrifugal load of the first loaded free body per squared rotor speed (kg m).
+
+    It gives the preload at a speed.
 
     Raises
     ------
@@ -543,33 +596,35 @@ def damper_drag(
     """
     closed = springs.ravel() > 0.0
     G = basis.G.real.reshape(-1, basis.n_modes)[closed]
-    free = {
-        i: c
-        for i, c in enumerate(basis.coordinates)
-        if c.body in model.bodies and model.bodies[c.body].kind == "free"
-    }
-    residual = [i for i, c in enumerate(basis.coordinates) if c.body not in model.bodies]
-    flexibility = (
-        np.diag(1.0 / springs.ravel()[closed])
-        + G[:, residual] / basis.omega2[residual] @ G[:, residual].T
-    )
-    motion = G[:, list(free)]
-    frequency = np.sqrt(
-        (motion * np.linalg.solve(flexibility, motion)).sum(axis=0) + basis.omega2[list(free)]
-    )
-    masses = {c: (w, model.bodies[c.body].mass) for c, w in zip(free.values(), frequency)}
-    rates = {
-        c: float(2.0 * ratio[c.body] * w + drag[c.body] / m)
-        for c, (w, m) in masses.items()
-        if m is not None
-    }
-    omega, rate = (
-        float(np.sqrt(basis.omega2[basis.omega2 > 0.0].min(initial=np.inf))),
-        max(rates.values(), default=0.0),
-    )
-    if rate > omega:
+    free: list[int] = []
+    residual: list[int] = []
+    for i, coordinate in enumerate(basis.coordinates):
+        if coordinate.body not in model.bodies:
+            residual.append(i)
+        elif model.bodies[coordinate.body].kind == "free":
+            free.append(i)
+
+    # natural frequencies of each motion alone, on the contact springs and the residual modes
+    in_series = G[:, residual] / basis.omega2[residual] @ G[:, residual].T
+    flexibility = np.diag(1.0 / springs.ravel()[closed]) + in_series
+    motion = G[:, free]
+    contact = (motion * np.linalg.solve(flexibility, motion)).sum(axis=0)
+    frequency = np.sqrt(contact + basis.omega2[free])
+
+    rates = {}
+    for i, omega in zip(free, frequency):
+        coordinate = basis.coordinates[i]
+        name = coordinate.body
+        mass = model.bodies[name].mass
+        if mass is not None:
+            rates[coordinate] = float(2.0 * ratio[name] * omega + drag[name] / mass)
+
+    largest_rate = max(rates.values(), default=0.0)
+    lowest = float(np.sqrt(basis.omega2[basis.omega2 > 0.0].min(initial=np.inf)))
+    if largest_rate > lowest:
         warn(
-            f"damping of the damper: a rate of up to {rate:.3g} 1/s exceeds omega = {omega:.3g} rad/s of the lowest mode; "
+            f"damping of the damper: a rate of up to {largest_rate:.3g} 1/s exceeds "
+            f"omega = {lowest:.3g} rad/s of the lowest mode; "
             "the damper cannot move freely relative to the rotor"
         )
     return rates
@@ -578,7 +633,9 @@ def damper_drag(
 def in_flow(
     basis: HarmonicBasis, model: Model, flow: Mapping[int, complex], wave: int
 ) -> HarmonicBasis:
-    """Add aerodynamic stiffness ``2 Re z omega^2`` and damping ``2 Im z omega`` to the modes of constrained bodies.
+    """Add aerodynamic stiffness and damping to the modes of constrained bodies.
+
+    They are ``2 Re z omega^2`` and ``2 Im z omega``.
 
     Parameters
     ----------
@@ -594,21 +651,21 @@ def in_flow(
     SettingError
         If a mode has negative damping or stiffness.
     """
-    z: Any = flow.get(wave % model.n_blades, 0.0)
+    diameter = wave % model.n_blades
+    z: Any = flow.get(diameter, 0.0)
     blades = [name for name, body in model.bodies.items() if body.kind == "constrained"]
     z = z * np.array([coordinate.body in blades for coordinate in basis.coordinates])
     drag = basis.damping + 2.0 * np.imag(z) * np.sqrt(basis.omega2)
-    expected = (
-        "modes with positive damping and stiffness; study.flutter finds the limit cycles of others"
-    )
-    good = (drag >= 0.0).all() and (np.real(z) > -0.5).all()
     validation.check(
-        good,
-        f"aerodynamic_damping at nodal diameter {wave % model.n_blades}",
-        expected,
+        (drag >= 0.0).all() and (np.real(z) > -0.5).all(),
+        f"aerodynamic_damping at nodal diameter {diameter}",
+        "modes with positive damping and stiffness; study.flutter finds the limit cycles of others",
         "some without",
     )
-    none = np.zeros_like(basis.damping_ratio)
+    # the drag has all damping
     return replace(
-        basis, omega2=basis.omega2 * (1.0 + 2.0 * np.real(z)), damping_ratio=none, drag=drag
+        basis,
+        omega2=basis.omega2 * (1.0 + 2.0 * np.real(z)),
+        damping_ratio=np.zeros_like(basis.damping_ratio),
+        drag=drag,
     )

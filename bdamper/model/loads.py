@@ -16,7 +16,10 @@ from bdamper.util.formatting import text_of
 
 
 def direction_vector(value: str | Sequence[float], what: str) -> NDArray:
-    """Return the unit vector along a named direction or along three components; ``what`` is its name in errors."""
+    """Return the unit vector along a named direction or along three components.
+
+    ``what`` is its name in errors.
+    """
     directions = {
         "tangential": (1.0, 0.0, 0.0),
         "radial": (0.0, 1.0, 0.0),
@@ -26,7 +29,8 @@ def direction_vector(value: str | Sequence[float], what: str) -> NDArray:
         if value not in directions:
             suggestion = validation.suggest_name(value, directions)
             raise SettingError(
-                f"{what}: expected one of {tuple(directions)} or three numbers, found '{value}'{suggestion}"
+                f"{what}: expected one of {tuple(directions)} or three numbers, "
+                f"found '{value}'{suggestion}"
             )
         return np.array(directions[value])
     vector = validation.numbers(what, value, 3)
@@ -62,22 +66,26 @@ Location = Annotated[str, partial(validation.instance, kind=str, words="the name
 @validation.check_arguments
 @dataclass(frozen=True)
 class Excitation:
-    """Travelling-wave force of engine-order type on every blade; the sum ``one + other`` applies both.
+    """Travelling-wave force of engine-order type on every blade.
+
+    The sum ``one + other`` applies both.
 
     Parameters
     ----------
     location : str
-        Location of the model, name of a field of nodal forces (``forces`` of :func:`bdamper.importers.build_model`), or
-        "mode 1", "mode 2", ... for a modal force on one mode of the constrained body.
+        Location of the model, name of a field of nodal forces (``forces`` of
+        :func:`bdamper.importers.build_model`), or "mode 1", "mode 2", ... for a modal force on one
+        mode of the constrained body.
     direction : {"tangential", "radial", "axial"} or three floats
         Direction of a force at a location; without effect on fields and modes.
     amplitude : float, N
         Factor for a field; N kg^-1/2 for a modal force.
     phase : float, rad
-        Phase of the force on the reference blade, ``amplitude cos(omega t + phase)``, from -2 pi to 2 pi.
+        Phase of the force on the reference blade, ``amplitude cos(omega t + phase)``, from -2 pi to
+        2 pi.
     engine_order : int, optional
-        Multiple of the engine order of the study, equal to it by default.  With ``h`` times this order the force acts on
-        harmonic ``h``.
+        Multiple of the engine order of the study, equal to it by default.  With ``h`` times this
+        order the force acts on harmonic ``h``.
     beside : tuple of Excitation
         Other forces of a sum; ``amplitude`` does not scale them.
     """
@@ -132,8 +140,9 @@ def influence_coefficients(given: Mapping[int, complex], n_blades: int) -> dict[
     Parameters
     ----------
     given : mapping of int to complex
-        Influence coefficient of the blade at each sector offset (0 the blade itself, 1 and -1 its neighbours).  The real
-        part is a relative frequency shift, the imaginary part a damping ratio.
+        Influence coefficient of the blade at each sector offset (0 the blade itself, 1 and -1 its
+        neighbours).  The real part is a relative frequency shift, the imaginary part a damping
+        ratio.
     n_blades : int
 
     Returns
@@ -147,14 +156,15 @@ def influence_coefficients(given: Mapping[int, complex], n_blades: int) -> dict[
         If an offset is not an integer or a coefficient is not finite.
     """
     n = validation.integer("n_blades", n_blades, 1)
-    for k, z in validation.instance(
-        "influence coefficients", given, Mapping, "a mapping of blades to numbers"
-    ).items():
+    expected = "a mapping of blades to numbers"
+    coefficients = validation.instance("influence coefficients", given, Mapping, expected)
+    for k, z in coefficients.items():
         validation.integer(f"blade of coefficient {k}", k, -n)
-        validation.check_value(
-            np.isfinite(z), f"influence coefficient of blade {k}", "a finite number", z
-        )
-    return {
-        d: complex(sum(z * np.exp(2j * np.pi * k * d / n) for k, z in given.items()))
-        for d in range(n)
-    }
+        name = f"influence coefficient of blade {k}"
+        validation.check_value(np.isfinite(z), name, "a finite number", z)
+
+    damping = {}
+    for d in range(n):
+        terms = [z * np.exp(2j * np.pi * k * d / n) for k, z in coefficients.items()]
+        damping[d] = complex(sum(terms))
+    return damping

@@ -1,28 +1,33 @@
-r"""Modes of one body at one nodal diameter and over rotor speed, and the local basis of mistuned bladed disks.
+r"""Modes of one body, also over rotor speed, and the local basis of mistuned bladed disks.
 
 ``bdamper.model.structure`` describes the conventions.
 
-In the local basis each sector has coordinates along the axes of its blade: amplitudes of the modes of the blade clamped at
-its root (cantilever modes), of static shapes of forces at its contact points (attachment modes), and of shapes of the root,
-the interface of blade and disk.  Cantilever and attachment modes do not move the root, so only root shapes couple to the
-disk.  The disk has one Hermitian stiffness and mass matrix for each nodal diameter,
+In the local basis each sector has coordinates along the axes of its blade: amplitudes of the modes
+of the blade clamped at its root (cantilever modes), of static shapes of forces at its contact
+points (attachment modes), and of shapes of the root, the interface of blade and disk.  Cantilever
+and attachment modes do not move the root, so only root shapes couple to the disk.  The disk has one
+Hermitian stiffness and mass matrix for each nodal diameter,
 
 .. math:: K(d) = K_B + K_D(d), \quad M(d) = M_B + M_D(d), \quad K_D(N - d) = \overline{K_D(d)} .
 
-A blade whose clamped frequencies differ by the factor 1 + eps has the stiffness :math:`(1 + eps)^2 K_B`.
+A blade whose clamped frequencies differ by the factor 1 + eps has the stiffness
+:math:`(1 + eps)^2 K_B`.
 
-Damping is defined by the modes of the tuned disk, with a ratio for each mode at every nodal diameter.  A study of one
-sector uses the same rule, so both have the same response.  The damping matrix
+Damping is defined by the modes of the tuned disk, with a ratio for each mode at every nodal
+diameter.  A study of one sector uses the same rule, so both have the same response.  The damping
+matrix
 
 .. math:: C(d) = M \Phi\, \mathrm{diag}(2 \zeta \omega)\, \Phi^H M
 
 couples neighbouring sectors slightly.  Mistuning does not change it.
 
-In the rotating frame, without Coriolis forces, :math:`K(\Omega) = K_0 + \Omega^2 \Phi^H (K_\sigma - M_s) \Phi` is the
-modal stiffness at the speed :math:`\Omega` (:class:`SpeedBasis`), with the geometric stiffness :math:`K_\sigma` of the
-centrifugal stress and the mass :math:`M_s` in the plane of rotation, both per squared speed.  The static receptance is
-:math:`R_{res,0} + \Omega^2 R_{res,2} + \Phi K(\Omega)^{-1} \Phi^H`, so that the residual part is positive semi-definite.  A
-receptance of one speed with frequencies of another would overestimate it and make contacts too soft.
+In the rotating frame, without Coriolis forces,
+:math:`K(\Omega) = K_0 + \Omega^2 \Phi^H (K_\sigma - M_s) \Phi` is the modal stiffness at the speed
+:math:`\Omega` (:class:`SpeedBasis`), with the geometric stiffness :math:`K_\sigma` of the
+centrifugal stress and the mass :math:`M_s` in the plane of rotation, both per squared speed.  The
+static receptance is :math:`R_{res,0} + \Omega^2 R_{res,2} + \Phi K(\Omega)^{-1} \Phi^H`, so that
+the residual part is positive semi-definite.  A receptance of one speed with frequencies of another
+would overestimate it and make contacts too soft.
 """
 
 from __future__ import annotations
@@ -57,18 +62,21 @@ class SpeedBasis(Record):
     Parameters
     ----------
     omega_ref : float, rad/s
-        Speed of the basis: ``stiffness0 + omega_ref^2 stiffness2`` is the diagonal matrix of its ``omega2``.
+        Speed of the basis: ``stiffness0 + omega_ref^2 stiffness2`` is the diagonal matrix of its
+        ``omega2``.
     stiffness0 : (n_modes, n_modes) complex or float, rad2/s2
         Hermitian modal stiffness at standstill.
     stiffness2 : (n_modes, n_modes) complex or float
         Hermitian; geometric stiffness minus mass of spin softening, per squared speed.
     residual0, residual2 : (3 n_points, 3 n_points) complex or float, m/N and m s2/N, optional
-        Hermitian; residual flexibility at standstill and its change per squared speed.  Without them the basis has no
-        flexibility at other speeds.
+        Hermitian; residual flexibility at standstill and its change per squared speed.  Without
+        them the basis has no flexibility at other speeds.
     coriolis : (n_modes, n_modes) complex or float, optional
-        Skew-Hermitian ``Phi^H S Phi`` with the Coriolis matrix ``2 Omega S``, only for :meth:`coriolis_size`.
+        Skew-Hermitian ``Phi^H S Phi`` with the Coriolis matrix ``2 Omega S``, only for
+        :meth:`coriolis_size`.
     checked_at, error : float, optional
-        Speed (rad/s) of a comparison with the frequencies of the full model, and the largest relative difference.
+        Speed (rad/s) of a comparison with the frequencies of the full model, and the largest
+        relative difference.
     source : str
     """
 
@@ -88,7 +96,10 @@ class SpeedBasis(Record):
         return matrix
 
     def residual(self, omega: float) -> NDArray | None:
-        """Return the residual flexibility (3 n_points, 3 n_points), m/N, at a speed (rad/s); None if unknown."""
+        """Return the residual flexibility (3 n_points, 3 n_points), m/N, at a speed (rad/s).
+
+        The result is None if it is unknown.
+        """
         if self.residual0 is None or self.residual2 is None:
             return None
         matrix: NDArray = self.residual0 + omega**2 * self.residual2
@@ -97,9 +108,10 @@ class SpeedBasis(Record):
     def modes(self, omega: float) -> tuple[NDArray, NDArray]:
         r"""Compute the modes at a speed (rad/s), in the order and with the phases of the basis.
 
-        The eigenproblem :math:`K(\Omega) v = \omega^2 v` gives the modes :math:`\Phi v`.  They are assigned by similarity
-        of shape, not by order of frequency, and have the phase that makes the projection on the assigned mode real and
-        positive.  Damping ratios and mode numbers thus follow the shapes if frequencies cross.
+        The eigenproblem :math:`K(\Omega) v = \omega^2 v` gives the modes :math:`\Phi v`.  They are
+        assigned by similarity of shape, not by order of frequency, and have the phase that makes
+        the projection on the assigned mode real and positive.  Damping ratios and mode numbers thus
+        follow the shapes if frequencies cross.
 
         Returns
         -------
@@ -113,32 +125,49 @@ class SpeedBasis(Record):
             If the structure is unstable at this speed.
         """
         omega2, shapes = eigh(self.stiffness(omega))
+        unstable = omega2[0] < -1e-12 * omega2[-1]
         found = f"a negative squared frequency at {omega:.6g} rad/s"
-        validation.check(
-            not omega2[0] < -1e-12 * omega2[-1], "rotor speed", "a stable structure", found
-        )
+        validation.check(not unstable, "rotor speed", "a stable structure", found)
+
+        # by the largest total similarity of shape
         order = scipy.optimize.linear_sum_assignment(-(np.abs(shapes) ** 2))[1]
-        omega2, shapes = np.maximum(omega2[order], 0.0), shapes[:, order]
+        omega2 = np.maximum(omega2[order], 0.0)
+        shapes = shapes[:, order]
         overlap = np.diag(shapes)
         size = np.maximum(np.abs(overlap), np.finfo(float).tiny)
-        return omega2, shapes * np.where(overlap == 0.0, 1.0, overlap.conj() / size)
+        turn_back = np.where(overlap == 0.0, 1.0, overlap.conj() / size)
+        return omega2, shapes * turn_back
 
     def conjugate(self) -> SpeedBasis:
         """Return the complex conjugate basis (nodal diameter ``N - d``)."""
-        arrays: dict[str, Any] = {
-            name: part.conj() for name, part in vars(self).items() if isinstance(part, np.ndarray)
-        }
-        return replace(self, **arrays)
+        return replace(
+            self,
+            stiffness0=_conjugate(self.stiffness0),
+            stiffness2=_conjugate(self.stiffness2),
+            residual0=_conjugate(self.residual0),
+            residual2=_conjugate(self.residual2),
+            coriolis=_conjugate(self.coriolis),
+        )
 
     def turned(self, omega: float, shapes: NDArray) -> SpeedBasis:
-        """Transform to the modes ``shapes`` (n_modes, n_modes) of another speed, combinations of the modes of the basis."""
-        modal = {name: getattr(self, name) for name in ("stiffness0", "stiffness2", "coriolis")}
-        turned: dict[str, Any] = {
-            name: shapes.conj().T @ part @ shapes
-            for name, part in modal.items()
-            if part is not None
-        }
-        return replace(self, omega_ref=omega, **turned)
+        """Transform to the modes of another speed.
+
+        Parameters
+        ----------
+        omega : float, rad/s
+        shapes : (n_modes, n_modes) complex or float
+            Modes at this speed as combinations of the modes of the basis.
+        """
+        coriolis = self.coriolis
+        if coriolis is not None:
+            coriolis = shapes.conj().T @ coriolis @ shapes
+        return replace(
+            self,
+            omega_ref=omega,
+            stiffness0=shapes.conj().T @ self.stiffness0 @ shapes,
+            stiffness2=shapes.conj().T @ self.stiffness2 @ shapes,
+            coriolis=coriolis,
+        )
 
     def coriolis_size(self, omega: float, omega2: NDArray) -> tuple[NDArray, NDArray]:
         """Estimate the effect of the neglected Coriolis forces on the modes at a speed (rad/s).
@@ -163,18 +192,27 @@ class SpeedBasis(Record):
         """
         if self.coriolis is None:
             raise SettingError("coriolis_size: expected a basis with a Coriolis matrix, found none")
-        size, frequency = omega * np.abs(self.coriolis), np.sqrt(omega2)
+        size = omega * np.abs(self.coriolis)
+        frequency = np.sqrt(omega2)
         difference = np.abs(frequency[:, None] - frequency)
         np.fill_diagonal(difference, np.inf)
-        return np.diag(size) / frequency, (size / np.maximum(difference, np.finfo(float).tiny)).max(
-            axis=1, initial=0.0
-        )
+        difference = np.maximum(difference, np.finfo(float).tiny)
+        shift = np.diag(size) / frequency
+        mixing = (size / difference).max(axis=1, initial=0.0)
+        return shift, mixing
+
+
+def _conjugate(matrix: Any) -> Any:
+    """Return the complex conjugate of a matrix, or None for None."""
+    return None if matrix is None else matrix.conj()
 
 
 @short_repr
 @dataclass(frozen=True)
 class SpinStatic(Record):
-    """Static displacement of a body due to its rotation without contact, per squared speed, at nodal diameter 0.
+    """Static displacement of a body due to its rotation without contact, per squared speed.
+
+    It has the nodal diameter 0.
 
     Parameters
     ----------
@@ -204,24 +242,28 @@ class ModalBasis(Record):
     Parameters
     ----------
     omega2 : (n_modes,) float, rad2/s2
-        Squared natural frequencies, ascending; exactly zero for the rigid-body modes of a free body.
+        Squared natural frequencies, ascending; exactly zero for the rigid-body modes of a free
+        body.
     damping_ratio : (n_modes,) float
         Modal damping ratios; zero for rigid-body modes.
     contact_modes : (n_points, 3, n_modes) complex or float, kg^-1/2
-        Mass-normalised modes at the contact points of all ports, in the order of ``Body.ports``, along t1, t2, n.
+        Mass-normalised modes at the contact points of all ports, in the order of ``Body.ports``,
+        along t1, t2, n.
     locations : mapping of name to (3, n_modes) array, kg^-1/2
         Modes at the named locations on this body along X, Y, Z.
     flexibility : (3 n_points, 3 n_points) complex or float, m/N, optional
-        Hermitian static receptance of the full finite element model between the contact points: patch-averaged displacement
-        for patch-averaged force.  For a free body it is the elastic deformation with inertia relief, orthogonal to the
-        rigid-body modes in the mass matrix.
+        Hermitian static receptance of the full finite element model between the contact points:
+        patch-averaged displacement for patch-averaged force.  For a free body it is the elastic
+        deformation with inertia relief, orthogonal to the rigid-body modes in the mass matrix.
     drag : (n_modes,) float, 1/s, optional
-        Viscous damping in addition to the damping ratios, for modes without stiffness or beyond critical damping.
+        Viscous damping in addition to the damping ratios, for modes without stiffness or beyond
+        critical damping.
     speed : SpeedBasis, optional
         Change of stiffness and flexibility with rotor speed.
     static_shapes : int, optional
-        Number of static shapes at the end of the modes.  They represent the remaining flexibility of the locations,
-        orthogonal to all modes and to each other (:mod:`bdamper.model.residual_vectors`).
+        Number of static shapes at the end of the modes.  They represent the remaining flexibility
+        of the locations, orthogonal to all modes and to each other
+        (:mod:`bdamper.model.residual_vectors`).
     """
 
     omega2: Annotated[NDArray, Data("rad2/s2", ("n_modes",))]
@@ -254,7 +296,7 @@ class ModalBasis(Record):
             self,
             contact_modes=self.contact_modes.conj(),
             locations={name: modes.conj() for name, modes in self.locations.items()},
-            flexibility=None if self.flexibility is None else self.flexibility.conj(),
+            flexibility=_conjugate(self.flexibility),
             speed=None if self.speed is None else self.speed.conjugate(),
         )
 
@@ -265,23 +307,19 @@ class ModalBasis(Record):
         omega_ref: float = 0.0,
         **others: Any,
     ) -> ModalBasis:
-        """Add data over speed to the basis, which is valid at the speed ``omega_ref``; derive the data at standstill.
+        """Add data over speed to the basis, and derive the data at standstill.
 
-        For the parameters see :class:`~bdamper.model.modal_basis.SpeedBasis`.
+        The basis is valid at the speed ``omega_ref``.  For the parameters see
+        :class:`~bdamper.model.modal_basis.SpeedBasis`.
         """
         residual0 = None
         if residual2 is not None and self.flexibility is not None:
             shapes = self.contact_modes.reshape(len(self.flexibility), -1)
-            residual0 = (
-                self.flexibility
-                - (shapes / self.omega2) @ shapes.conj().T
-                - omega_ref**2 * residual2
-            )
+            of_modes = (shapes / self.omega2) @ shapes.conj().T
+            residual0 = self.flexibility - of_modes - omega_ref**2 * residual2
         stiffness0 = np.diag(self.omega2).astype(stiffness2.dtype) - omega_ref**2 * stiffness2
-        return replace(
-            self,
-            speed=SpeedBasis(omega_ref, stiffness0, stiffness2, residual0, residual2, **others),
-        )
+        speed = SpeedBasis(omega_ref, stiffness0, stiffness2, residual0, residual2, **others)
+        return replace(self, speed=speed)
 
     def at_speed(self, omega: float) -> tuple[ModalBasis, NDArray]:
         """Return the basis at a rotor speed (rad/s), with the modes in the same order.
@@ -302,11 +340,14 @@ class ModalBasis(Record):
             flat = contact.reshape(len(flexibility), -1)
             flexibility = flexibility + (flat / omega2) @ flat.conj().T
             flexibility = 0.5 * (flexibility + flexibility.conj().T)
-        locations = {name: modes @ shapes for name, modes in self.locations.items()}
-        damping, turned = self.damping_ratio, speed.turned(omega, shapes)
-        static = self.static_shapes
         basis = ModalBasis(
-            omega2, damping, contact, locations, flexibility, speed=turned, static_shapes=static
+            omega2=omega2,
+            damping_ratio=self.damping_ratio,
+            contact_modes=contact,
+            locations={name: modes @ shapes for name, modes in self.locations.items()},
+            flexibility=flexibility,
+            speed=speed.turned(omega, shapes),
+            static_shapes=self.static_shapes,
         )
         return basis, shapes
 
@@ -317,7 +358,9 @@ class ModalBasis(Record):
 def rigid_motions(
     points: NDArray, centre: NDArray, axes: NDArray, turning: NDArray | None = None
 ) -> NDArray:
-    """Return unit translations along ``axes`` and rotations about ``turning`` as columns, (3 n_points, 6).
+    """Return unit translations along ``axes`` and rotations about ``turning`` as columns.
+
+    The result is (3 n_points, 6).
 
     Parameters
     ----------
@@ -327,29 +370,31 @@ def rigid_motions(
     axes, turning : (3, 3) float
         Axes as rows; ``turning`` is ``axes`` by default.
     """
-    turned = np.cross((axes if turning is None else turning)[:, None], points - centre).transpose(
-        1, 2, 0
-    )
-    return np.ascontiguousarray(
-        np.concatenate([np.broadcast_to(axes.T, turned.shape), turned], axis=2)
-    ).reshape(-1, 6)
+    if turning is None:
+        turning = axes
+    rotations = np.cross(turning[:, None], points - centre).transpose(1, 2, 0)
+    translations = np.broadcast_to(axes.T, rotations.shape)
+    motions = np.concatenate([translations, rotations], axis=2)
+    return np.ascontiguousarray(motions).reshape(-1, 6)
 
 
 def fix_phase(vectors: NDArray, mass: NDArray | sp.spmatrix) -> NDArray:
-    """Normalise the phase of each column: ``u^T M u`` real and positive, the largest component positive.
+    """Normalise the phase of each column.
 
-    The first condition makes the mode as real as possible.  Unlike a rule for one component it is continuous if two
-    components are about equally large.  The second condition fixes the sign.  NaN components have no influence.
+    ``u^T M u`` is then real and positive, which makes the mode as real as possible.  Unlike a rule
+    for one component this is continuous if two components are about equally large.  The largest
+    component is positive, which fixes the sign.  NaN components have no influence.
     """
-    known = np.nan_to_num(vectors)
+    finite = np.nan_to_num(vectors)
     if np.iscomplexobj(vectors):
-        square = np.einsum("ij,ij->j", known, mass @ known)
+        square = np.einsum("ij,ij->j", finite, mass @ finite)
         turn_back = np.exp(-0.5j * np.angle(square))
-        vectors, known = vectors * turn_back, known * turn_back
+        vectors = vectors * turn_back
+        finite = finite * turn_back
     # in a symmetric body several components are equally large up to rounding: use the first of them
-    size = np.abs(known)
+    size = np.abs(finite)
     first = (size > (1.0 - 1e-6) * size.max(axis=0)).argmax(axis=0)
-    largest = np.take_along_axis(known, first[None], axis=0)[0]
+    largest = np.take_along_axis(finite, first[None], axis=0)[0]
     return vectors * np.where(largest.real < 0.0, -1.0, 1.0)
 
 
@@ -361,8 +406,8 @@ def fix_phase(vectors: NDArray, mass: NDArray | sp.spmatrix) -> NDArray:
 class LocalBasis(Record):
     """Blade and disk in local coordinates: cantilever modes, attachment modes, root shapes.
 
-    Shapes have the unit kg^-1/2, so coordinates have the unit of mass-normalised modes.  The number of coordinates is
-    n = ``n_cantilever + n_attachment + n_interface``.
+    Shapes have the unit kg^-1/2, so coordinates have the unit of mass-normalised modes.  The number
+    of coordinates is n = ``n_cantilever + n_attachment + n_interface``.
 
     Parameters
     ----------
@@ -371,7 +416,8 @@ class LocalBasis(Record):
     omega2 : (n_cantilever,) float, rad2/s2
         Squared frequencies of the blade clamped at its root.
     damping_ratio : (n,) float
-        Damping ratios of the modes of the tuned disk in ascending order of frequency, at every nodal diameter.
+        Damping ratios of the modes of the tuned disk in ascending order of frequency, at every
+        nodal diameter.
     blade_stiffness, blade_mass : (n, n) float, rad2/s2 and 1
     disk_stiffness, disk_mass : (N // 2 + 1, n_interface, n_interface) complex, rad2/s2 and 1
         Hermitian, for the root shapes; real at nodal diameters 0 and N/2.
@@ -425,40 +471,56 @@ class LocalBasis(Record):
         return self._with_disk(self.blade_mass, self.disk_mass[d])
 
     def _with_disk(self, blade: NDArray, disk: NDArray) -> NDArray:
-        disk = disk if np.any(disk.imag) else disk.real
-        out = blade.astype(disk.dtype)
-        out[-self.n_interface :, -self.n_interface :] += disk
-        return out
+        if not np.any(disk.imag):
+            disk = disk.real
+        matrix = blade.astype(disk.dtype)
+        matrix[-self.n_interface :, -self.n_interface :] += disk
+        return matrix
 
     def modes(self, d: int) -> tuple[NDArray, NDArray]:
-        """Return squared frequencies (n,) and mass-normalised modes (n, n) of the tuned disk, with normalised phase."""
+        """Return squared frequencies (n,) and modes (n, n) of the tuned disk.
+
+        The modes are mass-normalised, with normalised phase.
+        """
         omega2, phi = eigh(self.stiffness(d), self.mass(d))
         return omega2, fix_phase(phi, self.mass(d).real)
 
     def damping(self, d: int, ratio: NDArray | float | None = None) -> NDArray:
-        """Return C(d), (n, n) Hermitian, 1/s, for damping ratios (n,) of the tuned disk, by default ``damping_ratio``."""
+        """Return C(d), (n, n) Hermitian, 1/s, for damping ratios (n,) of the tuned disk.
+
+        They are ``damping_ratio`` by default.
+        """
+        if ratio is None:
+            ratio = self.damping_ratio
         omega2, phi = self.modes(d)
         weighted = self.mass(d) @ phi
-        ratio = self.damping_ratio if ratio is None else ratio
-        return np.asarray((weighted * (2.0 * ratio * np.sqrt(omega2))) @ weighted.conj().T)
+        rate = 2.0 * ratio * np.sqrt(omega2)
+        return np.asarray((weighted * rate) @ weighted.conj().T)
 
     def residual_flexibility(self) -> NDArray | None:
-        """Return the flexibility (3 n_points, 3 n_points), m/N, of a blade that the coordinates do not represent."""
+        """Return the flexibility of a blade that the coordinates do not represent, m/N.
+
+        It is (3 n_points, 3 n_points).
+        """
         if self.flexibility is None:
             return None
         clamped = slice(self.n - self.n_interface)
         shapes = self.contact_modes.reshape(-1, self.n)[:, clamped]
-        return np.asarray(
-            self.flexibility
-            - shapes @ np.linalg.solve(self.blade_stiffness[clamped, clamped], shapes.T)
-        )
+        stiffness = self.blade_stiffness[clamped, clamped]
+        return np.asarray(self.flexibility - shapes @ np.linalg.solve(stiffness, shapes.T))
 
     def nodal_diameter(self, d: int) -> ModalBasis:
         """Return all n modes of the tuned disk at a nodal diameter from 0 to N/2."""
         omega2, phi = self.modes(d)
-        contact, flexibility = self.contact_modes @ phi, self.residual_flexibility()
+        contact_modes = self.contact_modes @ phi
+        flexibility = self.residual_flexibility()
         if flexibility is not None:
-            flat = contact.reshape(-1, self.n)
+            flat = contact_modes.reshape(-1, self.n)
             flexibility = flexibility + (flat / omega2) @ flat.conj().T
-        locations = {name: shapes @ phi for name, shapes in self.locations.items()}
-        return ModalBasis(omega2, self.damping_ratio.copy(), contact, locations, flexibility)
+        return ModalBasis(
+            omega2=omega2,
+            damping_ratio=self.damping_ratio.copy(),
+            contact_modes=contact_modes,
+            locations={name: shapes @ phi for name, shapes in self.locations.items()},
+            flexibility=flexibility,
+        )

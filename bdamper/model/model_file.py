@@ -1,9 +1,9 @@
 """Model file: :class:`~bdamper.model.structure.Model` in HDF5.
 
 The groups and datasets follow the annotated types of the classes (:mod:`bdamper.util.records`).
-``docs/specification/model-file.md`` describes the format, with an example of a file written by h5py alone.  The reader
-checks names, types and units.  ``bdamper.model.validation.check_model`` checks shapes and numbers, for files and models in
-memory.
+``docs/specification/model-file.md`` describes the format, with an example of a file written by h5py
+alone.  The reader checks names, types and units.  ``bdamper.model.validation.check_model`` checks
+shapes and numbers, for files and models in memory.
 """
 
 from __future__ import annotations
@@ -92,7 +92,8 @@ def load_model(path: str | os.PathLike[str]) -> Model:
     FileNotFoundError
         If the file does not exist.
     ModelError
-        If the file is not a model file, or the model does not pass ``bdamper.model.validation.check_model``.
+        If the file is not a model file, or the model does not pass
+        ``bdamper.model.validation.check_model``.
     """
     if not as_path(path).exists():
         raise FileNotFoundError(f"there is no model file '{path}'")
@@ -109,30 +110,30 @@ register_reader(FORMAT, load_model)
 def read_model(file: h5py.Group) -> Model:
     """Read a model from a file or a group without checking its numbers."""
     stored = read_attribute(file, "format")
-    found = f"'{stored}': bd.load reads results" if stored.startswith("bdamper-") else f"'{stored}'"
+    found = f"'{stored}'"
+    if stored.startswith("bdamper-"):
+        found += ": bd.load reads results"
     check(stored == FORMAT, place(file, "@format"), f"'{FORMAT}'", found)
     version = read_attribute(file, "version", int)
-    check(
-        version == VERSION,
-        place(file, "@version"),
-        f"{VERSION}",
-        f"{version}; make the model again",
-    )
+    found = f"{version}; make the model again"
+    check(version == VERSION, place(file, "@version"), f"{VERSION}", found)
     check_text(file, "time_convention", TIME_CONVENTION)
     check_text(file, "phase_convention", PHASE_CONVENTION)
     axis = np.asarray(file.attrs.get("axis", "nothing"))
     good = axis.dtype.kind in "fiu" and np.array_equal(axis, AXIS)
     check(good, place(file, "@axis"), f"{list(AXIS)}", f"{axis.tolist()!r}")
-    return _with_bases(
-        read_record(file, Model), lambda at, basis: _with_derived(basis, place(file, at))
-    )
+    model = read_record(file, Model)
+    return _with_bases(model, lambda path, basis: _with_derived(basis, place(file, path)))
 
 
 # ---- Data over speed that follow from the basis ----
 
 
 def _with_bases(model: Model, change: Callable[[str, ModalBasis], ModalBasis]) -> Model:
-    """Return the model with changed bases; ``change`` also receives the path of the basis in the file."""
+    """Return the model with bases changed by ``change``.
+
+    Its arguments are the path of a basis in the file, and the basis.
+    """
     bodies = dict(model.bodies)
     for name, body in bodies.items():
         bases = {d: change(f"bodies/{name}/nd{d:03d}", basis) for d, basis in body.bases.items()}
@@ -141,41 +142,48 @@ def _with_bases(model: Model, change: Callable[[str, ModalBasis], ModalBasis]) -
 
 
 def _without_derived(basis: ModalBasis) -> ModalBasis:
-    """Return the basis without matrices at standstill that :func:`_with_derived` computes exactly."""
+    """Return the basis without matrices at standstill that :func:`_with_derived` can compute.
+
+    Only matrices that it computes exactly are omitted.
+    """
     speed: Any = basis.speed
     if speed is None:
         return basis
     derived: Any = basis.with_speed(speed.stiffness2, speed.residual2, speed.omega_ref).speed
-    equal = [
-        key
-        for key in ("stiffness0", "residual0")
-        if np.array_equal(getattr(speed, key), getattr(derived, key))
-    ]
-    return replace(basis, speed=replace(speed, **dict.fromkeys(equal)))
+    if np.array_equal(speed.stiffness0, derived.stiffness0):
+        speed = replace(speed, stiffness0=None)
+    if np.array_equal(speed.residual0, derived.residual0):
+        speed = replace(speed, residual0=None)
+    return replace(basis, speed=speed)
 
 
-def _with_derived(basis: ModalBasis, at: str) -> ModalBasis:
-    """Return the basis with the missing matrices at standstill, from the change with speed and the reference speed."""
-    speed, sizes = basis.speed, Sizes(n_forces=3 * sum(np.shape(basis.contact_modes)[:1]))
+def _with_derived(basis: ModalBasis, path: str) -> ModalBasis:
+    """Return the basis with the missing matrices at standstill.
+
+    They follow from the change with speed and the speed of the basis.
+    """
+    speed: Any = basis.speed
     if speed is None:
         return basis
-    check_record(basis, ModalBasis, at, sizes)
-    residual0, residual2 = speed.residual0, speed.residual2
-    paired = residual2 is not None or residual0 is None
-    check(paired, f"{at}/speed/residual2", "this dataset if there is residual0", "nothing")
-    derivable = residual2 is None or residual0 is not None or basis.flexibility is not None
-    check(
-        derivable,
-        f"{at}/speed/residual0",
-        "this dataset where the basis has no flexibility",
-        "nothing",
-    )
-    known = replace(speed, stiffness0=speed.stiffness2, residual0=residual2)
-    check_record(known, SpeedBasis, f"{at}/speed", {**sizes, "n_modes": basis.n_modes})
-    derived: Any = basis.with_speed(speed.stiffness2, residual2, speed.omega_ref).speed
-    missing = {
-        key: getattr(derived, key)
-        for key in ("stiffness0", "residual0")
-        if getattr(speed, key) is None
-    }
-    return replace(basis, speed=replace(speed, **missing))
+    # an array without axes has no points, and its shape is wrong
+    n_points = sum(np.shape(basis.contact_modes)[:1])
+    sizes = Sizes(n_forces=3 * n_points)
+    check_record(basis, ModalBasis, path, sizes)
+
+    item = f"{path}/speed/residual2"
+    paired = speed.residual2 is not None or speed.residual0 is None
+    check(paired, item, "this dataset if there is residual0", "nothing")
+    item = f"{path}/speed/residual0"
+    derivable = speed.residual2 is None or speed.residual0 is not None
+    derivable = derivable or basis.flexibility is not None
+    check(derivable, item, "this dataset where the basis has no flexibility", "nothing")
+
+    # before products: the shapes of the stored matrices
+    stored = replace(speed, stiffness0=speed.stiffness2, residual0=speed.residual2)
+    check_record(stored, SpeedBasis, f"{path}/speed", {**sizes, "n_modes": basis.n_modes})
+    derived: Any = basis.with_speed(speed.stiffness2, speed.residual2, speed.omega_ref).speed
+    if speed.stiffness0 is None:
+        speed = replace(speed, stiffness0=derived.stiffness0)
+    if speed.residual0 is None:
+        speed = replace(speed, residual0=derived.residual0)
+    return replace(basis, speed=speed)

@@ -1,16 +1,17 @@
 r"""Residual vectors: static shapes of forces and responses that complete the retained modes.
 
-A force at a location deforms a body statically, and the retained modes represent a part of this shape.  Let :math:`L` be
-the modes and static shapes of the model that are not retained (mass 1, stiffness :math:`\Omega^2`), and :math:`c` the
-forces and responses of the study in these coordinates.  The residual vectors are :math:`X = \Omega_L^{-2} c`.  Their Ritz
-vectors
+A force at a location deforms a body statically, and the retained modes represent a part of this
+shape.  Let :math:`L` be the modes and static shapes of the model that are not retained (mass 1,
+stiffness :math:`\Omega^2`), and :math:`c` the forces and responses of the study in these
+coordinates.  The residual vectors are :math:`X = \Omega_L^{-2} c`.  Their Ritz vectors
 
 .. math:: S = X V, \qquad V^H X^H \Omega_L^2 X V = \Lambda,\quad V^H X^H X V = 1
 
-are additional coordinates of mass 1 and stiffness :math:`\Lambda`, orthogonal to the retained modes.  The omitted
-coordinates are projected by :math:`T = 1 - S \Lambda^{-1} S^H \Omega_L^2`, so that no force at a location has a static
-response in them.  :math:`T \Omega_L^{-2} T^H = \Omega_L^{-2} - S \Lambda^{-1} S^H` and its inertia are exact, so residual
-flexibility, omitted modes and stress have the same formulas as without residual vectors.
+are additional coordinates of mass 1 and stiffness :math:`\Lambda`, orthogonal to the retained
+modes.  The omitted coordinates are projected by :math:`T = 1 - S \Lambda^{-1} S^H \Omega_L^2`, so
+that no force at a location has a static response in them.
+:math:`T \Omega_L^{-2} T^H = \Omega_L^{-2} - S \Lambda^{-1} S^H` and its inertia are exact, so
+residual flexibility, omitted modes and stress have the same formulas as without residual vectors.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ def completed(
     damper_modes: Mapping[str, int],
     rigid: Sequence[str],
 ) -> tuple[Model, dict[str, NDArray]]:
-    """Add the residual vectors of forces and responses to a model and to its retained modes, if it has static shapes.
+    """Add the residual vectors of forces and responses to a model with static shapes.
 
     Parameters
     ----------
@@ -56,65 +57,83 @@ def completed(
         Retained modes and residual vectors, the same number at every nodal diameter.
     """
     modes = retained_modes(model, blade_modes, damper_modes, rigid)
-    bodies, retained, stress = dict(model.bodies), dict(modes), dict(model.stress)
+    bodies = dict(model.bodies)
+    retained = dict(modes)
+    stress = dict(model.stress)
     for name, body in model.bodies.items():
         on_body = [
             (location, direction)
             for location, direction in places
             if model.locations[location].body == name
         ]
-        if not on_body or all(basis.static_shapes is None for basis in body.bases.values()):
+        has_shapes = any(basis.static_shapes is not None for basis in body.bases.values())
+        if not on_body or not has_shapes:
             continue
         n = len(modes[name])
-        parts = {d: _energies(basis, n, on_body) for d, basis in body.bases.items()}
-        count = min(
-            int((size > PARALLEL * size.max(initial=0.0)).sum()) for _, size in parts.values()
-        )
+        combinations = {d: _combinations(basis, n, on_body) for d, basis in body.bases.items()}
+        # the same number at every nodal diameter
+        count = min(columns.shape[1] for columns in combinations.values())
         if not count:
             continue
-        complete = {
-            d: _with_vectors(basis, n, parts[d][0][:, :count]) for d, basis in body.bases.items()
-        }
-        bodies[name] = _transformed(
-            body, {d: basis for d, (basis, _) in complete.items()}, complete[0][1]
-        )
-        retained[name] = np.concatenate([modes[name], np.arange(count) + len(complete[0][1])])
-        for key, rows in stress.items():
-            if rows.body == name:
-                stress[key] = replace(
-                    rows, modes={d: s @ complete[d][1] for d, s in rows.modes.items()}
-                )
+
+        bases = {}
+        transformations = {}
+        for d, basis in body.bases.items():
+            columns = combinations[d][:, :count]
+            bases[d], transformations[d] = _with_vectors(basis, n, columns)
+        bodies[name] = _transformed(body, bases, transformations[0])
+        first = len(transformations[0])
+        retained[name] = np.concatenate([modes[name], np.arange(count) + first])
+        for key, points in stress.items():
+            if points.body == name:
+                transformed = {d: s @ transformations[d] for d, s in points.modes.items()}
+                stress[key] = replace(points, modes=transformed)
     return replace(model, bodies=bodies, stress=stress), retained
 
 
-def _energies(basis: ModalBasis, n: int, places: Sequence[Place]) -> tuple[NDArray, NDArray]:
-    """Return orthonormal combinations (m, k) of ``Omega_L X``, with columns scaled to length 1, and singular values."""
-    loads = (
-        np.array([direction @ basis.locations[location] for location, direction in places])[:, n:]
-        .conj()
-        .T
-    )
+def _combinations(basis: ModalBasis, n: int, places: Sequence[Place]) -> NDArray:
+    """Return orthonormal combinations (m, k) of ``Omega_L X``, with columns scaled to length 1.
+
+    They are in descending order of their singular values, without those that count as zero.  The
+    first n modes are retained.
+    """
+    rows = np.array([direction @ basis.locations[location] for location, direction in places])
+    loads = rows[:, n:].conj().T
     scaled = loads / np.sqrt(basis.omega2[n:])[:, None]
     length = np.linalg.norm(scaled, axis=0)
-    return np.linalg.svd(scaled[:, length > 0.0] / length[length > 0.0], full_matrices=False)[:2]
+    acts = length > 0.0
+    unit_columns = scaled[:, acts] / length[acts]
+    combinations, size, _ = np.linalg.svd(unit_columns, full_matrices=False)
+    count = int((size > PARALLEL * size.max(initial=0.0)).sum())
+    return combinations[:, :count]
 
 
 def _with_vectors(basis: ModalBasis, n: int, energies: NDArray) -> tuple[ModalBasis, NDArray]:
-    """Append k residual vectors to a basis; return it and the matrix to the previous coordinates."""
-    root = np.sqrt(basis.omega2[n:])[:, None]
-    shapes = energies / root
+    """Append k residual vectors to a basis; return it and the matrix to the previous coordinates.
+
+    ``energies`` (m, k) has the combinations of :func:`_combinations`.
+    """
+    frequency = np.sqrt(basis.omega2[n:])
+    shapes = energies / frequency[:, None]
+    # orthogonal and mass-normalised, in ascending order of frequency
     square, V = np.linalg.eigh(shapes.conj().T @ shapes)
-    omega2, shapes = 1.0 / square[::-1], (shapes @ V / np.sqrt(square))[:, ::-1]
-    total, count = basis.n_modes, len(omega2)
+    omega2 = 1.0 / square[::-1]
+    shapes = (shapes @ V / np.sqrt(square))[:, ::-1]
+
+    # the largest component of the motion at the locations is positive
     moved = np.concatenate([rows[:, n:] @ shapes for rows in basis.locations.values()])
     largest = np.take_along_axis(moved, np.abs(moved).argmax(axis=0)[None], axis=0)[0]
-    shapes = shapes * np.divide(
-        np.abs(largest), largest, out=np.ones_like(largest), where=largest != 0.0
-    )
+    no_turn = np.ones_like(largest)
+    shapes = shapes * np.divide(np.abs(largest), largest, out=no_turn, where=largest != 0.0)
+
+    # the residual vectors replace this part of the other modes
+    total = basis.n_modes
+    count = len(omega2)
     T = np.eye(total, total + count, dtype=shapes.dtype)
     T[n:, n:total] -= (shapes / omega2) @ shapes.conj().T * basis.omega2[n:]
     T[n:, total:] = shapes
-    ratio = (np.abs(shapes) ** 2).T @ (basis.damping_ratio[n:] * root[:, 0]) / np.sqrt(omega2)
+    rate = basis.damping_ratio[n:] * frequency
+    ratio = (np.abs(shapes) ** 2).T @ rate / np.sqrt(omega2)
     complete = replace(
         basis,
         omega2=np.concatenate([basis.omega2, omega2]),
@@ -129,6 +148,10 @@ def _with_vectors(basis: ModalBasis, n: int, energies: NDArray) -> tuple[ModalBa
 
 def _transformed(body: Body, bases: dict[int, ModalBasis], mean: NDArray) -> Body:
     """Return the body with new bases; ``mean`` is the transformation at nodal diameter 0."""
-    load = body.load and replace(body.load, generalised=mean.real.T @ body.load.generalised)
-    force = None if body.constant_force is None else mean.real.T @ body.constant_force
+    load = body.load
+    if load is not None:
+        load = replace(load, generalised=mean.real.T @ load.generalised)
+    force = body.constant_force
+    if force is not None:
+        force = mean.real.T @ force
     return replace(body, bases=bases, load=load, constant_force=force)

@@ -1,30 +1,35 @@
 """Structure: bodies, their modes, and the interfaces with contact (paper, section 2.1).
 
-A *body* is constrained (a blade with its disk sector), free (a damper: six rigid-body modes, then elastic modes), lumped
-(masses with all their modes) or the ground (rigid).  Its motion is a modal superposition with one modal basis for each
-nodal diameter ``d``.  Free bodies and acyclic structures (``n_blades = 1``) have ``d = 0`` only.
+A *body* is constrained (a blade with its disk sector), free (a damper: six rigid-body modes, then
+elastic modes), lumped (masses with all their modes) or the ground (rigid).  Its motion is a modal
+superposition with one modal basis for each nodal diameter ``d``.  Free bodies and acyclic
+structures (``n_blades = 1``) have ``d = 0`` only.
 
-An *interface* is a set of contact points between ``body_a`` and ``body_b``.  The side of a body at an interface is a
-*port*, the pair ``(interface name, side)`` with side ``"a"`` or ``"b"``.  A body in contact with the same body of the
-neighbouring sector (a shroud) has both ports.  The axes at a contact point are the rows ``t1, t2, n`` of ``frame``,
-right-handed, ``n`` the outward normal of ``body_a``.
+An *interface* is a set of contact points between ``body_a`` and ``body_b``.  The side of a body at
+an interface is a *port*, the pair ``(interface name, side)`` with side ``"a"`` or ``"b"``.  A body
+in contact with the same body of the neighbouring sector (a shroud) has both ports.  The axes at a
+contact point are the rows ``t1, t2, n`` of ``frame``, right-handed, ``n`` the outward normal of
+``body_a``.
 
 Conventions (SI units, radians):
 
-* Time factor ``exp(+i omega t)``.  Sectors are numbered toward +X, the blade points along +Y, the axis of rotation is Z.
-* Travelling wave of nodal diameter ``d``: ``u(k+1) = R u(k) exp(+2 pi i d/N)``.  ``R`` rotates sector ``k`` onto sector
-  ``k+1``, about Z by ``-2 pi/N`` (from +Y toward +X).
-* Modes are mass-normalised over one sector, ``u^H M u = 1``.  Components at a port are along the contact axes, rotated into
-  the sector of the body.  They contain no phase; :mod:`bdamper.model.kinematics` adds the phase of the neighbour.
+* Time factor ``exp(+i omega t)``.  Sectors are numbered toward +X, the blade points along +Y, the
+  axis of rotation is Z.
+* Travelling wave of nodal diameter ``d``: ``u(k+1) = R u(k) exp(+2 pi i d/N)``.  ``R`` rotates
+  sector ``k`` onto sector ``k+1``, about Z by ``-2 pi/N`` (from +Y toward +X).
+* Modes are mass-normalised over one sector, ``u^H M u = 1``.  Components at a port are along the
+  contact axes, rotated into the sector of the body.  They contain no phase;
+  :mod:`bdamper.model.kinematics` adds the phase of the neighbour.
 
-Stress at chosen points is linear in the modal coordinates ``q_l`` and the contact forces ``F_l``, complex amplitudes of
-harmonic ``l``,
+Stress at chosen points is linear in the modal coordinates ``q_l`` and the contact forces ``F_l``,
+complex amplitudes of harmonic ``l``,
 
-    sigma(theta) = Omega^2 sigma_1 + S_0 q_0 + A_0 F_0 + sum_(l>=1) Re[(S_l q_l + A_l F_l) exp(i l theta)],
+    sigma(theta) = Omega^2 sigma_1 + S_0 q_0 + A_0 F_0
+                   + sum_(l>=1) Re[(S_l q_l + A_l F_l) exp(i l theta)],
 
-with the modal stress ``S = C B Phi`` and the stress ``A = C B (K^-1 P^H - Phi Omega^-2 Phi^H P^H)`` of unit contact forces
-without the contribution of the modes.  Without ``A``, ten modes underestimate the stress at the root of a blade with a
-stuck damper by a third.
+with the modal stress ``S = C B Phi`` and the stress ``A = C B (K^-1 P^H - Phi Omega^-2 Phi^H P^H)``
+of unit contact forces without the contribution of the modes.  Without ``A``, ten modes
+underestimate the stress at the root of a blade with a stuck damper by a third.
 """
 
 from __future__ import annotations
@@ -64,15 +69,16 @@ class StressSet(Record):
     modes : mapping of nodal diameter to (n, 6, n_modes) complex or float, Pa m^-1 kg^-1/2
         Stress of each mode of the body, components in the order of :data:`COMPONENTS`.
     contact : mapping of nodal diameter to (n, 6, 3 n_points) complex or float, Pa/N
-        Stress of unit forces along t1, t2, n on the body at all its contact points, in the order of ``Body.ports``, without
-        the contribution of the modes.  Empty for a body without contact.
+        Stress of unit forces along t1, t2, n on the body at all its contact points, in the order of
+        ``Body.ports``, without the contribution of the modes.  Empty for a body without contact.
     static : (n, 6) float, Pa s2, optional
         Stress under the centrifugal load without dampers, per squared speed of rotation in rad/s.
     spread : (n,) float, optional
-        Discretisation error indicator: von Mises stress of the first mode, largest difference between adjacent elements
-        relative to their mean.
+        Discretisation error indicator: von Mises stress of the first mode, largest difference
+        between adjacent elements relative to their mean.
     near_contact : (n,) bool, optional
-        Points on or next to a contact face.  Their stress depends on the patches, so margins exclude them.
+        Points on or next to a contact face.  Their stress depends on the patches, so margins
+        exclude them.
     nodes : (n,) int, optional
         Node numbers of the points in the finite element model.
     source : str
@@ -98,15 +104,17 @@ class StressSet(Record):
 
     @property
     def point_names(self) -> tuple[str, ...]:
-        """Name of each point: the set with the node number, or with the position in the set from 1 if it has no nodes."""
+        """Name of each point: the set with the node number, or without nodes with the position."""
         if self.nodes is None:
-            return tuple(f"{self.name} point {k + 1}" for k in range(len(self)))
+            return tuple(f"{self.name} point {position}" for position in range(1, len(self) + 1))
         return tuple(f"{self.name} node {node}" for node in self.nodes)
 
     @property
     def counted(self) -> NDArray:
         """Whether margins include each point, (n,) bool; points near contact faces are excluded."""
-        return np.ones(len(self), bool) if self.near_contact is None else ~self.near_contact
+        if self.near_contact is None:
+            return np.ones(len(self), bool)
+        return ~self.near_contact
 
 
 # ---- Bodies and interfaces ----
@@ -116,8 +124,12 @@ Port = tuple[str, str]
 
 
 def turn(angle: float) -> NDArray:
-    """Return the rotation matrix (3, 3) about Z from +Y toward +X by ``angle`` (rad): R of one pitch for ``2 pi/N``."""
-    c, s = np.cos(angle), np.sin(angle)
+    """Return the rotation matrix (3, 3) about Z from +Y toward +X by ``angle`` (rad).
+
+    ``2 pi/N`` gives R of one pitch.
+    """
+    c = np.cos(angle)
+    s = np.sin(angle)
     return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
@@ -133,7 +145,8 @@ class BodyLoad(Record):
     generalised : (n_modes,) float, kg^-1/2
         Modal force per newton of the resultant, rigid-body modes first.
     displacement : (n_points, 3) float, m/N
-        Elastic displacement of the contact points per newton along t1, t2, n (inertia relief, without contact).
+        Elastic displacement of the contact points per newton along t1, t2, n (inertia relief,
+        without contact).
     """
 
     direction: Annotated[NDArray, Data("1", (3,))]
@@ -184,23 +197,31 @@ class Body(Record):
 
     @property
     def damping_text(self) -> str:
-        """Modal damping ratio of the elastic modes at all nodal diameters, or its range; empty without such modes."""
-        natural = [
-            basis.damping_ratio[self.n_rigid : basis.n_natural] for basis in self.bases.values()
-        ]
-        ratio = np.concatenate([*natural, np.empty(0)])
-        drags = any(basis.drag is not None and np.any(basis.drag) for basis in self.bases.values())
-        matrix = "damping matrix" if drags else ""
-        if not len(ratio) or (drags and not ratio.any()):
-            return matrix
-        low, high = f"{ratio.min():.3g}", f"{ratio.max():.3g}"
+        """Modal damping ratio of the elastic modes at all nodal diameters, or its range.
+
+        The text is empty without such modes.
+        """
+        natural = [np.empty(0)]
+        has_drag = False
+        for basis in self.bases.values():
+            natural.append(basis.damping_ratio[self.n_rigid : basis.n_natural])
+            has_drag |= basis.drag is not None and bool(np.any(basis.drag))
+        ratio = np.concatenate(natural)
+        if has_drag and not ratio.any():
+            return "damping matrix"
+        if not len(ratio):
+            return ""
+        low = f"{ratio.min():.3g}"
+        high = f"{ratio.max():.3g}"
         text = low if low == high else f"{low} to {high}"
-        return f"{text} and {matrix}" if drags else text
+        return f"{text} and damping matrix" if has_drag else text
 
     @property
     def radius(self) -> float:
         """Distance (m) of the centre of mass from the axis of rotation; NaN if unknown."""
-        return np.nan if self.centre is None else float(np.hypot(*self.centre[:2]))
+        if self.centre is None:
+            return np.nan
+        return float(np.hypot(*self.centre[:2]))
 
 
 @short_repr
@@ -212,8 +233,9 @@ class Interface(Record):
     ----------
     name : str
     kind : {"friction", "constraint", "cubic", "spring"}
-        A constraint is frictionless and transmits compression only.  A cubic interface has springs ``k u^3`` along t1 and
-        t2.  A spring is linear in all directions and part of the bodies, also without contact.
+        A constraint is frictionless and transmits compression only.  A cubic interface has springs
+        ``k u^3`` along t1 and t2.  A spring is linear in all directions and part of the bodies,
+        also without contact.
     body_a, body_b : str
     sector_a, sector_b : int
         Sector of each side relative to the reference sector: 0 or ±1.
@@ -251,8 +273,9 @@ class Location(Record):
     name, body : str
     position : (3,) float, m
     kind : {"forces"}, optional
-        Field of nodal forces.  The rows of its real and imaginary part replace the motion along X and Y, zeros the motion
-        along Z.  The position is the mean of the nodes, weighted by the size of their forces.
+        Field of nodal forces.  The rows of its real and imaginary part replace the motion along X
+        and Y, zeros the motion along Z.  The position is the mean of the nodes, weighted by the
+        size of their forces.
     """
 
     name: GroupName
@@ -284,7 +307,9 @@ class ContactStiffness(Record):
 @short_repr
 @dataclass(frozen=True)
 class StaticContact(Record):
-    """Static contact solution of the full finite element model at one interface, for Eqs (4) and (10) of the paper.
+    """Static contact solution of the full finite element model at one interface.
+
+    It serves Eqs (4) and (10) of the paper.
 
     Parameters
     ----------
@@ -322,9 +347,10 @@ class SurfaceMesh(Record):
 @short_repr
 @dataclass(frozen=True)
 class Model(Plottable, Record):
-    """Structure with all data of an analysis; ``bdamper.model.structure`` describes the conventions.
+    """Structure with all data of an analysis.
 
-    ``plot`` draws bodies and contact points in 3-D (:func:`bdamper.plot.plot_model`).
+    ``bdamper.model.structure`` describes the conventions.  ``plot`` draws bodies and contact points
+    in 3-D (:func:`bdamper.plot.plot_model`).
 
     Parameters
     ----------
@@ -354,63 +380,63 @@ class Model(Plottable, Record):
         sectors = f"{self.n_blades} sectors" if self.n_blades > 1 else "no sectors"
         lines = [f"model {self.hash}: {sectors}, locations {', '.join(self.locations) or 'none'}"]
         for body in self.bodies.values():
-            modes = f", {min(b.n_natural for b in body.bases.values())} modes" if body.bases else ""
-            at = (
-                f" at nodal diameters {', '.join(map(str, sorted(body.bases)))}"
-                if body.kind == "constrained"
-                else ""
-            )
-            mass = f", {self.mass_text(body.name)}" if body.mass is not None else ""
-            damping = f", modal damping ratio {body.damping_text}" if body.damping_text else ""
-            lines.append(f"  {body.name}: {body.kind}{modes}{at}{mass}{damping}")
+            text = f"  {body.name}: {body.kind}"
+            if body.bases:
+                text += f", {min(basis.n_natural for basis in body.bases.values())} modes"
+            if body.kind == "constrained":
+                text += f" at nodal diameters {', '.join(map(str, sorted(body.bases)))}"
+            if body.mass is not None:
+                text += f", {self.mass_text(body.name)}"
+            if body.damping_text:
+                text += f", modal damping ratio {body.damping_text}"
+            lines.append(text)
         for face in self.interfaces.values():
-            gap = f", gap up to {1e6 * face.gap.max():.3g} um" if np.any(face.gap > 0.0) else ""
-            lines.append(
-                f"  {face.name}: {face.kind}, {face.body_a} on {face.body_b}, {face.n_points} contact points{gap}"
-            )
+            text = f"  {face.name}: {face.kind}, {face.body_a} on {face.body_b}, "
+            text += f"{face.n_points} contact points"
+            if np.any(face.gap > 0.0):
+                text += f", gap up to {1e6 * face.gap.max():.3g} um"
+            lines.append(text)
         return "\n".join(lines)
 
     def mass_text(self, name: str) -> str:
-        """Return the mass of a free body, with the radius of its centre of mass if the structure can rotate."""
+        """Return the mass of a free body, with the radius of its centre of mass if it rotates."""
         body = self.bodies[name]
-        at = (
-            f" at a radius of {body.radius:.4g} m"
-            if self.n_blades > 1 and np.isfinite(body.radius)
-            else ""
-        )
-        return f"{body.mass:.4g} kg{at}"
+        text = f"{body.mass:.4g} kg"
+        if self.n_blades > 1 and np.isfinite(body.radius):
+            text += f" at a radius of {body.radius:.4g} m"
+        return text
 
     @property
     def masses_text(self) -> str:
         """Mass and radius of each free body; names if there are several."""
-        names = [
-            name
-            for name, body in self.bodies.items()
-            if body.kind == "free" and body.mass is not None
-        ]
-        return ", ".join(
-            f"{name} {self.mass_text(name)}" if len(names) > 1 else self.mass_text(name)
-            for name in names
-        )
+        texts = {}
+        for name, body in self.bodies.items():
+            if body.kind == "free" and body.mass is not None:
+                texts[name] = self.mass_text(name)
+        if len(texts) == 1:
+            return next(iter(texts.values()))
+        return ", ".join(f"{name} {text}" for name, text in texts.items())
 
     def port_slice(self, body: str, port: Port) -> slice:
         """Return the rows of ``port`` among the stacked contact points of ``body``."""
+        ports = self.bodies[body].ports
         start = 0
-        for p in self.bodies[body].ports:
-            n = self.interfaces[p[0]].n_points
-            if p == port:
+        for interface, side in ports:
+            n = self.interfaces[interface].n_points
+            if (interface, side) == port:
                 return slice(start, start + n)
             start += n
-        raise KeyError(f"body '{body}' has no port {port}; it has {list(self.bodies[body].ports)}")
+        raise KeyError(f"body '{body}' has no port {port}; it has {list(ports)}")
 
     def plot_mode(self, mode: int = 1, path: FilePath | None = None, **options: Any) -> Any:
         """Draw a mode of a blade in 3-D, numbered from 1 (:func:`bdamper.plot.plot_mode`)."""
         return draw(self, "figure", "plot_mode", path, mode, **options)
 
     def folded_nodal_diameter(self, harmonic_order: int) -> tuple[int, bool]:
-        """Return the nodal diameter of a wave of this harmonic order, and whether its basis is the complex conjugate.
+        """Return the nodal diameter of a wave, and whether its basis is the complex conjugate.
 
-        The waves ``d`` and ``N - d`` are complex conjugates of each other, so the model contains ``d <= N/2`` only.
+        The waves ``d`` and ``N - d`` are complex conjugates of each other, so the model contains
+        ``d <= N/2`` only.
         """
         d = harmonic_order % self.n_blades
         if 2 * d > self.n_blades:
@@ -418,12 +444,13 @@ class Model(Plottable, Record):
         return d, False
 
     def at_speed(self, omega: float) -> Model:
-        """Return the structure at a rotor speed (rad/s), with the modes and the flexibility at that speed.
+        """Return the structure with the modes and the flexibility at a rotor speed (rad/s).
 
-        Modes keep their order, phase and damping ratio, assigned by overlap with the modes of this model.  The stress of
-        modes changes with them.  Without data over speed, bases do not change (see :meth:`neglected_over_speed`); surface
-        meshes, contact stiffness and static solutions never change.  The local basis of a mistuned bladed disk is valid at
-        one speed and is removed.  ``at_speed`` of the returned model is possible.
+        Modes keep their order, phase and damping ratio, assigned by overlap with the modes of this
+        model.  The stress of modes changes with them.  Without data over speed, bases do not change
+        (see :meth:`neglected_over_speed`); surface meshes, contact stiffness and static solutions
+        never change.  The local basis of a mistuned bladed disk is valid at one speed and is
+        removed.  ``at_speed`` of the returned model is possible.
 
         Raises
         ------
@@ -431,22 +458,27 @@ class Model(Plottable, Record):
             If the speed is negative, or the structure is unstable at this speed.
         """
         omega = validation.number("rotor speed", omega, least=0.0, unit="rad/s")
-        bodies, stress = {}, dict(self.stress)
+        bodies = {}
+        stress = dict(self.stress)
         for name, body in self.bodies.items():
-            made = {d: basis.at_speed(omega) for d, basis in body.bases.items()}
+            bases = {}
+            shapes = {}
+            for d, basis in body.bases.items():
+                bases[d], shapes[d] = basis.at_speed(omega)
             force = body.constant_force
             if force is not None:
-                force = np.real(made[0][1].conj().T @ force)
-            bases = {d: basis for d, (basis, _) in made.items()}
-            local = (
-                body.local if all(bases[d] is basis for d, basis in body.bases.items()) else None
+                force = np.real(shapes[0].conj().T @ force)
+            unchanged = all(bases[d] is basis for d, basis in body.bases.items())
+            bodies[name] = replace(
+                body,
+                bases=bases,
+                constant_force=force,
+                local=body.local if unchanged else None,
             )
-            bodies[name] = replace(body, bases=bases, constant_force=force, local=local)
-            for key, rows in stress.items():
-                if rows.body == name:
-                    stress[key] = replace(
-                        rows, modes={d: s @ made[d][1] for d, s in rows.modes.items()}
-                    )
+            for key, points in stress.items():
+                if points.body == name:
+                    modes = {d: of_modes @ shapes[d] for d, of_modes in points.modes.items()}
+                    stress[key] = replace(points, modes=modes)
         provenance = {**self.provenance, "rotor speed": f"{omega:.9g} rad/s"}
         return replace(self, bodies=bodies, stress=stress, provenance=provenance)
 
@@ -460,20 +492,26 @@ class Model(Plottable, Record):
         diameters : collection of int, optional
             Relevant nodal diameters, all by default.
         """
-        out = []
+        sentences = []
         for body in self.bodies.values():
-            known = [d for d in body.bases if diameters is None or d in diameters]
-            without = [d for d in known if body.bases[d].speed is None]
-            if body.kind != "free" and without:
-                out.append(
-                    f"{body.name}, nodal diameters {', '.join(map(str, without))}: modes of one rotor speed; centrifugal "
-                    "stiffening and spin softening are neglected, frequencies and flexibility do not change with speed"
+            if body.kind == "free":
+                continue
+            without = []
+            for d, basis in body.bases.items():
+                relevant = diameters is None or d in diameters
+                if relevant and basis.speed is None:
+                    without.append(str(d))
+            if without:
+                sentences.append(
+                    f"{body.name}, nodal diameters {', '.join(without)}: modes of one rotor speed; "
+                    "centrifugal stiffening and spin softening are neglected, "
+                    "frequencies and flexibility do not change with speed"
                 )
-        return tuple(out)
+        return tuple(sentences)
 
     @property
     def hash(self) -> str:
-        """Fingerprint of all data that influence results: everything except meshes and provenance."""
+        """Fingerprint of all data that influence results: not of meshes and provenance."""
         digest = hashlib.sha256()
         for name in ("n_blades", "bodies", "interfaces", "locations", "contact", "static"):
             feed_digest(digest, name, getattr(self, name))
@@ -488,10 +526,15 @@ class Digest(Protocol):
     def update(self, data: bytes, /) -> None: ...
 
 
+LATER_FIELDS = ("constant_force", "drag", "kind", "local", "speed", "spin", "static_shapes")
+"""Fields that do not change a fingerprint if they are None, as in earlier versions."""
+
+
 def feed_digest(digest: Digest, key: str, value: object) -> None:
     """Add a value of a model and its path ``key`` to a digest.
 
-    ``residual0`` is excluded if there is a flexibility: it follows by a matrix product with processor-dependent rounding.
+    ``residual0`` is excluded if there is a flexibility: it follows by a matrix product with
+    processor-dependent rounding.
     """
     if isinstance(value, np.ndarray):
         digest.update(f"{key}:{value.dtype.str}{value.shape}".encode())
@@ -502,16 +545,13 @@ def feed_digest(digest: Digest, key: str, value: object) -> None:
     elif is_dataclass(value) and not isinstance(value, type):
         for item in fields(value):
             part = getattr(value, item.name)
-            # without these fields the fingerprint is the same as in earlier versions
-            later = ("constant_force", "drag", "kind", "local", "speed", "spin", "static_shapes")
-            if (
-                isinstance(value, ModalBasis)
-                and isinstance(part, SpeedBasis)
-                and value.flexibility is not None
-            ):
+            if isinstance(value, StressSet) and item.name == "nodes":
+                continue  # only names of points
+            if part is None and item.name in LATER_FIELDS:
+                continue
+            derivable = isinstance(value, ModalBasis) and value.flexibility is not None
+            if derivable and isinstance(part, SpeedBasis):
                 part = replace(part, residual0=None)
-            for_names = isinstance(value, StressSet) and item.name == "nodes"
-            if not (for_names or (part is None and item.name in later)):
-                feed_digest(digest, f"{key}.{item.name}", part)
+            feed_digest(digest, f"{key}.{item.name}", part)
     else:
         digest.update(f"{key}={value!r};".encode())

@@ -5,14 +5,15 @@ Items have the names of the model file, for files and for models in memory:
 
 Explanation of some conditions:
 
-* **Rigid-body modes.**  Let the columns of ``B`` be the exact rigid motions at contact points and locations: translations
-  divided by ``sqrt(mass)`` and rotations about the principal axes divided by ``sqrt(inertia)``.  They are orthonormal in
-  the mass.  Six modes ``Phi`` are rigid, independent and mass-normalised if and only if ``Phi = B X`` with ``X``
-  orthogonal.  Such an ``X`` exists if and only if ``Phi Phi^T = B B^T``.
-* **Flexibility.**  The retained elastic modes contribute ``Phi Omega^-2 Phi^H`` to the static receptance.  The remainder
-  belongs to the omitted modes and is positive semi-definite.
-* **Nodal diameter 0** describes the mean position, a real displacement, so its modes are real (also as a complex array with
-  zero imaginary part).
+* **Rigid-body modes.** Let the columns of ``B`` be the exact rigid motions at contact points and
+  locations: translations divided by ``sqrt(mass)`` and rotations about the principal axes divided
+  by ``sqrt(inertia)``.  They are orthonormal in the mass.  Six modes ``Phi`` are rigid, independent
+  and mass-normalised if and only if ``Phi = B X`` with ``X`` orthogonal.  Such an ``X`` exists if
+  and only if ``Phi Phi^T = B B^T``.
+* **Flexibility.** The retained elastic modes contribute ``Phi Omega^-2 Phi^H`` to the static
+  receptance.  The remainder belongs to the omitted modes and is positive semi-definite.
+* **Nodal diameter 0** describes the mean position, a real displacement, so its modes are real (also
+  as a complex array with zero imaginary part).
 * The order of the natural frequencies is arbitrary; usually it is ascending.
 """
 
@@ -102,13 +103,15 @@ def check_model(model: Model, *, where: str = "model") -> None:
 def _check_head(model: Model, where: str) -> None:
     check_integer(model.n_blades, f"{where}: /@n_blades")
     check(model.n_blades >= 1, f"{where}: /@n_blades", "at least 1", model.n_blades)
-    for group in (group for group in layout(Model) if group.is_record):
-        check_type(getattr(model, group.name), Mapping, f"{where}: /{group.place()}")
-        for name, member in getattr(model, group.name).items():
+    for group in layout(Model):
+        if not group.is_record:
+            continue
+        members = getattr(model, group.name)
+        check_type(members, Mapping, f"{where}: /{group.place()}")
+        for name, member in members.items():
             item = f"{where}: /{group.place(name)}"
-            good = (
-                isinstance(name, str) and name.isprintable() and name and not set(name) & set("/.")
-            )
+            good = isinstance(name, str) and name and name.isprintable()
+            good = good and not set(name) & set("/.")
             check(good, item, "a name of printable characters without '/' and '.'", repr(name))
             check_type(member, group.kind, item)
             member_name = getattr(member, "name", name)
@@ -134,42 +137,37 @@ def _check_frame(frame: NDArray, item: str) -> None:
 
 
 def _check_ports(body: Body, model: Model, item: str) -> None:
-    """Check that the ports of a body are the sides of its interfaces, each of them once; the ground may omit ports."""
+    """Check that the ports of a body are the sides of its interfaces, each of them once.
+
+    The ground may omit ports.
+    """
     kinds = ["constrained", "free", "lumped", "ground"]
     check(body.kind in kinds, f"{item}/@kind", f"one of {kinds}", repr(body.kind))
     item = f"{item}/@ports"
     check_type(body.ports, tuple, item)
     for port in body.ports:
-        good = (
-            isinstance(port, tuple)
-            and len(port) == 2
-            and all(isinstance(part, str) for part in port)
-        )
-        check(good and port[1] in ("a", "b"), item, "pairs (interface, 'a' or 'b')", repr(port))
+        pair = isinstance(port, tuple) and len(port) == 2
+        good = pair and isinstance(port[0], str) and isinstance(port[1], str)
+        good = good and port[1] in ("a", "b")
+        check(good, item, "pairs (interface, 'a' or 'b')", repr(port))
+
     sides = [(face.name, "a") for face in model.interfaces.values() if face.body_a == body.name]
     sides += [(face.name, "b") for face in model.interfaces.values() if face.body_b == body.name]
-    good = sorted(body.ports) == sorted(sides) or (
-        body.kind == "ground" and set(body.ports) <= set(sides)
-    )
-    check(
-        good,
-        item,
-        f"the sides of interfaces that name this body, {sorted(sides)}",
-        f"{list(body.ports)}",
-    )
+    sides.sort()
+    good = sorted(body.ports) == sides
+    if body.kind == "ground":
+        good = good or set(body.ports) <= set(sides)
+    expected = f"the sides of interfaces that name this body, {sides}"
+    check(good, item, expected, f"{list(body.ports)}")
 
 
 def _check_sides(interface: Interface, model: Model, item: str) -> None:
     """Check that both sides of an interface are bodies with possible relative motion."""
-    sides = (("a", interface.body_a), ("b", interface.body_b))
-    bodies = [_known_body(name, model, f"{item}/@body_{side}") for side, name in sides]
-    check(
-        not bodies[0].kind == bodies[1].kind == "ground",
-        item,
-        "a body that can move",
-        "ground on both sides",
-    )
-    different = bodies[0] is not bodies[1] or interface.sector_a != interface.sector_b
+    body_a = _known_body(interface.body_a, model, f"{item}/@body_a")
+    body_b = _known_body(interface.body_b, model, f"{item}/@body_b")
+    one_can_move = body_a.kind != "ground" or body_b.kind != "ground"
+    check(one_can_move, item, "a body that can move", "ground on both sides")
+    different = body_a is not body_b or interface.sector_a != interface.sector_b
     found = f"body '{interface.body_a}' of sector {interface.sector_a} on both sides"
     check(different, item, "two bodies, or one body in two sectors", found)
 
@@ -186,12 +184,8 @@ def _check_locations(model: Model, where: str) -> None:
         item = f"{where}: /locations/{name}"
         check_record(location, type(location), item)
         body = _known_body(location.body, model, f"{item}/@body")
-        check(
-            body.kind != "ground",
-            f"{item}/@body",
-            "a body that can move",
-            f"'{body.name}', which is ground",
-        )
+        found = f"'{body.name}', which is ground"
+        check(body.kind != "ground", f"{item}/@body", "a body that can move", found)
 
 
 # ---- Bodies ----
@@ -200,9 +194,8 @@ def _check_locations(model: Model, where: str) -> None:
 def _check_body(body: Body, model: Model, item: str) -> None:
     check_type(body.bases, Mapping, item)
     if body.kind == "ground":
-        check(
-            not body.bases, item, "no modes of a ground body", f"nodal diameters {list(body.bases)}"
-        )
+        found = f"nodal diameters {list(body.bases)}"
+        check(not body.bases, item, "no modes of a ground body", found)
         check(body.load is None, f"{item}/load", "no load on a ground body", "one")
         return
     _check_nodal_diameters(body, model, item)
@@ -219,22 +212,14 @@ def _check_body(body: Body, model: Model, item: str) -> None:
     _check_real(body.bases[0], f"{item}/nd000", body.kind == "lumped")
     if body.kind == "free":
         for key in ("mass", "centre", "inertia"):
-            check(
-                getattr(body, key) is not None,
-                f"{item}/{key}",
-                f"the {key} of a free body",
-                "nothing",
-            )
+            stored = getattr(body, key) is not None
+            check(stored, f"{item}/{key}", f"the {key} of a free body", "nothing")
         _check_rigid(body, model, f"{item}/nd000")
     if body.load is not None:
         check_record(body.load, BodyLoad, f"{item}/load", sizes)
         length = np.linalg.norm(body.load.direction)
-        check(
-            abs(length - 1) <= SINGLE,
-            f"{item}/load/direction",
-            "a unit vector",
-            f"length {length:.9g}",
-        )
+        is_unit = abs(length - 1) <= SINGLE
+        check(is_unit, f"{item}/load/direction", "a unit vector", f"length {length:.9g}")
     if body.spin is not None:
         check_record(body.spin, SpinStatic, f"{item}/spin", sizes)
         _check_places(body.spin.locations, places, f"{item}/spin")
@@ -247,8 +232,9 @@ def _n_points(body: Body, model: Model) -> int:
     return sum(model.interfaces[name].n_points for name, _ in body.ports)
 
 
-def _check_places(found: Iterable[str], places: Iterable[str], item: str) -> None:
-    check(set(found) == set(places), f"{item}/locations", f"{sorted(places)}", f"{sorted(found)}")
+def _check_places(names: Iterable[str], places: Iterable[str], item: str) -> None:
+    """Check that data at locations have the names of all locations on the body."""
+    check(set(names) == set(places), f"{item}/locations", f"{sorted(places)}", f"{sorted(names)}")
 
 
 def _check_nodal_diameters(body: Body, model: Model, item: str) -> None:
@@ -257,42 +243,33 @@ def _check_nodal_diameters(body: Body, model: Model, item: str) -> None:
         check_integer(d, f"{item} (nodal diameter)")
         expected = f"nodal diameters 0 to {largest} of a {body.kind} body"
         check(0 <= d <= largest, item, f"{expected} (n_blades = {model.n_blades})", d)
-    check(
-        0 in body.bases,
-        f"{item}/nd000",
-        "the modes of nodal diameter 0",
-        f"only {sorted(body.bases)}",
-    )
+    found = f"only {sorted(body.bases)}"
+    check(0 in body.bases, f"{item}/nd000", "the modes of nodal diameter 0", found)
 
 
 def _check_basis(basis: ModalBasis, body: Body, sizes: Sizes, places: list[str], item: str) -> None:
     check_record(basis, ModalBasis, item, sizes)
     _check_places(basis.locations, places, item)
-    first = N_RIGID if body.kind == "free" else 0
-    found = f"{basis.static_shapes} of {basis.n_modes}"
+    n_rigid = N_RIGID if body.kind == "free" else 0
     check(
         basis.n_natural > 0,
         f"{item}/static_shapes",
         "at least one mode before the static shapes",
-        found,
+        f"{basis.static_shapes} of {basis.n_modes}",
     )
-    _check_frequencies(basis.omega2, first, f"{item}/omega2", lumped=body.kind == "lumped")
+    _check_frequencies(basis.omega2, n_rigid, f"{item}/omega2", lumped=body.kind == "lumped")
     if basis.flexibility is not None:
-        shapes = basis.contact_modes.reshape(len(basis.flexibility), basis.n_modes)[:, first:]
-        rest = basis.flexibility - (shapes / basis.omega2[first:]) @ shapes.conj().T
-        _check_residual(
-            rest,
-            basis.flexibility,
-            f"{item}/flexibility",
-            "flexibility - Phi Omega^-2 Phi^H (elastic modes)",
-        )
+        modes = basis.contact_modes.reshape(len(basis.flexibility), basis.n_modes)
+        elastic = modes[:, n_rigid:]
+        rest = basis.flexibility - (elastic / basis.omega2[n_rigid:]) @ elastic.conj().T
+        what = "flexibility - Phi Omega^-2 Phi^H (elastic modes)"
+        _check_residual(rest, basis.flexibility, f"{item}/flexibility", what)
     if basis.speed is not None:
-        check(body.kind != "free", f"{item}/speed", "nothing over speed on a free body", "a group")
-        check(
-            basis.drag is None, f"{item}/speed", "no drag on modes that change with speed", "drag"
-        )
-        check_record(basis.speed, SpeedBasis, f"{item}/speed", {**sizes, "n_modes": basis.n_modes})
-        _check_speed(basis, basis.speed, f"{item}/speed")
+        item = f"{item}/speed"
+        check(body.kind != "free", item, "nothing over speed on a free body", "a group")
+        check(basis.drag is None, item, "no drag on modes that change with speed", "drag")
+        check_record(basis.speed, SpeedBasis, item, {**sizes, "n_modes": basis.n_modes})
+        _check_speed(basis, basis.speed, item)
 
 
 def _check_frequencies(omega2: NDArray, n_rigid: int, item: str, lumped: bool = False) -> None:
@@ -301,22 +278,19 @@ def _check_frequencies(omega2: NDArray, n_rigid: int, item: str, lumped: bool = 
         return
     check(len(omega2) >= n_rigid, item, f"{n_rigid} rigid-body modes first", f"{len(omega2)} modes")
     check_all(omega2[:n_rigid] == 0, omega2, "exactly 0 for the six rigid-body modes", item)
-    good = omega2 > 0
-    good[:n_rigid] = True
-    check_all(good, omega2, "numbers > 0 for elastic modes", item)
+    positive = omega2 > 0
+    positive[:n_rigid] = True
+    check_all(positive, omega2, "numbers > 0 for elastic modes", item)
 
 
 def _check_residual(rest: NDArray, flexibility: NDArray, item: str, what: str) -> None:
     """Check that the residual part of a static receptance is positive semi-definite."""
     size = np.linalg.norm(flexibility)
+    finite = np.isfinite(size) and np.isfinite(rest).all()
+    found = f"sizes up to {np.abs(flexibility).max(initial=0.0):.3g}"
+    check(finite, item, "numbers whose squares are finite", found)
+    # eigenvalues, which take longer, only if the quick test fails
     allowed = SINGLE * size
-    good = np.isfinite(size) and np.isfinite(rest).all()
-    check(
-        good,
-        item,
-        "numbers whose squares are finite",
-        f"sizes up to {np.abs(flexibility).max(initial=0.0):.3g}",
-    )
     if not is_positive_definite(rest + allowed * np.eye(len(rest))):
         smallest = np.linalg.eigvalsh(0.5 * (rest + rest.conj().T))[0]
         found = f"the eigenvalue {smallest:.3g} m/N, size {size:.3g} m/N"
@@ -324,77 +298,93 @@ def _check_residual(rest: NDArray, flexibility: NDArray, item: str, what: str) -
 
 
 def _check_speed(basis: ModalBasis, speed: SpeedBasis, item: str) -> None:
-    """Check that the matrices over rotor speed agree with the frequencies and the flexibility of the basis at its speed."""
-    size = np.sqrt(np.maximum(basis.omega2, 1e-8 * basis.omega2.max(initial=0.0)))
-    difference = np.abs(speed.stiffness(speed.omega_ref) - np.diag(basis.omega2)) / (
-        size[:, None] * size
+    """Check that the matrices over rotor speed agree with the basis at its speed.
+
+    They give its frequencies and its flexibility.
+    """
+    frequency = np.sqrt(np.maximum(basis.omega2, 1e-8 * basis.omega2.max(initial=0.0)))
+    size = frequency[:, None] * frequency
+    stiffness = speed.stiffness(speed.omega_ref)
+    difference = np.abs(stiffness - np.diag(basis.omega2)) / size
+    error = difference.max(initial=0.0)
+    check(
+        error <= STIFFNESS_TOLERANCE,
+        f"{item}/stiffness0",
+        "stiffness0 + omega_ref^2 stiffness2 = the diagonal matrix of omega2",
+        f"a relative difference of {error:.3g}",
     )
-    error, found = difference.max(initial=0.0), "a relative difference of {:.3g}"
-    expected = "stiffness0 + omega_ref^2 stiffness2 = the diagonal matrix of omega2"
-    check(error <= STIFFNESS_TOLERANCE, f"{item}/stiffness0", expected, found.format(error))
-    for name, other in (("residual0", speed.residual2), ("residual2", speed.residual0)):
-        given = getattr(speed, name) is not None or other is None
-        check(given, f"{item}/{name}", "residual0 and residual2, or neither", "one alone")
+    if (speed.residual0 is None) != (speed.residual2 is None):
+        missing = "residual0" if speed.residual0 is None else "residual2"
+        raise mismatch(f"{item}/{missing}", "residual0 and residual2, or neither", "one alone")
+
     residual = speed.residual(speed.omega_ref)
     if residual is None or basis.flexibility is None:
         return
-    shapes, used = basis.contact_modes.reshape(len(residual), basis.n_modes), basis.omega2 > 0.0
-    whole = residual + (shapes[:, used] / basis.omega2[used]) @ shapes[:, used].conj().T
-    error = np.linalg.norm(whole - basis.flexibility) / (np.linalg.norm(basis.flexibility) or 1.0)
-    expected = "residual0 + omega_ref^2 residual2 + Phi Omega^-2 Phi^H = flexibility"
-    check(error <= SINGLE, f"{item}/residual0", expected, found.format(error))
+    elastic = basis.omega2 > 0.0
+    modes = basis.contact_modes.reshape(len(residual), basis.n_modes)[:, elastic]
+    complete = residual + (modes / basis.omega2[elastic]) @ modes.conj().T
+    flexibility_size = np.linalg.norm(basis.flexibility) or 1.0
+    error = np.linalg.norm(complete - basis.flexibility) / flexibility_size
+    check(
+        error <= SINGLE,
+        f"{item}/residual0",
+        "residual0 + omega_ref^2 residual2 + Phi Omega^-2 Phi^H = flexibility",
+        f"a relative difference of {error:.3g}",
+    )
 
 
 def _check_real(basis: ModalBasis, item: str, lumped: bool) -> None:
+    """Check that the arrays of nodal diameter 0 are real."""
     modes = {"modes": basis.contact_modes}
     if not lumped:  # forces on several masses with different phases form one complex location
         modes |= {f"locations/{name}": values for name, values in basis.locations.items()}
-    flexibility = {} if basis.flexibility is None else {"flexibility": basis.flexibility}
-    for arrays in (modes, flexibility):
-        size = max((np.abs(values).max(initial=0.0) for values in arrays.values()), default=0.0)
-        for key, values in arrays.items():
-            largest = np.abs(values.imag).max(initial=0.0)
-            found = f"imaginary parts up to {largest:.3g}, size {size:.3g}"
-            check(
-                largest <= ROUNDING * size,
-                f"{item}/{key}",
-                "real numbers at nodal diameter 0",
-                found,
-            )
+    _check_real_arrays(modes, item)
+    if basis.flexibility is not None:
+        _check_real_arrays({"flexibility": basis.flexibility}, item)
+
+
+def _check_real_arrays(arrays: Mapping[str, NDArray], item: str) -> None:
+    """Check arrays of one unit, named by their paths, relative to the largest number in all."""
+    size = max(np.abs(values).max(initial=0.0) for values in arrays.values())
+    for key, values in arrays.items():
+        largest = np.abs(values.imag).max(initial=0.0)
+        real = largest <= ROUNDING * size
+        found = f"imaginary parts up to {largest:.3g}, size {size:.3g}"
+        check(real, f"{item}/{key}", "real numbers at nodal diameter 0", found)
 
 
 # ---- Rigid-body modes ----
 
 
 def _check_rigid(body: Body, model: Model, item: str) -> None:
-    """Check that the first six modes are an orthonormal combination of the rigid motions of the body."""
+    """Check that the first six modes are an orthonormal combination of the rigid motions."""
     basis = body.bases[0]
     exact = _rigid_motions(body, model)
-    given = np.concatenate(
-        [basis.contact_modes, *(values[None] for values in basis.locations.values())]
-    )
-    given = given[:, :, :N_RIGID].real.reshape(-1, N_RIGID)
-    if len(given) == 0:
+    at_locations = [values[None] for values in basis.locations.values()]
+    modes = np.concatenate([basis.contact_modes, *at_locations])
+    stored = modes[:, :, :N_RIGID].real.reshape(-1, N_RIGID)
+    if len(stored) == 0:
         return
+    item = f"{item}/modes"
     size = np.abs(exact).max()
-    finite = np.isfinite(exact).all() and np.isfinite(given @ given.T).all() and size > 0
-    check(finite, f"{item}/modes", "rigid-body modes of finite size", "numbers out of range")
-    mix = np.linalg.lstsq(exact, given, rcond=1e-9)[0]
-    error = np.abs(exact @ mix - given).max(axis=0) / size
+    finite = np.isfinite(exact).all() and np.isfinite(stored @ stored.T).all() and size > 0
+    check(finite, item, "rigid-body modes of finite size", "numbers out of range")
+
+    combination = np.linalg.lstsq(exact, stored, rcond=1e-9)[0]
+    error = np.abs(exact @ combination - stored).max(axis=0) / size
     worst = int(np.argmax(error))
-    if not error[worst] <= RIGID_TOLERANCE:
-        found = f"mode {worst} off by {error[worst]:.3g} of the largest rigid motion"
-        raise mismatch(
-            f"{item}/modes", "rigid motions about the centre as the first six modes", found
-        )
-    difference = np.abs(given @ given.T - exact @ exact.T).max() / size**2
-    expected = (
-        "mass-normalised independent rigid-body modes (Phi Phi^T as from mass, centre, inertia)"
+    check(
+        error[worst] <= RIGID_TOLERANCE,
+        item,
+        "rigid motions about the centre as the first six modes",
+        f"mode {worst} off by {error[worst]:.3g} of the largest rigid motion",
     )
+    # orthonormal combinations have the same products
+    difference = np.abs(stored @ stored.T - exact @ exact.T).max() / size**2
     check(
         difference <= 4 * RIGID_TOLERANCE,
-        f"{item}/modes",
-        expected,
+        item,
+        "mass-normalised independent rigid-body modes (Phi Phi^T as from mass, centre, inertia)",
         f"a relative difference of {difference:.3g}",
     )
 
@@ -405,9 +395,8 @@ def _rigid_motions(body: Body, model: Model) -> NDArray:
     points, frames = [], []
     for name, side in body.ports:  # rotated into the sector of the body
         face = model.interfaces[name]
-        rotation = turn(
-            2 * np.pi * (face.sector_a if side == "a" else face.sector_b) / model.n_blades
-        )
+        sector = face.sector_a if side == "a" else face.sector_b
+        rotation = turn(2 * np.pi * sector / model.n_blades)
         points.append(face.points @ rotation)  # rows R^T x
         frames.append(face.frame @ rotation)
     for name in body.bases[0].locations:
@@ -417,8 +406,9 @@ def _rigid_motions(body: Body, model: Model) -> NDArray:
         return np.zeros((0, N_RIGID))
     moments, axes = np.linalg.eigh(body.inertia)
     motions = rigid_motions(np.concatenate(points), body.centre, np.eye(3), axes.T)
-    motions /= np.sqrt([*3 * [body.mass], *moments])
-    return (np.concatenate(frames) @ motions.reshape(-1, 3, N_RIGID)).reshape(-1, N_RIGID)
+    motions /= np.sqrt([body.mass, body.mass, body.mass, *moments])
+    along_axes = np.concatenate(frames) @ motions.reshape(-1, 3, N_RIGID)
+    return along_axes.reshape(-1, N_RIGID)
 
 
 # ---- Local bases of mistuned bladed disks ----
@@ -427,163 +417,159 @@ def _rigid_motions(body: Body, model: Model) -> NDArray:
 def _check_local(body: Body, local: LocalBasis, model: Model, item: str, sizes: Sizes) -> None:
     """Check the local basis of a constrained body and its agreement with the modes of the body.
 
-    By Rayleigh-Ritz its frequencies are not below the modes of the body, and the lowest one is close.
+    By Rayleigh-Ritz its frequencies are not below the modes of the body, and the lowest one is
+    close.
     """
     check_type(local, LocalBasis, item)
-    check(
-        body.kind == "constrained",
-        item,
-        "a local basis on constrained bodies only",
-        f"one on a {body.kind} body",
-    )
+    expected = "a local basis on constrained bodies only"
+    check(body.kind == "constrained", item, expected, f"one on a {body.kind} body")
     check(model.n_blades > 1, item, "a local basis in cyclic structures only", "an acyclic one")
     loaded = body.load is not None or body.constant_force is not None
     check(not loaded, item, "no static load on a body with a local basis", "one")
+
     check_type(local.blade_stiffness, np.ndarray, f"{item}/blade_stiffness")
-    numbers: Sizes = {
-        "n": len(np.atleast_1d(local.blade_stiffness)),
-        "n_diameters": model.n_blades // 2 + 1,
-    }
-    check_record(local, LocalBasis, item, {**sizes, **numbers})
-    r, m = local.n_interface, local.n_cantilever
-    enough = local.n_attachment >= 0 and r > 0 and m > 0
+    n_diameters = model.n_blades // 2 + 1
+    n = len(np.atleast_1d(local.blade_stiffness))
+    check_record(local, LocalBasis, item, {**sizes, "n": n, "n_diameters": n_diameters})
+    n_roots = local.n_interface
+    n_cantilever = local.n_cantilever
     check(
-        enough,
+        local.n_attachment >= 0 and n_roots > 0 and n_cantilever > 0,
         item,
         "cantilever modes and root shapes, together at most n",
-        f"{m} and {r} of n = {local.n}",
+        f"{n_cantilever} and {n_roots} of n = {local.n}",
     )
-    for key in ("disk_stiffness", "disk_mass"):
-        _check_disk(getattr(local, key), model.n_blades, f"{item}/{key}")
+
+    _check_disk(local.disk_stiffness, model.n_blades, f"{item}/disk_stiffness")
+    _check_disk(local.disk_mass, model.n_blades, f"{item}/disk_mass")
     _check_cantilever(local, item)
-    for d in range(model.n_blades // 2 + 1):
-        for key in ("stiffness", "mass"):
-            definite = is_positive_definite(getattr(local, key)(d))
-            check(
-                definite,
-                f"{item}/disk_{key}",
-                "blade and disk positive definite",
-                f"not at nodal diameter {d}",
-            )
-    if local.flexibility is not None and (rest := local.residual_flexibility()) is not None:
-        _check_residual(
-            rest,
-            local.flexibility,
-            f"{item}/flexibility",
-            "flexibility less that of the coordinates",
-        )
+    for d in range(n_diameters):
+        expected = "blade and disk positive definite"
+        found = f"not at nodal diameter {d}"
+        check(is_positive_definite(local.stiffness(d)), f"{item}/disk_stiffness", expected, found)
+        check(is_positive_definite(local.mass(d)), f"{item}/disk_mass", expected, found)
+    residual = local.residual_flexibility()
+    if local.flexibility is not None and residual is not None:
+        what = "flexibility less that of the coordinates"
+        _check_residual(residual, local.flexibility, f"{item}/flexibility", what)
     for d, basis in body.bases.items():
-        omega2 = eigh(local.stiffness(d), local.mass(d), eigvals_only=True)[: basis.n_natural]
-        ratio = np.sqrt(omega2 / np.sort(basis.omega2[: basis.n_natural])[: len(omega2)])
-        close = ratio.min() >= 1.0 - SINGLE and ratio[0] <= 1.0 + NEAREST_FREQUENCY
-        expected = (
-            f"frequencies of nd{d:03d} or above, the lowest within {100 * NEAREST_FREQUENCY:g} %"
-        )
-        check(
-            close,
-            item,
-            expected,
-            f"{ratio[0]:.6g} times the lowest, {ratio.min():.9g} times at least",
-        )
+        _check_local_frequencies(local, d, basis, item)
+
+
+def _check_local_frequencies(local: LocalBasis, d: int, basis: ModalBasis, item: str) -> None:
+    """Check that the local basis has frequencies close to a nodal diameter, and not below."""
+    n = basis.n_natural
+    omega2 = eigh(local.stiffness(d), local.mass(d), eigvals_only=True)[:n]
+    exact = np.sort(basis.omega2[:n])[: len(omega2)]
+    ratio = np.sqrt(omega2 / exact)
+    within = f"{100 * NEAREST_FREQUENCY:g} %"
+    check(
+        ratio.min() >= 1.0 - SINGLE and ratio[0] <= 1.0 + NEAREST_FREQUENCY,
+        item,
+        f"frequencies of nd{d:03d} or above, the lowest within {within}",
+        f"{ratio[0]:.6g} times the lowest, {ratio.min():.9g} times at least",
+    )
 
 
 def _check_disk(disk: NDArray, n_blades: int, item: str) -> None:
+    """Check Hermitian matrices, real at nodal diameters 0 and N/2."""
     for d, matrix in enumerate(disk):
         check_hermitian(matrix, f"{item} at nodal diameter {d}")
-        real = 2 * d % n_blades or not np.any(matrix.imag)
+        may_be_complex = 2 * d % n_blades > 0
+        good = may_be_complex or not np.any(matrix.imag)
         found = f"imaginary parts up to {np.abs(matrix.imag).max():.3g}"
-        check(real, f"{item} at nodal diameter {d}", "real numbers", found)
+        check(good, f"{item} at nodal diameter {d}", "real numbers", found)
 
 
 def _check_cantilever(local: LocalBasis, item: str) -> None:
-    """Check that blade stiffness is omega2 for cantilever modes without coupling, and positive semi-definite."""
+    """Check that the cantilever modes have the stiffness omega2 without coupling.
+
+    The stiffness of the blade is positive semi-definite.
+    """
+    item = f"{item}/blade_stiffness"
     m = local.n_cantilever
-    expected = np.zeros((m, local.n))
-    expected[:, :m] = np.diag(local.omega2)
-    size = np.sqrt(np.maximum(np.abs(np.diag(local.blade_stiffness)), local.omega2.min()))
-    error = np.abs(local.blade_stiffness[:m] - expected) / np.outer(size[:m], size)
+    exact = np.zeros((m, local.n))
+    exact[:, :m] = np.diag(local.omega2)
+    diagonal = np.abs(np.diag(local.blade_stiffness))
+    size = np.sqrt(np.maximum(diagonal, local.omega2.min()))
+    error = np.abs(local.blade_stiffness[:m] - exact) / np.outer(size[:m], size)
     if not error.max() <= ROUNDING:
-        i, j = (int(k) for k in np.unravel_index(error.argmax(), error.shape))
-        found = f"{local.blade_stiffness[i, j]:.9g} instead of {expected[i, j]:.9g} at ({i}, {j})"
+        row, column = np.unravel_index(error.argmax(), error.shape)
+        stored = local.blade_stiffness[row, column]
         raise mismatch(
-            f"{item}/blade_stiffness",
+            item,
             "a diagonal block with omega2 for the cantilever modes",
-            found,
+            f"{stored:.9g} instead of {exact[row, column]:.9g} at ({row}, {column})",
         )
     smallest = np.linalg.eigvalsh(local.blade_stiffness / np.outer(size, size))[0]
-    check(
-        smallest >= -ROUNDING,
-        f"{item}/blade_stiffness",
-        "no negative eigenvalue",
-        f"{smallest:.3g} of its size",
-    )
+    found = f"{smallest:.3g} of its size"
+    check(smallest >= -ROUNDING, item, "no negative eigenvalue", found)
 
 
 # ---- Optional parts ----
 
 
 def _check_optional(model: Model, where: str) -> None:
-    """Check that contact stiffness, static solutions and surfaces belong to an interface or a body and have its sizes."""
-    groups = {"contact": model.interfaces, "static": model.interfaces, "meshes": model.bodies}
-    for group in (group for group in layout(Model) if group.name in groups):
-        owners, word = groups[group.name], "a body" if group.name == "meshes" else "an interface"
-        for name, part in getattr(model, group.name).items():
-            item = f"{where}: /{group.place(name)}"
-            check(name in owners, item, f"the name of {word} of {list(owners)}", f"'{name}'")
-            check_record(part, group.kind, item, {"n_points": getattr(owners[name], "n_points", 0)})
+    """Check that contact stiffness, static solutions and surfaces have an interface or a body.
+
+    The sizes agree with this owner.
+    """
+    for group in layout(Model):
+        if group.name in ("contact", "static"):
+            for name, part in getattr(model, group.name).items():
+                item = f"{where}: /{group.place(name)}"
+                expected = f"the name of an interface of {list(model.interfaces)}"
+                check(name in model.interfaces, item, expected, f"'{name}'")
+                n_points = model.interfaces[name].n_points
+                check_record(part, group.kind, item, {"n_points": n_points})
+        elif group.name == "meshes":
+            for name, part in model.meshes.items():
+                item = f"{where}: /{group.place(name)}"
+                expected = f"the name of a body of {list(model.bodies)}"
+                check(name in model.bodies, item, expected, f"'{name}'")
+                check_record(part, group.kind, item, {"n_points": 0})
     for name, mesh in model.meshes.items():
         inside = (mesh.quads >= 0) & (mesh.quads < len(mesh.points))
-        check_all(
-            inside,
-            mesh.quads,
-            f"indices 0 to {len(mesh.points) - 1}",
-            f"{where}: /mesh/{name}/quads",
-        )
+        expected = f"indices 0 to {len(mesh.points) - 1}"
+        check_all(inside, mesh.quads, expected, f"{where}: /mesh/{name}/quads")
 
 
 def _check_stress(stress: StressSet, model: Model, item: str) -> None:
     """Check body, nodal diameters and number of modes of a stress set."""
-    bodies = {
-        name: body for name, body in model.bodies.items() if body.kind in ("constrained", "lumped")
-    }
-    check(
-        stress.body in bodies,
-        f"{item}/@body",
-        f"a constrained body of {list(bodies)}",
-        repr(stress.body),
-    )
+    bodies = {}
+    for name, body in model.bodies.items():
+        if body.kind in ("constrained", "lumped"):
+            bodies[name] = body
+    expected = f"a constrained body of {list(bodies)}"
+    check(stress.body in bodies, f"{item}/@body", expected, repr(stress.body))
     body = bodies[stress.body]
     check_record(stress, StressSet, item, {"n_forces": 3 * _n_points(body, model)})
     check(len(stress) > 0, f"{item}/points", "at least one point", "none")
-    known, own = 0 in stress.modes and set(stress.modes) <= set(body.bases), sorted(stress.modes)
-    check(
-        known,
-        f"{item} (nodal diameters)",
-        f"nodal diameter 0 and others of {sorted(body.bases)}",
-        own,
-    )
+
+    diameters = sorted(stress.modes)
+    known = 0 in stress.modes and set(stress.modes) <= set(body.bases)
+    expected = f"nodal diameter 0 and others of {sorted(body.bases)}"
+    check(known, f"{item} (nodal diameters)", expected, diameters)
     paired = not stress.contact or set(stress.contact) == set(stress.modes)
-    check(paired, f"{item} (nodal diameters of contact)", f"{own}", sorted(stress.contact))
-    for d, rows in stress.modes.items():
+    of_contact = sorted(stress.contact)
+    check(paired, f"{item} (nodal diameters of contact)", f"{diameters}", of_contact)
+    for d, of_modes in stress.modes.items():
         shape = (len(stress), 6, body.bases[d].n_modes)
-        check(rows.shape == shape, f"{item}/nd{d:03d}/mode_stress", f"shape {shape}", rows.shape)
+        fits = of_modes.shape == shape
+        check(fits, f"{item}/nd{d:03d}/mode_stress", f"shape {shape}", of_modes.shape)
 
 
 def _check_provenance(model: Model, where: str) -> None:
     item = f"{where}: /provenance"
     check_type(model.provenance, Mapping, item)
     for key, value in model.provenance.items():
-        check(isinstance(key, str) and isinstance(value, str), item, "texts", f"{key!r}: {value!r}")
+        entry = f"{key!r}: {value!r}"
+        check(isinstance(key, str) and isinstance(value, str), item, "texts", entry)
         text = key + value
-        good = key and "\0" not in text and text.encode(errors="ignore").decode() == text
-        check(good, item, "named texts that UTF-8 can hold, without NUL", f"{key!r}: {value!r}")
-        size, most = (
-            len(value.encode()),
-            60000,
-        )  # bytes; an HDF5 attribute with its name has at most 64 KiB
-        check(
-            size + len(key.encode()) <= most,
-            item,
-            f"texts of at most {most} bytes",
-            f"{size} bytes in '{key[:40]}'",
-        )
+        in_utf8 = text.encode(errors="ignore").decode() == text
+        good = key and "\0" not in text and in_utf8
+        check(good, item, "named texts that UTF-8 can hold, without NUL", entry)
+        size = len(value.encode())
+        most = 60000  # bytes; an HDF5 attribute with its name has at most 64 KiB
+        found = f"{size} bytes in '{key[:40]}'"
+        check(size + len(key.encode()) <= most, item, f"texts of at most {most} bytes", found)
