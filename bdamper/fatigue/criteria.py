@@ -1,31 +1,35 @@
 r"""Stress amplitude, mean stress and safety factors of multiaxial stress cycles.
 
-A cycle is ``sigma(theta) = c_0 + sum_l Re[c_l exp(i l theta)]`` with six components in the order xx, yy, zz, xy, yz, xz.
+A cycle is ``sigma(theta) = c_0 + sum_l Re[c_l exp(i l theta)]`` with six components in the order
+xx, yy, zz, xy, yz, xz.
 
-* *von Mises*: the amplitude is half the largest von Mises value of ``sigma(theta_1) - sigma(theta_2)`` over all pairs of
-  instants. The mean is the trace of the mean tensor, which is the mean stress in uniaxial tension and zero in pure shear.
-  The amplitude is invariant, continuous and equal to the classical value in proportional loading. For one harmonic it is
-  ``sqrt((z^H D z + |z^T D z|)/2)`` with the quadratic form D of the von Mises value.
-* *Findley* (:func:`findley`): ``tau_a + k sigma_max`` on the critical plane, the plane of its maximum. ``tau_a`` is the
-  radius of the smallest circle around the path of the shear stress [1]_.
+* *von Mises*: the amplitude is half the largest von Mises value of
+  ``sigma(theta_1) - sigma(theta_2)`` over all pairs of instants. The mean is the trace of the mean
+  tensor, which is the mean stress in uniaxial tension and zero in pure shear.  The amplitude is
+  invariant, continuous and equal to the classical value in proportional loading. For one harmonic
+  it is ``sqrt((z^H D z + |z^T D z|)/2)`` with the quadratic form D of the von Mises value.
+* *Findley* (:func:`findley`): ``tau_a + k sigma_max`` on the critical plane, the plane of its
+  maximum. ``tau_a`` is the radius of the smallest circle around the path of the shear stress [1]_.
 
-The cycle is sampled, and the best samples are refined by Newton's method. If two maxima are
-almost equal, the result may be the lower one; it was at most 0.04 % below the other in 15,000 random cycles.
+The cycle is sampled, and the best samples are refined by Newton's method. If two maxima are almost
+equal, the result may be the lower one; it was at most 0.04 % below the other in 15,000 random
+cycles.
 
-With amplitude a, mean m, :math:`m_+ = \max(m, 0)`, endurance limit :math:`S_e`, ultimate strength :math:`S_u` and yield
-strength :math:`S_y`, the safety factor n is:
+With amplitude a, mean m, :math:`m_+ = \max(m, 0)`, endurance limit :math:`S_e`, ultimate strength
+:math:`S_u` and yield strength :math:`S_y`, the safety factor n is:
 
-==========  =====================================================  ====================================
-line        factor on amplitude and mean                           factor on the amplitude alone
-==========  =====================================================  ====================================
-Goodman     :math:`1/n = a/S_e + m_+/S_u`                          :math:`S_e (1 - m_+/S_u)/a`
-Soderberg   :math:`1/n = a/S_e + m_+/S_y`                          :math:`S_e (1 - m_+/S_y)/a`
-Gerber      :math:`n a/S_e + (n m_+/S_u)^2 = 1`                    :math:`S_e (1 - (m_+/S_u)^2)/a`
-==========  =====================================================  ====================================
+==========  ========================================  ==================================
+line        factor on amplitude and mean              factor on the amplitude alone
+==========  ========================================  ==================================
+Goodman     :math:`1/n = a/S_e + m_+/S_u`             :math:`S_e (1 - m_+/S_u)/a`
+Soderberg   :math:`1/n = a/S_e + m_+/S_y`             :math:`S_e (1 - m_+/S_y)/a`
+Gerber      :math:`n a/S_e + (n m_+/S_u)^2 = 1`       :math:`S_e (1 - (m_+/S_u)^2)/a`
+==========  ========================================  ==================================
 
-A compressive mean stress has no effect. For a blade the factor on the amplitude alone is relevant: rotation fixes the mean
-stress, and only the excitation can grow. This factor is 0 if the mean stress exceeds its limit. The factor on both is 1 if
-the mean stress alone is at its limit, and always positive.
+A compressive mean stress has no effect. For a blade the factor on the amplitude alone is relevant:
+rotation fixes the mean stress, and only the excitation can grow. This factor is 0 if the mean
+stress exceeds its limit. The factor on both is 1 if the mean stress alone is at its limit, and
+always positive.
 
 .. [1] W. N. Findley, J. Eng. Ind. 81, 301-306, 1959.
 """
@@ -70,7 +74,10 @@ def von_mises(stress: NDArray) -> NDArray:
 
 
 def angles(n_harmonics: int) -> NDArray:
-    """Return the sampling angles (n,) of a cycle in rad: 128 for up to seven harmonics, otherwise 256."""
+    """Return the sampling angles (n,) of a cycle in rad.
+
+    128 angles resolve up to seven harmonics; there are 256 for more.
+    """
     n = 128 if n_harmonics <= 7 else 256
     return 2.0 * np.pi * np.arange(n) / n
 
@@ -81,11 +88,17 @@ def over_cycle(coefficients: NDArray, theta: NDArray) -> NDArray:
     return (np.asarray(coefficients) @ np.exp(1j * l[:, None] * theta)).real
 
 
-def _at(coefficients: NDArray, theta: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """Evaluate cycles (n, m, H + 1) at one angle (n,) each; return values, first and second derivatives (n, m)."""
+def _derivatives(coefficients: NDArray, theta: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    """Evaluate cycles (n, m, H + 1) at one angle (n,) each.
+
+    Return values, first and second derivatives (n, m).
+    """
     l = np.arange(coefficients.shape[-1])
     wave = coefficients * np.exp(1j * l * theta[:, None])[:, None]
-    return wave.sum(-1).real, (1j * l * wave).sum(-1).real, (-(l**2) * wave).sum(-1).real
+    value = wave.sum(-1).real
+    first = (1j * l * wave).sum(-1).real
+    second = (-(l**2) * wave).sum(-1).real
+    return value, first, second
 
 
 def amplitude_and_mean(coefficients: NDArray) -> Cycle:
@@ -104,9 +117,12 @@ def amplitude_and_mean(coefficients: NDArray) -> Cycle:
     if not len(coefficients):
         return Cycle(np.zeros(0), np.zeros(0))
     # blocks limit the memory of the matrix of all pairs of instants
-    blocks = np.array_split(coefficients, -(-len(coefficients) // 256))
-    parts = [_by_von_mises(block) for block in blocks]
-    return Cycle(*(np.concatenate(part) for part in zip(*parts)))
+    n_blocks = -(-len(coefficients) // 256)
+    parts = [_by_von_mises(block) for block in np.array_split(coefficients, n_blocks)]
+    return Cycle(
+        amplitude=np.concatenate([part.amplitude for part in parts]),
+        mean=np.concatenate([part.mean for part in parts]),
+    )
 
 
 def _by_von_mises(c: NDArray) -> Cycle:
@@ -114,30 +130,35 @@ def _by_von_mises(c: NDArray) -> Cycle:
     y[..., 0] = 0.0  # the mean has no effect on differences
     theta = angles(c.shape[-1] - 1)
     path = over_cycle(y, theta)
+    # |y_1 - y_2|^2 = |y_1|^2 + |y_2|^2 - 2 y_1 y_2 for all pairs of instants
     square = (path**2).sum(axis=1)
-    apart = square[:, :, None] + square[:, None] - 2.0 * path.transpose(0, 2, 1) @ path
-    best = apart.reshape(len(c), -1).argmax(axis=1)
-    pair = theta[np.stack(np.unravel_index(best, apart.shape[1:]), axis=1)]
-    value = _refine_pair(y, pair)
-    return Cycle(0.5 * np.sqrt(value), c[:, :3, 0].real.sum(axis=1))
+    difference = square[:, :, None] + square[:, None] - 2.0 * path.transpose(0, 2, 1) @ path
+    best = difference.reshape(len(c), -1).argmax(axis=1)
+    pair = theta[np.stack(np.unravel_index(best, difference.shape[1:]), axis=1)]
+    largest = _refine_pair(y, pair)
+    mean = c[:, :3, 0].real.sum(axis=1)
+    return Cycle(0.5 * np.sqrt(largest), mean)
 
 
 def largest_von_mises(coefficients: NDArray) -> NDArray:
     """Return the largest von Mises value (n,) of the total stress over cycles (n, 6, H + 1)."""
     c = np.asarray(coefficients, complex)
-    y, theta = np.einsum("ij,njl->nil", _DEVIATOR, c), angles(c.shape[-1] - 1)
-    at = theta[(over_cycle(y, theta) ** 2).sum(axis=1).argmax(axis=1)]
+    y = np.einsum("ij,njl->nil", _DEVIATOR, c)
+    sampled = angles(c.shape[-1] - 1)
+    square = (over_cycle(y, sampled) ** 2).sum(axis=1)
+    best = sampled[square.argmax(axis=1)]
 
-    def rates(at: NDArray) -> tuple[NDArray, NDArray]:
-        value, rate, bend = _at(y, at)
-        return (value * rate).sum(1), (rate**2 + value * bend).sum(1)
+    def rates(theta: NDArray) -> tuple[NDArray, NDArray]:
+        """Return first and second derivatives of half the squared value."""
+        value, first, second = _derivatives(y, theta)
+        return (value * first).sum(1), (first**2 + value * second).sum(1)
 
-    at = _climbed(rates, at, theta[1])
-    return np.linalg.norm(_at(y, at)[0], axis=1)
+    refined = _climbed(rates, best, sampled[1])
+    return np.linalg.norm(_derivatives(y, refined)[0], axis=1)
 
 
 def _climbed(
-    rates: Callable[[NDArray], tuple[NDArray, NDArray]], at: NDArray, most: float
+    rates: Callable[[NDArray], tuple[NDArray, NDArray]], theta: NDArray, most: float
 ) -> NDArray:
     """Refine maxima of cycles by Newton's method.
 
@@ -145,46 +166,65 @@ def _climbed(
     ----------
     rates : callable
         Returns first and second derivatives (n,) at angles (n,).
-    at : (n,) float, rad
+    theta : (n,) float, rad
         Initial angles.
     most : float, rad
         Largest step.
     """
     for _ in range(4):
-        slope, curve = rates(at)
-        falls = curve < 0.0
-        at = at + np.where(falls, np.clip(-slope / np.where(falls, curve, 1.0), -most, most), 0.0)
-    return at
+        slope, curvature = rates(theta)
+        # without a maximum nearby the angle stays
+        concave = curvature < 0.0
+        step = np.clip(-slope / np.where(concave, curvature, 1.0), -most, most)
+        theta = theta + np.where(concave, step, 0.0)
+    return theta
+
+
+def _pair_difference(y: NDArray, pair: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    """Evaluate ``|y(theta_1) - y(theta_2)|^2`` at pairs (n, 2) of angles.
+
+    Return values (n,), gradients (n, 2) and second derivatives (n, 2, 2).
+    """
+    y1, first1, second1 = _derivatives(y, pair[:, 0])
+    y2, first2, second2 = _derivatives(y, pair[:, 1])
+    difference = y1 - y2
+    value = (difference**2).sum(1)
+    by_theta1 = (difference * first1).sum(1)
+    by_theta2 = -(difference * first2).sum(1)
+    gradient = 2.0 * np.stack([by_theta1, by_theta2], axis=1)
+    hessian = np.empty((len(y), 2, 2))
+    hessian[:, 0, 0] = 2.0 * ((difference * second1).sum(1) + (first1**2).sum(1))
+    hessian[:, 1, 1] = 2.0 * ((first2**2).sum(1) - (difference * second2).sum(1))
+    mixed = -2.0 * (first1 * first2).sum(1)
+    hessian[:, 0, 1] = mixed
+    hessian[:, 1, 0] = mixed
+    return value, gradient, hessian
 
 
 def _refine_pair(y: NDArray, pair: NDArray) -> NDArray:
-    """Maximise ``|y(theta_1) - y(theta_2)|^2`` from pairs (n, 2) of angles by Newton's method; return the maxima (n,)."""
+    """Maximise ``|y(theta_1) - y(theta_2)|^2`` by Newton's method and return the maxima (n,).
 
-    def parts(at: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-        (y1, d1, s1), (y2, d2, s2) = _at(y, at[:, 0]), _at(y, at[:, 1])
-        diff = y1 - y2
-        slope = 2.0 * np.stack([(diff * d1).sum(1), -(diff * d2).sum(1)], axis=1)
-        mixed = -2.0 * (d1 * d2).sum(1)
-        curve = np.empty((len(y), 2, 2))
-        curve[:, 0, 0] = 2.0 * ((diff * s1).sum(1) + (d1**2).sum(1))
-        curve[:, 1, 1] = 2.0 * ((d2**2).sum(1) - (diff * s2).sum(1))
-        curve[:, 0, 1] = curve[:, 1, 0] = mixed
-        return (diff**2).sum(1), slope, curve
-
-    value, slope, curve = parts(pair)
+    ``pair`` (n, 2) has the initial angles.
+    """
+    value, gradient, hessian = _pair_difference(y, pair)
     for _ in range(8):
-        low, axes = np.linalg.eigh(curve)
-        size = np.maximum(np.abs(low), 1e-9 * np.maximum(np.abs(low[:, :1]), 1e-300))
-        step = np.einsum("nij,nj->ni", axes, np.einsum("nji,nj->ni", axes, slope) / size)
-        step *= np.minimum(1.0, 0.1 / np.maximum(np.abs(step).max(axis=1), 1e-300))[:, None]
-        new, new_slope, new_curve = parts(pair + step)
-        better = new > value
+        # an ascent also where the function is not concave: steps along the axes of the curvature
+        curvature, axes = np.linalg.eigh(hessian)
+        most_negative = np.maximum(np.abs(curvature[:, :1]), 1e-300)
+        size = np.maximum(np.abs(curvature), 1e-9 * most_negative)
+        along_axes = np.einsum("nji,nj->ni", axes, gradient) / size
+        step = np.einsum("nij,nj->ni", axes, along_axes)
+        longest = np.maximum(np.abs(step).max(axis=1), 1e-300)
+        step *= np.minimum(1.0, 0.1 / longest)[:, None]
+
+        new_value, new_gradient, new_hessian = _pair_difference(y, pair + step)
+        better = new_value > value
         if not better.any():
             break
         pair = np.where(better[:, None], pair + step, pair)
-        value = np.where(better, new, value)
-        slope = np.where(better[:, None], new_slope, slope)
-        curve = np.where(better[:, None, None], new_curve, curve)
+        value = np.where(better, new_value, value)
+        gradient = np.where(better[:, None], new_gradient, gradient)
+        hessian = np.where(better[:, None, None], new_hessian, hessian)
     return value
 
 
@@ -198,9 +238,10 @@ def findley(coefficients: NDArray, k: float, limit: float | None = None) -> NDAr
     k : float
         Weight of the normal stress.
     limit : float, optional
-        Limit of the criterion, Pa. If given, the result is the largest ``(tau_a + k sigma_a)/(limit - k sigma_m)``, the
-        reciprocal safety factor on the vibration alone. ``sigma_m`` is the mean of the normal stress, ``sigma_a`` its
-        largest excess over the mean. The value is infinite if the mean stress exceeds the limit.
+        Limit of the criterion, Pa. If given, the result is the largest
+        ``(tau_a + k sigma_a)/(limit - k sigma_m)``, the reciprocal safety factor on the vibration
+        alone. ``sigma_m`` is the mean of the normal stress, ``sigma_a`` its largest excess over the
+        mean. The value is infinite if the mean stress exceeds the limit.
 
     Returns
     -------
@@ -208,34 +249,37 @@ def findley(coefficients: NDArray, k: float, limit: float | None = None) -> NDAr
         In Pa, or dimensionless if ``limit`` is given.
     """
     c = np.asarray(coefficients, complex)
-    planes, values = _half_sphere(), np.zeros(len(c))
-    for p in range(len(c)):
-        start = planes[np.argsort(_plane_values(c[p], planes, k, limit, 64))[-3:]]
-        values[p] = max(_refine_plane(c[p], normal, k, limit) for normal in start)
-    return values
+    planes = _half_sphere()
+    largest = np.zeros(len(c))
+    for i, cycle in enumerate(c):
+        # from the three best planes of a coarse search
+        order = np.argsort(_plane_values(cycle, planes, k, limit, 64))
+        start = planes[order[-3:]]
+        largest[i] = max(_refine_plane(cycle, normal, k, limit) for normal in start)
+    return largest
 
 
 def _half_sphere(n_rings: int = 12) -> NDArray:
-    """Return unit normals (n, 3) of about equal distance on a half sphere; 12 rings have some 220 normals."""
-    out = []
+    """Return unit normals (n, 3) of about equal distance on a half sphere.
+
+    12 rings have some 220 normals.
+    """
+    rings = []
     for polar in (np.arange(n_rings) + 0.5) * 0.5 * np.pi / n_rings:
         n = max(round(4 * n_rings * np.sin(polar) * 0.6), 3)
-        turn = 2.0 * np.pi * np.arange(n) / n
-        out.append(
-            np.column_stack(
-                [
-                    np.sin(polar) * np.cos(turn),
-                    np.sin(polar) * np.sin(turn),
-                    np.full(n, np.cos(polar)),
-                ]
-            )
-        )
-    return np.concatenate(out)
+        azimuth = 2.0 * np.pi * np.arange(n) / n
+        x = np.sin(polar) * np.cos(azimuth)
+        y = np.sin(polar) * np.sin(azimuth)
+        z = np.full(n, np.cos(polar))
+        rings.append(np.column_stack([x, y, z]))
+    return np.concatenate(rings)
 
 
 def _frames(normals: NDArray) -> tuple[NDArray, NDArray]:
     """Return two orthogonal unit vectors (n, 3) in each plane."""
-    helper = np.where(np.abs(normals[:, 2:]) < 0.9, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])
+    # any direction that is not close to the normal
+    far_from_z = np.abs(normals[:, 2:]) < 0.9
+    helper = np.where(far_from_z, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])
     a = np.cross(normals, helper)
     a /= np.linalg.norm(a, axis=1)[:, None]
     return a, np.cross(normals, a)
@@ -245,47 +289,61 @@ def _plane_values(
     c: NDArray, normals: NDArray, k: float, limit: float | None, samples: int
 ) -> NDArray:
     """Return the criterion (n,) of one cycle (6, H + 1) on planes with the given normals (n, 3)."""
-    traction = np.einsum("ijl,nj->nil", c[_INDEX], normals)
-    a, b = _frames(normals)
     theta = 2.0 * np.pi * np.arange(samples) / samples
+    traction = np.einsum("ijl,nj->nil", c[_INDEX], normals)
+
+    # path of the shear stress in the plane
+    a, b = _frames(normals)
+    along_a = over_cycle(np.einsum("ni,nil->nl", a, traction), theta)
+    along_b = over_cycle(np.einsum("ni,nil->nl", b, traction), theta)
+    shear_amplitude = smallest_circle(np.stack([along_a, along_b], axis=-1))
+
     normal = np.einsum("ni,nil->nl", normals, traction)
-    path = np.stack(
-        [over_cycle(np.einsum("ni,nil->nl", t, traction), theta) for t in (a, b)], axis=-1
-    )
     mean = normal[:, 0].real.copy()
     normal[:, 0] = 0.0
-    rise = _parabola(over_cycle(normal, theta))
-    radius = smallest_circle(path)
+    excess = _parabola(over_cycle(normal, theta))
+
     if limit is None:
-        return np.asarray(radius + k * (mean + rise))
+        return np.asarray(shear_amplitude + k * (mean + excess))
     left = limit - k * mean
-    return np.where(left > 0.0, (radius + k * rise) / np.where(left > 0.0, left, 1.0), np.inf)
+    endurable = left > 0.0
+    ratio = (shear_amplitude + k * excess) / np.where(endurable, left, 1.0)
+    return np.where(endurable, ratio, np.inf)
 
 
 def _parabola(values: NDArray) -> NDArray:
-    """Return the maxima (n,) of periodic samples (n, m), by a parabola through the largest sample and its neighbours."""
+    """Return the maxima (n,) of periodic samples (n, m).
+
+    A parabola through the largest sample and its neighbours gives them.
+    """
+    n_samples = values.shape[1]
+    rows = np.arange(len(values))
     i = values.argmax(axis=1)
-    n, rows = values.shape[1], np.arange(len(values))
-    before, top, after = values[rows, i - 1], values[rows, i], values[rows, (i + 1) % n]
+    before = values[rows, i - 1]
+    top = values[rows, i]
+    after = values[rows, (i + 1) % n_samples]
     bend = 2.0 * top - before - after
-    return np.asarray(
-        top
-        + np.where(bend > 0.0, (after - before) ** 2 / (8.0 * np.where(bend > 0.0, bend, 1.0)), 0.0)
-    )
+    concave = bend > 0.0
+    rise = (after - before) ** 2 / (8.0 * np.where(concave, bend, 1.0))
+    return np.asarray(top + np.where(concave, rise, 0.0))
 
 
 def _refine_plane(c: NDArray, normal: NDArray, k: float, limit: float | None) -> float:
-    """Maximise the criterion over planes by a pattern search on the sphere, from step 0.1 rad down to 1e-4 rad."""
-    turn = np.arange(8) * np.pi / 4.0
+    """Maximise the criterion over planes by a pattern search on the sphere.
+
+    The step decreases from 0.1 to 1e-4 rad.
+    """
+    azimuth = np.arange(8) * np.pi / 4.0
     value = float(_plane_values(c, normal[None], k, limit, 1024)[0])
     step = 0.1
     while step > 1e-4 and np.isfinite(value):
         a, b = _frames(normal[None])
-        around = normal + step * (np.cos(turn)[:, None] * a + np.sin(turn)[:, None] * b)
+        around = normal + step * (np.cos(azimuth)[:, None] * a + np.sin(azimuth)[:, None] * b)
         around /= np.linalg.norm(around, axis=1)[:, None]
         candidates = _plane_values(c, around, k, limit, 1024)
         if candidates.max() > value * (1.0 + 1e-12):
-            value, normal = float(candidates.max()), around[candidates.argmax()]
+            value = float(candidates.max())
+            normal = around[candidates.argmax()]
         else:
             step *= 0.5
     return value
@@ -294,56 +352,72 @@ def _refine_plane(c: NDArray, normal: NDArray, k: float, limit: float | None) ->
 def smallest_circle(path: NDArray) -> NDArray:
     """Return the radius (n,) of the smallest circle around each path (n, m, 2).
 
-    Two or three support points define a circle.  The farthest point outside replaces one of them, or is added to two of
-    them, until no point lies outside.  The radius increases in each step.
+    Two or three support points define a circle.  The farthest point outside replaces one of them,
+    or is added to two of them, until no point lies outside.  The radius increases in each step.
     """
     n = len(path)
     rows = np.arange(n)
-    first = ((path - path.mean(axis=1)[:, None]) ** 2).sum(-1).argmax(axis=1)
+    # begin with the point farthest from the mean, as three equal support points
+    from_mean = path - path.mean(axis=1)[:, None]
+    first = (from_mean**2).sum(-1).argmax(axis=1)
     support = np.repeat(path[rows, first][:, None], 3, axis=1)
-    centre, radius = support[:, 0].copy(), np.zeros(n)
+    centre = support[:, 0].copy()
+    radius = np.zeros(n)
     for _ in range(60):
         distance = np.linalg.norm(path - centre[:, None], axis=-1)
-        far = distance.argmax(axis=1)
-        outside = distance[rows, far] > radius * (1.0 + 1e-10) + 1e-300
+        farthest = distance.argmax(axis=1)
+        outside = distance[rows, farthest] > radius * (1.0 + 1e-10) + 1e-300
         if not outside.any():
             break
-        four = np.concatenate([support, path[rows, far][:, None]], axis=1)[outside]
+        added = path[rows, farthest][:, None]
+        four = np.concatenate([support, added], axis=1)[outside]
         support[outside], centre[outside], radius[outside] = _circle_of_four(four)
     return radius
 
 
 def _circle_of_four(points: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """Return support points, centres and radii of the smallest circles around four points (n, 4, 2) each.
+    """Return support points, centres and radii of the smallest circles around four points.
 
-    The last point lies on the circle; one or two of the first three points complete the support.
+    ``points`` is (n, 4, 2).  The last point lies on the circle; one or two of the first three
+    points complete the support.
     """
-    centres, radii = [], []
-    others = list(
-        combinations_with_replacement(range(3), 2)
-    )  # equal indices: one support point besides the last
+    last = points[:, 3]
+    # equal indices: one support point besides the last
+    others = list(combinations_with_replacement(range(3), 2))
+    centres = []
+    radii = []
     for i, j in others:
-        a, b, c = points[:, i], points[:, j], points[:, 3]
         if i == j:
-            centre = 0.5 * (a + c)
+            centre = 0.5 * (points[:, i] + last)
         else:
-            u, v = a - c, b - c
-            det = 2.0 * (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
-            uu, vv = (u**2).sum(1), (v**2).sum(1)
-            with np.errstate(all="ignore"):
-                x = (v[:, 1] * uu - u[:, 1] * vv) / det
-                y = (u[:, 0] * vv - v[:, 0] * uu) / det
-            centre = c + np.stack([x, y], axis=1)
+            centre = _circumcentre(points[:, i], points[:, j], last)
         centres.append(centre)
-        radii.append(np.linalg.norm(centre - c, axis=1))
-    centre, radius = np.stack(centres, 1), np.stack(radii, 1)
+        radii.append(np.linalg.norm(centre - last, axis=1))
+    centre = np.stack(centres, 1)
+    radius = np.stack(radii, 1)
+
+    # the smallest of the circles that contain all four points
     with np.errstate(invalid="ignore"):
-        reach = np.linalg.norm(points[:, None] - centre[:, :, None], axis=-1).max(axis=2)
-    good = np.isfinite(radius) & (reach <= radius * (1.0 + 1e-9) + 1e-300)
+        farthest = np.linalg.norm(points[:, None] - centre[:, :, None], axis=-1).max(axis=2)
+    contains_all = farthest <= radius * (1.0 + 1e-9) + 1e-300
+    good = np.isfinite(radius) & contains_all
     best = np.where(good, radius, np.inf).argmin(axis=1)
     rows = np.arange(len(points))
     support = np.column_stack([np.array(others)[best], np.full(len(rows), 3)])
     return points[rows[:, None], support], centre[rows, best], radius[rows, best]
+
+
+def _circumcentre(a: NDArray, b: NDArray, c: NDArray) -> NDArray:
+    """Return the centre (n, 2) of the circle through three points (n, 2), not finite on a line."""
+    u = a - c
+    v = b - c
+    uu = (u**2).sum(1)
+    vv = (v**2).sum(1)
+    det = 2.0 * (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
+    with np.errstate(all="ignore"):
+        x = (v[:, 1] * uu - u[:, 1] * vv) / det
+        y = (u[:, 0] * vv - v[:, 0] * uu) / det
+    return c + np.stack([x, y], axis=1)
 
 
 LINES = ("goodman", "gerber", "soderberg")
@@ -358,20 +432,21 @@ class Material(validation.Checked):
     Parameters
     ----------
     endurance_limit : float, Pa
-        Endurable amplitude of fully reversed stress for infinite life, at the relevant survival probability, surface, size
-        and temperature.
+        Endurable amplitude of fully reversed stress for infinite life, at the relevant survival
+        probability, surface, size and temperature.
     ultimate_strength, yield_strength : float, Pa
         Strengths at the same temperature.
     findley_k : float
-        Weight of the normal stress in Findley's criterion, typically 0.2 to 0.3 for ductile metals. Determine it from two
-        endurance limits if they are known.
+        Weight of the normal stress in Findley's criterion, typically 0.2 to 0.3 for ductile metals.
+        Determine it from two endurance limits if they are known.
     name, source : str
         Description and origin of the data.
 
     Raises
     ------
     SettingError
-        If a number is not positive, or if yield strength or endurance limit exceed the ultimate strength.
+        If a number is not positive, or if yield strength or endurance limit exceed the ultimate
+        strength.
     """
 
     endurance_limit: validation.Positive
@@ -385,21 +460,22 @@ class Material(validation.Checked):
         super().__post_init__()
         for name in ("yield_strength", "endurance_limit"):
             expected = f"at most the ultimate strength, {self.ultimate_strength:g} Pa"
-            validation.check(
-                not getattr(self, name) > self.ultimate_strength,
-                name,
-                expected,
-                f"{getattr(self, name):g}",
-            )
+            strength = getattr(self, name)
+            too_large = strength > self.ultimate_strength
+            validation.check(not too_large, name, expected, f"{strength:g}")
 
     def limit(self, line: str) -> float:
         """Return the mean stress (Pa) at which no amplitude is endurable."""
-        return float(self.yield_strength if line == "soderberg" else self.ultimate_strength)
+        if line == "soderberg":
+            return float(self.yield_strength)
+        return float(self.ultimate_strength)
 
     def allowed(self, mean: NDArray | float, line: str = "goodman") -> NDArray:
         """Return the endurable stress amplitude (...) in Pa at a mean stress (...) in Pa."""
         share = np.maximum(np.asarray(mean, float), 0.0) / self.limit(line)
-        left = 1.0 - (share**2 if line == "gerber" else share)
+        if line == "gerber":
+            share = share**2
+        left = 1.0 - share
         return np.asarray(self.endurance_limit * np.maximum(left, 0.0))
 
     def factor(
@@ -430,18 +506,24 @@ class Material(validation.Checked):
         with np.errstate(divide="ignore", invalid="ignore"):
             if on == "amplitude":
                 allowed = self.allowed(mean, line)
-                return np.where(
-                    amplitude > 0.0, allowed / amplitude, np.where(allowed > 0.0, np.inf, 0.0)
-                )
-            b, share = amplitude / self.endurance_limit, np.maximum(mean, 0.0) / self.limit(line)
+                # without vibration the mean stress alone decides
+                at_rest = np.where(allowed > 0.0, np.inf, 0.0)
+                return np.where(amplitude > 0.0, allowed / amplitude, at_rest)
+            of_amplitude = amplitude / self.endurance_limit
+            of_mean = np.maximum(mean, 0.0) / self.limit(line)
             if line == "gerber":  # positive root, in the form without cancellation
-                return np.asarray(2.0 / (b + np.sqrt(b**2 + 4.0 * share**2)))
-            return np.asarray(1.0 / (b + share))
+                root = np.sqrt(of_amplitude**2 + 4.0 * of_mean**2)
+                return np.asarray(2.0 / (of_amplitude + root))
+            return np.asarray(1.0 / (of_amplitude + of_mean))
 
     @property
     def findley_limit(self) -> float:
-        """Limit of Findley's ``tau_a + k sigma_max`` (Pa): its value in uniaxial stress at the endurance limit."""
-        return 0.5 * self.endurance_limit * (self.findley_k + np.sqrt(1.0 + self.findley_k**2))
+        """Limit of Findley's ``tau_a + k sigma_max`` (Pa).
+
+        It is the value in uniaxial stress at the endurance limit.
+        """
+        k = self.findley_k
+        return 0.5 * self.endurance_limit * (k + np.sqrt(1.0 + k**2))
 
 
 AISI_1050 = Material(
@@ -449,7 +531,8 @@ AISI_1050 = Material(
     ultimate_strength=690e6,
     yield_strength=580e6,
     name="AISI 1050, cold drawn, machined, 99 % survival",
-    source="Shigley's Mechanical Engineering Design: Table A-20 (690 and 580 MPa); endurance limit 0.5 Su times "
-    "4.51 Su^-0.265 (machined surface, Su in MPa) times 0.814 (99 % survival)",
+    source="Shigley's Mechanical Engineering Design: Table A-20 (690 and 580 MPa); "
+    "endurance limit 0.5 Su times 4.51 Su^-0.265 (machined surface, Su in MPa) "
+    "times 0.814 (99 % survival)",
 )
 """Example of a material; not a blade material."""

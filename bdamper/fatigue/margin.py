@@ -1,13 +1,13 @@
 """Safety factors against fatigue of solutions and curves.
 
-The margin of a solution is the least safety factor of all counted points of the stress sets. A curve over frequency,
-preload or speed has a margin at every point.
+The margin of a solution is the least safety factor of all counted points of the stress sets. A
+curve over frequency, preload or speed has a margin at every point.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Annotated, Any, Protocol, runtime_checkable
 
@@ -57,9 +57,11 @@ class Rule(validation.Checked):
     on: Annotated[str, partial(validation.choice, choices=ON)] = "amplitude"
 
     def __str__(self) -> str:
-        line = "" if self.criterion == "findley" else f", {self.line.capitalize()}"
+        text = self.criterion.replace("_", " ")
+        if self.criterion != "findley":
+            text += f", {self.line.capitalize()}"
         what = "amplitude and mean" if self.on == "both" else "amplitude"
-        return f"{self.criterion.replace('_', ' ')}{line}, factor on {what}"
+        return f"{text}, factor on {what}"
 
     def judge(
         self, coefficients: NDArray, material: Material
@@ -81,21 +83,28 @@ class Rule(validation.Checked):
             Yield strength over the largest von Mises stress.
         """
         amplitude, mean = criteria.amplitude_and_mean(coefficients)
-        if self.criterion != "findley":
-            factor = material.factor(amplitude, mean, self.line, self.on)
+        if self.criterion == "findley":
+            factor = self._findley_factor(coefficients, material)
         else:
-            limit = material.findley_limit
-            value = criteria.findley(
-                coefficients, material.findley_k, None if self.on == "both" else limit
-            )
-            factor = (limit if self.on == "both" else 1.0) / np.maximum(value, 1e-300)
+            factor = material.factor(amplitude, mean, self.line, self.on)
         largest = np.maximum(criteria.largest_von_mises(coefficients), 1e-300)
         return amplitude, mean, factor, material.yield_strength / largest
+
+    def _findley_factor(self, coefficients: NDArray, material: Material) -> NDArray:
+        limit = material.findley_limit
+        if self.on == "both":
+            value = criteria.findley(coefficients, material.findley_k)
+            return limit / np.maximum(value, 1e-300)
+        inverse = criteria.findley(coefficients, material.findley_k, limit)
+        return 1.0 / np.maximum(inverse, 1e-300)
 
 
 @runtime_checkable
 class SteadyAmplitude(Protocol):
-    """Steady-state amplitude from time integration (``bdamper.response.verification.TimeResponse``)."""
+    """Steady-state amplitude from time integration.
+
+    ``bdamper.response.verification.TimeResponse`` has it.
+    """
 
     @property
     def factor(self) -> float: ...
@@ -123,8 +132,8 @@ class Margins(
 ):
     """Safety factors of one solution at every point of the stress sets.
 
-    ``plot`` draws the Haigh diagram with the points (:func:`bdamper.plot.plot_haigh`), ``plot_critical`` the critical point
-    on the body (:func:`bdamper.plot.plot_critical`).
+    ``plot`` draws the Haigh diagram with the points (:func:`bdamper.plot.plot_haigh`),
+    ``plot_critical`` the critical point on the body (:func:`bdamper.plot.plot_critical`).
 
     Parameters
     ----------
@@ -133,7 +142,8 @@ class Margins(
     factor : (n,) float
         Safety factor on the vibration, or on vibration and mean; below 1 the limit is exceeded.
     yield_factor : (n,) float
-        Yield strength over the largest von Mises stress of the cycle; below 1 the first cycle yields.
+        Yield strength over the largest von Mises stress of the cycle; below 1 the first cycle
+        yields.
     material : Material
     rule : Rule
     settings : mapping
@@ -178,20 +188,25 @@ class Margins(
         )
 
     def plot_critical(self, model: Any, path: FilePath | None = None) -> Any:
-        """Draw the points on the body in 3-D, coloured by their factor (:func:`bdamper.plot.plot_critical`)."""
+        """Draw the points on the body in 3-D, coloured by their factor.
+
+        See :func:`bdamper.plot.plot_critical`.
+        """
         return draw(self, "figure", "plot_critical", path, model)
 
     def _headline(self) -> str:
         i = self.critical
-        stress = f"{amount(self.amplitude[i], 'Pa')} about a mean of {amount(self.mean[i], 'Pa')}"
-        judged = (
-            "the vibration is below the limit" if self.least >= 1.0 else "the limit is exceeded"
-        )
-        yields = " It yields in the first cycle." if self.yields else ""
-        least = f"Least at {self.names[i]}, {stress}."
         scaled = any(note.startswith(over_cycle.SCALED) for note in self.notes)
         how = "" if scaled else " by harmonic balance alone"
-        return f"Margin against fatigue {self.least:.3g}{how}: {judged}. {least}{yields}{over_cycle.doubts(self.notes)}"
+        judged = "the limit is exceeded"
+        if self.least >= 1.0:
+            judged = "the vibration is below the limit"
+        stress = f"{amount(self.amplitude[i], 'Pa')} about a mean of {amount(self.mean[i], 'Pa')}"
+        text = f"Margin against fatigue {self.least:.3g}{how}: {judged}. "
+        text += f"Least at {self.names[i]}, {stress}."
+        if self.yields:
+            text += " It yields in the first cycle."
+        return text + over_cycle.doubts(self.notes)
 
 
 @short_repr
@@ -221,11 +236,13 @@ class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
     material : Material
     rule : Rule
     best_value, best_margin : float
-        Abscissa and value of the largest margin, refined between the values if possible; NaN if not computed.
+        Abscissa and value of the largest margin, refined between the values if possible; NaN if not
+        computed.
     best_status : str
         Accuracy of the largest margin.
     in_time : tuple of Margins
-        Margins at the largest blade amplitude in time integration, at the preloads with a time integration.
+        Margins at the largest blade amplitude in time integration, at the preloads with a time
+        integration.
     notes : tuple of str
     settings : mapping
     model_hash : str
@@ -294,7 +311,10 @@ class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
         return self.over.replace(" ", "_")
 
     def columns(self) -> dict[str, Column]:
-        """Return one row for each value; stresses and factors at all points have the dimension "location"."""
+        """Return one row for each value.
+
+        Stresses and factors at all points have the dimension "location".
+        """
         return {self._dimension(): Column(self.values, self.unit), **super().columns()}
 
     def _headline(self) -> str:
@@ -302,32 +322,33 @@ class MarginCurve(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdam
             return (
                 f"No margin against fatigue was found at any of {len(self)} values of {self.over}."
             )
-        i, j = self.least, self.greatest
-        value, best = (
-            (self.values[j], self.margin[j])
-            if np.isnan(self.best_value)
-            else (self.best_value, self.best_margin)
-        )
-        worst = f"{self.margin[i]:.3g} at {amount(self.values[i], self.unit)} ({self.names[self.critical[i]]})"
+        i = self.least
+        j = self.greatest
+        best_value = self.values[j]
+        best_margin = self.margin[j]
+        if not np.isnan(self.best_value):
+            best_value = self.best_value
+            best_margin = self.best_margin
         how = "" if self.in_time else " by harmonic balance alone"
-        head = f"Margin against fatigue over {self.over}{how}: largest {best:.3g} at {amount(value, self.unit)}"
-        limit = (
-            ["Below 1 the limit is exceeded."]
-            if min([self.margin[i], *(m.least for m in self.in_time)]) < 1.0
-            else []
-        )
-        own = (over_cycle.SCALED, over_cycle.UNSETTLED, over_cycle.APART)
-        why = [
-            "; ".join(x for x in m.notes if x.startswith(own) and x not in self.notes)
-            for m in self.in_time
+        point = self.names[self.critical[i]]
+        sentences = [
+            f"Margin against fatigue over {self.over}{how}: "
+            f"largest {best_margin:.3g} at {amount(best_value, self.unit)}, "
+            f"least {self.margin[i]:.3g} at {amount(self.values[i], self.unit)} ({point})."
         ]
-        in_time = (
-            f"At {amount(m.preload, 'N')} it is {m.least:.3g} in time, {w}."
-            for m, w in zip(self.in_time, why)
-        )
-        return " ".join([f"{head}, least {worst}.", *in_time, *limit]) + over_cycle.doubts(
-            self.notes
-        )
+
+        # notes of the time integrations that the curve does not have
+        starts = (over_cycle.SCALED, over_cycle.UNSETTLED, over_cycle.APART)
+        least = self.margin[i]
+        for margins in self.in_time:
+            own = [note for note in margins.notes if note.startswith(starts)]
+            why = "; ".join(note for note in own if note not in self.notes)
+            preload = amount(margins.preload, "N")
+            sentences.append(f"At {preload} it is {margins.least:.3g} in time, {why}.")
+            least = min(least, margins.least)
+        if least < 1.0:
+            sentences.append("Below 1 the limit is exceeded.")
+        return " ".join(sentences) + over_cycle.doubts(self.notes)
 
 
 def margin(
@@ -351,9 +372,9 @@ def margin(
     index : int, optional
         Index of a point of a curve; all points by default.
     time_response : TimeResponse, optional
-        Time integration at the preload of the solution (:meth:`bdamper.Study.time_response`). The vibration is multiplied
-        by the ratio of the largest amplitude in time to the amplitude of the harmonic balance; ``notes`` contain this
-        ratio.
+        Time integration at the preload of the solution (:meth:`bdamper.Study.time_response`). The
+        vibration is multiplied by the ratio of the largest amplitude in time to the amplitude of
+        the harmonic balance; ``notes`` contain this ratio.
     **judged
         ``criterion``, ``line``, ``on``, ``sets`` and ``speed``, see :class:`LeastMargin`.
 
@@ -368,13 +389,12 @@ def margin(
         If the model has no stress sets, or if a setting or the result does not fit.
     """
     judge = LeastMargin(material, **judged)
-    if not isinstance(result, StressCycle) and (
-        hasattr(result, "y") or index is not None or time_response is not None
-    ):
+    if not isinstance(result, StressCycle):
+        one_solution = hasattr(result, "y") or index is not None or time_response is not None
+        if not one_solution:
+            return judge.along(problem, result)
         result = over_cycle.stress(problem, result, index, sets=judge.sets, speed=judge.speed)
-    if isinstance(result, StressCycle):
-        return judge.of_cycle(_scaled_to_time(result, time_response))
-    return judge.along(problem, result)
+    return judge.of_cycle(_scaled_to_time(result, time_response))
 
 
 def _scaled_to_time(cycle: StressCycle, time_response: SteadyAmplitude | None) -> StressCycle:
@@ -385,49 +405,56 @@ def _scaled_to_time(cycle: StressCycle, time_response: SteadyAmplitude | None) -
         "time_response", time_response, SteadyAmplitude, "a TimeResponse of this study"
     )
     # preloads are printed with three digits
-    if (
-        not np.isfinite(time_response.factor)
-        or abs(time_response.preload - cycle.preload) > 5e-3 * cycle.preload
-    ):
+    other_preload = abs(time_response.preload - cycle.preload) > 5e-3 * cycle.preload
+    if not np.isfinite(time_response.factor) or other_preload:
         expected = f"a time integration at {cycle.preload:g} N"
-        raise validation.invalid(
-            "time_response", expected, f"{time_response.text} at {time_response.preload:g} N"
-        )
+        found = f"{time_response.text} at {time_response.preload:g} N"
+        raise validation.invalid("time_response", expected, found)
     coefficients = cycle.coefficients.copy()
     coefficients[..., 1:] *= time_response.factor
     highest = amount(time_response.largest, "m")
-    note = f"{over_cycle.SCALED}{time_response.factor:.3g}: the highest blade reaches {highest} in time"
-    settled = status_word(time_response.status) == COMPLETE
-    doubt = () if settled else (f"{over_cycle.UNSETTLED}{time_response.status}",)
-    return replace(cycle, coefficients=coefficients, notes=(*cycle.notes, note, *doubt))
+    notes = [
+        *cycle.notes,
+        f"{over_cycle.SCALED}{time_response.factor:.3g}: "
+        f"the highest blade reaches {highest} in time",
+    ]
+    if status_word(time_response.status) != COMPLETE:
+        notes.append(f"{over_cycle.UNSETTLED}{time_response.status}")
+    return replace(cycle, coefficients=coefficients, notes=tuple(notes))
+
+
+LARGE_SPREAD = 0.2
+"""Relative difference between elements above which the stress counts as uncertain."""
 
 
 def _caveats(cycle: StressCycle, factor: NDArray) -> tuple[str, ...]:
-    """Return as notes a large difference of the elements at the critical point, and the points that are left out."""
-    i, out = int(np.where(cycle.counted, factor, np.inf).argmin()), []
-    large_spread = (
-        0.2  # relative difference between elements above which the stress counts as uncertain
-    )
-    if cycle.spread[i] > large_spread:
-        apart = f"{100.0 * cycle.spread[i]:.3g} %"
-        out.append(
-            f"{over_cycle.APART}{cycle.names[i]} differ by {apart}: its stress may not have converged with the mesh"
+    """Return notes about a mesh that is coarse at the critical point, and points left out."""
+    notes = []
+    critical = int(np.where(cycle.counted, factor, np.inf).argmin())
+    spread = cycle.spread[critical]
+    if spread > LARGE_SPREAD:
+        notes.append(
+            f"{over_cycle.APART}{cycle.names[critical]} differ by {100.0 * spread:.3g} %: "
+            "its stress may not have converged with the mesh"
         )
-    if not cycle.counted.all():
-        smaller = int((factor < factor[i])[~cycle.counted].sum())
-        which = f", {smaller}{over_cycle.SMALLER}" if smaller else ""
-        out.append(
-            f"left out: {counted(int((~cycle.counted).sum()), 'point')} on or next to contact faces{which}"
-        )
-    return tuple(out)
+    left_out = ~cycle.counted
+    if left_out.any():
+        points = counted(int(left_out.sum()), "point")
+        note = f"left out: {points} on or next to contact faces"
+        n_smaller = int((factor < factor[critical])[left_out].sum())
+        if n_smaller:
+            note += f", {n_smaller}{over_cycle.SMALLER}"
+        notes.append(note)
+    return tuple(notes)
 
 
 @validation.check_arguments
 @dataclass(frozen=True)
 class LeastMargin(Rule):
-    """Failure criterion with material, stress sets and speed; a quantity for :meth:`bdamper.Study.resonance_crossings`.
+    """Failure criterion with material, stress sets and speed.
 
-    A call with problem, unknowns of a solution, angular frequency (rad/s) and preload (N) returns the margin.
+    It is a quantity for :meth:`bdamper.Study.resonance_crossings`.  A call with problem, unknowns
+    of a solution, angular frequency (rad/s) and preload (N) returns the margin.
 
     Parameters
     ----------
@@ -437,7 +464,8 @@ class LeastMargin(Rule):
     line : {"goodman", "gerber", "soderberg"}
         Failure line in the Haigh diagram; ignored by "findley".
     on : {"amplitude", "both"}
-        Quantity that the factor multiplies: the vibration at constant mean stress, or vibration and mean.
+        Quantity that the factor multiplies: the vibration at constant mean stress, or vibration and
+        mean.
     sets, speed
         See :func:`bdamper.fatigue.stress_cycle.stress`.
     """
@@ -473,66 +501,90 @@ class LeastMargin(Rule):
             Time integration to whose largest amplitude the vibration is scaled.
         """
         solution = Solutions(
-            y[None, :-1], y[-1:] / (2.0 * np.pi), np.array([preload]), np.array(["response"])
+            unknowns=y[None, :-1],
+            frequency=y[-1:] / (2.0 * np.pi),
+            preload=np.array([preload]),
+            kind=np.array(["response"]),
         )
-        cycle = over_cycle.of_solution(
-            problem, solution, over_cycle.chosen_sets(problem, self.sets), self.speed
-        )
+        chosen = over_cycle.chosen_sets(problem, self.sets)
+        cycle = over_cycle.of_solution(problem, solution, chosen, self.speed)
         return self.of_cycle(_scaled_to_time(cycle, time_response))
 
     def of_cycle(self, cycle: StressCycle) -> Margins:
         """Return the margins of a stress cycle."""
-        amplitude, mean, factor, to_yield = self.judge(cycle.coefficients, self.material)
-        copied = {f.name: getattr(cycle, f.name) for f in fields(AtPoints)} | self._of(cycle)
-        copied["notes"] += _caveats(cycle, factor)
+        _check_counted(cycle)
+        amplitude, mean, factor, yield_factor = self.judge(cycle.coefficients, self.material)
         return Margins(
-            amplitude=amplitude, mean=mean, factor=factor, yield_factor=to_yield, **copied
+            points=cycle.points,
+            names=cycle.names,
+            counted=cycle.counted,
+            spread=cycle.spread,
+            frequency=cycle.frequency,
+            preload=cycle.preload,
+            speed=cycle.speed,
+            notes=(*cycle.notes, *_caveats(cycle, factor)),
+            amplitude=amplitude,
+            mean=mean,
+            factor=factor,
+            yield_factor=yield_factor,
+            material=self.material,
+            rule=self.rule,
+            settings=cycle.settings,
+            model_hash=cycle.model_hash,
         )
-
-    def _of(self, cycle: StressCycle) -> dict[str, Any]:
-        """Return the fields that margins copy from a stress cycle.
-
-        Raises
-        ------
-        SettingError
-            If the stress cycle has no counted point.
-        """
-        validation.check(
-            cycle.counted.any(),
-            "margin",
-            "points away from contact faces",
-            "none in the stress sets",
-        )
-        origin = {"settings": cycle.settings, "model_hash": cycle.model_hash}
-        return {"material": self.material, "rule": self.rule, "notes": cycle.notes, **origin}
 
     def along(self, problem: Problem, curve: Any) -> MarginCurve:
         """Return the margin at every point of a curve."""
-        chosen, solutions = over_cycle.chosen_sets(problem, self.sets), solutions_of(problem, curve)
-        known = np.isfinite(solutions.unknowns).all(axis=1)
-        validation.check(known.any(), "margin", "a curve with solutions", "none")
-        solved = Solutions(*(column[known] for column in solutions))
-        first = over_cycle.of_solution(
-            problem, Solutions(*(column[:1] for column in solved)), chosen, self.speed
-        )
+        chosen = over_cycle.chosen_sets(problem, self.sets)
+        solutions = solutions_of(problem, curve)
+        has_solution = np.isfinite(solutions.unknowns).all(axis=1)
+        validation.check(has_solution.any(), "margin", "a curve with solutions", "none")
+        solved = over_cycle.selected(solutions, has_solution)
+        first_solution = over_cycle.selected(solved, [0])
+        first = over_cycle.of_solution(problem, first_solution, chosen, self.speed)
         over_cycle.check_ends(curve)
-        shared = self._of(first)
-        shared["notes"] += over_cycle.check_loads(problem, solved, chosen, self.speed)
+        _check_counted(first)
+        load_notes = over_cycle.check_loads(problem, solved, chosen, self.speed)
+
+        # the cycles of all points of all solutions together
         coefficients = over_cycle.coefficients_of(problem, solved, chosen, self.speed)
         m, n = coefficients.shape[:2]
-        amplitude, mean, factor = np.full((3, len(known), n), np.nan)
-        for column, x in zip(
-            (amplitude, mean, factor), self.judge(coefficients.reshape(m * n, 6, -1), self.material)
-        ):
-            column[known] = x.reshape(m, n)
-        counted = np.where(first.counted & known[:, None], factor, np.inf)
-        critical = np.where(known, counted.argmin(axis=1), -1)
-        shared["notes"] += _caveats(first, factor[counted.min(axis=1).argmin()])
+        cycles = coefficients.reshape(m * n, 6, -1)
+        amplitudes, means, factors, _ = self.judge(cycles, self.material)
+        amplitude = np.full((len(has_solution), n), np.nan)
+        mean = np.full_like(amplitude, np.nan)
+        factor = np.full_like(amplitude, np.nan)
+        amplitude[has_solution] = amplitudes.reshape(m, n)
+        mean[has_solution] = means.reshape(m, n)
+        factor[has_solution] = factors.reshape(m, n)
+
+        of_counted = np.where(first.counted & has_solution[:, None], factor, np.inf)
+        least = of_counted.min(axis=1)
+        caveats = _caveats(first, factor[least.argmin()])
         over = "preload" if np.ndim(curve.preload) else "frequency"
         return MarginCurve(
-            over=over, unit=UNITS[over], values=np.asarray(getattr(curve, over), float),
-            margin=np.where(known, counted.min(axis=1), np.nan), response=np.asarray(curve.amplitude, float),
-            names=first.names, critical=critical, amplitude=amplitude, mean=mean, factor=factor,
-            frequency=np.asarray(solutions.frequency), preload=np.asarray(solutions.preload),
-            speed=over_cycle.speeds(problem, solutions.frequency, self.speed), **shared,
-        )  # fmt: skip
+            over=over,
+            unit=UNITS[over],
+            values=np.asarray(getattr(curve, over), float),
+            margin=np.where(has_solution, least, np.nan),
+            response=np.asarray(curve.amplitude, float),
+            names=first.names,
+            critical=np.where(has_solution, of_counted.argmin(axis=1), -1),
+            amplitude=amplitude,
+            mean=mean,
+            factor=factor,
+            frequency=np.asarray(solutions.frequency),
+            preload=np.asarray(solutions.preload),
+            speed=over_cycle.speeds(problem, solutions.frequency, self.speed),
+            material=self.material,
+            rule=self.rule,
+            notes=(*first.notes, *load_notes, *caveats),
+            settings=first.settings,
+            model_hash=first.model_hash,
+        )
+
+
+def _check_counted(cycle: StressCycle) -> None:
+    """Raise SettingError if the stress cycle has no counted point."""
+    expected = "points away from contact faces"
+    validation.check(cycle.counted.any(), "margin", expected, "none in the stress sets")

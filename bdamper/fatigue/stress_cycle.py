@@ -3,15 +3,16 @@ r"""Stress over the vibration cycle of a solution at the points of stress sets.
 .. math:: \sigma(\theta) = \Omega^2 \sigma_1 + S_0 q_0 + A_0 F_0
           + \sum_{l \ge 1} \mathrm{Re}[(S_l q_l + A_l F_l)\,e^{i l \theta}]
 
-All modes of the model contribute. The solution contains the coordinates of the retained modes. The other modes respond to
-contact forces and excitation at ``l omega``. The centrifugal stress belongs to the rotor without dampers; the effect of the
-dampers is contained in ``q_0`` and ``F_0``. A free curve has no contact forces. In a stuck curve linear springs
-replace the contacts, and the mean is the static state.
+All modes of the model contribute. The solution contains the coordinates of the retained modes. The
+other modes respond to contact forces and excitation at ``l omega``. The centrifugal stress belongs
+to the rotor without dampers; the effect of the dampers is contained in ``q_0`` and ``F_0``. A free
+curve has no contact forces. In a stuck curve linear springs replace the contacts, and the mean is
+the static state.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
@@ -41,12 +42,13 @@ class AtPoints:
     ----------
     points : (n, 3) float, m
     names : tuple of str
-        Stress set and node number of each point, or its position in the set from 1: "root node 215", "root point 3".
+        Stress set and node number of each point, or its position in the set from 1: "root node
+        215", "root point 3".
     counted : (n,) bool
         Points away from contact faces; margins ignore the others.
     spread : (n,) float
-        Difference of the stress between adjacent elements over its mean, an indicator of the mesh error; NaN if not
-        available.
+        Difference of the stress between adjacent elements over its mean, an indicator of the mesh
+        error; NaN if not available.
     frequency, preload, speed : float, Hz, N, rad/s
     notes : tuple of str
     """
@@ -78,12 +80,14 @@ class StressCycle(
 ):
     """Stress of one solution over the vibration cycle.
 
-    ``plot`` draws the von Mises value and the components over the cycle (:func:`bdamper.plot.plot_stress`).
+    ``plot`` draws the von Mises value and the components over the cycle
+    (:func:`bdamper.plot.plot_stress`).
 
     Parameters
     ----------
     coefficients : (n, 6, H + 1) complex, Pa
-        Mean with centrifugal stress, and complex amplitude of each harmonic; components xx, yy, zz, xy, yz, xz.
+        Mean with centrifugal stress, and complex amplitude of each harmonic; components xx, yy, zz,
+        xy, yz, xz.
     settings : mapping
     model_hash : str
     """
@@ -117,10 +121,14 @@ class StressCycle(
         return np.lexsort((-self.amplitude, ~self.counted))
 
     def _headline(self) -> str:
-        i, cycle = self.critical, self.amplitude_and_mean()
+        i = self.critical
+        cycle = self.amplitude_and_mean()
         stress = f"{amount(cycle.amplitude[i], 'Pa')} about a mean of {amount(cycle.mean[i], 'Pa')}"
-        at = f"{amount(self.frequency, 'Hz')}, preload {amount(self.preload, 'N')}"
-        return f"Largest stress amplitude (von Mises) {stress} at {self.names[i]} ({at}).{doubts(self.notes)}"
+        solution = f"{amount(self.frequency, 'Hz')}, preload {amount(self.preload, 'N')}"
+        return (
+            f"Largest stress amplitude (von Mises) {stress} at {self.names[i]} ({solution})."
+            f"{doubts(self.notes)}"
+        )
 
 
 @validation.check_arguments
@@ -140,12 +148,13 @@ def stress(
     result : Peak, ResponseCurve or OptimalCurve
         Result of this problem.
     index : int, optional
-        Index of a point of a curve. By default the highest point of a response curve and the lowest of an optimal curve.
+        Index of a point of a curve. By default the highest point of a response curve and the lowest
+        of an optimal curve.
     sets : str or sequence of str, optional
         Stress sets of the model; all by default.
     speed : float, rad/s, optional
-        Rotor speed. By default the speed of the study, or the speed at which the engine order excites at the frequency of
-        the solution; 0 for a structure that does not rotate.
+        Rotor speed. By default the speed of the study, or the speed at which the engine order
+        excites at the frequency of the solution; 0 for a structure that does not rotate.
 
     Returns
     -------
@@ -156,19 +165,31 @@ def stress(
     SettingError
         If the model has no stress sets, or the result belongs to another problem.
     """
-    chosen, solutions = chosen_sets(problem, sets), solutions_of(problem, result)
+    chosen = chosen_sets(problem, sets)
+    solutions = solutions_of(problem, result)
     n = len(solutions.unknowns)
-    if n > 1:
-        if index is None:
-            check_ends(result)
-        index = (
-            _highest(result, solutions)
-            if index is None
-            else validation.integer("index", index, least=0, most=n - 1)
-        )
-    chosen_one = Solutions(*(column[[index or 0]] for column in solutions))
-    cycle = of_solution(problem, chosen_one, chosen, speed)
-    return replace(cycle, notes=(*cycle.notes, *check_loads(problem, chosen_one, chosen, speed)))
+    if n <= 1:
+        # a peak, or a curve of one point
+        i = index or 0
+    elif index is None:
+        check_ends(result)
+        i = _highest(result, solutions)
+    else:
+        i = validation.integer("index", index, least=0, most=n - 1)
+    solution = selected(solutions, [i])
+    cycle = of_solution(problem, solution, chosen, speed)
+    notes = (*cycle.notes, *check_loads(problem, solution, chosen, speed))
+    return replace(cycle, notes=notes)
+
+
+def selected(solutions: Solutions, rows: list[int] | NDArray) -> Solutions:
+    """Return the solutions with the given indices, or for which a mask is true."""
+    return Solutions(
+        unknowns=solutions.unknowns[rows],
+        frequency=solutions.frequency[rows],
+        preload=solutions.preload[rows],
+        kind=solutions.kind[rows],
+    )
 
 
 @validation.check_arguments
@@ -187,8 +208,9 @@ def gauge_stress(
     result : Peak, ResponseCurve or OptimalCurve
         Result of this problem.
     gauge : str or (3,) float, m
-        Name of a point of a stress set ("root node 215" or "root point 3", as in :class:`StressCycle`), or coordinates. The
-        nearest point is used; its distance is limited to a twentieth of the largest coordinate.
+        Name of a point of a stress set ("root node 215" or "root point 3", as in
+        :class:`StressCycle`), or coordinates. The nearest point is used; its distance is limited to
+        a twentieth of the largest coordinate.
     direction : {"tangential", "radial", "axial"} or three floats
         Direction of the gauge.
     elastic : (Young's modulus in Pa, Poisson's ratio), optional
@@ -197,49 +219,61 @@ def gauge_stress(
     Returns
     -------
     (n, n_harmonics + 1) complex, Pa or 1
-        Mean with centrifugal part, and complex amplitude of each harmonic. n is 1 for a peak; rows without a solution are
-        NaN.
+        Mean with centrifugal part, and complex amplitude of each harmonic. n is 1 for a peak; rows
+        without a solution are NaN.
 
     Raises
     ------
     SettingError
-        If there is no such point, no point near the coordinates, or the result belongs to another problem.
+        If there is no such point, no point near the coordinates, or the result belongs to another
+        problem.
     """
-    named = {name: (s, k) for s in chosen_sets(problem) for k, name in enumerate(s.point_names)}
+    sets = chosen_sets(problem)
+    places = {}
+    for stress_set in sets:
+        for k, name in enumerate(stress_set.point_names):
+            places[name] = (stress_set, k)
     if not isinstance(gauge, str):
-        position, points = (
-            validation.numbers("gauge, m", gauge, 3),
-            np.array([s.points[k] for s, k in named.values()]),
-        )
-        away, near = np.linalg.norm(points - position, axis=1), 0.05 * np.abs(points).max()
-        gauge, least = list(named)[int(away.argmin())], float(away.min())
-        nearest = f"'{gauge}' as the nearest, {amount(least, 'm')} away"
-        expected = f"coordinates within {amount(near, 'm')} of a point of the stress sets"
-        validation.check(least <= near, "gauge", expected, nearest)
-    whole, k = named[validation.choice("gauge", gauge, named)]
-    tensor = coefficients_of(problem, solutions_of(problem, result), (whole,))[:, k]
+        gauge = _nearest_point(validation.numbers("gauge, m", gauge, 3), places)
+    stress_set, k = places[validation.choice("gauge", gauge, places)]
+    coefficients = coefficients_of(problem, solutions_of(problem, result), (stress_set,))
+
+    # n^T sigma n with the components in the order xx, yy, zz, xy, yz, xz
     x, y, z = direction_vector(direction, "direction")
-    along = np.array([x * x, y * y, z * z, 2.0 * x * y, 2.0 * y * z, 2.0 * x * z])
+    weights = np.array([x * x, y * y, z * z, 2.0 * x * y, 2.0 * y * z, 2.0 * x * z])
     if elastic is not None:
         modulus, poisson = validation.numbers(
             "elastic, Young's modulus and Poisson's ratio", elastic, 2, least=0.0
         )
         expected = "a modulus above 0 and a ratio from 0 to 0.5"
         validation.check(modulus > 0.0 and poisson <= 0.5, "elastic", expected, elastic)
-        along = (
-            (1.0 + poisson) * along - poisson * np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
-        ) / modulus
-    return np.asarray(np.einsum("c,mcl->ml", along, tensor))
+        # E epsilon = (1 + nu) sigma - nu trace(sigma)
+        trace = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+        weights = ((1.0 + poisson) * weights - poisson * trace) / modulus
+    return np.asarray(np.einsum("c,mcl->ml", weights, coefficients[:, k]))
+
+
+def _nearest_point(position: NDArray, places: Mapping[str, tuple[StressSet, int]]) -> str:
+    """Return the name of the point nearest to a position, which must be close to it."""
+    points = np.array([stress_set.points[k] for stress_set, k in places.values()])
+    distance = np.linalg.norm(points - position, axis=1)
+    nearest = int(distance.argmin())
+    name = list(places)[nearest]
+    least = float(distance[nearest])
+    limit = 0.05 * np.abs(points).max()
+    expected = f"coordinates within {amount(limit, 'm')} of a point of the stress sets"
+    found = f"'{name}' as the nearest, {amount(least, 'm')} away"
+    validation.check(least <= limit, "gauge", expected, found)
+    return name
 
 
 def _highest(result: Any, solutions: Solutions) -> int:
-    sign = -1.0 if np.ndim(result.preload) else 1.0  # an optimal curve is best at its minimum
+    # an optimal curve is best at its minimum
+    is_optimal_curve = np.ndim(result.preload)
+    sign = -1.0 if is_optimal_curve else 1.0
     height = sign * np.asarray(result.amplitude)
-    return int(
-        np.where(
-            np.isfinite(height) & np.isfinite(solutions.unknowns).all(axis=1), height, -np.inf
-        ).argmax()
-    )
+    solved = np.isfinite(height) & np.isfinite(solutions.unknowns).all(axis=1)
+    return int(np.where(solved, height, -np.inf).argmax())
 
 
 DOUBTED_LOAD = "the centrifugal stress belongs to a preload of "
@@ -257,16 +291,17 @@ def speeds(problem: Problem, frequency: NDArray, speed: float | None = None) -> 
     problem : Problem
     frequency : (m,) float, Hz
     speed : float, rad/s, optional
-        By default the speed of the study, or the speed at which the engine order excites at ``frequency``.
+        By default the speed of the study, or the speed at which the engine order excites at
+        ``frequency``.
     """
-    turning = speed if speed is not None else problem.settings.speed
-    if turning is not None:
-        return np.full(len(frequency), validation.number("speed", turning, least=0.0, unit="rad/s"))
-    per_frequency = (
-        2.0 * np.pi / problem.engine_order
-        if problem.model.n_blades > 1 and problem.engine_order
-        else 0.0
-    )
+    if speed is None:
+        speed = problem.settings.speed
+    if speed is not None:
+        speed = validation.number("speed", speed, least=0.0, unit="rad/s")
+        return np.full(len(frequency), speed)
+    per_frequency = 0.0
+    if problem.model.n_blades > 1 and problem.engine_order:
+        per_frequency = 2.0 * np.pi / problem.engine_order
     return per_frequency * frequency
 
 
@@ -275,28 +310,34 @@ def check_loads(
 ) -> tuple[str, ...]:
     """Compare the preloads with the centrifugal load of the damper at the rotor speed.
 
-    Warn of a contradiction at a given speed.  Otherwise return it as a note: at the speed of the study the search that
-    found the solutions has warned, and other studies need a speed for the static stress alone.
+    Warn of a contradiction at a given speed.  Otherwise return it as a note: at the speed of the
+    study the search that found the solutions has warned, and other studies need a speed for the
+    static stress alone.
     """
     if (solutions.kind == "free").all():  # without dampers
         return ()
-    turning = speeds(problem, solutions.frequency, speed)
+    rotor_speed = speeds(problem, solutions.frequency, speed)
     if speed is not None:
-        problem.sizes.check_preload(solutions.preload, turning)
+        problem.sizes.check_preload(solutions.preload, rotor_speed)
         return ()
-    contradiction = problem.sizes.contradiction(solutions.preload, turning)
-    if contradiction is None or (
-        problem.settings.speed is None and all(s.static is None for s in chosen)
-    ):
+    contradiction = problem.sizes.contradiction(solutions.preload, rotor_speed)
+    has_static = any(stress_set.static is not None for stress_set in chosen)
+    needs_speed = has_static or problem.settings.speed is not None
+    if contradiction is None or not needs_speed:
         return ()
-    return ("{}{}, found {}".format(DOUBTED_LOAD, *contradiction),)
+    expected, found = contradiction
+    return (f"{DOUBTED_LOAD}{expected}, found {found}",)
 
 
 def check_ends(result: SomeResult) -> None:
-    """Warn of a response curve whose highest point, or an optimal curve whose least amplitude, is at its end."""
+    """Warn of a response curve or an optimal curve with its best point at an end.
+
+    This is the highest point of a response curve, the least amplitude of an optimal curve.
+    """
     curve: Any = result
     if getattr(result, "peak_at_end", False):
-        found = f"the highest response at its end, {peak_text(curve.peak.amplitude, curve.peak.frequency)}"
+        peak = peak_text(curve.peak.amplitude, curve.peak.frequency)
+        found = f"the highest response at its end, {peak}"
         warn_implausible("result", "a response curve with its peak inside the interval", found)
     elif getattr(getattr(result, "optimum", None), "kind", "") == "end":
         found = f"the least amplitude at its end, {amount(curve.optimum.preload, 'N')}"
@@ -304,43 +345,51 @@ def check_ends(result: SomeResult) -> None:
 
 
 def doubts(notes: Sequence[str]) -> str:
-    """Return as sentences the notes that a reader of the largest stress or the least margin must know."""
+    """Return the notes that qualify the largest stress or the least margin as sentences."""
     starts = (DOUBTED_LOAD, SCALED, UNSETTLED, APART)
-    shown = [note for note in notes if note.startswith(starts) or note.endswith(SMALLER)]
-    return "".join(f" {note[0].upper()}{note[1:]}." for note in shown)
+    text = ""
+    for note in notes:
+        if note.startswith(starts) or note.endswith(SMALLER):
+            text += f" {note[0].upper()}{note[1:]}."
+    return text
 
 
 def chosen_sets(problem: Problem, sets: str | Sequence[str] | None = None) -> tuple[StressSet, ...]:
     """Return stress sets by name, at the contact points of the study."""
-    known = problem.coupling.model.stress
-    validation.check(
-        known, "stress", "a model with stress sets", "none (docs/speed.md explains how to add them)"
-    )
-    names = [sets] if isinstance(sets, str) else list(known if sets is None else sets)
-    return tuple(known[validation.choice("stress set", name, list(known))] for name in names)
+    stored = problem.coupling.model.stress
+    found = "none (docs/speed.md explains how to add them)"
+    validation.check(stored, "stress", "a model with stress sets", found)
+    if sets is None:
+        return tuple(stored.values())
+    names = [sets] if isinstance(sets, str) else list(sets)
+    return tuple(stored[validation.choice("stress set", name, list(stored))] for name in names)
 
 
 def of_solution(
     problem: Problem, solution: Solutions, chosen: Sequence[StressSet], speed: float | None = None
 ) -> StressCycle:
     """Return the stress of one solution over the cycle."""
-    bare = [s for s in chosen if not s.contact and problem.model.bodies[s.body].ports]
-    notes = [
-        f"set '{s.name}' has no rows for contact forces: their stress is neglected" for s in bare
-    ]
-    notes += [
-        f"set '{s.name}' has no centrifugal stress: the mean stress neglects it"
-        for s in chosen
-        if s.static is None
-    ]
+    notes = []
+    for s in chosen:
+        has_contact = bool(problem.model.bodies[s.body].ports)
+        if has_contact and not s.contact:
+            notes.append(
+                f"set '{s.name}' has no rows for contact forces: their stress is neglected"
+            )
+    for s in chosen:
+        if s.static is None:
+            notes.append(f"set '{s.name}' has no centrifugal stress: the mean stress neglects it")
+    names: list[str] = []
+    spread = []
+    for s in chosen:
+        names += s.point_names
+        spread.append(np.full(len(s), np.nan) if s.spread is None else s.spread)
     return StressCycle(
         points=np.concatenate([s.points for s in chosen]),
-        names=tuple(name for s in chosen for name in s.point_names),
+        names=tuple(names),
         coefficients=coefficients_of(problem, solution, chosen, speed)[0],
         counted=np.concatenate([s.counted for s in chosen]),
-        spread=np.concatenate(
-            [np.full(len(s), np.nan) if s.spread is None else s.spread for s in chosen]
-        ),
+        spread=np.concatenate(spread),
         frequency=float(solution.frequency[0]),
         preload=float(solution.preload[0]),
         speed=float(speeds(problem, solution.frequency, speed)[0]),
@@ -353,87 +402,135 @@ def coefficients_of(
     problem: Problem, solutions: Solutions, sets: Sequence[StressSet], speed: float | None = None
 ) -> NDArray:
     """Return mean and harmonics (m, n, 6, H + 1) of the stress of m solutions, Pa."""
-    n, n_harmonics = sum(map(len, sets)), problem.harmonic_numbers[-1]
-    out = np.full((len(solutions.unknowns), n, 6, n_harmonics + 1), np.nan, complex)
+    n_points = sum(len(s) for s in sets)
+    n_harmonics = problem.harmonic_numbers[-1]
+    shape = (len(solutions.unknowns), n_points, 6, n_harmonics + 1)
+    stress = np.full(shape, np.nan, complex)
     centrifugal = np.concatenate(
         [np.zeros((len(s), 6)) if s.static is None else s.static for s in sets]
     )
     present = sorted({0, *problem.settings.active_harmonics})
-    parts = {l: [_Rows.make(problem, s, l) for s in sets] for l in present}
-    turning = speeds(problem, solutions.frequency, speed)
-    contacts: dict[tuple[float, str], Callable[[NDArray], list[NDArray]]] = {}
+    rows_of = {l: [_Rows.make(problem, s, l) for s in sets] for l in present}
+    rotor_speed = speeds(problem, solutions.frequency, speed)
+    # neighbouring solutions of a curve often have the same preload
+    latest: tuple[float, str] | None = None
     for i, (u, frequency, preload, kind) in enumerate(zip(*solutions)):
         if not np.isfinite(u).all():
             continue
-        if (preload, kind) not in contacts:
-            contacts = {(preload, kind): _contact_forces(problem, preload, kind)}
-        forces = contacts[preload, kind](u)
-        out[i] = 0.0
+        if latest != (preload, kind):
+            latest = (preload, kind)
+            contact_forces = _contact_forces(problem, preload, kind)
+        forces = contact_forces(u)
+        omega = 2.0 * np.pi * frequency
+        stress[i] = 0.0
         for l in present:
-            force, q = forces[l], problem.layout.amplitudes(u, l)
+            force = forces[l]
+            q = problem.layout.amplitudes(u, l)
             coordinates = problem.bases[l].coordinates
-            if l == 0 and (kind == "stuck" or (kind != "free" and not problem.settings.bias)):
+            if l == 0 and _mean_is_static(problem, kind):
                 state = problem.at(preload).equilibrium
-                q, force, coordinates = (
-                    state.q,
-                    state.force.ravel(),
-                    problem.static_basis.coordinates,
-                )
+                q = state.q
+                force = state.force.ravel()
+                coordinates = problem.static_basis.coordinates
             by_body: dict[str, dict[int, complex]] = {}
             for coordinate, value in zip(coordinates, q):
                 by_body.setdefault(coordinate.body, {})[coordinate.index] = value
-            values = [
-                rows.stress(by_body.get(rows.body.name, {}), force, 2.0 * np.pi * frequency)
-                for rows in parts[l]
-            ]
-            out[i, ..., l] = np.concatenate(values)
-        out[i, ..., 0] = out[i, ..., 0].real + turning[i] ** 2 * centrifugal
-    return out
+            of_sets = []
+            for rows in rows_of[l]:
+                retained = by_body.get(rows.body.name, {})
+                of_sets.append(rows.stress(retained, force, omega))
+            stress[i, ..., l] = np.concatenate(of_sets)
+        stress[i, ..., 0] = stress[i, ..., 0].real + rotor_speed[i] ** 2 * centrifugal
+    return stress
+
+
+def _mean_is_static(problem: Problem, kind: str) -> bool:
+    """Whether the mean of a solution is the static state under the preload."""
+    if kind == "free":
+        return False
+    return kind == "stuck" or not problem.settings.bias
 
 
 def _contact_forces(
     problem: Problem, preload: float, kind: str
 ) -> Callable[[NDArray], list[NDArray]]:
-    """Return the function that gives the contact forces (3 n_points,) of each harmonic from the unknowns of a solution."""
+    """Return a function from the unknowns of a solution to contact forces.
+
+    The forces are (3 n_points,) for each harmonic.
+    """
     case = problem.at(preload)
     if kind in ("free", "stuck"):
         linear = case.sector.linear
-        springs = linear.springs + (case.stuck_springs(touching=True) if kind == "stuck" else 0.0)
-        return lambda u: [
-            (springs * (basis.G @ linear.layout.amplitudes(u, l))).ravel()
-            for l, basis in enumerate(linear.bases)
-        ]
-    system, axes = case.equations, _contact_axes(problem, preload)
+        stuck = case.stuck_springs(touching=True) if kind == "stuck" else 0.0
+        springs = linear.springs + stuck
 
-    def forces(u: NDArray) -> list[NDArray]:
+        def forces_of_springs(u: NDArray) -> list[NDArray]:
+            forces = []
+            for l, basis in enumerate(linear.bases):
+                motion = basis.G @ linear.layout.amplitudes(u, l)
+                forces.append((springs * motion).ravel())
+            return forces
+
+        return forces_of_springs
+
+    system = case.equations
+    axes = _contact_axes(problem, preload)
+
+    def forces_of_contact(u: NDArray) -> list[NDArray]:
         F = system.contact(u)[1]
-        harmonics = np.concatenate([F[..., :1], F[..., 1::2] - 1j * F[..., 2::2]], axis=-1)
+        # mean, then cosine and sine of each harmonic
+        mean = F[..., :1]
+        amplitudes = F[..., 1::2] - 1j * F[..., 2::2]
+        harmonics = np.concatenate([mean, amplitudes], axis=-1)
         return list(np.einsum("pdk,pdl->lk", axes, harmonics))
 
-    return forces
+    return forces_of_contact
 
 
 def _contact_axes(problem: Problem, preload: float) -> NDArray:
-    """Return the transformation (n_system, 3, 3 n_points) of contact forces from the equations to the axes of the model."""
+    """Return the transformation of contact forces from the equations to the axes of the model.
+
+    It is (n_system, 3, 3 n_points).
+    """
     n = problem.coupling.n_points
-    basis = replace(problem.bases[1], G=np.eye(3 * n).reshape(n, 3, 3 * n))
+    # unit motions of the model, which the equations transform like a basis
+    units = replace(problem.bases[1], G=np.eye(3 * n).reshape(n, 3, 3 * n))
+    separation = problem.settings.separation
+    variable_load = problem.settings.variable_normal_load
+    if separation and variable_load:
+        return np.asarray(units.G.real)
     points = PointArrays(
-        kt=np.ones((n, 2)), kn=np.ones(n), mu=np.zeros(n), n0=np.zeros(n), slider=np.zeros((n, 2)),
-        law=problem.point_laws.copy(), shift=np.zeros((n, 3)),
-    )  # fmt: skip
-    bases = [basis]
-    if not problem.settings.separation or not problem.settings.variable_normal_load:
-        state = problem.at(preload).equilibrium
-        constant = not problem.settings.variable_normal_load
-        bases, _ = without_separation(
-            bases, points, state, problem.friction_points, constant_load=constant
-        )
+        kt=np.ones((n, 2)),
+        kn=np.ones(n),
+        mu=np.zeros(n),
+        n0=np.zeros(n),
+        slider=np.zeros((n, 2)),
+        law=problem.point_laws.copy(),
+        shift=np.zeros((n, 3)),
+    )
+    state = problem.at(preload).equilibrium
+    bases, _ = without_separation(
+        [units], points, state, problem.friction_points, constant_load=not variable_load
+    )
     return np.asarray(bases[0].G.real)
 
 
 @dataclass(frozen=True)
 class _Rows:
-    """Matrices for the stress of one set in one harmonic."""
+    """Matrices for the stress of one set in one harmonic.
+
+    Parameters
+    ----------
+    problem : Problem
+    body : Body
+    basis : ModalBasis
+        Modes of the body.
+    modes : (n, 6, n_modes) complex or float
+        Stress of the modes.
+    contact : (n, 6, 3 n_points) complex or float, optional
+        Stress of unit forces on the ports of the body.
+    harmonic : int
+    """
 
     problem: Problem
     body: Body
@@ -445,67 +542,84 @@ class _Rows:
     @classmethod
     def make(cls, problem: Problem, chosen: StressSet, harmonic: int) -> _Rows:
         model = problem.coupling.model
-        order = problem.engine_order * (1 if problem.settings.fundamental_modes_only else harmonic)
-        d, conjugate = model.folded_nodal_diameter(order)
+        wave = 1 if problem.settings.fundamental_modes_only else harmonic
+        d, conjugate = model.folded_nodal_diameter(problem.engine_order * wave)
         body = model.bodies[chosen.body]
         if body.kind != "constrained":
-            d, conjugate = 0, False
+            d = 0
+            conjugate = False
         if d not in chosen.modes:
             needed = f"harmonic {harmonic} needs nodal diameter {d}, it has {sorted(chosen.modes)}"
             raise SettingError(f"stress set '{chosen.name}': {needed}")
-        basis, S, A = body.bases[d], chosen.modes[d], chosen.contact.get(d)
+        basis = body.bases[d]
+        modes = chosen.modes[d]
+        contact = chosen.contact.get(d)
         if conjugate:
-            basis, S, A = basis.conjugate(), S.conj(), None if A is None else A.conj()
+            basis = basis.conjugate()
+            modes = modes.conj()
+            contact = None if contact is None else contact.conj()
         if harmonic == 0:
-            S, A = S.real, None if A is None else A.real
-        return cls(problem, body, basis, S, A, harmonic)
+            modes = modes.real
+            contact = None if contact is None else contact.real
+        return cls(problem, body, basis, modes, contact, harmonic)
 
     def port_forces(self, force: NDArray) -> NDArray:
-        """Return the contact forces (3 n,) on the ports of the body from the forces (3 n_points,) of the contacts."""
-        coupling = self.problem.coupling
-        model, out = coupling.model, np.zeros((len(self.basis.contact_modes), 3), complex)
-        force = force.reshape(-1, 3) * np.array([1.0, 1.0, -1.0])
-        for name, side in self.body.ports:
-            if name in coupling.interfaces:
-                face = model.interfaces[name]
-                sector, sense = (face.sector_a, 1.0) if side == "a" else (face.sector_b, -1.0)
-                turn = np.exp(
-                    -2j * np.pi * coupling.engine_order * self.harmonic * sector / model.n_blades
-                )
-                out[model.port_slice(self.body.name, (name, side))] = (
-                    sense * turn * force[coupling.rows(name)]
-                )
-        return out.ravel()
+        """Return the contact forces (3 n,) on the ports of the body.
 
-    def stress(self, known: dict[int, complex], force: NDArray, omega: float) -> NDArray:
+        ``force`` (3 n_points,) has the forces of all contacts.
+        """
+        coupling = self.problem.coupling
+        model = coupling.model
+        at_ports = np.zeros((len(self.basis.contact_modes), 3), complex)
+        # N is positive in compression, against n of body a
+        on_a = force.reshape(-1, 3) * np.array([1.0, 1.0, -1.0])
+        for name, side in self.body.ports:
+            if name not in coupling.interfaces:
+                continue
+            face = model.interfaces[name]
+            if side == "a":
+                sector = face.sector_a
+                sense = 1.0
+            else:
+                sector = face.sector_b
+                sense = -1.0
+            # from the sector of the side back to the reference sector
+            angle = -2j * np.pi * coupling.engine_order * self.harmonic * sector / model.n_blades
+            rows = model.port_slice(self.body.name, (name, side))
+            at_ports[rows] = sense * np.exp(angle) * on_a[coupling.rows(name)]
+        return at_ports.ravel()
+
+    def stress(self, retained: Mapping[int, complex], force: NDArray, omega: float) -> NDArray:
         """Return the complex stress amplitude (n, 6).
 
         Parameters
         ----------
-        known : mapping of mode index to complex
+        retained : mapping of mode index to complex
             Coordinates of the retained modes; the other modes respond to the forces.
         force : (3 n_points,) complex, N
         omega : float, rad/s
             Angular frequency of the fundamental harmonic.
         """
-        problem, basis, l = self.problem, self.basis, self.harmonic
+        settings = self.problem.settings
+        basis = self.basis
         at_ports = self.port_forces(force)
-        q = basis.contact_modes.reshape(len(at_ports), -1).conj().T @ at_ports
-        for at, along, excitation in problem.settings.excited.get(l, []):
-            if at in basis.locations:
-                q = q + (along @ basis.locations[at]).conj() * excitation
-        ratio_of_study = problem.settings.damping_ratio
-        ratio = (
-            basis.damping_ratio
-            if ratio_of_study is None
-            else np.full(basis.n_modes, ratio_of_study)
-        )
-        w = l * omega
+        modal_force = basis.contact_modes.reshape(len(at_ports), -1).conj().T @ at_ports
+        for location, direction, excitation in settings.excited.get(self.harmonic, []):
+            if location in basis.locations:
+                shape = direction @ basis.locations[location]
+                modal_force = modal_force + shape.conj() * excitation
+
+        ratio = basis.damping_ratio
+        if settings.damping_ratio is not None:
+            ratio = np.full(basis.n_modes, settings.damping_ratio)
+        w = self.harmonic * omega
         dynamic = basis.omega2 - w**2 + 2j * ratio * np.sqrt(basis.omega2) * w
-        q = np.divide(q, dynamic, out=np.zeros_like(q), where=dynamic != 0.0)
-        for index, value in known.items():
+        no_response = np.zeros_like(modal_force)
+        q = np.divide(modal_force, dynamic, out=no_response, where=dynamic != 0.0)
+        for index, value in retained.items():
             q[index] = value
-        out = self.modes @ q
+
+        stress = self.modes @ q
         if self.contact is not None and len(at_ports):
-            out = out + self.contact @ at_ports
-        return np.asarray(out)
+            stress = stress + self.contact @ at_ports
+        return np.asarray(stress)
