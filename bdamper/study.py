@@ -10,7 +10,7 @@ import json
 import re
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import MISSING, dataclass, fields, replace
+from dataclasses import MISSING, dataclass, fields
 from functools import wraps
 from inspect import getdoc, signature
 from pathlib import Path
@@ -26,6 +26,7 @@ from bdamper.analyses import effect_significance as significance
 from bdamper.analyses import hysteresis as cycles
 from bdamper.analyses import nonlinear_mode as modes
 from bdamper.analyses.executors import check_executor
+from bdamper.analyses.optimum import check_optimum
 from bdamper.contact.preload_state import PreloadState
 from bdamper.contact.stiffness import report
 from bdamper.fatigue import margin as margins
@@ -79,16 +80,6 @@ class analysis(Generic[P, R]):
     def __get__(self, study: Study, owner: type) -> Callable[P, R]: ...
     def __get__(self, study: Study | None, owner: type) -> Callable[..., R]:
         return self.function if study is None else MethodType(self.function, study.problem)
-
-
-def _places_in_time(curve: OptimalCurve, check: str | bool) -> list[float] | None:
-    """Return the preloads (N) at which a check integrates in time; None for the default."""
-    best = curve.optimum.preload
-    if check == "time" or not best > 0.0:  # NaN without an optimum
-        return None
-    places = {best, best * in_time.NEIGHBOUR}
-    places |= {best / in_time.NEIGHBOUR} if check == "neighbours" else {*curve.near_best}
-    return sorted(places)
 
 
 @wraps(Problem.static)
@@ -371,19 +362,7 @@ class Study(Comparable):
         curve = optimal.optimal_curve(problem, preload, n, executor=executor, **ways, progress=progress, resume=resume)
         problem.sizes.check_optimum(curve.optimum.preload, values)
         problem.sizes.check_faces(curve.optimum.preload)
-        if check and not curve.interrupted:
-            places, plain = _places_in_time(curve, check), curve
-            curve = more_harmonics.with_convergence(
-                problem, plain, lambda: in_time.with_time_response(problem, plain, places, progress=progress), progress
-            )
-        if check and not curve.interrupted:
-            curve = robust_optimum.with_other_friction(problem, curve, progress)
-        if margin and material is not None and not curve.interrupted:
-            try:
-                curve = replace(curve, margins=(robust_optimum.best_margin(problem, curve, material),))
-            except KeyboardInterrupt:
-                curve = replace(curve, margins_interrupted=True)
-        return curve
+        return check_optimum(problem, curve, check, material if margin else None, progress)
 
     peak_sensitivities = analysis(sensitivity.peak_sensitivities)
     curve_sensitivities = analysis(sensitivity.curve_sensitivities)

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper import study as study_room
-from bdamper.analyses import robust_optimum
+from bdamper.analyses import accuracy, robust_optimum
 from bdamper.fatigue import AISI_1050
 from bdamper.fatigue.margin import LeastMargin
+from bdamper.response import optimal_curve
 from bdamper.response.verification import FrictionPeak, TimeResponse
+from bdamper.time_domain import time_response
 from bdamper.util.errors import SettingError
 from bdamper.util.formatting import amount
 from tests.fatigue.test_margins import with_stress
@@ -74,19 +75,19 @@ def test_what_a_blade_keeps_has_a_margin_of_its_own(study, curve, tmp_path):
 
 def test_the_margin_is_asked_for_after_the_time_integration(study, curve, monkeypatch):
     """Not where it was interrupted: then there is an end of it."""
-    monkeypatch.setattr(study_room.optimal, "optimal_curve", lambda *_, **__: replace(curve, margins=()))
+    monkeypatch.setattr(optimal_curve, "optimal_curve", lambda *_, **__: replace(curve, margins=()))
     asked = SimpleNamespace(best_status="complete")
-    monkeypatch.setattr(study_room.robust_optimum, "best_margin", lambda problem, curve, material: asked)
+    monkeypatch.setattr(robust_optimum, "best_margin", lambda problem, curve, material: asked)
     for status, ended, margins in (("complete", "complete", 1), ("complete", "interrupted", 0), ("interrupted", "", 0)):
         other = (FrictionPeak(1.0, 90.0, np.nan, ended),) * bool(ended)
         monkeypatch.setattr(
-            study_room.robust_optimum, "with_other_friction", lambda s, c, *_, other=other: replace(c, other_friction=other)
+            robust_optimum, "with_other_friction", lambda s, c, *_, other=other: replace(c, other_friction=other)
         )
         kept = TimeResponse(*(np.nan,) * 4, 90.0, 1e-6, status=status)
         monkeypatch.setattr(
-            study_room.in_time,
+            time_response,
             "with_time_response",
-            lambda s, c, *_, time_response=kept, **__: replace(c, time_response=(time_response,)),
+            lambda s, c, *_, known=kept, **__: replace(c, time_response=(known,)),
         )
         found = study.optimal_curve((40.0, 400.0), 6, quantity="margin", material=AISI_1050)
         assert found.time_response == (kept,) and found.margins == (asked,) * margins
@@ -100,7 +101,7 @@ def test_ctrl_c_in_the_margins_keeps_what_was_computed(study, curve, monkeypatch
     def stop(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(study_room.optimal, "optimal_curve", lambda *_, **__: replace(curve, margins=()))
+    monkeypatch.setattr(optimal_curve, "optimal_curve", lambda *_, **__: replace(curve, margins=()))
     ask = {"check": False, "quantity": "margin", "material": AISI_1050}
     monkeypatch.setattr(LeastMargin, "__call__", stop)
     (found,) = study.optimal_curve((40.0, 400.0), 6, **ask).margins
@@ -115,8 +116,8 @@ def test_ctrl_c_in_the_margins_keeps_what_was_computed(study, curve, monkeypatch
 
 def test_ctrl_c_in_a_peak_with_other_friction_is_an_interruption(study, curve, monkeypatch):
     """In the middle of the check, before the margins."""
-    monkeypatch.setattr(study_room.optimal, "optimal_curve", lambda *_, **__: replace(curve, margins=()))
-    monkeypatch.setattr(study_room.more_harmonics, "with_convergence", lambda problem, curve, *_: curve)
+    monkeypatch.setattr(optimal_curve, "optimal_curve", lambda *_, **__: replace(curve, margins=()))
+    monkeypatch.setattr(accuracy, "with_convergence", lambda problem, curve, *_: curve)
     asked = []
 
     def peaks(*_, **__):

@@ -1,0 +1,84 @@
+"""Checks of the optimum of an optimal curve, which :meth:`bdamper.Study.optimal_curve` runs after the curve.
+
+1. Time integration gives the amplitude at the optimum and at other preloads.  A second thread computes the peak at the
+   optimum with more harmonics.
+2. The peaks with less and more friction follow, and the range of friction in which the amplitude at most doubles.
+3. The fatigue margins are computed along the curve.
+
+Ctrl-C ends a check; the checks after it are left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from bdamper.analyses import accuracy, robust_optimum
+from bdamper.fatigue.criteria import Material
+from bdamper.harmonic_balance.problem import Problem
+from bdamper.response.optimal_curve_result import OptimalCurve
+from bdamper.time_domain import time_response
+
+
+def preloads_in_time(curve: OptimalCurve, check: str) -> list[float] | None:
+    """Return the preloads (N) for the time integration; None for its default."""
+    best = curve.optimum.preload
+    without_optimum = not best > 0.0
+    if check == "time" or without_optimum:
+        return None
+    preloads = {best, best * time_response.NEIGHBOUR}
+    if check == "neighbours":
+        preloads.add(best / time_response.NEIGHBOUR)
+    else:
+        preloads.update(curve.near_best)
+    return sorted(preloads)
+
+
+def check_optimum(
+    problem: Problem,
+    curve: OptimalCurve,
+    check: str | bool = "time",
+    material: Material | None = None,
+    progress: bool = False,
+) -> OptimalCurve:
+    """Return an optimal curve with the checks of its optimum.
+
+    Parameters
+    ----------
+    problem : Problem
+    curve : OptimalCurve
+        Curve of this problem without checks.
+    check : {"time", "neighbours", "range", False}
+        Preloads of the time integration, see :meth:`bdamper.Study.optimal_curve`.  False computes margins only.
+    material : Material, optional
+        Fatigue strength; without it there are no margins.
+    progress : bool
+        Show a progress bar.
+    """
+    if check and not curve.interrupted:
+        curve = _with_time_and_harmonics(problem, curve, str(check), progress)
+    # the friction is changed at the better of the preloads that were integrated in time
+    if check and not curve.interrupted:
+        curve = robust_optimum.with_other_friction(problem, curve, progress)
+    if material is not None and not curve.interrupted:
+        curve = _with_margins(problem, curve, material)
+    return curve
+
+
+def _with_time_and_harmonics(
+    problem: Problem, curve: OptimalCurve, check: str, progress: bool
+) -> OptimalCurve:
+    """Integrate in time while the peak at the optimum is computed with more harmonics."""
+    preloads = preloads_in_time(curve, check)
+
+    def integrate() -> OptimalCurve:
+        return time_response.with_time_response(problem, curve, preloads, progress=progress)
+
+    return accuracy.with_convergence(problem, curve, integrate, progress)
+
+
+def _with_margins(problem: Problem, curve: OptimalCurve, material: Material) -> OptimalCurve:
+    try:
+        margins = robust_optimum.best_margin(problem, curve, material)
+    except KeyboardInterrupt:
+        return replace(curve, margins_interrupted=True)
+    return replace(curve, margins=(margins,))
