@@ -91,67 +91,106 @@ def static_disk(
     SettingError
         If there are cubic springs.
     """
-    load, constant, shift, history = loading
     if (points.law == LAW_CUBIC).any():
         raise SettingError(
             "dampers must be equal in a model with cubic springs; found dampers that differ"
         )
-    bonded, shift = points.law == LAW_BONDED, shift.reshape(-1, 3)
+    load = loading.load
+    constant = loading.constant
+    shift = loading.shift.reshape(-1, 3)
+    n_points = len(points.kn)
+
+    # contact with interference: its normal load is applied as a motion of the points
+    bonded = points.law == LAW_BONDED
     free = np.logical_not(bonded)
     pressed = free & (points.n0 > 0.0) & (points.kn > 0.0)
     interference = np.zeros_like(shift)
     interference[pressed, 2] = points.n0[pressed] / points.kn[pressed]
     bare = replace(points, n0=np.where(pressed, 0.0, points.n0))
+    # bonded points do not change their state, so they do not limit a load step
     frictional = replace(bare, kt=bare.kt * free[:, None], kn=bare.kn * free, n0=bare.n0 * free)
     springs = np.concatenate([frictional.kt, frictional.kn[:, None]], axis=1)
-    scale = max(
-        float(np.abs(load).max() + np.abs(constant).max()),
-        1e-9 * float(points.n0.max(initial=0.0)),
-        1e-300,
-    )
-    no_excitation, u, done = np.zeros(load.shape, complex), np.zeros(load.size), np.zeros(2)
-    slider, force, x = (
-        np.zeros((len(points.kn), 2)),
-        np.zeros((len(points.kn), 3)),
-        np.zeros((len(points.kn), 3)),
-    )
-    first = [(1.0, 0.0)] if pressed.any() or np.any(constant) else []
-    for target in np.array([*first, *((1.0, factor) for factor in history)]):
-        begin, part, longest = done, 0.0, 1.0 / STEPS
+
+    largest_load = float(np.abs(load).max() + np.abs(constant).max())
+    largest_normal_load = float(points.n0.max(initial=0.0))
+    scale = max(largest_load, 1e-9 * largest_normal_load, 1e-300)
+    no_excitation = np.zeros(load.shape, complex)
+    no_response = np.zeros(structure.n)
+    no_mean = 0.0 * load
+
+    # a load is a pair: share of interference and constant load, factor of the preload
+    targets = [(1.0, factor) for factor in loading.history]
+    if pressed.any() or np.any(constant):
+        targets.insert(0, (1.0, 0.0))
+    u = np.zeros(load.size)
+    x = np.zeros((n_points, 3))
+    slider = np.zeros((n_points, 2))
+    force = np.zeros((n_points, 3))
+    applied = np.zeros(2)
+    longest = 1.0 / STEPS
+    for target in np.array(targets):
+        begin = applied
+        part = 0.0
         step = longest
         while part < 1.0 and np.any(target != begin):
             step = min(step, longest)
-            end = 1.0 if step > (1.0 - SHORTEST) * (1.0 - part) else part + step
-            share, factor = now = begin + end * (target - begin)
+            # a rest below the shortest step is included in this one
+            is_last = step > (1.0 - SHORTEST) * (1.0 - part)
+            end = 1.0 if is_last else part + step
+            now = begin + end * (target - begin)
+            share, factor = now
             total_shift = factor * shift + share * interference
             system = DiskScene(
-                structure, replace(bare, slider=slider, shift=total_shift), (0,), factor * load + share * constant,
-                no_excitation, np.zeros(structure.n), pinned, (scale, scale), 0.0 * load,
-            ).equations  # fmt: skip
-            start = factor / done[1] * u if done[1] else u + factor * alike.ravel()
+                structure=structure,
+                points=replace(bare, slider=slider, shift=total_shift),
+                harmonics=(0,),
+                load=factor * load + share * constant,
+                excitation=no_excitation,
+                response_row=no_response,
+                missing=pinned,
+                force_scale=(scale, scale),
+                mean=no_mean,
+            ).equations
+
+            # without gaps a state is proportional to the preload
+            factor_before = applied[1]
+            if factor_before:
+                start = factor / factor_before * u
+            else:
+                start = u + factor * alike.ravel()
             unit = np.full(len(u) + 1, max(float(np.abs(start).max()), 1e-9))
             solution = system.correct_at(start, 1.0, unit, LEFT, 60, 2)
             if solution.status != OK:
                 step *= 0.5
                 if step < longest / 64.0:
                     raise StaticError(
-                        f"no static state of the bladed disk was found beyond {100 * done[1]:.3g} % of the preload "
+                        "no static state of the bladed disk was found beyond "
+                        f"{100 * factor_before:.3g} % of the preload "
                         f"(residual {solution.residual:.2g})"
                     )
                 continue
+
+            # the step must end at the first change of a contact state
             motion, forces, _ = system.contact(solution.y[:-1])
             new_x = motion[..., 0]
-            close = AT_LIMIT * float(
-                (springs * (np.abs(x) + np.abs(new_x) + np.abs(total_shift))).max(initial=0.0)
-            )
+            distance = np.abs(x) + np.abs(new_x) + np.abs(total_shift)
+            close = AT_LIMIT * float((springs * distance).max(initial=0.0))
             within, beyond = linear_range(frictional, x, new_x, slider, close)
             if within < 1.0 and step > SHORTEST:
                 step *= 0.1 * within
                 continue
-            step = longest if within < 1.0 else max((end - part) * (beyond - 1.0), SHORTEST)
-            u, done, part, x, force = solution.y[:-1], now, end, new_x, forces[..., 0]
-            stretch = force[:, :2] / np.where(points.kt > 0.0, points.kt, 1.0)
-            slider = np.where(points.kt > 0.0, x[:, :2] - stretch, x[:, :2])
+            if within < 1.0:
+                step = longest
+            else:
+                step = max((end - part) * (beyond - 1.0), SHORTEST)
+            u = solution.y[:-1]
+            applied = now
+            part = end
+            x = new_x
+            force = forces[..., 0]
+            has_spring = points.kt > 0.0
+            stretch = force[:, :2] / np.where(has_spring, points.kt, 1.0)
+            slider = np.where(has_spring, x[:, :2] - stretch, x[:, :2])
             slider[bonded] = 0.0
     return u.reshape(load.shape), slider, force
 
@@ -159,26 +198,30 @@ def static_disk(
 def disk_points(structure: Structure, dampers: DamperVariation) -> PointArrays:
     """Return the contact points of all sectors, sector by sector, with sliders at zero and no
     shift."""
-    tuned, N = structure.tuned, structure.n_blades
+    tuned = structure.tuned
+    N = structure.n_blades
     n_points = len(structure.sector)
-    on_damper = (
-        structure.rows[..., structure.n :].any(axis=(1, 2))
-        if structure.n_damper
-        else np.zeros(n_points, bool)
-    )
+    on_damper = np.zeros(n_points, bool)
+    if structure.n_damper:
+        on_damper[:] = structure.rows[..., structure.n :].any(axis=(1, 2))
 
-    def at_points(factor: NDArray, neutral: float) -> NDArray:
-        return np.where(on_damper, factor[:, None], neutral)
+    def at_points(of_damper: NDArray, elsewhere: float) -> NDArray:
+        """Return values (n_blades, n_points) from those of the dampers (n_blades,)."""
+        return np.where(on_damper, of_damper[:, None], elsewhere)
 
+    # missing dampers have no stiffness and no friction
     present = at_points(np.where(dampers.missing, 0.0, 1.0), 1.0)
-    k = at_points(dampers.contact_stiffness, 1.0) * present
-    kn = k * tuned.point_stiffness[:, 2]
-    kt = k[..., None] * tuned.point_stiffness[:, :2] * (tuned.point_laws != LAW_NORMAL)[:, None]
+    stiffness = at_points(dampers.contact_stiffness, 1.0) * present
+    has_friction = tuned.point_laws != LAW_NORMAL
+    kn = stiffness * tuned.point_stiffness[:, 2]
+    kt = stiffness[..., None] * tuned.point_stiffness[:, :2] * has_friction[:, None]
+    mu = at_points(dampers.friction_coefficient, 1.0) * present * tuned.friction
+    gap = tuned.point_gaps + at_points(dampers.gap, 0.0)
     return PointArrays(
         kt=kt.reshape(-1, 2),
         kn=kn.ravel(),
-        mu=(at_points(dampers.friction_coefficient, 1.0) * present * tuned.friction).ravel(),
-        n0=(-kn * (tuned.point_gaps + at_points(dampers.gap, 0.0))).ravel(),
+        mu=mu.ravel(),
+        n0=(-kn * gap).ravel(),
         slider=np.zeros((N * n_points, 2)),
         law=np.tile(tuned.point_laws, N),
         shift=np.zeros((N * n_points, 3)),
@@ -189,10 +232,13 @@ def local_vector(structure: Structure, modal: NDArray, force: bool) -> NDArray:
     """Return the mean motion or static force of a sector (n_sector,) from modal values of the tuned
     study."""
     phi = structure.modes(0)
-    coordinates, bodies = structure.tuned.static_basis.coordinates, structure.tuned.model.bodies
+    coordinates = structure.tuned.static_basis.coordinates
+    bodies = structure.tuned.model.bodies
     of_damper = np.array([bodies[c.body].local is None for c in coordinates], bool)
-    blade = structure.local.mass(0) @ phi if force else phi
-    return np.concatenate([(blade @ modal[~of_damper]).real, modal[of_damper]])
+    # forces M phi f have the modal forces f, since phi^H M phi = I
+    to_blade = structure.local.mass(0) @ phi if force else phi
+    blade = (to_blade @ modal[~of_damper]).real
+    return np.concatenate([blade, modal[of_damper]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,45 +275,76 @@ def loaded(structure: Structure, preload: float, dampers: DamperVariation | None
     StaticError
         If no static state was found.
     """
-    tuned, N, n = structure.tuned, structure.n_blades, structure.n
+    tuned = structure.tuned
+    N = structure.n_blades
+    n = structure.n
     variation = DamperVariation.of(N) if dampers is None else dampers
-    pinned, points = variation.missing, disk_points(structure, variation)
-    modal, shift = tuned.damper_load
-    load = np.tile(local_vector(structure, preload * modal, True), (N, 1))
+    pinned = variation.missing
+    points = disk_points(structure, variation)
+
+    # the preload of a damper is proportional to its mass
+    modal_load, motion_by_load = tuned.damper_load
+    mass_factor = np.where(pinned, 0.0, variation.mass)
+    load = np.tile(local_vector(structure, preload * modal_load, True), (N, 1))
+    load[:, n:] *= mass_factor[:, None]
     constant = np.tile(local_vector(structure, tuned.fixed_load[0], True), (N, 1))
-    factor = np.where(pinned, 0.0, variation.mass)
-    load[:, n:] *= factor[:, None]
     constant[pinned, n:] = 0.0
-    moved = preload * factor[:, None, None] * shift
-    state = tuned.at(preload).equilibrium
-    mean = np.tile(local_vector(structure, state.q, False), (N, 1))
+    shift = preload * mass_factor[:, None, None] * motion_by_load
+
+    tuned_state = tuned.at(preload).equilibrium
+    mean = np.tile(local_vector(structure, tuned_state.q, False), (N, 1))
     if dampers is None:
-        slider, force = np.tile(state.slider, (N, 1)), np.tile(state.force, (N, 1))
+        slider = np.tile(tuned_state.slider, (N, 1))
+        force = np.tile(tuned_state.force, (N, 1))
     else:
         mean[pinned, n:] = 0.0
-        loading = Loading(load, constant, moved, tuned.settings.load_history)
+        loading = Loading(load, constant, shift, tuned.settings.load_history)
         mean, slider, force = static_disk(structure, points, loading, pinned, mean)
-    slider = np.where(np.tile(tuned.bonded_points, N)[:, None], 0.0, slider)
-    points = replace(points, slider=slider, shift=moved.reshape(-1, 3))
-    return Loaded(points, load + constant, mean, force.reshape(N, -1, 3), pinned)
+    bonded = np.tile(tuned.bonded_points, N)
+    slider = np.where(bonded[:, None], 0.0, slider)
+    return Loaded(
+        points=replace(points, slider=slider, shift=shift.reshape(-1, 3)),
+        load=load + constant,
+        mean=mean,
+        force=force.reshape(N, -1, 3),
+        missing=pinned,
+    )
 
 
 def disk_system(
     structure: Structure, state: Loaded, excitation: NDArray, response_row: NDArray
 ) -> DiskSystem:
-    """Return the equations of the vibration about a static state under an excitation
-    (n_blades, n_sector) complex, N kg^-1/2."""
+    """Return the equations of the vibration about a static state.
+
+    Parameters
+    ----------
+    structure : Structure
+    state : Loaded
+    excitation : (n_blades, n_sector) complex, N kg^-1/2
+    response_row : (n,) float
+    """
     tuned = structure.tuned
-    scale = float(np.abs(excitation).max())
-    pressed = structure.gathered(state.force)
-    largest = max(float(np.abs(state.load).max()), float(np.abs(pressed).max()), scale)
+    excitation_scale = float(np.abs(excitation).max())
+    contact_load = structure.gathered(state.force)
+    largest_load = float(np.abs(state.load).max())
+    largest_contact_load = float(np.abs(contact_load).max())
+    mean_scale = max(largest_load, largest_contact_load, excitation_scale)
+    # without bias the unknowns do not contain the static state
     shift = state.points.shift
     if not tuned.settings.bias:
         shift = shift + structure.motion(state.mean).reshape(-1, 3)
     return DiskScene(
-        structure, replace(state.points, shift=shift), tuned.settings.active_harmonics, state.load, excitation,
-        response_row, state.missing, (largest, scale), state.mean, tuned.settings.contact_forces,
-    ).equations  # fmt: skip
+        structure=structure,
+        points=replace(state.points, shift=shift),
+        harmonics=tuned.settings.active_harmonics,
+        load=state.load,
+        excitation=excitation,
+        response_row=response_row,
+        missing=state.missing,
+        force_scale=(mean_scale, excitation_scale),
+        mean=state.mean,
+        contact_forces=tuned.settings.contact_forces,
+    ).equations
 
 
 # ---- Problem ----
@@ -291,7 +368,8 @@ class DiskProblem(Summarised):
     def __post_init__(self) -> None:
         problem = problem_of(self.study)
         n = self.study.model.n_blades
-        mistuning, mass = Mistuning.of(n, self.mistuning), np.ones(n)
+        mistuning = Mistuning.of(n, self.mistuning)
+        mass = np.ones(n)
         if self.dampers is not None:
             validation.instance("dampers", self.dampers, DamperVariation)
             if self.dampers.n_blades != n:
@@ -334,22 +412,24 @@ class DiskProblem(Summarised):
     def excitation(self) -> NDArray:
         """Complex forces (n_blades, n_sector) of the first harmonic on the
         coordinates, N kg^-1/2."""
-        s, tuned = self.structure, self.structure.tuned
+        s = self.structure
+        tuned = s.tuned
+        N = self.n_blades
         e = tuned.settings.excitation
         one_force = tuned.settings.acts_at_location and not e.beside
         validation.check_value(
             one_force, "excitation of a bladed disk", "one force at a location", e
         )
         row = s.location_rows(e.location, e.direction, "excitation")
-        periods = (
-            (int(tuned.engine_order) * np.arange(self.n_blades)) % self.n_blades / self.n_blades
-        )
+        # fraction of a period by which each blade is ahead of blade 0
+        periods = int(tuned.engine_order) * np.arange(N) % N / N
         wave = e.amplitude * np.exp(1j * e.phase + 2j * np.pi * periods)
-        out = np.zeros((self.n_blades, s.n_sector), complex)
+        out = np.zeros((N, s.n_sector), complex)
         out[:, : s.n] = np.outer(wave, row)
         if not out.any():
             raise SettingError(
-                f"excitation: expected a force on the blades, found {e.amplitude:g} N at '{e.location}'"
+                "excitation: expected a force on the blades, found "
+                f"{e.amplitude:g} N at '{e.location}'"
             )
         return out
 
@@ -376,7 +456,9 @@ class DiskProblem(Summarised):
         found."""
         if preload not in self._tuned_peaks:
             peak = highest_peak(self.structure.tuned, preload)
-            self._tuned_peaks[preload] = peak if peak.converged else replace(peak, amplitude=np.nan)
+            if not peak.converged:
+                peak = replace(peak, amplitude=np.nan)
+            self._tuned_peaks[preload] = peak
         return self._tuned_peaks[preload]
 
     def record(self) -> dict[str, Any]:
@@ -394,7 +476,8 @@ class DiskProblem(Summarised):
     def __str__(self) -> str:
         s = self.structure
         lines = [
-            f"bladed disk of {self.n_blades} blades, {s.n} coordinates of each blade, {s.n_damper} of each damper",
+            f"bladed disk of {self.n_blades} blades, {s.n} coordinates of each blade, "
+            f"{s.n_damper} of each damper",
             f"  {self.mistuning}",
             f"  {self.dampers or 'equal dampers'}",
         ]
