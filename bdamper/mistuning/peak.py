@@ -156,18 +156,23 @@ class DiskPeak(Plottable, Recorded, Storable, kind="bdamper-wheel-peak"):
 
     def _headline(self) -> str:
         if not np.isfinite(self.amplitude):
-            return f"No peak of the bladed disk at a preload of {amount(self.preload, 'N')}: {self.reason}."
-        lower = self.status == INCOMPLETE
-        times = f"{'at least ' if lower else ''}{self.amplitude / self.tuned_amplitude:.3g} times"
-        tuned = f"{times} the tuned disk ({amount(self.tuned_amplitude, 'm')})"
-        doubt = (
-            "Not for design: a higher blade may exist; try DiskPeakOptions(least=240). "
-            if lower
-            else ""
-        )
-        warning = "" if self.converged else f" {self.status.capitalize()}: {self.reason}."
-        head = f"Highest of {len(self.response)} blades at a preload of {amount(self.preload, 'N')}"
-        return f"{doubt}{head}: number {self.blade}, {peak_text(self.amplitude, self.frequency)}, {tuned}.{warning}"
+            load = amount(self.preload, "N")
+            return f"No peak of the bladed disk at a preload of {load}: {self.reason}."
+        is_lower_bound = self.status == INCOMPLETE
+        factor = f"{self.amplitude / self.tuned_amplitude:.3g} times"
+        if is_lower_bound:
+            factor = f"at least {factor}"
+        tuned = f"{factor} the tuned disk ({amount(self.tuned_amplitude, 'm')})"
+        doubt = ""
+        if is_lower_bound:
+            doubt = "Not for design: a higher blade may exist; try DiskPeakOptions(least=240). "
+        warning = ""
+        if not self.converged:
+            warning = f" {self.status.capitalize()}: {self.reason}."
+        n_blades = len(self.response)
+        head = f"Highest of {n_blades} blades at a preload of {amount(self.preload, 'N')}"
+        place = peak_text(self.amplitude, self.frequency)
+        return f"{doubt}{head}: number {self.blade}, {place}, {tuned}.{warning}"
 
 
 MISSED = 0.045
@@ -221,30 +226,70 @@ class _Equations:
 
     @classmethod
     def of(cls, disk: DiskProblem, preload: float) -> _Equations:
-        whole, s = disk.system(preload), disk.structure
-        state, n = disk.state(preload), s.n
+        full = disk.structure
+        whole = disk.system(preload)
+        state = disk.state(preload)
+        mean = state.mean[:, : full.n]
+        # a reduction saves work only if there are more coordinates than shapes
+        if full.n <= SHAPES + 1 or not full.tuned.settings.bias:
+            return cls(whole, whole, None, mean)
         omega = tau * disk.tuned_peak(preload).frequency
-        large = n > SHAPES + 1 and disk.structure.tuned.settings.bias
-        shapes = family_shapes(s, omega) if large else None
-        if shapes is None or not close(s, shapes, omega):
-            return cls(whole, whole, None, state.mean[:, :n])
-        excitation = np.hstack([disk.excitation[:, :n] @ shapes, disk.excitation[:, n:]])
+        shapes = family_shapes(full, omega)
+        if not close(full, shapes, omega):
+            return cls(whole, whole, None, mean)
+        on_blades = disk.excitation[:, : full.n] @ shapes
+        on_dampers = disk.excitation[:, full.n :]
         system = disk_system(
-            s.reduced(shapes),
-            reduced_state(s, state, shapes),
-            excitation,
+            full.reduced(shapes),
+            reduced_state(full, state, shapes),
+            np.hstack([on_blades, on_dampers]),
             disk.response_row @ shapes,
         )
-        return cls(whole, system, shapes, state.mean[:, :n])
+        return cls(whole, system, shapes, mean)
+
+    @property
+    def is_reduced(self) -> bool:
+        """Whether the search uses the reduced disk."""
+        return self.shapes is not None
 
     def expanded(self, y: NDArray) -> NDArray:
         """Return the point of the full disk that corresponds to a point of the search."""
         if self.shapes is None:
             return y
-        X, m = self.system.structure.array(y[:-1]), self.shapes.shape[1]
-        U = X[..., :m] @ self.shapes.T
-        U[:, 0] += self.mean
-        return np.append(self.whole.structure.flat(np.concatenate([U, X[..., m:]], axis=2)), y[-1])
+        X = self.system.structure.array(y[:-1])
+        n_shapes = self.shapes.shape[1]
+        blades = X[..., :n_shapes] @ self.shapes.T
+        blades[:, 0] += self.mean
+        dampers = X[..., n_shapes:]
+        unknowns = self.whole.structure.flat(np.concatenate([blades, dampers], axis=2))
+        return np.append(unknowns, y[-1])
+
+
+@dataclass(frozen=True)
+class _Sweep:
+    """Sweep of a frequency band, and the peaks of the local searches that start from it.
+
+    Parameters
+    ----------
+    solutions : list of (n_unknowns + 1,) float or None
+        One for each frequency; None without solution.
+    held : list of Climbed
+        Different peaks with the springs of the sweep.
+    """
+
+    solutions: list[NDArray | None]
+    held: list[Climbed]
+
+
+def _sweep_band(search: Search, points: NDArray, n_climbs: int, progress: bool) -> _Sweep:
+    """Sweep the frequencies (rad/s) of a band and follow the highest maxima uphill."""
+    frequencies = with_progress(points.tolist(), progress, "bladed disk: sweep", "frequency")
+    solutions = search.sweep(frequencies)
+    maxima = search.candidates(solutions, n_climbs)
+    starts = with_progress(maxima, progress, "bladed disk: peaks", "peak")
+    climbed = [search.climb(y, blade, search.springs) for y, blade in starts]
+    held = search.different([c for c in climbed if c is not None])
+    return _Sweep(solutions, held)
 
 
 @validation.check_arguments
@@ -288,61 +333,77 @@ def peak(
     on a branch from folds at 291 Hz.  The comparison with the tuned disk is needed by the same disk
     at 100 N: it had a "held" peak of 1.9 mm with an error of 20 %, while its sector reaches 118 mm.
     """
-    meter, progress = CostMeter(), shows_progress(progress)
+    meter = CostMeter()
+    progress = shows_progress(progress)
     options = validation.instance("options", options or DiskPeakOptions(), DiskPeakOptions)
     if frequency is not None:
         frequency = validation.interval("frequency", frequency)
     equations = _Equations.of(disk, preload)
     tuned = disk.tuned_peak(preload)
     begin, end, width = band(disk, preload)
-    bands = [frequency] if frequency else [(begin, end), (begin, max(end, FAR * tuned.frequency))]
+    bands = [(begin, end), (begin, max(end, FAR * tuned.frequency))]
+    if frequency is not None:
+        bands = [frequency]
+
+    # without a peak the sweep is repeated with weaker springs, then in the extended band
     for (low, high), springs in product(bands, WEAKER):
-        n = int(
-            np.clip(
-                np.ceil((high - low) / (options.spacing * width)) + 1, options.least, options.most
-            )
-        )
-        points = tau * np.linspace(low, high, n)
-        search = Search(
-            equations.system, tau * width, (float(points[0]), float(points[-1])), meter, springs
-        )
-        swept = search.sweep(
-            with_progress(points.tolist(), progress, "bladed disk: sweep", "frequency")
-        )
-        starts = with_progress(
-            search.candidates(swept, options.climbs), progress, "bladed disk: peaks", "peak"
-        )
-        climbed = [search.climb(y, blade, springs) for y, blade in starts]
-        if held := search.different([c for c in climbed if c is not None]):
+        spacing = options.spacing * width
+        n_points = int(np.clip(np.ceil((high - low) / spacing) + 1, options.least, options.most))
+        points = tau * np.linspace(low, high, n_points)
+        limits = (float(points[0]), float(points[-1]))
+        search = Search(equations.system, tau * width, limits, meter, springs)
+        swept = _sweep_band(search, points, options.climbs, progress)
+        if swept.held:
             break
-    solutions = [y for y in swept if y is not None]
-    all_climbed = len(search.candidates(swept, options.climbs + 1)) <= options.climbs
-    peaks = search.freed(held)
-    whole = replace(search, system=equations.whole) if equations.shapes is not None else search
+    solutions = [y for y in swept.solutions if y is not None]
+    n_maxima = len(search.candidates(swept.solutions, options.climbs + 1))
+    all_climbed = n_maxima <= options.climbs
+
+    peaks = search.freed(swept.held)
+    whole = replace(search, system=equations.whole) if equations.is_reduced else search
     top, changed = _corrected(equations, search, whole, peaks)
-    gap, higher = _gap(points, swept), _tuned_higher(top, tuned, low, high)
-    counts = f"{len(peaks)} peaks from {len(solutions)} of {n} points"
+
+    gap = _gap(points, swept.solutions)
+    tuned_higher = _tuned_higher(top, tuned, low, high)
+    counts = f"{len(peaks)} peaks from {len(solutions)} of {n_points} points"
     climbs = [(c.blade, c.at.y[-1] / tau, c.heights[0], c.springs[-1], c.height) for c in peaks]
-    none = DiskPeak(
-        preload=float(preload), frequency=np.nan, amplitude=np.nan, blade=-1, tuned_amplitude=tuned.amplitude,
-        response=np.zeros((disk.n_blades, 0)), climbs=np.array(climbs).reshape(-1, 5),
-        sweep_frequency=np.array([y[-1] for y in solutions]) / tau, status=NOT_FOUND,
-        reason=_reason(top, gap, changed, equations, counts) + higher, residual=np.nan, error=np.nan, interval=(low, high),
-        unknowns=np.zeros(equations.whole.structure.shape), cost=meter.read(), **disk.record(),
-    )  # fmt: skip
-    if top is None:
-        return none
-    reduced_only = changed is None and equations.shapes is not None
-    structure, u = (
-        (search if reduced_only else whole).held(top.springs[-1]).structure,
-        top.at.y[:-1],
+    not_found = DiskPeak(
+        preload=float(preload),
+        frequency=np.nan,
+        amplitude=np.nan,
+        blade=-1,
+        tuned_amplitude=tuned.amplitude,
+        response=np.zeros((disk.n_blades, 0)),
+        climbs=np.array(climbs).reshape(-1, 5),
+        sweep_frequency=np.array([y[-1] for y in solutions]) / tau,
+        status=NOT_FOUND,
+        reason=_reason(top, gap, changed, equations, counts) + tuned_higher,
+        residual=np.nan,
+        error=np.nan,
+        interval=(low, high),
+        unknowns=np.zeros(equations.whole.structure.shape),
+        cost=meter.read(),
+        **disk.record(),
     )
+    if top is None:
+        return not_found
+    reduced_only = equations.is_reduced and changed is None
+    solved = search if reduced_only else whole
+    structure = solved.held(top.springs[-1]).structure
+    u = top.at.y[:-1]
+    is_lower_bound = bool(tuned_higher or gap)
     return replace(
-        none, frequency=float(top.at.y[-1]) / tau, amplitude=top.height, blade=top.blade, response=structure.responses(u),
-        status=_status(top, bool(higher or gap), reduced_only),
-        residual=top.at.residual, springs=top.springs[-1], error=_error(top, peaks, changed, equations, all_climbed),
+        not_found,
+        frequency=float(top.at.y[-1]) / tau,
+        amplitude=top.height,
+        blade=top.blade,
+        response=structure.responses(u),
+        status=_status(top, is_lower_bound, reduced_only),
+        residual=top.at.residual,
+        springs=top.springs[-1],
+        error=_error(top, peaks, changed, equations, all_climbed),
         unknowns=structure.array(u),
-    )  # fmt: skip
+    )
 
 
 def _corrected(
@@ -354,26 +415,31 @@ def _corrected(
     when the next peak cannot be higher, given the changes so far.  If no correction converges, the
     peak of the reduced disk is returned, without a change.
     """
+    highest_first = sorted(peaks, key=lambda peak: -peak.height)
+    # smallest relative change by the reduction that is assumed for the next peak
+    least_change = 1e-3
     best: Climbed | None = None
     changed: float | None = None
-    reduced = equations.shapes is not None
-    least_change = (
-        1e-3  # smallest relative change by the reduction that is assumed for the next peak
-    )
-    for peak in sorted(peaks, key=lambda p: -p.height):
-        if best is not None and (
-            changed is None or peak.height * (1.0 + max(changed, least_change)) <= best.height
-        ):
-            break
-        exact = whole.settled(peak, equations.expanded(peak.at.y) if reduced else None)
+    for peak in highest_first:
+        if best is not None and changed is not None:
+            upper_estimate = peak.height * (1.0 + max(changed, least_change))
+            if upper_estimate <= best.height:
+                break
+        start = equations.expanded(peak.at.y) if equations.is_reduced else None
+        exact = whole.settled(peak, start)
         if exact is None:
             continue
-        changed = max(changed or 0.0, abs(exact.height / peak.height - 1.0))
-        best = exact if best is None or exact.height > best.height else best
-    if best is not None or not reduced:
+        change = abs(exact.height / peak.height - 1.0)
+        changed = max(changed or 0.0, change)
+        if best is None or exact.height > best.height:
+            best = exact
+    if best is not None or not equations.is_reduced:
         return best, changed
-    settled = (search.settled(peak) for peak in sorted(peaks, key=lambda p: -p.height))
-    return next((peak for peak in settled if peak is not None), None), None
+    for peak in highest_first:
+        settled = search.settled(peak)
+        if settled is not None:
+            return settled, None
+    return None, None
 
 
 def _error(
@@ -388,45 +454,58 @@ def _error(
     # assumed error of the reduction if no peak was found on the full disk. On the shipped disk
     # (65 blades, 2 %) it is 0.3 to 2.7 % at 500 N and below 0.8 % at 1 and 2 kN
     default_reduction = 0.03
-    reduction = (
-        0.0 if equations.shapes is None else default_reduction if changed is None else changed
-    )
-    others = [c.highest * (1.0 + reduction) / top.height - 1.0 for c in peaks if c.last]
-    return max(
-        [
-            top.error,
-            0.0 if changed is not None else reduction,
-            0.0 if all_climbed else MISSED,
-            *others,
-        ]
-    )
+    if not equations.is_reduced:
+        reduction = 0.0
+    elif changed is None:
+        reduction = default_reduction
+    else:
+        reduction = changed
+    errors = [top.error]
+    # a peak corrected on the full disk has no error of the reduction
+    if changed is None:
+        errors.append(reduction)
+    if not all_climbed:
+        errors.append(MISSED)
+    # peaks whose springs could not be weakened may become higher than this one
+    for peak in peaks:
+        if peak.last:
+            errors.append(peak.highest * (1.0 + reduction) / top.height - 1.0)
+    return max(0.0, *errors)
 
 
-def _status(top: Climbed, lower: bool, reduced: bool) -> str:
-    return INCOMPLETE if lower else HELD if top.springs[-1] or reduced else COMPLETE
+def _status(top: Climbed, is_lower_bound: bool, reduced_only: bool) -> str:
+    if is_lower_bound:
+        return INCOMPLETE
+    if top.springs[-1] or reduced_only:
+        return HELD
+    return COMPLETE
 
 
 def _tuned_higher(top: Climbed | None, tuned: Peak, low: float, high: float) -> str:
     """Return a note if the tuned disk has a higher peak than all peaks found, or if none was found;
     otherwise ""."""
-    if top is not None and not (
-        low <= tuned.frequency <= high and top.height * (1.0 + MISSED) < tuned.amplitude
-    ):
-        return ""
+    if top is not None:
+        in_band = low <= tuned.frequency <= high
+        tuned_is_higher = in_band and top.height * (1.0 + MISSED) < tuned.amplitude
+        if not tuned_is_higher:
+            return ""
     tuned_peak = f"{amount(tuned.amplitude, 'm')} at {amount(tuned.frequency, 'Hz', 6)}"
     return f"; searched from {low:.6g} to {high:.6g} Hz, but the tuned disk has {tuned_peak}"
 
 
 def _gap(omega: NDArray, swept: list[NDArray | None]) -> tuple[float, float] | None:
     """Return the ends of the longest gap of two or more adjacent frequencies without a solution."""
-    failed = np.array([False, *(y is None for y in swept), False])
-    begin, end = (
-        np.flatnonzero(failed[1:] & ~failed[:-1]),
-        np.flatnonzero(~failed[1:] & failed[:-1]),
-    )
-    if not len(begin) or (end - begin).max() < 2:
+    # a gap begins after a frequency with a solution and ends before the next one
+    failed = np.array([y is None for y in swept], bool)
+    padded = np.pad(failed, 1)
+    before = padded[:-1]
+    after = padded[1:]
+    begin = np.flatnonzero(after & ~before)
+    end = np.flatnonzero(~after & before)
+    length = end - begin
+    if len(length) == 0 or length.max() < 2:
         return None
-    k = int(np.argmax(end - begin))
+    k = int(np.argmax(length))
     return float(omega[begin[k]]), float(omega[end[k] - 1])
 
 
@@ -438,12 +517,12 @@ def _reason(
     counts: str,
 ) -> str:
     parts = [counts]
-    if equations.shapes is not None and top is not None and changed is None:
+    if equations.is_reduced and top is not None and changed is None:
         parts.append("found only on the reduced disk")
     if top is not None and top.springs[-1]:
         parts.append(
-            f"the mean of dampers held by springs of {top.springs[-1]:.2g} of their stuck stiffness, which change the "
-            f"amplitude by some {100.0 * top.error:.2g} %"
+            f"the mean of dampers held by springs of {top.springs[-1]:.2g} of their stuck "
+            f"stiffness, which change the amplitude by some {100.0 * top.error:.2g} %"
         )
     if gap is not None:
         parts.append(f"no solution found between {gap[0] / tau:.6g} and {gap[1] / tau:.6g} Hz")
