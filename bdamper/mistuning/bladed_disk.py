@@ -74,8 +74,7 @@ def answers(peak: DiskPeak) -> dict[str, Any]:
 def _highest(
     _: Any, preload: Any, *, disk: DiskProblem, options: DiskPeakOptions | None
 ) -> dict[str, Any]:
-    """Return the quantities of the highest peak of a bladed disk; this is the function of a sweep
-    over the preload."""
+    """Return the quantities of the highest peak at a point of a sweep over the preload."""
     highest = peak(disk, preload, options=options)
     return answers(highest) | {"tuned_amplitude": highest.tuned_amplitude}
 
@@ -122,12 +121,15 @@ def first_point(system: DiskSystem, omega: float) -> NDArray | None:
 
     Return None if both fail.
     """
-    weaker = (1.0, 0.1, 0.01, 0.0)  # holding springs relative to the stuck stiffness
-    for sequence in (weaker[-1:], weaker):
+    # holding springs relative to the stuck stiffness
+    free = (0.0,)
+    weaker = (1.0, 0.1, 0.01, 0.0)
+    for sequence in (free, weaker):
         y = np.append(system.structure.at_rest, omega)
         for springs in sequence:
             held = system.structure.held(springs) if springs else system
-            c = held.solve(y, Fixed(), held.structure.units_about(y, omega), 1e-9, 60, 2)
+            scale = held.structure.units_about(y, omega)
+            c = held.solve(y, Fixed(), scale, 1e-9, 60, 2)
             y = c.y
         if c.status == OK:
             return np.asarray(y)
@@ -160,7 +162,9 @@ def frequency_response(
         first does not reach it, and of branches from solutions in the remaining gaps.  Branches may
         leave the interval and return.
     """
-    low, high = (TWO_PI * f for f in validation.interval("frequency", frequency))
+    first, last = validation.interval("frequency", frequency)
+    low = TWO_PI * first
+    high = TWO_PI * last
     options = validation.instance(
         "options", options or ContinuationOptions(locate=False), ContinuationOptions
     )
@@ -172,14 +176,17 @@ def frequency_response(
 
     def find_start(omega: float) -> NDArray | None:
         point = first_point(whole, omega)
-        search.note(
-            omega, "no solution from the static state" if point is None else "from the static state"
-        )
+        if point is None:
+            search.note(omega, "no solution from the static state")
+        else:
+            search.note(omega, "from the static state")
         return point
 
     search.cover(find_start)
     status, reason, left_out = ending(search.pieces, low, high)
-    blades = np.array([whole.structure.responses(p.y[:-1]) for p, _ in in_order(search.pieces)])
+    points = [point for point, _ in in_order(search.pieces)]
+    blades = np.array([whole.structure.responses(point.y[:-1]) for point in points])
+    # without points the array has the right shape, too
     blades = blades.reshape(-1, disk.n_blades, whole.n_harmonics + 1)
     ended = status, reason, (*left_out, *search.lost)
     curve = as_curve(
@@ -192,7 +199,8 @@ def frequency_response(
 
 def highest_blade(blades: NDArray) -> NDArray:
     """Return the response of the highest blade at each point (n, n_harmonics + 1)."""
-    return np.asarray(blades[np.arange(len(blades)), np.abs(blades[..., 1]).argmax(axis=1)])
+    highest = np.abs(blades[..., 1]).argmax(axis=1)
+    return np.asarray(blades[np.arange(len(blades)), highest])
 
 
 # ---- Time integration ----
@@ -209,47 +217,69 @@ class OneStructure:
     """
 
     def __init__(self, system: DiskSystem, blade: int) -> None:
-        scene, s = system.structure, system.structure.structure
+        scene = system.structure
+        s = scene.structure
         N, n_coef, size = scene.shape
-        n, nd, every = s.n, s.n_damper, np.arange(N)
+        n = s.n
 
-        def all_sectors(own: NDArray | float, waves: NDArray) -> NDArray:
-            out, first = np.zeros((N, n, N, n)), n - waves.shape[1]
-            out[:, first:, :, first:] = (
-                np.fft.ifft(waves, axis=0).real[(every[:, None] - every) % N].transpose(0, 2, 1, 3)
-            )
-            out[every, :, every] += own
-            return out.reshape(N * n, N * n)
+        # modes of all blades and the disk, with modal damping
+        mass = _all_sectors(s.mass, s.disk_mass)
+        stiffness = _all_sectors(s.stiffness, s.disk_stiffness)
+        squares, phi = scipy.linalg.eigh(stiffness, mass)
+        damping_matrix = _all_sectors(np.zeros_like(s.mass), s.damping)
+        damping = np.einsum("ik,ik->k", phi, damping_matrix @ phi)
 
-        mass = all_sectors(s.mass, s.disk_mass)
-        squares, phi = scipy.linalg.eigh(all_sectors(s.stiffness, s.disk_stiffness), mass)
-        damping = np.einsum("ik,ik->k", phi, all_sectors(0.0, s.damping) @ phi)
-        self.system, self.modes = system, np.zeros((N, size, N * size))
+        # the unknowns are the coordinates of these modes, then those of all dampers
+        self.system = system
+        self.modes = np.zeros((N, size, N * size))
         self.modes[:, :n, : N * n] = phi.reshape(N, n, -1)
-        self.modes[:, n:, N * n :] = np.eye(N * nd).reshape(N, nd, -1)
+        self.modes[:, n:, N * n :] = np.eye(N * s.n_damper).reshape(N, s.n_damper, -1)
         self.inverse = self.modes.copy()
         self.inverse[:, :n, : N * n] = (mass @ phi).reshape(N, n, -1)
+
         motion = np.stack([s.motion(x) for x in self.modes.transpose(2, 0, 1)], axis=-1)
         basis = HarmonicBasis(
-            (), np.append(squares, np.tile(s.damper_stiffness, N)), np.zeros(N * size), motion.reshape(-1, 3, N * size), 0,
-            np.append(np.ones(N * n), s.damper_mass), np.append(damping, np.tile(s.damper_damping, N)),
-        )  # fmt: skip
+            coordinates=(),
+            omega2=np.append(squares, np.tile(s.damper_stiffness, N)),
+            damping_ratio=np.zeros(N * size),
+            G=motion.reshape(-1, 3, N * size),
+            nodal_diameter=0,
+            mass=np.append(np.ones(N * n), s.damper_mass),
+            drag=np.append(damping, np.tile(s.damper_damping, N)),
+        )
         rows = np.einsum("i,bik->bk", scene.response_row, self.modes[:, :n])
         force = self._projected(scene.force, self.modes)
-        one = Sector(
-            [basis] * (n_coef // 2 + 1), scene.points, force, [rows[blade]] * (n_coef // 2 + 1)
-        )
+        n_harmonics = n_coef // 2 + 1
+        one = Sector([basis] * n_harmonics, scene.points, force, [rows[blade]] * n_harmonics)
         self.ring = Ring(one.equations, 1, 0, rows=np.hstack([rows, np.zeros_like(rows)]))
 
     def _projected(self, u: NDArray, rows: NDArray) -> NDArray:
         """Return unknowns from unknowns of the disk and rows (n_blades, n_sector, n_modes)."""
-        return np.asarray(
-            np.tensordot(self.system.structure.array(u).transpose(1, 0, 2), rows, 2).ravel()
-        )
+        by_coefficient = self.system.structure.array(u).transpose(1, 0, 2)
+        return np.asarray(np.tensordot(by_coefficient, rows, 2).ravel())
 
     def start(self, u: NDArray) -> NDArray:
         """Return the unknowns of this structure for unknowns ``u`` of the bladed disk."""
         return self._projected(u, self.inverse)
+
+
+def _all_sectors(of_blade: NDArray, waves: NDArray) -> NDArray:
+    """Return the matrix of all blades (N n, N n).
+
+    ``of_blade`` (N, n, n) are the matrices of the blades, or (n, n) if they are equal; ``waves``
+    (N, r, r) couples the last r coordinates of all blades in each travelling wave.
+    """
+    N = len(waves)
+    n = of_blade.shape[-1]
+    first = n - waves.shape[1]
+    sectors = np.arange(N)
+    distance = (sectors[:, None] - sectors) % N
+    # the coupling of two sectors depends on their distance alone
+    coupling = np.fft.ifft(waves, axis=0).real[distance]
+    matrix = np.zeros((N, n, N, n))
+    matrix[:, first:, :, first:] = coupling.transpose(0, 2, 1, 3)
+    matrix[sectors, :, sectors] += of_blade
+    return matrix.reshape(N * n, N * n)
 
 
 @validation.check_arguments
@@ -283,70 +313,93 @@ def time_response(
         If the disk has more than thirteen blades, or the peak was not found or belongs to another
         disk.
     """
-    watch, system = CostMeter(), disk.system(validation.instance("peak", peak, DiskPeak).preload)
+    meter = CostMeter()
+    peak = validation.instance("peak", peak, DiskPeak)
+    system = disk.system(peak.preload)
     # the time of a period grows with the third power of the number of blades
     # (docs/evidence/measured.md, "Peaks of mistuned disks")
     most_blades = 13
     if disk.n_blades > most_blades:
         raise SettingError(
-            f"time_response: a bladed disk may have at most {most_blades} blades, found {disk.n_blades}; {most_blades} "
-            f"take some five minutes of processor time, which grows with the third power of their number"
+            f"time_response: a bladed disk may have at most {most_blades} blades, found "
+            f"{disk.n_blades}; {most_blades} take some five minutes of processor time, which grows "
+            "with the third power of their number"
         )
     if not np.isfinite(peak.amplitude):
         raise SettingError(
             f"time_response: needs a peak that was found, this one is {peak.status!r}"
         )
-    settings, model_hash = disk.record()["settings"], disk.study.model.hash
-    if (peak.unknowns.shape, peak.model_hash, peak.settings) != (
-        system.structure.shape,
-        model_hash,
-        settings,
-    ):
+    settings = disk.record()["settings"]
+    model_hash = disk.study.model.hash
+    is_of_disk = (
+        peak.unknowns.shape == system.structure.shape
+        and peak.model_hash == model_hash
+        and peak.settings == settings
+    )
+    if not is_of_disk:
         raise SettingError(
-            "time_response: expected a peak of this bladed disk, found a peak of another bladed disk"
+            "time_response: expected a peak of this bladed disk, found a peak of another bladed "
+            "disk"
         )
+    steps = STEPS if steps_per_period is None else steps_per_period
+    not_found = TimeResponse(
+        mean=np.nan,
+        lowest=np.nan,
+        highest=np.nan,
+        frequency=peak.frequency,
+        preload=peak.preload,
+        balance=peak.amplitude,
+        settings=settings,
+        model_hash=model_hash,
+        blade=peak.blade,
+        blades=np.full((1, disk.n_blades), np.nan),
+    )
+
     one = OneStructure(system, peak.blade)
-    steps, window = STEPS if steps_per_period is None else steps_per_period, 2 * CRITERIA.window
-    none = TimeResponse(
-        *(np.nan,) * 3, peak.frequency, peak.preload, peak.amplitude, settings=settings, model_hash=model_hash,
-        blade=peak.blade, blades=np.full((1, disk.n_blades), np.nan),
-    )  # fmt: skip
+    ring = one.ring
+    omega = tau * peak.frequency
+    start = one.start(system.structure.flat(peak.unknowns))
+    window = 2 * CRITERIA.window
     try:
-        start, omega = one.start(system.structure.flat(peak.unknowns)), tau * peak.frequency
-        coarse = steady = settle(Transient(one.ring, omega, start, steps), peak.amplitude)
-        periods = len(steady.transient.harmonics)
-        if steady.stays:
-            motion = steady.transient.motion._replace(a=None)
-            steady = settle(Transient(one.ring, omega, motion, 2 * steps), peak.amplitude)
+        coarse = settle(Transient(ring, omega, start, steps), peak.amplitude)
+        steady = coarse
+        periods = len(coarse.transient.harmonics)
+        # a steady motion is integrated again with half the time step
+        if coarse.stays:
+            motion = coarse.transient.motion._replace(a=None)
+            steady = settle(Transient(ring, omega, motion, 2 * steps), peak.amplitude)
             periods += len(steady.transient.harmonics)
-        if (
-            not steady.stays
-        ):  # the integration stops when the motion falls: continue to its final amplitude
+        # the integration stops when the motion falls: continue to its final amplitude
+        if not steady.stays:
             steady.transient.advance(window)
             periods += window
     except IntegrationFailed as error:
-        return replace(none, status=with_reason(NOT_FOUND, error), cost=watch.read(one.ring.cost))
+        return replace(not_found, status=with_reason(NOT_FOUND, error), cost=meter.read(ring.cost))
+
     blades = np.abs(steady.transient.blades[-window:])
     result = replace(
-        none,
+        not_found,
         blade=steady.transient.blade,
         periods=periods,
         blades=blades,
-        cost=watch.read(one.ring.cost),
+        cost=meter.read(ring.cost),
     )
-    if steady.stays:
-        answers = {f"{steps} steps": coarse.mean, f"{2 * steps} steps": steady.mean}
-        lowest, highest, doubt = error_range(answers, (coarse, steady))
-        return replace(
-            result, mean=steady.mean, lowest=lowest, highest=highest, highest_period=float(steady.amplitude.max()),
-            answers=answers, status=with_reason(INCOMPLETE, doubt) if doubt else COMPLETE,
-        )  # fmt: skip
-    in_time, balance = (
-        amount(float(blades[:, result.blade].mean()), "m"),
-        amount(peak.amplitude, "m"),
+    if not steady.stays:
+        in_time = amount(float(blades[:, result.blade].mean()), "m")
+        balance = amount(peak.amplitude, "m")
+        text = f"the highest blade reaches {in_time} in time, {balance} by harmonic balance"
+        return replace(result, status=with_reason(NOT_FOUND, text))
+    answers = {f"{steps} steps": coarse.mean, f"{2 * steps} steps": steady.mean}
+    lowest, highest, doubt = error_range(answers, (coarse, steady))
+    return replace(
+        result,
+        mean=steady.mean,
+        lowest=lowest,
+        highest=highest,
+        highest_period=float(steady.amplitude.max()),
+        answers=answers,
+        status=with_reason(INCOMPLETE, doubt) if doubt else COMPLETE,
     )
-    text = f"the highest blade reaches {in_time} in time, {balance} by harmonic balance"
-    return replace(result, status=with_reason(NOT_FOUND, text))
 
 
 # ---- Bladed disk ----

@@ -18,7 +18,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from contextlib import closing, nullcontext
+from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -67,12 +67,12 @@ def highest_disks(height: NDArray, audit: float) -> NDArray:
     """Return the mask (n_disks, ...) of the fraction ``audit`` of the disks with the highest
     amplitudes in each cell."""
     n = int(np.ceil(audit * len(height) - 1e-9))
-    rank = np.argsort(
-        np.argsort(-np.nan_to_num(height, nan=-np.inf), axis=0, kind="stable"),
-        axis=0,
-        kind="stable",
-    )
-    return np.asarray((rank < n) & np.isfinite(height))
+    known = np.isfinite(height)
+    descending = -np.nan_to_num(height, nan=-np.inf)
+    order = np.argsort(descending, axis=0, kind="stable")
+    # the inverse of the order is the rank of each disk, 0 for the highest
+    rank = np.argsort(order, axis=0, kind="stable")
+    return np.asarray((rank < n) & known)
 
 
 @short_repr
@@ -136,14 +136,21 @@ class Audit(Summarised, Tabular, row="search"):
         return share(len(missed), len(np.setdiff1d(self.disk, undecided)))
 
     def _headline(self) -> str:
-        missed, low, percent, high = self.missed, *(100.0 * part for part in self.share)
+        missed = self.missed
+        n_disks = len(np.unique(self.disk))
+        n_missed = int(missed.sum())
+        n_beyond_error = int((missed & ~self.covered).sum())
+        n_undecided = int(self.undecided.sum())
+        low, percent, high = (100.0 * part for part in self.share)
         numbers = ", ".join(map(str, np.unique(self.disk[missed])))
+        if numbers:
+            numbers = f": {numbers}"
         return (
-            f"Audit of {len(np.unique(self.disk))} bladed disks ({self.kind}), {len(missed)} thorough searches: "
-            f"{int(missed.sum())} higher by more than {100.0 * self.tolerance:g} %, "
-            f"{int((missed & ~self.covered).sum())} of them by more than the error estimate, "
-            f"{int(self.undecided.sum())} undecided; {percent:.3g} % of the disks with a missed peak "
-            f"({low:.3g} to {high:.3g} %){f': {numbers}' if numbers else ''}."
+            f"Audit of {n_disks} bladed disks ({self.kind}), {len(missed)} thorough searches: "
+            f"{n_missed} higher by more than {100.0 * self.tolerance:g} %, "
+            f"{n_beyond_error} of them by more than the error estimate, "
+            f"{n_undecided} undecided; {percent:.3g} % of the disks with a missed peak "
+            f"({low:.3g} to {high:.3g} %){numbers}."
         )
 
 
@@ -262,9 +269,8 @@ class MistunedSample(
     def complete(self) -> bool:
         """Whether the search of every disk, and the thorough search of every audited disk, is
         complete."""
-        return all_complete(self.status) and all(
-            s in (COMPLETE, "not asked") for s in self.curve_status
-        )
+        audits_complete = all(s in (COMPLETE, "not asked") for s in self.curve_status)
+        return all_complete(self.status) and audits_complete
 
     @property
     def amplification(self) -> Numbers:
@@ -285,16 +291,15 @@ class MistunedSample(
         Intervals are distribution-free (:mod:`bdamper.mistuning.statistics`), include the ``error``
         of the amplitudes, and are infinite if the sample is too small.
         """
-        values = getattr(
-            self,
-            validation.choice("quantity", quantity, ("amplification", "amplitude", "frequency")),
-        )
+        names = ("amplification", "amplitude", "frequency")
+        values = getattr(self, validation.choice("quantity", quantity, names))
+        # the error estimates belong to the amplitudes
         error = 0.0 * self.error if quantity == "frequency" else self.error
-        cells = [
-            [percentile(values[:, i, j], q, error[:, i, j]) for j in range(values.shape[2])]
-            for i in range(values.shape[1])
-        ]
-        return np.moveaxis(np.array(cells), -1, 0)
+        _, n_deviations, n_preloads = values.shape
+        intervals = np.zeros((3, n_deviations, n_preloads))
+        for i, j in np.ndindex(n_deviations, n_preloads):
+            intervals[:, i, j] = percentile(values[:, i, j], q, error[:, i, j])
+        return intervals
 
     def tail(
         self,
@@ -316,16 +321,19 @@ class MistunedSample(
         SettingError
             If the sample has no such value.
         """
-        out = []
-        for name, value in (("standard_deviation", standard_deviation), ("preload", preload)):
-            known = getattr(self, name)
-            index = np.flatnonzero(
-                np.isclose(known, known[-1] if value is None else value, rtol=1e-9, atol=0.0)
-            )
-            if not len(index):
-                raise SettingError(f"{name}: expected one of {known.tolist()}, found {value!r}")
-            out.append(int(index[0]))
-        return out[0], out[1]
+        i = self._index("standard_deviation", standard_deviation)
+        j = self._index("preload", preload)
+        return i, j
+
+    def _index(self, name: str, value: float | None) -> int:
+        """Return the index of a value among those of the sample, the last one by default."""
+        values = getattr(self, name)
+        if value is None:
+            value = values[-1]
+        index = np.flatnonzero(np.isclose(values, value, rtol=1e-9, atol=0.0))
+        if not len(index):
+            raise SettingError(f"{name}: expected one of {values.tolist()}, found {value!r}")
+        return int(index[0])
 
     def best_preload(self, q: float = 95.0, standard_deviation: float | None = None) -> BestPreload:
         """Find the preload of the sample with the smallest ``q`` % percentile of the highest blade
@@ -337,52 +345,83 @@ class MistunedSample(
             If no disk has a peak at every preload.
         """
         i, _ = self.cell(standard_deviation, None)
-        height, error = self.amplitude[:, i], self.error[:, i]
+        height = self.amplitude[:, i]
+        error = self.error[:, i]
         complete = np.isfinite(height).all(axis=1)
         n = int(complete.sum())
         if not n:
             raise BdamperError("best preload: no bladed disk has a peak at every preload")
+
+        # the same disks at every preload
+        height_of_complete = np.where(complete[:, None], height, np.nan)
         intervals = [
-            percentile(x, q, e)
-            for x, e in zip(np.where(complete[:, None], height, np.nan).T, error.T)
+            percentile(height_of_complete[:, j], q, error[:, j]) for j in range(len(self.preload))
         ]
-        k = int(np.argmin([interval.value for interval in intervals]))
+        best = int(np.argmin([interval.value for interval in intervals]))
+
+        # preloads that may be the best of each bootstrap sample, for amplitudes within their errors
+        n_bootstrap = 2000
         generator = np.random.default_rng(0)
         bounds = np.stack([height * (1.0 - error), height * (1.0 + error)])[:, complete]
-        n_bootstrap = 2000
-        resamples = (bounds[:, generator.integers(n, size=n)] for _ in range(n_bootstrap))
-        quantiles = (
-            np.quantile(sample, q / 100.0, axis=1, method="median_unbiased") for sample in resamples
-        )
-        best = [self.preload[lower <= upper.min()] for lower, upper in quantiles]
-        low = np.quantile([p.min() for p in best], 0.025, method="nearest")
-        high = np.quantile([p.max() for p in best], 0.975, method="nearest")
-        edge = self.preload[k] in (self.preload.min(), self.preload.max())
-        t = int(np.argmin(np.nan_to_num(self.tuned_amplitude, nan=np.inf)))
+        lowest_best = []
+        highest_best = []
+        for _ in range(n_bootstrap):
+            resample = bounds[:, generator.integers(n, size=n)]
+            lower, upper = np.quantile(resample, q / 100.0, axis=1, method="median_unbiased")
+            possible = self.preload[lower <= upper.min()]
+            lowest_best.append(possible.min())
+            highest_best.append(possible.max())
+        low = np.quantile(lowest_best, 0.025, method="nearest")
+        high = np.quantile(highest_best, 0.975, method="nearest")
+
+        at_end = self.preload[best] in (self.preload.min(), self.preload.max())
+        tuned_best = int(np.argmin(np.nan_to_num(self.tuned_amplitude, nan=np.inf)))
         return BestPreload(
-            q, float(self.standard_deviation[i]), float(self.preload[k]), intervals[k], float(low), float(high),
-            "end" if edge else "interior", float(self.preload[t]), float(self.tuned_amplitude[t]), n,
-        )  # fmt: skip
+            percentile=q,
+            standard_deviation=float(self.standard_deviation[i]),
+            preload=float(self.preload[best]),
+            amplitude=intervals[best],
+            low=float(low),
+            high=float(high),
+            kind="end" if at_end else "interior",
+            tuned_preload=float(self.preload[tuned_best]),
+            tuned_amplitude=float(self.tuned_amplitude[tuned_best]),
+            disks=n,
+        )
 
     def audit(self, tail: bool = False, tolerance: float = 0.01) -> Audit:
-        """Compare with the thorough search: the disks drawn before any result, or the highest of
-        each cell if ``tail``."""
-        chosen = np.broadcast_to(
-            np.isin(self.disks, self.audited)[:, None, None], self.amplitude.shape
-        )
-        chosen = highest_disks(self.amplitude, self.audit_share) if tail else chosen
-        status = [
-            s if status_word(s) == FAILED else c for s, c in zip(self.status, self.curve_status)
-        ]
-        searched = np.array([s != "not asked" and status_word(s) != NOT_RUN for s in status], bool)
+        """Compare with the thorough search of some disks.
+
+        These are the disks drawn before any result or, with ``tail``, the highest of each cell.
+        """
+        if tail:
+            kind = "highest disks"
+            chosen = highest_disks(self.amplitude, self.audit_share)
+        else:
+            kind = "drawn before any result"
+            drawn = np.isin(self.disks, self.audited)
+            chosen = np.broadcast_to(drawn[:, None, None], self.amplitude.shape)
+
+        # a failure of the first search counts before the result of the thorough search
+        status = []
+        searched = np.zeros(len(self.status), bool)
+        for n, (first, thorough) in enumerate(zip(self.status, self.curve_status)):
+            status.append(first if status_word(first) == FAILED else thorough)
+            searched[n] = status[n] != "not asked" and status_word(status[n]) != NOT_RUN
+
         flat = np.flatnonzero(chosen.ravel() & searched)
         i, j, k = np.unravel_index(flat, chosen.shape)
-        kind = "highest disks" if tail else "drawn before any result"
         return Audit(
-            kind, self.disks[i], self.standard_deviation[j], self.preload[k], self.amplitude.ravel()[flat],
-            self.curve_amplitude.ravel()[flat], self.error.ravel()[flat],
-            validation.number("tolerance", tolerance, above=0.0), tuple(status[n] for n in flat),
-        )  # fmt: skip
+            kind=kind,
+            disk=self.disks[i],
+            standard_deviation=self.standard_deviation[j],
+            preload=self.preload[k],
+            search=self.amplitude.ravel()[flat],
+            thorough=self.curve_amplitude.ravel()[flat],
+            error=self.error.ravel()[flat],
+            tolerance=validation.number("tolerance", tolerance, above=0.0),
+            status=tuple(status[n] for n in flat),
+        )
 
     def plot_tail(self, path: FilePath | None = None, **options: Any) -> Any:
         """Draw the distribution of one cell with its tail
@@ -397,43 +436,48 @@ class MistunedSample(
         }
 
     def _facts(self) -> tuple[Fact, ...]:
-        """Return the number of disks, the amplification factors of every cell, and the results of
-        the audits."""
-        middle, upper = self.percentile(50.0)[1], self.percentile(95.0)
-        cells = [
-            Fact(f"factor at {100.0 * d:g} %, {p:g} N", f"median {middle[i, j]:.4g}, 95 % {Interval(*upper[:, i, j])}")
-            for i, d in enumerate(self.standard_deviation) for j, p in enumerate(self.preload)
-        ]  # fmt: skip
-        spent = float(np.nansum(self.processor)), float(np.nansum(self.curve_processor))
+        """Return the number of disks, the factors of every cell, and the results of the audits."""
+        _, middle, _ = self.percentile(50.0)
+        upper = self.percentile(95.0)
+        cells = []
+        for i, deviation in enumerate(self.standard_deviation):
+            for j, preload in enumerate(self.preload):
+                name = f"factor at {100.0 * deviation:g} %, {preload:g} N"
+                high = Interval(*upper[:, i, j])
+                cells.append(Fact(name, f"median {middle[i, j]:.4g}, 95 % {high}"))
+        audits = []
+        for audit in (self.audit(), self.audit(tail=True)):
+            missed = f"{audit.missed.sum()} of {len(audit.disk)}"
+            audits.append(Fact(f"missed, {audit.kind}", missed))
+        of_peaks = float(np.nansum(self.processor))
+        of_audit = float(np.nansum(self.curve_processor))
         return (
             Fact("disks", f"{len(self)} of {self.n_blades} blades"),
             Fact("without a peak", sum(status_word(s) == FAILED for s in self.status)),
             Fact("held", int((self.springs > 0.0).sum())),
             *cells,
-            *(
-                Fact(f"missed, {a.kind}", f"{a.missed.sum()} of {len(a.disk)}")
-                for a in map(self.audit, (False, True))
-            ),
-            Fact("processor", f"{spent[0]:.0f} s, {spent[1]:.0f} s for the audit"),
+            *audits,
+            Fact("processor", f"{of_peaks:.0f} s, {of_audit:.0f} s for the audit"),
         )
 
     def _headline(self) -> str:
-        middle, upper = (self.percentile(q)[:, -1, -1] for q in (50.0, 95.0))
-        spread, load = (
-            f"{100.0 * float(self.standard_deviation[-1]):.3g} %",
-            amount(self.preload[-1], "N"),
-        )
-        if not np.isfinite(middle[1]):
-            return f"Mistuning with a standard deviation of {spread}: too few peaks of {len(self)} disks known at {load}."
-        bounded = np.isfinite(upper).all()
-        ends = (
-            f" ({upper[0]:.3g} to {upper[2]:.3g})"
-            if bounded
-            else " (too few disks for an upper bound)"
-        )
+        # the last cell: largest standard deviation and preload
+        _, median, _ = self.percentile(50.0)[:, -1, -1]
+        low, upper, high = self.percentile(95.0)[:, -1, -1]
+        spread = f"{100.0 * float(self.standard_deviation[-1]):.3g} %"
+        load = amount(self.preload[-1], "N")
+        if not np.isfinite(median):
+            return (
+                f"Mistuning with a standard deviation of {spread}: too few peaks of {len(self)} "
+                f"disks known at {load}."
+            )
+        ends = " (too few disks for an upper bound)"
+        if np.isfinite([low, upper, high]).all():
+            ends = f" ({low:.3g} to {high:.3g})"
         return (
-            f"Mistuning with a standard deviation of {spread} raises the highest amplitude by a factor of {middle[1]:.3g} "
-            f"in half of {len(self)} bladed disks and of {upper[1]:.3g}{ends} in one of twenty, at a preload of {load}."
+            f"Mistuning with a standard deviation of {spread} raises the highest amplitude by a "
+            f"factor of {median:.3g} in half of {len(self)} bladed disks and of {upper:.3g}{ends} "
+            f"in one of twenty, at a preload of {load}."
         )
 
 
@@ -470,13 +514,13 @@ class _Sample:
 
     def draw(self, k: int, standard_deviation: float) -> BladedDisk:
         """Return disk ``k`` with its random blades and dampers."""
-        seed, dampers = (self.random["seed"], k), self.random["dampers"]
+        seed = (self.random["seed"], k)
         disk = self.disk.replace(mistuning=self.mistuning(standard_deviation, seed=seed))
-        return (
-            disk.replace(dampers=DamperVariation.random(disk.n_blades, **dampers, seed=seed))
-            if dampers
-            else disk
-        )
+        spread = self.random["dampers"]
+        if not spread:
+            return disk
+        dampers = DamperVariation.random(disk.n_blades, **spread, seed=seed)
+        return disk.replace(dampers=dampers)
 
     def audits(self, peaks: Records, share: float, drawn: NDArray) -> list[int]:
         """Return the indices of the points to search again: the disks ``drawn`` in advance and the
@@ -487,7 +531,8 @@ class _Sample:
         if any(status_word(status) == NOT_RUN for status in peaks.status):
             return []
         height = numbers_of(peaks.values, "amplitude").reshape(self.shape)
-        chosen = highest_disks(height, share) | np.isin(self.over["disk"], drawn)[:, None, None]
+        is_drawn = np.isin(self.over["disk"], drawn)
+        chosen = highest_disks(height, share) | is_drawn[:, None, None]
         return [int(i) for i in np.flatnonzero(chosen & np.isfinite(height))]
 
     def __call__(self, settings: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -502,28 +547,36 @@ class _Sample:
     def header(self) -> dict[str, Any]:
         """Return the header that identifies the sample in its results file; it does not depend on
         the number of disks."""
+        # more disks may be added, so their numbers do not identify the sample
         over = {name: values for name, values in self.over.items() if name != "disk"}
         return {
-            "format": "bdamper-wheel-sample", "version": 4, **INSTALLED.attributes(),
-            "study": study_fingerprint(problem_of(self.disk.study)), **self.random, **over,
+            "format": "bdamper-wheel-sample",
+            "version": 4,
+            **INSTALLED.attributes(),
+            "study": study_fingerprint(problem_of(self.disk.study)),
+            **self.random,
+            **over,
             "options": repr(self.options),
-        }  # fmt: skip
+        }
 
 
 def thorough(options: DiskPeakOptions) -> DiskPeakOptions:
     """Return the search of the audit: half the spacing, three times as many local searches."""
     return replace(
-        options, spacing=0.5 * options.spacing, climbs=3 * options.climbs, least=2 * options.least, most=2 * options.most
-    )  # fmt: skip
+        options,
+        spacing=0.5 * options.spacing,
+        climbs=3 * options.climbs,
+        least=2 * options.least,
+        most=2 * options.most,
+    )
 
 
 def audit_disks(disks: Sequence[int], share: float, seed: int = 0) -> NDArray:
     """Return the numbers of the audited disks, each drawn independently with a probability before
     any result is known."""
     share = validation.number("audit", share, least=0.0, most=1.0)
-    return np.array(
-        [k for k in disks if np.random.default_rng([seed, k, _AUDIT]).random() < share], int
-    )
+    draws = [np.random.default_rng([seed, k, _AUDIT]).random() for k in disks]
+    return np.array([k for k, draw in zip(disks, draws) if draw < share], int)
 
 
 @validation.check_arguments
@@ -585,63 +638,71 @@ def mistuned_sample(
         If the results file belongs to another sample, or the tuned disk has no peak at a preload.
     """
     disk = BladedDisk(study)
-    deviations = validation.numbers(
-        "standard_deviation", np.atleast_1d(standard_deviation), least=0.0
-    )
+    deviations = np.atleast_1d(standard_deviation)
+    deviations = validation.numbers("standard_deviation", deviations, least=0.0)
     preloads = validation.numbers("preload", np.atleast_1d(preload), least=0.0, unit="N")
-    numbers = validation.integers(
-        "disks", disks if np.ndim(disks) else range(validation.integer("disks", disks, least=1))
-    )
+    if np.ndim(disks) == 0:
+        disks = range(validation.integer("disks", disks, least=1))
+    numbers = validation.integers("disks", disks)
     seed = validation.integer("seed", seed)
-    name = distribution.deviation.tolist() if isinstance(distribution, Mistuning) else distribution
-    varied = dict(
-        validation.instance("dampers", dampers or {}, Mapping, "variations of dampers by name")
+    dampers = validation.instance(
+        "dampers", dampers or {}, Mapping, "variations of dampers by name"
     )
-    drawn = {"distribution": name, "dampers": varied, "seed": seed}
     options = validation.instance("options", options or DiskPeakOptions(), DiskPeakOptions)
     check_executor(executor)
     progress = shows_progress(progress)
+
+    # stored with the result, and part of the header of the results file
+    stored_distribution = distribution
+    if isinstance(distribution, Mistuning):
+        stored_distribution = distribution.deviation.tolist()
+    random = {"distribution": stored_distribution, "dampers": dict(dampers), "seed": seed}
     over = {
         "disk": numbers,
         "standard_deviation": deviations.tolist(),
         "preload": preloads.tolist(),
     }
     mistuning = partial(Mistuning.random, disk.n_blades, distribution=distribution)
-    sample = _Sample(disk, mistuning, drawn, options, over)
-    sample.draw(
-        0, float(deviations.max())
-    )  # refuse invalid deviations, dampers or numbers of modes before the work
+    sample = _Sample(disk, mistuning, random, options, over)
+    # refuse invalid deviations, dampers or numbers of modes before the work
+    sample.draw(0, float(deviations.max()))
     audited = audit_disks(numbers, audit, seed)
-    tuned = [
-        disk.tuned_peak(value) for value in over["preload"]
-    ]  # computed once, then sent to the workers with the disk
-    results = (
-        nullcontext()
-        if resume is None
-        else closing(ResultsFile(resume, sample.header(), "sample of bladed disks"))
-    )
+    # computed once, then sent to the workers with the disk
+    tuned = [disk.tuned_peak(value) for value in over["preload"]]
+
+    results: AbstractContextManager[ResultsFile | None] = nullcontext()
+    if resume is not None:
+        results = closing(ResultsFile(resume, sample.header(), "sample of bladed disks"))
     with results as store:
         run = partial(run_stored, sample, executor=executor, store=store, progress=progress)
-        records = _records(sample, audit, audited, run)
-    return _result(sample, *records, tuned=tuned, audited=audited, audit_share=float(audit))
+        peaks, searched, indices = _records(sample, audit, audited, run)
+    return _result(
+        sample,
+        peaks,
+        searched,
+        indices,
+        tuned=tuned,
+        audited=audited,
+        audit_share=float(audit),
+    )
 
 
 def _records(
     sample: _Sample, audit: float, audited: NDArray, run: Callable[..., Records]
 ) -> tuple[Records, Records, list[int]]:
-    """Return the records of all peaks, those of the thorough searches, and the indices of the
-    latter."""
-    cells = list(itertools.product(*sample.over.values()))
-    points, names = (
-        [dict(zip(sample.over, cell)) for cell in cells],
-        [" ".join(map(str, cell)) for cell in cells],
-    )
+    """Return the records of all peaks and of the thorough searches, and the indices of these."""
+    points = []
+    names = []
+    for cell in itertools.product(*sample.over.values()):
+        points.append(dict(zip(sample.over, cell)))
+        names.append(" ".join(map(str, cell)))
     peaks = run(points.__getitem__, names, what="disks", unit="peak")
+
+    # the thorough search covers the band of the first search
     indices = sample.audits(peaks, audit, audited)
     searches = [points[i] | {"interval": peaks.values["interval"][i]} for i in indices]
-    searched = run(
-        searches.__getitem__, [f"audit {names[i]}" for i in indices], what="audit", unit="search"
-    )
+    search_names = [f"audit {names[i]}" for i in indices]
+    searched = run(searches.__getitem__, search_names, what="audit", unit="search")
     return peaks, searched, indices
 
 
@@ -652,19 +713,24 @@ def _result(
     indices: list[int],
     *,
     tuned: list[Peak],
-    **audit: Any,
+    audited: NDArray,
+    audit_share: float,
 ) -> MistunedSample:
     """Assemble the sample from the records of all searches."""
+    n_points = len(peaks.status)
 
     def of_searched(values: NDArray, missing: float) -> NDArray:
-        out = np.full(len(peaks.status), missing)
+        """Return values of all points, ``missing`` without a thorough search."""
+        out = np.full(n_points, missing)
         out[indices] = values
         return out.reshape(sample.shape)
 
+    curve_status = ["not asked"] * n_points
+    for i, status in zip(indices, searched.status):
+        curve_status[i] = status
     columns: dict[str, Any] = {
         name: numbers_of(peaks.values, name).reshape(sample.shape) for name in OF_PEAKS
     }
-    curve_status = dict(zip(indices, searched.status))
     disks, deviations, preloads = map(np.array, sample.over.values())
     return MistunedSample(
         n_blades=sample.disk.n_blades,
@@ -672,11 +738,12 @@ def _result(
         standard_deviation=deviations,
         preload=preloads,
         **columns,
-        **audit,
+        audited=audited,
+        audit_share=audit_share,
         tuned_amplitude=np.array([p.amplitude for p in tuned]),
         status=peaks.status,
         curve_amplitude=of_searched(numbers_of(searched.values, "amplitude"), np.nan),
-        curve_status=tuple(curve_status.get(i, "not asked") for i in range(len(peaks.status))),
+        curve_status=tuple(curve_status),
         processor=numbers_of(peaks.cost, "processor").reshape(sample.shape),
         curve_processor=of_searched(numbers_of(searched.cost, "processor"), 0.0),
         drawn=dict(sample.random),
