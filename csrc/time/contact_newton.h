@@ -24,35 +24,43 @@
 
 /* ---- M = (I + T)^-1 of each sector ---- */
 
-/* Compute M = (I + V' D V)^-1 of a sector, by Gauss and Jordan with row exchanges on
- * the transposed matrix. */
-static void invert_sector(bd_time *t, const bd_time_patterns *patterns, size_t k) {
+BD_INLINE void exchange(double *a, double *b) {
+    const double x = *a;
+    *a = *b;
+    *b = x;
+}
+
+/* A (r, r) = (I + V' D V)' of a sector. */
+static void fill_sector_matrix(const bd_time *t, const bd_time_patterns *patterns, size_t k,
+                               double *A) {
     const size_t r = (size_t)patterns->rank, s = t->stride;
-    double *A = t->work, *M = t->preconditioner + k * r * r;
-    int pivot[BD_TIME_MAX_RANK];
+    const double *V = patterns->pattern_transposed; /* (3, s, r) */
     memset(A, 0, sizeof(double) * r * r);
     for (size_t i = 0; i < r; ++i) A[i * r + i] = 1.0;
     for (size_t p = 0; p < (size_t)t->n_point; ++p) {
         const double *D = t->tangent + 9 * s * k + p;
+        const double *V0 = V + p * r, *V1 = V0 + s * r, *V2 = V1 + s * r;
         for (size_t d = 0; d < 3; ++d) {
             const double a = D[3 * d * s], b = D[(3 * d + 1) * s], c = D[(3 * d + 2) * s];
             if (a == 0.0 && b == 0.0 && c == 0.0) continue;
-            const double *V0 = patterns->pattern_transposed + p * r, *V1 = V0 + s * r,
-                         *V2 = V1 + s * r,
-                         *row_pattern = patterns->pattern_transposed + (d * s + p) * r;
+            const double *row_pattern = V + (d * s + p) * r;
             for (size_t j = 0; j < r; ++j)
                 add(r, a * V0[j] + b * V1[j] + c * V2[j], row_pattern, A + j * r);
         }
     }
+}
+
+/* Replace A (r, r) by its inverse, by Gauss and Jordan with row exchanges. */
+static void invert_matrix(size_t r, double *A) {
+    size_t pivot[BD_TIME_MAX_RANK];
     for (size_t c = 0; c < r; ++c) {
         size_t best = c;
         for (size_t i = c + 1; i < r; ++i)
             if (fabs(A[i * r + c]) > fabs(A[best * r + c])) best = i;
-        pivot[c] = (int)best;
-        for (size_t j = 0; best != c && j < r; ++j) {
-            const double x = A[c * r + j];
-            A[c * r + j] = A[best * r + j], A[best * r + j] = x;
-        }
+        pivot[c] = best;
+        if (best != c)
+            for (size_t j = 0; j < r; ++j) exchange(A + c * r + j, A + best * r + j);
+
         const double inverse = 1.0 / A[c * r + c];
         A[c * r + c] = 1.0;
         for (size_t j = 0; j < r; ++j) A[c * r + j] *= inverse;
@@ -63,32 +71,27 @@ static void invert_sector(bd_time *t, const bd_time_patterns *patterns, size_t k
             add(r, -x, A + c * r, A + i * r);
         }
     }
-    for (size_t c = r; c-- > 0;)
-        for (size_t i = 0; (size_t)pivot[c] != c && i < r; ++i) {
-            const double x = A[i * r + c];
-            A[i * r + c] = A[i * r + (size_t)pivot[c]], A[i * r + (size_t)pivot[c]] = x;
-        }
+    /* exchanged rows are exchanged columns of the inverse */
+    for (size_t c = r; c-- > 0;) {
+        if (pivot[c] == c) continue;
+        for (size_t i = 0; i < r; ++i) exchange(A + i * r + c, A + i * r + pivot[c]);
+    }
+}
+
+/* Compute M = (I + V' D V)^-1 of a sector from the transposed matrix. */
+static void invert_sector(bd_time *t, const bd_time_patterns *patterns, size_t k) {
+    const size_t r = (size_t)patterns->rank;
+    double *A = t->work, *M = t->preconditioner + k * r * r;
+    fill_sector_matrix(t, patterns, k, A);
+    invert_matrix(r, A);
     for (size_t i = 0; i < r; i += 8)
         for (size_t j = 0; j < r; ++j, M += 8) memcpy(M, A + j * r + i, 8 * sizeof *M);
     t->outdated[k] = 0;
 }
 
-/* Update M of a sector after a change (3) of one row of D of a point. */
-static void update_inverse(bd_time *t, const bd_time_patterns *patterns, size_t k, size_t row,
-                           const double *change) {
-    const size_t r = (size_t)patterns->rank, p = row % t->stride;
-    const double *v = patterns->pattern_transposed + row * r;
-    double *M = t->preconditioner + k * r * r, a[BD_TIME_MAX_RANK], b[BD_TIME_MAX_RANK],
-           u[BD_TIME_MAX_RANK] = {0.0};
-    for (size_t d = 0; d < 3; ++d)
-        if (change[d] != 0.0)
-            add(r, change[d], patterns->pattern_transposed + (d * t->stride + p) * r, u);
-    multiply_blocks(r, M, v, a);
-    const double below = 1.0 + dot(r, u, a);
-    if (!(fabs(below) > BD_TIME_SINGULAR)) {
-        t->outdated[k] = 1;
-        return;
-    }
+/* b = -M' u/below, with M in blocks of 8 rows. */
+static void multiply_blocks_transposed(size_t r, const double *M, const double *u, double below,
+                                       double *b) {
     for (size_t j = 0; j < r; ++j) {
         const double *m = M + 8 * j;
         bd_vec sum = bd_all(0.0);
@@ -96,36 +99,64 @@ static void update_inverse(bd_time *t, const bd_time_patterns *patterns, size_t 
             for (size_t l = 0; l < 8; l += BD_WIDTH) sum += bd_load(u + i + l) * bd_load(m + l);
         b[j] = -total(sum) / below;
     }
+}
+
+/* Update M of a sector after a change (3) of one row of D of a point, by the formula of Sherman and
+ * Morrison: T changes by v u', hence M by -(M v) (M' u)'/(1 + u' M v). */
+static void update_inverse(bd_time *t, const bd_time_patterns *patterns, size_t k, size_t row,
+                           const double *change) {
+    const size_t r = (size_t)patterns->rank, p = row % t->stride;
+    const double *V = patterns->pattern_transposed, *v = V + row * r;
+    double *M = t->preconditioner + k * r * r;
+    double a[BD_TIME_MAX_RANK], b[BD_TIME_MAX_RANK], u[BD_TIME_MAX_RANK] = {0.0};
+    for (size_t d = 0; d < 3; ++d)
+        if (change[d] != 0.0) add(r, change[d], V + (d * t->stride + p) * r, u);
+    multiply_blocks(r, M, v, a);
+    const double below = 1.0 + dot(r, u, a);
+    if (!(fabs(below) > BD_TIME_SINGULAR)) {
+        t->outdated[k] = 1;
+        return;
+    }
+    multiply_blocks_transposed(r, M, u, below, b);
     for (size_t i = 0; i < r; i += 8)
         for (size_t j = 0; j < r; ++j, M += 8) add(8, b[j], a + i, M);
 }
 
-/* Update the derivatives of points to their present states; changes below a
+/* Update the derivatives of one point to its present state; changes below a
  * twentieth are ignored. */
+static void update_point(bd_time *t, const bd_time_patterns *patterns, size_t k, size_t p,
+                         const double *motion, const double *slider) {
+    static const double IGNORED = 0.05;
+    const size_t s = t->stride;
+    double D[9], *known = t->tangent + 9 * s * k + p;
+    double change = 0.0, largest = 0.0;
+    contact_tangent(t, k, p, motion, slider, D);
+    for (size_t j = 0; j < 9; ++j) {
+        change = larger(fabs(D[j] - known[j * s]), change);
+        largest = larger(fabs(known[j * s]), largest);
+    }
+    if (!(change > IGNORED * largest)) return;
+
+    for (size_t d = 0; d < 3; ++d) {
+        double by[3]; /* change of row d */
+        for (size_t e = 0; e < 3; ++e) {
+            double *entry = known + (3 * d + e) * s;
+            by[e] = D[3 * d + e] - *entry;
+            *entry = D[3 * d + e];
+        }
+        const int differs = by[0] != 0.0 || by[1] != 0.0 || by[2] != 0.0;
+        if (differs && !t->outdated[k]) update_inverse(t, patterns, k, d * s + p, by);
+    }
+}
+
+/* Update the points from p on that differ from their stored state. */
 BD_NOT_INLINE void update_points(bd_time *t, const bd_time_patterns *patterns, size_t k, size_t p,
                                  const bd_vec *x, const double *w, bd_mask differs) {
-    const size_t s = t->stride;
     for (size_t i = 0; i < BD_WIDTH && p + i < (size_t)t->n_point; ++i) {
         if (!bd_entry_int(differs, i)) continue;
-        const double at[3] = {bd_entry(x[0], i), bd_entry(x[1], i), bd_entry(x[2], i)},
-                     before[2] = {w[i], w[s + i]};
-        double D[9], *known = t->tangent + 9 * s * k + p + i, change = 0.0, largest = 0.0;
-        contact_tangent(t, k, p + i, at, before, D);
-        for (size_t j = 0; j < 9; ++j) {
-            change = larger(fabs(D[j] - known[j * s]), change);
-            largest = larger(fabs(known[j * s]), largest);
-        }
-        if (!(change > 0.05 * largest)) continue;
-        for (size_t d = 0; d < 3; ++d) {
-            double by[3];
-            for (size_t e = 0; e < 3; ++e) {
-                double *of = known + (3 * d + e) * s;
-                by[e] = D[3 * d + e] - *of;
-                *of = D[3 * d + e];
-            }
-            if ((by[0] != 0.0 || by[1] != 0.0 || by[2] != 0.0) && !t->outdated[k])
-                update_inverse(t, patterns, k, d * s + p + i, by);
-        }
+        const double motion[3] = {bd_entry(x[0], i), bd_entry(x[1], i), bd_entry(x[2], i)};
+        const double slider[2] = {w[i], w[t->stride + i]};
+        update_point(t, patterns, k, p + i, motion, slider);
     }
 }
 
@@ -139,9 +170,11 @@ static void update_states(bd_time *t, const bd_time_patterns *patterns, const do
             double *known = t->contact_state + s * k + p;
             bd_vec now[3];
             for (size_t d = 0; d < 3; ++d) now[d] = bd_load(x + k * t->rows + d * s + p);
+
+            /* the derivatives of slip in the plane change with its direction */
             const bd_vec state = contact_state_of(t, &at, now, w);
-            const bd_mask differs =
-                bd_differ(state, bd_load(known)) | bd_at_least(state, bd_all(SLIDES_IN_PLANE));
+            const bd_mask is_new = bd_differ(state, bd_load(known));
+            const bd_mask differs = is_new | bd_at_least(state, bd_all(SLIDES_IN_PLANE));
             bd_store(known, state);
             if (bd_any(differs)) update_points(t, patterns, k, p, now, w, differs);
         }
@@ -162,29 +195,42 @@ BD_INLINE void precondition(const bd_time *t, size_t r, const double *in, double
         multiply_blocks(r, t->preconditioner + k * r * r, in + k * r, out + k * r);
 }
 
+/* Next Krylov vector M (I + T C) now, before it is made orthogonal; compliant = C now. */
+static void next_vector(bd_time *t, const bd_time_patterns *patterns, double *now,
+                        double *compliant, double *next) {
+    const size_t r = (size_t)patterns->rank, n = r * (size_t)t->n_sector;
+    double *difference = t->pattern_correction;
+    compliance_times(t, patterns, now, compliant);
+    for (size_t i = 0; i < n; ++i) difference[i] = compliant[i] - now[i];
+    precondition(t, r, difference, next);
+    for (size_t i = 0; i < n; ++i) next[i] = compliant[i] - next[i];
+}
+
 /* Solve (I + T C) change = residual to a tenth by GMRES; pattern_motion = C change. */
 static void solve_correction(bd_time *t, const bd_time_patterns *patterns) {
     enum { M = BD_TIME_VECTORS };
     const size_t r = (size_t)patterns->rank, n = r * (size_t)t->n_sector;
-    double H[M + 1][M], c[M], s[M], g[M + 1];
-    double *v = t->krylov;
+    double H[M + 1][M]; /* triangular after rotations (c, s) */
+    double c[M], s[M];
+    double g[M + 1]; /* rotated right side; the last entry is the residual */
+    double *v = t->krylov, *compliant = t->krylov_motion;
     precondition(t, r, t->residual, v);
     const double size = sqrt(dot(n, v, v));
-    for (size_t i = 0; size > 0.0 && i < n; ++i) v[i] /= size;
+    if (size > 0.0)
+        for (size_t i = 0; i < n; ++i) v[i] /= size;
     g[0] = size;
     int m = 0;
     while (m < M && fabs(g[m]) > BD_TIME_LINEAR_TOLERANCE * size) {
-        double *now = v + (size_t)m * n, *next = now + n,
-               *compliant = t->krylov_motion + (size_t)m * n;
-        compliance_times(t, patterns, now, compliant);
-        for (size_t i = 0; i < n; ++i) t->pattern_correction[i] = compliant[i] - now[i];
-        precondition(t, r, t->pattern_correction, next);
-        for (size_t i = 0; i < n; ++i) next[i] = compliant[i] - next[i];
+        double *now = v + (size_t)m * n, *next = now + n;
+        next_vector(t, patterns, now, compliant + (size_t)m * n, next);
         for (int i = 0; i <= m; ++i) {
-            H[i][m] = dot(n, v + (size_t)i * n, next);
-            add(n, -H[i][m], v + (size_t)i * n, next);
+            const double *earlier = v + (size_t)i * n;
+            H[i][m] = dot(n, earlier, next);
+            add(n, -H[i][m], earlier, next);
         }
         const double length = sqrt(dot(n, next, next));
+
+        /* earlier rotations, then a new one that removes `length` below the diagonal */
         for (int i = 0; i < m; ++i) {
             const double x = H[i][m];
             H[i][m] = c[i] * x + s[i] * H[i + 1][m];
@@ -192,30 +238,31 @@ static void solve_correction(bd_time *t, const bd_time_patterns *patterns) {
         }
         const double norm = sqrt(H[m][m] * H[m][m] + length * length);
         if (!(norm > 0.0)) break;
-        c[m] = H[m][m] / norm, s[m] = length / norm;
+        c[m] = H[m][m] / norm;
+        s[m] = length / norm;
         H[m][m] = norm;
         g[m + 1] = -s[m] * g[m];
         g[m] *= c[m];
         ++m;
-        if (!(length > 1e-14 * norm)) break;
+        if (!(length > 1e-14 * norm)) break; /* the solution is exact */
         for (size_t i = 0; i < n; ++i) next[i] /= length;
     }
+
     memset(t->pattern_correction, 0, sizeof(double) * n);
     memset(t->pattern_motion, 0, sizeof(double) * n);
     for (int i = m - 1; i >= 0; --i) {
         for (int j = i + 1; j < m; ++j) g[i] -= H[i][j] * g[j];
         g[i] /= H[i][i];
         add(n, g[i], v + (size_t)i * n, t->pattern_correction);
-        add(n, g[i], t->krylov_motion + (size_t)i * n, t->pattern_motion);
+        add(n, g[i], compliant + (size_t)i * n, t->pattern_motion);
     }
 }
 
 /* Forces at the motion x, and the residual of the patterns; return its norm. */
 static double pattern_residual(bd_time *t, const bd_time_patterns *patterns) {
-    const size_t n = (size_t)patterns->rank * (size_t)t->n_sector;
+    const size_t r = (size_t)patterns->rank, sectors = (size_t)t->n_sector, n = r * sectors;
     all_contact_forces(t, t->motion, t->point_force);
-    multiply((size_t)t->n_sector, (size_t)patterns->rank, t->rows, t->point_force,
-             patterns->pattern_transposed, t->residual);
+    multiply(sectors, r, t->rows, t->point_force, patterns->pattern_transposed, t->residual);
     add(n, -1.0, t->pattern_force, t->residual);
     ++t->effort.n_evaluation;
     return sqrt(dot(n, t->residual, t->residual));
@@ -223,72 +270,94 @@ static double pattern_residual(bd_time *t, const bd_time_patterns *patterns) {
 
 /* Apply a fraction of the correction (negative: undo) and return the norm of the residual. */
 static double apply_correction(bd_time *t, const bd_time_patterns *patterns, double share) {
-    add(t->rows * (size_t)t->n_sector, -share, t->correction_motion, t->motion);
-    add((size_t)patterns->rank * (size_t)t->n_sector, share, t->pattern_correction,
-        t->pattern_force);
+    const size_t sectors = (size_t)t->n_sector, n = (size_t)patterns->rank * sectors;
+    add(t->rows * sectors, -share, t->correction_motion, t->motion);
+    add(n, share, t->pattern_correction, t->pattern_force);
     return pattern_residual(t, patterns);
 }
 
 /* Apply the correction with the best of four lengths; return the norm of the residual. */
 static double search_length(bd_time *t, const bd_time_patterns *patterns, double size) {
-    double best = 1.0, gone = 1.0, least = apply_correction(t, patterns, 1.0);
+    double least = apply_correction(t, patterns, 1.0), best = 1.0;
     if (least < size) return least;
+    double applied = 1.0;
     for (double share = 0.5; share > 0.1; share *= 0.5) {
-        const double here = apply_correction(t, patterns, share - gone);
-        gone = share;
-        if (here < least) best = share, least = here;
+        const double here = apply_correction(t, patterns, share - applied);
+        applied = share;
+        if (here < least) {
+            best = share;
+            least = here;
+        }
         if (here < size) break;
     }
-    return best == gone ? least : apply_correction(t, patterns, best - gone);
+    if (best == applied) return least;
+    return apply_correction(t, patterns, best - applied);
+}
+
+/* predicted_force = D (x* - x), with the derivatives of the last step. */
+static void predict_forces(bd_time *t) {
+    const size_t s = t->stride;
+    for (size_t k = 0; k < (size_t)t->n_sector; ++k) {
+        for (size_t p = 0; p < s; p += BD_WIDTH) {
+            bd_vec by[3];
+            for (size_t d = 0; d < 3; ++d) {
+                const size_t at = k * t->rows + d * s + p;
+                by[d] = bd_load(t->free_motion + at) - bd_load(t->motion + at);
+            }
+            for (size_t d = 0; d < 3; ++d) {
+                const double *D = t->tangent + (9 * k + 3 * d) * s + p;
+                bd_store(t->predicted_force + k * t->rows + d * s + p,
+                         bd_load(D) * by[0] + bd_load(D + s) * by[1] + bd_load(D + 2 * s) * by[2]);
+            }
+        }
+    }
+}
+
+/* Solve for a correction and find its motion at the points. */
+static void find_correction(bd_time *t, const bd_time_patterns *patterns) {
+    solve_correction(t, patterns);
+    multiply((size_t)t->n_sector, t->rows, (size_t)patterns->rank, t->pattern_motion,
+             patterns->pattern, t->correction_motion);
 }
 
 /* Find the contact forces at the end of a step, from the motion x* without them in free_motion.
  * Results are the motion and the forces. Return 0 if they were not found. */
 static int solve_contact(bd_time *t, const bd_time_patterns *patterns, double tolerance,
                          int predict) {
-    const size_t r = (size_t)patterns->rank, sectors = (size_t)t->n_sector, n = r * sectors,
-                 rows = t->rows, s = t->stride;
+    const size_t r = (size_t)patterns->rank, sectors = (size_t)t->n_sector, n = r * sectors;
+    const size_t rows = t->rows, n_motion = rows * sectors;
+
+    /* begin with the pattern forces of the last step */
     compliance_times(t, patterns, t->pattern_force, t->pattern_motion);
     multiply(sectors, rows, r, t->pattern_motion, patterns->pattern, t->correction_motion);
-    for (size_t i = 0; i < rows * sectors; ++i) t->free_motion[i] -= t->correction_motion[i];
+    for (size_t i = 0; i < n_motion; ++i) t->free_motion[i] -= t->correction_motion[i];
+
+    /* the first correction follows from the change of the motion */
     if (predict) {
-        for (size_t k = 0; k < sectors; ++k)
-            for (size_t p = 0; p < s; p += BD_WIDTH) {
-                bd_vec by[3];
-                for (size_t d = 0; d < 3; ++d) {
-                    const size_t at = k * rows + d * s + p;
-                    by[d] = bd_load(t->free_motion + at) - bd_load(t->motion + at);
-                }
-                for (size_t d = 0; d < 3; ++d) {
-                    const double *D = t->tangent + (9 * k + 3 * d) * s + p;
-                    bd_store(t->predicted_force + k * rows + d * s + p,
-                             bd_load(D) * by[0] + bd_load(D + s) * by[1] +
-                                 bd_load(D + 2 * s) * by[2]);
-                }
-            }
+        predict_forces(t);
         multiply(sectors, r, rows, t->predicted_force, patterns->pattern_transposed, t->residual);
-        solve_correction(t, patterns);
-        multiply(sectors, rows, r, t->pattern_motion, patterns->pattern, t->correction_motion);
-        memcpy(t->motion, t->free_motion, sizeof(double) * rows * sectors);
+        find_correction(t, patterns);
     } else {
-        memcpy(t->motion, t->free_motion, sizeof(double) * rows * sectors);
-        memset(t->correction_motion, 0, sizeof(double) * rows * sectors);
+        memset(t->correction_motion, 0, sizeof(double) * n_motion);
         memset(t->pattern_correction, 0, sizeof(double) * n);
     }
-    const double before = t->largest_force;
+    memcpy(t->motion, t->free_motion, sizeof(double) * n_motion);
+
+    const double largest_before = t->largest_force;
     double size = apply_correction(t, patterns, 1.0);
     for (int i = 0;; ++i) {
         update_states(t, patterns, t->motion);
         const double force = sqrt(dot(n, t->pattern_force, t->pattern_force));
         t->largest_force = larger(force, t->largest_force);
         const double scale = larger(force, 1e-6 * t->largest_force);
-        if (size <= tolerance * scale || !(size < HUGE_VAL) || i == BD_TIME_MAX_ITERATIONS) {
+        const int is_solved = size <= tolerance * scale;
+        const int is_finite = size < HUGE_VAL;
+        if (is_solved || !is_finite || i == BD_TIME_MAX_ITERATIONS) {
             const int found = force < HUGE_VAL && size <= BD_TIME_UNSOLVED * scale;
-            if (!found) t->largest_force = before;
+            if (!found) t->largest_force = largest_before;
             return found;
         }
-        solve_correction(t, patterns);
-        multiply(sectors, rows, r, t->pattern_motion, patterns->pattern, t->correction_motion);
+        find_correction(t, patterns);
         size = search_length(t, patterns, size);
     }
 }

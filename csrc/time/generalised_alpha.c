@@ -16,12 +16,16 @@
  * solution for the forces g+ in contact_newton.h. */
 #include "time/contact_newton.h"
 
+static void swap(double **a, double **b) {
+    double *first = *a;
+    *a = *b;
+    *b = first;
+}
+
 /* Accept the sliders of the latest contact forces. */
 static void move_sliders(bd_time *t) {
-    double *w = t->slider;
-    t->slider = t->next_slider, t->next_slider = w;
-    double *memory = t->law_memory[0];
-    t->law_memory[0] = t->law_memory[1], t->law_memory[1] = memory;
+    swap(&t->slider, &t->next_slider);
+    swap(&t->law_memory[0], &t->law_memory[1]);
 }
 
 /* Contact forces and modal forces at the end of a step; accepts the sliders. If the forces are not
@@ -55,35 +59,42 @@ static void contact_at_start(bd_time *t) {
 BD_INLINE void find_load(const bd_time *t, double angle, double *e) {
     memset(e, 0, sizeof(double) * t->n_coordinate);
     for (int i = 0; i < t->n_force; ++i) {
-        const double c = cos(t->force_order[i] * angle), s = sin(t->force_order[i] * angle);
-        const double *restrict C = t->excitation + 2 * (size_t)i * t->n_coordinate,
-                               *restrict S = C + t->n_coordinate;
+        const double phase = t->force_order[i] * angle;
+        const double c = cos(phase), s = sin(phase);
+        const double *restrict C = t->excitation + 2 * (size_t)i * t->n_coordinate;
+        const double *restrict S = C + t->n_coordinate;
         for (size_t j = 0; j < t->n_coordinate; ++j) e[j] += c * C[j] + s * S[j];
     }
 }
 
-/* Angle at step k plus a fraction of a step. */
+/* Angle at step k plus a fraction of a step. Whole periods are left out: the angle stays exact. */
 BD_INLINE double angle_of(const bd_time_path *path, long k, double part) {
-    return BD_TWO_PI * ((double)(k % path->steps_per_period) + part) / path->steps_per_period;
+    const long within = k % path->steps_per_period;
+    return BD_TWO_PI * ((double)within + part) / path->steps_per_period;
 }
 
-/* Write the coordinates at step k, and add the response to the harmonics of its period. */
-BD_INLINE void record(const bd_time *t, const bd_time_path *path, long k) {
-    if (path->coordinates)
-        bd_time_unpad(t, t->q, path->coordinates + 2 * (size_t)t->n_total * (size_t)k);
-    const long period = k / path->steps_per_period;
-    if (!path->response_harmonics || period >= path->n_step / path->steps_per_period) return;
-    const double angle = angle_of(path, path->first_step + k, 0.0), c = cos(angle), s = sin(angle);
-    const double *restrict row = t->response_row;
-    double *X = path->response_harmonics +
-                2 * (size_t)period * (size_t)t->n_row * (size_t)(path->n_harm + 1);
-    for (int i = 0; i < t->n_row; ++i, row += t->n_coordinate, X += 2 * (path->n_harm + 1)) {
-        double sums[8] = {0.0}, re = 2.0, im = 0.0;
-        for (size_t j = 0; j < t->n_coordinate; j += 8)
-            for (size_t d = 0; d < 8; ++d) sums[d] += row[j + d] * t->q[j + d];
-        const double x =
-            sums[0] + sums[1] + sums[2] + sums[3] + sums[4] + sums[5] + sums[6] + sums[7];
+/* row . q, in independent sums for instruction-level parallelism; n is a multiple of 8. */
+BD_INLINE double response(size_t n, const double *restrict row, const double *restrict q) {
+    double sums[8] = {0.0};
+    for (size_t j = 0; j < n; j += 8)
+        for (size_t d = 0; d < 8; ++d) sums[d] += row[j + d] * q[j + d];
+    return sums[0] + sums[1] + sums[2] + sums[3] + sums[4] + sums[5] + sums[6] + sums[7];
+}
+
+/* Add the responses at step k to the complex harmonics of its period. */
+BD_INLINE void add_to_harmonics(const bd_time *t, const bd_time_path *path, long k) {
+    const long period = k / path->steps_per_period,
+               n_period = path->n_step / path->steps_per_period;
+    if (period >= n_period) return; /* incomplete at the end */
+
+    const size_t per_row = 2 * ((size_t)path->n_harm + 1), n = t->n_coordinate;
+    const double angle = angle_of(path, path->first_step + k, 0.0);
+    const double c = cos(angle), s = sin(angle);
+    double *X = path->response_harmonics + (size_t)period * (size_t)t->n_row * per_row;
+    for (size_t i = 0; i < (size_t)t->n_row; ++i, X += per_row) {
+        const double x = response(n, t->response_row + i * n, t->q);
         const double part = x / path->steps_per_period;
+        double re = 2.0, im = 0.0; /* 2 exp(i l theta) */
         X[0] += part;
         for (int l = 1; l <= path->n_harm; ++l) {
             const double next_re = re * c - im * s;
@@ -95,30 +106,43 @@ BD_INLINE void record(const bd_time *t, const bd_time_path *path, long k) {
     }
 }
 
+/* Write the coordinates at step k, and add the response to the harmonics of its period. */
+BD_INLINE void record(const bd_time *t, const bd_time_path *path, long k) {
+    const size_t n_values = 2 * (size_t)t->n_total;
+    if (path->coordinates) bd_time_unpad(t, t->q, path->coordinates + n_values * (size_t)k);
+    if (path->response_harmonics) add_to_harmonics(t, path, k);
+}
+
 /* Contact forces at the first instant. With find_acceleration, also the coordinates without mass
  * and the accelerations. Return 0 if the forces were not found. */
 static int start(bd_time *t, const bd_time_path *path, double angle) {
     const size_t n = t->n_coordinate;
-    if (path->find_acceleration) bd_time_make_patterns(t, &t->patterns[0], 0.0, 0.0);
-    find_load(t, angle, t->load);
+    const double *m = t->mass, *c = t->damping, *K = t->stiffness;
     if (!path->find_acceleration) {
+        find_load(t, angle, t->load);
         contact_at_start(t);
         find_modal_forces(t);
         return 1;
     }
+
+    /* coordinates without mass follow from the forces */
+    bd_time_patterns *instant = &t->patterns[0];
+    const double tolerance = larger(1e-3 * path->tolerance, 1e-13);
+    bd_time_make_patterns(t, instant, 0.0, 0.0);
+    find_load(t, angle, t->load);
     memcpy(t->q_next, t->q, sizeof(double) * n);
     bd_time_compliance(t, 0.0, 0.0, t->displacement_compliance, t->acceleration_compliance);
     for (size_t j = 0; j < n; ++j)
-        if (!(t->mass[j] > 0.0)) t->q_next[j] = t->load[j] / t->stiffness[j];
+        if (!(m[j] > 0.0)) t->q_next[j] = t->load[j] / K[j];
     mark_outdated(t);
-    if (!contact_at_end(t, &t->patterns[0], larger(1e-3 * path->tolerance, 1e-13), 0)) return 0;
+    if (!contact_at_end(t, instant, tolerance, 0)) return 0;
+
+    /* m a = E - c v - K q - g */
     for (size_t j = 0; j < n; ++j) {
         const double g = t->fourier_weight[j] * t->contact_force[j];
         t->q[j] = t->q_next[j] - t->displacement_compliance[j] * g;
-        t->a[j] = t->mass[j] > 0.0
-                      ? (t->load[j] - t->damping[j] * t->v[j] - t->stiffness[j] * t->q[j] - g) /
-                            t->mass[j]
-                      : 0.0;
+        const double force = t->load[j] - c[j] * t->v[j] - K[j] * t->q[j] - g;
+        t->a[j] = m[j] > 0.0 ? force / m[j] : 0.0;
     }
     return 1;
 }
@@ -133,21 +157,17 @@ static void use_patterns(bd_time *t, double h, double radius) {
     update_states(t, patterns, t->motion);
 }
 
-/* Take one step, first without contact forces at its end, then with them; `next` is the excitation
- * there. If the forces are not found, return 0 and leave the state unchanged. */
-static int take_step(bd_time *t, const bd_time_path *path, double h, const double *restrict next) {
-    const bd_time_alpha w = bd_time_weights(path->spectral_radius);
-    const size_t n = t->n_coordinate;
-    double *restrict q = t->q, *restrict v = t->v, *restrict a = t->a, *restrict Q = t->q_next,
-                     *restrict A = t->a_next;
-    const double *restrict m = t->mass, *restrict c = t->damping, *restrict K = t->stiffness,
-                           *restrict beta = t->displacement_compliance,
-                           *restrict compliance_a = t->acceleration_compliance,
-                           *restrict part = t->fourier_weight, *restrict contact = t->contact_force,
-                           *restrict now = t->load;
-    const double weight = 1.0 - w.af;
-    memcpy(t->last_contact_force, contact, sizeof(double) * n);
-    for (size_t j = 0; j < n; ++j) {
+/* Coordinates and accelerations at the end of a step without contact forces there. */
+static void predict_end(bd_time *t, double h, bd_time_alpha w, const double *restrict next) {
+    const double *restrict q = t->q, *restrict v = t->v, *restrict a = t->a;
+    const double *restrict m = t->mass, *restrict c = t->damping, *restrict K = t->stiffness;
+    const double *restrict beta = t->displacement_compliance;
+    const double *restrict compliance_a = t->acceleration_compliance;
+    const double *restrict part = t->fourier_weight, *restrict contact = t->contact_force;
+    const double *restrict now = t->load;
+    double *restrict Q = t->q_next, *restrict A = t->a_next;
+    const double weight = 1.0 - w.af; /* of the end of the step */
+    for (size_t j = 0; j < t->n_coordinate; ++j) {
         const double displaced = q[j] + weight * (h * v[j] + h * h * (0.5 - w.b) * a[j]);
         const double drag = c[j] * (v[j] + weight * h * (1.0 - w.gamma) * a[j]);
         const double right_side = weight * next[j] + w.af * (now[j] - part[j] * contact[j]) -
@@ -156,22 +176,46 @@ static int take_step(bd_time *t, const bd_time_path *path, double h, const doubl
         Q[j] = m[j] > 0.0 ? q[j] + h * v[j] + h * h * ((0.5 - w.b) * a[j] + w.b * A[j])
                           : beta[j] * next[j];
     }
-    if (!contact_at_end(t, &t->patterns[1], path->tolerance, 1)) return 0;
-    for (size_t j = 0; j < n; ++j) {
-        const double g = part[j] * contact[j], end = Q[j] - beta[j] * g,
-                     faster = A[j] - compliance_a[j] * g, increment = end - q[j];
+}
+
+/* Move the state to the end of a step with its contact forces, and add up the energies. */
+static void finish_step(bd_time *t, double h, bd_time_alpha w, const double *restrict next) {
+    double *restrict q = t->q, *restrict v = t->v, *restrict a = t->a;
+    const double *restrict m = t->mass, *restrict c = t->damping, *restrict K = t->stiffness;
+    const double *restrict beta = t->displacement_compliance;
+    const double *restrict compliance_a = t->acceleration_compliance;
+    const double *restrict part = t->fourier_weight, *restrict contact = t->contact_force;
+    const double *restrict now = t->load, *restrict before = t->last_contact_force;
+    const double *restrict Q = t->q_next, *restrict A = t->a_next;
+    for (size_t j = 0; j < t->n_coordinate; ++j) {
+        const double g = part[j] * contact[j];
+        const double end = Q[j] - beta[j] * g;
+        const double faster = A[j] - compliance_a[j] * g;
+        const double increment = end - q[j];
         const double speed =
             m[j] > 0.0 ? v[j] + h * ((1.0 - w.gamma) * a[j] + w.gamma * faster) : increment / h;
+
+        /* 1/part is the sum over all sectors, 1/2 the mean over the step */
         const double whole = part[j] > 0.0 ? 0.5 / part[j] : 0.0;
         t->energy[0] += whole * (now[j] + next[j]) * increment;
         t->energy[1] += whole * c[j] * (v[j] + speed) * increment;
-        t->energy[2] += 0.5 * (t->last_contact_force[j] + contact[j]) * increment;
+        t->energy[2] += 0.5 * (before[j] + contact[j]) * increment;
         t->energy[3] +=
             whole * (m[j] * (speed * speed - v[j] * v[j]) + K[j] * (end + q[j]) * increment);
         v[j] = speed;
         q[j] = end;
         a[j] = faster;
     }
+}
+
+/* Take one step, first without contact forces at its end, then with them; `next` is the excitation
+ * there. If the forces are not found, return 0 and leave the state unchanged. */
+static int take_step(bd_time *t, const bd_time_path *path, double h, const double *restrict next) {
+    const bd_time_alpha w = bd_time_weights(path->spectral_radius);
+    memcpy(t->last_contact_force, t->contact_force, sizeof(double) * t->n_coordinate);
+    predict_end(t, h, w, next);
+    if (!contact_at_end(t, &t->patterns[1], path->tolerance, 1)) return 0;
+    finish_step(t, h, w, next);
     return 1;
 }
 
@@ -181,58 +225,69 @@ static void restore(bd_time *t) {
     bd_time_reset_states(t);
 }
 
+/* Prepare patterns and compliance for steps of length h; `last` is the length of the last step, or
+ * 0 before the first. */
+static void use_length(bd_time *t, const bd_time_path *path, double h, double last) {
+    const double radius = path->spectral_radius;
+    const double change = fabs(h - t->patterns[1].length);
+    if (last == 0.0 || change > BD_TIME_STEP_CHANGE * h) use_patterns(t, h, radius);
+    if (h == last) return;
+    bd_time_compliance(t, h, radius, t->displacement_compliance, t->acceleration_compliance);
+}
+
 /* Advance over step k of length h; *last_length is the length of the last step, or 0. If the
  * contact forces are not found, the remainder of the step is halved repeatedly. Return 0 if the
  * shortest step also fails. */
 static int advance(bd_time *t, const bd_time_path *path, long k, double h, double *last_length) {
-    const int whole = 1 << BD_TIME_HALVINGS;
-    for (int done = 0, size = whole; done < whole;) {
+    const int whole = 1 << BD_TIME_HALVINGS; /* shortest steps in the step */
+    int done = 0, size = whole;
+    while (done < whole) {
         const double part = h * size / whole;
-        if (*last_length == 0.0 || fabs(part - t->patterns[1].length) > BD_TIME_STEP_CHANGE * part)
-            use_patterns(t, part, path->spectral_radius);
-        if (part != *last_length)
-            bd_time_compliance(t, part, path->spectral_radius, t->displacement_compliance,
-                               t->acceleration_compliance);
+        use_length(t, path, part, *last_length);
         *last_length = part;
         if (k % BD_TIME_REFACTOR == BD_TIME_REFACTOR - 1) mark_outdated(t);
+
         const int end = done + size;
-        find_load(t,
-                  angle_of(path, path->first_step + k + end / whole, (double)(end % whole) / whole),
-                  t->next_load);
+        const long step_at_end = path->first_step + k + end / whole;
+        const double angle = angle_of(path, step_at_end, (double)(end % whole) / whole);
+        find_load(t, angle, t->next_load);
         if (take_step(t, path, part, t->next_load)) {
-            double *e = t->load;
-            t->load = t->next_load, t->next_load = e;
+            swap(&t->load, &t->next_load);
             done = end;
-        } else {
-            restore(t);
-            if (size == 1) return 0;
-            size /= 2;
+            continue;
         }
+        restore(t);
+        if (size == 1) return 0;
+        size /= 2;
     }
     return 1;
 }
 
 bd_status BD_JOIN(bd_time_integrate_, BD_VARIANT)(bd_time *t, const bd_time_path *path);
 bd_status BD_JOIN(bd_time_integrate_, BD_VARIANT)(bd_time *t, const bd_time_path *path) {
-    const double square = path->omega * path->omega;
-    const double slope = path->n_step > 0
-                             ? (path->omega_end * path->omega_end - square) / (double)path->n_step
-                             : 0.0;
-    double omega = path->omega, last_length = 0.0;
-    if (path->response_harmonics)
-        memset(path->response_harmonics, 0,
-               sizeof(double) * 2 * (size_t)t->n_row * (size_t)(path->n_harm + 1) *
-                   (size_t)(path->n_step / path->steps_per_period));
+    const int steps = path->steps_per_period;
+    if (path->response_harmonics) {
+        const size_t n_period = (size_t)(path->n_step / steps);
+        const size_t per_period = 2 * (size_t)t->n_row * (size_t)(path->n_harm + 1);
+        memset(path->response_harmonics, 0, sizeof(double) * per_period * n_period);
+    }
     if (!start(t, path, angle_of(path, path->first_step, 0.0))) return BD_NOT_CONVERGED;
+
+    /* the square of the frequency is linear in the angle */
+    const double square = path->omega * path->omega;
+    const double change = path->omega_end * path->omega_end - square;
+    const double slope = path->n_step > 0 ? change / (double)path->n_step : 0.0;
+    double omega = path->omega, last_length = 0.0;
     for (long k = 0; k < path->n_step; ++k) {
-        const double end = sqrt(square + slope * (double)(k + 1)),
-                     h = 2.0 * BD_TWO_PI / path->steps_per_period / (omega + end);
-        omega = end;
-        if (path->coordinates || path->response_harmonics) record(t, path, k);
-        if (k % path->steps_per_period == 0) memset(t->energy, 0, sizeof t->energy);
+        const double omega_after = sqrt(square + slope * (double)(k + 1));
+        const double h = 2.0 * BD_TWO_PI / steps / (omega + omega_after);
+        omega = omega_after;
+        record(t, path, k);
+        if (k % steps == 0) memset(t->energy, 0, sizeof t->energy);
         if (!advance(t, path, k, h, &last_length)) return BD_NOT_CONVERGED;
-        if (path->energy && (k + 1) % path->steps_per_period == 0)
-            memcpy(path->energy + 4 * (k / path->steps_per_period), t->energy, sizeof t->energy);
+        const int ends_period = (k + 1) % steps == 0;
+        if (path->energy && ends_period)
+            memcpy(path->energy + 4 * (k / steps), t->energy, sizeof t->energy);
     }
     return BD_OK;
 }

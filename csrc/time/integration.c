@@ -2,36 +2,62 @@
  * in generalised_alpha.c. */
 #include "time/integration.h"
 
+#include "util/storage.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 static size_t padded(size_t n) { return (n + 7) / 8 * 8; }
 
-/* Sizes, and the integers that describe the families. */
+/* Sizes of the sectors, points and families. */
 static void set_sizes(bd_time *t, const bd_time_input *in) {
-    const size_t f = (size_t)in->n_family;
-    t->n_sector = in->n_sector, t->n_point = in->n_point, t->n_family = in->n_family,
+    t->n_sector = in->n_sector;
+    t->n_point = in->n_point;
+    t->n_family = in->n_family;
     t->n_force = in->n_force;
     t->n_row = in->n_row;
-    t->stride = padded((size_t)in->n_point), t->rows = 3 * t->stride;
+    t->stride = padded((size_t)in->n_point);
+    t->rows = 3 * t->stride;
     t->max_rank = t->rows < BD_TIME_MAX_RANK ? (int)t->rows : BD_TIME_MAX_RANK;
-    t->n_mode = t->integers, t->first_coordinate = t->n_mode + f,
-    t->is_real = t->first_coordinate + f;
-    t->force_order = t->is_real + f, t->outdated = t->force_order + in->n_force,
-    t->real_index = t->outdated + in->n_sector;
-    for (size_t i = 0; i < f; ++i) t->n_total += in->n_mode[i];
-    t->imaginary_index = t->real_index + t->n_total;
-    int total = 0;
-    for (int i = 0; i < in->n_family; ++i) {
-        t->n_mode[i] = in->n_mode[i];
-        t->is_real[i] = 2 * in->diameter[i] % in->n_sector == 0;
-        t->first_coordinate[i] = (int)t->n_coordinate;
-        for (int j = 0; j < in->n_mode[i]; ++j, ++total) {
-            t->real_index[total] = t->first_coordinate[i] + j;
-            t->imaginary_index[total] = t->real_index[total] + (int)padded((size_t)in->n_mode[i]);
+    for (int f = 0; f < in->n_family; ++f) {
+        t->n_total += in->n_mode[f];
+        t->n_coordinate += 2 * padded((size_t)in->n_mode[f]);
+    }
+}
+
+/* Cut the integers from their memory. */
+static void assign_integers(bd_time *t) {
+    int *rest = t->integers;
+    t->n_mode = rest;
+    rest += t->n_family;
+    t->first_coordinate = rest;
+    rest += t->n_family;
+    t->is_real = rest;
+    rest += t->n_family;
+    t->force_order = rest;
+    rest += t->n_force;
+    t->outdated = rest;
+    rest += t->n_sector;
+    t->real_index = rest;
+    rest += t->n_total;
+    t->imaginary_index = rest;
+}
+
+/* Modes of each family and the places of their coordinates. */
+static void set_families(bd_time *t, const bd_time_input *in) {
+    int first = 0; /* coordinate of the family, with padding */
+    int total = 0; /* coordinate without padding */
+    for (int f = 0; f < in->n_family; ++f) {
+        const int n_mode = in->n_mode[f], n_padded = (int)padded((size_t)n_mode);
+        t->n_mode[f] = n_mode;
+        t->is_real[f] = 2 * in->diameter[f] % in->n_sector == 0;
+        t->first_coordinate[f] = first;
+        for (int j = 0; j < n_mode; ++j, ++total) {
+            t->real_index[total] = first + j;
+            t->imaginary_index[total] = first + j + n_padded;
         }
-        t->n_coordinate += 2 * padded((size_t)in->n_mode[i]);
+        first += 2 * n_padded;
     }
     if (in->n_force > 0) memcpy(t->force_order, in->force_order, sizeof(int) * (size_t)in->n_force);
 }
@@ -117,36 +143,70 @@ void bd_time_unpad(const bd_time *t, const double *padded_x, double *x) {
     }
 }
 
+/* Store g (re, im) of point and component `row` and coordinate j for both products. */
+static void store_mode(const bd_time *t, size_t row, size_t j, size_t wide, double re, double im,
+                       double *motion, double *force) {
+    double *to = motion + (row / 8 * wide + j) * 16 + row % 8;
+    double *back = force + (j / 8 * t->rows + row) * 16 + j % 8;
+    to[0] = re;
+    to[8] = im;
+    back[0] = re;
+    back[8] = im;
+}
+
+/* Modes of the points, in the storage order of modal_motion.h. */
 static void set_modes(bd_time *t, const bd_time_input *in) {
-    const double *G = in->G;
-    double *out = t->motion_modes, *back = t->force_modes;
+    const double *g = in->G;
+    double *motion = t->motion_modes, *force = t->force_modes;
     for (int f = 0; f < t->n_family; ++f) {
-        const size_t m = (size_t)t->n_mode[f], wide = padded(m);
-        for (size_t p = 0; p < (size_t)t->n_point; ++p)
-            for (size_t d = 0; d < 3; ++d)
-                for (size_t j = 0; j < m; ++j) {
-                    const double *g = G + 2 * ((p * 3 + d) * m + j);
-                    const size_t row = d * t->stride + p, to = j;
-                    const size_t at = (row / 8 * wide + to) * 16 + row % 8;
-                    const size_t at_back = (to / 8 * 3 * t->stride + row) * 16 + to % 8;
-                    out[at] = back[at_back] = g[0];
-                    out[at + 8] = back[at_back + 8] = t->is_real[f] ? 0.0 : g[1];
+        const size_t n_mode = (size_t)t->n_mode[f], wide = padded(n_mode);
+        for (size_t p = 0; p < (size_t)t->n_point; ++p) {
+            for (size_t d = 0; d < 3; ++d) {
+                const size_t row = d * t->stride + p;
+                for (size_t j = 0; j < n_mode; ++j, g += 2) {
+                    const double imaginary = t->is_real[f] ? 0.0 : g[1];
+                    store_mode(t, row, j, wide, g[0], imaginary, motion, force);
                 }
-        G += 6 * (size_t)t->n_point * m;
-        out += 2 * t->rows * wide;
-        back += 2 * t->rows * wide;
-        for (int k = 0; k < t->n_sector; ++k) {
-            const double angle =
-                BD_TWO_PI * (double)((long long)k * in->diameter[f] % t->n_sector) / t->n_sector;
-            double *phase = t->phase + 2 * ((size_t)k * (size_t)t->n_family + (size_t)f);
-            phase[0] = cos(angle), phase[1] = sin(angle);
+            }
+        }
+        motion += 2 * t->rows * wide;
+        force += 2 * t->rows * wide;
+    }
+}
+
+/* cos and sin(2 pi k d/N) of each sector k and diameter d. */
+static void set_phases(bd_time *t, const bd_time_input *in) {
+    double *phase = t->phase;
+    for (int k = 0; k < t->n_sector; ++k) {
+        for (int f = 0; f < t->n_family; ++f, phase += 2) {
+            /* an integer reduction of the argument makes it exact */
+            const long long reduced = (long long)k * in->diameter[f] % t->n_sector;
+            const double angle = BD_TWO_PI * (double)reduced / t->n_sector;
+            phase[0] = cos(angle);
+            phase[1] = sin(angle);
         }
     }
 }
 
-static void set_coordinates(bd_time *t, const bd_time_input *in) {
+/* Weight 1/N or 2/N of each coordinate in the sum over the sectors. */
+static void set_fourier_weights(bd_time *t) {
     const size_t n = (size_t)t->n_total;
-    double *both = t->work;
+    double *re = t->work, *im = re + n;
+    size_t j = 0;
+    for (int f = 0; f < t->n_family; ++f) {
+        const double weight = (t->is_real[f] ? 1.0 : 2.0) / t->n_sector;
+        const size_t end = j + (size_t)t->n_mode[f];
+        for (; j < end; ++j) {
+            re[j] = weight;
+            im[j] = t->is_real[f] ? 0.0 : weight;
+        }
+    }
+    pad(t, t->work, t->fourier_weight);
+}
+
+static void set_coordinates(bd_time *t, const bd_time_input *in) {
+    const size_t n = (size_t)t->n_total, n_force = (size_t)t->n_force, n_row = (size_t)in->n_row;
+    double *both = t->work; /* real and imaginary parts have the same values */
     const double *values[] = {in->stiffness, in->mass, in->damping};
     double *stored[] = {t->stiffness, t->mass, t->damping};
     for (size_t j = 0; j < t->n_coordinate; ++j) t->stiffness[j] = 1.0; /* value of the padding */
@@ -154,26 +214,24 @@ static void set_coordinates(bd_time *t, const bd_time_input *in) {
         for (size_t j = 0; j < 2 * n; ++j) both[j] = values[i][j % n];
         pad(t, both, stored[i]);
     }
-    for (int f = 0, j = 0; f < t->n_family; ++f)
-        for (const int end = j + t->n_mode[f]; j < end; ++j) {
-            both[j] = (t->is_real[f] ? 1.0 : 2.0) / t->n_sector;
-            both[n + (size_t)j] = t->is_real[f] ? 0.0 : both[j];
-        }
-    pad(t, both, t->fourier_weight);
-    for (size_t i = 0; i < 2 * (size_t)t->n_force; ++i)
+    set_fourier_weights(t);
+    for (size_t i = 0; i < 2 * n_force; ++i)
         pad(t, in->excitation + 2 * n * i, t->excitation + t->n_coordinate * i);
-    for (size_t i = 0; i < (size_t)in->n_row; ++i)
+    for (size_t i = 0; i < n_row; ++i)
         pad(t, in->response_row + 2 * n * i, t->response_row + t->n_coordinate * i);
 }
 
 /* ---- compliance of a step ---- */
 
 bd_time_alpha bd_time_weights(double radius) {
-    bd_time_alpha out = {.am = (2.0 * radius - 1.0) / (radius + 1.0),
-                         .af = radius / (radius + 1.0)};
-    out.gamma = 0.5 - out.am + out.af;
-    out.b = 0.25 * (1.0 - out.am + out.af) * (1.0 - out.am + out.af);
-    return out;
+    const double am = (2.0 * radius - 1.0) / (radius + 1.0);
+    const double af = radius / (radius + 1.0);
+    return (bd_time_alpha){
+        .am = am,
+        .af = af,
+        .gamma = 0.5 - am + af,
+        .b = 0.25 * (1.0 - am + af) * (1.0 - am + af),
+    };
 }
 
 void bd_time_compliance(const bd_time *t, double h, double radius, double *beta,
@@ -181,72 +239,104 @@ void bd_time_compliance(const bd_time *t, double h, double radius, double *beta,
     const bd_time_alpha w = bd_time_weights(radius);
     for (size_t j = 0; j < t->n_coordinate; ++j) {
         const double m = t->mass[j], c = t->damping[j], K = t->stiffness[j];
-        const double inertia =
-            m * (1.0 - w.am) + (1.0 - w.af) * (c * w.gamma * h + K * w.b * h * h);
-        acceleration[j] = m > 0.0 ? (1.0 - w.af) / inertia : 0.0;
-        beta[j] = m > 0.0 ? w.b * h * h * acceleration[j] : 1.0 / K;
+        if (!(m > 0.0)) {
+            acceleration[j] = 0.0;
+            beta[j] = 1.0 / K;
+            continue;
+        }
+        const double by_motion = c * w.gamma * h + K * w.b * h * h;
+        const double inertia = m * (1.0 - w.am) + (1.0 - w.af) * by_motion;
+        acceleration[j] = (1.0 - w.af) / inertia;
+        beta[j] = w.b * h * h * acceleration[j];
     }
 }
 
 /* Amplitudes g (2, rows) of the points due to coordinate j of a family,
  * times a factor of each row. */
-static void mode_of(const bd_time *t, const double *out, size_t wide, size_t j,
+static void mode_of(const bd_time *t, const double *modes, size_t wide, size_t j,
                     const double *factor, double *g) {
     for (size_t row = 0; row < t->rows; ++row) {
-        const double *x = out + (row / 8 * wide + j) * 16 + row % 8;
+        const double *x = modes + (row / 8 * wide + j) * 16 + row % 8;
         g[row] = factor[row] * x[0];
         g[t->rows + row] = factor[row] * x[8];
+    }
+}
+
+/* Add the lower triangle of size Re(g g^H) to S (rows, rows). */
+static void add_dyad(size_t rows, double size, const double *g, double *S) {
+    const double *restrict g_re = g, *restrict g_im = g + rows;
+    for (size_t i = 0; i < rows; ++i) {
+        const double re = size * g_re[i], im = size * g_im[i];
+        if (re == 0.0 && im == 0.0) continue;
+        double *restrict to = S + i * rows;
+        for (size_t l = 0; l <= i; ++l) to[l] += re * g_re[l] + im * g_im[l];
     }
 }
 
 /* Compliance S (rows, rows) of a sector to its own forces: the mean over the nodal diameters. */
 static void add_sector_compliance(const bd_time *t, const double *beta, const double *factor,
                                   double *g, double *S) {
-    const size_t rows = t->rows;
-    const double *out = t->motion_modes;
+    const double *modes = t->motion_modes;
     for (int f = 0; f < t->n_family; ++f) {
-        const size_t m = (size_t)t->n_mode[f], wide = padded(m);
-        for (size_t j = 0; j < m; ++j) {
-            const double size = t->fourier_weight[(size_t)t->first_coordinate[f] + j] *
-                                beta[(size_t)t->first_coordinate[f] + j];
+        const size_t n_mode = (size_t)t->n_mode[f], wide = padded(n_mode);
+        const size_t first = (size_t)t->first_coordinate[f];
+        for (size_t j = 0; j < n_mode; ++j) {
+            const double size = t->fourier_weight[first + j] * beta[first + j];
             if (size == 0.0) continue;
-            mode_of(t, out, wide, j, factor, g);
-            for (size_t i = 0; i < rows; ++i) {
-                const double re = size * g[i], im = size * g[rows + i];
-                if (re == 0.0 && im == 0.0) continue;
-                double *restrict to = S + i * rows;
-                const double *restrict a = g, *restrict b = g + rows;
-                for (size_t l = 0; l <= i; ++l) to[l] += re * a[l] + im * b[l];
-            }
+            mode_of(t, modes, wide, j, factor, g);
+            add_dyad(t->rows, size, g, S);
         }
-        out += 2 * rows * wide;
+        modes += 2 * t->rows * wide;
     }
 }
 
 /* Columns (n, rows) of a low-rank factor, S = L' L, up to a bound on the remaining diagonal; return
- * their number. */
+ * their number. S is a lower triangle, and replaced by the remainder. */
 static size_t low_rank(size_t rows, size_t most, double bound, double *S, double *L) {
-    size_t n = 0;
-    for (; n < most; ++n) {
+    static const double ROUNDING = 1e-14;
+    for (size_t n = 0; n < most; ++n) {
         size_t top = 0;
         for (size_t i = 1; i < rows; ++i)
             if (S[i * rows + i] > S[top * rows + top]) top = i;
         const double left = S[top * rows + top];
-        if (!(left > (n < BD_TIME_MIN_RANK ? 1e-14 : bound))) break;
+        const double least = n < BD_TIME_MIN_RANK ? ROUNDING : bound;
+        if (!(left > least)) return n;
+
         double *column = L + n * rows;
         const double root = sqrt(left);
-        for (size_t i = 0; i < rows; ++i)
-            column[i] = (i >= top ? S[i * rows + top] : S[top * rows + i]) / root;
+        for (size_t i = 0; i < rows; ++i) {
+            const double entry = i >= top ? S[i * rows + top] : S[top * rows + i];
+            column[i] = entry / root;
+        }
         for (size_t i = 0; i < rows; ++i)
             for (size_t l = 0; l <= i; ++l) S[i * rows + l] -= column[i] * column[l];
     }
-    return n;
+    return most;
 }
 
 static double inner(size_t n, const double *a, const double *b) {
     double sum = 0.0;
     for (size_t i = 0; i < n; ++i) sum += a[i] * b[i];
     return sum;
+}
+
+/* Rotate columns a and b until they are orthogonal and a is the longer one; return the cosine of
+ * the angle between them before. */
+static double rotate_columns(size_t rows, double *restrict a, double *restrict b) {
+    static const double ORTHOGONAL = 1e-13;
+    const double aa = inner(rows, a, a), bb = inner(rows, b, b), ab = inner(rows, a, b);
+    const double size = sqrt(aa * bb);
+    const int is_orthogonal = !(fabs(ab) > ORTHOGONAL * size);
+    if (is_orthogonal && aa >= bb) return 0.0;
+
+    const double angle = 0.5 * atan2(2.0 * ab, aa - bb);
+    const double c = cos(angle), s = sin(angle);
+    for (size_t l = 0; l < rows; ++l) {
+        const double x = a[l], y = b[l];
+        a[l] = c * x + s * y;
+        b[l] = c * y - s * x;
+    }
+    return size > 0.0 ? fabs(ab) / size : 0.0;
 }
 
 /* Make n columns orthogonal (one-sided Jacobi method), the largest first. */
@@ -256,27 +346,17 @@ static void make_orthogonal(size_t rows, size_t n, double *L) {
     for (int sweep = 0; sweep < SWEEPS && worst > 1e-12; ++sweep) {
         worst = 0.0;
         for (size_t i = 0; i + 1 < n; ++i)
-            for (size_t j = i + 1; j < n; ++j) {
-                double *restrict a = L + i * rows, *restrict b = L + j * rows;
-                const double aa = inner(rows, a, a), bb = inner(rows, b, b), ab = inner(rows, a, b);
-                const double size = sqrt(aa * bb);
-                if (!(fabs(ab) > 1e-13 * size) && aa >= bb) continue;
-                worst = fmax(worst, size > 0.0 ? fabs(ab) / size : 0.0);
-                const double angle = 0.5 * atan2(2.0 * ab, aa - bb), c = cos(angle), s = sin(angle);
-                for (size_t l = 0; l < rows; ++l) {
-                    const double x = a[l], y = b[l];
-                    a[l] = c * x + s * y;
-                    b[l] = c * y - s * x;
-                }
-            }
+            for (size_t j = i + 1; j < n; ++j)
+                worst = fmax(worst, rotate_columns(rows, L + i * rows, L + j * rows));
     }
 }
 
-/* Add one coordinate to the compliance of the patterns of its family. Storage: blocks of 8 rows,
- * column after column, first the real and then the imaginary parts of 8 rows. */
+/* Add one coordinate to the compliance of the patterns of its family, whose amplitudes are W
+ * (2, r). Storage: blocks of 8 rows, column after column, first the real and then the imaginary
+ * parts of 8 rows. */
 static void add_mode(size_t r, double size, const double *W, double *C) {
-    const double *re = W, *im = W + r;
-    for (size_t block = 0; block < r; block += 8, re += 8, im += 8)
+    for (size_t block = 0; block < r; block += 8) {
+        const double *re = W + block, *im = W + r + block;
         for (size_t j = 0; j < r; ++j, C += 16) {
             const double x = size * W[j], y = size * W[r + j];
             for (size_t i = 0; i < 8; ++i) {
@@ -284,6 +364,7 @@ static void add_mode(size_t r, double size, const double *W, double *C) {
                 C[8 + i] += im[i] * x - re[i] * y;
             }
         }
+    }
 }
 
 /* Scale of each row of a point: the root of its stiffness, or of its inverse
@@ -292,92 +373,144 @@ static void set_row_scales(const bd_time *t, const double *S, double *factor) {
     const size_t s = t->stride;
     for (size_t row = 0; row < t->rows; ++row) {
         const size_t d = row / s, p = row % s;
-        const double k =
-            d < 2 ? t->parameters[(BD_TIME_KT + d) * s + p] : t->parameters[BD_TIME_KN * s + p];
-        const double cubic = d < 2 ? t->parameters[(BD_TIME_CUBIC + d) * s + p] : 0.0,
-                     point_law = S[row * t->rows + row];
-        factor[row] =
-            cubic != 0.0 ? (point_law > 0.0 ? 1.0 / sqrt(point_law) : 0.0) : sqrt(fabs(k));
+        const double *x = t->parameters + p;
+        const double k = d < 2 ? x[(BD_TIME_KT + d) * s] : x[BD_TIME_KN * s];
+        const double cubic = d < 2 ? x[(BD_TIME_CUBIC + d) * s] : 0.0;
+        if (cubic == 0.0) {
+            factor[row] = sqrt(fabs(k));
+            continue;
+        }
+        const double compliance = S[row * t->rows + row];
+        factor[row] = compliance > 0.0 ? 1.0 / sqrt(compliance) : 0.0;
+    }
+}
+
+/* Number of the first n columns, orthogonal and the largest first, that are patterns. Set the
+ * largest neglected compliance. */
+static size_t count_patterns(size_t rows, size_t n_found, const double *L, double *neglected) {
+    size_t n = 0;
+    for (; n < n_found; ++n) {
+        const double compliance = inner(rows, L + n * rows, L + n * rows);
+        if (n >= BD_TIME_MIN_RANK && !(compliance > BD_TIME_RANK_TOLERANCE)) {
+            *neglected = compliance;
+            break;
+        }
+    }
+    /* fill a block of 8 if there are columns for it */
+    return padded(n) < n_found ? padded(n) : n;
+}
+
+/* Patterns V of the motion without the scale of the rows. */
+static void write_patterns(size_t rows, size_t n, const double *L, const double *factor,
+                           bd_time_patterns *patterns) {
+    const size_t r = (size_t)patterns->rank;
+    memset(patterns->pattern, 0, sizeof(double) * r * rows);
+    memset(patterns->pattern_transposed, 0, sizeof(double) * r * rows);
+    for (size_t j = 0; j < n; ++j) {
+        for (size_t i = 0; i < rows; ++i) {
+            const double entry = factor[i] > 0.0 ? L[j * rows + i] / factor[i] : 0.0;
+            patterns->pattern[j * rows + i] = entry;
+            patterns->pattern_transposed[i * r + j] = entry;
+        }
+    }
+}
+
+/* Compliance of n patterns in each family; `inverse` (n, rows) yields the amplitudes of the
+ * patterns from those of the scaled rows, g and W are work. */
+static void write_compliance(const bd_time *t, const double *beta, const double *factor, size_t n,
+                             const double *inverse, double *g, double *W,
+                             bd_time_patterns *patterns) {
+    const size_t rows = t->rows, r = (size_t)patterns->rank;
+    const double *modes = t->motion_modes;
+    double *C = patterns->compliance;
+    memset(C, 0, sizeof(double) * 2 * r * r * (size_t)t->n_family);
+    for (int f = 0; f < t->n_family; ++f, C += 2 * r * r) {
+        const size_t n_mode = (size_t)t->n_mode[f], wide = padded(n_mode);
+        const size_t first = (size_t)t->first_coordinate[f];
+        for (size_t j = 0; j < n_mode; ++j) {
+            const double size = t->fourier_weight[first + j] * beta[first + j];
+            mode_of(t, modes, wide, j, factor, g);
+            memset(W, 0, sizeof(double) * 2 * r);
+            for (size_t i = 0; i < n; ++i) {
+                W[i] = inner(rows, inverse + i * rows, g);
+                W[r + i] = inner(rows, inverse + i * rows, g + rows);
+            }
+            add_mode(r, size, W, C);
+        }
+        modes += 2 * rows * wide;
     }
 }
 
 void bd_time_make_patterns(bd_time *t, bd_time_patterns *patterns, double h, double radius) {
     const size_t rows = t->rows, most = (size_t)t->max_rank;
-    if (patterns->spectral_radius == radius && patterns->length == h && patterns->rank >= 0) return;
-    patterns->length = h, patterns->spectral_radius = radius, patterns->rank = 0,
+    const int is_available = patterns->rank >= 0 && patterns->length == h;
+    if (is_available && patterns->spectral_radius == radius) return;
+    patterns->length = h;
+    patterns->spectral_radius = radius;
+    patterns->rank = 0;
     patterns->neglected = 0.0;
     if (!rows) return;
-    double *S = t->work, *L = S + rows * rows, *g = L + rows * most, *factor = g + 2 * rows,
-           *W = factor + rows;
+
+    double *rest = t->work;
+    double *S = bd_take(&rest, rows * rows);
+    double *L = bd_take(&rest, most * rows);
+    double *g = bd_take(&rest, 2 * rows);
+    double *factor = bd_take(&rest, rows);
+    double *W = bd_take(&rest, 2 * most);
     double *beta = t->q_next; /* unused before the first step */
     bd_time_compliance(t, h, radius, beta, t->a_next);
-    /* first without factors, which cubic springs require */
-    for (int again = 0; again < 2; ++again) {
-        if (again)
-            set_row_scales(t, S, factor);
-        else
-            for (size_t i = 0; i < rows; ++i) factor[i] = 1.0;
-        memset(S, 0, sizeof(double) * rows * rows);
-        add_sector_compliance(t, beta, factor, g, S);
+
+    /* first without factors, since those of cubic springs follow from S */
+    for (size_t i = 0; i < rows; ++i) factor[i] = 1.0;
+    memset(S, 0, sizeof(double) * rows * rows);
+    add_sector_compliance(t, beta, factor, g, S);
+    set_row_scales(t, S, factor);
+    memset(S, 0, sizeof(double) * rows * rows);
+    add_sector_compliance(t, beta, factor, g, S);
+
+    const size_t n_found = low_rank(rows, most, 1e-2 * BD_TIME_RANK_TOLERANCE, S, L);
+    make_orthogonal(rows, n_found, L);
+    const size_t n = count_patterns(rows, n_found, L, &patterns->neglected);
+    patterns->rank = (int)padded(n);
+    write_patterns(rows, n, L, factor, patterns);
+
+    /* the columns are orthogonal: divided by their squares they are the inverse */
+    for (size_t j = 0; j < n; ++j) {
+        const double square = inner(rows, L + j * rows, L + j * rows);
+        for (size_t i = 0; i < rows; ++i) L[j * rows + i] /= square;
     }
-    const size_t found = low_rank(rows, most, 1e-2 * BD_TIME_RANK_TOLERANCE, S, L);
-    make_orthogonal(rows, found, L);
-    size_t n = 0;
-    while (n < found && (n < BD_TIME_MIN_RANK ||
-                         inner(rows, L + n * rows, L + n * rows) > BD_TIME_RANK_TOLERANCE))
-        ++n;
-    if (n < found) patterns->neglected = inner(rows, L + n * rows, L + n * rows);
-    n = padded(n) < found ? padded(n) : n;
-    const size_t r = padded(n);
-    patterns->rank = (int)r;
-    memset(patterns->pattern, 0, sizeof(double) * r * rows);
-    memset(patterns->pattern_transposed, 0, sizeof(double) * r * rows);
-    memset(patterns->compliance, 0, sizeof(double) * 2 * r * r * (size_t)t->n_family);
-    for (size_t j = 0; j < n; ++j)
-        for (size_t i = 0; i < rows; ++i)
-            patterns->pattern[j * rows + i] = patterns->pattern_transposed[i * r + j] =
-                factor[i] > 0.0 ? L[j * rows + i] / factor[i] : 0.0;
-    for (size_t j = 0; j < n; ++j) { /* the inverse for the amplitudes of the patterns */
-        const double size = inner(rows, L + j * rows, L + j * rows);
-        for (size_t i = 0; i < rows; ++i) L[j * rows + i] /= size;
+    write_compliance(t, beta, factor, n, L, g, W, patterns);
+}
+
+/* Springs and sliders of one point. Cubic springs replace the linear ones in all directions. */
+static void set_springs(const bd_time_input *in, size_t p, size_t s, double *x) {
+    const bd_law law = (bd_law)in->law[p];
+    const int is_cubic = law == BD_LAW_CUBIC;
+    for (size_t d = 0; d < 2; ++d) {
+        const double kt = in->kt[2 * p + d];
+        const int has_spring = !is_cubic && kt > 0.0;
+        const int is_fixed = law == BD_LAW_BONDED || in->fixed_slider[2 * p + d];
+        x[(BD_TIME_KT + d) * s] = is_cubic ? 0.0 : kt;
+        x[(BD_TIME_CUBIC + d) * s] = is_cubic ? kt : 0.0;
+        x[(BD_TIME_INVERSE_KT + d) * s] = has_spring ? 1.0 / kt : 0.0;
+        x[(BD_TIME_FIXED_SLIDER + d) * s] = is_fixed;
     }
-    const double *out = t->motion_modes;
-    for (int f = 0; f < t->n_family; ++f) {
-        const size_t m = (size_t)t->n_mode[f], wide = padded(m);
-        for (size_t j = 0; j < m; ++j) {
-            const size_t at = (size_t)t->first_coordinate[f] + j;
-            mode_of(t, out, wide, j, factor, g);
-            memset(W, 0, sizeof(double) * 2 * r);
-            for (size_t i = 0; i < n; ++i) {
-                W[i] = inner(rows, L + i * rows, g);
-                W[r + i] = inner(rows, L + i * rows, g + rows);
-            }
-            add_mode(r, t->fourier_weight[at] * beta[at], W,
-                     patterns->compliance + 2 * r * r * (size_t)f);
-        }
-        out += 2 * rows * wide;
-    }
+    x[BD_TIME_KN * s] = is_cubic ? 0.0 : in->kn[p];
+    x[BD_TIME_N0 * s] = is_cubic ? 0.0 : in->n0[p];
+    x[BD_TIME_LEAST_N * s] = bd_law_is_two_sided(law) ? -HUGE_VAL : 0.0;
 }
 
 static void set_points(bd_time *t, const bd_time_input *in) {
     const size_t s = t->stride;
     for (size_t p = 0; p < (size_t)t->n_point; ++p) {
         const bd_law law = (bd_law)in->law[p];
-        double *x = t->parameters + p;
-        for (size_t d = 0; d < 2; ++d) {
-            const double kt = in->kt[2 * p + d];
-            x[(BD_TIME_KT + d) * s] = law == BD_LAW_CUBIC ? 0.0 : kt;
-            x[(BD_TIME_CUBIC + d) * s] = law == BD_LAW_CUBIC ? kt : 0.0;
-            x[(BD_TIME_INVERSE_KT + d) * s] = law != BD_LAW_CUBIC && kt > 0.0 ? 1.0 / kt : 0.0;
-            x[(BD_TIME_FIXED_SLIDER + d) * s] = law == BD_LAW_BONDED || in->fixed_slider[2 * p + d];
-        }
-        for (size_t d = 0; d < 3; ++d) x[(BD_TIME_SHIFT + d) * s] = in->shift[3 * p + d];
-        x[BD_TIME_KN * s] = law == BD_LAW_CUBIC ? 0.0 : in->kn[p];
-        x[BD_TIME_N0 * s] = law == BD_LAW_CUBIC ? 0.0 : in->n0[p];
-        x[BD_TIME_LEAST_N * s] = bd_law_is_two_sided(law) ? -HUGE_VAL : 0.0;
+        const int constant_load = bd_law_is_constant(law);
         const double mu = law == BD_LAW_NORMAL ? 0.0 : in->mu[p];
-        x[BD_TIME_LIMIT * s] = bd_law_is_constant(law) ? mu * fmax(in->load[p], 0.0) : 0.0;
-        x[BD_TIME_MU * s] = bd_law_is_constant(law) ? 0.0 : mu;
+        double *x = t->parameters + p;
+        set_springs(in, p, s, x);
+        for (size_t d = 0; d < 3; ++d) x[(BD_TIME_SHIFT + d) * s] = in->shift[3 * p + d];
+        x[BD_TIME_LIMIT * s] = constant_load ? mu * fmax(in->load[p], 0.0) : 0.0;
+        x[BD_TIME_MU * s] = constant_load ? 0.0 : mu;
         x[BD_TIME_COUPLED * s] = bd_law_is_coupled(law);
         x[BD_TIME_USER_LAW * s] = law == BD_LAW_USER;
         t->has_coupled |= bd_law_is_coupled(law);
@@ -385,32 +518,42 @@ static void set_points(bd_time *t, const bd_time_input *in) {
     }
 }
 
+/* Count the points with user laws, and find the largest memory of a law: the motion before the
+ * step and the states. */
 static void set_laws(bd_time *t) {
     for (int p = 0; p < t->n_point; ++p) {
         if (!t->point_law[p].function) continue;
+        const int n_memory = 3 + t->point_law[p].n_state;
         ++t->n_user_law;
-        if (3 + t->point_law[p].n_state > t->n_memory) t->n_memory = 3 + t->point_law[p].n_state;
+        if (n_memory > t->n_memory) t->n_memory = n_memory;
     }
 }
 
 bd_status bd_time_create(bd_time *t, const bd_time_input *in) {
     memset(t, 0, sizeof *t);
-    if (!(t->kernel = bd_kernel_get())) return BD_BAD_ARGUMENT;
-    size_t n = 3 * (size_t)in->n_family + (size_t)in->n_force + (size_t)in->n_sector + 1;
-    for (int f = 0; f < in->n_family; ++f) n += 2 * (size_t)in->n_mode[f];
-    if (!(t->integers = calloc(n, sizeof(int)))) return BD_NO_MEMORY;
+    t->kernel = bd_kernel_get();
+    if (!t->kernel) return BD_BAD_ARGUMENT;
     set_sizes(t, in);
-    if (!(t->point_law = bd_point_laws_create(in->n_point, in->point_law))) {
+    const int n_integer = 3 * t->n_family + t->n_force + t->n_sector + 2 * t->n_total + 1;
+    t->integers = calloc((size_t)n_integer, sizeof(int));
+    t->point_law = bd_point_laws_create(in->n_point, in->point_law);
+    if (!t->integers || !t->point_law) {
         bd_time_destroy(t);
         return BD_NO_MEMORY;
     }
+    assign_integers(t);
+    set_families(t, in);
     set_laws(t);
-    if (!(t->memory = calloc(assign_arrays(t), sizeof(double)))) {
+
+    const size_t n_double = assign_arrays(t); /* counts them, since there is no memory yet */
+    t->memory = calloc(n_double, sizeof(double));
+    if (!t->memory) {
         bd_time_destroy(t);
         return BD_NO_MEMORY;
     }
     assign_arrays(t);
     set_modes(t, in);
+    set_phases(t, in);
     set_points(t, in);
     set_coordinates(t, in);
     t->patterns[0].rank = t->patterns[1].rank = -1;
@@ -424,22 +567,26 @@ void bd_time_destroy(bd_time *t) {
     memset(t, 0, sizeof *t);
 }
 
+static void copy_number(double *inside, double *outside, int out) {
+    if (out)
+        *outside = *inside;
+    else
+        *inside = *outside;
+}
+
 /* Copy sliders and memories (n_sector, n_point, 2 + n_memory) into the storage of the time steps,
  * or back. */
 static void copy_sliders(bd_time *t, double *w, int out) {
-    const size_t m = (size_t)t->n_memory;
-    for (size_t k = 0; k < (size_t)t->n_sector; ++k)
-        for (size_t p = 0; p < (size_t)t->n_point; ++p)
-            for (size_t d = 0; d < 2 + m; ++d) {
-                const size_t at = k * (size_t)t->n_point + p;
-                double *inside = d < 2 ? t->slider + (2 * k + d) * t->stride + p
-                                       : t->law_memory[0] + at * m + d - 2;
-                double *outside = w + (2 + m) * at + d;
-                if (out)
-                    *outside = *inside;
-                else
-                    *inside = *outside;
-            }
+    const size_t n_memory = (size_t)t->n_memory, n_point = (size_t)t->n_point;
+    for (size_t k = 0; k < (size_t)t->n_sector; ++k) {
+        for (size_t p = 0; p < n_point; ++p, w += 2 + n_memory) {
+            double *slider = t->slider + 2 * k * t->stride + p;
+            double *memory = t->law_memory[0] + (k * n_point + p) * n_memory;
+            copy_number(slider, w, out);
+            copy_number(slider + t->stride, w + 1, out);
+            for (size_t i = 0; i < n_memory; ++i) copy_number(memory + i, w + 2 + i, out);
+        }
+    }
 }
 
 void bd_time_reset_states(bd_time *t) {
@@ -450,14 +597,15 @@ void bd_time_reset_states(bd_time *t) {
 
 /* Clear all data that an earlier integration has left, including the padding. */
 static void reset(bd_time *t) {
-    const size_t k = (size_t)t->n_sector, s = t->stride, size = sizeof(double);
+    const size_t n_slider = 2 * t->stride * (size_t)t->n_sector;
+    const size_t n_pattern = (size_t)t->max_rank * (size_t)t->n_sector;
     double *coordinates[] = {t->q, t->v, t->a, t->contact_force, t->q_next, t->a_next, t->load};
     for (size_t i = 0; i < sizeof coordinates / sizeof *coordinates; ++i)
-        memset(coordinates[i], 0, size * t->n_coordinate);
-    memset(t->slider, 0, size * 2 * s * k);
-    memset(t->next_slider, 0, size * 2 * s * k);
+        memset(coordinates[i], 0, sizeof(double) * t->n_coordinate);
+    memset(t->slider, 0, sizeof(double) * n_slider);
+    memset(t->next_slider, 0, sizeof(double) * n_slider);
+    memset(t->pattern_force, 0, sizeof(double) * n_pattern);
     bd_time_reset_states(t);
-    memset(t->pattern_force, 0, size * (size_t)t->max_rank * k);
     t->largest_force = 0.0;
 }
 
