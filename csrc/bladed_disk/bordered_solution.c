@@ -16,16 +16,22 @@
  * The Hessenberg matrix of GMRES contains its eigenvalues far from one. */
 #include "bladed_disk/wheel_equations.h"
 
+#include "util/storage.h"
+
 #include <math.h>
 #include <string.h>
 
-enum { MOST = BD_WHEEL_KRYLOV }; /* iterations of GMRES */
-/* tolerance below which the solution is repeated for the residual */
+/* Iterations of GMRES. */
+enum { MOST = BD_WHEEL_KRYLOV };
+
+/* Tolerance below which the solution is repeated for the residual, and the least tolerance. */
 static const double ACCURATE = 1e-7;
 static const double ROUNDING = 1e-12;
-/* number of blade coefficients up to which a loose solution saves nothing */
+
+/* Number of blade coefficients up to which a loose solution saves nothing. */
 static const size_t SMALL = 500;
 
+/* Numbers of the blade part of a vector. */
 static size_t n_blade_number(const bd_wheel *w) {
     return (size_t)(w->input.n_sector * w->n_coef * w->input.n_blade);
 }
@@ -38,47 +44,65 @@ static double dot(const double *x, const double *y, size_t n) {
 
 /* Compute column and border_pivot of the matrix or its transpose. */
 static int find_column(bd_wheel *w, int transposed) {
-    const double *from = transposed ? w->border : w->C, *row = transposed ? w->C : w->border;
-    bd_ring_solve(&w->ring, transposed, from, w->column);
-    w->border_pivot = w->border[w->vector_size] - dot(row, w->column, (size_t)w->vector_size);
+    const size_t n = (size_t)w->vector_size;
+    const double *column = transposed ? w->border : w->C;
+    const double *row = transposed ? w->C : w->border;
+    bd_ring_solve(&w->ring, transposed, column, w->column);
+    w->border_pivot = w->border[n] - dot(row, w->column, n);
     w->transposed = transposed;
     return isfinite(w->border_pivot) && w->border_pivot != 0.0;
 }
 
+/* Matrices of the elimination at the present frequency, harmonic after harmonic. */
+static bd_ring_matrix fill_matrices(bd_wheel *w) {
+    const bd_wheel_input *in = &w->input;
+    const int n_group = in->n_harm + 1, N = in->n_sector, nd = in->n_damper;
+    const int blade_size = in->n_blade * in->n_blade, kept_size = in->n_kept * in->n_kept;
+    double *common = w->matrices;
+    double *damping = common + n_group * blade_size;
+    double *damper = damping + n_group * blade_size;
+    double *neighbour = damper + 2 * n_group * N * nd;
+    const double *K = w->sector_part[0], *M = w->sector_part[1], *C = w->sector_part[2];
+    const double *near_K = w->neighbour_part[0], *near_M = w->neighbour_part[1];
+    const bd_ring_matrix matrix = {
+        .tangent = w->tangent,
+        .form = w->form,
+        .blade = in->stiffness,
+        .common = common,
+        .damping = damping,
+        .damper = damper,
+        .springs = w->springs,
+        .neighbour = neighbour,
+    };
+    for (int l = 0; l < n_group; ++l) {
+        const double f = l * w->omega;
+        for (int i = 0; i < blade_size; ++i) {
+            common[i] = K[i] - f * f * (M[i] + in->mass[i]);
+            damping[i] = f * C[i];
+        }
+        common += blade_size;
+        damping += blade_size;
+        for (int i = 0; i < kept_size; ++i) neighbour[i] = near_K[i] - f * f * near_M[i];
+        neighbour += kept_size;
+        for (int k = 0; k < N; ++k, damper += 2 * nd) {
+            for (int i = 0; i < nd; ++i) {
+                const double mass = in->damper_mass[k * nd + i];
+                damper[i] = in->damper_stiffness[i] - f * f * mass;
+                damper[nd + i] = f * in->damper_damping[i];
+            }
+        }
+    }
+    return matrix;
+}
+
 bd_status bd_wheel_factor(bd_equations *e, const bd_border *border) {
     bd_wheel *w = (bd_wheel *)e;
-    const bd_wheel_input *in = &w->input;
     const size_t n = (size_t)e->n, n_vector = (size_t)w->vector_size;
-    const int H = in->n_harm, nb = in->n_blade, nd = in->n_damper, nk = in->n_kept,
-              N = in->n_sector;
-    double *sector_part = w->matrices, *damping = sector_part + (H + 1) * nb * nb,
-           *damper = damping + (H + 1) * nb * nb, *near = damper + 2 * (H + 1) * N * nd;
-    for (int l = 0; l <= H; ++l) {
-        const double f = l * w->omega;
-        for (int i = 0; i < nb * nb; ++i) {
-            sector_part[l * nb * nb + i] =
-                w->sector_part[0][i] - f * f * (w->sector_part[1][i] + in->mass[i]);
-            damping[l * nb * nb + i] = f * w->sector_part[2][i];
-        }
-        for (int i = 0; i < nk * nk; ++i)
-            near[l * nk * nk + i] = w->neighbour_part[0][i] - f * f * w->neighbour_part[1][i];
-        for (int k = 0; k < N; ++k)
-            for (int i = 0; i < nd; ++i) {
-                double *to = damper + 2 * (l * N + k) * nd + i;
-                to[0] = in->damper_stiffness[i] - f * f * in->damper_mass[k * nd + i];
-                to[nd] = f * in->damper_damping[i];
-            }
-    }
+    const bd_ring_matrix matrix = fill_matrices(w);
     ++w->cost.n_factorisation;
-    const bd_status status = bd_ring_factor(&w->ring, &(bd_ring_matrix){.tangent = w->tangent,
-                                                                        .form = w->form,
-                                                                        .blade = in->stiffness,
-                                                                        .common = sector_part,
-                                                                        .damping = damping,
-                                                                        .damper = damper,
-                                                                        .springs = w->springs,
-                                                                        .neighbour = near});
+    const bd_status status = bd_ring_factor(&w->ring, &matrix);
     if (status != BD_OK) return status;
+
     double *row = w->base.scratch + 3 * (n + 1);
     for (size_t i = 0; i < n; ++i) row[i] = border->row[i] / border->scale[i];
     bd_wheel_to_vector(w, row, w->border);
@@ -86,9 +110,13 @@ bd_status bd_wheel_factor(bd_equations *e, const bd_border *border) {
     bd_wheel_to_vector(w, border->scale, w->scale);
     w->scale[n_vector] = border->scale[n];
     if (!find_column(w, 0)) return BD_SINGULAR;
-    e->factored = (bd_factored){.condition = 1.0,
-                                .rank = e->n + 1,
-                                .orientation = w->ring.sign * (w->border_pivot > 0.0 ? 1 : -1)};
+
+    const int sign = w->border_pivot > 0.0 ? 1 : -1;
+    e->factored = (bd_factored){
+        .condition = 1.0,
+        .rank = e->n + 1,
+        .orientation = w->ring.sign * sign,
+    };
     return BD_OK;
 }
 
@@ -111,25 +139,30 @@ static void apply_remainder(bd_wheel *w, const double *y, double *b) {
 
 /* Blade part of x over its scale. */
 static void scale_blades(const bd_wheel *w, const double *x, double *y) {
-    const size_t nb = (size_t)w->input.n_blade, rows = (size_t)(w->input.n_sector * w->n_coef),
-                 ns = (size_t)w->sector_size;
-    for (size_t i = 0; i < rows; ++i)
+    const size_t nb = (size_t)w->input.n_blade, ns = (size_t)w->sector_size;
+    const size_t rows = (size_t)(w->input.n_sector * w->n_coef);
+    for (size_t i = 0; i < rows; ++i) {
         for (size_t j = 0; j < nb; ++j) {
             const double scale = w->scale[i * ns + j];
             y[i * nb + j] = scale > 0.0 ? x[i * ns + j] / scale : 0.0;
         }
+    }
 }
 
 /* Orthogonalise v to the preceding vectors V; h (k + 1) are the coefficients.
  * Return the length of v. */
 static double orthogonalise(const bd_wheel *w, const double *V, int k, double *v, size_t n,
                             double *h) {
+    enum { PASSES = 2 }; /* the second removes the rounding of the first */
     const size_t rows = (size_t)k + 1;
     double part[MOST + 1];
     memset(h, 0, sizeof(double) * rows);
-    for (int pass = 0; pass < 2; ++pass) {
+    for (int pass = 0; pass < PASSES; ++pass) {
         w->ring.kernel->multiply(rows, n, V, v, part);
-        for (size_t i = 0; i < rows; ++i) h[i] += part[i], part[i] = -part[i];
+        for (size_t i = 0; i < rows; ++i) {
+            h[i] += part[i];
+            part[i] = -part[i];
+        }
         w->ring.kernel->multiply_transposed(rows, n, V, part, v);
     }
     return sqrt(dot(v, v, n));
@@ -144,49 +177,64 @@ static double rotate_column(double *h, double *cosine, double *sine, double *g, 
         h[i] = cosine[i] * a + sine[i] * c;
         h[i + 1] = cosine[i] * c - sine[i] * a;
     }
-    const double last = h[k], r = fmax(hypot(last, size), 1e-300);
-    cosine[k] = last / r, sine[k] = size / r;
+    const double last = h[k];
+    const double r = fmax(hypot(last, size), 1e-300);
+    cosine[k] = last / r;
+    sine[k] = size / r;
     h[k] = r;
     g[k + 1] = -sine[k] * g[k];
     g[k] = cosine[k] * g[k];
     return last;
 }
 
+/* v = u + E M^-1 R E^T u for a blade part u in scaled unknowns; z = -M^-1 R E^T u is a vector and
+ * one number. */
+static void apply_blade_matrix(bd_wheel *w, const double *u, double *v, double *z) {
+    const size_t ny = n_blade_number(w), nb = (size_t)w->input.n_blade, ns = (size_t)w->sector_size;
+    double *y = w->blade_motion;
+    for (size_t i = 0; i < ny; ++i) y[i] = u[i] * w->scale[i / nb * ns + i % nb];
+    apply_remainder(w, y, w->product);
+    precondition(w, w->product, z);
+    scale_blades(w, z, v);
+    for (size_t i = 0; i < ny; ++i) v[i] = u[i] - v[i];
+}
+
 /* x = B^-1 b to a tolerance; b and x are a vector and one number. M^-1 R y is stored for every y,
  * so x needs no further solution. */
 static bd_status solve_once(bd_wheel *w, double tolerance, const double *b, double *x) {
-    const size_t ny = n_blade_number(w), nb = (size_t)w->input.n_blade, ns = (size_t)w->sector_size;
-    double *V = w->krylov, *H = V + (MOST + 1) * ny, *cosine = H + (MOST + 1) * MOST,
-           *sine = cosine + MOST, *g = sine + MOST, *Z = g + MOST + 1;
-    const size_t n1 = (size_t)w->vector_size + 1;
-    double *y = w->blade_motion;
+    const size_t ny = n_blade_number(w), n1 = (size_t)w->vector_size + 1;
+    double *rest = w->krylov;
+    double *V = bd_take(&rest, (MOST + 1) * ny);
+    double *H = bd_take(&rest, (MOST + 1) * MOST); /* by columns of MOST numbers */
+    double *cosine = bd_take(&rest, MOST), *sine = bd_take(&rest, MOST);
+    double *g = bd_take(&rest, MOST + 1);
+    double *Z = rest; /* (MOST, n1) */
     precondition(w, b, x);
     scale_blades(w, x, V);
     const double norm = sqrt(dot(V, V, ny));
     if (!isfinite(norm)) return BD_SINGULAR;
     if (norm == 0.0 || tolerance >= 1.0) return BD_OK;
+
     for (size_t i = 0; i < ny; ++i) V[i] /= norm;
     g[0] = norm;
     int k = 0, sign = 1;
     for (int done = 0; k < MOST && !done;) {
-        double *v = V + (size_t)(k + 1) * ny;
         const double *u = V + (size_t)k * ny;
-        for (size_t i = 0; i < ny; ++i) y[i] = u[i] * w->scale[i / nb * ns + i % nb];
-        apply_remainder(w, y, w->product);
-        precondition(w, w->product, Z + (size_t)k * n1);
-        scale_blades(w, Z + (size_t)k * n1, v);
-        for (size_t i = 0; i < ny; ++i) v[i] = u[i] - v[i];
-        double *h = H + k * MOST;
-        const double size = orthogonalise(w, V, k, v, ny, h),
-                     last = rotate_column(h, cosine, sine, g, k, size);
+        double *v = V + (size_t)(k + 1) * ny, *h = H + k * MOST;
+        apply_blade_matrix(w, u, v, Z + (size_t)k * n1);
+        const double size = orthogonalise(w, V, k, v, ny, h);
+        const double last = rotate_column(h, cosine, sine, g, k, size);
         if (!isfinite(size)) return BD_SINGULAR;
         sign = last < 0.0 ? -1 : 1;
         ++k;
         done = fabs(g[k]) <= tolerance * norm || size <= 1e-14;
-        for (size_t i = 0; i < ny && !done; ++i) v[i] /= size;
+        if (done) break;
+        for (size_t i = 0; i < ny; ++i) v[i] /= size;
     }
     if (fabs(g[k]) > 0.5 * norm) return BD_SINGULAR;
     w->base.factored.orientation = w->ring.sign * (w->border_pivot > 0.0 ? sign : -sign);
+
+    /* coefficients of the vectors, by the triangular matrix */
     for (int i = k - 1; i >= 0; --i) {
         for (int j = i + 1; j < k; ++j) g[i] -= H[j * MOST + i] * g[j];
         g[i] /= H[i * MOST + i];
@@ -198,16 +246,19 @@ static bd_status solve_once(bd_wheel *w, double tolerance, const double *b, doub
 /* Norm of x over its scale. */
 static double scaled_norm(const bd_wheel *w, const double *x) {
     double sum = 0.0;
-    for (int i = 0; i <= w->vector_size; ++i)
-        if (w->scale[i] > 0.0) sum += x[i] / w->scale[i] * (x[i] / w->scale[i]);
+    for (int i = 0; i <= w->vector_size; ++i) {
+        if (!(w->scale[i] > 0.0)) continue; /* not an unknown */
+        const double scaled = x[i] / w->scale[i];
+        sum += scaled * scaled;
+    }
     return sqrt(sum);
 }
 
 /* b = b - B x, with the full matrix. */
 static void subtract_product(bd_wheel *w, const double *x, double *b) {
     const size_t n = (size_t)w->vector_size;
-    const double *column = w->transposed ? w->border : w->C,
-                 *row = w->transposed ? w->C : w->border;
+    const double *column = w->transposed ? w->border : w->C;
+    const double *row = w->transposed ? w->C : w->border;
     bd_wheel_multiply(w, w->transposed, x, w->product);
     for (size_t i = 0; i < n; ++i) b[i] -= w->product[i] + x[n] * column[i];
     b[n] -= dot(row, x, n) + w->border[n] * x[n];
@@ -215,22 +266,31 @@ static void subtract_product(bd_wheel *w, const double *x, double *b) {
 
 /* Solve B x = b in place; b is a vector and one number. */
 static bd_status solve_bordered(bd_wheel *w, double tolerance, double *b) {
-    const size_t n1 = (size_t)w->vector_size + 1;
     enum { PASSES = 6 };
-    double *x = w->b + n1, *left = x + n1, last = INFINITY;
+    const size_t n1 = (size_t)w->vector_size + 1;
+    double *x = w->b + n1, *left = x + n1;
     memcpy(left, b, sizeof(double) * n1);
-    bd_status status = solve_once(w, fmax(tolerance, ACCURATE), b, x);
+    const bd_status status = solve_once(w, fmax(tolerance, ACCURATE), b, x);
     memcpy(b, x, sizeof(double) * n1);
-    for (int pass = 0; status == BD_OK && tolerance < ACCURATE && pass < PASSES; ++pass) {
+    if (status != BD_OK || tolerance >= ACCURATE) return status;
+
+    /* add solutions for the residual as long as they shrink */
+    double last = INFINITY;
+    for (int pass = 0; pass < PASSES; ++pass) {
         subtract_product(w, x, left);
-        status = solve_once(w, ACCURATE, left, x);
-        const double size = scaled_norm(w, x), n_vector = scaled_norm(w, b);
-        if (status != BD_OK || !(size < 0.5 * last)) return BD_OK;
+        if (solve_once(w, ACCURATE, left, x) != BD_OK) return BD_OK;
+        const double size = scaled_norm(w, x), size_of_all = scaled_norm(w, b);
+        if (!(size < 0.5 * last)) return BD_OK;
         for (size_t i = 0; i < n1; ++i) b[i] += x[i];
-        if (size <= fmax(tolerance, ROUNDING) * n_vector) return BD_OK;
+        if (size <= fmax(tolerance, ROUNDING) * size_of_all) return BD_OK;
         last = size;
     }
-    return status;
+    return BD_OK;
+}
+
+/* x over its scale; zero where there is no unknown. */
+static void divide_by_scale(const bd_wheel *w, double *x) {
+    for (int i = 0; i <= w->vector_size; ++i) x[i] = w->scale[i] > 0.0 ? x[i] / w->scale[i] : 0.0;
 }
 
 bd_status bd_wheel_solve(bd_equations *e, double tolerance, double *b) {
@@ -242,8 +302,7 @@ bd_status bd_wheel_solve(bd_equations *e, double tolerance, double *b) {
     w->b[w->vector_size] = b[n];
     const bd_status status = solve_bordered(w, tolerance, w->b);
     if (status != BD_OK) return status;
-    for (int i = 0; i <= w->vector_size; ++i)
-        w->b[i] = w->scale[i] > 0.0 ? w->b[i] / w->scale[i] : 0.0;
+    divide_by_scale(w, w->b);
     bd_wheel_to_unknowns(w, w->b, b);
     b[n] = w->b[w->vector_size];
     return BD_OK;
@@ -256,8 +315,7 @@ bd_status bd_wheel_solve_transposed(bd_equations *e, double *b) {
     if (!w->transposed && !find_column(w, 1)) return BD_SINGULAR;
     bd_wheel_to_vector(w, b, w->b);
     w->b[w->vector_size] = b[n];
-    for (int i = 0; i <= w->vector_size; ++i)
-        w->b[i] = w->scale[i] > 0.0 ? w->b[i] / w->scale[i] : 0.0;
+    divide_by_scale(w, w->b);
     const bd_status status = solve_bordered(w, 0.0, w->b);
     if (status != BD_OK) return status;
     bd_wheel_to_unknowns(w, w->b, b);
