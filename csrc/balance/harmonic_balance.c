@@ -128,7 +128,7 @@ static int laws_are_valid(const bd_hbm_input *in) {
     return 1;
 }
 
-static bd_status create_evaluator(bd_hbm *hbm, const bd_hbm_input *in) {
+static bd_status evaluator_create(bd_hbm *hbm, const bd_hbm_input *in) {
     bd_evaluator *evaluator = &hbm->evaluator;
     bd_status status = bd_evaluator_create(evaluator, in->evaluation, in->n_harm, in->n_time);
     if (status == BD_OK) status = bd_evaluator_add_laws(evaluator, in->n_point, in->point_law);
@@ -137,7 +137,7 @@ static bd_status create_evaluator(bd_hbm *hbm, const bd_hbm_input *in) {
 }
 
 /* Numbers of modes and unknowns of each harmonic. */
-static bd_status create_layout(bd_hbm *hbm, const bd_hbm_input *in) {
+static bd_status layout_create(bd_hbm *hbm, const bd_hbm_input *in) {
     const size_t n_group = (size_t)in->n_harm + 1;
     hbm->n_point = in->n_point;
     hbm->n_harm = in->n_harm;
@@ -155,7 +155,7 @@ static bd_status create_layout(bd_hbm *hbm, const bd_hbm_input *in) {
 }
 
 /* Copies of the input but for the modes. */
-static bd_status create_parameters(bd_hbm *hbm, const bd_hbm_input *in) {
+static bd_status parameters_create(bd_hbm *hbm, const bd_hbm_input *in) {
     const size_t n_point = (size_t)in->n_point, n_component = 3 * n_point;
     const size_t n_unknown = (size_t)hbm->n_unknown;
     size_t n_modes = 0;
@@ -180,7 +180,7 @@ static bd_status create_parameters(bd_hbm *hbm, const bd_hbm_input *in) {
 }
 
 /* Results and work of an evaluation. */
-static bd_status create_workspace(bd_hbm *hbm) {
+static bd_status workspace_create(bd_hbm *hbm) {
     const size_t n_point = (size_t)hbm->n_point, n_component = 3 * n_point;
     const size_t n_unknown = (size_t)hbm->n_unknown, n_coef = (size_t)hbm->n_coef;
     hbm->share = calloc(n_point + 1, sizeof(bd_status_share));
@@ -207,7 +207,7 @@ static bd_status create_workspace(bd_hbm *hbm) {
 }
 
 /* The real modes, and the stiffness of the springs in them. */
-static bd_status create_modes(bd_hbm *hbm, const bd_hbm_input *in) {
+static bd_status modes_create(bd_hbm *hbm, const bd_hbm_input *in) {
     const size_t n_component = 3 * (size_t)in->n_point, n_group = (size_t)in->n_harm + 1;
     hbm->G = calloc(n_group, sizeof(double *));
     hbm->spring_stiffness = calloc(n_group, sizeof(double *));
@@ -228,13 +228,13 @@ bd_status bd_hbm_create(bd_hbm *hbm, const bd_hbm_input *in) {
     hbm->kernel = bd_kernel_get();
     const int valid = in->n_harm >= 1 && in->n_harm <= BD_MAX_HARM && in->n_point >= 0;
     if (!hbm->kernel || !valid || !laws_are_valid(in)) return BD_BAD_ARGUMENT;
-    bd_status status = create_evaluator(hbm, in);
+    bd_status status = evaluator_create(hbm, in);
     if (status != BD_OK) return status;
 
-    status = create_layout(hbm, in);
-    if (status == BD_OK) status = create_parameters(hbm, in);
-    if (status == BD_OK) status = create_workspace(hbm);
-    if (status == BD_OK) status = create_modes(hbm, in);
+    status = layout_create(hbm, in);
+    if (status == BD_OK) status = parameters_create(hbm, in);
+    if (status == BD_OK) status = workspace_create(hbm);
+    if (status == BD_OK) status = modes_create(hbm, in);
     if (status != BD_OK) bd_hbm_destroy(hbm);
     return status;
 }
