@@ -99,8 +99,9 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
             base = validation.numbers(
                 "reference", np.atleast_1d(reference), np.size(base), above=0.0, unit="Hz"
             )
-        plausible_ranges.check("Mistuning", "deviation", values / base - 1.0)
-        return cls(values / base - 1.0, source)
+        deviation = values / base - 1.0
+        plausible_ranges.check("Mistuning", "deviation", deviation)
+        return cls(deviation, source)
 
     @classmethod
     def from_csv(cls, path: FilePath, reference: ArrayLike | None = None) -> Self:
@@ -160,18 +161,19 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
             pattern = distribution.without_mean().deviation
             if pattern.std() == 0.0:
                 raise SettingError(
-                    "distribution: the measured pattern has equal blades; give one with different blades"
+                    "distribution: the measured pattern has equal blades; give one with different "
+                    "blades"
                 )
-            unit = (pattern / pattern.std())[generator.integers(len(pattern), size=n_blades)]
+            blades = generator.integers(len(pattern), size=n_blades)
+            unit = (pattern / pattern.std())[blades]
             name = f"resampled from {distribution.source}"
         else:
             name = validation.choice("distribution", distribution, DISTRIBUTIONS)
-            half = np.sqrt(3.0)
-            unit = (
-                generator.standard_normal(n_blades)
-                if name == "normal"
-                else generator.uniform(-half, half, n_blades)
-            )
+            if name == "normal":
+                unit = generator.standard_normal(n_blades)
+            else:
+                half_width = np.sqrt(3.0)  # of the uniform distribution with standard deviation 1
+                unit = generator.uniform(-half_width, half_width, n_blades)
         return cls(deviation * unit, f"{name}, standard deviation {deviation:g}", seed)
 
     @property
@@ -191,15 +193,17 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         SettingError
             If deviations are given for more modes than the model has.
         """
+        # stiffness is proportional to the squared frequency: (1 + eps)**2 - 1
         change = (self.deviation * (2.0 + self.deviation)).reshape(self.n_blades, -1)
-        rest = change.mean(axis=1)
-        if change.shape[1] > n_modes:
-            found = change.shape[1]
+        n_given = change.shape[1]
+        if n_given > n_modes:
             raise SettingError(
-                f"mistuning: the model has {n_modes} cantilever modes, found deviations of {found} modes"
+                f"mistuning: the model has {n_modes} cantilever modes, found deviations of "
+                f"{n_given} modes"
             )
-        beyond = np.repeat(rest[:, None], n_modes - change.shape[1], axis=1)
-        return np.hstack([change, beyond]), rest
+        mean_change = change.mean(axis=1)
+        higher_modes = np.repeat(mean_change[:, None], n_modes - n_given, axis=1)
+        return np.hstack([change, higher_modes]), mean_change
 
     def without_mean(self) -> Self:
         """Return the same pattern with the mean over the blades removed from each mode."""
@@ -207,24 +211,28 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
 
     def columns(self) -> dict[str, Column]:
         """Return the table with one row for each blade."""
-        by_mode = self.deviation.reshape(self.n_blades, -1).T
-        names = (
-            ["deviation"]
-            if self.deviation.ndim == 1
-            else [f"deviation_{k}" for k in range(1, len(by_mode) + 1)]
-        )
-        return {
-            "blade": Column(np.arange(self.n_blades)),
-            **{n: Column(v) for n, v in zip(names, by_mode)},
-        }
+        columns = {"blade": Column(np.arange(self.n_blades))}
+        if self.deviation.ndim == 1:
+            columns["deviation"] = Column(self.deviation)
+            return columns
+        for k, of_mode in enumerate(self.deviation.T, start=1):
+            columns[f"deviation_{k}"] = Column(of_mode)
+        return columns
 
     def __str__(self) -> str:
-        modes = "" if self.deviation.ndim == 1 else f", {self.deviation.shape[1]} modes each"
-        seed = f", seed {' '.join(map(str, self.seed))}" if self.seed else ""
-        d = 100.0 * self.deviation
+        modes = ""
+        if self.deviation.ndim == 2:
+            modes = f", {self.deviation.shape[1]} modes each"
+        seed = ""
+        if self.seed:
+            seed = f", seed {' '.join(map(str, self.seed))}"
+        percent = 100.0 * self.deviation
+        # a mean that is zero but for rounding has no sign
+        mean = percent.mean().round(9) + 0.0
         return (
-            f"frequency deviations of {self.n_blades} blades clamped at the root{modes} ({self.source}{seed}): mean "
-            f"{d.mean().round(9) + 0.0:.3g} %, standard deviation {d.std():.3g} %, from {d.min():.3g} to {d.max():.3g} %"
+            f"frequency deviations of {self.n_blades} blades clamped at the root{modes} "
+            f"({self.source}{seed}): mean {mean:.3g} %, standard deviation {percent.std():.3g} %, "
+            f"from {percent.min():.3g} to {percent.max():.3g} %"
         )
 
 
@@ -263,9 +271,8 @@ class DamperVariation(Summarised, Storable, kind="bdamper-damper-variation"):
     def __post_init__(self) -> None:
         n = np.size(self.missing)
         for name, limits in _LIMITS.items():
-            object.__setattr__(
-                self, name, validation.numbers(name, np.asarray(getattr(self, name)), n, **limits)
-            )
+            values = np.asarray(getattr(self, name))
+            object.__setattr__(self, name, validation.numbers(name, values, n, **limits))
         missing = np.array(self.missing)
         if missing.dtype != bool or missing.ndim != 1 or n == 0:
             raise validation.invalid("missing", "(n_blades,) True or False", self.missing)
@@ -286,12 +293,19 @@ class DamperVariation(Summarised, Storable, kind="bdamper-damper-variation"):
             default.
         """
         n = validation.integer("n_blades", n_blades, least=1)
-        full: dict[str, Any] = dict.fromkeys(_LIMITS, np.ones(n)) | {"gap": np.zeros(n)}
+        full: dict[str, Any] = {
+            "mass": np.ones(n),
+            "friction_coefficient": np.ones(n),
+            "contact_stiffness": np.ones(n),
+            "gap": np.zeros(n),
+        }
         for name, value in properties.items():
             validation.choice("properties of dampers", name, tuple(_LIMITS))
+            # one number applies to all dampers
             full[name] = [value] * n if np.ndim(value) == 0 else value
+        numbers = validation.integers("missing", missing, most=n - 1)
         is_missing = np.zeros(n, bool)
-        is_missing[list(validation.integers("missing", missing, most=n - 1))] = True
+        is_missing[list(numbers)] = True
         return cls(**full, missing=is_missing)
 
     @classmethod
@@ -324,16 +338,13 @@ class DamperVariation(Summarised, Storable, kind="bdamper-damper-variation"):
         for name in _LIMITS:
             value = spread.pop(name, 0.0)
             if name == "gap":
-                full[name] = validation.number(
-                    name, value, least=0.0, unit="m"
-                ) * generator.standard_exponential(n)
-            else:
-                sigma = np.sqrt(
-                    np.log1p(
-                        validation.number(f"standard deviation of {name}", value, least=0.0) ** 2
-                    )
-                )
-                full[name] = np.exp(sigma * generator.standard_normal(n) - 0.5 * sigma**2)
+                mean = validation.number(name, value, least=0.0, unit="m")
+                full[name] = mean * generator.standard_exponential(n)
+                continue
+            deviation = validation.number(f"standard deviation of {name}", value, least=0.0)
+            # lognormal distribution with mean 1
+            sigma = np.sqrt(np.log1p(deviation**2))
+            full[name] = np.exp(sigma * generator.standard_normal(n) - 0.5 * sigma**2)
         return cls.of(n, missing=missing, **full, **spread)
 
     @property
@@ -343,17 +354,19 @@ class DamperVariation(Summarised, Storable, kind="bdamper-damper-variation"):
     def __str__(self) -> str:
         lines = [f"{self.n_blades} dampers, {int(self.missing.sum())} missing"]
         for name in _LIMITS:
-            low, high = getattr(self, name).min(), getattr(self, name).max()
-            lines.append(
-                f"  {name.replace('_', ' ')}: {'' if name == 'gap' else 'factor '}{low:.4g} to {high:.4g}"
-            )
+            values = getattr(self, name)
+            title = name.replace("_", " ")
+            kind = "" if name == "gap" else "factor "
+            lines.append(f"  {title}: {kind}{values.min():.4g} to {values.max():.4g}")
         return "\n".join(lines)
 
 
 _LIMITS: dict[str, dict[str, Any]] = {
-    "mass": {"above": 0.0}, "friction_coefficient": {"least": 0.0}, "contact_stiffness": {"above": 0.0},
+    "mass": {"above": 0.0},
+    "friction_coefficient": {"least": 0.0},
+    "contact_stiffness": {"above": 0.0},
     "gap": {"least": 0.0, "unit": "m"},
-}  # fmt: skip
+}
 
 
 def _by_blade(name: str, value: ArrayLike, above: float, expected: str) -> NDArray:
@@ -362,17 +375,15 @@ def _by_blade(name: str, value: ArrayLike, above: float, expected: str) -> NDArr
         values = np.array(value, float)
     except (TypeError, ValueError):
         values = np.array(np.nan)
-    if (
-        values.ndim not in (1, 2)
-        or 0 in values.shape
-        or not (np.isfinite(values).all() and (values > above).all())
-    ):
+    has_shape = values.ndim in (1, 2) and 0 not in values.shape
+    if not has_shape or not np.isfinite(values).all() or not (values > above).all():
         raise validation.invalid(name, f"(n_blades,) or (n_blades, n_modes) {expected}", value)
     return values
 
 
 def _seed(seed: Any) -> tuple[int, ...]:
-    seeds = seed if isinstance(seed, Sequence) and not isinstance(seed, str | bytes) else [seed]
+    is_sequence = isinstance(seed, Sequence) and not isinstance(seed, str | bytes)
+    seeds = seed if is_sequence else [seed]
     return tuple(validation.integer("seed", s) for s in seeds)
 
 
@@ -392,22 +403,26 @@ def _read_frequencies(path: FilePath) -> NDArray:
     except ValueError as error:
         raise mismatch(str(path), "one row of frequencies for each blade", error) from error
     modes = [k for k, name in enumerate(head) if name != "blade"]
-    headers = [HEADER.fullmatch(head[k]) for k in modes]
-    factors = [
-        check_unit(str(path), match[1] if match else "", (match and match[2]) or "", HERTZ)
-        for match in headers
-    ]
+    factors = [_hertz_per_unit(path, head[k]) for k in modes]
     if len(head) != table.shape[1]:
         raise mismatch(str(path), f"{len(head)} columns as in the header", table.shape[1])
     if "blade" in head:
         number = table[:, head.index("blade")]
         order = np.argsort(number, kind="stable")
-        if number.min() not in (0.0, 1.0) or not np.array_equal(
-            number[order], number.min() + np.arange(len(number))
-        ):
+        first = number.min()
+        complete = np.array_equal(number[order], first + np.arange(len(number)))
+        if first not in (0.0, 1.0) or not complete:
             raise mismatch(
                 f"{path}, column 'blade'", "each number from 0 or 1 once", number.tolist()
             )
         table = table[order]
     frequencies = table[:, modes] * factors
     return frequencies[:, 0] if len(modes) == 1 else frequencies
+
+
+def _hertz_per_unit(path: FilePath, header: str) -> float:
+    """Return the factor from the unit in a header, such as "mode 1 (kHz)", to Hz."""
+    match = HEADER.fullmatch(header)
+    if match is None:
+        return check_unit(str(path), "", "", HERTZ)
+    return check_unit(str(path), match[1], match[2] or "", HERTZ)

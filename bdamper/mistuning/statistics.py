@@ -35,12 +35,11 @@ class Interval(NamedTuple):
 
     def to_text(self, unit: str) -> str:
         """Return the value and the ends with four digits and the unit."""
-        if self.value != self.value:
+        if np.isnan(self.value):
             return "not known"
-        low, high = (
-            amount(x, unit, 4) if np.isfinite(x) else "not bounded by the sample"
-            for x in (self.low, self.high)
-        )
+        unbounded = "not bounded by the sample"
+        low = amount(self.low, unit, 4) if np.isfinite(self.low) else unbounded
+        high = amount(self.high, unit, 4) if np.isfinite(self.high) else unbounded
         return f"{amount(self.value, unit, 4)} ({low} to {high})"
 
 
@@ -74,15 +73,18 @@ def percentile(values: NDArray, q: float, error: NDArray | float = 0.0) -> Inter
         Unknown values are below or above all others.
         """
         moved = values * (1.0 + side * error)
-        return scipy.stats.quantile_test(
-            np.where(np.isnan(moved), side * np.inf, moved), p=q
-        ).confidence_interval(0.95)
+        moved = np.where(np.isnan(moved), side * np.inf, moved)
+        return scipy.stats.quantile_test(moved, p=q).confidence_interval(0.95)
 
-    low, high = bounds(-1.0).low, bounds(1.0).high
+    low = float(bounds(-1.0).low)
+    high = float(bounds(1.0).high)
+    # a sample that is too small does not bound the percentile
+    if np.isnan(low):
+        low = -np.inf
+    if np.isnan(high):
+        high = np.inf
     value = float(np.quantile(known, q, method="median_unbiased"))
-    return Interval(
-        -np.inf if np.isnan(low) else float(low), value, np.inf if np.isnan(high) else float(high)
-    )
+    return Interval(low, value, high)
 
 
 def share(count: int, n: int) -> Interval:
@@ -138,17 +140,19 @@ class WeibullTail(Summarised):
             If the percentile lies below the threshold.
         """
         q = validation.number("percentile", q, above=0.0, below=100.0) / 100.0
-        if q < 1.0 - self.n_tail / self.n:
-            lowest = 100.0 * (1.0 - self.n_tail / self.n)
+        lowest = 1.0 - self.n_tail / self.n
+        if q < lowest:
             raise SettingError(
-                f"percentile {100.0 * q:g} lies below the fitted tail; give one of at least {lowest:g}"
+                f"percentile {100.0 * q:g} lies below the fitted tail; give one of at least "
+                f"{100.0 * lowest:g}"
             )
         return float(scipy.stats.weibull_max.ppf(q, self.shape, self.bound, self.scale))
 
     def __str__(self) -> str:
         return (
-            f"Weibull tail from {self.threshold:.4g} on ({self.n_tail} of {self.n} values): shape {self.shape:.3g}, bound "
-            f"{self.bound:.4g}, largest distance from the empirical distribution {self.distance:.2g}"
+            f"Weibull tail from {self.threshold:.4g} on ({self.n_tail} of {self.n} values): "
+            f"shape {self.shape:.3g}, bound {self.bound:.4g}, "
+            f"largest distance from the empirical distribution {self.distance:.2g}"
         )
 
 
@@ -176,21 +180,27 @@ def weibull_tail(values: NDArray, tail: float = 0.5) -> WeibullTail:
     if len(np.unique(x)) < least_values:
         expected = f"at least {least_values} different values in the tail"
         raise SettingError(f"tail: expected {expected}, found {len(np.unique(x))} of {n}")
-    below, low, top = n - len(x), x[0], x[-1]
-    unit, law = top - low, scipy.stats.weibull_max
+    n_below = n - len(x)
+    low = x[0]
+    top = x[-1]
+    unit = top - low
+    law = scipy.stats.weibull_max
 
     def parameters(p: NDArray) -> tuple[float, float, float]:
         """Return the shape, the bound, and the most likely scale for them (in closed form)."""
-        k, b = 1.0 + float(np.exp(p[0])), top + unit * float(np.exp(p[1]))
+        k = 1.0 + float(np.exp(p[0]))
+        b = top + unit * float(np.exp(p[1]))
         width = b - low  # powers of values relative to the width of the tail do not overflow
-        power = np.sum(((b - x) / width) ** k) + below
+        power = np.sum(((b - x) / width) ** k) + n_below
         return k, b, width * float((power / len(x)) ** (1.0 / k))
 
     def negative_log_likelihood(p: NDArray) -> float:
         if np.abs(p).max() > 12.0:  # beyond these limits the likelihood does not change
             return np.inf
         k, b, s = parameters(p)
-        return -float(law.logpdf(x, k, b, s).sum() + below * law.logcdf(low, k, b, s))
+        of_tail = law.logpdf(x, k, b, s).sum()
+        of_others = n_below * law.logcdf(low, k, b, s)
+        return -float(of_tail + of_others)
 
     starts = [np.array([np.log(k), np.log(0.3 * k)]) for k in (1.0, 3.0, 7.0)]
     options = {"maxiter": 4000, "xatol": 1e-6, "fatol": 1e-8}
@@ -198,6 +208,15 @@ def weibull_tail(values: NDArray, tail: float = 0.5) -> WeibullTail:
         scipy.optimize.minimize(negative_log_likelihood, p, method="Nelder-Mead", options=options)
         for p in starts
     ]
-    k, b, s = parameters(min(fits, key=lambda fit: fit.fun).x)
-    distance = np.abs(law.cdf(x, k, b, s) - probability[below:]).max()
-    return WeibullTail(k, b, s, float(low), n, len(x), float(distance))
+    best = min(fits, key=lambda fit: fit.fun)
+    k, b, s = parameters(best.x)
+    distance = np.abs(law.cdf(x, k, b, s) - probability[n_below:]).max()
+    return WeibullTail(
+        shape=k,
+        bound=b,
+        scale=s,
+        threshold=float(low),
+        n=n,
+        n_tail=len(x),
+        distance=float(distance),
+    )
