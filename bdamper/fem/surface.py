@@ -22,8 +22,10 @@ from numpy.typing import NDArray
 
 
 def check(good: object, wrong: str) -> None:
-    """Raise ValueError with the text ``wrong`` unless ``good``; importers add the name of the
-    body."""
+    """Raise ValueError with the text ``wrong`` unless ``good``.
+
+    Importers add the name of the body.
+    """
     if not good:
         raise ValueError(wrong)
 
@@ -35,8 +37,9 @@ def hermitian(matrix: NDArray) -> NDArray:
 
 @dataclass(frozen=True)
 class Structure:
-    """Nodes and matrices of a body; node ``a`` has the degrees of freedom ``3 a``, ``3 a + 1``,
-    ``3 a + 2``.
+    """Nodes and matrices of a body.
+
+    Node ``a`` has the degrees of freedom ``3 a``, ``3 a + 1``, ``3 a + 2``.
 
     Parameters
     ----------
@@ -61,12 +64,13 @@ class Structure:
         return int(np.argmin(np.linalg.norm(self.nodes - position, axis=1)))
 
     def body_force(self, density: NDArray) -> NDArray:
-        """Return consistent nodal forces (n_nodes, 3), N, for a force per mass at the nodes
-        (n_nodes, 3).
+        """Return consistent nodal forces (n_nodes, 3), N.
 
-        Shape functions interpolate the force, which is exact if it is linear in the coordinates.
+        ``density`` (n_nodes, 3) is the force per mass at the nodes.  Shape functions interpolate the
+        force, which is exact if it is linear in the coordinates.
         """
-        return (self.mass @ np.asarray(density, float).ravel()).reshape(-1, 3)
+        force = self.mass @ np.asarray(density, float).ravel()
+        return force.reshape(-1, 3)
 
 
 # ---- Faces of elements ----
@@ -88,8 +92,9 @@ one face shifted by one position has 0, the most distorted element of the refere
 
 
 def twisted(corners: NDArray, nodes: NDArray) -> NDArray:
-    """Return whether the corners of hexahedra or wedges have another order than usual, in either
-    sense of rotation.
+    """Return whether the corners of hexahedra or wedges have another order than usual.
+
+    Both senses of rotation are usual.
 
     Some face then intersects itself or is bent by a right angle, so its corner normals point to
     different sides.
@@ -104,15 +109,21 @@ def twisted(corners: NDArray, nodes: NDArray) -> NDArray:
     -------
     (n,) bool
     """
-    faces = np.array([face for face in FACES[corners.shape[1]] if len(face) == 4])
-    x = nodes[corners][:, faces]  # (n, faces, 4, 3)
-    normal = np.cross(np.roll(x, -1, axis=2) - x, np.roll(x, 1, axis=2) - x)
+    quadrilaterals = np.array([face for face in FACES[corners.shape[1]] if len(face) == 4])
+    x = nodes[corners][:, quadrilaterals]  # (n, faces, 4, 3)
+
+    # normal at each corner from the edges to the next and to the previous corner
+    to_next = np.roll(x, -1, axis=2) - x
+    to_previous = np.roll(x, 1, axis=2) - x
+    normal = np.cross(to_next, to_previous)
     length = np.linalg.norm(normal, axis=-1, keepdims=True)
-    size = np.ptp(x, axis=(1, 2)).max(axis=1)[:, None, None, None] ** 2
-    unit = np.where(
-        length > 1e-9 * size, normal / np.maximum(length, 1e-300), np.nan
-    )  # a collapsed corner has no normal
-    return np.asarray((np.einsum("efic,efjc->efij", unit, unit) < LEAST_COSINE).any(axis=(1, 2, 3)))
+
+    # a collapsed corner has no normal
+    size = np.ptp(x, axis=(1, 2)).max(axis=1)
+    has_normal = length > 1e-9 * size[:, None, None, None] ** 2
+    unit = np.where(has_normal, normal / np.maximum(length, 1e-300), np.nan)
+    cosine = np.einsum("efic,efjc->efij", unit, unit)
+    return np.asarray((cosine < LEAST_COSINE).any(axis=(1, 2, 3)))
 
 
 @dataclass(frozen=True)
@@ -133,11 +144,9 @@ class Facets:
     @property
     def nodes(self) -> NDArray:
         """All nodes (n,), ascending without repetition."""
-        return (
-            np.unique(np.concatenate([g.ravel() for g in self.groups]))
-            if self.groups
-            else np.empty(0, int)
-        )
+        if not self.groups:
+            return np.empty(0, int)
+        return np.unique(np.concatenate([group.ravel() for group in self.groups]))
 
     def each(self) -> list[NDArray]:
         """Return the facets one by one, each as the array of its nodes."""
@@ -160,27 +169,41 @@ def corner_count(n_nodes: int) -> int:
 
 def _reverse(group: NDArray) -> NDArray:
     n = corner_count(group.shape[1])
-    return np.hstack([group[:, :1], group[:, n - 1 : 0 : -1], group[:, n:][:, ::-1]])
+    first = group[:, :1]
+    other_corners = group[:, 1:n]
+    midside = group[:, n:]
+    # the first corner stays, so the edge after it becomes the last one
+    return np.hstack([first, other_corners[:, ::-1], midside[:, ::-1]])
 
 
 def area_vectors(facets: Facets, nodes: NDArray) -> NDArray:
     """Return area times outward normal (n, 3) of each facet, m2, by its corners."""
-    out = []
-    for x in (nodes[corners] for corners in facets.corners):
+    if not facets.groups:
+        return np.zeros((0, 3))
+    vectors = []
+    for corners in facets.corners:
+        x = nodes[corners]
         # a triangle is half the parallelogram of two edges, a quadrilateral half that of its
         # diagonals
-        a, b = (x[:, 0], x[:, 1]) if x.shape[1] == 4 else (x[:, 0], x[:, 0])
-        out.append(0.5 * np.cross(x[:, -2] - a, x[:, -1] - b))
-    return np.concatenate(out) if out else np.zeros((0, 3))
+        if x.shape[1] == 3:
+            side_a = x[:, 1] - x[:, 0]
+            side_b = x[:, 2] - x[:, 0]
+        else:
+            side_a = x[:, 2] - x[:, 0]
+            side_b = x[:, 3] - x[:, 1]
+        vectors.append(0.5 * np.cross(side_a, side_b))
+    return np.concatenate(vectors)
 
 
 def enclosed_volume(facets: Facets, nodes: NDArray) -> float:
-    """Return the volume (m3) of a closed surface by the divergence theorem over triangles of its
-    corners."""
+    """Return the volume (m3) of a closed surface by the divergence theorem."""
     volume = 0.0
-    for x in (nodes[corners] for corners in facets.corners):
+    for corners in facets.corners:
+        x = nodes[corners]
+        # triangles of the first corner with two adjacent others, each a tetrahedron with the origin
         for k in range(1, x.shape[1] - 1):
-            volume += float(np.einsum("ij,ij->", x[:, 0], np.cross(x[:, k], x[:, k + 1]))) / 6.0
+            normal = np.cross(x[:, k], x[:, k + 1])
+            volume += float(np.einsum("ij,ij->", x[:, 0], normal)) / 6.0
     return volume
 
 
@@ -199,6 +222,7 @@ def boundary_facets(elements: Sequence[NDArray], nodes: NDArray) -> Facets:
     ValueError
         If the number of nodes of an element is invalid, or a midside node is missing.
     """
+    # faces with the same corners belong to adjacent elements
     by_corners: dict[frozenset[int], list[tuple[NDArray, NDArray]]] = {}
     for group in elements:
         n_node = group.shape[1]
@@ -207,19 +231,25 @@ def boundary_facets(elements: Sequence[NDArray], nodes: NDArray) -> Facets:
         for face in FACES[n_corner]:
             for element, corner in zip(group, group[:, face]):
                 key = frozenset(corner.tolist())
+                # a face of a collapsed element may be an edge
                 if len(key) >= 3:
                     by_corners.setdefault(key, []).append((corner, element))
+
+    # a face of a single element is on the surface
     facets: dict[int, list[NDArray]] = {}
     for users in by_corners.values():
-        if len(users) == 1:
-            facet = oriented_facet(*users[0], nodes)
-            facets.setdefault(len(facet), []).append(facet)
+        if len(users) > 1:
+            continue
+        corner, element = users[0]
+        facet = oriented_facet(corner, element, nodes)
+        facets.setdefault(len(facet), []).append(facet)
     return Facets(tuple(np.array(facets[n]) for n in sorted(facets)))
 
 
 def oriented_facet(corner: NDArray, element: NDArray, nodes: NDArray) -> NDArray:
-    """Return one facet of an element with outward normal and midside nodes, without repeated
-    corners.
+    """Return one facet of an element with outward normal and midside nodes.
+
+    Repeated corners of collapsed elements are left out.
 
     Parameters
     ----------
@@ -228,28 +258,37 @@ def oriented_facet(corner: NDArray, element: NDArray, nodes: NDArray) -> NDArray
     element : (4 | 6 | 8 | 10 | 15 | 20,) int
     nodes : (n_nodes, 3) float
     """
-    unique = corner[np.r_[True, corner[1:] != corner[:-1]]]
+    differs_from_previous = np.r_[True, corner[1:] != corner[:-1]]
+    unique = corner[differs_from_previous]
     if len(unique) > 3 and unique[0] == unique[-1]:
         unique = unique[:-1]
     n_corner = N_CORNER[len(element)]
     inside = nodes[np.unique(element[:n_corner])].mean(axis=0)
     x = nodes[unique]
-    normal = (
-        np.cross(x[1] - x[0], x[2] - x[0]) if len(x) == 3 else np.cross(x[2] - x[0], x[3] - x[1])
-    )
-    if normal @ (x.mean(axis=0) - inside) < 0.0:
-        unique, x = unique[::-1], x[::-1]
+    if len(x) == 3:
+        normal = np.cross(x[1] - x[0], x[2] - x[0])
+    else:
+        normal = np.cross(x[2] - x[0], x[3] - x[1])
+    outward = x.mean(axis=0) - inside
+    if normal @ outward < 0.0:
+        unique = unique[::-1]
+        x = x[::-1]
     if len(element) == n_corner:
         return unique
+
+    # the midside node of an edge is the one nearest to its middle
     between = np.unique(element[n_corner:])
-    middle = 0.5 * (x + np.roll(x, -1, axis=0))
-    length = np.linalg.norm(np.roll(x, -1, axis=0) - x, axis=1)
+    x_next = np.roll(x, -1, axis=0)
+    middle = 0.5 * (x + x_next)
+    length = np.linalg.norm(x_next - x, axis=1)
     distance = np.linalg.norm(nodes[between][None] - middle[:, None], axis=2)
     nearest = distance.argmin(axis=1)
-    if np.any(distance.min(axis=1) > 0.3 * length) or len(np.unique(nearest)) < len(nearest):
-        why = "the order of its corners, or a missing node between them, does not fit an element of second order"
+    too_far = np.any(distance.min(axis=1) > 0.3 * length)
+    shared = len(np.unique(nearest)) < len(nearest)
+    if too_far or shared:
         raise ValueError(
-            f"no node between corners of the element face at {x.mean(axis=0)} m: {why}"
+            f"no node between corners of the element face at {x.mean(axis=0)} m: the order of its "
+            "corners, or a missing node between them, does not fit an element of second order"
         )
     return np.concatenate([unique, between[nearest]])
 
