@@ -168,12 +168,17 @@ def test_a_margin_needs_a_material_and_stress(study):
 
 @pytest.mark.slow
 def test_over_speed_the_lighter_damper_has_the_larger_margin():
-    """Lower preloads than the optimum have no steady response, and the largest margin lies at its edge."""
+    """The lowest preloads have no steady response, and a detached branch 30 times higher reaches to 533 N.
+
+    The peaks below its end are lower bounds, so that the largest margin lies at the first preload beyond it.
+    """
     at = bd.Study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip", amplitude=20.0), 5, harmonics=1,
                   friction_coefficient=0.3).at_speed(480.0)  # fmt: skip
     curve = at.optimal_curve((350.0, 600.0), 5, check=False, quantity="margin", material=AISI_1050)
-    assert curve.optimum.kind == "edge" and np.isfinite(curve.amplitude).sum() == 3
+    assert curve.optimum.kind == "unknown" and np.isfinite(curve.amplitude).sum() == 3
+    below = curve.preload < curve.optimum.preload
+    assert not np.isfinite(curve.amplitude[below]).any()
     (margins,) = curve.margins
-    assert 0.98 * curve.optimum.preload < margins.best_value < curve.optimum.preload
-    assert margins.best_margin > 1.005 * np.interp(curve.optimum.preload, margins.values, margins.margin)
-    assert margins.best_status == "complete: refined between its neighbours"
+    assert margins.best_value == curve.optimum.preload
+    assert margins.best_margin == np.nanmax(margins.margin)
+    assert margins.best_status == "complete: next to preloads without a value"
