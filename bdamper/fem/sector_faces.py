@@ -69,28 +69,35 @@ class SectorFaces:
     def tie(self, nodal_diameter: int) -> tuple[complex, NDArray]:
         """Return phase factor and rotation (3, 3) from the independent to the dependent face."""
         phase = sector_phase(self.n_sectors, nodal_diameter)
-        return np.conj(phase) if self.side < 0 else phase, turn(
-            self.side * 2.0 * np.pi / self.n_sectors
-        )
+        if self.side < 0:
+            phase = np.conj(phase)
+        rotation = turn(self.side * 2.0 * np.pi / self.n_sectors)
+        return phase, rotation
 
     def among(self, known: NDArray) -> SectorFaces:
-        """Keep the dependent nodes that are ``known`` (n_nodes,) bool and determined by known
-        independent nodes."""
-        unknown = abs(self.weights) @ (~known[self.independent]).astype(float) > 0.0
-        rows = known[self.dependent] & ~unknown
-        return replace(self, dependent=self.dependent[rows], weights=self.weights[rows])
+        """Keep the dependent nodes that are known and determined by known independent nodes.
+
+        ``known`` (n_nodes,) is bool.
+        """
+        unknown_independent = (~known[self.independent]).astype(float)
+        depends_on_unknown = abs(self.weights) @ unknown_independent > 0.0
+        kept = known[self.dependent] & ~depends_on_unknown
+        return replace(self, dependent=self.dependent[kept], weights=self.weights[kept])
 
     def images(self, held: NDArray) -> NDArray:
-        """Return the mask (n_nodes,) of the nodes ``held`` and of their images on the other
-        face."""
-        out, size = held.copy(), abs(self.weights)
-        out[self.dependent] |= (size > 1e-4) @ (~held[self.independent]).astype(
-            float
-        ) == 0.0  # positions are rounded
-        out[self.independent] |= (size > 0.5).T @ held[self.dependent].astype(
-            float
-        ) > 0.0  # the nearest one
-        return out
+        """Return the mask (n_nodes,) of the nodes ``held`` and of their images."""
+        weight = abs(self.weights)
+        held_or_image = held.copy()
+        # a dependent node is an image if all nodes that carry it are held; smaller weights are
+        # rounding of the positions
+        carries = weight > 1e-4
+        n_free_carriers = carries @ (~held[self.independent]).astype(float)
+        held_or_image[self.dependent] |= n_free_carriers == 0.0
+        # an independent node is an image if the dependent node nearest to it is held
+        nearest = weight > 0.5
+        n_held_images = nearest.T @ held[self.dependent].astype(float)
+        held_or_image[self.independent] |= n_held_images > 0.0
+        return held_or_image
 
 
 def no_faces() -> SectorFaces:
@@ -100,10 +107,14 @@ def no_faces() -> SectorFaces:
 
 
 def sector_phase(n_sectors: int, nodal_diameter: int) -> complex:
-    """Return ``exp(2 pi i d/N)``, the phase factor to the next sector; real for d = 0 and d =
-    N/2."""
+    """Return ``exp(2 pi i d/N)``, the phase factor to the next sector.
+
+    It is real for d = 0 and d = N/2.
+    """
+    if nodal_diameter % n_sectors == 0:
+        return 1.0
     if 2 * nodal_diameter % n_sectors == 0:
-        return -1.0 if nodal_diameter % n_sectors else 1.0
+        return -1.0
     return np.exp(2j * np.pi * nodal_diameter / n_sectors)
 
 
@@ -115,10 +126,10 @@ def match_faces(
     tolerance: float = 1e-8,
     angle: float | None = None,
 ) -> SectorFaces:
-    """Pair the nodes of two sector faces with equal meshes: a rotation by one pitch maps the nodes
-    ``left`` onto ``right``.
+    """Pair the nodes of two sector faces with equal meshes.
 
-    A mesh with another angle (rad) between its faces is paired by a rotation by ``angle``.
+    A rotation by one pitch maps the nodes ``left`` onto ``right``.  A mesh with another
+    angle (rad) between its faces is paired by a rotation by ``angle``.
 
     Raises
     ------
@@ -131,14 +142,21 @@ def match_faces(
     )
     pitch = 2.0 * np.pi / n_sectors if angle is None else angle
     distance, index = cKDTree(nodes[right]).query(nodes[left] @ turn(pitch).T)
-    if len(left) != len(right) or distance.max() > tolerance or len(np.unique(index)) != len(index):
+    one_to_one = len(left) == len(right) and len(np.unique(index)) == len(index)
+    if not one_to_one or distance.max() > tolerance:
         found = f"{len(left)} and {len(right)} nodes, largest distance {distance.max():.3g} m"
         raise ValueError(f"sector faces do not match under rotation by {pitch:.6g} rad: {found}")
-    on_axis = left == right[index]
-    independent, image = left[~on_axis], right[index][~on_axis]
-    weights = sp.identity(len(independent), format="csr")
+    image = right[index]
+    on_axis = left == image
+    independent = left[~on_axis]
     return SectorFaces(
-        n_sectors, independent, image, weights, 1, float(distance.max()), left[on_axis]
+        n_sectors=n_sectors,
+        independent=independent,
+        dependent=image[~on_axis],
+        weights=sp.identity(len(independent), format="csr"),
+        side=1,
+        distance=float(distance.max()),
+        axis=left[on_axis],
     )
 
 
@@ -150,8 +168,9 @@ def tie_faces(
     n_sectors: int,
     angle: float | None = None,
 ) -> SectorFaces:
-    """Tie the two faces of a sector with different meshes: the finer face follows the coarser one
-    by interpolation.
+    """Tie the two faces of a sector with different meshes.
+
+    The finer face follows the coarser one by interpolation.
 
     Parameters
     ----------
@@ -174,27 +193,34 @@ def tie_faces(
     ValueError
         If the nodes of the coarser face contain no element face.
     """
-    side = 1 if len(right) >= len(left) else -1
-    independent, dependent = (left, right) if side > 0 else (right, left)
+    if len(right) >= len(left):
+        side = 1
+        independent = left
+        dependent = right
+    else:
+        side = -1
+        independent = right
+        dependent = left
     axis = np.intersect1d(left, right)
     dependent = np.setdiff1d(dependent, axis)
     facets = facets_on_nodes(surface, independent)
     check(
         len(facets), "meshes that differ, and no face of an element on the nodes of the coarser one"
     )
-    target = (
-        nodes[dependent] @ turn(-side * (2.0 * np.pi / n_sectors if angle is None else angle)).T
-    )
-    weights, distance = interpolation(nodes, facets, target)
-    corners = facets.nodes
+    if angle is None:
+        angle = 2.0 * np.pi / n_sectors
+    rotated_back = nodes[dependent] @ turn(-side * angle).T
+    weights, distance = interpolation(nodes, facets, rotated_back)
+    # nodes of the coarser face outside of all its facets carry nothing
+    carriers = facets.nodes
     return SectorFaces(
-        n_sectors,
-        corners,
-        dependent,
-        weights[:, corners].tocsr(),
-        side,
-        float(distance.max()),
-        axis,
+        n_sectors=n_sectors,
+        independent=carriers,
+        dependent=dependent,
+        weights=weights[:, carriers].tocsr(),
+        side=side,
+        distance=float(distance.max()),
+        axis=axis,
     )
 
 
@@ -218,34 +244,59 @@ def interpolation(nodes: NDArray, facets: Facets, points: NDArray) -> tuple[sp.c
     rows = facets.each()
     centres = np.array([nodes[row].mean(axis=0) for row in rows])
     size = np.array([np.ptp(nodes[row], axis=0).max() for row in rows])
-    near = np.atleast_2d(
-        cKDTree(centres).query(points, k=min(6, len(rows)))[1].reshape(len(points), -1)
-    )
-    distance, best = np.full(len(points), np.inf), [(np.empty(0, int), np.empty(0))] * len(points)
+    # the facet of a point is one of the six whose centres are nearest to it
+    _, near = cKDTree(centres).query(points, k=min(6, len(rows)))
+    near = near.reshape(len(points), -1)
+
+    distance = np.full(len(points), np.inf)
+    best_nodes = [np.empty(0, int)] * len(points)
+    best_weights = [np.empty(0)] * len(points)
     for k in np.unique(near):
-        row, nearby = rows[k], np.flatnonzero((near == k).any(axis=1))
-        corner = nodes[row[: corner_count(len(row))]]
-        across = np.linalg.svd(corner - corner.mean(axis=0))[2][:2].T
-        aim = points[nearby] @ across
-        for _ in range(20):  # iterate: the first map uses corners alone, without curved edges
-            at = inverse_map(corner @ across, aim)
-            miss = points[nearby] @ across - shape_functions(at, len(row)) @ (nodes[row] @ across)
-            aim += np.clip(miss, -size[k], size[k])
-            if np.abs(miss).max() < 1e-12 * size[k]:
-                break
-        at = np.clip(at, SQUARE.min(), SQUARE.max())
-        if len(corner) == 3:
-            at = np.maximum(at, 0.0) / np.maximum(at, 0.0).sum(axis=1, keepdims=True)
-        values = shape_functions(at, len(row))
+        row = rows[k]
+        nearby = np.flatnonzero((near == k).any(axis=1))
+        values = _closest_on_facet(nodes[row], size[k], points[nearby])
         away = np.linalg.norm(values @ nodes[row] - points[nearby], axis=1)
-        for i, d, value in zip(nearby.tolist(), away.tolist(), values):
-            if d < distance[i]:
-                distance[i], best[i] = d, (row, value)
-    pointer = np.cumsum([0, *(len(row) for row, _ in best)])
-    columns, data = (np.concatenate(part) for part in zip(*best))
+        for i, distance_to_facet, weights_on_facet in zip(nearby.tolist(), away.tolist(), values):
+            if distance_to_facet < distance[i]:
+                distance[i] = distance_to_facet
+                best_nodes[i] = row
+                best_weights[i] = weights_on_facet
+
+    pointer = np.cumsum([0, *(len(row) for row in best_nodes)])
+    columns = np.concatenate(best_nodes)
+    data = np.concatenate(best_weights)
     weights = sp.csr_matrix((data, columns, pointer), shape=(len(points), len(nodes)))
     weights.eliminate_zeros()
     return weights, distance
+
+
+def _closest_on_facet(facet: NDArray, size: float, points: NDArray) -> NDArray:
+    """Return shape functions (n, n_nodes) at the positions on a facet closest to points (n, 3).
+
+    ``facet`` (n_nodes, 3) are the positions of its nodes.
+    """
+    n_nodes = len(facet)
+    corner = facet[: corner_count(n_nodes)]
+    # two axes along the facet
+    _, _, axes = np.linalg.svd(corner - corner.mean(axis=0))
+    across = axes[:2].T
+    corner_in_plane = corner @ across
+    facet_in_plane = facet @ across
+    # the inverse map uses corners alone: for curved edges its aim is corrected by the miss
+    aim = points @ across
+    for _ in range(20):
+        reference = inverse_map(corner_in_plane, aim)
+        position = shape_functions(reference, n_nodes) @ facet_in_plane
+        miss = points @ across - position
+        aim += np.clip(miss, -size, size)
+        if np.abs(miss).max() < 1e-12 * size:
+            break
+    # points outside of the facet are moved to its edge
+    reference = np.clip(reference, SQUARE.min(), SQUARE.max())
+    if len(corner) == 3:
+        barycentric = np.maximum(reference, 0.0)
+        reference = barycentric / barycentric.sum(axis=1, keepdims=True)
+    return shape_functions(reference, n_nodes)
 
 
 def find_faces(
@@ -271,13 +322,17 @@ def find_faces(
     """
     outer = surface.nodes
     tree = cKDTree(nodes[outer])
-    for n in range(2, MOST_SECTORS + 1) if n_sectors is None else (n_sectors,):
-        distance, index = tree.query(
-            nodes[outer] @ turn(2.0 * np.pi / n).T, distance_upper_bound=tolerance
-        )
-        on = np.isfinite(distance)
-        left, right = outer[on], outer[index[on]]
-        whole = all(len(facets_on_nodes(surface, face)) for face in (left, right))
-        if whole and len(np.union1d(left, right)) > len(left):  # more than nodes on the axis
+    candidates = range(2, MOST_SECTORS + 1) if n_sectors is None else (n_sectors,)
+    for n in candidates:
+        rotated = nodes[outer] @ turn(2.0 * np.pi / n).T
+        distance, index = tree.query(rotated, distance_upper_bound=tolerance)
+        has_image = np.isfinite(distance)
+        left = outer[has_image]
+        right = outer[index[has_image]]
+        n_facets_left = len(facets_on_nodes(surface, left))
+        n_facets_right = len(facets_on_nodes(surface, right))
+        # nodes on the axis are their own images
+        only_axis = len(np.union1d(left, right)) == len(left)
+        if n_facets_left and n_facets_right and not only_axis:
             return match_faces(nodes, left, right, n, tolerance)
     return None
