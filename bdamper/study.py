@@ -1,43 +1,58 @@
 """Study: a model with settings, and the analyses as methods.
 
 The analyses are functions of other modules that take a :class:`bdamper.harmonic_balance.problem.Problem` first.
-:class:`Study` binds them to its problem.
+:class:`Study` has a method for each of them, with checks of the arguments and the explanation of the parameters.
 """
 
 from __future__ import annotations
 
 import json
-import re
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import MISSING, dataclass, fields
-from functools import wraps
-from inspect import getdoc, signature
+from functools import partial
+from inspect import getdoc
 from pathlib import Path
-from types import MethodType
-from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, get_type_hints, overload
+from typing import Any
 
 from numpy.typing import NDArray
 
-from bdamper.analyses import accuracy as more_harmonics
-from bdamper.analyses import campbell, crossings, error_estimates, flutter, robust_optimum
-from bdamper.analyses import campbell as campbell_diagram
+from bdamper.analyses import accuracy, campbell, crossings, error_estimates, flutter, robust_optimum
 from bdamper.analyses import effect_significance as significance
 from bdamper.analyses import hysteresis as cycles
 from bdamper.analyses import nonlinear_mode as modes
+from bdamper.analyses.campbell import Campbell
+from bdamper.analyses.crossings import Crossings
+from bdamper.analyses.effect_significance import EffectSignificance
 from bdamper.analyses.executors import check_executor
+from bdamper.analyses.flutter import Flutter
+from bdamper.analyses.hysteresis import Hysteresis, Solved
+from bdamper.analyses.nonlinear_mode import NonlinearMode
 from bdamper.analyses.optimum import check_optimum
+from bdamper.analyses.sweep import SweepResult
+from bdamper.contact.laws import AFT, ContactLaw
 from bdamper.contact.preload_state import PreloadState
-from bdamper.contact.stiffness import report
+from bdamper.contact.residual_flexibility import ResidualModes
+from bdamper.contact.static_contact import WedgeFriction
+from bdamper.contact.stiffness import PerArea, report
 from bdamper.fatigue import margin as margins
 from bdamper.fatigue import stress_cycle as stresses
 from bdamper.fatigue.criteria import Material
-from bdamper.harmonic_balance import checks, parameters
-from bdamper.harmonic_balance import rotor_speed as at_speed
-from bdamper.harmonic_balance.checks import asked, check_question, check_settings, check_unloaded
+from bdamper.fatigue.margin import LeastMargin, MarginCurve, Margins, SteadyAmplitude
+from bdamper.fatigue.stress_cycle import StressCycle
+from bdamper.harmonic_balance import checks, parameters, rotor_speed
+from bdamper.harmonic_balance.checks import (
+    SomeResult,
+    check_question,
+    check_settings,
+    check_unloaded,
+)
+from bdamper.harmonic_balance.effects import BLADE_MODES, HARMONICS, Effects
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.settings import Settings, settings_of
-from bdamper.model.loads import Excitation
+from bdamper.harmonic_balance.rotor_speed import Conditions
+from bdamper.harmonic_balance.settings import FRICTION, Settings, settings_of
+from bdamper.model.kinematics import RIGID_NAMES
+from bdamper.model.loads import Direction, Excitation, Response
 from bdamper.model.model_file import read_model, write_model
 from bdamper.model.structure import Model
 from bdamper.model.validation import check_model, check_model_once
@@ -49,61 +64,20 @@ from bdamper.response.linear_limits import peak_interval
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.peak import Peak, PeakOptions
 from bdamper.response.response_curve_result import ResponseCurve
+from bdamper.response.sensitivity import CurveSensitivity, Sensitivities
+from bdamper.response.verification import Convergence, ErrorEstimates, MotionInTime, TimeResponse
 from bdamper.time_domain import floquet
+from bdamper.time_domain import frequency_sweep as sweeps
 from bdamper.time_domain import time_response as in_time
-from bdamper.time_domain.frequency_sweep import frequency_sweep
+from bdamper.time_domain.frequency_sweep import TimeSweep
+from bdamper.time_domain.transient import CRITERIA
 from bdamper.util import validation
 from bdamper.util.display import Comparable, Fact
-from bdamper.util.errors import BdamperError, SettingError, inside_package, warn
+from bdamper.util.errors import BdamperError, SettingError, warn
 from bdamper.util.formatting import UNITS, aligned, short_repr, spaced, text_of
 from bdamper.util.progress import one_thread, shows_progress
 from bdamper.util.records import new_group, read_attribute
 from bdamper.util.storage import INSTALLED, FilePath, read_hdf5, register_reader, write_hdf5
-
-S = ParamSpec("S")
-P = ParamSpec("P")
-R = TypeVar("R")
-
-
-class analysis(Generic[P, R]):
-    """Descriptor that turns a function of a problem into a method of a study.
-
-    Access through the class returns the function itself.
-    """
-
-    def __init__(self, function: Callable[Concatenate[Problem, P], R]) -> None:
-        self.function, self.__doc__ = function, function.__doc__
-
-    @overload
-    def __get__(self, study: None, owner: type) -> Callable[Concatenate[Problem, P], R]: ...
-    @overload
-    def __get__(self, study: Study, owner: type) -> Callable[P, R]: ...
-    def __get__(self, study: Study | None, owner: type) -> Callable[..., R]:
-        return self.function if study is None else MethodType(self.function, study.problem)
-
-
-@wraps(Problem.static)
-def _static(*args: Any, **given: Any) -> PreloadState:
-    """Warn of a state that has not converged."""
-    state = Problem.static(*args, **given)
-    if not state.converged:
-        warn(f"{state.note}; the result is the last state that was found")
-    return state
-
-
-def signature_of(makes: Callable[S, Any]) -> Callable[[Callable[..., None]], Callable[Concatenate[Study, S], None]]:
-    """Decorate a constructor to have the signature of the constructor of ``makes``, with types but without their checks."""
-
-    def signed(init: Callable[..., None]) -> Callable[..., None]:
-        own, hints = signature(makes.__init__), get_type_hints(makes)
-        plain = [
-            p.replace(annotation=hints[p.name]) if re.search("validation|Annotated|ByBody", str(p.annotation)) else p
-            for p in own.parameters.values()
-        ]
-        init.__signature__ = own.replace(parameters=plain)  # type: ignore[attr-defined]
-        return init
-
-    return signed
 
 
 @short_repr
@@ -120,12 +94,81 @@ class Study(Comparable):
     settings: Settings
     problem: Problem
 
-    @signature_of(Settings)
-    def __init__(self, *given: Any, **settings: Any) -> None:
-        # check_settings warns of the values, with the sizes of the model
-        with inside_package():
-            checked = Settings(*given, **settings)
-        self._ask(Problem(checked))
+    @partial(validation.check_arguments, name="Study", warns=False)
+    def __init__(
+        self,
+        model: Model,
+        excitation: Excitation,
+        engine_order: int | None = None,
+        friction_coefficient: float | Mapping[str, float | NDArray] = FRICTION,
+        response: Response | None = None,
+        harmonics: int | tuple[int, ...] = HARMONICS,
+        contact_stiffness: str
+        | float
+        | ResidualModes
+        | PerArea
+        | Mapping[str, NDArray]
+        | None = None,
+        blade_modes: int = BLADE_MODES,
+        damper_modes: int | Mapping[str, int] = 0,
+        rigid_modes: tuple[str, ...] = RIGID_NAMES,
+        constraint_planes: bool = True,
+        fundamental_modes_only: bool = False,
+        damping_ratio: float | None = None,
+        damper_damping_ratio: float | Mapping[str, float] = 0.0,
+        damper_drag: float | Mapping[str, float] = 0.0,
+        contact_forces: str | AFT = "event_driven",
+        friction_law: str | ContactLaw | Mapping[str, str | ContactLaw] = "uncoupled",
+        bias: bool = True,
+        variable_normal_load: bool = True,
+        separation: bool = True,
+        contact_points: int | None = None,
+        gap: Mapping[str, float | NDArray] | None = None,
+        load_per_preload: Mapping[str, float] | None = None,
+        constant_loads: Mapping[str, float | NDArray] | None = None,
+        load_history: tuple[float, ...] = (1.0,),
+        stability: bool = False,
+        contact_stiffness_factor: float = 1.0,
+        speed: float | None = None,
+        residual_slip_std: float = 0.0,
+        residual_slip_seed: int = 0,
+        aerodynamic_damping: complex | Mapping[int, complex] | None = None,
+    ) -> None:
+        # check_settings warns of implausible values, since it knows the sizes of the model
+        settings = Settings(
+            model=model,
+            excitation=excitation,
+            engine_order=engine_order,  # type: ignore[arg-type]  # 1 without cyclic symmetry
+            friction_coefficient=friction_coefficient,
+            response=response,
+            harmonics=harmonics,
+            contact_stiffness=contact_stiffness,
+            blade_modes=blade_modes,
+            damper_modes=damper_modes,
+            rigid_modes=rigid_modes,
+            constraint_planes=constraint_planes,
+            fundamental_modes_only=fundamental_modes_only,
+            damping_ratio=damping_ratio,
+            damper_damping_ratio=damper_damping_ratio,
+            damper_drag=damper_drag,
+            contact_forces=contact_forces,
+            friction_law=friction_law,
+            bias=bias,
+            variable_normal_load=variable_normal_load,
+            separation=separation,
+            contact_points=contact_points,
+            gap=gap,
+            load_per_preload=load_per_preload,
+            constant_loads=constant_loads,
+            load_history=load_history,
+            stability=stability,
+            contact_stiffness_factor=contact_stiffness_factor,
+            speed=speed,
+            residual_slip_std=residual_slip_std,
+            residual_slip_seed=residual_slip_seed,
+            aerodynamic_damping=aerodynamic_damping,
+        )
+        self._ask(Problem(settings))
 
     def _ask(self, problem: Problem) -> None:
         object.__setattr__(self, "settings", problem.settings)
@@ -154,13 +197,86 @@ class Study(Comparable):
         lines = [report(name, contact) for name, contact in self.problem.stiffness.items()]
         return "\n".join(filter(None, [*lines, self.problem.contact.note]))
 
-    replace = asked(parameters.replace_settings)
-    static = analysis(validation.check_arguments(_static, name="static"))
-    response_at = analysis(validation.check_arguments(checks.response_at))
-    wedge_friction = analysis(validation.check_arguments(Problem.wedge_friction, name="wedge_friction"))
+    def replace(self, /, **settings: Any) -> Study:
+        """Return the same study under other settings, given by name.
+
+        Parameters
+        ----------
+        **settings
+            Arguments of :class:`bdamper.Study`, and other names that a sweep varies, such as
+            ``damper_inertia_factor``, ``gap_factor`` or ``friction_coefficient.left``.
+
+        Raises
+        ------
+        SettingError
+            If there is no setting of that name, or its value is not valid.
+        """
+        problem = parameters.replace_settings(self.problem, **settings)
+        return self if problem is self.problem else self._with_problem(problem)
+
+    @partial(validation.check_arguments, name="static")
+    def static(self, preload: float, history: Sequence[float] | None = None) -> PreloadState:
+        """Compute the quasi-static contact state under a load on the damper (paper, section 3.1).
+
+        Parameters
+        ----------
+        preload : float, N
+        history : sequence of float, optional
+            Load factors, up and down, through which the load passes from zero.  Default:
+            ``load_history`` of the study.
+
+        Returns
+        -------
+        PreloadState
+            State at the last load factor.
+        """
+        state = self.problem.static(preload, history)
+        if not state.converged:
+            warn(f"{state.note}; the result is the last state that was found")
+        return state
+
+    @partial(validation.check_arguments, name="response_at")
+    def response_at(
+        self, result: SomeResult, location: str, direction: Direction = "tangential"
+    ) -> NDArray:
+        """Compute the response of a peak or a curve at any location, from its solutions.
+
+        Parameters
+        ----------
+        result : ResponseCurve or Peak
+            Result of this study.
+        location : str
+        direction : {"tangential", "radial", "axial"} or three floats
+
+        Returns
+        -------
+        (n, n_harmonics + 1) complex, m
+            Amplitude of each harmonic at each point of a curve, the mean first; n is 1 for a peak.
+
+        Raises
+        ------
+        SettingError
+            If there is no such location, or the result belongs to another study.
+        """
+        return checks.response_at(self.problem, result, location, direction)
+
+    @partial(validation.check_arguments, name="wedge_friction")
+    def wedge_friction(self, preload: float = 1.0) -> WedgeFriction:
+        """Return the range of normal forces that statics and friction allow; it identifies a self-locking wedge.
+
+        Parameters
+        ----------
+        preload : float, N
+        """
+        return self.problem.wedge_friction(preload)
 
     def __str__(self) -> str:
-        return "\n".join(["study", *aligned([(fact.name, fact.text) for fact in self._facts() if fact.known], "  ")])
+        return "\n".join(
+            [
+                "study",
+                *aligned([(fact.name, fact.text) for fact in self._facts() if fact.known], "  "),
+            ]
+        )
 
     def _facts(self) -> tuple[Fact, ...]:
         """Return excitation, contact, size of the reduced model, and the settings that differ from the defaults."""
@@ -168,13 +284,20 @@ class Study(Comparable):
         own = {f.name: f.default for f in fields(s)}
         named = ("model", "excitation", "engine_order", "response", "friction_coefficient", "harmonics", "blade_modes",
                  "damping_ratio")  # fmt: skip
-        other = [name for name in own if name not in (*named, "contact_stiffness") and getattr(s, name) != own[name]]
+        other = [
+            name
+            for name in own
+            if name not in (*named, "contact_stiffness") and getattr(s, name) != own[name]
+        ]
         at, seen = s.excitation, s.response_location
         sectors = f"{s.model.n_blades} sectors, " if s.model.n_blades > 1 else ""
         friction = s.friction_values()
 
         bases = {name: next(iter(s.model.bodies[name].bases.values())) for name in coupling.modes}
-        stored = [f"{name} {len(modes)} of {bases[name].n_modes}" for name, modes in coupling.modes.items()]
+        stored = [
+            f"{name} {len(modes)} of {bases[name].n_modes}"
+            for name, modes in coupling.modes.items()
+        ]
 
         def shown(value: Any) -> str:
             return f"{value:.6g}" if isinstance(value, float) else text_of(value)
@@ -196,8 +319,14 @@ class Study(Comparable):
             Fact("modal damping ratio", self.problem.damping_text),
             Fact("damper mass", s.model.masses_text),
             Fact("unknowns", self.problem.n_unknowns),
-            *(Fact(spaced(name), f"{shown(getattr(s, name))} {UNITS.get(name, '')}".strip()) for name in other),
-            Fact("neglected", "; ".join(s.model.neglected_over_speed(s.needed_diameters)) if s.speed else ""),
+            *(
+                Fact(spaced(name), f"{shown(getattr(s, name))} {UNITS.get(name, '')}".strip())
+                for name in other
+            ),
+            Fact(
+                "neglected",
+                "; ".join(s.model.neglected_over_speed(s.needed_diameters)) if s.speed else "",
+            ),
         )
 
     def _shown(self) -> Any:
@@ -210,8 +339,39 @@ class Study(Comparable):
         return {"model": self.model.hash, **self.problem.record()}
 
     # linear limits
-    free = analysis(linear_limits.free)
-    stuck = analysis(linear_limits.stuck)
+
+    @partial(validation.check_arguments, name="free")
+    def free(self, frequency: tuple[float, float]) -> ResponseCurve:
+        """Compute the response without contact, the limit of zero preload.
+
+        Parameters
+        ----------
+        frequency : (low, high), Hz
+
+        Returns
+        -------
+        ResponseCurve
+        """
+        return linear_limits.free(self.problem, frequency)
+
+    @partial(validation.check_arguments, name="stuck")
+    def stuck(self, frequency: tuple[float, float], preload: float | None = None) -> ResponseCurve:
+        """Compute the response with all closed points stuck, the limit of high preload.
+
+        Parameters
+        ----------
+        frequency : (low, high), Hz
+        preload : float, N, optional
+            Preload that closes the points; without gaps its size has no effect.  By default that of
+            the damper at the rotor speed of the study, otherwise 1 N.  Open points stay open here.
+            If vibration closes them, a resonance may lie above this limit.  An interface that
+            touches without a normal load counts as stuck, with a warning.
+
+        Returns
+        -------
+        ResponseCurve
+        """
+        return linear_limits.stuck(self.problem, frequency, preload)
 
     @validation.check_arguments
     def frequency_response(
@@ -247,16 +407,212 @@ class Study(Comparable):
         problem = self.problem
         validation.flag("stability", stability)
         check_question(problem, [problem.check_preload(preload)], frequency)
-        curve = tracking.frequency_response(problem, preload, frequency, options=options, progress=shows_progress(progress))
+        curve = tracking.frequency_response(
+            problem, preload, frequency, options=options, progress=shows_progress(progress)
+        )
         problem.sizes.check_faces(preload)
-        compute = len(curve) and curve.status != "interrupted" and (stability or self.settings.stability)
+        compute = (
+            len(curve) and curve.status != "interrupted" and (stability or self.settings.stability)
+        )
         return floquet.with_stability(problem, curve) if compute else curve
 
     # stability and time integration
-    with_stability = analysis(floquet.with_stability)
-    motion_in_time = analysis(in_time.motion_in_time)
-    frequency_sweep = analysis(frequency_sweep)
-    time_response = analysis(in_time.time_response)
+
+    @partial(validation.check_arguments, name="with_stability")
+    def with_stability(
+        self, curve: ResponseCurve, in_time: bool = False, progress: bool | None = None
+    ) -> ResponseCurve:
+        """Return the response curve with the stability of every point (:mod:`bdamper.time_domain.floquet`).
+
+        Parameters
+        ----------
+        curve : ResponseCurve
+            Response curve of this study.
+        in_time : bool
+            Whether to integrate in time from each point.  A point is stable if the motion keeps its
+            amplitude to 5 %. Undecided points, and all points after Ctrl-C, keep the label of the
+            harmonics (``curve.labels``).
+        progress : bool, optional
+            Show a progress bar of the points integrated in time; by default in a terminal and a
+            notebook.
+
+        Returns
+        -------
+        ResponseCurve
+        """
+        return floquet.with_stability(self.problem, curve, in_time, progress)
+
+    @partial(validation.check_arguments, name="motion_in_time")
+    def motion_in_time(
+        self,
+        curve: ResponseCurve,
+        index: int | None = None,
+        *,
+        frequency: float | None = None,
+        periods: int | None = None,
+        tolerance: float = CRITERIA.tolerance,
+        steps_per_period: int | None = None,
+        progress: bool | None = None,
+    ) -> MotionInTime:
+        """Integrate in time from a point of a response curve, and decide whether the motion agrees with it.
+
+        All sectors are included, each with its contacts and disturbances of every nodal diameter;
+        the modes of the curve are used.  The integration ends with the decision, usually after 96
+        to 200 periods.  With ``frequency`` it starts from the closest solution and has a given
+        number of periods without a decision, as where no stable solution exists.
+
+        Parameters
+        ----------
+        curve : ResponseCurve
+            Response curve of this study.
+        index : int, optional
+            Index of the point; the largest response by default.
+        frequency : float, Hz, optional
+            Frequency of the excitation, instead of a point.
+        periods : int, optional
+            Largest number of periods until a decision, 1,000 by default; with ``frequency`` their
+            number, 200 by default.
+        tolerance : float
+            Largest relative difference of the amplitude for the decision.
+        steps_per_period : int, optional
+            1,024 by default, 256 with ``frequency``.
+        progress : bool, optional
+            Show a progress bar; by default in a terminal and a notebook.
+
+        Returns
+        -------
+        MotionInTime
+            With ``frequency`` it has no verdict, and is incomplete while the mean changes.  It is
+            also incomplete if the energy of a period does not balance to 20 %.  After Ctrl-C it
+            contains the periods computed so far.
+
+        Raises
+        ------
+        SettingError
+            If a number is not valid, both a point and a frequency are given, or the curve has no
+            points.
+        IntegrationFailed
+            If the time integration fails.
+        """
+        return in_time.motion_in_time(
+            self.problem,
+            curve,
+            index,
+            frequency=frequency,
+            periods=periods,
+            tolerance=tolerance,
+            steps_per_period=steps_per_period,
+            progress=progress,
+        )
+
+    @partial(validation.check_arguments, name="frequency_sweep")
+    def frequency_sweep(
+        self,
+        preload: float,
+        frequency: tuple[float, float],
+        *,
+        up: bool = True,
+        rate: float | None = None,
+        steps_per_period: int | None = None,
+        progress: bool | None = None,
+    ) -> TimeSweep:
+        """Integrate in time while the frequency of the excitation changes slowly over an interval.
+
+        All sectors are included, each with its contacts; there is no truncated Fourier series and
+        no assumption of a travelling wave.  The integration includes all nodal diameters of the
+        model.  It starts at the lowest solution at the first frequency that is not between folds,
+        and settles there before the sweep begins.
+
+        Parameters
+        ----------
+        preload : float, N
+        frequency : (low, high), Hz
+        up : bool
+            Whether the frequency increases.
+        rate : float, Hz/s, optional
+            Default: a tenth of the half bandwidth of the least damped mode within the decay time of
+            its transients.
+        steps_per_period : int, optional
+            256 by default.
+        progress : bool, optional
+            Show a progress bar of the periods of the excitation; by default in a terminal and a
+            notebook.
+
+        Returns
+        -------
+        TimeSweep
+            After Ctrl-C it contains the periods computed so far.
+
+        Raises
+        ------
+        SettingError
+            If a number is not valid, a mode has no damping, or the settings do not describe a
+            structure in time.
+        BdamperError
+            If no solution is found at the first frequency, or the time integration fails.
+        """
+        return sweeps.frequency_sweep(
+            self.problem,
+            preload,
+            frequency,
+            up=up,
+            rate=rate,
+            steps_per_period=steps_per_period,
+            progress=progress,
+        )
+
+    @partial(validation.check_arguments, name="time_response")
+    def time_response(
+        self,
+        result: ResponseCurve | Peak,
+        *,
+        steps_per_period: int | None = None,
+        blades: int | None = None,
+        starts: int = 1,
+        progress: bool | None = None,
+    ) -> TimeResponse:
+        """Compute the highest steady amplitude in time at the preload of a response curve or of a peak, with its error.
+
+        All amplitudes belong to the highest blade (:mod:`bdamper.time_domain.time_response`).
+
+        Parameters
+        ----------
+        result : ResponseCurve or Peak
+            Response curve of this study, from one flank of the resonance to the other.  For a peak
+            the response curve is computed in its interval.
+        steps_per_period : int, optional
+            256 by default; the highest motion is integrated again with 2 and 4 times this number.
+        blades : int, optional
+            Number of blades of the ring; by default the smallest after which the excitation
+            repeats.  More allow more patterns.
+        starts : int
+            Number of initial states at the highest point.  Further ones have other disturbances
+            (their numbers are the seeds of the phases) and friction without traction, or at its
+            limit in either direction.
+        progress : bool, optional
+            Show a progress bar; by default in a terminal and a notebook.
+
+        Returns
+        -------
+        TimeResponse
+            "not found" if no motion stays or the integration fails; "incomplete" if the error
+            exceeds 5 %, the mean drifts, or the curve ends before the motion falls.  After Ctrl-C
+            it describes the highest steady motion so far.
+
+        Raises
+        ------
+        SettingError
+            If the result belongs to another study or has no peak, or the settings do not describe a
+            structure in time.
+        """
+        return in_time.time_response(
+            self.problem,
+            result,
+            steps_per_period=steps_per_period,
+            blades=blades,
+            starts=starts,
+            progress=progress,
+        )
 
     # peaks and the optimal curve
     @validation.check_arguments
@@ -294,7 +650,9 @@ class Study(Comparable):
         frequency = peak_interval(problem.at(preload), frequency, mode)
         check_question(problem, [preload], frequency)
         problem.sizes.check_faces(preload)
-        return highest_peak.highest_peak(problem, preload, frequency, mode=mode, options=options, progress=progress)
+        return highest_peak.highest_peak(
+            problem, preload, frequency, mode=mode, options=options, progress=progress
+        )
 
     @validation.check_arguments
     @one_thread
@@ -348,60 +706,765 @@ class Study(Comparable):
             Curve with the harmonics of the study.  After Ctrl-C it contains the results computed until then.
         """
         problem = self.problem
-        check = check if check is False else validation.choice("check", check, ("time", "neighbours", "range"))
+        check = (
+            check
+            if check is False
+            else validation.choice("check", check, ("time", "neighbours", "range"))
+        )
         check_executor(executor)
         progress, values = shows_progress(progress), optimal.preload_values(preload, n)
-        frequency = optimal.curve_interval(problem, values, frequency, mode) if problem.carries_load else frequency
+        frequency = (
+            optimal.curve_interval(problem, values, frequency, mode)
+            if problem.carries_load
+            else frequency
+        )
         check_unloaded(problem)
         check_question(problem, values, frequency)
         ways: dict[str, Any] = {"frequency": frequency, "mode": mode, "options": options}
         margin = validation.choice("quantity", quantity, ("amplitude", "margin")) == "margin"
         if margin:
-            validation.instance("material", material, Material, "a Material, since quantity is the margin")
+            validation.instance(
+                "material", material, Material, "a Material, since quantity is the margin"
+            )
             stresses.chosen_sets(problem)
-        curve = optimal.optimal_curve(problem, preload, n, executor=executor, **ways, progress=progress, resume=resume)
+        curve = optimal.optimal_curve(
+            problem, preload, n, executor=executor, **ways, progress=progress, resume=resume
+        )
         problem.sizes.check_optimum(curve.optimum.preload, values)
         problem.sizes.check_faces(curve.optimum.preload)
         return check_optimum(problem, curve, check, material if margin else None, progress)
 
-    peak_sensitivities = analysis(sensitivity.peak_sensitivities)
-    curve_sensitivities = analysis(sensitivity.curve_sensitivities)
-    with_time_response = analysis(in_time.with_time_response)
+    @partial(validation.check_arguments, name="peak_sensitivities")
+    def peak_sensitivities(
+        self, peak: Peak, parameters: Sequence[str] = sensitivity.PARAMETERS
+    ) -> Sensitivities:
+        """Compute the derivatives of a peak's amplitude and frequency with respect to the preload and to settings.
+
+        Parameters
+        ----------
+        peak : Peak
+            Peak of this study, at a preload of ``peak.parameter`` newtons.
+        parameters : sequence of str
+            "preload" or any numeric setting (see :mod:`bdamper.harmonic_balance.parameters`);
+            factors have the value 1. "damper_mass_factor" is a factor on the mass of the free
+            bodies and on the preload, which is proportional to it at a rotor speed.
+            "damper_inertia_factor" is their inertia alone.
+
+        Returns
+        -------
+        dict of name to PeakSensitivity
+            Unknown derivatives are NaN, with a ``reason``.
+
+        Raises
+        ------
+        SettingError
+            If the peak is not converged or is at a corner, or if contact forces are sampled: events
+            between samples make the amplitude a rippled function of frequency, whose maxima move
+            from ripple to ripple.
+        """
+        return sensitivity.peak_sensitivities(self.problem, peak, parameters)
+
+    @partial(validation.check_arguments, name="curve_sensitivities")
+    def curve_sensitivities(
+        self, curve: ResponseCurve, parameters: Sequence[str] = sensitivity.PARAMETERS
+    ) -> dict[str, CurveSensitivity]:
+        """Compute the derivatives of a response curve with respect to preload and settings, also at folds.
+
+        Parameters
+        ----------
+        curve : ResponseCurve
+            Response curve of this study.
+        parameters : sequence of str
+            See :meth:`peak_sensitivities`.
+
+        Returns
+        -------
+        dict of name to CurveSensitivity
+            Input of ``bdamper.plot.plot_band``, which draws the effect of uncertain settings.
+
+        Raises
+        ------
+        SettingError
+            If the curve belongs to another study, or contact forces are sampled.
+        """
+        return sensitivity.curve_sensitivities(self.problem, curve, parameters)
+
+    @partial(validation.check_arguments, name="with_time_response")
+    def with_time_response(
+        self,
+        curve: OptimalCurve,
+        preload: Sequence[float] | NDArray | None = None,
+        *,
+        progress: bool | None = None,
+    ) -> OptimalCurve:
+        """Return the optimal curve with the steady-state amplitude in time at some preloads.
+
+        Parameters
+        ----------
+        curve : OptimalCurve
+            Optimal curve of this study.
+        preload : sequence of float, N, optional
+            By default the optimum and a preload 1.35 times as large.
+        progress : bool, optional
+            Show a progress bar of each preload; by default in a terminal and a notebook.
+
+        Returns
+        -------
+        OptimalCurve
+            ``time_response`` has a further ``bdamper.response.verification.TimeResponse`` for each
+            preload, in ascending order; it gives the reason if no time integration is possible, and
+            is empty without an optimum.  After Ctrl-C unfinished preloads have the status
+            "interrupted".
+
+        Raises
+        ------
+        SettingError
+            If the curve belongs to another model.
+        """
+        return in_time.with_time_response(self.problem, curve, preload, progress=progress)
 
     # free vibration
-    nonlinear_mode = analysis(modes.nonlinear_mode)
-    flutter = analysis(flutter.flutter)
+
+    @partial(validation.check_arguments, name="nonlinear_mode")
+    def nonlinear_mode(
+        self,
+        preload: float,
+        mode: int = 1,
+        amplitude: tuple[float, float] = (1e-6, 1e-3),
+        *,
+        options: ContinuationOptions | None = None,
+        progress: bool | None = None,
+    ) -> NonlinearMode:
+        """Compute frequency and damping of a mode over the amplitude of free vibration.
+
+        The motion is periodic: the force ``2 omega zeta M q'`` balances all losses, and zeta is the
+        modal damping ratio [1]_. The excitation has no effect.
+
+        Parameters
+        ----------
+        preload : float, N
+        mode : int
+            Number of the elastic mode without contact, from 1. The branch starts at the stuck mode
+            with the highest correlation.
+        amplitude : (low, high), m
+            Range of the amplitude of the first harmonic of the response.
+        options, progress
+            See :meth:`frequency_response`.
+
+        Returns
+        -------
+        NonlinearMode
+            "complete" if the branch reaches the upper amplitude as the same mode; otherwise
+            ``reason`` describes its end.
+
+        Raises
+        ------
+        SettingError
+            If a value does not fit, or the response does not move in this mode.
+
+        References
+        ----------
+        .. [1] M. Krack, Computers & Structures 154, 2015.
+        """
+        return modes.nonlinear_mode(
+            self.problem, preload, mode, amplitude, options=options, progress=progress
+        )
+
+    @partial(validation.check_arguments, name="flutter")
+    def flutter(
+        self,
+        preload: float | tuple[float, float] | Sequence[float] | NDArray,
+        aerodynamic_damping: complex | Mapping[int, complex],
+        *,
+        mode: int = 1,
+        amplitude: tuple[float, float] = (1e-6, 1e-2),
+        n: int = 9,
+        options: ContinuationOptions | None = None,
+        progress: bool | None = None,
+    ) -> Flutter:
+        """Compute the limit cycles of a mode in a flow, their stability, and the safe initial amplitudes.
+
+        Parameters
+        ----------
+        preload : float, (low, high) or sequence of more than two values, N
+        aerodynamic_damping : float or complex, or a mapping of nodal diameters to these
+            Aerodynamic damping ratio, negative for a destabilising flow, at the nodal diameter of
+            the engine order or at the given ones. For a complex number the imaginary part is the
+            damping ratio and the real part the relative frequency shift. The force is proportional
+            to mass; the part of the shift does not act on rigid motions.
+        mode, amplitude, options
+            See :meth:`nonlinear_mode`; limit cycles are searched in this range of amplitudes.
+        n : int
+            Number of preloads between two limits.
+        progress : bool, optional
+            Show a progress bar; by default in a terminal and a notebook.
+
+        Returns
+        -------
+        Flutter
+
+        Raises
+        ------
+        SettingError
+            If a value is not finite, or the mode was not found at a preload.
+        """
+        return flutter.flutter(
+            self.problem,
+            preload,
+            aerodynamic_damping,
+            mode=mode,
+            amplitude=amplitude,
+            n=n,
+            options=options,
+            progress=progress,
+        )
 
     # stress and fatigue
-    stress = analysis(stresses.stress)
-    gauge_stress = analysis(stresses.gauge_stress)
-    margin = analysis(margins.margin)
 
-    best_margin = analysis(robust_optimum.best_margin)
+    @partial(validation.check_arguments, name="stress")
+    def stress(
+        self,
+        result: SomeResult,
+        index: int | None = None,
+        *,
+        sets: str | Sequence[str] | None = None,
+        speed: float | None = None,
+    ) -> StressCycle:
+        """Compute the stress of a solution over the vibration cycle.
+
+        Parameters
+        ----------
+        result : Peak, ResponseCurve or OptimalCurve
+            Result of this study.
+        index : int, optional
+            Index of a point of a curve. By default the highest point of a response curve and the
+            lowest of an optimal curve.
+        sets : str or sequence of str, optional
+            Stress sets of the model; all by default.
+        speed : float, rad/s, optional
+            Rotor speed. By default the speed of the study, or the speed at which the engine order
+            excites at the frequency of the solution; 0 for a structure that does not rotate.
+
+        Returns
+        -------
+        StressCycle
+
+        Raises
+        ------
+        SettingError
+            If the model has no stress sets, or the result belongs to another study.
+        """
+        return stresses.stress(self.problem, result, index, sets=sets, speed=speed)
+
+    @partial(validation.check_arguments, name="gauge_stress")
+    def gauge_stress(
+        self,
+        result: SomeResult,
+        gauge: str | Sequence[float],
+        direction: Direction,
+        elastic: Sequence[float] | None = None,
+    ) -> NDArray:
+        """Return normal stress or strain at a gauge for every point of a result.
+
+        Parameters
+        ----------
+        result : Peak, ResponseCurve or OptimalCurve
+            Result of this study.
+        gauge : str or (3,) float, m
+            Name of a point of a stress set ("root node 215" or "root point 3", as in
+            :class:`bdamper.fatigue.stress_cycle.StressCycle`), or coordinates. The nearest point is
+            used; its distance is limited to a twentieth of the largest coordinate.
+        direction : {"tangential", "radial", "axial"} or three floats
+            Direction of the gauge.
+        elastic : (Young's modulus in Pa, Poisson's ratio), optional
+            Constants of a linear elastic isotropic material; if given, the result is strain.
+
+        Returns
+        -------
+        (n, n_harmonics + 1) complex, Pa or 1
+            Mean with centrifugal part, and complex amplitude of each harmonic. n is 1 for a peak;
+            rows without a solution are NaN.
+
+        Raises
+        ------
+        SettingError
+            If there is no such point, no point near the coordinates, or the result belongs to
+            another study.
+        """
+        return stresses.gauge_stress(self.problem, result, gauge, direction, elastic)
+
+    @partial(validation.check_arguments, name="margin")
+    def margin(
+        self,
+        result: SomeResult | StressCycle,
+        material: Material,
+        index: int | None = None,
+        *,
+        time_response: SteadyAmplitude | None = None,
+        criterion: str = "von_mises",
+        line: str = "goodman",
+        on: str = "amplitude",
+        sets: str | Sequence[str] | None = None,
+        speed: float | None = None,
+    ) -> Margins | MarginCurve:
+        """Compute safety factors against fatigue for infinite life.
+
+        Parameters
+        ----------
+        result : Peak, ResponseCurve, OptimalCurve or StressCycle
+            Result of this study.
+        material : Material
+        index : int, optional
+            Index of a point of a curve; all points by default.
+        time_response : TimeResponse, optional
+            Time integration at the preload of the solution (:meth:`time_response`). The vibration
+            is multiplied by the ratio of the largest amplitude in time to the amplitude of the
+            harmonic balance; ``notes`` contain this ratio.
+        criterion : {"von_mises", "findley"}
+            Definition of the stress amplitude (:mod:`bdamper.fatigue.criteria`).
+        line : {"goodman", "gerber", "soderberg"}
+            Failure line in the Haigh diagram. "findley" ignores it, since it includes the mean
+            stress.
+        on : {"amplitude", "both"}
+            Quantity that the factor multiplies: the vibration at constant mean stress, or vibration
+            and mean.
+        sets, speed
+            See :meth:`stress`.
+
+        Returns
+        -------
+        Margins or MarginCurve
+            Margins of one solution, or the margin at every point of a curve.
+
+        Raises
+        ------
+        SettingError
+            If the model has no stress sets, or if a setting or the result does not fit.
+        """
+        judge = LeastMargin(material, criterion=criterion, line=line, on=on, sets=sets, speed=speed)
+        return margins.margin(self.problem, result, judge, index, time_response=time_response)
+
+    @partial(validation.check_arguments, name="best_margin")
+    def best_margin(
+        self,
+        curve: OptimalCurve,
+        material: Material,
+        *,
+        criterion: str = "von_mises",
+        line: str = "goodman",
+        on: str = "amplitude",
+        sets: str | Sequence[str] | None = None,
+        speed: float | None = None,
+    ) -> MarginCurve:
+        """Compute margins along an optimal curve, and refine the preload with the largest margin.
+
+        Parameters
+        ----------
+        curve : OptimalCurve
+            Curve of this study. If it contains amplitudes from time integration, ``in_time``
+            contains their margins.
+        material : Material
+        criterion, line, on, sets, speed
+            See :meth:`margin`.
+
+        Returns
+        -------
+        MarginCurve
+            ``best_value`` is the preload, ``best_status`` its accuracy. After Ctrl-C it is the best
+            preload of the curve.
+
+        Raises
+        ------
+        SettingError
+            If the model has no stress sets, or a setting does not fit.
+        """
+        judge = LeastMargin(material, criterion=criterion, line=line, on=on, sets=sets, speed=speed)
+        return robust_optimum.best_margin(self.problem, curve, judge)
 
     # importance of physical effects
-    effect_significance = analysis(significance.effect_significance)
+
+    @partial(validation.check_arguments, name="effect_significance")
+    def effect_significance(
+        self,
+        preload: float,
+        frequency: tuple[float, float],
+        *,
+        against: Effects | None = None,
+        tolerance: float = 0.01,
+        progress: bool | None = None,
+    ) -> EffectSignificance:
+        """Compute the change of the highest peak without each effect, and select the significant effects.
+
+        The cost is several curves: the reference, one for each effect that changes the peak much,
+        and one or more without all omitted effects. It pays off before many computations of similar
+        problems.
+
+        Parameters
+        ----------
+        preload : float, N
+        frequency : (low, high), Hz
+            Search interval of the highest peak.
+        against : Effects, optional
+            Reference; by default all effects that the model allows
+            (:func:`bdamper.analyses.effect_significance.fullest`). The friction law of the study
+            does not change.
+        tolerance : float
+            Allowed relative change of amplitude or frequency by all omitted effects together.
+        progress : bool, optional
+            Show a progress bar; by default in a terminal and a notebook.
+
+        Returns
+        -------
+        EffectSignificance
+
+        Raises
+        ------
+        BdamperError
+            If the reference has no peak in the interval.
+        """
+        return significance.effect_significance(
+            self.problem,
+            preload,
+            frequency,
+            against=against,
+            tolerance=tolerance,
+            progress=progress,
+        )
 
     # contact behaviour in a cycle
-    hysteresis = analysis(cycles.hysteresis)
-    dissipation = analysis(cycles.dissipation)
+
+    @partial(validation.check_arguments, name="hysteresis")
+    def hysteresis(
+        self, result: Solved, index: int | None = None, *, n_theta: int = 720
+    ) -> Hysteresis:
+        """Compute the hysteresis loops of all contact points for one solution.
+
+        Parameters
+        ----------
+        result : ResponseCurve, Peak or OptimalCurve
+            Result of this study.
+        index : int, optional
+            Index of a converged point of a curve. By default the highest point of a response curve
+            and the lowest of an optimal curve.
+        n_theta : int
+            Number of steps in the cycle.
+
+        Returns
+        -------
+        Hysteresis
+
+        Raises
+        ------
+        SettingError
+            If the result belongs to another study or contains no solution.
+        """
+        return cycles.hysteresis(self.problem, result, index, n_theta=n_theta)
+
+    @partial(validation.check_arguments, name="dissipation")
+    def dissipation(self, result: Solved) -> Hysteresis:
+        """Compute dissipated energy, equivalent stiffness and damping along a result.
+
+        Parameters
+        ----------
+        result : ResponseCurve, Peak or OptimalCurve
+            Result of this study. An optimal curve gives these quantities over the amplitude at
+            resonance: without gaps they depend on the ratio of preload and excitation only.
+
+        Returns
+        -------
+        Hysteresis
+
+        Raises
+        ------
+        SettingError
+            If the result belongs to another study or contains no solution.
+        """
+        return cycles.dissipation(self.problem, result)
 
     # rotor speed
-    at_speed = at_speed.at_speed
-    campbell = analysis(campbell.campbell)
-    resonance_crossings = analysis(crossings.resonance_crossings)
-    run_up = analysis(campbell_diagram.run_up)
+
+    @partial(validation.check_arguments, name="at_speed")
+    def at_speed(
+        self,
+        omega: float | None = None,
+        *,
+        rpm: float | None = None,
+        friction: rotor_speed.Table | None = None,
+        temperature: rotor_speed.Table | None = None,
+        excitation: rotor_speed.Excitations | None = None,
+    ) -> Study:
+        """Return the same study at a rotor speed: model, friction and excitation at this speed.
+
+        Parameters
+        ----------
+        omega : float, rad/s
+        rpm : float, revolutions per minute
+            Instead of ``omega``.
+        friction : mapping of number to number, or callable, optional
+            Friction coefficient of all friction faces over speed (rad/s), or over ``temperature``
+            if given.
+        temperature : mapping of number to number, or callable, optional
+            Temperature of the contacts over speed, in the unit that ``friction`` uses.
+        excitation : callable or mapping, optional
+            Amplitude of the excitation (N): ``excitation(omega, engine_order)``, or for each engine
+            order a number or a mapping of speed to newtons.
+
+        Returns
+        -------
+        Study
+            ``preload`` of such a study is the centrifugal load of the damper at this speed.  An
+            analysis at another preload still has this speed, and the displacement of the faces by
+            rotation with it.
+
+        Raises
+        ------
+        SettingError
+            If a table does not cover the speed, or nothing in the model and the conditions depends
+            on it.
+        """
+        conditions = Conditions(friction, temperature, excitation)
+        return self._with_problem(
+            rotor_speed.at_speed(self.problem, omega, rpm=rpm, conditions=conditions)
+        )
+
+    @partial(validation.check_arguments, name="campbell")
+    def campbell(
+        self,
+        speeds: tuple[float, float] | Sequence[float] | NDArray | None = None,
+        engine_orders: Sequence[int] = (),
+        *,
+        rpm: tuple[float, float] | Sequence[float] | NDArray | None = None,
+        modes: int = 3,
+        damped: SweepResult | Sequence[SweepResult] | None = None,
+        progress: bool | None = None,
+        friction: rotor_speed.Table | None = None,
+        temperature: rotor_speed.Table | None = None,
+        excitation: rotor_speed.Excitations | None = None,
+    ) -> Campbell:
+        """Compute free and stuck frequencies over rotor speed at all nodal diameters of the model with data over speed.
+
+        Parameters
+        ----------
+        speeds : (low, high) or sequence of more than two values, rad/s
+            Two limits give thirteen speeds.
+        engine_orders : sequence of int
+            Orders for lines and crossings.
+        rpm : (low, high) or sequence of more than two values, revolutions per minute
+            Alternative to ``speeds``.
+        modes : int
+            Number of modes of each nodal diameter.
+        damped : SweepResult or sequence of SweepResult, optional
+            Damped crossings from :meth:`resonance_crossings`, to be drawn.
+        progress : bool, optional
+            Whether to show a progress bar; by default in a terminal and a notebook.
+        friction, temperature, excitation
+            Conditions over speed, see :meth:`at_speed`.
+
+        Returns
+        -------
+        Campbell
+
+        Raises
+        ------
+        SettingError
+            If speeds or orders are invalid, or damped crossings belong to another model.
+        """
+        return campbell.campbell(
+            self.problem,
+            speeds,
+            engine_orders,
+            rpm=rpm,
+            modes=modes,
+            damped=damped,
+            progress=progress,
+            conditions=Conditions(friction, temperature, excitation),
+        )
+
+    @partial(validation.check_arguments, name="resonance_crossings")
+    def resonance_crossings(
+        self,
+        speeds: tuple[float, float] | Sequence[float] | NDArray | None = None,
+        engine_orders: Sequence[int] = (),
+        *,
+        rpm: tuple[float, float] | Sequence[float] | NDArray | None = None,
+        damper_mass_factor: Sequence[float] = (1.0,),
+        mode: int = 1,
+        executor: Executor | None = None,
+        resume: str | Path | None = None,
+        progress: bool | None = None,
+        margin: LeastMargin | None = None,
+        friction: rotor_speed.Table | None = None,
+        temperature: rotor_speed.Table | None = None,
+        excitation: rotor_speed.Excitations | None = None,
+    ) -> Crossings:
+        """Compute crossings of a mode with engine orders for several damper masses.
+
+        Parameters
+        ----------
+        speeds, rpm : (low, high) or sequence of more than two values, rad/s or revolutions per minute
+            Search range; give one of the two.
+        engine_orders : sequence of int
+        damper_mass_factor : sequence of float
+            Factors on the mass of the free bodies, which multiply centrifugal load and inertia.
+        mode : int
+            Mode of the constrained bodies, from 1.
+        executor, resume, progress
+            See :func:`bdamper.sweep`.
+        margin : LeastMargin, optional
+            If given, the margin against fatigue of each crossing is computed; the model needs
+            stress sets.
+        friction, temperature, excitation
+            Conditions over speed, see :meth:`at_speed`.
+
+        Returns
+        -------
+        Crossings
+
+        Raises
+        ------
+        SettingError
+            If speeds, orders or factors are missing, or no free body has a load.
+        """
+        return crossings.resonance_crossings(
+            self.problem,
+            speeds,
+            engine_orders,
+            rpm=rpm,
+            damper_mass_factor=damper_mass_factor,
+            mode=mode,
+            executor=executor,
+            resume=resume,
+            progress=progress,
+            margin=margin,
+            conditions=Conditions(friction, temperature, excitation),
+        )
+
+    @partial(validation.check_arguments, name="run_up")
+    def run_up(
+        self,
+        speeds: tuple[float, float] | None = None,
+        *,
+        rpm: tuple[float, float] | None = None,
+        mode: int = 1,
+        options: ContinuationOptions | None = None,
+        progress: bool | None = None,
+        friction: rotor_speed.Table | None = None,
+        temperature: rotor_speed.Table | None = None,
+        excitation: rotor_speed.Excitations | None = None,
+    ) -> ResponseCurve:
+        """Compute the response along the line of the study's engine order through its crossing with a mode.
+
+        Parameters
+        ----------
+        speeds : (low, high), rad/s, optional
+            Range that contains the crossing. By default the speeds of the free and the stuck
+            resonance on the line with a margin, within 50 to 2000 rad/s and the range of tables
+            over speed.
+        rpm : (low, high), revolutions per minute
+            Alternative to ``speeds``.
+        mode : int
+        options : ContinuationOptions
+            Coarse by default; the highest point is refined.
+        progress : bool, optional
+            Show a progress bar; by default in a terminal and a notebook.
+        friction, temperature, excitation
+            Conditions over speed, see :meth:`at_speed`.
+
+        Returns
+        -------
+        ResponseCurve
+            Curve of kind "run-up". Its highest maximum solves the equations assembled at its speed;
+            ``notes`` contain the peak at fixed speed.
+
+        Raises
+        ------
+        SettingError
+            If a setting does not fit, or the interpolation error over speed is too large; use a
+            shorter range.
+        BdamperError
+            If there is no crossing in the range.
+        """
+        return campbell.run_up(
+            self.problem,
+            speeds,
+            rpm=rpm,
+            mode=mode,
+            options=options,
+            progress=progress,
+            conditions=Conditions(friction, temperature, excitation),
+        )
 
     @property
     def preload(self) -> float:
         """Preload (N) of a study at a rotor speed (:meth:`at_speed`): mass times radius times speed squared."""
         if self.settings.speed is None:
-            raise SettingError("preload: expected a study at a rotor speed, study.at_speed(omega), found none")
-        return at_speed.preload_at(self.problem, self.settings.speed)
+            raise SettingError(
+                "preload: expected a study at a rotor speed, study.at_speed(omega), found none"
+            )
+        return rotor_speed.preload_at(self.problem, self.settings.speed)
 
     # accuracy
-    harmonic_convergence = analysis(more_harmonics.harmonic_convergence)
-    estimate_errors = analysis(error_estimates.estimate_errors)
+
+    @partial(validation.check_arguments, name="harmonic_convergence")
+    def harmonic_convergence(
+        self,
+        peak: Peak,
+        *,
+        harmonics: Sequence[int] = accuracy.HARMONICS,
+        tolerance: float = accuracy.TOLERANCE,
+        progress: bool | None = None,
+    ) -> Convergence:
+        """Compute a peak with an increasing number of harmonics.
+
+        Parameters
+        ----------
+        peak : Peak
+            Converged peak of this study (:meth:`peak`).
+        harmonics : sequence of int
+            Increasing numbers of the highest harmonic. All lower harmonics are included, or only
+            odd harmonics if even harmonics vanish.
+        tolerance : float
+            Relative change of the amplitude up to which the sequence counts as converged.
+        progress : bool, optional
+            Show a progress bar; by default in a terminal and a notebook.
+
+        Returns
+        -------
+        Convergence
+            After Ctrl-C it contains the results computed so far.
+
+        Raises
+        ------
+        SettingError
+            If the peak has not converged or belongs to another study.
+        """
+        return accuracy.harmonic_convergence(
+            self.problem, peak, harmonics=harmonics, tolerance=tolerance, progress=progress
+        )
+
+    @partial(validation.check_arguments, name="estimate_errors")
+    def estimate_errors(
+        self, result: ResponseCurve | Peak, *, sources: Sequence[str] = error_estimates.SOURCES
+    ) -> ErrorEstimates:
+        """Estimate the errors of a peak by source.
+
+        Parameters
+        ----------
+        result : ResponseCurve or Peak
+            For a response curve the highest peak is examined.
+        sources : sequence of str
+            Subset of :data:`bdamper.analyses.error_estimates.SOURCES`.
+
+        Returns
+        -------
+        ErrorEstimates
+
+        Raises
+        ------
+        SettingError
+            If the result has not converged or belongs to another study.
+        """
+        return error_estimates.estimate_errors(self.problem, result, sources=sources)
 
     def save(self, path: FilePath, *, include_model: bool = True) -> None:
         """Write the study to an HDF5 file, which :func:`bdamper.load_study` reads: model, settings and versions.
@@ -414,9 +1477,18 @@ class Study(Comparable):
             If False, the file contains the hash of the model only, and :func:`bdamper.load_study` needs the model.
         """
         check_model_once(self.model)
-        settings = self.problem.record() | ({"contact_stiffness": None} if self.settings.contact_stiffness is None else {})
+        settings = self.problem.record() | (
+            {"contact_stiffness": None} if self.settings.contact_stiffness is None else {}
+        )
         with write_hdf5(path) as file:
-            file.attrs.update({"format": FORMAT, "version": 1, "model_hash": self.model.hash, **INSTALLED.attributes()})
+            file.attrs.update(
+                {
+                    "format": FORMAT,
+                    "version": 1,
+                    "model_hash": self.model.hash,
+                    **INSTALLED.attributes(),
+                }
+            )
             file["settings"] = json.dumps(settings)
             if include_model:
                 write_model(new_group(file, "model"), self.model)
@@ -469,10 +1541,19 @@ register_reader(FORMAT, load_study)
 
 def _settings_explained() -> str:
     """Return the parameters of the settings in numpydoc form, each with its default."""
-    named = {f.name: "required" if f.default is MISSING else f"default {f.default!r}" for f in fields(Settings) if f.init}
+    named = {
+        f.name: "required" if f.default is MISSING else f"default {f.default!r}"
+        for f in fields(Settings)
+        if f.init
+    }
     lines = getdoc(Settings).splitlines() if getdoc(Settings) else []  # type: ignore[union-attr]
-    heads = ((line, [named[n] for n in line.partition(" : ")[0].split(", ") if n in named]) for line in lines[1:])
-    return "\n".join(f"{line}, {', '.join(dict.fromkeys(found))}" if found else line for line, found in heads)
+    heads = (
+        (line, [named[n] for n in line.partition(" : ")[0].split(", ") if n in named])
+        for line in lines[1:]
+    )
+    return "\n".join(
+        f"{line}, {', '.join(dict.fromkeys(found))}" if found else line for line, found in heads
+    )
 
 
 EXAMPLE = """

@@ -14,6 +14,7 @@ import bdamper.importers
 from bdamper.harmonic_balance.settings import Settings
 
 ROOT = Path(__file__).parents[1]
+METHODS = ROOT / "tests" / "golden" / "study_methods.txt"
 
 
 def test_every_public_name_is_in_the_reference():
@@ -57,12 +58,42 @@ def test_the_version_stands_in_one_place():
     assert "version" not in re.findall(r"^(\w+) *=", (ROOT / "pyproject.toml").read_text(), re.M)
 
 
+def study_methods():
+    """Return the signature and the first line of the explanation of a study and of each of its methods."""
+    methods = {"Study": bd.Study} | {name: getattr(bd.Study, name) for name in dir(bd.Study) if not name.startswith("_")}
+    lines = []
+    for name, method in methods.items():
+        if callable(method):
+            lines += [f"{name}{inspect.signature(method)}", f"    {inspect.getdoc(method).splitlines()[0]}"]
+    return "\n".join(lines) + "\n"
+
+
 class TestStudy:
     """What a user sees of a study: few names, each with its parameters."""
 
     @pytest.fixture(scope="class")
     def study(self):
         return bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5)
+
+    def test_help_and_editors_show_what_a_user_types(self):
+        """After an intended change: ``python -m tests.test_public_names`` writes the file again."""
+        assert study_methods() == METHODS.read_text()
+
+    def test_each_setting_is_a_parameter_with_its_default(self):
+        own = inspect.signature(bd.Study).parameters
+        assert {name: p.default for name, p in own.items()} == {
+            name: p.default for name, p in inspect.signature(Settings).parameters.items()
+        }
+
+    def test_each_setting_arrives_under_its_name(self, monkeypatch):
+        """Every parameter is passed on, with its own value."""
+        given = {name: object() for name in inspect.signature(bd.Study).parameters}
+        arrived = {}
+        monkeypatch.setattr("bdamper.study.Settings", lambda **settings: arrived.update(settings) or settings)
+        monkeypatch.setattr("bdamper.study.Problem", lambda settings: settings)
+        monkeypatch.setattr(bd.Study, "_ask", lambda study, problem: None)
+        bd.Study(**given)
+        assert arrived == given
 
     def test_tab_shows_few_names(self, study):
         shown = [name for name in dir(study) if not name.startswith("_")]
@@ -95,3 +126,7 @@ class TestStudy:
                     if len(inspect.signature(method).parameters) > 2 and not re.search(rf"(?:^|[, *`]){one}\b", text, re.M):
                         missing.append(f"{name}({one})")
         assert not missing
+
+
+if __name__ == "__main__":
+    METHODS.write_text(study_methods())

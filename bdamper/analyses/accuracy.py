@@ -104,31 +104,7 @@ def harmonic_convergence(
     problem: Problem, peak: Peak, *, harmonics: Sequence[int] = HARMONICS, tolerance: float = TOLERANCE,
     progress: bool | None = None,
 ) -> Convergence:
-    """Compute a peak with an increasing number of harmonics.
-
-    Parameters
-    ----------
-    problem : Problem
-    peak : Peak
-        Converged peak of this study (:meth:`bdamper.Study.peak`).
-    harmonics : sequence of int
-        Increasing numbers of the highest harmonic. All lower harmonics are included, or only odd harmonics if even
-        harmonics vanish.
-    tolerance : float
-        Relative change of the amplitude up to which the sequence counts as converged.
-    progress : bool, optional
-        Show a progress bar; by default in a terminal and a notebook.
-
-    Returns
-    -------
-    Convergence
-        After Ctrl-C it contains the results computed so far.
-
-    Raises
-    ------
-    SettingError
-        If the peak has not converged or belongs to another study.
-    """
+    """See :meth:`bdamper.Study.harmonic_convergence`."""
     check_peak(problem, peak)
     tolerance = validation.number("tolerance", tolerance, above=0.0, below=1.0)
     numbers = [validation.integer("harmonics", n, 1, MAX_HARMONIC) for n in harmonics]

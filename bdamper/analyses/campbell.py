@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import zip_longest
 from typing import Any, Self
 
@@ -159,7 +158,6 @@ def line_crossings(speed: NDArray, frequency: NDArray, engine_order: int) -> NDA
     return np.append(crossings, speed[-1:][gap[-1:] == 0.0])
 
 
-@partial(validation.check_arguments, also=Conditions.__dataclass_fields__)
 @one_thread
 def campbell(
     problem: Problem,
@@ -171,37 +169,9 @@ def campbell(
     modes: int = 3,
     damped: SweepResult | Sequence[SweepResult] | None = None,
     progress: bool | None = None,
-    **conditions: Any,
+    conditions: Conditions,
 ) -> Campbell:
-    """Compute free and stuck frequencies over rotor speed at all nodal diameters of the model with data over speed.
-
-    Parameters
-    ----------
-    problem : Problem
-    speeds : (low, high) or sequence of more than two values, rad/s
-        Two limits give thirteen speeds.
-    engine_orders : sequence of int
-        Orders for lines and crossings.
-    rpm : (low, high) or sequence of more than two values, revolutions per minute
-        Alternative to ``speeds``.
-    modes : int
-        Number of modes of each nodal diameter.
-    damped : SweepResult or sequence of SweepResult, optional
-        Damped crossings from :meth:`bdamper.Study.resonance_crossings`, to be drawn.
-    progress : bool, optional
-        Whether to show a progress bar; by default in a terminal and a notebook.
-    **conditions
-        See :meth:`bdamper.Study.resonance_crossings`.
-
-    Returns
-    -------
-    Campbell
-
-    Raises
-    ------
-    SettingError
-        If speeds or orders are invalid, or damped crossings belong to another model.
-    """
+    """See :meth:`bdamper.Study.campbell`."""
     values = speed_values(asked_speeds(problem, speeds, rpm))
     orders = validation.integers("engine_orders", engine_orders, least=1)
     modes = validation.integer("modes", modes, least=1)
@@ -211,7 +181,7 @@ def campbell(
         validation.check_value(crossings, "damped", "crossings, as Study.resonance_crossings returns them", result)
         same_model = result.model_hash == problem.model.hash
         validation.check(same_model, "damped", "crossings of this model", "crossings of another model")
-    operating, progress = Conditions(**conditions), shows_progress(progress)
+    operating, progress = conditions, shows_progress(progress)
     constrained = [body for body in problem.model.bodies.values() if body.kind == "constrained"]
     bases = [pair for body in constrained for pair in body.bases.items()]
     known = sorted({d for d, basis in bases if basis.speed is not None} or {d for d, _ in bases})
@@ -250,7 +220,6 @@ WITHIN = (50.0, 2000.0)
 """Limits of the speed (rad/s) for a crossing without given speeds."""
 
 
-@partial(validation.check_arguments, also=Conditions.__dataclass_fields__)
 @one_thread
 def run_up(
     problem: Problem,
@@ -261,40 +230,10 @@ def run_up(
     mode: int = 1,
     options: ContinuationOptions | None = None,
     progress: bool | None = None,
-    **conditions: Any,
+    conditions: Conditions,
 ) -> ResponseCurve:
-    """Compute the response along the line of the study's engine order through its crossing with a mode.
-
-    Parameters
-    ----------
-    problem : Problem
-    speeds : (low, high), rad/s, optional
-        Range that contains the crossing. By default the speeds of the free and the stuck resonance on the line with a
-        margin, within 50 to 2000 rad/s and the range of tables over speed.
-    rpm : (low, high), revolutions per minute
-        Alternative to ``speeds``.
-    mode : int
-    options : ContinuationOptions
-        Coarse by default; the highest point is refined.
-    progress : bool, optional
-        Show a progress bar; by default in a terminal and a notebook.
-    **conditions
-        See :meth:`bdamper.Study.resonance_crossings`.
-
-    Returns
-    -------
-    ResponseCurve
-        Curve of kind "run-up". Its highest maximum solves the equations assembled at its speed; ``notes`` contain the peak
-        at fixed speed.
-
-    Raises
-    ------
-    SettingError
-        If a setting does not fit, or the interpolation error over speed is too large; use a shorter range.
-    BdamperError
-        If there is no crossing in the range.
-    """
-    operating = Conditions(**conditions)
+    """See :meth:`bdamper.Study.run_up`."""
+    operating = conditions
     limits = np.clip(operating.reach(int(problem.engine_order)), *WITHIN)
     narrow = speeds is not None or rpm is not None
     if narrow:

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, fields
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -218,7 +217,6 @@ class Crossings(SweepResult, kind="bdamper-crossings"):
         return [f"Least margin against fatigue {margins[k]:.3g} ({as_words(row_of(self.points, k))})."]
 
 
-@partial(validation.check_arguments, also=Conditions.__dataclass_fields__)
 def resonance_crossings(
     problem: Problem,
     /,
@@ -232,36 +230,9 @@ def resonance_crossings(
     resume: str | Path | None = None,
     progress: bool | None = None,
     margin: LeastMargin | None = None,
-    **conditions: Any,
+    conditions: Conditions,
 ) -> Crossings:
-    """Compute crossings of a mode with engine orders for several damper masses.
-
-    Parameters
-    ----------
-    problem : Problem
-    speeds, rpm : (low, high) or sequence of more than two values, rad/s or revolutions per minute
-        Search range; give one of the two.
-    engine_orders : sequence of int
-    damper_mass_factor : sequence of float
-        Factors on the mass of the free bodies, which multiply centrifugal load and inertia.
-    mode : int
-        Mode of the constrained bodies, from 1.
-    executor, resume, progress
-        See :func:`bdamper.sweep`.
-    margin : LeastMargin, optional
-        If given, the margin against fatigue of each crossing is computed; the model needs stress sets.
-    **conditions
-        ``friction``, ``temperature``, ``excitation``: fields of :class:`bdamper.harmonic_balance.rotor_speed.Conditions`.
-
-    Returns
-    -------
-    Crossings
-
-    Raises
-    ------
-    SettingError
-        If speeds, orders or factors are missing, or no free body has a load.
-    """
+    """See :meth:`bdamper.Study.resonance_crossings`."""
     values = speed_values(asked_speeds(problem, speeds, rpm))
     orders = validation.integers("engine_orders", engine_orders, least=1)
     factors = validation.numbers(MASS, damper_mass_factor, above=0.0)
@@ -272,7 +243,7 @@ def resonance_crossings(
         raise SettingError(f"crossings need a model with a body that carries a load; {problem.why_no_load}")
     if mode > 1:
         free_and_stuck(problem.at(preload), mode)
-    operating = Conditions(**conditions)
+    operating = conditions
     named = operating.values(values.tolist(), orders)  # raises an error if tables do not cover the speeds
     if margin is not None:
         validation.instance("margin", margin, LeastMargin)

@@ -157,7 +157,6 @@ class EffectSignificance(Plottable, Tabular, Storable, kind="bdamper-effect-sign
         return [*rows, ("all left out", *changes, "", "computed", f"{self.work:.2f}", "")]
 
 
-@validation.check_arguments
 @one_thread
 def effect_significance(
     problem: Problem,
@@ -168,34 +167,7 @@ def effect_significance(
     tolerance: float = 0.01,
     progress: bool | None = None,
 ) -> EffectSignificance:
-    """Compute the change of the highest peak without each effect, and select the significant effects.
-
-    The cost is several curves: the reference, one for each effect that changes the peak much, and one or more without all
-    omitted effects. It pays off before many computations of similar problems.
-
-    Parameters
-    ----------
-    problem : Problem
-    preload : float, N
-    frequency : (low, high), Hz
-        Search interval of the highest peak.
-    against : Effects, optional
-        Reference; by default all effects that the model allows (:func:`fullest`). The friction law of the study does not
-        change.
-    tolerance : float
-        Allowed relative change of amplitude or frequency by all omitted effects together.
-    progress : bool, optional
-        Show a progress bar; by default in a terminal and a notebook.
-
-    Returns
-    -------
-    EffectSignificance
-
-    Raises
-    ------
-    BdamperError
-        If the reference has no peak in the interval.
-    """
+    """See :meth:`bdamper.Study.effect_significance`."""
     preload, frequency = problem.check_preload(preload), validation.interval("frequency", frequency)
     tolerance = validation.number("tolerance", tolerance, above=0.0, below=1.0)
     check_question(problem, [preload], frequency)

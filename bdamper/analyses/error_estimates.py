@@ -406,26 +406,7 @@ SOURCES = ("harmonics", "contact_forces", "contact points", "modes", "residual f
 
 @one_thread
 def estimate_errors(problem: Problem, result: ResponseCurve | Peak, *, sources: Sequence[str] = SOURCES) -> ErrorEstimates:
-    """Estimate the errors of a peak by source.
-
-    Parameters
-    ----------
-    problem : Problem
-        Problem of the result.
-    result : ResponseCurve or Peak
-        For a response curve the highest peak is examined.
-    sources : sequence of str
-        Subset of :data:`SOURCES`.
-
-    Returns
-    -------
-    ErrorEstimates
-
-    Raises
-    ------
-    SettingError
-        If the result has not converged or belongs to another study.
-    """
+    """See :meth:`bdamper.Study.estimate_errors`."""
     sources = validation.names("sources", sources, SOURCES)
     validation.instance("result", result, (ResponseCurve, Peak), "a ResponseCurve or a Peak of this study")
     if isinstance(result, ResponseCurve):

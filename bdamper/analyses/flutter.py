@@ -93,7 +93,6 @@ class Flutter(Plottable, Tabular, Recorded, Storable, kind="bdamper-flutter", ro
         return f"Flutter above {amount(safe[k], 'm')} (least value, at {where}), {cycles}."
 
 
-@validation.check_arguments
 @one_thread
 def flutter(
     problem: Problem,
@@ -106,32 +105,7 @@ def flutter(
     options: ContinuationOptions | None = None,
     progress: bool | None = None,
 ) -> Flutter:
-    """Compute the limit cycles of a mode in a flow, their stability, and the safe initial amplitudes.
-
-    Parameters
-    ----------
-    problem : Problem
-    preload : float, (low, high) or sequence of more than two values, N
-    aerodynamic_damping : float or complex, or a mapping of nodal diameters to these
-        Aerodynamic damping ratio, negative for a destabilising flow, at the nodal diameter of the engine order or at the
-        given ones. For a complex number the imaginary part is the damping ratio and the real part the relative frequency
-        shift. The force is proportional to mass; the part of the shift does not act on rigid motions.
-    mode, amplitude, options
-        See ``bdamper.analyses.nonlinear_mode.nonlinear_mode``; limit cycles are searched in this range of amplitudes.
-    n : int
-        Number of preloads between two limits.
-    progress : bool, optional
-        Show a progress bar; by default in a terminal and a notebook.
-
-    Returns
-    -------
-    Flutter
-
-    Raises
-    ------
-    SettingError
-        If a value is not finite, or the mode was not found at a preload.
-    """
+    """See :meth:`bdamper.Study.flutter`."""
     low, high = validation.interval("amplitude", amplitude, "m")
     values = preload_values(preload, n) if np.ndim(preload) else np.array([problem.check_preload(preload)])  # type: ignore[arg-type]
     own_diameter = problem.model.folded_nodal_diameter(int(problem.engine_order))[0]

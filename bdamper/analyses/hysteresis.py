@@ -277,24 +277,7 @@ def _on_points(problem: Problem, system: Equations[Sector], values: NDArray) -> 
 
 @one_thread
 def dissipation(problem: Problem, result: Solved) -> Hysteresis:
-    """Compute dissipated energy, equivalent stiffness and damping along a result.
-
-    Parameters
-    ----------
-    problem : Problem
-    result : ResponseCurve, Peak or OptimalCurve
-        Result of this problem. An optimal curve gives these quantities over the amplitude at resonance: without gaps they
-        depend on the ratio of preload and excitation only.
-
-    Returns
-    -------
-    Hysteresis
-
-    Raises
-    ------
-    SettingError
-        If the result belongs to another problem or contains no solution.
-    """
+    """See :meth:`bdamper.Study.dissipation`."""
     solved, branch = _solutions(problem, result)
     rows = [_of_solution(problem, u, frequency, preload) for u, frequency, preload, _ in zip(*solved)]
     columns: dict[str, Any] = {name: np.array([row[name] for row in rows]) for name in rows[0]}
@@ -332,28 +315,7 @@ def _counted(problem: Problem, system: Equations[Sector]) -> NDArray:
 
 @one_thread
 def hysteresis(problem: Problem, result: Solved, index: int | None = None, *, n_theta: int = 720) -> Hysteresis:
-    """Compute the hysteresis loops of all contact points for one solution.
-
-    Parameters
-    ----------
-    problem : Problem
-    result : ResponseCurve, Peak or OptimalCurve
-        Result of this problem.
-    index : int, optional
-        Index of a converged point of a curve. By default the highest point of a response curve and the lowest of an optimal
-        curve.
-    n_theta : int
-        Number of steps in the cycle.
-
-    Returns
-    -------
-    Hysteresis
-
-    Raises
-    ------
-    SettingError
-        If the result belongs to another problem or contains no solution.
-    """
+    """See :meth:`bdamper.Study.hysteresis`."""
     n_theta = validation.integer("n_theta", n_theta, least=16)
     if index is None and isinstance(result, ResponseCurve) and len(result):
         index = result.peak_index

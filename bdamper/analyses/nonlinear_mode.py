@@ -270,7 +270,6 @@ FLAT = 1e-6
 """Least relative height of a maximum of the damping above its neighbours."""
 
 
-@validation.check_arguments
 @one_thread
 def nonlinear_mode(
     problem: Problem,
@@ -281,37 +280,7 @@ def nonlinear_mode(
     options: ContinuationOptions | None = None,
     progress: bool | None = None,
 ) -> NonlinearMode:
-    """Compute frequency and damping of a mode over the amplitude of free vibration.
-
-    The motion is periodic: the force ``2 omega zeta M q'`` balances all losses, and zeta is the modal damping ratio [1]_.
-    The excitation has no effect.
-
-    Parameters
-    ----------
-    problem : Problem
-    preload : float, N
-    mode : int
-        Number of the elastic mode without contact, from 1. The branch starts at the stuck mode with the highest
-        correlation.
-    amplitude : (low, high), m
-        Range of the amplitude of the first harmonic of the response.
-    options, progress
-        See :meth:`bdamper.Study.frequency_response`.
-
-    Returns
-    -------
-    NonlinearMode
-        "complete" if the branch reaches the upper amplitude as the same mode; otherwise ``reason`` describes its end.
-
-    Raises
-    ------
-    SettingError
-        If a value does not fit, or the response does not move in this mode.
-
-    References
-    ----------
-    .. [1] M. Krack, Computers & Structures 154, 2015.
-    """
+    """See :meth:`bdamper.Study.nonlinear_mode`."""
     preload, mode = problem.check_preload(preload), validation.integer("mode", mode, least=1)
     low, high = validation.interval("amplitude", amplitude, "m")
     validation.instance("options", options or ContinuationOptions(), ContinuationOptions)

@@ -14,6 +14,7 @@ from dataclasses import replace
 
 from bdamper.analyses import accuracy, robust_optimum
 from bdamper.fatigue.criteria import Material
+from bdamper.fatigue.margin import LeastMargin
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.time_domain import time_response
@@ -78,7 +79,7 @@ def _with_time_and_harmonics(
 
 def _with_margins(problem: Problem, curve: OptimalCurve, material: Material) -> OptimalCurve:
     try:
-        margins = robust_optimum.best_margin(problem, curve, material)
+        margins = robust_optimum.best_margin(problem, curve, LeastMargin(material))
     except KeyboardInterrupt:
         return replace(curve, margins_interrupted=True)
     return replace(curve, margins=(margins,))

@@ -31,7 +31,6 @@ from numpy.typing import NDArray
 
 from bdamper.analyses.friction_range import find_range, tolerates_friction
 from bdamper.analyses.sweep import OptimalTask, PeakTask, SweepResult, Values, sweep
-from bdamper.fatigue.criteria import Material
 from bdamper.fatigue.margin import LeastMargin, MarginCurve
 from bdamper.harmonic_balance.checks import Asking, problem_of
 from bdamper.harmonic_balance.parameters import present_name, vary
@@ -664,32 +663,10 @@ def best_margin(
     problem: Problem,
     /,
     curve: OptimalCurve,
-    material: Material,
-    **judged: Any,
+    judge: LeastMargin,
 ) -> MarginCurve:
-    """Compute margins along an optimal curve, and refine the preload with the largest margin.
-
-    Parameters
-    ----------
-    problem : Problem
-    curve : OptimalCurve
-        Curve of this problem. If it contains amplitudes from time integration, ``in_time`` contains their margins.
-    material : Material
-    **judged
-        ``criterion``, ``line``, ``on``, ``sets`` and ``speed``, see :class:`bdamper.fatigue.margin.LeastMargin`.
-
-    Returns
-    -------
-    MarginCurve
-        ``best_value`` is the preload, ``best_status`` its accuracy. After Ctrl-C it is the best preload of the curve.
-
-    Raises
-    ------
-    SettingError
-        If the model has no stress sets, or a setting does not fit.
-    """
+    """See :meth:`bdamper.Study.best_margin`."""
     validation.instance("curve", curve, OptimalCurve)
-    judge = LeastMargin(material, **judged)
     result = judge.along(problem, curve)
     low, high = curve.settings["frequency"]
 

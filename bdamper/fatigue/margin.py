@@ -355,40 +355,12 @@ def margin(
     problem: Problem,
     /,
     result: SomeResult | StressCycle,
-    material: Material,
+    judge: LeastMargin,
     index: int | None = None,
     *,
     time_response: SteadyAmplitude | None = None,
-    **judged: Any,
 ) -> Margins | MarginCurve:
-    """Compute safety factors against fatigue for infinite life.
-
-    Parameters
-    ----------
-    problem : Problem
-    result : Peak, ResponseCurve, OptimalCurve or StressCycle
-        Result of this problem.
-    material : Material
-    index : int, optional
-        Index of a point of a curve; all points by default.
-    time_response : TimeResponse, optional
-        Time integration at the preload of the solution (:meth:`bdamper.Study.time_response`). The
-        vibration is multiplied by the ratio of the largest amplitude in time to the amplitude of
-        the harmonic balance; ``notes`` contain this ratio.
-    **judged
-        ``criterion``, ``line``, ``on``, ``sets`` and ``speed``, see :class:`LeastMargin`.
-
-    Returns
-    -------
-    Margins or MarginCurve
-        Margins of one solution, or the margin at every point of a curve.
-
-    Raises
-    ------
-    SettingError
-        If the model has no stress sets, or if a setting or the result does not fit.
-    """
-    judge = LeastMargin(material, **judged)
+    """See :meth:`bdamper.Study.margin`."""
     if not isinstance(result, StressCycle):
         one_solution = hasattr(result, "y") or index is not None or time_response is not None
         if not one_solution:

@@ -131,7 +131,6 @@ class StressCycle(
         )
 
 
-@validation.check_arguments
 def stress(
     problem: Problem,
     result: SomeResult,
@@ -140,31 +139,7 @@ def stress(
     sets: str | Sequence[str] | None = None,
     speed: float | None = None,
 ) -> StressCycle:
-    """Compute the stress of a solution over the vibration cycle.
-
-    Parameters
-    ----------
-    problem : Problem
-    result : Peak, ResponseCurve or OptimalCurve
-        Result of this problem.
-    index : int, optional
-        Index of a point of a curve. By default the highest point of a response curve and the lowest
-        of an optimal curve.
-    sets : str or sequence of str, optional
-        Stress sets of the model; all by default.
-    speed : float, rad/s, optional
-        Rotor speed. By default the speed of the study, or the speed at which the engine order
-        excites at the frequency of the solution; 0 for a structure that does not rotate.
-
-    Returns
-    -------
-    StressCycle
-
-    Raises
-    ------
-    SettingError
-        If the model has no stress sets, or the result belongs to another problem.
-    """
+    """See :meth:`bdamper.Study.stress`."""
     chosen = chosen_sets(problem, sets)
     solutions = solutions_of(problem, result)
     n = len(solutions.unknowns)
@@ -192,7 +167,6 @@ def selected(solutions: Solutions, rows: list[int] | NDArray) -> Solutions:
     )
 
 
-@validation.check_arguments
 def gauge_stress(
     problem: Problem,
     result: SomeResult,
@@ -200,34 +174,7 @@ def gauge_stress(
     direction: Direction,
     elastic: Sequence[float] | None = None,
 ) -> NDArray:
-    """Return normal stress or strain at a gauge for every point of a result.
-
-    Parameters
-    ----------
-    problem : Problem
-    result : Peak, ResponseCurve or OptimalCurve
-        Result of this problem.
-    gauge : str or (3,) float, m
-        Name of a point of a stress set ("root node 215" or "root point 3", as in
-        :class:`StressCycle`), or coordinates. The nearest point is used; its distance is limited to
-        a twentieth of the largest coordinate.
-    direction : {"tangential", "radial", "axial"} or three floats
-        Direction of the gauge.
-    elastic : (Young's modulus in Pa, Poisson's ratio), optional
-        Constants of a linear elastic isotropic material; if given, the result is strain.
-
-    Returns
-    -------
-    (n, n_harmonics + 1) complex, Pa or 1
-        Mean with centrifugal part, and complex amplitude of each harmonic. n is 1 for a peak; rows
-        without a solution are NaN.
-
-    Raises
-    ------
-    SettingError
-        If there is no such point, no point near the coordinates, or the result belongs to another
-        problem.
-    """
+    """See :meth:`bdamper.Study.gauge_stress`."""
     sets = chosen_sets(problem)
     places = {}
     for stress_set in sets:

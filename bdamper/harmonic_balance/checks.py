@@ -144,26 +144,7 @@ def solutions_of(problem: Problem, result: SomeResult) -> Solutions:
 
 
 def response_at(problem: Problem, result: SomeResult, location: str, direction: Direction = "tangential") -> NDArray:
-    """Compute the response of a peak or a curve at any location, from its solutions.
-
-    Parameters
-    ----------
-    problem : Problem
-    result : ResponseCurve or Peak
-        Result of this study.
-    location : str
-    direction : {"tangential", "radial", "axial"} or three floats
-
-    Returns
-    -------
-    (n, n_harmonics + 1) complex, m
-        Amplitude of each harmonic at each point of a curve, the mean first; n is 1 for a peak.
-
-    Raises
-    ------
-    SettingError
-        If there is no such location, or the result belongs to another study.
-    """
+    """See :meth:`bdamper.Study.response_at`."""
     places = [name for name, at in problem.model.locations.items() if at.kind is None]
     rows = problem.rows_at(Response(validation.choice("location", location, sorted(places)), direction))
     unknowns = unknowns_of(problem, result)

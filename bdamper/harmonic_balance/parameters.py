@@ -130,19 +130,7 @@ def vary(problem: Problem, settings: Mapping[str, Any]) -> Problem:
 
 
 def replace_settings(problem: Problem, /, **settings: Any) -> Problem:
-    """Return the same study under other settings, given by name.
-
-    Parameters
-    ----------
-    **settings
-        Arguments of :class:`bdamper.Study`, and other names that a sweep varies, such as ``damper_inertia_factor``,
-        ``gap_factor`` or ``friction_coefficient.left``.
-
-    Raises
-    ------
-    SettingError
-        If there is no setting of that name, or its value is not valid.
-    """
+    """See :meth:`bdamper.Study.replace`."""
     own = {f.name for f in fields(problem.settings)}
     known = setting_names(problem)
     for name in settings.keys() - {*own, *known}:

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
@@ -25,7 +24,6 @@ from numpy.typing import NDArray
 
 from bdamper import _core
 from bdamper.contact.laws import refuse
-from bdamper.harmonic_balance.checks import asked
 from bdamper.harmonic_balance.equations import Equations, Rows
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.harmonic_balance.sector import Sector
@@ -184,36 +182,16 @@ def asked_speeds(
     return values
 
 
-@asked
-@partial(validation.check_arguments, also=Conditions.__dataclass_fields__)
-def at_speed(problem: Problem, /, omega: float | None = None, *, rpm: float | None = None, **conditions: Any) -> Problem:
-    """Return the same problem at a rotor speed: model, friction and excitation at this speed.
-
-    Parameters
-    ----------
-    problem : Problem
-    omega : float, rad/s
-    rpm : float, revolutions per minute
-        Instead of ``omega``.
-    **conditions
-        ``friction``, ``temperature``, ``excitation`` of :class:`Conditions`.
-
-    Returns
-    -------
-    Problem or Study, as given
-        ``preload`` of such a study is the centrifugal load of the damper at this speed.  An analysis at another preload
-        still has this speed, and the displacement of the faces by rotation with it.
-
-    Raises
-    ------
-    SettingError
-        If a table does not cover the speed, or nothing in the model and the conditions depends on it.
-    """
+def at_speed(
+    problem: Problem, omega: float | None = None, *, rpm: float | None = None, conditions: Conditions
+) -> Problem:
+    """See :meth:`bdamper.Study.at_speed`."""
     bodies = problem.model.bodies.values()
     turns = any(b.load is not None or b.spin is not None or any(x.speed for x in b.bases.values()) for b in bodies)
     expected = "a model with a loaded body, modes over speed or displacement by rotation, or conditions"
-    validation.check(turns or conditions, "rotor speed", expected, "a model in which nothing depends on speed")
-    return under(problem, asked_speeds(problem, omega, rpm, validation.number), Conditions(**conditions))
+    given = conditions != Conditions()
+    validation.check(turns or given, "rotor speed", expected, "a model in which nothing depends on speed")
+    return under(problem, asked_speeds(problem, omega, rpm, validation.number), conditions)
 
 
 def under(problem: Problem, omega: float, conditions: Conditions) -> Problem:

@@ -25,41 +25,15 @@ from bdamper.util.progress import CostMeter, one_thread
 # ---- linear response curves ----
 
 
-@validation.check_arguments
 @one_thread
 def free(problem: Problem, frequency: tuple[float, float]) -> ResponseCurve:
-    """Compute the response without contact, the limit of zero preload.
-
-    Parameters
-    ----------
-    problem : Problem
-    frequency : (low, high), Hz
-
-    Returns
-    -------
-    ResponseCurve
-    """
+    """See :meth:`bdamper.Study.free`."""
     return _linear(problem.at(0.0), "free", frequency, None)
 
 
-@validation.check_arguments
 @one_thread
 def stuck(problem: Problem, frequency: tuple[float, float], preload: float | None = None) -> ResponseCurve:
-    """Compute the response with all closed points stuck, the limit of high preload.
-
-    Parameters
-    ----------
-    problem : Problem
-    frequency : (low, high), Hz
-    preload : float, N, optional
-        Preload that closes the points; without gaps its size has no effect.  By default that of the damper at the rotor
-        speed of the study, otherwise 1 N.  Open points stay open here.  If vibration closes them, a resonance may lie above
-        this limit.  An interface that touches without a normal load counts as stuck, with a warning.
-
-    Returns
-    -------
-    ResponseCurve
-    """
+    """See :meth:`bdamper.Study.stuck`."""
     if preload is None:
         speed = problem.settings.speed
         preload = 1.0 if speed is None else preload_at(problem, speed)

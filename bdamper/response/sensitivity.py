@@ -437,60 +437,18 @@ PARAMETERS = (
 
 @one_thread
 def peak_sensitivities(problem: Problem, peak: Peak, parameters: Sequence[str] = PARAMETERS) -> Sensitivities:
-    """Compute the derivatives of a peak's amplitude and frequency with respect to the preload and to settings.
-
-    Parameters
-    ----------
-    problem : Problem
-    peak : Peak
-        Peak of this problem, at a preload of ``peak.parameter`` newtons.
-    parameters : sequence of str
-        "preload" or any numeric setting (see :mod:`bdamper.harmonic_balance.parameters`); factors have the value 1.
-        "damper_mass_factor" is a factor on the mass of the free bodies and on the preload, which is proportional to it at a
-        rotor speed.  "damper_inertia_factor" is their inertia alone.
-
-    Returns
-    -------
-    dict of name to PeakSensitivity
-        Unknown derivatives are NaN, with a ``reason``.
-
-    Raises
-    ------
-    SettingError
-        If the peak is not converged or is at a corner, or if contact forces are sampled: events between samples make the
-        amplitude a rippled function of frequency, whose maxima move from ripple to ripple.
-    """
+    """See :meth:`bdamper.Study.peak_sensitivities`."""
     check_peak(problem, peak)
     found = families(problem, parameters, peak.parameter)
     derivatives = sensitivities(with_tangent(problem.system(peak.parameter), peak), found)
     return Sensitivities(derivatives, peak.amplitude, peak.frequency)
 
 
-@validation.check_arguments
 @one_thread
 def curve_sensitivities(
     problem: Problem, curve: ResponseCurve, parameters: Sequence[str] = PARAMETERS
 ) -> dict[str, CurveSensitivity]:
-    """Compute the derivatives of a response curve with respect to the preload and to settings; they are finite at folds.
-
-    Parameters
-    ----------
-    problem : Problem
-    curve : ResponseCurve
-        Response curve of this problem.
-    parameters : sequence of str
-        See :func:`peak_sensitivities`.
-
-    Returns
-    -------
-    dict of name to CurveSensitivity
-        Input of ``bdamper.plot.plot_band``, which draws the effect of uncertain settings.
-
-    Raises
-    ------
-    SettingError
-        If the curve belongs to another problem, or contact forces are sampled.
-    """
+    """See :meth:`bdamper.Study.curve_sensitivities`."""
     check_curve(problem, validation.instance("curve", curve, ResponseCurve))
     system, n = problem.system(curve.preload), len(curve)
     y = np.column_stack([curve.unknowns, 2.0 * np.pi * curve.frequency])

@@ -291,23 +291,7 @@ def with_stability(
     in_time: bool = False,
     progress: bool | None = None,
 ) -> ResponseCurve:
-    """Return the response curve with the stability of every point (:mod:`bdamper.time_domain.floquet`).
-
-    Parameters
-    ----------
-    problem : Problem
-    curve : ResponseCurve
-        Response curve of this problem.
-    in_time : bool
-        Whether to integrate in time from each point.  A point is stable if the motion keeps its amplitude to 5 %.
-        Undecided points, and all points after Ctrl-C, keep the label of the harmonics (``curve.labels``).
-    progress : bool, optional
-        Show a progress bar of the points integrated in time; by default in a terminal and a notebook.
-
-    Returns
-    -------
-    ResponseCurve
-    """
+    """See :meth:`bdamper.Study.with_stability`."""
     check_curve(problem, curve)
     system, progress = problem.system(curve.preload), shows_progress(progress)
     ring = ring_of(problem, curve.preload) if validation.flag("in_time", in_time) else None

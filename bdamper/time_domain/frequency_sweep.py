@@ -126,7 +126,6 @@ class TimeSweep(Plottable, FrequencySeries, Tabular, Recorded, Storable, kind="b
         return (Fact("rate", abs(self.rate), "Hz/s"), *(Fact("jump", str(jump)) for jump in self.jumps))
 
 
-@validation.check_arguments
 @one_thread
 def frequency_sweep(
     problem: Problem,
@@ -138,38 +137,7 @@ def frequency_sweep(
     steps_per_period: int | None = None,
     progress: bool | None = None,
 ) -> TimeSweep:
-    """Integrate in time while the frequency of the excitation changes slowly over an interval.
-
-    All sectors are included, each with its contacts; there is no truncated Fourier series and no assumption of a travelling
-    wave.  The integration includes all nodal diameters of the model.  It starts at the lowest solution at the first
-    frequency that is not between folds, and settles there before the sweep begins.
-
-    Parameters
-    ----------
-    problem : Problem
-    preload : float, N
-    frequency : (low, high), Hz
-    up : bool
-        Whether the frequency increases.
-    rate : float, Hz/s, optional
-        Default: a tenth of the half bandwidth of the least damped mode within the decay time of its transients.
-    steps_per_period : int, optional
-        256 by default.
-    progress : bool, optional
-        Show a progress bar of the periods of the excitation; by default in a terminal and a notebook.
-
-    Returns
-    -------
-    TimeSweep
-        After Ctrl-C it contains the periods computed so far.
-
-    Raises
-    ------
-    SettingError
-        If a number is not valid, a mode has no damping, or the settings do not describe a structure in time.
-    BdamperError
-        If no solution is found at the first frequency, or the time integration fails.
-    """
+    """See :meth:`bdamper.Study.frequency_sweep`."""
     preload, (low, high) = problem.check_preload(preload), validation.interval("frequency", frequency)
     progress = shows_progress(progress)
     validation.flag("up", up)

@@ -148,43 +148,12 @@ def _first_elastic(problem: Problem, frequency: float) -> dict[str, float]:
 # ---- highest steady amplitude ----
 
 
-@validation.check_arguments
 @one_thread
 def time_response(
     problem: Problem, result: ResponseCurve | Peak, *, steps_per_period: int | None = None, blades: int | None = None,
     starts: int = 1, progress: bool | None = None,
 ) -> TimeResponse:  # fmt: skip
-    """Compute the highest steady amplitude in time at the preload of a response curve or of a peak, with its error.
-
-    All amplitudes belong to the highest blade (:mod:`bdamper.time_domain.time_response`).
-
-    Parameters
-    ----------
-    problem : Problem
-    result : ResponseCurve or Peak
-        Response curve of this study, from one flank of the resonance to the other.  For a peak the response curve is
-        computed in its interval.
-    steps_per_period : int, optional
-        256 by default; the highest motion is integrated again with 2 and 4 times this number.
-    blades : int, optional
-        Number of blades of the ring; by default the smallest after which the excitation repeats.  More allow more patterns.
-    starts : int
-        Number of initial states at the highest point.  Further ones have other disturbances (their numbers are the seeds of
-        the phases) and friction without traction, or at its limit in either direction.
-    progress : bool, optional
-        Show a progress bar; by default in a terminal and a notebook.
-
-    Returns
-    -------
-    TimeResponse
-        "not found" if no motion stays or the integration fails; "incomplete" if the error exceeds 5 %, the mean drifts, or
-        the curve ends before the motion falls.  After Ctrl-C it describes the highest steady motion so far.
-
-    Raises
-    ------
-    SettingError
-        If the result belongs to another study or has no peak, or the settings do not describe a structure in time.
-    """
+    """See :meth:`bdamper.Study.time_response`."""
     starts = validation.integer("starts", starts, least=1)
     steps = STEPS if steps_per_period is None else validation.integer("steps_per_period", steps_per_period, least=16)
     if isinstance(result, Peak):
@@ -354,36 +323,12 @@ def of_blades(transient: Transient, periods: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
-@validation.check_arguments
 @one_thread
 def with_time_response(
     problem: Problem, curve: OptimalCurve, preload: Sequence[float] | NDArray | None = None, *,
     progress: bool | None = None,
 ) -> OptimalCurve:
-    """Return the optimal curve with the steady-state amplitude in time at some preloads.
-
-    Parameters
-    ----------
-    problem : Problem
-    curve : OptimalCurve
-        Optimal curve of this study.
-    preload : sequence of float, N, optional
-        By default the optimum and a preload 1.35 times as large.
-    progress : bool, optional
-        Show a progress bar of each preload; by default in a terminal and a notebook.
-
-    Returns
-    -------
-    OptimalCurve
-        ``time_response`` has a further ``bdamper.response.verification.TimeResponse`` for each preload, in ascending
-        order; it gives the reason if no time integration is possible, and is empty without an optimum.  After Ctrl-C
-        unfinished preloads have the status "interrupted".
-
-    Raises
-    ------
-    SettingError
-        If the curve belongs to another model.
-    """
+    """See :meth:`bdamper.Study.with_time_response`."""
     validation.instance("curve", curve, OptimalCurve)
     if curve.model_hash != problem.model.hash:
         raise validation.invalid("curve", "an optimal curve of this study", "a curve of another model")
@@ -442,7 +387,6 @@ def compare_with_solution(
     return verdict_so_far(), stopped
 
 
-@validation.check_arguments
 @one_thread
 def motion_in_time(
     problem: Problem,
@@ -455,43 +399,7 @@ def motion_in_time(
     steps_per_period: int | None = None,
     progress: bool | None = None,
 ) -> MotionInTime:
-    """Integrate in time from a point of a response curve, and decide whether the motion agrees with it.
-
-    All sectors are included, each with its contacts and disturbances of every nodal diameter; the modes of the curve
-    are used.  The integration ends with the decision, usually after 96 to 200 periods.  With ``frequency`` it starts from
-    the closest solution and has a given number of periods without a decision, as where no stable solution exists.
-
-    Parameters
-    ----------
-    problem : Problem
-    curve : ResponseCurve
-        Response curve of this problem.
-    index : int, optional
-        Index of the point; the largest response by default.
-    frequency : float, Hz, optional
-        Frequency of the excitation, instead of a point.
-    periods : int, optional
-        Largest number of periods until a decision, 1,000 by default; with ``frequency`` their number, 200 by default.
-    tolerance : float
-        Largest relative difference of the amplitude for the decision.
-    steps_per_period : int, optional
-        1,024 by default, 256 with ``frequency``.
-    progress : bool, optional
-        Show a progress bar; by default in a terminal and a notebook.
-
-    Returns
-    -------
-    MotionInTime
-        With ``frequency`` it has no verdict, and is incomplete while the mean changes.  It is also incomplete if the energy
-        of a period does not balance to 20 %.  After Ctrl-C it contains the periods computed so far.
-
-    Raises
-    ------
-    SettingError
-        If a number is not valid, both a point and a frequency are given, or the curve has no points.
-    IntegrationFailed
-        If the time integration fails.
-    """
+    """See :meth:`bdamper.Study.motion_in_time`."""
     check_curve(problem, curve)
     validation.check_value(len(curve), "curve", "a curve with points", f"no points ({curve.status}: {curve.reason})")
     tolerance, n = validation.number("tolerance", tolerance, above=0.0, most=1.0), len(curve)

@@ -227,7 +227,7 @@ OWNERS = ("self", "cls", "problem", "disk")
 """First parameters of functions that are methods of a study or of a bladed disk."""
 
 
-def check_arguments(called: T, also: Iterable[str] = (), name: str = "") -> T:
+def check_arguments(called: T, also: Iterable[str] = (), name: str = "", warns: bool = True) -> T:
     """Decorate a function or class so that it checks its keywords and warns of implausible values.
 
     An unknown keyword raises an error that proposes a similar one.  Only the outermost of nested calls warns, which is the
@@ -240,9 +240,11 @@ def check_arguments(called: T, also: Iterable[str] = (), name: str = "") -> T:
         Further keywords that the function accepts.
     name : str
         Name in errors; by default the name of the function or class.
+    warns : bool
+        Whether to warn of implausible values.
     """
     if isinstance(called, type):
-        called.__init__ = check_arguments(called.__init__, also, name)  # type: ignore[misc]
+        called.__init__ = check_arguments(called.__init__, also, name, warns)  # type: ignore[misc]
         return called
     function: Callable[..., Any] = called  # type: ignore[assignment]
     signature = inspect.signature(function)
@@ -266,7 +268,7 @@ def check_arguments(called: T, also: Iterable[str] = (), name: str = "") -> T:
         given, keywords = bound.args, bound.kwargs
         with inside_package() as enclosing:
             # the outermost call is the user's, and the others repeat its arguments
-            if enclosing == 0:
+            if warns and enclosing == 0:
                 _doubt(name, bound)
             try:
                 return function(*given, **keywords)

@@ -258,7 +258,7 @@ def line(study):
 def test_the_highest_point_of_a_run_up_is_made_at_its_own_speed(line):
     """Not that of the interpolated equations."""
     family, (_, curve, highest) = line
-    run, own = run_up(family.whole, (440.0, 500.0), **OVER_SPEED), exact(family, highest.peak)[0]
+    run, own = run_up(family.whole, (440.0, 500.0), conditions=Conditions(**OVER_SPEED)), exact(family, highest.peak)[0]
     assert len(run) == len(curve) and run.peak_index == highest.index
     assert run.peak.amplitude == pytest.approx(own.amplitude, rel=1e-12)
     assert abs(highest.peak.amplitude / own.amplitude - 1.0) > 1e-11

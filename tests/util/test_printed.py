@@ -327,7 +327,7 @@ def test_tables_are_at_most_120_wide():
 
 def test_the_help_of_a_study_has_types_without_their_checks():
     shown = str(inspect.signature(bd.Study))
-    assert "engine_order: int = None" in shown and "damper_drag: float | " in shown
+    assert "engine_order: 'int | None' = None" in shown and "damper_drag: 'float | " in shown
     assert "validation" not in shown and "Annotated" not in shown and "partial" not in shown
     (example,) = doctest.DocTestFinder(recurse=False).find(bd.Study, "Study")
     assert len(example.examples) == 4 and not doctest.DocTestRunner().run(example).failed
