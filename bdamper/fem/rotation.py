@@ -50,22 +50,29 @@ def centrifugal_force(structure: Structure) -> NDArray:
 
 
 def spin_softening(structure: Structure) -> sp.csr_matrix:
-    """Return the mass in the plane of rotation (3 n_nodes, 3 n_nodes), kg: the decrease of
-    stiffness per squared speed."""
+    """Return the mass in the plane of rotation (3 n_nodes, 3 n_nodes), kg.
+
+    It is the decrease of stiffness per squared speed.
+    """
     plane = _of_nodes(structure, IN_PLANE)
     return (plane @ structure.mass @ plane).tocsr()
 
 
 def coriolis_matrix(structure: Structure) -> sp.csr_matrix:
-    """Return the skew-symmetric matrix S (3 n_nodes, 3 n_nodes), kg; Coriolis forces are
-    ``-2 Omega S du/dt``."""
+    """Return the skew-symmetric matrix S (3 n_nodes, 3 n_nodes), kg.
+
+    Coriolis forces are ``-2 Omega S du/dt``.
+    """
     matrix = structure.mass @ _of_nodes(structure, _ACROSS)
-    return (0.5 * (matrix - matrix.T)).tocsr()
+    # the product is skew-symmetric but for rounding
+    skew = 0.5 * (matrix - matrix.T)
+    return skew.tocsr()
 
 
 def spin_displacement(sector: CyclicSector) -> NDArray:
-    """Return the static displacement (3 n_nodes,) of a sector without contact due to rotation, per
-    squared speed, m s2.
+    """Return the static displacement (3 n_nodes,) by rotation per squared speed, m s2.
+
+    The sector has no contact.
 
     Parameters
     ----------
@@ -77,8 +84,10 @@ def spin_displacement(sector: CyclicSector) -> NDArray:
         sector.nodal_diameter == 0,
         f"the displacement by rotation has nodal diameter 0, not {sector.nodal_diameter}",
     )
-    moved = sector.transformation @ sector.static_response(centrifugal_force(sector.body)[:, None])
-    return np.asarray(moved)[:, 0]
+    force = centrifugal_force(sector.body)
+    independent = sector.static_response(force[:, None])
+    displacement = sector.transformation @ independent
+    return np.asarray(displacement)[:, 0]
 
 
 @dataclass(frozen=True)
@@ -103,9 +112,12 @@ class Rotation:
     source: str = ""
 
     def at_speed(self, sector: CyclicSector, omega: float) -> CyclicSector:
-        """Return the sector, valid at ``omega_ref``, with the stiffness at another speed
-        (rad/s)."""
-        stiffness = sector.body.stiffness + (omega**2 - self.omega_ref**2) * self.per_squared_speed
+        """Return a sector that is valid at ``omega_ref`` with the stiffness at another speed.
+
+        ``omega`` is in rad/s.
+        """
+        change = (omega**2 - self.omega_ref**2) * self.per_squared_speed
+        stiffness = sector.body.stiffness + change
         return replace(sector, body=replace(sector.body, stiffness=stiffness))
 
     def basis(
@@ -124,24 +136,28 @@ class Rotation:
         contact : (3 n_points, 3 n_nodes) sparse
             Matrix from nodal displacements to contact points.
         """
-        stiffness2 = hermitian(shapes.conj().T @ (self.per_squared_speed @ shapes))
-        turning = shapes.conj().T @ (coriolis_matrix(sector.body) @ shapes)
+        modal_stiffness = hermitian(shapes.conj().T @ (self.per_squared_speed @ shapes))
+
+        # change of the residual flexibility: that of the modes less that of all static shapes
         static = sector.transformation @ sector.contact_response(contact)
         modal = contact @ shapes / basis.omega2
-        residual2 = modal @ stiffness2 @ modal.conj().T - static.conj().T @ (
-            self.per_squared_speed @ static
-        )
-        out = basis.with_speed(stiffness2, hermitian(residual2), self.omega_ref, source=self.source)
-        assert out.speed is not None
-        speed = replace(out.speed, coriolis=0.5 * (turning - turning.conj().T))
+        of_modes = modal @ modal_stiffness @ modal.conj().T
+        of_all = static.conj().T @ (self.per_squared_speed @ static)
+        residual = hermitian(of_modes - of_all)
+        with_speed = basis.with_speed(modal_stiffness, residual, self.omega_ref, source=self.source)
+        assert with_speed.speed is not None
+
+        modal_coriolis = shapes.conj().T @ (coriolis_matrix(sector.body) @ shapes)
+        skew = 0.5 * (modal_coriolis - modal_coriolis.conj().T)
+        speed = replace(with_speed.speed, coriolis=skew)
         if self.check_at is not None:
             speed = self._checked(speed, sector, self.check_at)
-        return replace(out, speed=speed)
+        return replace(with_speed, speed=speed)
 
     def _checked(self, basis: SpeedBasis, sector: CyclicSector, omega: float) -> SpeedBasis:
         stiffness = basis.stiffness(omega)
-        exact = self.at_speed(sector, omega).modes(min(10, len(stiffness)))[0]
-        reduced = eigh(stiffness, eigvals_only=True)[: len(exact)]
-        return replace(
-            basis, checked_at=omega, error=float(np.abs(np.sqrt(reduced / exact) - 1.0).max())
-        )
+        n_compared = min(10, len(stiffness))
+        exact_squares, _ = self.at_speed(sector, omega).modes(n_compared)
+        reduced_squares = eigh(stiffness, eigvals_only=True)[: len(exact_squares)]
+        error = np.abs(np.sqrt(reduced_squares / exact_squares) - 1.0)
+        return replace(basis, checked_at=omega, error=float(error.max()))
