@@ -93,9 +93,12 @@ from bdamper.util.progress import with_progress
 
 
 def face_frame(name: str, face_angle: float) -> NDArray:
-    """Return the rows t1, t2, n (3, 3) of a damper face ("left", "right", "front", "back") in the
-    axes of the damper."""
-    s, c = np.sin(face_angle), np.cos(face_angle)
+    """Return the rows t1, t2, n (3, 3) of a damper face in the axes of the damper.
+
+    ``name`` is "left", "right", "front" or "back".
+    """
+    s = np.sin(face_angle)
+    c = np.cos(face_angle)
     frames = {
         "left": [[s, c, 0], [0, 0, -1], [-c, s, 0]],
         "right": [[s, -c, 0], [0, 0, -1], [c, s, 0]],
@@ -106,14 +109,19 @@ def face_frame(name: str, face_angle: float) -> NDArray:
 
 
 def wedge_patches(g: Geometry, side: str, points: int | tuple[int, int]) -> Patches:
-    """Return the patches of the ``"left"`` or ``"right"`` face of the damper of sector 0, in the
-    axes of blade 0."""
+    """Return the patches of the left or right face of the damper of sector 0.
+
+    They are in the axes of blade 0.
+    """
     n_s, n_z = patch_grid(points, g.face_length, g.face_width)
     s = (np.arange(n_s) + 0.5) * g.face_length / n_s
     z = ((np.arange(n_z) + 0.5) / n_z - 0.5) * g.face_width
-    plane = g.face_points(s) * ([1.0, 1.0] if side == "left" else [-1.0, 1.0])
+    # the right face is the mirror image of the left one
+    mirror = [1.0, 1.0] if side == "left" else [-1.0, 1.0]
+    in_section = g.face_points(s) * mirror
     centre = np.empty((n_s, n_z, 3))
-    centre[..., :2], centre[..., 2] = plane[:, None], z
+    centre[..., :2] = in_section[:, None]
+    centre[..., 2] = z
     n = n_s * n_z
     frame = np.broadcast_to(face_frame(side, g.face_angle), (n, 3, 3))
     size = np.broadcast_to([g.face_length / n_s, g.face_width / n_z], (n, 2))
@@ -121,14 +129,19 @@ def wedge_patches(g: Geometry, side: str, points: int | tuple[int, int]) -> Patc
 
 
 def end_patches(g: Geometry, side: str) -> Patches:
-    """Return four small patches near the corners of the ``"front"`` (+Z) or ``"back"`` (-Z) end
-    face of the damper."""
+    """Return four small patches near the corners of an end face of the damper.
+
+    ``side`` is "front" (+Z) or "back" (-Z).
+    """
     eaves = g.ridge_radius - g.face_length * np.cos(g.face_angle)
     width = 0.5 * g.ridge_width + g.face_length * np.sin(g.face_angle)
     z = (0.5 if side == "front" else -0.5) * g.face_width
-    low, high = eaves - 0.78 * g.damper_body_height, eaves
+    y_low = eaves - 0.78 * g.damper_body_height
+    y_high = eaves
+    x_low = 0.78 * width
+    x_high = 0.5 * width
     centre = np.array(
-        [[sx * f * width, y, z] for y, f in ((low, 0.78), (high, 0.5)) for sx in (-1.0, 1.0)]
+        [[-x_low, y_low, z], [x_low, y_low, z], [-x_high, y_high, z], [x_high, y_high, z]]
     )
     frame = np.broadcast_to(face_frame(side, g.face_angle), (4, 3, 3))
     edge = 0.35 * min(width, g.damper_body_height)
