@@ -116,7 +116,7 @@ def wedge_patches(g: Geometry, side: str, points: int | tuple[int, int]) -> Patc
     n_s, n_z = patch_grid(points, g.face_length, g.face_width)
     s = (np.arange(n_s) + 0.5) * g.face_length / n_s
     z = ((np.arange(n_z) + 0.5) / n_z - 0.5) * g.face_width
-    # the right face is the mirror image of the left one
+    # left and right face are mirror images
     mirror = [1.0, 1.0] if side == "left" else [-1.0, 1.0]
     in_section = g.face_points(s) * mirror
     centre = np.empty((n_s, n_z, 3))

@@ -186,7 +186,7 @@ def frequency_response(
     status, reason, left_out = ending(search.pieces, low, high)
     points = [point for point, _ in in_order(search.pieces)]
     blades = np.array([whole.structure.responses(point.y[:-1]) for point in points])
-    # without points the array has the right shape, too
+    # an empty array needs its shape
     blades = blades.reshape(-1, disk.n_blades, whole.n_harmonics + 1)
     ended = status, reason, (*left_out, *search.lost)
     curve = as_curve(

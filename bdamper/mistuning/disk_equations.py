@@ -377,7 +377,7 @@ def tuned_problem(study: Problem) -> Problem:
 
 
 def _all_waves(matrices: NDArray, N: int) -> NDArray:
-    """Return matrices of the nodal diameters 0 to N - 1 from those of 0 to N/2."""
+    """Extend matrices of the nodal diameters 0 to N/2 to 0 to N - 1."""
     waves = np.arange(N)
     nodal_diameter = np.minimum(waves, N - waves)
     all_matrices = np.asarray(matrices, complex)[nodal_diameter]
@@ -603,7 +603,7 @@ class DiskScene:
         stiffness = stiffness.reshape(s.n_blades, -1)
         damper_rows = s.rows[..., s.n :].reshape(stiffness.shape[1], -1)
         springs = stiffness @ damper_rows**2
-        # missing dampers and coordinates without contact have no springs of their own
+        # missing dampers and coordinates without contact get weak springs
         return np.maximum(springs, 1e-6 * springs.max(initial=1e-300))
 
     def _core(self) -> WheelCore:

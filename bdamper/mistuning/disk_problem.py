@@ -206,7 +206,7 @@ def disk_points(structure: Structure, dampers: DamperVariation) -> PointArrays:
         on_damper[:] = structure.rows[..., structure.n :].any(axis=(1, 2))
 
     def at_points(of_damper: NDArray, elsewhere: float) -> NDArray:
-        """Return values (n_blades, n_points) from those of the dampers (n_blades,)."""
+        """Spread damper values (n_blades,) over the contact points (n_blades, n_points)."""
         return np.where(on_damper, of_damper[:, None], elsewhere)
 
     # missing dampers have no stiffness and no friction
