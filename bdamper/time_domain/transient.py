@@ -414,12 +414,14 @@ def drift_fades(change_before: float, change_now: float, slowest: float) -> bool
     becomes ``slowest`` times as large from one window to the next, or smaller.  For slower changes the rest of a geometric
     series counts: if each change is r times the one before, r/(1 - r) times the last one is still to come.
     """
-    if abs(change_now) <= 0.1 * CRITERIA.drift:
-        return True
+    if abs(change_now) <= 1e-3 * CRITERIA.drift:
+        return True  # rounding
     # changes of opposite sign belong to a beat
     if change_before * change_now <= 0.0:
         return abs(change_now) <= 1.2 * abs(change_before)
     ratio = change_now / change_before
+    if abs(change_now) <= 0.1 * CRITERIA.drift:
+        return ratio <= 1.02  # even a small change that grows may come to a fall
     if ratio >= 1.0:
         return False
     # rounding and a small ripple may slow a transient by a few per cent
