@@ -475,16 +475,16 @@ class Study(Comparable):
         tolerance : float
             Largest relative difference of the amplitude for the decision.
         steps_per_period : int, optional
-            1,024 by default, 256 with ``frequency``.
+            1,024 by default, 256 with ``frequency``; four times as many if the energy does not
+            balance.
         progress : bool, optional
             Show a progress bar; by default in a terminal and a notebook.
 
         Returns
         -------
         MotionInTime
-            With ``frequency`` it has no verdict, and is incomplete while the mean changes.  It is
-            also incomplete if the energy of a period does not balance to 20 %.  After Ctrl-C it
-            contains the periods computed so far.
+            With ``frequency`` it has no verdict, and is incomplete while the mean or the stored
+            energy changes.  After Ctrl-C it contains the periods computed so far.
 
         Raises
         ------
@@ -492,7 +492,8 @@ class Study(Comparable):
             If a number is not valid, both a point and a frequency are given, or the curve has no
             points.
         IntegrationFailed
-            If the time integration fails.
+            If the time integration fails, or its energy does not balance to 2 % even with four
+            times the steps.
         """
         return in_time.motion_in_time(
             self.problem,
@@ -582,6 +583,7 @@ class Study(Comparable):
             the response curve is computed in its interval.
         steps_per_period : int, optional
             256 by default; the highest motion is integrated again with 2 and 4 times this number.
+            If the energy does not balance to 2 %, the search begins again with four times as many.
         blades : int, optional
             Number of blades of the ring; by default the smallest after which the excitation
             repeats.  More allow more patterns.
@@ -595,9 +597,9 @@ class Study(Comparable):
         Returns
         -------
         TimeResponse
-            "not found" if no motion stays or the integration fails; "incomplete" if the error
-            exceeds 5 %, the mean drifts, or the curve ends before the motion falls.  After Ctrl-C
-            it describes the highest steady motion so far.
+            "not found" if no motion stays, the integration fails, or its energy does not balance;
+            "incomplete" if the error exceeds 5 %, the mean drifts, or the curve ends before the
+            motion falls.  After Ctrl-C it describes the highest steady motion so far.
 
         Raises
         ------

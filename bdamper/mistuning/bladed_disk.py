@@ -39,7 +39,7 @@ from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import TimeResponse
 from bdamper.time_domain.integration import STEPS, IntegrationFailed, Ring
 from bdamper.time_domain.time_response import error_range
-from bdamper.time_domain.transient import CRITERIA, Transient, settle
+from bdamper.time_domain.transient import CRITERIA, SteadyPoint, Transient, settle, step_error
 from bdamper.util import validation
 from bdamper.util.errors import (
     COMPLETE,
@@ -298,7 +298,8 @@ def time_response(
     peak : DiskPeak
         Peak of this disk.  Its dampers are free in time, even if springs held them in the search.
     steps_per_period : int, optional
-        256 by default; a steady motion is integrated again with twice this number.
+        256 by default; a steady motion is integrated again with twice this number.  If the energy
+        does not balance, four times as many are used.
 
     Returns
     -------
@@ -360,21 +361,22 @@ def time_response(
     omega = tau * peak.frequency
     start = one.start(system.structure.flat(peak.unknowns))
     window = 2 * CRITERIA.window
-    try:
-        coarse = settle(Transient(ring, omega, start, steps), peak.amplitude)
-        steady = coarse
-        periods = len(coarse.transient.harmonics)
-        # a steady motion is integrated again with half the time step
-        if coarse.stays:
-            motion = coarse.transient.motion._replace(a=None)
-            steady = settle(Transient(ring, omega, motion, 2 * steps), peak.amplitude)
-            periods += len(steady.transient.harmonics)
-        # the integration stops when the motion falls: continue to its final amplitude
-        if not steady.stays:
-            steady.transient.advance(window)
-            periods += window
-    except IntegrationFailed as error:
-        return replace(not_found, status=with_reason(NOT_FOUND, error), cost=meter.read(ring.cost))
+    periods = 0
+    failure = ""
+    # shorter steps resolve the contacts better, so a motion with a wrong energy begins again
+    for n_steps in (steps, 4 * steps):
+        try:
+            coarse, steady, integrated = _settle_twice(ring, omega, start, n_steps, peak.amplitude)
+        except IntegrationFailed as error:
+            failure = str(error)
+            continue
+        periods += integrated
+        failure = step_error(coarse.transient) or step_error(steady.transient)
+        if not failure:
+            break
+    if failure:
+        status = with_reason(NOT_FOUND, failure)
+        return replace(not_found, periods=periods, status=status, cost=meter.read(ring.cost))
 
     blades = np.abs(steady.transient.blades[-window:])
     result = replace(
@@ -389,7 +391,7 @@ def time_response(
         balance = amount(peak.amplitude, "m")
         text = f"the highest blade reaches {in_time} in time, {balance} by harmonic balance"
         return replace(result, status=with_reason(NOT_FOUND, text))
-    answers = {f"{steps} steps": coarse.mean, f"{2 * steps} steps": steady.mean}
+    answers = {f"{n_steps} steps": coarse.mean, f"{2 * n_steps} steps": steady.mean}
     lowest, highest, doubt = error_range(answers, (coarse, steady))
     return replace(
         result,
@@ -400,6 +402,29 @@ def time_response(
         answers=answers,
         status=with_reason(INCOMPLETE, doubt) if doubt else COMPLETE,
     )
+
+
+def _settle_twice(
+    ring: Ring, omega: float, start: NDArray, steps: int, expected: float
+) -> tuple[SteadyPoint, SteadyPoint, int]:
+    """Return the motion with ``steps`` and with twice as many time steps, and the periods integrated.
+
+    If the motion does not stay near the amplitude ``expected`` (m), it continues to its final
+    amplitude.
+    """
+    window = 2 * CRITERIA.window
+    coarse = settle(Transient(ring, omega, start, steps), expected)
+    steady = coarse
+    periods = len(coarse.transient.harmonics)
+    if coarse.stays:
+        motion = coarse.transient.motion._replace(a=None)
+        steady = settle(Transient(ring, omega, motion, 2 * steps), expected)
+        periods += len(steady.transient.harmonics)
+    # the integration stops when the motion falls
+    if not steady.stays:
+        steady.transient.advance(window)
+        periods += window
+    return coarse, steady, periods
 
 
 # ---- Bladed disk ----

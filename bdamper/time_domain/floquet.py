@@ -59,7 +59,7 @@ from bdamper.response.response_curve import check_curve
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.time_domain.integration import IntegrationFailed, Ring, ring_of
 from bdamper.time_domain.time_response import compare_with_solution, disturbed
-from bdamper.time_domain.transient import AGREES, CRITERIA, UNDECIDED
+from bdamper.time_domain.transient import AGREES, CRITERIA, UNDECIDED, step_error
 from bdamper.util import validation
 from bdamper.util.progress import CostMeter, LongWork, one_thread, shows_progress, with_progress
 
@@ -280,6 +280,8 @@ def judged_at(ring: Ring, u: NDArray, omega: float) -> tuple[str, float]:
         transient = disturbed(ring, u, omega, CRITERIA.steps)
         verdict, _ = compare_with_solution(transient, expected)
     except IntegrationFailed:
+        return UNDECIDED, np.nan
+    if step_error(transient):
         return UNDECIDED, np.nan
     return verdict.verdict, float(transient.amplitude[-verdict.periods :].mean() / abs(expected[1]))
 

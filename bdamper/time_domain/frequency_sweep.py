@@ -19,11 +19,11 @@ from bdamper.harmonic_balance.problem import Problem
 from bdamper.response.continuation import TWO_PI
 from bdamper.response.response_curve import Jump, frequency_response
 from bdamper.time_domain.integration import ring_of
-from bdamper.time_domain.transient import CRITERIA, Transient
+from bdamper.time_domain.transient import CRITERIA, Transient, energy_error
 from bdamper.util import validation
 from bdamper.util.display import Fact, Plottable
-from bdamper.util.errors import COMPLETE, INTERRUPTED, BdamperError, SettingError
-from bdamper.util.formatting import amount, peak_text, short_repr
+from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, BdamperError, SettingError
+from bdamper.util.formatting import amount, peak_text, percent, short_repr
 from bdamper.util.progress import Cost, CostMeter, LongWork, one_thread, progress_counter, shows_progress
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import ROW, FrequencySeries, Hertz, Metres, Quantity, Tabular
@@ -59,7 +59,8 @@ class TimeSweep(Plottable, FrequencySeries, Tabular, Recorded, Storable, kind="b
     memory : float, s
         Decay time to 1/e of a transient of the least damped mode.
     steps_per_period, sectors : int
-    status : {"complete", "interrupted"}
+    status : {"complete", "incomplete", "interrupted"}
+        "incomplete" if the time steps are too long for the energy to balance.
     reason : str
     cost : Cost
     settings : mapping
@@ -154,17 +155,22 @@ def frequency_sweep(
     rate = usual if rate is None else rate
     turns = max(1, round(0.5 * (low + high) * (high - low) / rate))
     settling = max(1, round(SETTLING * memory * ends[0]))
-    harmonics = _integrated(transient, ends, settling, turns, progress)
+    sweep = _integrated(transient, ends, settling, turns, progress)
+    harmonics = np.array([x[np.abs(x[:, 1]).argmax()] for x in sweep.harmonics])
     done = len(harmonics)
     if not done:
         raise KeyboardInterrupt
+    status, reason = COMPLETE, ""
+    if not (error := energy_error(sweep, done)) <= CRITERIA.energy:
+        status = INCOMPLETE
+        reason = f"the time steps change its energy by {percent(error)}; use steps_per_period={4 * sweep.steps}"
+    if done < turns:
+        status, reason = INTERRUPTED, f"by the user after {done} of {turns} turns"
     along = (np.arange(done) + 0.5) / turns
     return TimeSweep(
         frequency=np.sqrt(ends[0] ** 2 + (ends[1] ** 2 - ends[0] ** 2) * along), harmonics=harmonics, preload=preload,
         rate=rate if up else -rate, memory=memory, steps_per_period=transient.steps, sectors=ring.n,
-        status=COMPLETE if done == turns else INTERRUPTED,
-        reason="" if done == turns else f"by the user after {done} of {turns} turns",
-        cost=watch.read(ring.cost), settings=problem.record(), model_hash=problem.model.hash,
+        status=status, reason=reason, cost=watch.read(ring.cost), settings=problem.record(), model_hash=problem.model.hash,
     )  # fmt: skip
 
 
@@ -177,14 +183,13 @@ def _start(problem: Problem, preload: float, first: float) -> tuple[NDArray, flo
     return start.unknowns[i], float(start.frequency[i])
 
 
-def _integrated(transient: Transient, ends: tuple[float, float], settling: int, turns: int, progress: bool) -> NDArray:
-    """Let the motion settle at the first frequency, then sweep; return the harmonics of the highest blade by period."""
+def _integrated(transient: Transient, ends: tuple[float, float], settling: int, turns: int, progress: bool) -> Transient:
+    """Let the motion settle at the first frequency, then sweep; return the sweep."""
     first, last = TWO_PI * ends[0], TWO_PI * ends[1]
-    harmonics: list[NDArray] = []
+    sweep = Transient(transient.ring, first, transient.motion, transient.steps)
     with LongWork(), progress_counter(progress, settling + turns, 0, "time integration", "period") as count:
         transient.omega = first
         transient.sweep(first, settling, count)
         sweep = Transient(transient.ring, first, transient.motion, transient.steps)
-        harmonics = sweep.harmonics
         sweep.sweep(last, turns, count)
-    return np.array([x[np.abs(x[:, 1]).argmax()] for x in harmonics])
+    return sweep

@@ -58,6 +58,8 @@ With 0.3 the energy of such a sector balances to 0.05 %, and the steps lose 0.2 
 """
 RADIUS_WITHOUT_MASS = 0.3
 """Spectral radius with massless coordinates."""
+QUASISTATIC = 10.0
+"""Natural frequency over that of the excitation from which a mode follows the forces on it without resonance."""
 MOST_SECTORS = 33
 """Largest number of sectors for which all nodal diameters are integrated by default.
 
@@ -69,7 +71,11 @@ MOST_PERIODS = 100
 
 
 class IntegrationFailed(BdamperError):
-    """The contact forces of a time step were not found, even in short parts of it, or the time integration gains energy."""
+    """The contact forces of a time step were not found, even in short parts of it, or the energy does not balance."""
+
+
+class EnergyGained(IntegrationFailed):
+    """The energy of the motion does not balance, because the time steps are too long for the contacts."""
 
 
 class Motion(NamedTuple):
@@ -365,18 +371,22 @@ class Ring:
         return Trajectory(Motion(q[0], v[0], w[0], a[0]), harmonics[0], energy[0], trace_, (first + count) % n_steps)
 
     def energy(self, motion: Motion) -> float:
-        """Return kinetic and strain energy of a motion (J), with the largest possible energy of its contact springs.
+        """Return kinetic and strain energy of a motion (J), with the energy stored in its contact springs.
 
         It is infinite for user-defined contact laws, whose energy is unknown.
         """
+        share = np.concatenate([np.full(s.stop - s.start, 0.5 * self.n / factor) for _, s, _, factor in self.blocks])
+        modes = (np.tile(k * share, 2) @ y**2 for k, y in ((self.mass, motion.v), (self.stiffness, motion.q)))
+        return float(sum(modes) + self.contact_energy(motion))
+
+    def contact_energy(self, motion: Motion) -> float:
+        """Return the energy (J) stored in the contact springs of all sectors; infinite for user-defined contact laws."""
         points, n, a = self.system.structure.points, self.n_coordinates, self.wide.structure.arrays
         if points.own is not None:
             return float("inf")
         z, x = motion.q[:n] + 1j * motion.q[n:], np.tile(np.asarray(a["shift"]), (self.n, 1, 1))
         for l, s, phases, _ in self.blocks:
             x += np.tensordot(phases, np.asarray(self.wide.structure.bases[l].G) @ z[s], 0).real
-        share = np.concatenate([np.full(s.stop - s.start, 0.5 * self.n / factor) for _, s, _, factor in self.blocks])
-        modes = (np.tile(k * share, 2) @ y**2 for k, y in ((self.mass, motion.v), (self.stiffness, motion.q)))
         force = a["n0"] + a["kn"] * x[..., 2]
         # an open point of a law with separation carries no force and stores nothing; the other laws have a spring that
         # carries tension as well
@@ -387,7 +397,44 @@ class Ring:
         reach = np.where(self.held, np.inf, limit[..., None] / np.where(a["kt"] > 0.0, a["kt"], np.inf))
         stretched = np.minimum(np.abs(x[..., :2] - motion.w[..., :2]), reach)
         stretched = np.where((a["law"] == LAW_CUBIC)[:, None], x[..., :2] ** 2 / np.sqrt(2.0), stretched)
-        return float(sum(modes) + 0.5 * ((a["kt"] * stretched**2).sum() + pressed.sum()))
+        return float(0.5 * ((a["kt"] * stretched**2).sum() + pressed.sum()))
+
+    def vibration_energy(self, motion: Motion, omega: float) -> float:
+        """Return the energy (J) of the vibration at ``omega`` (rad/s), without the strain energy of the loads at rest.
+
+        In a harmonic motion velocities and accelerations give the same energy at every instant.
+        """
+        share = np.concatenate([np.full(s.stop - s.start, 0.5 * self.n / factor) for _, s, _, factor in self.blocks])
+        acceleration = np.zeros_like(motion.v) if motion.a is None else motion.a
+        return float(np.tile(self.mass * share, 2) @ (motion.v**2 + (acceleration / omega) ** 2))
+
+    def amplitude_bound(self, omega: float) -> float:
+        """Return a bound (m) of the first harmonic of a steady response, the root mean square over the blades.
+
+        Contacts take energy from a steady motion, so that damping takes at most the work of the excitation.  In
+        coordinates p scaled with the square roots of the damping constants, force f and response row r, damping takes
+        pi omega |p|^2 and the excitation gives at most pi |f| |p|; hence |p| <= |f|/omega and |r p| <= |r| |f|/omega.
+        For one mode at its resonance this is the response without contacts.  Modes above :data:`QUASISTATIC` times the
+        frequency follow the contact forces and add at most a few per cent, so they do not count.  The bound is infinite if
+        the response contains a mode without damping, under other orders of the excitation than the first, and for
+        user-defined laws.
+        """
+        orders, factors = self.forcing()
+        if self.system.structure.points.own is not None or set(orders) - {0} != {1}:
+            return float("inf")
+        n, damping = self.n_coordinates, self.damping * np.where(self.mass > 0.0, self.mass, 1.0)
+        vibrates = (self.mass > 0.0) & (self.omega2 <= (QUASISTATIC * omega) ** 2)
+        cosine = factors[list(orders).index(1), 0]
+        force = vibrates * np.abs(cosine[:n] + 1j * cosine[n:])
+        response = vibrates * np.abs(self.rows[:, :n] - 1j * self.rows[:, n:])
+
+        def scaled(x: NDArray) -> NDArray:
+            undamped = np.where(x > 0.0, np.inf, 0.0)
+            return np.where(damping > 0.0, x / np.sqrt(np.where(damping > 0.0, damping, 1.0)), undamped)
+
+        # equal blades respond most to a force in one wave; the wave with the least damping bounds all of them
+        waves = [np.linalg.norm(scaled(response)[:, s], axis=1).max() for _, s, *_ in self.blocks]
+        return float(max(waves) * np.linalg.norm(scaled(force)) / omega)
 
     @property
     def nodal_diameters(self) -> tuple[int, ...]:

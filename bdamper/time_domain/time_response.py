@@ -19,8 +19,8 @@ all of these settings.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -34,8 +34,8 @@ from bdamper.response.optimal_curve_result import OptimalCurve
 from bdamper.response.peak import Peak
 from bdamper.response.response_curve import check_curve, frequency_response
 from bdamper.response.response_curve_result import ResponseCurve, uninterrupted
-from bdamper.response.verification import MotionInTime, TimeResponse, energy_doubts
-from bdamper.time_domain.integration import STEPS, IntegrationFailed, Ring, ring_of, transfer
+from bdamper.response.verification import MotionInTime, TimeResponse, energy_change
+from bdamper.time_domain.integration import STEPS, EnergyGained, IntegrationFailed, Ring, ring_of, transfer
 from bdamper.time_domain.steady_amplitude import BalanceCurve, SteadySearch
 from bdamper.time_domain.transient import (
     CRITERIA,
@@ -47,6 +47,7 @@ from bdamper.time_domain.transient import (
     outside,
     repeats_after,
     second_half,
+    step_error,
     to_come,
 )
 from bdamper.util import validation
@@ -171,15 +172,62 @@ def time_response(
     source = ring_of(problem, preload, blades)
     ring = source if structure is problem else ring_of(structure, preload, blades)
     search, progress = SteadySearch(ring, source, balance, steps), shows_progress(progress)
+    found = _integrate(search, structure, preload, blades, starts, progress)
+    if found.step_error and not found.interrupted:
+        # shorter steps resolve the contacts better, so the search begins again
+        finer = SteadySearch(ring, source, balance, 4 * steps)
+        first, found = found, _integrate(finer, structure, preload, blades, starts, progress)
+        found.search.periods += first.search.periods
+        found = replace(found, cost=first.cost + found.cost)
+    search = found.search
+    if search.best is None and search.failure and structure.settings.blade_modes != problem.settings.blade_modes:
+        search.failure += f"; try a response curve with blade_modes={structure.settings.blade_modes}, as in time"
+    cost = watch.read(ring.cost + found.cost)
+    none = replace(none, periods=search.periods, diameters=ring.nodal_diameters, cost=cost, fall=search.fall)
+    omitted = "" if result.complete else f"there may be a higher peak, as the curve is {result.status}"
+    return _stated(none, found, omitted)
+
+
+@dataclass(frozen=True)
+class _Integrations:
+    """Motions of one search, with one number of time steps per period.
+
+    Parameters
+    ----------
+    search : SteadySearch
+    runs : dict of str to SteadyPoint
+        The highest motion, with refinements.
+    starts : dict of str to float, m
+        Amplitudes that other initial states lead to.
+    step_error : str
+        Why the time steps are too long, or "".
+    interrupted : bool
+    cost : Cost
+        Cost of the richer structure.
+    """
+
+    search: SteadySearch
+    runs: dict[str, SteadyPoint]
+    starts: dict[str, float]
+    step_error: str
+    interrupted: bool
+    cost: Cost
+
+
+def _integrate(
+    search: SteadySearch, structure: Problem, preload: float, blades: int | None, starts: int, progress: bool
+) -> _Integrations:
+    """Search for the highest motion, and refine it."""
+    ring, steps = search.ring, search.steps
     runs: dict[str, SteadyPoint] = {}
     others: dict[str, float] = {}
-    cost = Cost()
+    cost, error = Cost(), ""
     what = f"time integration at {amount(preload, 'N')}, {counted(ring.n, 'blade')}"
     with LongWork() as work, progress_stages(progress, what, "step") as report:
         search.on_frequency = lambda frequency: report(f"{frequency:.6g} Hz", len(runs), 3 + starts)
         try:
             search.run()
-            if (best := search.best) is not None:
+            if (best := search.best) is not None and not (error := step_error(best.transient)):
                 runs[f"{steps} steps"] = best
                 points = sorted(search.points, key=lambda p: -p.mean)[:3]  # refinements are tried from three motions
                 shorter = runs[f"{2 * steps} steps"] = _refine(search, points, ring, 2)
@@ -189,14 +237,12 @@ def time_response(
                     runs[richer[1]] = _refine(search, points, whole, 1)
                     cost = whole.cost
                 others = _other_starts(search, best, starts)
-        except IntegrationFailed as error:
-            search.failure = str(error)
-    if search.best is None and search.failure and structure.settings.blade_modes != problem.settings.blade_modes:
-        search.failure += f"; try a response curve with blade_modes={structure.settings.blade_modes}, as in time"
-    cost = watch.read(ring.cost + cost)
-    none = replace(none, periods=search.periods, diameters=ring.nodal_diameters, cost=cost, fall=search.fall)
-    omitted = "" if result.complete else f"there may be a higher peak, as the curve is {result.status}"
-    return _stated(none, search, runs, others, omitted, work.interrupted)
+        except IntegrationFailed as failed:
+            search.failure = str(failed)
+            # what was found before contact forces were not found still counts
+            if isinstance(failed, EnergyGained) or search.best is None:
+                error = str(failed)
+    return _Integrations(search, runs, others, error, work.interrupted, cost)
 
 
 def _curve_of_peak(problem: Problem, peak: Peak) -> ResponseCurve:
@@ -215,8 +261,28 @@ def _curve_of_peak(problem: Problem, peak: Peak) -> ResponseCurve:
 def _refine(search: SteadySearch, points: list[SteadyPoint], ring: Ring, finer: int) -> SteadyPoint:
     """Return the highest motion with ``finer`` times the steps, or in a richer structure.
 
-    If the motion falls, the next highest one of ``points`` is used.
+    A richer structure may need shorter steps.
+
+    Raises
+    ------
+    EnergyGained
+        If the steps are too long even if they are four times shorter.
     """
+    refined = _with_steps(search, points, ring, finer)
+    if step_error(refined.transient):
+        refined = _with_steps(search, points, ring, 4 * finer)
+    return _balanced(refined)
+
+
+def _balanced(point: SteadyPoint) -> SteadyPoint:
+    """Return the motion, or raise :class:`EnergyGained` if its time steps are too long."""
+    if error := step_error(point.transient):
+        raise EnergyGained(error)
+    return point
+
+
+def _with_steps(search: SteadySearch, points: list[SteadyPoint], ring: Ring, finer: int) -> SteadyPoint:
+    """Return the highest motion that stays with ``finer`` times the steps, tried from ``points`` in this order."""
     for point in points:
         if not point.stays:
             continue
@@ -254,32 +320,30 @@ def _other_starts(search: SteadySearch, best: SteadyPoint, starts: int) -> dict[
     for k in range(1, starts):
         name = list(tractions)[(k - 1) % len(tractions)]
         motion = search.ring.seeded(best.transient.motion._replace(w=tractions[name]), CRITERIA.seed, k)
-        out[f"start {k}, {name}"] = search.settle_apart(search.ring, best.frequency, motion, best.mean).mean
+        out[f"start {k}, {name}"] = _balanced(search.settle_apart(search.ring, best.frequency, motion, best.mean)).mean
     return out
 
 
-def _stated(
-    none: TimeResponse, search: SteadySearch, runs: dict[str, SteadyPoint], others: dict[str, float], omitted: str,
-    interrupted: bool,
-) -> TimeResponse:  # fmt: skip
+def _stated(none: TimeResponse, found: _Integrations, omitted: str) -> TimeResponse:
     """Return the result of a search: ``none``, a result without amplitudes, completed by the motions found.
 
     ``omitted`` is a doubt about the response curve, or empty.
     """
-    best = search.best
+    search, best, interrupted = found.search, found.search.best, found.interrupted
+    # an amplitude with energy that the time steps supply is no bound either
+    if found.step_error:
+        return replace(none, status=INTERRUPTED if interrupted else with_reason(NOT_FOUND, found.step_error))
     if best is None:
         why = search.failure or "no motion stays near the peak"
         return replace(none, status=INTERRUPTED if interrupted else with_reason(NOT_FOUND, why))
-    runs = runs or {f"{search.steps} steps": best}
+    runs, others = found.runs or {f"{search.steps} steps": best}, found.starts
     answers = {name: run.mean for name, run in runs.items()}
     if search.fall == search.fall:
         answers["at the fall"] = _at_fall(search)
     higher = {name: mean for name, mean in others.items() if mean > best.mean}
     lowest, highest, doubt = error_range(answers | higher, runs.values())
     end = "the curve ends before the motion falls; widen the interval" if search.at_end(best) else ""
-    energy = of_blades(best.transient, len(best.amplitude))["energy"]
-    energy_error, _ = energy_doubts(energy, search.steps)
-    left = "; ".join(filter(None, (energy_error, doubt, search.failure, end, omitted)))
+    left = "; ".join(filter(None, (doubt, search.failure, end, omitted)))
     carried, all_ = len(search.ring.nodal_diameters), search.ring.n // 2 + 1
     said = "; ".join(filter(None, (
         f"from the tip; a sweep from the flank has at most {amount(search.below, 'm')}"
@@ -288,18 +352,23 @@ def _stated(
     )))  # fmt: skip
     return replace(
         none, mean=best.mean, lowest=lowest, highest=highest,
-        highest_period=float(best.amplitude.max()), half_range=best.half_range, frequency=best.frequency,
+        highest_period=highest_period(runs.values()), half_range=best.half_range, frequency=best.frequency,
         answers=answers, starts=others,
         status=INTERRUPTED if interrupted else with_reason(INCOMPLETE, left) if left else with_reason(COMPLETE, said),
         **of_blades(best.transient, len(best.amplitude)),
     )  # fmt: skip
 
 
-def error_range(answers: Mapping[str, float], runs: Iterable[SteadyPoint]) -> tuple[float, float, str]:
+def highest_period(runs: Iterable[SteadyPoint]) -> float:
+    """Return the highest amplitude (m) of a single period of the motions that stay."""
+    return max(float(run.amplitude.max()) for run in runs if run.stays)
+
+
+def error_range(answers: Mapping[str, float], runs: Collection[SteadyPoint]) -> tuple[float, float, str]:
     """Return the range (m) of the answers and the reason if it is wide, or "".
 
     The range is widened by the uncertainty of the means and by the standard deviation of single periods: the mean of a
-    motion that is not periodic depends on its start.
+    motion that is not periodic depends on its start.  It contains the highest single period.
     """
     low, high = min(answers.values()), max(answers.values())
     stay = [run for run in runs if run.stays]
@@ -309,7 +378,8 @@ def error_range(answers: Mapping[str, float], runs: Iterable[SteadyPoint]) -> tu
         "not settled" if high > (1.0 + CRITERIA.tolerance) * low else "",
         f"its mean is uncertain by {100.0 * change:.2g} %" if change > CRITERIA.tolerance else "",
     ]
-    return (1.0 - scatter) * low, (1.0 + scatter) * high, "; ".join(filter(None, doubts))
+    top = max((1.0 + scatter) * high, highest_period(runs))
+    return (1.0 - scatter) * low, top, "; ".join(filter(None, doubts))
 
 
 def of_blades(transient: Transient, periods: int) -> dict[str, Any]:
@@ -419,29 +489,42 @@ def motion_in_time(
     periods = default if periods is None else validation.integer("periods", periods, least=least)
     steps = steps if steps_per_period is None else steps_per_period
     watch, ring = CostMeter(), ring_of(problem, curve.preload)
-    transient = disturbed(ring, curve.unknowns[i], TWO_PI * frequency, steps)
-    if free:
-        status, more = _without_decision(transient, periods, progress)
-        amplitude = second_half(transient.amplitude)
-    else:
-        expected = problem.system(curve.preload).response(curve.unknowns[i])
+    expected = problem.system(curve.preload).response(curve.unknowns[i])
+
+    def with_steps(steps: int) -> tuple[Transient, str, dict[str, Any], NDArray]:
+        """Return the motion, its status, fields of the result, and the amplitudes that the result states."""
+        transient = disturbed(ring, curve.unknowns[i], TWO_PI * frequency, steps)
+        if free:
+            status, more = _without_decision(transient, periods, progress)
+            return transient, status, more, second_half(transient.amplitude)
         status, more, last = _with_decision(transient, expected, tolerance, periods, progress)
-        amplitude = transient.amplitude[-last:]  # the periods whose amplitude the reason gives
+        return transient, status, more, transient.amplitude[-last:]
+
+    try:
+        transient, status, more, amplitude = with_steps(steps)
+        error = step_error(transient)
+    except IntegrationFailed as failed:
+        status, error = "", str(failed)
+    # shorter steps resolve the contacts better, so the motion begins again
+    if error and status != INTERRUPTED:
+        transient, status, more, amplitude = with_steps(4 * steps)
+        error = step_error(transient)
+        if error and status != INTERRUPTED:
+            raise EnergyGained(f"time integration at {frequency:.6g} Hz: {error}")
     more |= of_blades(transient, len(amplitude))
     return MotionInTime(
         float(amplitude.mean()), float(amplitude.min()), float(amplitude.max()), frequency, curve.preload,
         transient.response, repeats_after=repeats_after(transient.response), diameters=ring.nodal_diameters,
-        status=_with_energy(status, more, transient.steps), cost=watch.read(ring.cost), **more, **problem.recorded(),
+        status=_with_energy(status, more), cost=watch.read(ring.cost), **more, **problem.recorded(),
     )  # fmt: skip
 
 
-def _with_energy(status: str, result: Mapping[str, Any], steps: int) -> str:
-    """Return the status with doubts from the energy of a period: first an error of the time steps, last a change.
+def _with_energy(status: str, result: Mapping[str, Any]) -> str:
+    """Return the status, incomplete while the stored energy changes.
 
     A motion with a verdict has settled, and only exchanges energy with the loads at rest.
     """
-    error, change = energy_doubts(result["energy"], steps)
-    reason = error or status.partition(": ")[2] or ("" if "verdict" in result else change)
+    reason = status.partition(": ")[2] or ("" if "verdict" in result else energy_change(result["energy"]))
     return with_reason(INCOMPLETE, reason) if reason and status != INTERRUPTED else status
 
 

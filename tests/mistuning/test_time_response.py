@@ -70,6 +70,18 @@ def test_a_mean_that_changes_widens_the_range(monkeypatch):
     assert found.mean == pytest.approx(second_half(found.blades).mean(axis=0).max(), rel=1e-9)
 
 
+def test_time_steps_that_are_too_long_have_no_amplitude(monkeypatch):
+    """With four times the steps the amplitude would count; the second time not even with these."""
+    wheel = BladedDisk(study(), Mistuning.random(N, 0.03, seed=0))
+    peak = wheel.peak(2000.0, options=DiskPeakOptions(least=12, most=12, climbs=2))
+    monkeypatch.setattr(bladed_disk, "step_error", lambda t: "too long" if t.steps < 128 else "")
+    found = wheel.time_response(peak, steps_per_period=32)
+    assert list(found.answers) == ["128 steps", "256 steps"] and np.isfinite(found.mean)
+    monkeypatch.setattr(bladed_disk, "step_error", lambda t: "too long")
+    found = wheel.time_response(peak, steps_per_period=32)
+    assert found.status == "not found: too long" and np.isnan(found.highest) and not found.answers
+
+
 def test_what_is_not_kept_has_no_amplitude(monkeypatch):
     """A peak said to be of half its preload falls to what the wheel has under this one, within what a harmonic is off; and
     a time integration that fails."""
