@@ -475,8 +475,8 @@ class Study(Comparable):
         tolerance : float
             Largest relative difference of the amplitude for the decision.
         steps_per_period : int, optional
-            1,024 by default, 256 with ``frequency``; four times as many if the energy does not
-            balance.
+            1,024 by default, 256 with ``frequency``; four times this number if the energy
+            does not balance.
         progress : bool, optional
             Show a progress bar; by default in a terminal and a notebook.
 
@@ -583,7 +583,7 @@ class Study(Comparable):
             the response curve is computed in its interval.
         steps_per_period : int, optional
             256 by default; the highest motion is integrated again with 2 and 4 times this number.
-            If the energy does not balance to 2 %, the search begins again with four times as many.
+            If the energy does not balance to 2 %, the search begins again with shorter steps.
         blades : int, optional
             Number of blades of the ring; by default the smallest after which the excitation
             repeats.  More allow more patterns.

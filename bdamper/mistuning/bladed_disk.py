@@ -299,7 +299,7 @@ def time_response(
         Peak of this disk.  Its dampers are free in time, even if springs held them in the search.
     steps_per_period : int, optional
         256 by default; a steady motion is integrated again with twice this number.  If the energy
-        does not balance, four times as many are used.
+        does not balance, the number is multiplied by four.
 
     Returns
     -------
@@ -407,7 +407,7 @@ def time_response(
 def _settle_twice(
     ring: Ring, omega: float, start: NDArray, steps: int, expected: float
 ) -> tuple[SteadyPoint, SteadyPoint, int]:
-    """Return the motion with ``steps`` and with twice as many time steps, and the periods integrated.
+    """Return the motion with ``steps`` time steps, that with twice the number, and all periods.
 
     If the motion does not stay near the amplitude ``expected`` (m), it continues to its final
     amplitude.

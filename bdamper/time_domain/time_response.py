@@ -239,7 +239,7 @@ def _integrate(
                 others = _other_starts(search, best, starts)
         except IntegrationFailed as failed:
             search.failure = str(failed)
-            # what was found before contact forces were not found still counts
+            # motions from before the failure still count
             if isinstance(failed, EnergyGained) or search.best is None:
                 error = str(failed)
     return _Integrations(search, runs, others, error, work.interrupted, cost)

@@ -378,7 +378,7 @@ class Verdict(NamedTuple):
 def energy_error(transient: Transient, periods: int = CRITERIA.balanced) -> float:
     """Return the error of the energy balance over the last periods, relative to the energy that they are supplied with.
 
-    The time steps lose or gain what remains of the work after damping, contacts and rise.  The contacts return what
+    The time steps lose or gain the rest of the work after damping, contacts and rise.  The contacts return what
     their springs have stored; anything beyond is an error too.
     """
     end, stored_now = transient.stored[-1]
@@ -479,7 +479,7 @@ def drift_fades(change_before: float, change_now: float, slowest: float) -> bool
         return abs(change_now) <= 1.2 * abs(change_before)
     ratio = change_now / change_before
     if abs(change_now) <= 0.1 * CRITERIA.drift:
-        return ratio <= 1.02  # even a small change that grows may come to a fall
+        return ratio <= 1.02  # a small change that grows can end in a fall
     if ratio >= 1.0:
         return False
     # rounding and a small ripple may slow a transient by a few per cent

@@ -288,7 +288,7 @@ static bd_status solve_bordered(bd_wheel *w, double tolerance, double *b) {
     return BD_OK;
 }
 
-/* x over its scale; zero where there is no unknown. */
+/* Divide x by its scale; entries without an unknown become zero. */
 static void divide_by_scale(const bd_wheel *w, double *x) {
     for (int i = 0; i <= w->vector_size; ++i) x[i] = w->scale[i] > 0.0 ? x[i] / w->scale[i] : 0.0;
 }

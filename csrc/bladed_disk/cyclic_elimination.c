@@ -403,7 +403,7 @@ static int eliminate_ring(bd_ring *w) {
         double *D = w->diagonal + at, *V = w->last_row + at, *U = w->upper + at;
         const double *L_next = w->lower + at + ss;
         double *D_inverse_W = w->last_factor + at, *D_inverse_U = w->next_factor + at;
-        const int is_neighbour = n == N - 2; /* of the last sector: L and U are W and V, too */
+        const int is_neighbour = n == N - 2; /* L and U of the last sector are also W and V */
         if (is_neighbour) {
             for (size_t i = 0; i < ss; ++i) V[i] += L_next[i];
             for (size_t i = 0; i < ss; ++i) W[i] += U[i];
@@ -521,7 +521,7 @@ static void split_sector(const bd_ring *w, const double *from, double *t, double
     }
 }
 
-/* Copy the inner coordinates t and those of the ring to the sector. */
+/* Copy the inner coordinates t and the ring coordinates to the sector. */
 static void join_sector(const bd_ring *w, const double *t, const double *ring, double *to) {
     const int k = w->input.n_kept, e = w->input.n_blade - k, nd = w->input.n_damper;
     const int A = w->n_ring - w->n_damper_unknown;

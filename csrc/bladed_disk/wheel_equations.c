@@ -78,9 +78,9 @@ static void add_complex(int n, const double *A, const double *re, const double *
     }
 }
 
-/* One wave of one coefficient of harmonic l: K x - (l omega)^2 M x + l omega C x', with x' from the
- * other coefficient. x holds the real and imaginary parts of both, lin and rate those of the
- * product and of its derivative with respect to omega, t is work (6, n_blade). */
+/* One wave of one coefficient of harmonic l: K x - (l omega)^2 M x + l omega C x'. The other
+ * coefficient is x'. x holds the real and imaginary parts of both. lin holds those of the product,
+ * and rate those of its derivative with respect to omega; t is work (6, n_blade). */
 static void wave_product(const bd_wheel *w, const bd_waves *waves, int d, int l, double omega,
                          double sense, const double *x[4], double *lin[2], double *rate[2],
                          double *t) {
@@ -483,7 +483,7 @@ static void split_waves(const double *from, int waves, int n_row, double *to) {
 }
 
 /* coupling (n_kept, n_kept) of a sector to the sector `behind` sectors before it: the mean of the
- * waves, whose last coordinates are those of the coupling. */
+ * waves, whose last coordinates belong to the coupling. */
 static void sum_coupling(const bd_wheel *w, int n, int n_kept, int behind, const double *waves,
                          double *coupling) {
     const int N = w->input.n_sector, first = n - n_kept;

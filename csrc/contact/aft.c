@@ -240,7 +240,7 @@ static int load_friction(int n, const bd_element *element, int d, bd_lanes *lane
         lanes->origin[lane] = -1;
         if (lane >= n) continue;
 
-        /* coupled friction has a kernel of its own */
+        /* coupled friction has another kernel */
         const bd_element *e = element + lane;
         if (!bd_element_has_friction(e, d) || bd_law_is_coupled(e->law)) continue;
         lanes->slope[lane] = e->mu / e->kt[d];

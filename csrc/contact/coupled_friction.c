@@ -455,7 +455,7 @@ static void load_point(bd_coulomb_work *work, int lane, const bd_element *e, con
     }
 }
 
-/* Copy the samples of a lane to rows of its own; padded disks are infinite. */
+/* Copy the samples of a lane to separate rows; padded disks are infinite. */
 static void copy_lane(bd_coulomb_work *work, int lane) {
     const bd_coupled_lanes *l = &work->lanes;
     select_lane(work, lane);

@@ -115,7 +115,7 @@ static void sticking_part(double kt, const bd_cycle *cycle, const double *u, dou
     }
 }
 
-/* Add what depends on v: mu kn (Gp - Gm) v, and in the tangent also the slider. */
+/* Add the terms with v: mu kn (Gp - Gm) v, and in the tangent also the slider. */
 static void part_of_normal_motion(double kt, double mu_kn, const bd_cycle *cycle, const double *v,
                                   double *F, double *dTv, double *products) {
     const int n_coef = bd_n_coef(cycle->n_harm);
@@ -300,7 +300,8 @@ void bd_element_write_blocks(const bd_element *element, int n_harm, bd_response 
         const int is_linear = out->tangential[d] == BD_BLOCK_LINEAR;
         if (!is_full) set_diagonal(out->dT[d], n_coef, is_linear ? element->kt[d] : 0.0);
         if (!is_full || !out->with_normal[d]) set_diagonal(out->dTv[d], n_coef, 0.0);
-        const int with_other = is_full && out->coupled; /* derivatives by the other direction */
+        const int with_other =
+            is_full && out->coupled; /* derivatives with respect to the other direction */
         if (out->dTc[d] && !with_other) set_diagonal(out->dTc[d], n_coef, 0.0);
         if (out->dNt[d] && !out->with_tangential) set_diagonal(out->dNt[d], n_coef, 0.0);
     }

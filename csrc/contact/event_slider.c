@@ -157,7 +157,7 @@ static int event_after(const bd_direction *dir, int i) {
     return dir->work->order[next];
 }
 
-/* Angle at the end of piece i; that of the last piece lies in the next period. */
+/* Angle at the end of piece i; the last piece ends in the next period. */
 static double piece_end(const bd_direction *dir, int i) {
     const double theta = dir->work->event_theta[event_after(dir, i)];
     const int is_last = i + 1 == dir->n_event;

@@ -416,7 +416,7 @@ static void write_patterns(size_t rows, size_t n, const double *L, const double 
 }
 
 /* Compliance of n patterns in each family; `inverse` (n, rows) yields the amplitudes of the
- * patterns from those of the scaled rows, g and W are work. */
+ * patterns from the amplitudes of the scaled rows; g and W are work. */
 static void write_compliance(const bd_time *t, const double *beta, const double *factor, size_t n,
                              const double *inverse, double *g, double *W,
                              bd_time_patterns *patterns) {

@@ -4,7 +4,7 @@
 
 #include <stddef.h>
 
-/* Return the next n numbers of a block, and advance to what remains of it. */
+/* Return the next n numbers of a block, and advance to the rest. */
 static inline double *bd_take(double **rest, size_t n) {
     double *taken = *rest;
     *rest += n;
