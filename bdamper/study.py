@@ -1108,7 +1108,7 @@ class Study(Comparable):
             Search interval of the highest peak.
         against : Effects, optional
             Reference; by default all effects that the model allows
-            (:func:`bdamper.analyses.effect_significance.fullest`). The friction law of the study
+            (``fullest`` in ``bdamper/analyses/effect_significance.py``). The friction law of the study
             does not change.
         tolerance : float
             Allowed relative change of amplitude or frequency by all omitted effects together.
@@ -1455,7 +1455,7 @@ class Study(Comparable):
         result : ResponseCurve or Peak
             For a response curve the highest peak is examined.
         sources : sequence of str
-            Subset of :data:`bdamper.analyses.error_estimates.SOURCES`.
+            Subset of ``SOURCES`` in ``bdamper/analyses/error_estimates.py``.
 
         Returns
         -------

@@ -48,8 +48,8 @@ def compared(system, u, omega, n_blades, engine_order, steps, **asked):
     """Whether the motion stays at a solution."""
     transient = integrated(system, omega, n_blades, engine_order, u, 0, steps)
     expected = system.response(np.asarray(u))
-    off = transient.response[-1] - expected
     (verdict, reason, _), stopped = compare_with_solution(transient, expected, **asked)
+    off = transient.response[-1] - expected
     return Compared(verdict, reason, stopped, transient, float(np.linalg.norm(off[1:]) / np.linalg.norm(expected[1:])))
 
 

@@ -22,7 +22,7 @@ Harmonic convergence
 Cost of accuracy
     The most detailed combination of settings is the reference. It has an error itself, because the settings end
     somewhere, and because others are not varied. For each source of error a study that is still more detailed gives the
-    change of the peak (:mod:`bdamper.analyses.error_estimates`). The sum of the changes is the uncertainty of the
+    change of the peak (:meth:`bdamper.Study.estimate_errors`). The sum of the changes is the uncertainty of the
     reference. Where the model has no more detail, the last refinement of the setting replaces the change.
 
     Each setting alone is then reduced as long as its difference from the reference, together with the uncertainty, is
@@ -357,7 +357,7 @@ class ReferenceError:
     Parameters
     ----------
     source : str
-        Member of :data:`bdamper.analyses.error_estimates.SOURCES`.
+        Member of ``SOURCES`` in ``bdamper/analyses/error_estimates.py``.
     size : float
         Difference from the peak with settings that are still more detailed, or the last refinement; NaN if unknown.
     seconds : float

@@ -149,9 +149,10 @@ def contact_stiffness(
         If a flexibility that the method needs is missing or not positive.
 
     Notes
-    ----- ``"cigeroglu2009"`` evaluates Eqs (1) to (11), ``"unit_traction"`` applies a uniform
-    traction in one direction to each face, and ``"residual_modes"`` or ``ResidualModes(...)``
-    combines a diagonal part of the residual flexibility with further modal coordinates
+    -----
+    ``"cigeroglu2009"`` evaluates Eqs (1) to (11), ``"unit_traction"`` applies a uniform traction
+    in one direction to each face, and ``"residual_modes"`` or ``ResidualModes(...)`` combines a
+    diagonal part of the residual flexibility with further modal coordinates
     (:mod:`bdamper.contact.residual_flexibility`).
     """
     check_method(method)

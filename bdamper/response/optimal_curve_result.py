@@ -68,7 +68,7 @@ class OptimumPoint:
     kind: str
     uncertainty: float
     status: str = COMPLETE
-    half_range: float = float("nan")
+    half_range: Annotated[float, Data(derived=True)] = float("nan")
 
     def __post_init__(self) -> None:
         first, colon, reason = self.status.partition(":")  # files of version 0.6
@@ -178,7 +178,7 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
     friction_range: FrictionRange | None = None
     mass_radius: Annotated[float, Data(derived=True)] = float("nan")
     half_range: PerRow | None = None
-    margins_interrupted: bool = False
+    margins_interrupted: Annotated[bool, Data(derived=True)] = False
     _summary_fields = (
         "optimum.preload", "optimum.amplitude", "optimum.frequency", "design_amplitude", "time_response",
         "optimum_in_time", "convergence", "other_friction", "friction_range", "free", "stuck", "ratio",

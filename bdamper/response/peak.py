@@ -35,6 +35,7 @@ from bdamper.util.display import Comparable, Fact, InContact
 from bdamper.util.errors import COMPLETE, NOT_FOUND, status_word, with_reason
 from bdamper.util.formatting import peak_text, preload_text, short_repr
 from bdamper.util.progress import Cost
+from bdamper.util.records import Data
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import Cycles, Metre, Quantity, Shares, Tabular
 
@@ -147,7 +148,7 @@ class Peak(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
     cost: Cost | None = None
     search_status: str = ""
     lower_bound: Metre = float("nan")
-    half_range: Metre = float("nan")
+    half_range: Annotated[float, Quantity("m"), Data(derived=True)] = float("nan")
     notes: tuple[str, ...] = ()
     _summary_fields = ("parameter", "amplitude", "lower_bound", "frequency", "shares", "search_status")
 
