@@ -49,11 +49,11 @@ ROUNDING = 1e-9
 instead of zero made a time integration jump from 0.03 to 1.5 mm at its start.
 """
 
-RESOLVED = 0.03
+RESOLVED = 0.02
 """Smallest eigenvalue, in units of the flexibility of a point, of forces that the mesh resolves.
 One unresolved force lowers the share of the diagonal, and all contact points become too stiff.
 With 24 points on faces of 15 to 25 nodes the share rises from 0.06 and 0.02 with a limit of 0.002
-to 0.36 and 0.5, and searches that found no complete peak end in a second.  The smallest eigenvalue
+to 0.24 and 0.5, and searches that found no complete peak end in a second.  The smallest eigenvalue
 of the shipped models with 9 points is 0.09.
 """
 
