@@ -484,12 +484,14 @@ def _status(top: Climbed, is_lower_bound: bool, reduced_only: bool) -> str:
 def _tuned_higher(top: Climbed | None, tuned: Peak, low: float, high: float) -> str:
     """Return a note if the tuned disk has a higher peak than all peaks found, or if none was found;
     otherwise ""."""
+    # an incomplete peak of the tuned disk has no amplitude, but a lower bound
+    highest_tuned = tuned.amplitude if np.isfinite(tuned.amplitude) else tuned.lower_bound
     if top is not None:
         in_band = low <= tuned.frequency <= high
-        tuned_is_higher = in_band and top.height * (1.0 + MISSED) < tuned.amplitude
+        tuned_is_higher = in_band and top.height * (1.0 + MISSED) < highest_tuned
         if not tuned_is_higher:
             return ""
-    tuned_peak = f"{amount(tuned.amplitude, 'm')} at {amount(tuned.frequency, 'Hz', 6)}"
+    tuned_peak = f"{amount(highest_tuned, 'm')} at {amount(tuned.frequency, 'Hz', 6)}"
     return f"; searched from {low:.6g} to {high:.6g} Hz, but the tuned disk has {tuned_peak}"
 
 

@@ -73,8 +73,8 @@ def test_decks_give_the_model_of_the_arrays(strips):
     decks, arrays = (study_of(modes_alone(built.model), "tip") for built in (strips, own))
     # other builds of CalculiX round other digits: 2.4e-7 was seen with bonded faces
     np.testing.assert_allclose(stuck_frequencies(decks)[:6], stuck_frequencies(arrays)[:6], rtol=1e-6)
-    # with more friction the force on the shroud depends on the way to the static state, by up to 1e-3
-    found, expected = (study.replace(friction_coefficient=1e-3).static(100.0).normal_force for study in (decks, arrays))
+    # friction makes the force on the shroud depend on the way to the static state, by up to 1e-3 of it
+    found, expected = (study.replace(friction_coefficient=1e-7).static(100.0).normal_force for study in (decks, arrays))
     assert found == pytest.approx(expected, rel=1e-6)
 
 
