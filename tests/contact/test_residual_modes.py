@@ -155,17 +155,16 @@ def test_forces_that_the_mesh_hardly_resolves_do_not_stiffen_the_contact():
         np.testing.assert_allclose(a, b, atol=1e-3 * np.abs(b).max())
 
 
-@each(("own_part", "eigenvalue", "change"), [(0.055, 1.4e-3, 0.01), (0.15, 0.0115, 0.1)])
-def test_forces_that_a_mesh_does_not_resolve_leave_the_share(own_part, eigenvalue, change):
-    """Largest eigenvalues of 50 points on 15 nodes and 24 points on 25; they lower the share to 0.001 and 0.004."""
-    equal, apart = points_alike(), points_alike(own_part)
+def test_forces_that_50_points_on_15_nodes_do_not_resolve_leave_the_share():
+    """Their largest eigenvalue is 0.0014 in units of the flexibility of a point; with them the share falls to 0.001."""
+    equal, apart = points_alike(), points_alike(0.055)
     flexibility = apart.residual_flexibility(1)
     size = np.sqrt(np.diag(flexibility).real)
     part = np.linalg.eigvalsh(flexibility / size[:, None] / size)
-    assert part[len(part) // 2 - 1] == pytest.approx(eigenvalue, rel=0.05)
+    assert part[len(part) // 2 - 1] == pytest.approx(1.4e-3, rel=0.05)
     friction = np.full(equal.n_points, 0.3)
     shares = [ResidualSet.make(coupling, friction, ResidualModes()).share for coupling in (equal, apart)]
-    assert shares[1] == pytest.approx(shares[0], rel=change)
+    assert shares[1] == pytest.approx(shares[0], rel=1e-2)
 
 
 def test_all_patterns_of_points_that_share_nodes():

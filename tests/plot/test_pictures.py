@@ -319,7 +319,8 @@ class TestStyle:
         assert f"optimum: {amount(curve.optimum.preload, 'N')}, {amount(curve.optimum.amplitude, 'm')}" in [
             text.get_text() for text in amplitude.texts
         ]
-        assert "at most 20 % higher by harmonic balance" in legend_texts(shift) and shift.get_ylabel() == "Frequency\nshift (%)"
+        assert "at most 20 % higher by harmonic balance" in legend_texts(shift)
+        assert shift.get_ylabel() == "Frequency\nshift (%)"
         drawn = np.concatenate([line.get_xdata() for line in amplitude.lines if line.get_linestyle() == "-"])
         assert curve.optimum.preload in drawn, "the line goes through the optimum"
         only = curve.plot(ax=plt.figure().add_subplot()).axes[0]
