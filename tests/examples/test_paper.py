@@ -219,9 +219,9 @@ def test_higher_modes(tmp_path):
     # mode 7 has none, converged below 100 N alone
     assert not any(len(c.folds) for c in paper[7])
     assert [len(c.folds) > 0 for c in converged[7]] == [c.preload < 100.0 for c in converged[7]]
-    # mode 3: the optimum is where the higher peak parts from the curve, and a curve beside it agrees
+    # mode 3: below the optimum a higher peak that has parted from the curve is a lower bound, and a curve at it agrees
     best = out["optimal"][3][0].optimum
-    assert best.kind == "jump" and best.verified
+    assert best.kind == "unknown"
     beside = paper_disk.study(3, **bd.CIGEROGLU_2009).frequency_response(best.preload, paper_disk.MODES[3].band)
     assert beside.peak.amplitude == pytest.approx(best.amplitude, rel=2e-3)
     # the sign of the shift of mode 7 depends on the approximations
