@@ -30,7 +30,7 @@ print(*(one.replace(">=", sys.argv[1]) for one in project["dependencies"] + proj
 rm -rf "$place" && mkdir -p "$place"
 cp -r tests csrc pyproject.toml "$place/"
 mkdir "$place/docs" && cp -r docs/*.md docs/evidence docs/specification "$place/docs/"
-BDAMPER_MODELS=$PWD/models
+BDAMPER_MODELS=$PWD/tests/models
 export BDAMPER_MODELS
 cd "$place"
 # the installed package is tested, not the source tree, so only this copy is on the path
