@@ -148,6 +148,7 @@ fuzz: $(VENV)/test.stamp
 
 lint: $(VENV)/dev.stamp
 	$(call step,ruff,$(PY) -m ruff check .)
+	$(call step,layout,$(PY) -m ruff format --check --quiet .)
 	$(call step,codespell,$(VENV)/bin/codespell)
 	$(call step,sentences,$(PY) tools/prose.py)
 	$(call step,mypy,$(PY) -m mypy bdamper)

@@ -28,7 +28,11 @@ def import_decks(given: argparse.Namespace) -> None:
     from bdamper.util.storage import file_errors
 
     def body(text: str) -> importers.FEBody:
-        deck, _, instance = text.rpartition(":") if Path(text).suffix.lower() not in (".inp", ".cdb") else (text, "", "")
+        deck, _, instance = (
+            text.rpartition(":")
+            if Path(text).suffix.lower() not in (".inp", ".cdb")
+            else (text, "", "")
+        )
         return importers.read_job(deck or text, instance or None)
 
     points = given.points[0] if len(given.points) == 1 else tuple(given.points)
@@ -50,7 +54,9 @@ def import_decks(given: argparse.Namespace) -> None:
         except ValueError:
             raise bd.SettingError(f"--stop: expected NAME=SET,GAP, found {text!r}") from None
         body_a, _, a = side.rpartition("/")
-        return importers.ContactFaces(name, a, None, body_a or "damper", "ground", (2, 2), "constraint", gap=distance)
+        return importers.ContactFaces(
+            name, a, None, body_a or "damper", "ground", (2, 2), "constraint", gap=distance
+        )
 
     dampers = [text.rpartition("=")[::2] for text in given.damper]
     built = importers.build_model(
@@ -73,14 +79,20 @@ def import_decks(given: argparse.Namespace) -> None:
 
 def frequency_response(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
     """Return the response curve, and whether it spans the frequency interval."""
-    band = peak_interval(study.problem.at(given.preload), given.band and tuple(given.band), given.mode)
+    band = peak_interval(
+        study.problem.at(given.preload), given.band and tuple(given.band), given.mode
+    )
     curve = study.frequency_response(given.preload, band, progress=not given.quiet)
     return curve, curve.complete
 
 
 def optimum(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
     """Return the optimal curve, and whether it has an optimum."""
-    settings = {"mode": given.mode, "check": "time" if given.check else False, "progress": not given.quiet}
+    settings = {
+        "mode": given.mode,
+        "check": "time" if given.check else False,
+        "progress": not given.quiet,
+    }
     curve = study.optimal_curve(given.preloads, given.n, **settings)
     answered = bool(np.isfinite(curve.optimum.amplitude)) and not curve.interrupted
     return curve, answered
@@ -113,7 +125,10 @@ def margin(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
 QUESTIONS = {
     "response": (frequency_response, "response over a frequency interval at one preload"),
     "optimum": (optimum, "preload with the lowest resonance amplitude"),
-    "crossings": (resonance_crossings, "resonance crossings with engine orders; the model must depend on rotor speed"),
+    "crossings": (
+        resonance_crossings,
+        "resonance crossings with engine orders; the model must depend on rotor speed",
+    ),
     "margin": (margin, "fatigue margins at one preload; the model must contain stresses"),
 }
 
@@ -128,7 +143,9 @@ class Parser(argparse.ArgumentParser):
 def file_to_write(endings: Sequence[str], name: str) -> str:
     """Return the name of an output file; reject it before the computation if it cannot be written."""
     if Path(name).suffix.lower() not in endings or not Path(name).absolute().parent.is_dir():
-        raise argparse.ArgumentTypeError(f"expected {' or '.join(endings)} in a folder that exists, found {name!r}")
+        raise argparse.ArgumentTypeError(
+            f"expected {' or '.join(endings)} in a folder that exists, found {name!r}"
+        )
     return name
 
 
@@ -151,75 +168,171 @@ def parser() -> argparse.ArgumentParser:
     asked = Parser(add_help=False)
     add = asked.add_argument
     add("--engine-order", type=int, default=5, metavar="N", help="default %(default)s")
-    add("--harmonics", type=int, default=3, metavar="H", help="harmonics of the engine order, default %(default)s")
-    add("--friction", type=float, default=0.3, metavar="MU", help="friction coefficient, default %(default)s")
-    add("--force", type=float, default=1.0, metavar="N", help="amplitude of the excitation in N, default %(default)s")
+    add(
+        "--harmonics",
+        type=int,
+        default=3,
+        metavar="H",
+        help="harmonics of the engine order, default %(default)s",
+    )
+    add(
+        "--friction",
+        type=float,
+        default=0.3,
+        metavar="MU",
+        help="friction coefficient, default %(default)s",
+    )
+    add(
+        "--force",
+        type=float,
+        default=1.0,
+        metavar="N",
+        help="amplitude of the excitation in N, default %(default)s",
+    )
     add("--at", default="tip", help="location of excitation and response, default %(default)s")
-    add("--direction", default="tangential", help="of the excitation: tangential, radial or axial, default %(default)s")
+    add(
+        "--direction",
+        default="tangential",
+        help="of the excitation: tangential, radial or axial, default %(default)s",
+    )
 
     some: dict[str, Any] = {"nargs": "+", "metavar": "N"}
     main = Parser("bdamper", description="Forced response of bladed disks with friction dampers.")
     main.add_argument("--version", action="version", version=bd.__version__)
     commands = main.add_subparsers(dest="command", required=True)
     commands.add_parser("info", parents=[model, picture], help="content of a model file")
-    commands.add_parser("explore", parents=[model, asked], help="interactive page in the browser of this machine")
+    commands.add_parser(
+        "explore", parents=[model, asked], help="interactive page in the browser of this machine"
+    )
     kinds = [model, asked, picture, out]
-    own = {name: commands.add_parser(name, parents=kinds, help=text) for name, (_, text) in QUESTIONS.items()}
+    own = {
+        name: commands.add_parser(name, parents=kinds, help=text)
+        for name, (_, text) in QUESTIONS.items()
+    }
     two: dict[str, Any] = {"nargs": 2, "type": float, "metavar": ("LOW", "HIGH")}
     for name in ("response", "margin"):
-        own[name].add_argument("--preload", type=float, default=100.0, metavar="N", help="in N, default %(default)s")
         own[name].add_argument(
-            "--band", help="frequency interval in Hz, by default around the resonances of the mode", **two
+            "--preload", type=float, default=100.0, metavar="N", help="in N, default %(default)s"
+        )
+        own[name].add_argument(
+            "--band",
+            help="frequency interval in Hz, by default around the resonances of the mode",
+            **two,
         )
     for name in ("margin", "optimum"):
         text = "check in time (an optimum: and more), at several times the cost; the default"
-        own[name].add_argument("--check", action=argparse.BooleanOptionalAction, default=True, help=text)
+        own[name].add_argument(
+            "--check", action=argparse.BooleanOptionalAction, default=True, help=text
+        )
     for name in ("response", "margin", "optimum"):
         speed = "rotor speed in rpm of modes and stresses, default without rotation"
         own[name].add_argument("--speed", type=float, metavar="RPM", help=speed)
     add = own["optimum"].add_argument
     add("--preloads", default=(20.0, 2000.0), help="range of preloads in N, default 20 2000", **two)
     add("-n", type=int, default=20, help="number of preloads, default %(default)s")
-    add("--html", metavar="FILE", type=partial(file_to_write, (".html",)), help="write a report for a review")
-    own["crossings"].add_argument("--speeds", default=(5000.0, 10000.0), help="in rpm, default 5000 10000", **two)
-    own["crossings"].add_argument("--orders", type=int, help="engine orders, default --engine-order", **some)
-    decks = commands.add_parser("decks", help="write the files of an example of an import to this folder")
+    add(
+        "--html",
+        metavar="FILE",
+        type=partial(file_to_write, (".html",)),
+        help="write a report for a review",
+    )
+    own["crossings"].add_argument(
+        "--speeds", default=(5000.0, 10000.0), help="in rpm, default 5000 10000", **two
+    )
+    own["crossings"].add_argument(
+        "--orders", type=int, help="engine orders, default --engine-order", **some
+    )
+    decks = commands.add_parser(
+        "decks", help="write the files of an example of an import to this folder"
+    )
     decks.add_argument("name", help="abaqus, ansys, calculix or shroud")
-    add = commands.add_parser("import", help="model, report and picture from decks and their matrices").add_argument
-    add("blade", metavar="DECK", help="deck of the sector, .inp or .cdb, beside its matrices; DECK:INSTANCE for one")
+    add = commands.add_parser(
+        "import", help="model, report and picture from decks and their matrices"
+    ).add_argument
+    add(
+        "blade",
+        metavar="DECK",
+        help="deck of the sector, .inp or .cdb, beside its matrices; DECK:INSTANCE for one",
+    )
     add("--damper", nargs="+", default=(), metavar="[NAME=]DECK", help="decks of free bodies")
     contact = "pairs of faces: sets of a damper and of the blade, BODY/SET for those of another body, or ground"
     add("--contact", nargs="+", required=True, metavar="NAME=SET,SET", help=contact)
     stop = "faces of a damper that the ground stops without friction at a distance, in the unit of the decks"
     add("--stop", nargs="+", default=(), metavar="NAME=SET,GAP", help=stop)
-    add("--points", default=(24,), type=int, help="contact points of a pair, or along t1 and t2, default 24", **some)
-    add("--units", default="m-kg-s", help="of the decks: m-kg-s, mm-t-s, mm-kg-s or in-lbf-s, default %(default)s")
-    for name, text, direction in (("axis", "of rotation", (0.0, 0.0, 1.0)), ("radial", "to the blade", (0.0, 1.0, 0.0))):
-        add(f"--{name}", nargs=3, type=float, default=direction, help=f"direction {text} in the decks, default {direction}")
-    add("--sectors", type=int, metavar="N", help="number of sectors, by default from the sector faces")
+    add(
+        "--points",
+        default=(24,),
+        type=int,
+        help="contact points of a pair, or along t1 and t2, default 24",
+        **some,
+    )
+    add(
+        "--units",
+        default="m-kg-s",
+        help="of the decks: m-kg-s, mm-t-s, mm-kg-s or in-lbf-s, default %(default)s",
+    )
+    for name, text, direction in (
+        ("axis", "of rotation", (0.0, 0.0, 1.0)),
+        ("radial", "to the blade", (0.0, 1.0, 0.0)),
+    ):
+        add(
+            f"--{name}",
+            nargs=3,
+            type=float,
+            default=direction,
+            help=f"direction {text} in the decks, default {direction}",
+        )
+    add(
+        "--sectors",
+        type=int,
+        metavar="N",
+        help="number of sectors, by default from the sector faces",
+    )
     add("--faces", nargs=2, metavar="SET", help="sector faces, by default found in the mesh")
     add("--fixed", metavar="SET", help="held nodes")
     add("--blade-nodes", metavar="SET", help="nodes of the blade, for mistuned bladed disks")
     add("--stress", metavar="SET", help="nodes with stress")
     add("--engine-order", default=(5,), type=int, help="engine orders, default 5", **some)
-    add("--harmonics", type=int, metavar="H", help="harmonics of the engine orders, by default for all studies")
-    add("--modes", type=int, default=40, help="modes of the sector at each nodal diameter, default %(default)s")
-    add("--tip", nargs="+", type=float, metavar="X", help="node number or position of the location 'tip'")
+    add(
+        "--harmonics",
+        type=int,
+        metavar="H",
+        help="harmonics of the engine orders, by default for all studies",
+    )
+    add(
+        "--modes",
+        type=int,
+        default=40,
+        help="modes of the sector at each nodal diameter, default %(default)s",
+    )
+    add(
+        "--tip",
+        nargs="+",
+        type=float,
+        metavar="X",
+        help="node number or position of the location 'tip'",
+    )
     add("--out", metavar="NAME", help="name of the files, by default that of the deck")
     add("--quiet", action="store_true", help="do not show progress")
     for name, text in (
         ("endurance", "endurance limit"), ("ultimate", "ultimate strength"), ("yield", "yield strength"),
     ):  # fmt: skip
-        own["margin"].add_argument(f"--{name}", type=float, required=True, metavar="MPA", help=f"{text} in MPa")
+        own["margin"].add_argument(
+            f"--{name}", type=float, required=True, metavar="MPA", help=f"{text} in MPa"
+        )
     return main
 
 
 def explore(study: bd.Study, given: argparse.Namespace) -> int:
     """Serve the explorer until Ctrl-C."""
-    model = 'bd.reference_model("turbine_blade")' if given.demo else f"bd.load_model({given.model!r})"
+    model = (
+        'bd.reference_model("turbine_blade")' if given.demo else f"bd.load_model({given.model!r})"
+    )
     numbers = f"{study.settings.engine_order}, {given.friction}, harmonics={given.harmonics}"
     driven = f"bd.Excitation({given.at!r}, {given.direction!r}, {given.force})"
-    page = bd.explore(study, source=f"import bdamper as bd\nstudy = bd.Study({model}, {driven}, {numbers})")
+    page = bd.explore(
+        study, source=f"import bdamper as bd\nstudy = bd.Study({model}, {driven}, {numbers})"
+    )
     print(page.address, flush=True)
     webbrowser.open(page.address)
     with suppress(KeyboardInterrupt):
@@ -273,7 +386,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = parser().parse_args(arguments)
     try:
         with warnings.catch_warnings():
-            warnings.showwarning = lambda message, *_, **__: print(f"bdamper: {message}", file=sys.stderr)
+            warnings.showwarning = lambda message, *_, **__: print(
+                f"bdamper: {message}", file=sys.stderr
+            )
             return answer(given)
     except bd.SettingError as error:
         print(f"bdamper: {error}", file=sys.stderr)

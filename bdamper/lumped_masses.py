@@ -87,16 +87,25 @@ class Contact:
             raise SettingError("contact: expected tangential, normal or both, found neither")
         if slides != (self.kt > 0.0) or slides != (self.mu > 0.0):
             found = f"tangential={self.tangential!r}, kt={self.kt:g}, mu={self.mu:g}"
-            raise SettingError(f"contact: expected tangential, kt > 0 and mu > 0 together, found {found}")
+            raise SettingError(
+                f"contact: expected tangential, kt > 0 and mu > 0 together, found {found}"
+            )
         expected = "normal and kn > 0 together"
-        validation.check(closes == (self.kn > 0.0), "contact", expected, f"normal={self.normal!r}, kn={self.kn:g}")
+        validation.check(
+            closes == (self.kn > 0.0),
+            "contact",
+            expected,
+            f"normal={self.normal!r}, kn={self.kn:g}",
+        )
         if not closes and not (self.preload > 0.0 and self.gap == 0.0):
             raise SettingError(
                 "contact: expected a preload > 0 and no gap for a constant normal load (without normal), found "
                 f"preload={self.preload:g}, gap={self.gap:g}"
             )
         if self.preload > 0.0 and self.gap > 0.0:
-            raise SettingError(f"contact: expected a preload or a gap, found {self.preload:g} N and {self.gap:g} m")
+            raise SettingError(
+                f"contact: expected a preload or a gap, found {self.preload:g} N and {self.gap:g} m"
+            )
 
 
 @partial(validation.check_arguments, also=[f.name for f in fields(Settings)])
@@ -156,11 +165,17 @@ def lumped(
     """
     fixed = [name for name in FIXED_SETTINGS if name in settings]
     if fixed:
-        raise SettingError(f"lumped: expected settings other than {fixed}, which follow from its other arguments")
+        raise SettingError(
+            f"lumped: expected settings other than {fixed}, which follow from its other arguments"
+        )
     modes = _Modes(mass, damping, stiffness, locations)
     for contact in validation.instance("contacts", contacts, Sequence, "a sequence of Contact"):
         validation.instance("contacts", contact, Contact)
-    cubic = {} if cubic is None else validation.instance("cubic", cubic, Mapping, "a mapping of motions to N/m3")
+    cubic = (
+        {}
+        if cubic is None
+        else validation.instance("cubic", cubic, Mapping, "a mapping of motions to N/m3")
+    )
     validation.check(contacts or cubic, "contacts", "at least one contact or cubic spring", "none")
     faces = _faces(contacts, cubic, modes)
     amplitudes = _forces(modes, forces)
@@ -171,7 +186,9 @@ def lumped(
     return Study(
         _model(modes, faces, fields_of_forces, load_per_preload),
         excitation,
-        friction_coefficient=coefficients.pop() if len(coefficients) == 1 else dict(zip(faces, [c.mu for c in contacts])),
+        friction_coefficient=coefficients.pop()
+        if len(coefficients) == 1
+        else dict(zip(faces, [c.mu for c in contacts])),
         contact_stiffness={name: np.array([face.stiffness]) for name, face in faces.items()},
         response=Response(location),
         **settings,
@@ -220,7 +237,9 @@ def joint(
     expected = f"a value below the modal stiffness, {stiff:.6g} N/m"
     validation.check(stiffness < stiff, "stiffness", expected, f"{stiffness:.6g} N/m")
     limits = friction / sliders * ((np.arange(sliders) + 0.25) / sliders) ** exponent
-    contacts = [Contact(0, kt=stiffness / sliders, mu=1.0, preload=float(limit)) for limit in limits]
+    contacts = [
+        Contact(0, kt=stiffness / sliders, mu=1.0, preload=float(limit)) for limit in limits
+    ]
     damping = 2.0 * damping_ratio * np.sqrt(stiff * mass)
     settings = {"harmonics": 1} | settings
     return lumped(mass, damping, stiff - stiffness, contacts=contacts, forces={0: 1.0}, **settings)
@@ -235,7 +254,9 @@ class _Face(NamedTuple):
     contact: Contact | None = None
 
 
-def _faces(contacts: Sequence[Contact], cubic: Mapping[Any, float], modes: _Modes) -> dict[str, _Face]:
+def _faces(
+    contacts: Sequence[Contact], cubic: Mapping[Any, float], modes: _Modes
+) -> dict[str, _Face]:
     """Return interfaces by name: contacts, cubic springs, linear springs."""
     faces = {}
     for k, c in enumerate(contacts):
@@ -252,23 +273,34 @@ def _faces(contacts: Sequence[Contact], cubic: Mapping[Any, float], modes: _Mode
 class _Modes:
     """Modes of the masses, and degrees of freedom by number and by name."""
 
-    def __init__(self, mass: Any, damping: Any, stiffness: Any, locations: Mapping[str, int] | None) -> None:
+    def __init__(
+        self, mass: Any, damping: Any, stiffness: Any, locations: Mapping[str, int] | None
+    ) -> None:
         M = _matrix("mass", mass)
         self.n = len(M)
         C, K = _matrix("damping", damping, self.n), _matrix("stiffness", stiffness, self.n)
         least, largest = float(np.linalg.eigvalsh(M)[0]), float(np.abs(M).max())
         enough = f"a positive definite matrix with eigenvalues above {ROUNDING:g} of its largest entry, {largest:.3g} kg"
-        validation.check(least > ROUNDING * largest, "mass", enough, f"an eigenvalue of {least:.3g} kg")
+        validation.check(
+            least > ROUNDING * largest, "mass", enough, f"an eigenvalue of {least:.3g} kg"
+        )
         omega2, self.shapes = scipy.linalg.eigh(K, M)
         self.springs: list[tuple[NDArray, float]] = []
         size = float(np.abs(omega2).max())
         expected = "a positive semidefinite matrix"
-        validation.check(not omega2[0] < -ROUNDING * size, "stiffness", expected, f"a mode of {omega2[0]:.3g} rad2/s2")
+        validation.check(
+            not omega2[0] < -ROUNDING * size,
+            "stiffness",
+            expected,
+            f"a mode of {omega2[0]:.3g} rad2/s2",
+        )
         self.omega2 = np.where(omega2 <= ROUNDING**1.5 * size, 0.0, omega2)
         self.damping_ratio, self.drag = self._damped(C)
         names = {f"x{i}": i for i in range(self.n)} if locations is None else locations
         self.locations: dict[str, int] = {}
-        for name, i in validation.instance("locations", names, Mapping, "a mapping of names to degrees of freedom").items():
+        for name, i in validation.instance(
+            "locations", names, Mapping, "a mapping of names to degrees of freedom"
+        ).items():
             self.locations[name] = validation.integer(f"location '{name}'", i, most=self.n - 1)
 
     def _damped(self, C: NDArray) -> tuple[NDArray, NDArray]:
@@ -293,10 +325,14 @@ class _Modes:
             D = self._tied(D)
         d = np.diag(D)
         if d.min() < -ROUNDING * np.abs(d).max():
-            raise SettingError(f"damping: expected a positive semidefinite matrix, found a mode of {d.min():.3g} 1/s")
+            raise SettingError(
+                f"damping: expected a positive semidefinite matrix, found a mode of {d.min():.3g} 1/s"
+            )
         ratio = d / (2.0 * np.sqrt(np.where(self.omega2 > 0.0, self.omega2, 1.0)))
         plain = (self.omega2 > 0.0) & (ratio < 1.0) & (not self.springs)
-        return np.where(plain, np.maximum(ratio, 0.0), 0.0), np.where(plain, 0.0, np.maximum(d, 0.0))
+        return np.where(plain, np.maximum(ratio, 0.0), 0.0), np.where(
+            plain, 0.0, np.maximum(d, 0.0)
+        )
 
     def _tied(self, D: NDArray) -> NDArray:
         """Change to modes of mass and damping, with springs for the coupling by stiffness; return the diagonal damping.
@@ -319,7 +355,9 @@ class _Modes:
         if isinstance(value, str):
             return self.locations[validation.choice(what, value, self.locations)]
         if not isinstance(value, Integral) or isinstance(value, bool):
-            raise validation.invalid(what, f"a degree of freedom from 0 to {self.n - 1} or the name of a location", value)
+            raise validation.invalid(
+                what, f"a degree of freedom from 0 to {self.n - 1} or the name of a location", value
+            )
         return validation.integer(what, value, most=self.n - 1)
 
     def name(self, value: Any) -> str:
@@ -327,7 +365,9 @@ class _Modes:
         i = self.freedom(value, "response or force")
         if isinstance(value, str):
             return value
-        known = next((name for name, at in self.locations.items() if at == i), None) or self.free(f"x{i}")
+        known = next((name for name, at in self.locations.items() if at == i), None) or self.free(
+            f"x{i}"
+        )
         self.locations[known] = i
         return known
 
@@ -342,10 +382,15 @@ class _Modes:
         if isinstance(row, np.ndarray):  # already in modal coordinates
             return row
         if isinstance(row, tuple):
-            validation.check_value(len(row) == 2, what, "a pair of degrees of freedom for their difference", row)
+            validation.check_value(
+                len(row) == 2, what, "a pair of degrees of freedom for their difference", row
+            )
             factors = [(row[0], 1.0), (row[1], -1.0)]
         elif isinstance(row, Mapping):
-            factors = [(key, validation.number(f"{what}, factor of {key!r}", value)) for key, value in row.items()]
+            factors = [
+                (key, validation.number(f"{what}, factor of {key!r}", value))
+                for key, value in row.items()
+            ]
         else:
             factors = [(row, 1.0)]
         out = np.zeros(self.n)
@@ -371,31 +416,47 @@ def _matrix(name: str, value: Any, n: int | None = None) -> NDArray:
         raise SettingError(f"{name}: expected finite numbers, found {A[~np.isfinite(A)][0]}")
     if A.ndim != 2 or A.shape != (sizes[0], sizes[0]) or not A.size:
         expected = "(n, n)" if n is None else f"{(n, n)} as the mass"
-        raise SettingError(f"{name}: expected finite numbers, a diagonal or a matrix {expected}, found shape {found}")
+        raise SettingError(
+            f"{name}: expected finite numbers, a diagonal or a matrix {expected}, found shape {found}"
+        )
     if np.abs(A - A.T).max() > ROUNDING * np.abs(A).max():
-        raise SettingError(f"{name}: expected a symmetric matrix, found a difference of {np.abs(A - A.T).max():.3g}")
+        raise SettingError(
+            f"{name}: expected a symmetric matrix, found a difference of {np.abs(A - A.T).max():.3g}"
+        )
     return 0.5 * (A + A.T)
 
 
 def _forces(modes: _Modes, forces: Any) -> dict[Any, complex]:
     out = {}
-    for key, value in validation.instance("forces", forces, Mapping, "a mapping of degrees of freedom to newtons").items():
+    for key, value in validation.instance(
+        "forces", forces, Mapping, "a mapping of degrees of freedom to newtons"
+    ).items():
         modes.freedom(key, "forces")
         number = value.item() if isinstance(value, np.generic) else value
-        if isinstance(number, bool) or not isinstance(number, int | float | complex) or not np.isfinite(number):
-            raise validation.invalid(f"force on {key!r}", "a finite real or complex number in N", value)
+        if (
+            isinstance(number, bool)
+            or not isinstance(number, int | float | complex)
+            or not np.isfinite(number)
+        ):
+            raise validation.invalid(
+                f"force on {key!r}", "a finite real or complex number in N", value
+            )
         out[key] = complex(number)
     validation.check(out, "forces", "a force on at least one degree of freedom", "none")
     return out
 
 
-def _excitation(modes: _Modes, forces: Mapping[Any, complex]) -> tuple[Excitation, dict[str, NDArray]]:
+def _excitation(
+    modes: _Modes, forces: Mapping[Any, complex]
+) -> tuple[Excitation, dict[str, NDArray]]:
     """Return the excitation, and a field of forces if several degrees of freedom are excited."""
     largest = max(abs(value) for value in forces.values())
     if len(forces) == 1:
         ((key, value),) = forces.items()
         return Excitation(modes.name(key), amplitude=abs(value), phase=float(np.angle(value))), {}
-    field = sum(value / (largest or 1.0) * modes.motion(key, "forces") for key, value in forces.items())
+    field = sum(
+        value / (largest or 1.0) * modes.motion(key, "forces") for key, value in forces.items()
+    )
     name = modes.free("forces")
     return Excitation(name, amplitude=largest), {name: np.conj(field)}
 
@@ -431,16 +492,28 @@ def _model(
     if load_per_preload is not None:
         f = np.zeros(modes.n)
         for key, value in validation.instance(
-            "load_per_preload", load_per_preload, Mapping, "a mapping of degrees of freedom to numbers"
+            "load_per_preload",
+            load_per_preload,
+            Mapping,
+            "a mapping of degrees of freedom to numbers",
         ).items():
-            f += validation.number(f"load on {key!r}", value) * modes.motion(key, "load_per_preload")
+            f += validation.number(f"load on {key!r}", value) * modes.motion(
+                key, "load_per_preload"
+            )
         expected = "a static force on at least one degree of freedom"
         validation.check(f.any(), "load_per_preload", expected, dict(load_per_preload))
         elastic = modes.omega2 > 0.0
         displacement = shapes[..., elastic] @ (f[elastic] / modes.omega2[elastic])
         load = BodyLoad(np.array([0.0, 0.0, 1.0]), f, displacement)
     bodies = {
-        BODY: Body(BODY, "lumped", tuple((name, "b") for name in faces), {0: basis}, load=load, constant_force=pressing),
+        BODY: Body(
+            BODY,
+            "lumped",
+            tuple((name, "b") for name in faces),
+            {0: basis},
+            load=load,
+            constant_force=pressing,
+        ),
         GROUND: Body(GROUND, "ground", tuple((name, "a") for name in faces)),
     }
     locations = {name: Location(name, BODY, np.zeros(3)) for name in rows}

@@ -59,7 +59,9 @@ def at_frequency(frequency: float) -> Callable[[bd.Study, float, tuple[float, fl
     """The response at one frequency, from nothing."""
 
     def solve(study: bd.Study, preload: float, interval: tuple[float, float]) -> Answer:
-        y, _ = find_start(study.problem, preload, 2.0 * np.pi * frequency, bd.ContinuationOptions(), CostMeter())
+        y, _ = find_start(
+            study.problem, preload, 2.0 * np.pi * frequency, bd.ContinuationOptions(), CostMeter()
+        )
         if y is None:
             return np.nan, np.nan
         return float(abs(study.problem.system(preload).response(y[:-1])[1])), frequency
@@ -79,12 +81,16 @@ def samples(separation: bool) -> AccuracyCost:
 def peaks_by_samples() -> AccuracyCost:
     study = reference_study(harmonics=3)
     values = [*(bd.AFT(n) for n in (32, 64, 128, 256, 512)), "event_driven"]
-    return bd.accuracy_cost(study, PRELOAD, INTERVAL, vary={"contact_forces": values}, tolerance=ALL, sources=())
+    return bd.accuracy_cost(
+        study, PRELOAD, INTERVAL, vary={"contact_forces": values}, tolerance=ALL, sources=()
+    )
 
 
 def harmonics() -> AccuracyCost:
     vary = {"harmonics": [1, 2, 3, 5, 7, 9, 11, 13, 15, 20]}
-    return bd.accuracy_cost(reference_study(9), PRELOAD_9, INTERVAL, vary=vary, tolerance=ALL, sources=())
+    return bd.accuracy_cost(
+        reference_study(9), PRELOAD_9, INTERVAL, vary=vary, tolerance=ALL, sources=()
+    )
 
 
 @lru_cache
@@ -94,7 +100,9 @@ def model_192() -> bd.Model:
         centre=2, contact=8, fillet=1, chord=12, disk=1, shank=1, platform=1, airfoil=3,
         damper_face=8, damper_ridge=1, damper_height=2, damper_length=12,
     )  # fmt: skip
-    return bladed_disk(192, n_modes=20, n_damper_modes=6, nodal_diameters=(5,), fe=SectorFE(density=mesh))
+    return bladed_disk(
+        192, n_modes=20, n_damper_modes=6, nodal_diameters=(5,), fe=SectorFE(density=mesh)
+    )
 
 
 def contact_points(stiffness: str) -> AccuracyCost:
@@ -105,13 +113,18 @@ def contact_points(stiffness: str) -> AccuracyCost:
 
 
 def blade_modes(stiffness: str) -> AccuracyCost:
-    study, vary = reference_study(contact_stiffness=stiffness), {"blade_modes": [2, 5, 10, 20, 30, 40]}
+    study, vary = (
+        reference_study(contact_stiffness=stiffness),
+        {"blade_modes": [2, 5, 10, 20, 30, 40]},
+    )
     return bd.accuracy_cost(study, PRELOAD, INTERVAL, vary=vary, tolerance=ALL, sources=())
 
 
 def damper_modes() -> AccuracyCost:
     vary = {"damper_modes": [0, 1, 2, 4, 6, 8, 10]}
-    return bd.accuracy_cost(reference_study(), PRELOAD, INTERVAL, vary=vary, tolerance=ALL, sources=())
+    return bd.accuracy_cost(
+        reference_study(), PRELOAD, INTERVAL, vary=vary, tolerance=ALL, sources=()
+    )
 
 
 def friction_laws() -> AccuracyCost:
@@ -124,12 +137,19 @@ def friction_laws() -> AccuracyCost:
     }
     study = reference_study(9)
     problems = [study.replace(**given).problem for given in laws.values()]
-    found = [evaluate_peak(problem, lambda p: whole_curve(p, PRELOAD_9, INTERVAL)) for problem in problems]
+    found = [
+        evaluate_peak(problem, lambda p: whole_curve(p, PRELOAD_9, INTERVAL))
+        for problem in problems
+    ]
     top, runs = found[-1], []
     for name, one in zip(laws, found):
-        error = max(abs(one.amplitude / top.amplitude - 1.0), abs(one.frequency / top.frequency - 1.0))
+        error = max(
+            abs(one.amplitude / top.amplitude - 1.0), abs(one.frequency / top.frequency - 1.0)
+        )
         part = "richest" if one is top else "friction_law"
-        runs.append(Run(part, (name,), one.amplitude, one.frequency, error, one.seconds, one.reason))
+        runs.append(
+            Run(part, (name,), one.amplitude, one.frequency, error, one.seconds, one.reason)
+        )
     return AccuracyCost("curve", PRELOAD_9, INTERVAL, ALL, ("friction_law",), tuple(runs[::-1]))
 
 
@@ -140,7 +160,9 @@ def bases() -> AccuracyCost:
 
 def combined() -> AccuracyCost:
     """What a user gets without any choice but the points, the preload and the tolerance."""
-    study = bd.Study(bd.reference_model("bladed_disk", 24), bd.Excitation("tip"), 5, friction_coefficient=0.3)
+    study = bd.Study(
+        bd.reference_model("bladed_disk", 24), bd.Excitation("tip"), 5, friction_coefficient=0.3
+    )
     return bd.accuracy_cost(study, 6700.0, tolerance=0.05, sources=())
 
 
@@ -161,10 +183,15 @@ def ways() -> str:
     def place(top: Peak) -> Answer:
         return top.amplitude, top.frequency
 
-    coarse, fine = (bd.ContinuationOptions(locate=False, **o) for o in ({"step": 0.1}, {"step": 0.02, "max_step": 0.05}))
+    coarse, fine = (
+        bd.ContinuationOptions(locate=False, **o)
+        for o in ({"step": 0.1}, {"step": 0.02, "max_step": 0.05})
+    )
     given: dict[str, Callable[[], Answer]] = {
         "search for the peak": lambda: place(highest_peak(study.problem, PRELOAD, INTERVAL)),
-        "tracking, maxima located": lambda: place(whole_curve(study.problem, PRELOAD, INTERVAL).peak),
+        "tracking, maxima located": lambda: place(
+            whole_curve(study.problem, PRELOAD, INTERVAL).peak
+        ),
         "tracking, steps of 0.1": tracked(coarse),
         "tracking, steps of 0.02": tracked(fine),
         **{
@@ -183,7 +210,9 @@ def ways() -> str:
     lines = ["| way | error of amplitude | error of frequency | time (ms) |", "|---|---|---|---|"]
     for name, (amplitude, frequency) in answers.items():
         middle = 1e3 * float(np.median(seconds[name]))
-        lines.append(f"| {name} | {amplitude / a - 1.0:+.1e} | {frequency / f - 1.0:+.1e} | {middle:.3g} |")
+        lines.append(
+            f"| {name} | {amplitude / a - 1.0:+.1e} | {frequency / f - 1.0:+.1e} | {middle:.3g} |"
+        )
     return "\n".join(lines)
 
 
@@ -199,7 +228,9 @@ def sweep_peak(problem: Problem, preload: float, interval: tuple[float, float], 
     for sweep in (omegas, omegas[::-1]):
         y = None
         for omega in sweep:
-            stuck = system.layout.pack(state.q[: system.n_mean], system.structure.linear.response(omega, springs))
+            stuck = system.layout.pack(
+                state.q[: system.n_mean], system.structure.linear.response(omega, springs)
+            )
             scale = np.ones(system.n_unknowns + 1)
             scale[: system.n_mean] = max(float(np.linalg.norm(state.q)), 1e-300)
             scale[system.n_mean : -1] = max(float(np.linalg.norm(stuck[system.n_mean :])), 1e-300)
@@ -221,11 +252,16 @@ def sweep_peak(problem: Problem, preload: float, interval: tuple[float, float], 
 
 def jacobians() -> str:
     """Newton with the analytic Jacobian and with one by finite differences, at one frequency."""
-    lines = ["| harmonics | unknowns | analytic (ms) | finite differences (ms) | ratio |", "|---|---|---|---|---|"]
+    lines = [
+        "| harmonics | unknowns | analytic (ms) | finite differences (ms) | ratio |",
+        "|---|---|---|---|---|",
+    ]
     for n in (1, 3, 5):
         study = reference_study(harmonics=n)
         system = study.problem.system(PRELOAD)
-        y, _ = find_start(study.problem, PRELOAD, 2.0 * np.pi * 352.0, bd.ContinuationOptions(), CostMeter())
+        y, _ = find_start(
+            study.problem, PRELOAD, 2.0 * np.pi * 352.0, bd.ContinuationOptions(), CostMeter()
+        )
         assert y is not None
         u, omega = y[:-1], float(y[-1])
         size = np.abs(u).max()
@@ -247,7 +283,9 @@ def jacobians() -> str:
     return "\n".join(lines)
 
 
-def _differences(system: object, u: np.ndarray, omega: float, r: np.ndarray, h: float) -> np.ndarray:
+def _differences(
+    system: object, u: np.ndarray, omega: float, r: np.ndarray, h: float
+) -> np.ndarray:
     J = np.empty((len(u), len(u)))
     moved = np.empty_like(r)
     for k in range(len(u)):
@@ -272,7 +310,13 @@ def time_integration() -> str:
             y, _ = find_start(rung.problem, PRELOAD_9, omega, bd.ContinuationOptions(), CostMeter())
             seconds.append(time.process_time() - begin)
         assert y is not None
-        balance.append((n, float(abs(rung.problem.system(PRELOAD_9).response(y[:-1])[1])), float(np.median(seconds))))
+        balance.append(
+            (
+                n,
+                float(abs(rung.problem.system(PRELOAD_9).response(y[:-1])[1])),
+                float(np.median(seconds)),
+            )
+        )
     limit = balance.pop()[1]
     resting, own = rung.problem.system(PRELOAD_9), y
     system = study.problem.system(PRELOAD_9)
@@ -300,8 +344,14 @@ def time_integration() -> str:
     finer = [abs(ring.integrate(motion, omega, k * steps, 20).harmonics[-1, 0, 1]) for k in (1, 2)]
     step_error = float(finer[0] / finer[1]) - 1.0
     lines = ["| harmonic balance | error of amplitude | time (ms) |", "|---|---|---|"]
-    lines += [f"| {_harmonics(n)} | {a / limit - 1.0:+.1e} | {1e3 * t:.3g} |" for n, a, t in balance]
-    lines += ["", "| periods | error of amplitude | time (s) | as good | times slower |", "|---|---|---|---|---|"]
+    lines += [
+        f"| {_harmonics(n)} | {a / limit - 1.0:+.1e} | {1e3 * t:.3g} |" for n, a, t in balance
+    ]
+    lines += [
+        "",
+        "| periods | error of amplitude | time (s) | as good | times slower |",
+        "|---|---|---|---|---|",
+    ]
     for k in (1, 3, 5, 7, 9, 11):
         a, spent = in_time[k]
         error = abs(a / settled - 1.0)
@@ -318,7 +368,8 @@ def time_integration() -> str:
         f"limits differ by {abs(settled / limit - 1.0):.1e}: points that never slip in the steady state keep the friction "
         f"force that the transient has left there. With the sliders of these points ({rests.sum()} of {rests.size} a "
         f"sector) as the integration has left them, harmonic balance gives {min(given) / limit - 1.0:+.1e} to "
-        f"{max(given) / limit - 1.0:+.1e}, depending on the sector whose sliders are taken.\n\n" + "\n".join(lines)
+        f"{max(given) / limit - 1.0:+.1e}, depending on the sector whose sliders are taken.\n\n"
+        + "\n".join(lines)
     )
 
 
@@ -334,7 +385,9 @@ def work() -> str:
                 begin = time.process_time()
                 curve = study.frequency_response(preload, INTERVAL)
                 seconds.append(time.process_time() - begin)
-            rows.append((points, preload, n, len(curve), curve.cost.work, float(np.median(seconds))))
+            rows.append(
+                (points, preload, n, len(curve), curve.cost.work, float(np.median(seconds)))
+            )
     unit = float(np.median([r[-1] / r[-2] for r in rows]))
     lines = [
         f"One million operations take {1e6 * unit:.3g} microseconds here (median); the ratio is measured over counted.",
@@ -342,7 +395,10 @@ def work() -> str:
         "| points | preload (N) | harmonics | points of the curve | work (million) | time (ms) | ratio |",
         "|---|---|---|---|---|---|---|",
     ]
-    lines += [f"| {p} | {f:g} | {n} | {m} | {w:.0f} | {1e3 * t:.3g} | {t / w / unit:.2f} |" for p, f, n, m, w, t in rows]
+    lines += [
+        f"| {p} | {f:g} | {n} | {m} | {w:.0f} | {1e3 * t:.3g} | {t / w / unit:.2f} |"
+        for p, f, n, m, w, t in rows
+    ]
     return "\n".join(lines)
 
 
@@ -390,7 +446,13 @@ def markdown(result: AccuracyCost) -> str:
         "|---" * (len(names) + 3) + "|",
     ]
     for r in sorted(result.runs, key=lambda r: r.seconds):
-        error = "richest" if r is result.richest else f"{r.difference:.1e}" if np.isfinite(r.difference) else "not known"
+        error = (
+            "richest"
+            if r is result.richest
+            else f"{r.difference:.1e}"
+            if np.isfinite(r.difference)
+            else "not known"
+        )
         ratio = r.seconds / result.richest.seconds
         lines.append(f"| {' | '.join(r.values)} | {error} | {1e3 * r.seconds:.3g} | {ratio:.2g} |")
     return "\n".join(lines)
@@ -398,7 +460,10 @@ def markdown(result: AccuracyCost) -> str:
 
 FIGURES = {
     "samples": ("Samples, with separation, preload 2 kN", "response at one frequency"),
-    "samples_without_separation": ("Samples, without separation, preload 2 kN", "response at one frequency"),
+    "samples_without_separation": (
+        "Samples, without separation, preload 2 kN",
+        "response at one frequency",
+    ),
     "samples_peak": ("Samples, preload 2 kN", "peak"),
     "harmonics": ("Harmonics, preload 5 kN", "peak"),
     "contact_points": ("Contact points, unit tractions, preload 4 kN", "peak"),
@@ -414,7 +479,9 @@ FIGURES = {
 def on_page(text: str, name: str) -> AccuracyCost:
     """A ladder as its table on the page says it, with the steps of its reference."""
     (table,) = re.findall(rf"<!-- {name} -->\n(.*?)<!-- end -->", text, re.S)
-    head, *rows = [line.strip("| ").split(" | ") for line in table.splitlines() if line.startswith("| ")]
+    head, *rows = [
+        line.strip("| ").split(" | ") for line in table.splitlines() if line.startswith("| ")
+    ]
     varied = tuple(column.replace(" ", "_") for column in head[:-3])
     (richest,) = (row for row in rows if row[-3] == "richest")
     runs = []
@@ -422,10 +489,22 @@ def on_page(text: str, name: str) -> AccuracyCost:
         poorer = [n for n, value, best in zip(varied, values, richest) if value != best]
         part = poorer[0] if len(poorer) == 1 else "combination"
         known = {"richest": 0.0, "not known": np.nan}
-        number, seconds = known[error] if error in known else float(error), float(milliseconds) / 1e3
-        runs.append(Run("richest" if error == "richest" else part, tuple(values), 1.0, 1.0, number, seconds))
-    runs.sort(key=lambda r: (r.part != "richest", [-int("0" + re.sub(r"\D", "", value)) for value in r.values]))
-    return AccuracyCost(name, PRELOAD, INTERVAL, 0.05 if name == "combined" else SHOWN, varied, tuple(runs))
+        number, seconds = (
+            known[error] if error in known else float(error),
+            float(milliseconds) / 1e3,
+        )
+        runs.append(
+            Run("richest" if error == "richest" else part, tuple(values), 1.0, 1.0, number, seconds)
+        )
+    runs.sort(
+        key=lambda r: (
+            r.part != "richest",
+            [-int("0" + re.sub(r"\D", "", value)) for value in r.values],
+        )
+    )
+    return AccuracyCost(
+        name, PRELOAD, INTERVAL, 0.05 if name == "combined" else SHOWN, varied, tuple(runs)
+    )
 
 
 def draw(name: str, given: AccuracyCost) -> None:
@@ -436,9 +515,15 @@ def draw(name: str, given: AccuracyCost) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("names", nargs="*", help=f"out of {', '.join([*LADDERS, *TABLES])}; all by default")
-    parser.add_argument("--write", action="store_true", help="write measured.md and its figures also for some names")
-    parser.add_argument("--draw", action="store_true", help="only draw the figures, from the tables of the page")
+    parser.add_argument(
+        "names", nargs="*", help=f"out of {', '.join([*LADDERS, *TABLES])}; all by default"
+    )
+    parser.add_argument(
+        "--write", action="store_true", help="write measured.md and its figures also for some names"
+    )
+    parser.add_argument(
+        "--draw", action="store_true", help="only draw the figures, from the tables of the page"
+    )
     given = parser.parse_args()
     if given.draw:
         for name in given.names or FIGURES:

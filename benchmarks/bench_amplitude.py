@@ -42,8 +42,16 @@ RESULTS = Path(__file__).parent / "results" / "amplitude.jsonl"
 SEED, SCENES = 20261125, 48
 BANDS = {"turbine_blade": (600.0, 720.0), "bladed_disk": (285.0, 380.0)}
 WHOLE: dict[str, dict[str, Any]] = {
-    "turbine_blade": {"blade_modes": 20, "damper_modes": 4, "contact_stiffness": bd.ResidualModes(24)},
-    "bladed_disk": {"blade_modes": 40, "damper_modes": 10, "contact_stiffness": bd.ResidualModes(24)},
+    "turbine_blade": {
+        "blade_modes": 20,
+        "damper_modes": 4,
+        "contact_stiffness": bd.ResidualModes(24),
+    },
+    "bladed_disk": {
+        "blade_modes": 40,
+        "damper_modes": 10,
+        "contact_stiffness": bd.ResidualModes(24),
+    },
 }
 PACE = 60.0  # periods in which a sweep covers the half width of the resonance
 WINDOW, HOLD, AWAY = 40, 160, 0.05
@@ -60,12 +68,19 @@ def random(number: int) -> tuple[str, int, float, float]:
     """Model, engine order, friction coefficient and preload over that of the least peak."""
     rng = np.random.default_rng([SEED, number])
     order, friction = int(rng.choice([5, 10])), round(float(rng.uniform(0.2, 0.6)), 2)
-    return ("bladed_disk" if number % 2 else "turbine_blade"), order, friction, float(0.8 * 5.0 ** rng.uniform())
+    return (
+        ("bladed_disk" if number % 2 else "turbine_blade"),
+        order,
+        friction,
+        float(0.8 * 5.0 ** rng.uniform()),
+    )
 
 
 def study(name: str, order: int, friction: float, **settings: Any) -> bd.Study:
     excitation = bd.Excitation("tip", "tangential", 1.0)
-    return bd.Study(bd.reference_model(name, 9), excitation, order, friction_coefficient=friction, **settings)
+    return bd.Study(
+        bd.reference_model(name, 9), excitation, order, friction_coefficient=friction, **settings
+    )
 
 
 def flanks(curve: bd.ResponseCurve) -> tuple[float, list[float]]:
@@ -90,14 +105,18 @@ def hold(ring: Ring, frequency: float, motion: Motion) -> tuple[float, float, fl
     before = np.inf
     for _ in range(4):
         transient.run(len(transient.harmonics) + HOLD)
-        windows = np.abs(transient.blades[-HOLD:]).reshape(-1, WINDOW, transient.ring.n).mean(axis=1)
+        windows = (
+            np.abs(transient.blades[-HOLD:]).reshape(-1, WINDOW, transient.ring.n).mean(axis=1)
+        )
         best = windows[:, windows[-1].argmax()]
         if np.ptp(best) <= AWAY * best[-1] or best[-1] < 0.7 * before:
             break
         before = best[0]
     steady = bool(np.ptp(best) <= AWAY * best[-1])
     if not steady and len(transient.harmonics) >= 4 * HOLD:  # a motion that beats
-        windows = np.abs(transient.blades[-2 * HOLD :]).reshape(-1, WINDOW, transient.ring.n).mean(axis=1)
+        windows = (
+            np.abs(transient.blades[-2 * HOLD :]).reshape(-1, WINDOW, transient.ring.n).mean(axis=1)
+        )
         best = windows[:, windows.mean(axis=0).argmax()]
     return float(best.mean()), float(best.min()), float(best.max()), transient.motion, steady
 
@@ -150,7 +169,10 @@ def reference(number: int, preload: float) -> dict[str, Any]:
     base, whole = study(name, order, friction), study(name, order, friction, **WHOLE[name])
     curve = base.frequency_response(preload, BANDS[name])
     if curve.peak_at_end:
-        return {"preload": preload, "no peak": f"highest at {curve.peak.frequency:.6g} Hz, the end of the band"}
+        return {
+            "preload": preload,
+            "no peak": f"highest at {curve.peak.frequency:.6g} Hz, the end of the band",
+        }
     width, sides = flanks(curve)
     ring, small = ring_of(whole.problem, preload), ring_of(base.problem, preload)
     tip = curve.peak.frequency
@@ -182,7 +204,11 @@ def reference(number: int, preload: float) -> dict[str, Any]:
                             places = more
             else:
                 last = tip + (tip - first)
-                last = float(np.clip(last, *BANDS[name])) if abs(tip - first) > 2.0 * width else 2.0 * tip - first
+                last = (
+                    float(np.clip(last, *BANDS[name]))
+                    if abs(tip - first) > 2.0 * width
+                    else 2.0 * tip - first
+                )
                 places, _ = swept(ring, first, last, width / PACE, balance(first))
                 sweeps.append(places)
             found = settled(ring, places)
@@ -191,7 +217,12 @@ def reference(number: int, preload: float) -> dict[str, Any]:
             found = {"um": np.nan, "failed": str(error)}
         starts[where] = found
     good = {w: s for w, s in starts.items() if np.isfinite(s["um"])}
-    out: dict[str, Any] = {"preload": preload, "tip": tip, "balance": 1e6 * curve.peak.amplitude, "width": width}
+    out: dict[str, Any] = {
+        "preload": preload,
+        "tip": tip,
+        "balance": 1e6 * curve.peak.amplitude,
+        "width": width,
+    }
     if good:
         where = max(good, key=lambda w: good[w]["um"])
         best = good[where]
@@ -215,7 +246,10 @@ def carried(source: Ring, motion: Motion, target: Ring) -> Motion:
         for d, (l, s, *_) in zip(target.families, target.blocks):
             if d not in where:
                 continue
-            old = {(c.body, c.index): i for i, c in enumerate(source.wide.structure.bases[source.families[d]].coordinates)}
+            old = {
+                (c.body, c.index): i
+                for i, c in enumerate(source.wide.structure.bases[source.families[d]].coordinates)
+            }
             for i, c in enumerate(target.wide.structure.bases[l].coordinates):
                 if (k := old.get((c.body, c.index))) is not None and c.body != RESIDUAL:
                     y[s.start + i] = z[where[d].start + k]
@@ -232,7 +266,11 @@ def answer(number: int, preload: float, start: int = 0) -> dict[str, Any]:
     if curve.peak_at_end:
         return {"status": "no peak"}
     seeded = Ring.seeded
-    with patch.object(Ring, "seeded", lambda ring, motion, share, seed: seeded(ring, motion, share, seed + 101 * start)):
+    with patch.object(
+        Ring,
+        "seeded",
+        lambda ring, motion, share, seed: seeded(ring, motion, share, seed + 101 * start),
+    ):
         t = base.time_response(curve)
     sizes = {"um": t.mean, "low": t.lowest, "high": t.highest, "highest period": t.highest_period}
     out: dict[str, Any] = {what: round(1e6 * value, 3) for what, value in sizes.items()}
@@ -248,7 +286,10 @@ def curves(number: int, preload: float) -> dict[str, Any]:
     for what, settings in CURVES.items():
         begin = time.process_time()
         curve = study(name, order, friction, **settings).frequency_response(preload, BANDS[name])
-        out[what] = {"um": 1e6 * curve.peak.amplitude, "seconds": round(time.process_time() - begin, 3)}
+        out[what] = {
+            "um": 1e6 * curve.peak.amplitude,
+            "seconds": round(time.process_time() - begin, 3),
+        }
     return out
 
 
@@ -257,15 +298,25 @@ def costs(known: Known, model: int) -> dict[str, tuple[Any, Any]]:
 
     Where the default answer carried a higher motion over to the whole structure than the reference found, this counts.
     """
-    out: dict[str, tuple[list[float], list[float]]] = {what: ([], []) for what in (*CURVES, *IN_TIME)}
+    out: dict[str, tuple[list[float], list[float]]] = {
+        what: ([], []) for what in (*CURVES, *IN_TIME)
+    }
     for n in range(model, SCENES, 2):
-        truth, said, cheap = (known.get(f"{n} {what}", {}) for what in ("reference", "answer", "curves"))
-        if not (cheap and "um" in said and truth.get("high", np.inf) <= (1.0 + SETTLED) * truth.get("low", 0.0)):
+        truth, said, cheap = (
+            known.get(f"{n} {what}", {}) for what in ("reference", "answer", "curves")
+        )
+        if not (
+            cheap
+            and "um" in said
+            and truth.get("high", np.inf) <= (1.0 + SETTLED) * truth.get("low", 0.0)
+        ):
             continue
         carried = said["answers"].get("all modes, 24 residual modes", 0.0)
         middle = 0.5 * (truth["low"] + truth["high"])
         middle = carried if carried > (1.0 + SETTLED) * middle else middle
-        ways = dict(cheap) | dict(zip(IN_TIME, (said, {"um": truth["high"], "seconds": truth["seconds"]})))
+        ways = dict(cheap) | dict(
+            zip(IN_TIME, (said, {"um": truth["high"], "seconds": truth["seconds"]}))
+        )
         for what, way in ways.items():
             out[what][0].append(100.0 * abs(way["um"] / middle - 1.0))
             out[what][1].append(way["seconds"])
@@ -280,14 +331,42 @@ def draw(known: Known) -> None:
         for model, (ax, title) in enumerate(zip(axes, ("typical turbine blade", "difficult disk"))):
             found = costs(known, model)
             x = np.array([np.median(seconds) for _, seconds in found.values()])
-            low, y, high = np.array([np.quantile(errors, (0.25, 0.5, 0.75)) for errors, _ in found.values()]).T
-            ax.errorbar(x, y, [y - low, high - y], fmt="o-", color="k", markersize=5.0, capsize=2.0, linewidth=1.0)
+            low, y, high = np.array(
+                [np.quantile(errors, (0.25, 0.5, 0.75)) for errors, _ in found.values()]
+            ).T
+            ax.errorbar(
+                x,
+                y,
+                [y - low, high - y],
+                fmt="o-",
+                color="k",
+                markersize=5.0,
+                capsize=2.0,
+                linewidth=1.0,
+            )
             for k, name in enumerate(names):
-                places = ((6, 6), "left", y), ((6, 6), "left", y), ((-6, -14), "right", low), ((0, -12), "center", low)
+                places = (
+                    ((6, 6), "left", y),
+                    ((6, 6), "left", y),
+                    ((-6, -14), "right", low),
+                    ((0, -12), "center", low),
+                )
                 offset, ha, height = places[k]
-                ax.annotate(name, (x[k], height[k]), xytext=offset, ha=ha, textcoords="offset points", fontsize=8.0)
+                ax.annotate(
+                    name,
+                    (x[k], height[k]),
+                    xytext=offset,
+                    ha=ha,
+                    textcoords="offset points",
+                    fontsize=8.0,
+                )
             scenes = len(found[names[0]][0])
-            ax.set(xscale="log", yscale="log", title=f"{title}, {scenes} scenes", xlabel="Processor time (s)")
+            ax.set(
+                xscale="log",
+                yscale="log",
+                title=f"{title}, {scenes} scenes",
+                xlabel="Processor time (s)",
+            )
             ax.xaxis.set_major_formatter("{x:g}")
             ax.set(xlim=(0.5 * x[0], 20.0 * x[-1]), ylim=(0.2, 200.0))
         axes[0].set_ylabel("Error of the amplitude (%)")
@@ -296,7 +375,9 @@ def draw(known: Known) -> None:
     for model in range(2):
         for what, (errors, seconds) in costs(known, model).items():
             low, middle, high = np.quantile(errors, (0.25, 0.5, 0.75))
-            print(f"| {what} | {np.median(seconds):.2g} s | {middle:.2g} ({low:.2g} to {high:.2g}) |")
+            print(
+                f"| {what} | {np.median(seconds):.2g} s | {middle:.2g} ({low:.2g} to {high:.2g}) |"
+            )
 
 
 def show(known: Known, kind: str) -> None:
@@ -311,7 +392,10 @@ def show(known: Known, kind: str) -> None:
             continue
         complete = said["status"].startswith("complete")
         inside = said["low"] <= truth["high"] and truth["low"] <= said["high"]
-        off, width = 100.0 * (said["um"] / truth["um"] - 1.0), 100.0 * (said["high"] / said["low"] - 1.0)
+        off, width = (
+            100.0 * (said["um"] / truth["um"] - 1.0),
+            100.0 * (said["high"] / said["low"] - 1.0),
+        )
         rows.append((complete, inside, off, width, said["seconds"]))
         print(
             f"{scene}  {truth['um']:6.1f} ({truth['low']:.1f} to {truth['high']:.1f})  {said['um']:6.1f} "
@@ -343,7 +427,11 @@ def preload_of(number: int, known: Known) -> float:
     name, order, friction, factor = random(number)
     key = f"{number} optimum"
     if key not in known:
-        known[key] = {"N": study(name, order, friction).optimal_curve(frequency=BANDS[name], check=False).optimum.preload}
+        known[key] = {
+            "N": study(name, order, friction)
+            .optimal_curve(frequency=BANDS[name], check=False)
+            .optimum.preload
+        }
         keep(key, known[key])
     return round(factor * known[key]["N"], 1)
 

@@ -46,12 +46,16 @@ DOWN = np.arange(322.0, 309.9, -1.0)
 
 
 def turbine(friction: float, order: int) -> bd.Study:
-    return bd.Study(bd.reference_model("turbine_blade"), BLADE, order, friction_coefficient=friction)
+    return bd.Study(
+        bd.reference_model("turbine_blade"), BLADE, order, friction_coefficient=friction
+    )
 
 
 def down() -> None:
     """The hard disk downward: all blades at each frequency, from one motion to the next."""
-    study = bd.Study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), 5, friction_coefficient=0.23)
+    study = bd.Study(
+        bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), 5, friction_coefficient=0.23
+    )
     curve = study.frequency_response(78.6, (285.0, 380.0))
     ring, begin = ring_of(study.problem, 78.6), time.process_time()
     start = ring.start(BalanceCurve(curve).solution(DOWN[0]), tau * DOWN[0], STEPS)
@@ -90,7 +94,9 @@ def said(balance: float, found: bd.TimeResponse | None) -> tuple[float, str]:
         return np.nan, "not found"
     ratio = found.mean / balance
     if "not settled" in found.status:
-        low, high = (a / balance for a in (min(found.answers.values()), max(found.answers.values())))
+        low, high = (
+            a / balance for a in (min(found.answers.values()), max(found.answers.values()))
+        )
         return ratio, f"{low:.2f} to\n{high:.2f}"
     return ratio, f"{ratio:.2f}" + ("\napart" if found.parted else "")
 
@@ -100,15 +106,42 @@ def over_friction_and_preload() -> None:
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(1, 2, figsize=(7.2, 3.2), sharey=True)
         for ax, order in zip(axes, (5, 10)):
-            print(f"| engine order {order} | " + " | ".join(f"{p:g} N" for p in PRELOADS) + " |\n" + "|---" * 5 + "|")
+            print(
+                f"| engine order {order} | "
+                + " | ".join(f"{p:g} N" for p in PRELOADS)
+                + " |\n"
+                + "|---" * 5
+                + "|"
+            )
             for i, friction in enumerate(FRICTION):
                 cells = [said(*highest(turbine(friction, order), p)) for p in PRELOADS]
-                print(f"| mu {friction:g} | " + " | ".join(text.replace("\n", " ") for _, text in cells) + " |", flush=True)
+                print(
+                    f"| mu {friction:g} | "
+                    + " | ".join(text.replace("\n", " ") for _, text in cells)
+                    + " |",
+                    flush=True,
+                )
                 for k, (ratio, text) in enumerate(cells):
-                    grey = 1.0 - 0.35 * float(np.clip(np.nan_to_num(ratio, nan=1.0) - 1.0, 0.0, 1.0))
-                    ax.add_patch(Rectangle((k - 0.5, i - 0.5), 1.0, 1.0, facecolor=str(grey), edgecolor="k", linewidth=0.5))
+                    grey = 1.0 - 0.35 * float(
+                        np.clip(np.nan_to_num(ratio, nan=1.0) - 1.0, 0.0, 1.0)
+                    )
+                    ax.add_patch(
+                        Rectangle(
+                            (k - 0.5, i - 0.5),
+                            1.0,
+                            1.0,
+                            facecolor=str(grey),
+                            edgecolor="k",
+                            linewidth=0.5,
+                        )
+                    )
                     ax.text(k, i, text, ha="center", va="center", fontsize=8.0)
-            ax.set(title=f"Engine order {order}", xlabel="Preload (N)", xlim=(-0.5, 3.5), ylim=(-0.5, 4.5))
+            ax.set(
+                title=f"Engine order {order}",
+                xlabel="Preload (N)",
+                xlim=(-0.5, 3.5),
+                ylim=(-0.5, 4.5),
+            )
             ax.set_xticks(range(len(PRELOADS)), [f"{p:g}" for p in PRELOADS])
             ax.set_yticks(range(len(FRICTION)), [f"{m:g}" for m in FRICTION])
         axes[0].set_ylabel("Friction coefficient")
@@ -121,7 +154,9 @@ def wheel() -> None:
     from tools.make_reference_model import NICKEL_ALLOY, TURBINE
 
     fe = SectorFE(TURBINE, MeshDensity.preset("reference"), NICKEL_ALLOY, keep_factors=False)
-    model = bladed_disk(9, fe=fe, n_modes=20, n_damper_modes=10, pictures=(5,), nodal_diameters=tuple(range(31)))
+    model = bladed_disk(
+        9, fe=fe, n_modes=20, n_damper_modes=10, pictures=(5,), nodal_diameters=tuple(range(31))
+    )
     for friction, preload in ((0.54, 43.7), (0.3, 103.6)):
         for blades in (12, 60):
             begin = time.process_time()
@@ -141,13 +176,26 @@ def main() -> None:
             work()
             return
     down()
-    for friction, order, preload, blades in ((0.496, 10, 38.5, 6), (0.496, 10, 38.5, 12), (0.54, 5, 43.7, 12)):
+    for friction, order, preload, blades in (
+        (0.496, 10, 38.5, 6),
+        (0.496, 10, 38.5, 12),
+        (0.54, 5, 43.7, 12),
+    ):
         study = turbine(friction, order)
-        found = study.time_response(study.frequency_response(preload, (600.0, 720.0)), blades=blades)
+        found = study.time_response(
+            study.frequency_response(preload, (600.0, 720.0)), blades=blades
+        )
         if (order, blades) == (10, 12):
             save_figure(found.plot(), IMAGE)
-        print(f"mu {friction:g}, engine order {order}, {preload:g} N, {blades} blades\n\n{found.summary()}\n")
-        print("blades, \u00b5m: " + ", ".join(f"{1e6 * a:.1f}" for a in found.blades.mean(axis=0)) + "\n", flush=True)
+        print(
+            f"mu {friction:g}, engine order {order}, {preload:g} N, {blades} blades\n\n{found.summary()}\n"
+        )
+        print(
+            "blades, \u00b5m: "
+            + ", ".join(f"{1e6 * a:.1f}" for a in found.blades.mean(axis=0))
+            + "\n",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

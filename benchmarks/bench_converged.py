@@ -17,7 +17,12 @@ from typing import Any
 
 import bdamper as bd
 
-CONVERGED = [(modes, harmonics, preload) for modes in (5, 10) for harmonics in (3, 5) for preload in (125.0, 500.0, 2000.0)]
+CONVERGED = [
+    (modes, harmonics, preload)
+    for modes in (5, 10)
+    for harmonics in (3, 5)
+    for preload in (125.0, 500.0, 2000.0)
+]
 PLAIN = [(10, harmonics, preload) for harmonics in (1, 3, 7) for preload in (200.0, 2000.0)]
 OPTIMAL = [(modes, 3, 0.0) for modes in (5, 10)]
 """Optimal curves of 20 preloads from 100 N to 25 kN, not verified."""
@@ -47,10 +52,16 @@ def run(kind: str, modes: int, harmonics: int, preload: float) -> dict[str, Any]
             fresh = study._with_problem(study.problem.replace())
             curve: Any = fresh.optimal_curve((100.0, 25e3), 20, frequency=(270.0, 380.0), **alone)
         else:
-            curve = study.frequency_response(preload, (300.0, 380.0) if kind == "converged" else (270.0, 370.0))
+            curve = study.frequency_response(
+                preload, (300.0, 380.0) if kind == "converged" else (270.0, 370.0)
+            )
         seconds.append(time.process_time() - started)
     cost = curve.cost
-    values = curve.amplitude[curve.requested].tolist() if kind == "optimal" else [float(curve.peak.amplitude)]
+    values = (
+        curve.amplitude[curve.requested].tolist()
+        if kind == "optimal"
+        else [float(curve.peak.amplitude)]
+    )
     return {
         "seconds": min(seconds),
         "counts": (cost.evaluations, cost.iterations, cost.factorisations, cost.failed_steps),
@@ -100,12 +111,16 @@ def table(kind: str, cases: list[tuple[int, int, float]], other: Checkout | None
             row += [f"{now['seconds'] / before['seconds']:.2f}", f"{moved:.0e}"]
         row += [f"{min(now['values']):.12g}", "" if now["status"] == "complete" else now["status"]]
         print("| " + " | ".join(str(item) for item in row) + " |", flush=True)
-    print(f"\nIn sum {sums[0]:.2f} s" + (f", ratio {sums[0] / sums[1]:.2f}" if other else "") + "\n")
+    print(
+        f"\nIn sum {sums[0]:.2f} s" + (f", ratio {sums[0] / sums[1]:.2f}" if other else "") + "\n"
+    )
 
 
 def main() -> None:
     """Print the tables."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.bench_converged", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.bench_converged", description=__doc__
+    )
     parser.add_argument("--against", type=Path, metavar="FOLDER")
     folder = parser.parse_known_args()[0].against
     other = Checkout(folder) if folder else None

@@ -65,7 +65,9 @@ class Case:
             u[modes * (2 * l - 1) : modes * (2 * l + 1)] /= l**2
         self.u = u * self._half_slip(u)
 
-    def system(self, contact_forces: int = 0, n_time: int = 0, law: int = SEPARABLE) -> _core.Sector:
+    def system(
+        self, contact_forces: int = 0, n_time: int = 0, law: int = SEPARABLE
+    ) -> _core.Sector:
         arrays = {**self.arrays, "law": np.full(self.points, law, np.intc)}
         return _core.Sector(**arrays, evaluation=contact_forces, n_time=n_time)
 
@@ -134,7 +136,11 @@ def speed() -> None:
     print("|---|---|---|---|---|---|---|---|---|---|---|")
     for harmonics in (1, 3, 7):
         case = Case(POINTS, MODES, harmonics)
-        floor, exact, sampled = case.floor(), case.seconds(case.system()), case.seconds(case.system(1, 128))
+        floor, exact, sampled = (
+            case.floor(),
+            case.seconds(case.system()),
+            case.seconds(case.system(1, 128)),
+        )
         coupled = case.seconds(case.system(1, 128, COUPLED))
         residual, oracle = case.seconds(case.system(), jacobian=False), case.oracle()
         print(
@@ -149,8 +155,16 @@ def accuracy_table() -> str:
     """Markdown table: relative error of sampled force and Jacobian against the exact evaluation, by law."""
     rng = np.random.default_rng(3)
     counts = (32, 64, 128, 256, 512, 1024, 4096)
-    cases = (("constant normal load", CONSTANT, 1), ("variable, no separation", SEPARABLE, 1), ("separation", SEPARABLE, 1))
-    lines = ["| samples | " + " | ".join(f"{name}: force | Jacobian" for name, _, _ in cases) + " | coupled: force |"]
+    cases = (
+        ("constant normal load", CONSTANT, 1),
+        ("variable, no separation", SEPARABLE, 1),
+        ("separation", SEPARABLE, 1),
+    )
+    lines = [
+        "| samples | "
+        + " | ".join(f"{name}: force | Jacobian" for name, _, _ in cases)
+        + " | coupled: force |"
+    ]
     lines.append("|---" * (2 + 2 * len(cases)) + "|")
     errors = np.zeros((len(counts), 2 * len(cases) + 1))
     for column, (name, law, _) in enumerate(cases):
@@ -159,7 +173,9 @@ def accuracy_table() -> str:
             for row, n_time in enumerate(counts):
                 sampled = _evaluate(*state, law, 1, n_time)
                 for k in range(2):
-                    errors[row, 2 * column + k] += np.abs(sampled[k] - exact[k]).max() / np.abs(exact[k]).max() / 100
+                    errors[row, 2 * column + k] += (
+                        np.abs(sampled[k] - exact[k]).max() / np.abs(exact[k]).max() / 100
+                    )
     for state in _states(rng, separation=True):
         reference = _evaluate(*state, COUPLED, 1, 8192)[0]
         for row, n_time in enumerate(counts):
@@ -178,13 +194,23 @@ def _states(rng: np.random.Generator, separation: bool) -> list[tuple]:
         x = rng.normal(size=(3, 7)) / np.array([1, 1, 1, 2, 2, 3, 3])
         x[:, 0] *= 0.3
         swing = float(np.hypot(x[2, 1::2], x[2, 2::2]).sum())
-        out.append((x, -x[2, 0] + swing * (rng.uniform(-0.3, 0.5) if separation else rng.uniform(1.05, 1.5))))
+        out.append(
+            (
+                x,
+                -x[2, 0]
+                + swing * (rng.uniform(-0.3, 0.5) if separation else rng.uniform(1.05, 1.5)),
+            )
+        )
     return out
 
 
-def _evaluate(x: NDArray, n0: float, law: int, contact_forces: int, n_time: int) -> tuple[NDArray, NDArray]:
+def _evaluate(
+    x: NDArray, n0: float, law: int, contact_forces: int, n_time: int
+) -> tuple[NDArray, NDArray]:
     F, J = np.empty_like(x), np.empty(x.shape + x.shape)
-    _core.evaluate_contact(x, np.ones(2), 1.0, 0.4, n0, np.zeros(2), F, J, law, contact_forces, n_time, abs(n0))
+    _core.evaluate_contact(
+        x, np.ones(2), 1.0, 0.4, n0, np.zeros(2), F, J, law, contact_forces, n_time, abs(n0)
+    )
     return F, J
 
 
@@ -203,8 +229,14 @@ def scaling() -> None:
     for i, p in enumerate(points):
         print(f"| {p} | " + " | ".join(f"{1e3 * t[i]:.3f}" for t in over_points.values()) + " |")
     for h, t in over_points.items():
-        print(f"\nexponent over contact points at H = {h}: {np.polyfit(np.log(points), np.log(t), 1)[0]:.2f}")
-    print("\n| harmonics | " + " | ".join(f"{name}, ms" for name in over_harmonics) + " |\n|---|---|---|")
+        print(
+            f"\nexponent over contact points at H = {h}: {np.polyfit(np.log(points), np.log(t), 1)[0]:.2f}"
+        )
+    print(
+        "\n| harmonics | "
+        + " | ".join(f"{name}, ms" for name in over_harmonics)
+        + " |\n|---|---|---|"
+    )
     for i, h in enumerate(harmonics):
         print(f"| {h} | " + " | ".join(f"{1e3 * t[i]:.3f}" for t in over_harmonics.values()) + " |")
     for name, t in over_harmonics.items():
@@ -223,12 +255,19 @@ def _draw(points: tuple, over_points: dict, harmonics: tuple, over_harmonics: di
     figure, (left, right) = plt.subplots(1, 2, figsize=(8.0, 3.4), constrained_layout=True)
     for h, t in over_points.items():
         left.loglog(points, 1e3 * np.array(t), "o-", label=f"H = {h}")
-    left.loglog(points, 1e3 * over_points[1][0] * np.array(points) / points[0], "k:", label="linear")
+    left.loglog(
+        points, 1e3 * over_points[1][0] * np.array(points) / points[0], "k:", label="linear"
+    )
     left.set(xlabel="contact points", ylabel="residual and Jacobian, ms")
     size = 2 * np.array(harmonics) + 1
     for name, t in over_harmonics.items():
         right.loglog(size, 1e3 * np.array(t), "o-", label=name)
-    right.loglog(size, 1e3 * over_harmonics["event_driven"][0] * (size / size[0]) ** 2, "k:", label="quadratic")
+    right.loglog(
+        size,
+        1e3 * over_harmonics["event_driven"][0] * (size / size[0]) ** 2,
+        "k:",
+        label="quadratic",
+    )
     right.set(xlabel="coefficients 2H + 1", ylabel="residual and Jacobian, ms")
     for ax in (left, right):
         ax.legend(frameon=False)
@@ -242,7 +281,9 @@ def _draw(points: tuple, over_points: dict, harmonics: tuple, over_harmonics: di
 def main() -> None:
     """Print all tables and draw the figure."""
     speed()
-    print("## AFT against exact evaluation, mean relative error over 100 states with three harmonics\n")
+    print(
+        "## AFT against exact evaluation, mean relative error over 100 states with three harmonics\n"
+    )
     print(accuracy_table() + "\n")
     scaling()
 

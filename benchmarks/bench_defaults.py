@@ -36,7 +36,9 @@ class Row:
     harmonics: int = 3
 
     def __str__(self) -> str:
-        contact = f"residual modes, {self.contact}" if isinstance(self.contact, int) else self.contact
+        contact = (
+            f"residual modes, {self.contact}" if isinstance(self.contact, int) else self.contact
+        )
         return f"{contact} | {self.blade_modes} | {self.points} | {self.harmonics}"
 
 
@@ -44,7 +46,12 @@ RICHEST = (Row(12, 40, 24), Row(12, 10, 48))
 ROWS = (
     Row("unit_traction", 10, 24, 1),
     Row("unit_traction", 10, 24),
-    *(Row(patterns, modes, points) for points in (9, 24) for patterns in (6, 12, 24) for modes in (3, 5, 10, 20)),
+    *(
+        Row(patterns, modes, points)
+        for points in (9, 24)
+        for patterns in (6, 12, 24)
+        for modes in (3, 5, 10, 20)
+    ),
 )
 DEFAULT, NINE = Row(6, 10, 9), Row(6, 10, 9, 9)
 WITHIN = 0.1
@@ -82,7 +89,11 @@ def run(row: Row, mode: int, preload: float, time_response: dict[str, list]) -> 
 def table(rows: list[Row], richest: list[Row], time_response: dict[str, list]) -> str:
     """Largest error against any of the richest, and processor time of the four curves, by mode."""
     head = "contact stiffness | blade modes | points | harmonics"
-    lines = [f"| {head} | " + " | ".join(f"mode {m}, {p:g} N" for m in SCENES for p in PRELOADS) + " | time |"]
+    lines = [
+        f"| {head} | "
+        + " | ".join(f"mode {m}, {p:g} N" for m in SCENES for p in PRELOADS)
+        + " | time |"
+    ]
     lines.append("|" + "---|" * (5 + len(SCENES) * len(PRELOADS)))
     for row in rows:
         cells, seconds = [], 0.0
@@ -99,14 +110,21 @@ def table(rows: list[Row], richest: list[Row], time_response: dict[str, list]) -
 
 def range_at(own: bd.Study, preload: float, mode: int) -> tuple[float, float]:
     """Least and largest amplitude (m) of the peak at a preload with up to nine harmonics."""
-    found = [p.amplitude for p in own.harmonic_convergence(own.peak(preload, mode=mode), harmonics=(5, 7, 9)).peaks]
+    found = [
+        p.amplitude
+        for p in own.harmonic_convergence(own.peak(preload, mode=mode), harmonics=(5, 7, 9)).peaks
+    ]
     return min(found), max(found)
 
 
 def first_answer(time_response: dict[str, list]) -> bool:
     """Compare the default optimal curve with the richest studies, and print a table; whether every answer holds."""
     holds = True
-    print("| mode | preload | first answer | its range | " + " | ".join(f"({r})" for r in (*RICHEST, NINE)) + " | holds |")
+    print(
+        "| mode | preload | first answer | its range | "
+        + " | ".join(f"({r})" for r in (*RICHEST, NINE))
+        + " | holds |"
+    )
     print("|" + "---|" * (5 + len(RICHEST) + 1))
     for mode in SCENES:
         curve = study(DEFAULT, mode).optimal_curve((50.0, 5000.0), 30, mode=mode, check=False)
@@ -114,18 +132,30 @@ def first_answer(time_response: dict[str, list]) -> bool:
         for preload in (optimum, *PRELOADS[1:]):
             for row in (DEFAULT, *RICHEST, NINE):
                 run(row, mode, preload, time_response)
-            own, *others = (time_response[f"{r} | {mode} | {preload:g}"] for r in (DEFAULT, *RICHEST, NINE))
+            own, *others = (
+                time_response[f"{r} | {mode} | {preload:g}"] for r in (DEFAULT, *RICHEST, NINE)
+            )
             low, high = range_at(study(DEFAULT, mode), preload, mode)
             off = [o[0] / own[0] - 1.0 for o in others]
             fine = all(
-                o[2] != "complete" or abs(d) <= WITHIN or (1.0 - WITHIN) * low <= o[0] <= (1.0 + WITHIN) * high
+                o[2] != "complete"
+                or abs(d) <= WITHIN
+                or (1.0 - WITHIN) * low <= o[0] <= (1.0 + WITHIN) * high
                 for o, d in zip(others, off)
             )
             holds &= fine
-            cells = " | ".join(f"{100.0 * d:+.0f} %" + ("" if o[2] == "complete" else "?") for o, d in zip(others, off))
-            name = f"{preload:g} N" + (f", optimum, {curve.optimum.status}" if preload == optimum else "")
+            cells = " | ".join(
+                f"{100.0 * d:+.0f} %" + ("" if o[2] == "complete" else "?")
+                for o, d in zip(others, off)
+            )
+            name = f"{preload:g} N" + (
+                f", optimum, {curve.optimum.status}" if preload == optimum else ""
+            )
             scope, word = f"{1e6 * low:.1f} to {1e6 * high:.1f} um", "yes" if fine else "NO"
-            print(f"| {mode} | {name} | {1e6 * own[0]:.1f} um | {scope} | {cells} | {word} |", flush=True)
+            print(
+                f"| {mode} | {name} | {1e6 * own[0]:.1f} um | {scope} | {cells} | {word} |",
+                flush=True,
+            )
     return holds
 
 
@@ -143,17 +173,23 @@ def on_the_ground() -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--first", action="store_true", help="only the first answer beside the richest studies")
+    parser.add_argument(
+        "--first", action="store_true", help="only the first answer beside the richest studies"
+    )
     rows, richest = list(ROWS), list(RICHEST)
     kept = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
     if parser.parse_known_args()[0].first:
         on_the_ground()
-        raise SystemExit(0 if first_answer(kept) else "an answer is off by more than its range says")
+        raise SystemExit(
+            0 if first_answer(kept) else "an answer is off by more than its range says"
+        )
     for row in [*rows, *richest]:
         for mode in SCENES:
             for preload in PRELOADS:
                 run(row, mode, preload, kept)
-    print("largest error of the highest peak in %, against " + " and ".join(f"({r})" for r in richest))
+    print(
+        "largest error of the highest peak in %, against " + " and ".join(f"({r})" for r in richest)
+    )
     print(table([*rows, *richest], richest, kept))
 
 

@@ -29,7 +29,11 @@ OFF = {
     "bias": {"bias": False},
     "separation": {"separation": False},
     "variable normal load": {"variable_normal_load": False},
-    "the same, and even harmonics, bias": {"variable_normal_load": False, "harmonics": (1, 3, 5), "bias": False},
+    "the same, and even harmonics, bias": {
+        "variable_normal_load": False,
+        "harmonics": (1, 3, 5),
+        "bias": False,
+    },
     "rotation X": {"rigid_modes": ("TX", "TY", "TZ", "RY", "RZ")},
     "rotation Y": {"rigid_modes": ("TX", "TY", "TZ", "RX", "RZ")},
     "rotation Z": {"rigid_modes": ("TX", "TY", "TZ", "RX", "RY")},
@@ -84,7 +88,9 @@ def scenes(n: int) -> Iterator[Scene]:
         if ground:
             z = models[name].interfaces["platform"].points[:, 2]
             share = 1.0 + 1.1 * z / np.abs(z).max()
-            study = study.replace(constant_loads={"platform": load * share / share[share > 0.0].sum()})
+            study = study.replace(
+                constant_loads={"platform": load * share / share[share > 0.0].sum()}
+            )
         interval = (560.0, 760.0) if direction == "axial" else (250.0, 400.0)
         text = f"{i}: {name}, {level}, {load:.0f} N, engine order {order}, {direction}, mu {friction:.2f}"
         yield Scene(text, study, 0.0 if ground else load, interval, tolerance)
@@ -108,7 +114,10 @@ def agreement(n: int) -> None:
         begin = time.process_time()
         try:
             advice = scene.study.effect_significance(
-                scene.preload, scene.interval, against=bd.Effects.of(scene.study), tolerance=scene.tolerance
+                scene.preload,
+                scene.interval,
+                against=bd.Effects.of(scene.study),
+                tolerance=scene.tolerance,
             )
         except bd.BdamperError as error:
             print(f"{scene.name}: no peak ({error})")
@@ -116,11 +125,17 @@ def agreement(n: int) -> None:
         seconds = time.process_time() - begin
         sets = {"all": advice.reference, "called for": advice.significant}
         both = {name: scene.study.replace(**effects) for name, effects in sets.items()}
-        check = bd.compare(both, partial(bd.Study.frequency_response, preload=scene.preload, frequency=scene.interval))
+        check = bd.compare(
+            both,
+            partial(bd.Study.frequency_response, preload=scene.preload, frequency=scene.interval),
+        )
         within.append(right(scene, check))
         whole, lean = (curve.cost for curve in check.curves)
         costs.append(seconds / whole.seconds)
-        work, speedup = whole.evaluations / (lean.evaluations * advice.work), whole.seconds / lean.seconds
+        work, speedup = (
+            whole.evaluations / (lean.evaluations * advice.work),
+            whole.seconds / lean.seconds,
+        )
         if advice.missing_ranges:
             gains.append((speedup, work))
         amplitude, frequency = changes(check)
@@ -142,15 +157,25 @@ def agreement(n: int) -> None:
 def table() -> None:
     """Print a table for each mode and preload."""
     model = bd.reference_model("bladed_disk", 24)
-    print("## Effects: the reference bladed disk, 24 points a face, engine order 5, one effect off at a time\n")
+    print(
+        "## Effects: the reference bladed disk, 24 points a face, engine order 5, one effect off at a time\n"
+    )
     for name, excitation, interval, preloads in SCENES:
         for preload in preloads:
             print(f"### {name}, {preload:g} N\n")
-            print("| off | unknowns | contact elements | evaluations | time | peak amplitude | peak frequency |")
+            print(
+                "| off | unknowns | contact elements | evaluations | time | peak amplitude | peak frequency |"
+            )
             print("|---|---|---|---|---|---|---|")
             whole = None
             for off, effects in OFF.items():
-                study = bd.Study(model, excitation, 5, friction_coefficient=0.4, contact_stiffness="unit_traction")
+                study = bd.Study(
+                    model,
+                    excitation,
+                    5,
+                    friction_coefficient=0.4,
+                    contact_stiffness="unit_traction",
+                )
                 study = study.replace(**EVERYTHING | effects)
                 system = study.problem.system(preload)
                 begin = time.process_time()
@@ -166,7 +191,9 @@ def table() -> None:
                         f"{100 * (peak.frequency / whole[2] - 1):+.2f} %"
                     )
                 note = "" if curve.complete else f" ({curve.status})"
-                print(f"| {off}{note} | {system.n_unknowns} | {system.n_points} | {curve.cost.evaluations} | {result} |")
+                print(
+                    f"| {off}{note} | {system.n_unknowns} | {system.n_points} | {curve.cost.evaluations} | {result} |"
+                )
             print()
 
 
@@ -180,5 +207,7 @@ def main(n: int = 0) -> None:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--scenes", type=int, default=0, help="how many random scenes the advice is checked on")
+    parser.add_argument(
+        "--scenes", type=int, default=0, help="how many random scenes the advice is checked on"
+    )
     main(parser.parse_args().scenes)

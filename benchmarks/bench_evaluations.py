@@ -14,9 +14,24 @@ import bdamper as bd
 from bdamper.response.continuation import Follower
 from bdamper.response.events import Events
 
-CASES = [(10, 3, 125.0), (10, 3, 500.0), (10, 3, 2000.0), (10, 9, 500.0), (5, 3, 500.0), (20, 3, 500.0), (40, 3, 500.0)]
+CASES = [
+    (10, 3, 125.0),
+    (10, 3, 500.0),
+    (10, 3, 2000.0),
+    (10, 9, 500.0),
+    (5, 3, 500.0),
+    (20, 3, 500.0),
+    (40, 3, 500.0),
+]
 """Blade modes, harmonics and preload (N)."""
-PURPOSES = ("accepted steps", "refused steps", "corners found", "corners not found", "events", "ends")
+PURPOSES = (
+    "accepted steps",
+    "refused steps",
+    "corners found",
+    "corners not found",
+    "events",
+    "ends",
+)
 
 
 class Tally:
@@ -36,7 +51,9 @@ class Tally:
         ]
         self._kept = [getattr(owner, name) for owner, name, _ in self._methods]
 
-    def _counted(self, method: Callable[..., Any], purpose: Callable[[Any], str]) -> Callable[..., Any]:
+    def _counted(
+        self, method: Callable[..., Any], purpose: Callable[[Any], str]
+    ) -> Callable[..., Any]:
         def call(owner: Any, *args: Any, **options: Any) -> Any:
             before = owner.system.core.cost.evaluations
             self._inner.append(0)
@@ -64,7 +81,15 @@ class Tally:
 
 def main() -> None:
     """Print the table: of each purpose the number of calls and of evaluations."""
-    sizes = ("blade modes", "harmonics", "preload (N)", "points", "evaluations", "per point", "arcs")
+    sizes = (
+        "blade modes",
+        "harmonics",
+        "preload (N)",
+        "points",
+        "evaluations",
+        "per point",
+        "arcs",
+    )
     names = (*sizes, *PURPOSES, "start, rest")
     print("| " + " | ".join(names) + " |\n" + "|---" * len(names) + "|")
     model = bd.reference_model("bladed_disk", 24)
@@ -75,7 +100,17 @@ def main() -> None:
         n, points = curve.cost.evaluations, len(curve)
         shares = [f"{tally.calls[purpose]}: {tally.counts[purpose]}" for purpose in PURPOSES]
         rest = n - sum(tally.counts.values())
-        row = [modes, harmonics, f"{preload:g}", points, n, f"{n / points:.1f}", tally.arcs + 1, *shares, rest]
+        row = [
+            modes,
+            harmonics,
+            f"{preload:g}",
+            points,
+            n,
+            f"{n / points:.1f}",
+            tally.arcs + 1,
+            *shares,
+            rest,
+        ]
         print("| " + " | ".join(map(str, row)) + " |", flush=True)
 
 

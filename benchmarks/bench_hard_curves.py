@@ -45,7 +45,10 @@ def draw(curve: ResponseCurve, path: Path) -> None:
     figure, (whole, part) = plt.subplots(1, 2, figsize=(9.0, 3.6), layout="constrained")
     curve.plot(ax=whole)
     if curve.missing_ranges:
-        low, high = min(left.low for left in curve.missing_ranges), max(left.high for left in curve.missing_ranges)
+        low, high = (
+            min(left.low for left in curve.missing_ranges),
+            max(left.high for left in curve.missing_ranges),
+        )
         margin = 0.05 * (high - low)
         there = (curve.frequency > low - margin) & (curve.frequency < high + margin)
         curve.plot(ax=part)
@@ -65,7 +68,10 @@ def run(cell: Cell, figures: Path | None = None) -> tuple[Cell, bool, str]:
     curve = study(points, harmonics, rotation).frequency_response(preload, (250.0, 400.0))
     seconds = time.perf_counter() - started
     if figures is not None and len(curve):
-        draw(curve, figures / f"{points}-points-{harmonics}-harmonics-rotation-{rotation}-{preload:g}N.png")
+        draw(
+            curve,
+            figures / f"{points}-points-{harmonics}-harmonics-rotation-{rotation}-{preload:g}N.png",
+        )
     row = (
         f"| {points} | {harmonics} | {rotation} | {preload:g} N | {curve.status} | {len(curve)} | {len(curve.folds)} | "
         f"{seconds:.2f} | {curve.reason} |"
@@ -85,8 +91,12 @@ def main(arguments: list[str] | None = None) -> None:
     asked = parser.parse_args(arguments or [])
     if asked.figures is not None:
         asked.figures.mkdir(parents=True, exist_ok=True)
-    cells: list[Cell] = list(itertools.product(asked.points, asked.harmonics, asked.rotation, asked.preload))
-    print("| contact points on a face | harmonics | rotation | preload | status | points | folds | seconds | reason |")
+    cells: list[Cell] = list(
+        itertools.product(asked.points, asked.harmonics, asked.rotation, asked.preload)
+    )
+    print(
+        "| contact points on a face | harmonics | rotation | preload | status | points | folds | seconds | reason |"
+    )
     print("|---|---|---|---|---|---|---|---|---|")
     complete = 0
     with ProcessPoolExecutor(asked.jobs) as pool:

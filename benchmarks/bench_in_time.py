@@ -64,7 +64,12 @@ def long_integration(made: bd.Study, curve: bd.ResponseCurve, i: int) -> tuple[b
     """Whether the motion stays, its mean amplitude over that of the point, and the integrated periods."""
     omega, u = 2.0 * np.pi * float(curve.frequency[i]), curve.unknowns[i]
     ring = ring_of(made.problem, curve.preload)
-    transient = Transient(ring, omega, ring.seeded(ring.start(u, omega, 2 * STEPS), CRITERIA.seed, SEED + i), 2 * STEPS)
+    transient = Transient(
+        ring,
+        omega,
+        ring.seeded(ring.start(u, omega, 2 * STEPS), CRITERIA.seed, SEED + i),
+        2 * STEPS,
+    )
     ratios: list[float] = []
     while len(ratios) < MOST:
         transient.run(len(transient.harmonics) + WINDOW)
@@ -78,7 +83,9 @@ def long_integration(made: bd.Study, curve: bd.ResponseCurve, i: int) -> tuple[b
 
 def main() -> None:
     studies = {h: study(h) for h in (1, 3)}
-    curves = {(p, h): studies[h].frequency_response(p, band) for p, band in BANDS.items() for h in studies}
+    curves = {
+        (p, h): studies[h].frequency_response(p, band) for p, band in BANDS.items() for h in studies
+    }
     places = random(curves)
     table, seconds = [], {}
     for (preload, h), curve in curves.items():
@@ -103,13 +110,21 @@ def main() -> None:
             row |= {"verdict seconds": round(time.process_time() - watch, 2)}
             table.append(row)
             print(row, flush=True)
-        STORED.write_text(json.dumps({"seed": SEED, "seconds of labels": seconds, "points": table}, indent=1) + "\n")
+        STORED.write_text(
+            json.dumps({"seed": SEED, "seconds of labels": seconds, "points": table}, indent=1)
+            + "\n"
+        )
     decided = [row for row in table if row["label"] in ("stable", "unstable")]
     agree = sum((row["label"] == "stable") == (row["long"] == "stays") for row in decided)
     left = len(table) - len(decided)
-    same = sum(row["verdict"] == ("agrees" if row["long"] == "stays" else "does not agree") for row in table)
+    same = sum(
+        row["verdict"] == ("agrees" if row["long"] == "stays" else "does not agree")
+        for row in table
+    )
     print(f"the verdict is that of the long integration at {same} of {len(table)} points")
-    print(f"{len(table)} points, {left} undecided, {agree} of {len(decided)} labels agree with the long integration")
+    print(
+        f"{len(table)} points, {left} undecided, {agree} of {len(decided)} labels agree with the long integration"
+    )
 
 
 if __name__ == "__main__":

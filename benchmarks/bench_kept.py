@@ -26,11 +26,21 @@ def on_the_ground(modes: int) -> dict[str, Any]:
     share = 1.0 + 1.1 * z / np.abs(z).max()
     loads = {"platform": 800.0 * share / share[share > 0.0].sum()}
     tip, plain = bd.Excitation("tip", direction="tangential"), bd.ResidualModes(inertia=modes == 10)
-    free = bd.Study(model, tip, friction_coefficient=0.4, blade_modes=modes, contact_stiffness=plain)
+    free = bd.Study(
+        model, tip, friction_coefficient=0.4, blade_modes=modes, contact_stiffness=plain
+    )
     held = free.replace(constant_loads=loads)
-    curves = {n: held.replace(harmonics=n).frequency_response(0.0, (260.0, 400.0)) for n in (3, 5, 7, 9, 13)}
+    curves = {
+        n: held.replace(harmonics=n).frequency_response(0.0, (260.0, 400.0))
+        for n in (3, 5, 7, 9, 13)
+    }
     found = held.time_response(curves[3])
-    sizes = {"mean": found.mean, "lowest": found.lowest, "highest": found.highest, "balance": found.balance}
+    sizes = {
+        "mean": found.mean,
+        "lowest": found.lowest,
+        "highest": found.highest,
+        "balance": found.balance,
+    }
     return {
         **{name: 1e6 * size for name, size in sizes.items()}, "frequency": found.frequency, "fall": found.fall,
         "structure": found.structure, "periods": found.periods, "status": found.status, "processor": found.cost.processor,
@@ -44,9 +54,16 @@ def main() -> None:
     for modes in MODES:
         if str(modes) not in known:
             begin = time.process_time()
-            known[str(modes)] = {**on_the_ground(modes), "seconds": round(time.process_time() - begin, 1)}
+            known[str(modes)] = {
+                **on_the_ground(modes),
+                "seconds": round(time.process_time() - begin, 1),
+            }
             RESULTS.write_text(json.dumps(known, indent=1) + "\n")
-    print("\n| blade modes | 3 harmonics (mm) | 5 | 7 | 9 | 13 | in time | jumps at |\n" + "|---" * 8 + "|")
+    print(
+        "\n| blade modes | 3 harmonics (mm) | 5 | 7 | 9 | 13 | in time | jumps at |\n"
+        + "|---" * 8
+        + "|"
+    )
     for modes in MODES:
         r = known[str(modes)]
         peaks = " | ".join(f"{peak / 1e3:.2f}" for peak in r["peaks"].values())

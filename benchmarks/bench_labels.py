@@ -37,7 +37,10 @@ def random(number: int) -> tuple[bd.Study, str, float, np.random.Generator]:
     rng = np.random.default_rng([SEED, number])
     name = "bladed_disk" if number % 2 else "turbine_blade"
     order = 5 if number % 2 else int(rng.choice([5, 10]))
-    friction, preload = float(rng.uniform(0.2, 0.6)), float(np.exp(rng.uniform(np.log(20.0), np.log(400.0))))
+    friction, preload = (
+        float(rng.uniform(0.2, 0.6)),
+        float(np.exp(rng.uniform(np.log(20.0), np.log(400.0)))),
+    )
     excitation = bd.Excitation("tip") if number % 2 else bd.Excitation("tip", "tangential", 1.0)
     given = PLAIN | {"harmonics": 3, "friction_coefficient": friction}
     made = bd.Study(bd.reference_model(name, 9), excitation, order, **given)
@@ -50,8 +53,14 @@ def truth(ring: Ring, u: np.ndarray, omega: float, expected: float) -> tuple[flo
     try:
         for periods in (120, 200):
             transient.run(periods)
-            before, last = (np.abs(x).mean(axis=0) / expected for x in (transient.blades[-80:-40], transient.blades[-40:]))
-            if np.abs(last - before).max() < 0.01 and outside(transient, CRITERIA.window)[0] < CRITERIA.rise:
+            before, last = (
+                np.abs(x).mean(axis=0) / expected
+                for x in (transient.blades[-80:-40], transient.blades[-40:])
+            )
+            if (
+                np.abs(last - before).max() < 0.01
+                and outside(transient, CRITERIA.window)[0] < CRITERIA.rise
+            ):
                 break
     except IntegrationFailed:
         return np.nan, np.nan, 0
@@ -62,10 +71,15 @@ def main(first: int = 0, last: int = 20) -> None:
     right, of = {0.05: 0, 0.1: 0}, 0
     for number in range(first, last):
         made, name, preload, rng = random(number)
-        curve, ring = made.frequency_response(preload, BANDS[name], stability=True), ring_of(made.problem, preload)
+        curve, ring = (
+            made.frequency_response(preload, BANDS[name], stability=True),
+            ring_of(made.problem, preload),
+        )
         near_peak = np.flatnonzero(curve.amplitude > 0.5 * curve.amplitude.max())
         for i in np.sort(rng.choice(near_peak, POINTS, replace=False)):
-            low, high, periods = truth(ring, curve.unknowns[i], tau * curve.frequency[i], float(curve.amplitude[i]))
+            low, high, periods = truth(
+                ring, curve.unknowns[i], tau * curve.frequency[i], float(curve.amplitude[i])
+            )
             print(
                 f"{number} {name} {curve.frequency[i]:.2f} Hz {curve.labels[i]}, blades {low:.3f} to {high:.3f} of the "
                 f"point after {periods} periods",
@@ -84,18 +98,31 @@ def coupled(scenes: int = 20) -> None:
     for scene in range(scenes):
         preload, friction = 10.0 ** rng.uniform(0.7, 2.7), rng.uniform(0.15, 0.6)
         force, stiffness = 10.0 ** rng.uniform(1.0, 2.3), 10.0 ** rng.uniform(5.5, 6.8)
-        law = {"harmonics": int(rng.choice([1, 3, 5])), "variable_normal_load": bool(rng.random() < 0.75)}
+        law = {
+            "harmonics": int(rng.choice([1, 3, 5])),
+            "variable_normal_load": bool(rng.random() < 0.75),
+        }
         places = rng.random(3)
-        contact = {"contact_stiffness": stiffness, "friction_coefficient": friction, "friction_law": "coupled"}
+        contact = {
+            "contact_stiffness": stiffness,
+            "friction_coefficient": friction,
+            "friction_law": "coupled",
+        }
         given = PLAIN | law | contact | {"contact_forces": bd.AFT(128), "damping_ratio": 0.01}
         rig = acyclic_model(1, n_points=4, n_blade_modes=2)
         made = bd.Study(rig, bd.Excitation("tip", "tangential", force), 0, **given)
         curve = made.with_stability(made.frequency_response(preload, (150.0, 500.0)))
         high = np.flatnonzero(curve.amplitude >= 0.3 * curve.amplitude.max())
         for i in sorted({curve.peak_index, *high[(places * len(high)).astype(int)]}):
-            key = curve.labels[i].partition(" with")[0], made.motion_in_time(curve, int(i), periods=600).verdict
+            key = (
+                curve.labels[i].partition(" with")[0],
+                made.motion_in_time(curve, int(i), periods=600).verdict,
+            )
             said[key] = said.get(key, 0) + 1
-            print(f"{scene} {law} {preload:.3g} N, {curve.frequency[i]:.2f} Hz: {', in time '.join(key)}", flush=True)
+            print(
+                f"{scene} {law} {preload:.3g} N, {curve.frequency[i]:.2f} Hz: {', in time '.join(key)}",
+                flush=True,
+            )
     print(said)
 
 

@@ -42,7 +42,10 @@ def draw(number: int) -> tuple[bd.Study, float, tuple[float, float], np.random.G
     """Study, preload (N), wide interval (Hz), generator for the band, and the scene in words."""
     rng = np.random.default_rng([23, number])
     name, points = BODIES[int(rng.choice(len(BODIES), p=(0.4, 0.1, 0.3, 0.2)))]
-    harmonics, method = int(rng.choice([1, 3])), str(rng.choice(["unit_traction", "residual_modes"]))
+    harmonics, method = (
+        int(rng.choice([1, 3])),
+        str(rng.choice(["unit_traction", "residual_modes"])),
+    )
     mode, friction = int(rng.choice([1, 1, 3])), float(rng.uniform(0.2, 0.6))
     preload = float(np.exp(rng.uniform(np.log(50.0), np.log(5000.0))))
     study = bd.Study(
@@ -88,17 +91,28 @@ def table(results: list[dict[str, Any]]) -> str:
         ("without folds", [r for r in results if not r["folds"]]),
     ):
         ratio = np.array([r["ratio"] for r in own])
-        counts = [int(n.sum()) for n in (abs(ratio - 1.0) <= TOLERANCE, ratio > 1.0 + TOLERANCE, ratio < 1.0 - TOLERANCE)]
+        counts = [
+            int(n.sum())
+            for n in (
+                abs(ratio - 1.0) <= TOLERANCE,
+                ratio > 1.0 + TOLERANCE,
+                ratio < 1.0 - TOLERANCE,
+            )
+        ]
         told = sum(r["told"] for r in own if r["ratio"] < 1.0 - TOLERANCE)
         spent = np.median([r["evaluations"][1] for r in own]) if own else 0
-        lines.append(f"| {len(own)} | {name} | {counts[0]} | {counts[1]} | {counts[2]} | {told} | {spent:.0f} |")
+        lines.append(
+            f"| {len(own)} | {name} | {counts[0]} | {counts[1]} | {counts[2]} | {told} | {spent:.0f} |"
+        )
     return "\n".join(lines)
 
 
 def main() -> None:
     """Run and print."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.bench_narrow", description=__doc__)
-    parser.add_argument("numbers", nargs="*", type=int, default=[0, BANDS - 1], help="first and last band")
+    parser.add_argument(
+        "numbers", nargs="*", type=int, default=[0, BANDS - 1], help="first and last band"
+    )
     first, last = parser.parse_args().numbers
     results = []
     for number in range(first, last + 1):
@@ -114,7 +128,9 @@ def main() -> None:
     print(table(results))
     if (first, last) == (0, BANDS - 1):
         lines = ",\n".join(json.dumps(r) for r in results)
-        RESULTS.write_text(f'{{"command": "python -m benchmarks.bench_narrow", "bands": [\n{lines}\n]}}\n')
+        RESULTS.write_text(
+            f'{{"command": "python -m benchmarks.bench_narrow", "bands": [\n{lines}\n]}}\n'
+        )
 
 
 if __name__ == "__main__":

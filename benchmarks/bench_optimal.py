@@ -14,7 +14,9 @@ import bdamper as bd
 from benchmarks import PLAIN
 
 
-def optimal_against_tracking(study: bd.Study, preload: tuple[float, float], frequency: tuple[float, float]) -> float:
+def optimal_against_tracking(
+    study: bd.Study, preload: tuple[float, float], frequency: tuple[float, float]
+) -> float:
     """Prints and returns the processor time of the optimal curve over that of the response curves (all single-threaded)."""
     start, cpu = time.perf_counter(), time.process_time()
     result = study.optimal_curve(preload, 50, frequency=frequency, check=False)
@@ -35,7 +37,10 @@ def optimal_against_tracking(study: bd.Study, preload: tuple[float, float], freq
 
 def sweep_on_two_workers(study: bd.Study) -> None:
     """Prints the time of 64 points on two workers over that on one, for processes and threads."""
-    over = {"friction_coefficient": np.linspace(0.1, 0.6, 8).tolist(), "preload": np.geomspace(200.0, 5e3, 8).tolist()}
+    over = {
+        "friction_coefficient": np.linspace(0.1, 0.6, 8).tolist(),
+        "preload": np.geomspace(200.0, 5e3, 8).tolist(),
+    }
     pools: tuple[type[Executor], ...] = (ProcessPoolExecutor, ThreadPoolExecutor)
     for pool in pools:
         seconds = []

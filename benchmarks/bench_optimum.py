@@ -24,7 +24,13 @@ import numpy as np
 import bdamper as bd
 from bdamper.response.highest_peak import AtPreload
 from bdamper.response.linear_limits import peak_interval
-from bdamper.response.optimal_curve import BUDGET, MAX_RATTLING, at_preload, optimal_curve, rattling_below
+from bdamper.response.optimal_curve import (
+    BUDGET,
+    MAX_RATTLING,
+    at_preload,
+    optimal_curve,
+    rattling_below,
+)
 
 STUDIES = 60
 ABOVE = 0.01
@@ -47,7 +53,11 @@ def draw(number: int) -> tuple[bd.Study, int, str]:
         _model(points), bd.Excitation("tip", direction), 5, friction_coefficient=friction, harmonics=harmonics,
         contact_stiffness=method, blade_modes=5 if method == "residual_modes" else 10,
     )  # fmt: skip
-    return study, mode, f"{points} points, {method}, H = {harmonics}, mode {mode}, {direction}, mu {friction:.2f}"
+    return (
+        study,
+        mode,
+        f"{points} points, {method}, H = {harmonics}, mode {mode}, {direction}, mu {friction:.2f}",
+    )
 
 
 def search_status(
@@ -69,14 +79,22 @@ def run(number: int) -> dict[str, Any]:
     """The optimum of one study beside the scan."""
     study, mode, text = draw(number)
     frequency = peak_interval(study.problem.at(1.0), None, mode)
-    rough = {p: a for p, a in search_status(study, np.geomspace(2.0, 25e3, 12), frequency, 1.001).items() if not a.rattles}
+    rough = {
+        p: a
+        for p, a in search_status(study, np.geomspace(2.0, 25e3, 12), frequency, 1.001).items()
+        if not a.rattles
+    }
     low, high = (ratio * min(rough, key=lambda p: rough[p].value) for ratio in (0.05, 40.0))
     begin = time.process_time()
     curve = optimal_curve(study.problem, np.geomspace(low, high, 30), mode=mode)
     middle = time.process_time()
     there = search_status(study, np.geomspace(low, high, 60), frequency, np.inf)
     edge = max(rattling_below(there), curve.lowest_steady_preload)
-    values = {p: a.top.peak.amplitude for p, a in there.items() if a.top is not None and a.known and p > edge}
+    values = {
+        p: a.top.peak.amplitude
+        for p, a in there.items()
+        if a.top is not None and a.known and p > edge
+    }
     return {"number": number, "text": text, "amplitude": curve.optimum.amplitude, "preload": curve.optimum.preload,
             "kind": curve.optimum.kind, "status": curve.optimum.status, "least": min(values.values(), default=np.nan),
             "at": min(values, key=lambda p: values[p], default=np.nan), "low": low, "high": high,
@@ -89,7 +107,11 @@ def main() -> None:
     parser.add_argument("results", type=Path)
     parser.add_argument("--seconds", type=float, default=120.0)
     given = parser.parse_args()
-    done = [json.loads(line) for line in given.results.read_text().splitlines()] if given.results.exists() else []
+    done = (
+        [json.loads(line) for line in given.results.read_text().splitlines()]
+        if given.results.exists()
+        else []
+    )
     known = {item["number"] for item in done}
     with given.results.open("a") as file:
         for number in (n for n in range(STUDIES) if n not in known):
@@ -104,7 +126,9 @@ def main() -> None:
         print(f"{item['number']:3d} {100 * part:+7.2f} %  {item['preload']:.4g} N, {item['kind']}, {item['status']}, "
               f"{item['curves']} curves, {item['seconds']:.1f} s ({item['text']}){mark}")  # fmt: skip
     within = sum(part <= ABOVE for part in above)
-    print(f"{within} of {len(done)} optima at most 1 % above the scan, worst {100 * max(above, default=np.nan):.2f} %")
+    print(
+        f"{within} of {len(done)} optima at most 1 % above the scan, worst {100 * max(above, default=np.nan):.2f} %"
+    )
 
 
 if __name__ == "__main__":

@@ -37,7 +37,10 @@ ROWS: dict[str, dict[str, Any]] = {
     "residual modes": {**OWN, "contact_stiffness": "residual_modes"},
     "residual modes, three harmonics": {},
 }
-DRIVEN = {1: ("tangential", 1.0, (245.0, 330.0), (20.0, 10e3), 20), 2: ("radial", 12.0, (442.0, 490.0), (50.0, 5e3), 15)}
+DRIVEN = {
+    1: ("tangential", 1.0, (245.0, 330.0), (20.0, 10e3), 20),
+    2: ("radial", 12.0, (442.0, 490.0), (50.0, 5e3), 15),
+}
 LADDER = {"equations (4), (10)": OWN, "residual modes": {}}
 HARMONICS = (1, 3, 5, 7, 9)
 PRELOADS = (135.0, 300.0, 600.0, 2000.0)
@@ -108,10 +111,15 @@ def jobs() -> dict[str, Any]:
             for preload in PRELOADS:
                 key = f"ladder/{name}/{harmonics}/{preload:g}"
                 out[key] = lambda p=preload, s={**settings, "harmonics": harmonics}: peak(p, s)
-    for name, settings in (("equations (4), (10)", bd.CIGEROGLU_2009), ("residual modes", {"harmonics": 1})):
+    for name, settings in (
+        ("equations (4), (10)", bd.CIGEROGLU_2009),
+        ("residual modes", {"harmonics": 1}),
+    ):
         for rows in (2, 3, 4, 5):
             for preload in (100.0, 200.0, 1000.0):
-                out[f"rows/{name}/{rows}/{preload:g}"] = lambda p=preload, s=settings, r=rows: peak(p, s, r)
+                out[f"rows/{name}/{rows}/{preload:g}"] = lambda p=preload, s=settings, r=rows: peak(
+                    p, s, r
+                )
     out["sweep in time/equations (4), (10)/3"] = lambda: sweep({**OWN, "harmonics": 3})
     return out
 
@@ -125,10 +133,19 @@ def draw(found: dict[str, dict[str, Any]]) -> None:
             for preload, shade, marker in zip(PRELOADS, colours(len(PRELOADS)), MARKERS):
                 known = [h for h in HARMONICS if f"ladder/{name}/{h}/{preload:g}" in found]
                 values = [found[f"ladder/{name}/{h}/{preload:g}"]["amplitude"] for h in known]
-                ax.semilogy(known, values, color=shade, marker=marker, markersize=4.5, label=f"preload {preload:g} N")
+                ax.semilogy(
+                    known,
+                    values,
+                    color=shade,
+                    marker=marker,
+                    markersize=4.5,
+                    label=f"preload {preload:g} N",
+                )
                 if preload == SWEEP[0] and swept and ax is axes[0]:
                     label = f"slow sweep in time, {preload:g} N"
-                    ax.axhline(swept["amplitude"], color=shade, linestyle="-.", linewidth=1.0, label=label)
+                    ax.axhline(
+                        swept["amplitude"], color=shade, linestyle="-.", linewidth=1.0, label=label
+                    )
             ax.set_title(f"Contact stiffness by {name}", fontsize=9.0)
             ax.set(xlabel="Harmonics", xticks=HARMONICS)
         axes[0].set_ylabel("Peak at the tip, first harmonic (m)")
@@ -145,7 +162,9 @@ def main() -> None:
     arguments = parser.parse_args()
     found = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
     for name, job in jobs().items():
-        if not arguments.draw and (name.startswith(arguments.name) if arguments.name else name not in found):
+        if not arguments.draw and (
+            name.startswith(arguments.name) if arguments.name else name not in found
+        ):
             started = time.process_time()
             found[name] = {**job(), "seconds": round(time.process_time() - started, 1)}
             print(name, found[name], flush=True)

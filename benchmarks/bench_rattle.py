@@ -43,7 +43,10 @@ BAND_PERIODS = {"unit tractions": 600, "residual modes": 150}
 def bands(*names: str) -> Iterator[dict[str, Any]]:
     """The band without a steady response of two optimal curves, and motions in it and above."""
     disk = bd.reference_model("bladed_disk", 9)
-    stiffness: dict[str, dict[str, Any]] = {"unit tractions": PLAIN | {"harmonics": 3}, "residual modes": {"harmonics": 3}}
+    stiffness: dict[str, dict[str, Any]] = {
+        "unit tractions": PLAIN | {"harmonics": 3},
+        "residual modes": {"harmonics": 3},
+    }
     for name in names or stiffness:
         settings = stiffness[name]
         study = bd.Study(disk, bd.Excitation("tip"), 5, friction_coefficient=0.4, **settings)
@@ -55,15 +58,22 @@ def bands(*names: str) -> Iterator[dict[str, Any]]:
         alone = time.process_time() - middle
         low = curve.preload[curve.preload <= curve.lowest_steady_preload]
         above = [ABOVE * curve.lowest_steady_preload] if name == "unit tractions" else []
-        values = [motion_at(study, curve, p, BAND_PERIODS[name]) for p in (*low[[0, len(low) // 2, -1]], *above)]
+        values = [
+            motion_at(study, curve, p, BAND_PERIODS[name])
+            for p in (*low[[0, len(low) // 2, -1]], *above)
+        ]
         yield {"study": name, "below": curve.lowest_steady_preload, "seconds": middle - begin, "seconds_above": alone,
                "optimum": str(curve.optimum), "in time": values}  # fmt: skip
 
 
-def motion_at(study: bd.Study, curve: bd.OptimalCurve, preload: float, periods: int) -> dict[str, Any]:
+def motion_at(
+    study: bd.Study, curve: bd.OptimalCurve, preload: float, periods: int
+) -> dict[str, Any]:
     """Mean and range of a motion from the highest solution at a preload, at its frequency."""
     frequency = curve.settings["frequency"]
-    tracked = study.frequency_response(float(preload), frequency, options=ContinuationOptions(budget=BUDGET))
+    tracked = study.frequency_response(
+        float(preload), frequency, options=ContinuationOptions(budget=BUDGET)
+    )
     frequency = float(tracked.frequency[np.argmax(tracked.amplitude)])
     found = study.motion_in_time(tracked, frequency=frequency, periods=periods)
     low, high = found.lowest, found.highest
@@ -91,7 +101,11 @@ def scenes() -> Iterator[tuple[str, bd.Study, int]]:
         harmonics, mode = int(rng.choice([1, 3])), int(rng.integers(1, 5))
         direction, friction = str(rng.choice(["tangential", "axial"])), float(rng.uniform(0.2, 0.6))
         study = bd.Study(
-            disk, bd.Excitation("tip", direction), 5, friction_coefficient=friction, **PLAIN | {"harmonics": harmonics}
+            disk,
+            bd.Excitation("tip", direction),
+            5,
+            friction_coefficient=friction,
+            **PLAIN | {"harmonics": harmonics},
         )
         yield f"mode {mode}, {direction}, mu {friction:.2f}, H = {harmonics}", study, mode
     for harmonics in (1, 3):
@@ -104,9 +118,13 @@ def signs() -> Iterator[dict[str, Any]]:
     for name, study, mode in scenes():
         frequency = resonance_interval(study.problem.at(1.0), mode)
         for preload in np.geomspace(4.0, 200.0, 7):
-            curve = study.frequency_response(float(preload), frequency, options=ContinuationOptions(budget=BUDGET))
+            curve = study.frequency_response(
+                float(preload), frequency, options=ContinuationOptions(budget=BUDGET)
+            )
             top = int(np.argmax(curve.amplitude))
-            motion = study.motion_in_time(curve, frequency=float(curve.frequency[top]), periods=PERIODS)
+            motion = study.motion_in_time(
+                curve, frequency=float(curve.frequency[top]), periods=PERIODS
+            )
             low, high = motion.lowest, motion.highest
             yield {"scene": name, "preload": float(preload), "sign": NO_STEADY in curve.reason,
                    "spread": (high - low) / motion.mean,

@@ -25,7 +25,9 @@ def report(name: str, heights: NDArray, swept: NDArray, flank: NDArray) -> None:
     above = np.flatnonzero(ratio > 1.0 + TOLERANCE)
     below = (ratio < 1.0 - TOLERANCE) & ~flank
     listed = ", ".join(f"{i} ({ratio[i]:.3g} times)" for i in above)
-    print(f"{name}: {np.isfinite(ratio).sum()} studies, {len(above)} above both sweeps [{listed}], {below.sum()} below")
+    print(
+        f"{name}: {np.isfinite(ratio).sum()} studies, {len(above)} above both sweeps [{listed}], {below.sum()} below"
+    )
 
 
 def main() -> None:

@@ -28,7 +28,9 @@ def over_speed(points: int) -> Model:
         return shipped
     from bdamper.fem.generated_models import bladed_disk
 
-    return bladed_disk(points, "coarse", n_modes=20, nodal_diameters=tuple(sorted(diameters)), rotation=SPEEDS[-1])
+    return bladed_disk(
+        points, "coarse", n_modes=20, nodal_diameters=tuple(sorted(diameters)), rotation=SPEEDS[-1]
+    )
 
 
 def table(points: int, masses: tuple[float, ...] = MASSES) -> None:
@@ -41,9 +43,13 @@ def table(points: int, masses: tuple[float, ...] = MASSES) -> None:
         return arm * omega**2 / SHARE
 
     start = time.process_time()
-    found = study.resonance_crossings(SPEEDS, ORDERS, damper_mass_factor=masses, excitation=excitation)
+    found = study.resonance_crossings(
+        SPEEDS, ORDERS, damper_mass_factor=masses, excitation=excitation
+    )
     spent = time.process_time() - start
-    print(f"{points} points: {len(found)} crossings, {spent:.1f} s of the processor, half of it on two cores\n\n{found}\n")
+    print(
+        f"{points} points: {len(found)} crossings, {spent:.1f} s of the processor, half of it on two cores\n\n{found}\n"
+    )
 
 
 def main() -> None:

@@ -13,7 +13,9 @@ REPEATS = 5
 def main() -> None:
     """Print a table of times (median of repeats)."""
     print("## Response curves, mode 1 of the reference bladed disk, 250 to 400 Hz\n")
-    print("| contact points on a face | harmonics | preload | points of the curve | seconds | outside the C core |")
+    print(
+        "| contact points on a face | harmonics | preload | points of the curve | seconds | outside the C core |"
+    )
     print("|---|---|---|---|---|---|")
     for points in (9, 24, 48):
         model = bd.reference_model("bladed_disk", points)

@@ -33,22 +33,33 @@ STARTS, PERIODS = 1000, 4
 
 
 def random_starts(scenes: int = 20) -> None:
-    ended = {"finite": 0, "IntegrationFailed, 128 steps": 0, "IntegrationFailed, 256 steps": 0, "overflow": 0}
+    ended = {
+        "finite": 0,
+        "IntegrationFailed, 128 steps": 0,
+        "IntegrationFailed, 256 steps": 0,
+        "overflow": 0,
+    }
     most, begin = 0.0, time.process_time()
     for number in range(FIRST, FIRST + scenes):
         made, name, preload, rng = random(number)
         peak = made.frequency_response(preload, BANDS[name]).peak.amplitude
         ring = ring_of(made.problem, preload)
-        like = ring.start(np.zeros(made.problem.system(preload).n_unknowns), tau * BANDS[name][0], 256)
+        like = ring.start(
+            np.zeros(made.problem.system(preload).n_unknowns), tau * BANDS[name][0], 256
+        )
         for _ in range(STARTS // scenes):
             omega = tau * rng.uniform(*BANDS[name])
             q, v = rng.standard_normal((2, like.q.size))
-            own = np.sqrt(np.maximum(np.tile(ring.omega2, 2), omega**2))  # all modes with the same energy
+            own = np.sqrt(
+                np.maximum(np.tile(ring.omega2, 2), omega**2)
+            )  # all modes with the same energy
             q[ring.n_coordinates :][ring.real] = v[ring.n_coordinates :][ring.real] = 0.0
             q /= own
             size = peak * 10.0 ** rng.uniform(-1.0, 1.5) / np.abs(ring.rows @ q).max()
             w = like.w + 10.0 * peak * rng.uniform(-1.0, 1.0, like.w.shape)
-            transient = Transient(ring, omega, Motion(size * q, size * v, w), int(rng.choice([128, 256])))
+            transient = Transient(
+                ring, omega, Motion(size * q, size * v, w), int(rng.choice([128, 256]))
+            )
             try:
                 with np.errstate(all="ignore"):
                     transient.run(PERIODS)
@@ -56,18 +67,30 @@ def random_starts(scenes: int = 20) -> None:
                 ended[f"IntegrationFailed, {transient.steps} steps"] += 1
                 continue
             grown = np.abs(transient.blades).max() / (np.abs(ring.rows @ (size * q)).max() + peak)
-            ended["finite" if np.isfinite(transient.blades).all() and grown < 1e3 else "overflow"] += 1
+            ended[
+                "finite" if np.isfinite(transient.blades).all() and grown < 1e3 else "overflow"
+            ] += 1
             most = max(most, float(grown))
-        print(number, name, ended, f"{most:.3g} times the start at most, {time.process_time() - begin:.0f} s", flush=True)
+        print(
+            number,
+            name,
+            ended,
+            f"{most:.3g} times the start at most, {time.process_time() - begin:.0f} s",
+            flush=True,
+        )
 
 
 def scenes(first: int, last: int) -> None:
     said = time_response.of_blades
-    print("| scene | balance | highest blade in time (error), lowest | explicit | difference | status | s, explicit s |")
+    print(
+        "| scene | balance | highest blade in time (error), lowest | explicit | difference | status | s, explicit s |"
+    )
     for number in range(first, last):
         made, name, preload, _ = random(number)
         begin, motions = time.process_time(), []
-        time_response.of_blades = lambda transient, n, motions=motions: motions.append(transient) or said(transient, n)
+        time_response.of_blades = lambda transient, n, motions=motions: (
+            motions.append(transient) or said(transient, n)
+        )
         curve = made.frequency_response(preload, BANDS[name])
         order, friction = made.problem.engine_order, made.settings.friction_coefficient
         scene = f"{name}, engine order {order}, mu {friction:.2f}, {preload:.1f} N"
@@ -80,8 +103,12 @@ def scenes(first: int, last: int) -> None:
         omega = tau * (found.frequency if found.frequency > 0.0 else curve.peak.frequency)
         ring = motions[-1].ring if motions else ring_of(made.problem, preload)
         start = motions[-1].motion if motions else ring.start(curve.peak.y[:-1], omega, 256)
-        periods, window = (100, 80) if found.highest_period > 1.05 * found.mean else (15, 8)  # beats or not
-        blades = 1e6 * np.abs(explicit(ring, Motion(*start[:3]), omega, periods, STEPS)[-window:]).mean(axis=0)
+        periods, window = (
+            (100, 80) if found.highest_period > 1.05 * found.mean else (15, 8)
+        )  # beats or not
+        blades = 1e6 * np.abs(
+            explicit(ring, Motion(*start[:3]), omega, periods, STEPS)[-window:]
+        ).mean(axis=0)
         own = f"{1e6 * found.mean:.1f} ({1e6 * found.lowest:.1f} to {1e6 * found.highest:.1f}), {1e6 * found.spread[0]:.1f}"
         own += f" at {found.frequency:.2f} Hz"
         print(

@@ -19,7 +19,9 @@ def main() -> None:
     """Print one line for each number of harmonics and each question."""
     pattern = DEVIATION * np.random.default_rng(1).normal(size=65)
     for harmonics in (1, 3):
-        study = bd.Study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), 5, harmonics=harmonics)
+        study = bd.Study(
+            bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), 5, harmonics=harmonics
+        )
         wheel = bd.BladedDisk(study, mistuning=pattern)
         top = wheel.tuned_peak(PRELOAD)
         interval = (0.88 * top.frequency, 1.05 * top.frequency)

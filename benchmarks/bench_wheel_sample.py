@@ -37,7 +37,11 @@ def study(harmonics: int) -> bd.Study:
 
 def place(harmonics: int) -> Path:
     """Where a complete sample is kept."""
-    return Path(bd.__file__).parent / "data/wheels.h5" if harmonics == 1 else RESULTS / f"wheels_{harmonics}.h5"
+    return (
+        Path(bd.__file__).parent / "data/wheels.h5"
+        if harmonics == 1
+        else RESULTS / f"wheels_{harmonics}.h5"
+    )
 
 
 def run(wheels: int, harmonics: int) -> MistunedSample:
@@ -65,13 +69,20 @@ def stored(harmonics: int = 1) -> MistunedSample:
 def show(sample: MistunedSample) -> None:
     """What the sample says, in words and as a table."""
     print(sample.summary())
-    print("| preload | tuned | median | 95 % of wheels | highest | held |\n|---|---|---|---|---|---|")
+    print(
+        "| preload | tuned | median | 95 % of wheels | highest | held |\n|---|---|---|---|---|---|"
+    )
     median, upper = sample.percentile(50.0), sample.percentile(95.0)
     for j, preload in enumerate(sample.preload):
         factor, springs = sample.amplification[:, 0, j], sample.springs[:, 0, j]
-        cells = [f"{v[1, 0, j]:.2f} ({v[0, 0, j]:.2f} to {v[2, 0, j]:.2f})".replace("inf", "?") for v in (median, upper)]
+        cells = [
+            f"{v[1, 0, j]:.2f} ({v[0, 0, j]:.2f} to {v[2, 0, j]:.2f})".replace("inf", "?")
+            for v in (median, upper)
+        ]
         cells += [f"{np.nanmax(factor):.2f}", f"{np.mean(springs[np.isfinite(springs)] > 0.0):.0%}"]
-        print(f"| {preload:,.0f} N | {1e3 * sample.tuned_amplitude[j]:.3f} mm | {' | '.join(cells)} |")
+        print(
+            f"| {preload:,.0f} N | {1e3 * sample.tuned_amplitude[j]:.3f} mm | {' | '.join(cells)} |"
+        )
     print(sample.best_preload(95.0))
     for preload in sample.preload:
         print(f"{preload:g} N: {sample.tail(preload=float(preload), tail=in_tail(sample))}")
@@ -87,8 +98,13 @@ def in_tail(sample: MistunedSample) -> float:
 def draw(sample: MistunedSample) -> None:
     """The pictures of docs/wheel.md: factors over the preload, their distribution at the highest, and one wheel."""
     percentiles = (50.0, 95.0)
-    save_figure(sample.plot(over="preload", percentiles=percentiles), IMAGES / "wheel-amplification.png")
-    save_figure(sample.plot(over="preload", quantity="amplitude", percentiles=percentiles), IMAGES / "wheel-preload.png")
+    save_figure(
+        sample.plot(over="preload", percentiles=percentiles), IMAGES / "wheel-amplification.png"
+    )
+    save_figure(
+        sample.plot(over="preload", quantity="amplitude", percentiles=percentiles),
+        IMAGES / "wheel-preload.png",
+    )
     save_figure(sample.plot_tail(tail=in_tail(sample)), IMAGES / "wheel-tail.png")
     wheel = BladedDisk(study(1), Mistuning.random(sample.n_blades, DEVIATION, seed=(0, 1)))
     save_figure(wheel.peak(PRELOADS[-1]).plot_wheel(wheel.study.model), IMAGES / "wheel-front.png")
@@ -99,9 +115,15 @@ def compare(one: MistunedSample, three: MistunedSample) -> None:
     both = np.isin(one.disks, three.disks)
     for j, preload in enumerate(three.preload):
         at = both, 0, int(np.flatnonzero(one.preload == preload)[0])
-        ratios = three.amplitude[:, 0, j] / one.amplitude[at], three.amplification[:, 0, j] / one.amplification[at]
+        ratios = (
+            three.amplitude[:, 0, j] / one.amplitude[at],
+            three.amplification[:, 0, j] / one.amplification[at],
+        )
         ends = (np.nanquantile(v, [0.0, 0.5, 1.0]) for v in ratios)
-        print(f"{preload:g} N, three harmonics over one:", *("{1:.3f} ({0:.3f} to {2:.3f})".format(*e) for e in ends))
+        print(
+            f"{preload:g} N, three harmonics over one:",
+            *("{1:.3f} ({0:.3f} to {2:.3f})".format(*e) for e in ends),
+        )
 
 
 def main(wheels: int = WHEELS, harmonics: int = 1) -> None:

@@ -42,7 +42,9 @@ def main(points: int = POINTS) -> None:
 
     with (
         ProcessPoolExecutor(2) as pool,
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address=None
+        ) as cluster,
         distributed.Client(cluster) as client,
     ):
         ways: dict[str, Executor] = {"process pool": pool, "Dask": client.get_executor()}

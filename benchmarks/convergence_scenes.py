@@ -55,7 +55,9 @@ class Outcome:
     @property
     def holds(self) -> bool:
         """Whether the reference is within the tolerance of the answer, or beyond it where that is not converged."""
-        near = abs(self.convergence.peaks[0].amplitude / self.reference - 1.0) <= self.scene.tolerance
+        near = (
+            abs(self.convergence.peaks[0].amplitude / self.reference - 1.0) <= self.scene.tolerance
+        )
         return bool(near == (len(self.convergence.settled) == len(self.convergence.peaks)))
 
 
@@ -69,12 +71,19 @@ def draw(number: int) -> Scene:
     rng = np.random.default_rng([21, number])
     name = str(rng.choice(["bladed_disk", "bladed_disk", "test_rig"]))
     mode, direction = int(rng.integers(1, 5)), str(rng.choice(["tangential", "axial"]))
-    friction, preload = float(rng.uniform(0.2, 0.6)), float(np.exp(rng.uniform(np.log(60.0), np.log(25e3))))
+    friction, preload = (
+        float(rng.uniform(0.2, 0.6)),
+        float(np.exp(rng.uniform(np.log(60.0), np.log(25e3)))),
+    )
     tolerance = float(rng.choice([0.01, 0.02, 0.05]))
     order = 5 if name == "bladed_disk" else 1
-    study = bd.Study(_model(name), bd.Excitation("tip", direction), order, friction_coefficient=friction, **PLAIN)
+    study = bd.Study(
+        _model(name), bd.Excitation("tip", direction), order, friction_coefficient=friction, **PLAIN
+    )
     text = f"{name}, mode {mode}, {direction}, mu {friction:.2f}, {preload:.4g} N, {100.0 * tolerance:g} %"
-    return Scene(number, study, preload, resonance_interval(study.problem.at(1.0), mode), tolerance, text)
+    return Scene(
+        number, study, preload, resonance_interval(study.problem.at(1.0), mode), tolerance, text
+    )
 
 
 def run(scene: Scene) -> Outcome:
@@ -100,14 +109,21 @@ def table(first: int = 0, last: int = SCENES - 1) -> str:
             print(f"{number}: {scene.text}: no peak ({error})", flush=True)
             continue
         outcomes.append(o)
-        print(f"{number}: {scene.text}: {o.convergence.note}; reference {o.reference:.4g} m; {o.seconds:.2f} s", flush=True)
+        print(
+            f"{number}: {scene.text}: {o.convergence.note}; reference {o.reference:.4g} m; {o.seconds:.2f} s",
+            flush=True,
+        )
     checked = [o for o in outcomes if np.isfinite(o.reference)]
     kinds = {
         "converged": [o for o in checked if o.convergence.converged],
-        "not converged": [o for o in checked if len(o.convergence.settled) < len(o.convergence.peaks)],
+        "not converged": [
+            o for o in checked if len(o.convergence.settled) < len(o.convergence.peaks)
+        ],
         "agrees so far": [
-            o for o in checked
-            if 1 < len(o.convergence.peaks) == len(o.convergence.settled) and not o.convergence.converged
+            o
+            for o in checked
+            if 1 < len(o.convergence.peaks) == len(o.convergence.settled)
+            and not o.convergence.converged
         ],
         "not known": [o for o in checked if len(o.convergence.peaks) == 1],
     }
@@ -126,7 +142,9 @@ def table(first: int = 0, last: int = SCENES - 1) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("numbers", nargs="*", type=int, default=[0, SCENES - 1], help="first and last scene")
+    parser.add_argument(
+        "numbers", nargs="*", type=int, default=[0, SCENES - 1], help="first and last scene"
+    )
     print(table(*parser.parse_args().numbers))
 
 

@@ -60,7 +60,11 @@ def draw(number: int) -> tuple[bd.Study, float, tuple[float, float], str]:
     stiffness = str(rng.choice(["residual_modes", "residual_modes", "unit_traction"]))
     points = rng.choice([None, 4, 6])
     study = scene.study.replace(
-        harmonics=harmonics, blade_modes=modes, contact_stiffness=stiffness, contact_points=points, damper_modes=0
+        harmonics=harmonics,
+        blade_modes=modes,
+        contact_stiffness=stiffness,
+        contact_points=points,
+        damper_modes=0,
     )
     text = f"{scene.text.rsplit(',', 1)[0]}, {harmonics} harmonics, {stiffness}, {modes} modes, points {points or 'all'}"
     return study, scene.preload, scene.interval, text
@@ -72,7 +76,10 @@ def run(number: int, sources: tuple[str, ...] = SOURCES) -> list[Outcome]:
     begin = time.process_time()
     curve = study.frequency_response(preload, interval)
     own = time.process_time() - begin
-    print(f"{number}: {text}, {own:.2f} s" + ("" if curve.complete else f", {curve.status}"), flush=True)
+    print(
+        f"{number}: {text}, {own:.2f} s" + ("" if curve.complete else f", {curve.status}"),
+        flush=True,
+    )
     out: list[Outcome] = []
     for source in sources if curve.complete else ():
         try:
@@ -93,11 +100,20 @@ def run(number: int, sources: tuple[str, ...] = SOURCES) -> list[Outcome]:
         if whole.complete:
             pairs = (study.problem, curve), (richer[0], whole)
             top, highest = (highest_of_curve(p.system(preload), c).peak for p, c in pairs)
-            true = max(abs(highest.amplitude / top.amplitude - 1.0), abs(highest.frequency / top.frequency - 1.0))
+            true = max(
+                abs(highest.amplitude / top.amplitude - 1.0),
+                abs(highest.frequency / top.frequency - 1.0),
+            )
         out.append(Outcome(estimate, true, middle - begin, end - middle, own))
         o = out[-1]
         verdict = (
-            "not estimated" if not estimate.known else "no truth" if np.isnan(true) else "holds" if o.holds else "WRONG"
+            "not estimated"
+            if not estimate.known
+            else "no truth"
+            if np.isnan(true)
+            else "holds"
+            if o.holds
+            else "WRONG"
         )
         print(
             f"  {source}: {verdict}, estimated {estimate.size:.2g}, true {true:.2g}, {o.seconds:.2f} s and "
@@ -132,8 +148,15 @@ def table(first: int = 0, last: int = SCENES - 1, sources: tuple[str, ...] = SOU
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("numbers", nargs="*", type=int, default=[0, SCENES - 1], help="first and last scene")
-    parser.add_argument("--source", choices=SOURCES, action="append", help="only this one; more than once for several")
+    parser.add_argument(
+        "numbers", nargs="*", type=int, default=[0, SCENES - 1], help="first and last scene"
+    )
+    parser.add_argument(
+        "--source",
+        choices=SOURCES,
+        action="append",
+        help="only this one; more than once for several",
+    )
     given = parser.parse_args()
     print(table(*given.numbers, sources=tuple(given.source or SOURCES)))
 

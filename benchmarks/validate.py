@@ -66,16 +66,26 @@ def main() -> None:
     """Compute, write, and say what is wrong."""
     missing = [name for name in PROBLEMS if not available(name)]
     if missing:
-        sys.exit("".join(f"validate: {name} cannot be computed here without {NEEDS[name][0]}\n" for name in missing))
+        sys.exit(
+            "".join(
+                f"validate: {name} cannot be computed here without {NEEDS[name][0]}\n"
+                for name in missing
+            )
+        )
     parts, wrong = [HEAD], []
     for name, compute in PROBLEMS.items():
         problem = compute()
         parts.append(section(name, problem))
         picture(name, problem)
         wrong += [
-            f"{name}: {row.quantity}, error {row.error:.1e}" for row in problem.rows if row.agrees == bool(row.differs)
+            f"{name}: {row.quantity}, error {row.error:.1e}"
+            for row in problem.rows
+            if row.agrees == bool(row.differs)
         ]
-        print(f"{name}: {sum(row.agrees for row in problem.rows)} of {len(problem.rows)} numbers agree", flush=True)
+        print(
+            f"{name}: {sum(row.agrees for row in problem.rows)} of {len(problem.rows)} numbers agree",
+            flush=True,
+        )
     (DOCS / "evidence" / "validated.md").write_text("\n".join([*parts, TAIL]), encoding="utf-8")
     print(f"bdamper {bd.__version__}: docs/evidence/validated.md")
     if wrong:

@@ -19,7 +19,9 @@ templates_path = ["_templates"]
 autosummary_generate = True
 autosummary_ignore_module_all = False
 nitpicky = True
-nitpick_ignore_regex = [(r"py:.*", r"(?!bdamper\.).*")]  # types of other packages, and the words of parameter lists
+nitpick_ignore_regex = [
+    (r"py:.*", r"(?!bdamper\.).*")
+]  # types of other packages, and the words of parameter lists
 myst_enable_extensions = ["dollarmath", "colon_fence"]
 myst_heading_anchors = 3
 autodoc_member_order = "bysource"
@@ -45,15 +47,25 @@ nb_execution_raise_on_error = True
 linkcheck_timeout = 10
 linkcheck_retries = 1
 html_theme = "pydata_sphinx_theme"
-html_theme_options = {"show_toc_level": 2, "navigation_with_keys": False, "secondary_sidebar_items": ["page-toc"]}
+html_theme_options = {
+    "show_toc_level": 2,
+    "navigation_with_keys": False,
+    "secondary_sidebar_items": ["page-toc"],
+}
 html_static_path = ["_static"]
 html_css_files = ["wide.css"]
 # pages without subpages have no empty column beside them, and what is printed is no code
-html_sidebars = {page.stem: [] for page in DOCS.glob("*.md") if "toctree" not in page.read_text(encoding="utf-8")}
+html_sidebars = {
+    page.stem: [] for page in DOCS.glob("*.md") if "toctree" not in page.read_text(encoding="utf-8")
+}
 highlight_language = "none"
 
 # the tutorial: notebooks, whose links to pages are made those of this folder
-for made in ("tutorial", "reference", "specification/reference"):  # nothing of what is gone from the package stays
+for made in (
+    "tutorial",
+    "reference",
+    "specification/reference",
+):  # nothing of what is gone from the package stays
     shutil.rmtree(DOCS / made, ignore_errors=True)
 (DOCS / "tutorial").mkdir()
 for page in sorted((DOCS.parent / "notebooks").glob("*.[mi]*")):

@@ -54,20 +54,34 @@ class Row:
     seconds: float
 
 
-def convergence(points: tuple[int, ...], mesh: str = "coarse", preload: float = 4000.0) -> Iterator[Row]:
+def convergence(
+    points: tuple[int, ...], mesh: str = "coarse", preload: float = 4000.0
+) -> Iterator[Row]:
     """One row for each number of points; meshes, factors and modes are those of the first."""
     fe = SectorFE(density=FACES if mesh == "faces" else MeshDensity.preset(mesh))
     for n in points:
         start = time.perf_counter()
         model = bladed_disk(n, n_modes=20, nodal_diameters=(5,), fe=fe)
         study = bd.Study(
-            model, bd.Excitation("tip"), 5, contact_stiffness="residual_modes", constraint_planes=False, **SETTINGS
+            model,
+            bd.Excitation("tip"),
+            5,
+            contact_stiffness="residual_modes",
+            constraint_planes=False,
+            **SETTINGS,
         )
         unit = bd.Study(
-            model, bd.Excitation("tip"), 5, contact_stiffness="unit_traction", constraint_planes=False, **SETTINGS
+            model,
+            bd.Excitation("tip"),
+            5,
+            contact_stiffness="unit_traction",
+            constraint_planes=False,
+            **SETTINGS,
         )
         contact = study.static(preload)
-        springs = np.concatenate([study.problem.stiffness[name].stiffness for name in study.problem.coupling.interfaces])
+        springs = np.concatenate(
+            [study.problem.stiffness[name].stiffness for name in study.problem.coupling.interfaces]
+        )
         curve = study.frequency_response(preload, (345.0, 375.0))
         face = model.interfaces["left"]
         yield Row(
@@ -90,8 +104,19 @@ def main() -> None:
     parser.add_argument("--points", type=int, nargs="+", default=[9, 24, 48, 96, 192])
     parser.add_argument("--figure", default=None)
     arguments = parser.parse_args()
-    heads = ("points", 7), ("kn of face N/m", 16), ("N/P", 9), ("area", 8), ("bonded Hz", 12), ("reduced Hz", 12)
-    print("".join(f"{text:>{width}}" for text, width in (*heads, ("peak um", 10), ("Hz", 10), ("s", 7))))
+    heads = (
+        ("points", 7),
+        ("kn of face N/m", 16),
+        ("N/P", 9),
+        ("area", 8),
+        ("bonded Hz", 12),
+        ("reduced Hz", 12),
+    )
+    print(
+        "".join(
+            f"{text:>{width}}" for text, width in (*heads, ("peak um", 10), ("Hz", 10), ("s", 7))
+        )
+    )
     rows = []
     for r in convergence(tuple(arguments.points), arguments.mesh):
         rows.append(r)
@@ -108,8 +133,19 @@ def main() -> None:
         with drawing(title=title, legend=6.5) as ax:
             for (key, label), colour, marker in zip(shown.items(), colours(len(shown)), MARKERS):
                 values = [100.0 * (getattr(r, key) / getattr(last, key) - 1.0) for r in rows]
-                ax.plot([r.points for r in rows], values, marker + "-", color=colour, markersize=5.0, label=label)
-            ax.set(xscale="log", xlabel="Contact points on a face", ylabel=f"Difference from {last.points} points (%)")
+                ax.plot(
+                    [r.points for r in rows],
+                    values,
+                    marker + "-",
+                    color=colour,
+                    markersize=5.0,
+                    label=label,
+                )
+            ax.set(
+                xscale="log",
+                xlabel="Contact points on a face",
+                ylabel=f"Difference from {last.points} points (%)",
+            )
         save_figure(ax, arguments.figure)
 
 

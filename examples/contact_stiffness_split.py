@@ -78,7 +78,14 @@ def split_study(
     model = bd.reference_model("bladed_disk", points)
     rows = []
     for choice in choices:
-        study = bd.Study(model, bd.Excitation("tip"), 5, contact_stiffness=choice, constraint_planes=False, **SETTINGS)
+        study = bd.Study(
+            model,
+            bd.Excitation("tip"),
+            5,
+            contact_stiffness=choice,
+            constraint_planes=False,
+            **SETTINGS,
+        )
         for preload in preloads:
             curve = study.frequency_response(preload, (330.0, 375.0))
             i = curve.peak_index
@@ -104,7 +111,14 @@ def microslip_study(
     model = bd.reference_model("bladed_disk", points)
     curves = {}
     for choice in choices:
-        study = bd.Study(model, bd.Excitation("tip"), 5, contact_stiffness=choice, constraint_planes=False, **SETTINGS)
+        study = bd.Study(
+            model,
+            bd.Excitation("tip"),
+            5,
+            contact_stiffness=choice,
+            constraint_planes=False,
+            **SETTINGS,
+        )
         curves[name_of(choice)] = microslip(study, MICROSLIP_PRELOAD, MICROSLIP_FORCES)
     return curves
 
@@ -139,7 +153,12 @@ def print_microslip(points: int, figure: str | None) -> None:
                 whole = name == list(curves)[-1]
                 look = {"color": colour, "label": name}
                 if whole:
-                    look = {"color": "k", "label": "whole flexibility", "linewidth": 2.5, "zorder": 1}
+                    look = {
+                        "color": "k",
+                        "label": "whole flexibility",
+                        "linewidth": 2.5,
+                        "zorder": 1,
+                    }
                 force, displacement = loading(c)
                 stiffness = np.diff(force) / np.diff(displacement)
                 ax.plot(force[1:], stiffness, linestyle=STYLES[k % 6 * (not whole)], **look)
@@ -151,14 +170,18 @@ def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--points", type=int, default=9, choices=(9, 24, 48))
-    parser.add_argument("--figure", default=None, help="file for a figure of peak amplitude over patterns")
+    parser.add_argument(
+        "--figure", default=None, help="file for a figure of peak amplitude over patterns"
+    )
     parser.add_argument("--microslip", action="store_true", help="first loading instead of peaks")
     arguments = parser.parse_args()
     if arguments.microslip:
         print_microslip(arguments.points, arguments.figure)
         return
     rows = split_study(arguments.points)
-    print(f"{'method':<26}{'preload N':>10}{'peak um':>10}{'Hz':>10}{'stick':>8}{'slip':>8}{'open':>8}{'s':>7}")
+    print(
+        f"{'method':<26}{'preload N':>10}{'peak um':>10}{'Hz':>10}{'stick':>8}{'slip':>8}{'open':>8}{'s':>7}"
+    )
     for r in rows:
         shares = "".join(f"{s:>8.2f}" for s in r.shares)
         print(
@@ -167,13 +190,24 @@ def main() -> None:
         )
     if arguments.figure:
         names = [name_of(c) for c in CHOICES]
-        with drawing(title="Residual modes agree from five patterns on, other stiffnesses do not", legend=6.5) as ax:
+        with drawing(
+            title="Residual modes agree from five patterns on, other stiffnesses do not", legend=6.5
+        ) as ax:
             for marker, preload, colour in zip("osD", PRELOADS, colours(len(PRELOADS))):
                 here = {r.method: r.amplitude for r in rows if r.preload == preload}
                 change = [100.0 * (here[n] / here[names[-1]] - 1.0) for n in names]
-                ax.plot(change, names, marker, color=colour, markersize=5.0, label=f"preload {amount(preload, 'N')}")
+                ax.plot(
+                    change,
+                    names,
+                    marker,
+                    color=colour,
+                    markersize=5.0,
+                    label=f"preload {amount(preload, 'N')}",
+                )
             ax.axvline(0.0, color="0.6", linewidth=1.0, zorder=0)
-            ax.set(xlabel="Peak amplitude, difference from 16 patterns (%)", ylabel="Contact stiffness")
+            ax.set(
+                xlabel="Peak amplitude, difference from 16 patterns (%)", ylabel="Contact stiffness"
+            )
             ax.invert_yaxis()
         save_figure(ax, arguments.figure)
 

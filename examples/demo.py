@@ -29,11 +29,17 @@ def random(optimal: OptimalCurve, curves: list[ResponseCurve]) -> str:
         "amplitude": optimal.amplitude[optimal.requested].tolist(),
         "peaks": [[c.preload, c.peak.frequency, c.peak.amplitude] for c in curves],
     }  # fmt: skip
-    return json.dumps(json.loads(json.dumps(numbers), parse_float=lambda text: float(f"{float(text):.4g}")), indent=1)
+    return json.dumps(
+        json.loads(json.dumps(numbers), parse_float=lambda text: float(f"{float(text):.4g}")),
+        indent=1,
+    )
 
 
 def main(
-    figures: Path = Path("figures"), preload: tuple[float, float] = (30.0, 1000.0), n: int = 12, check: str | bool = "time"
+    figures: Path = Path("figures"),
+    preload: tuple[float, float] = (30.0, 1000.0),
+    n: int = 12,
+    check: str | bool = "time",
 ) -> tuple[OptimalCurve, list[ResponseCurve]]:
     """Run the demonstration; returns the optimal curve and the response curves, the limits first."""
     figures.mkdir(parents=True, exist_ok=True)
@@ -47,18 +53,26 @@ def main(
     optimal = study.optimal_curve(preload, n, check=check)
     print(optimal, end="\n\n")
     loads = [float(f"{factor * optimal.optimum.preload:.2g}") for factor in FACTORS]
-    curves = [study.free(BAND), study.stuck(BAND), *(study.frequency_response(load, BAND) for load in loads)]
+    curves = [
+        study.free(BAND),
+        study.stuck(BAND),
+        *(study.frequency_response(load, BAND) for load in loads),
+    ]
     print(curves[3], end="\n\n")
     gain = optimal.free.amplitude / optimal.optimum.amplitude
     title = f"The right preload: {gain:.2g} times less vibration (excitation 1 N on each blade)"
     save_figure(plot_optimal(optimal, new_axes(4.4, 2.6), title=title), figures / "optimum.png")
     save_figure(plot_curves(curves), figures / "response.png")
     (figures / "optimum.json").write_text(random(optimal, curves) + "\n")
-    print(f"wrote optimum.png and response.png in {figures}; {time.perf_counter() - started:.0f} s in all")
+    print(
+        f"wrote optimum.png and response.png in {figures}; {time.perf_counter() - started:.0f} s in all"
+    )
     return optimal, curves
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--figures", type=Path, default=Path("figures"), help="where to write figures")
+    parser.add_argument(
+        "--figures", type=Path, default=Path("figures"), help="where to write figures"
+    )
     main(parser.parse_args().figures)

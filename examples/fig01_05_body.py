@@ -30,7 +30,9 @@ def front_faces(model: bd.Model, body: str, rotation: np.ndarray) -> list[np.nda
     return [1e3 * (mesh.points[quad] @ rotation.T)[:, :2] for quad in front]
 
 
-def draw_section(ax: Axes, model: bd.Model, rotation: np.ndarray, sectors: tuple[int, ...] = (0, 1)) -> None:
+def draw_section(
+    ax: Axes, model: bd.Model, rotation: np.ndarray, sectors: tuple[int, ...] = (0, 1)
+) -> None:
     """Blades and the dampers between them, seen along the axis."""
     pitch = 2.0 * np.pi / model.n_blades
     for k in sectors:
@@ -43,20 +45,30 @@ def draw_section(ax: Axes, model: bd.Model, rotation: np.ndarray, sectors: tuple
     ax.grid(False)
 
 
-def arrow(ax: Axes, start: np.ndarray, direction: np.ndarray, name: str, length: float, **style: Any) -> None:
+def arrow(
+    ax: Axes, start: np.ndarray, direction: np.ndarray, name: str, length: float, **style: Any
+) -> None:
     """An axis with its name."""
     end = start + length * direction
-    ax.annotate("", end, start, arrowprops={"arrowstyle": "-|>", "linewidth": 1.3, "color": "k", **style})
+    ax.annotate(
+        "", end, start, arrowprops={"arrowstyle": "-|>", "linewidth": 1.3, "color": "k", **style}
+    )
     ax.text(*(start + 1.32 * length * direction), name, ha="center", va="center", fontsize=8.0)
 
 
-def spring(ax: Axes, start: tuple[float, float], end: tuple[float, float], width: float, coils: int = 5) -> None:
+def spring(
+    ax: Axes, start: tuple[float, float], end: tuple[float, float], width: float, coils: int = 5
+) -> None:
     """A zigzag between two points."""
     a, b = np.array(start), np.array(end)
     along, across = b - a, np.array([a[1] - b[1], b[0] - a[0]]) / np.linalg.norm(b - a)
-    where = np.concatenate([[0.0, 0.15], 0.15 + 0.7 * (np.arange(2 * coils) + 0.5) / (2 * coils), [0.85, 1.0]])
+    where = np.concatenate(
+        [[0.0, 0.15], 0.15 + 0.7 * (np.arange(2 * coils) + 0.5) / (2 * coils), [0.85, 1.0]]
+    )
     off = np.concatenate([[0.0, 0.0], width * (-1.0) ** np.arange(2 * coils), [0.0, 0.0]])
-    ax.plot(*(a[:, None] + along[:, None] * where + across[:, None] * off), color="k", linewidth=1.0)
+    ax.plot(
+        *(a[:, None] + along[:, None] * where + across[:, None] * off), color="k", linewidth=1.0
+    )
 
 
 model = bd.reference_model("paper_disk")
@@ -103,9 +115,16 @@ with plt.rc_context(STYLE):
     draw_section(ax, model, np.eye(3), (-1, 0, 1))
     mesh = 1e3 * model.meshes["blade"].points
     for k in (-1, 0, 1):  # the airfoils, whose faces do not look along the axis
-        airfoil = (mesh[mesh[:, 1] > 1e3 * model.locations["platform"].position[1] - 1e-6] @ turn(k * pitch).T)[:, :2]
-        narrow = airfoil[np.abs(airfoil @ turn(k * pitch)[:2, 0]) < 14.0]  # without the edges of the platform
-        ax.fill(*narrow[ConvexHull(narrow).vertices].T, facecolor=BLADE, edgecolor="0.5", linewidth=0.3)
+        airfoil = (
+            mesh[mesh[:, 1] > 1e3 * model.locations["platform"].position[1] - 1e-6]
+            @ turn(k * pitch).T
+        )[:, :2]
+        narrow = airfoil[
+            np.abs(airfoil @ turn(k * pitch)[:2, 0]) < 14.0
+        ]  # without the edges of the platform
+        ax.fill(
+            *narrow[ConvexHull(narrow).vertices].T, facecolor=BLADE, edgecolor="0.5", linewidth=0.3
+        )
     for direction, name in ((np.array([1.0, 0.0]), "X"), (np.array([0.0, 1.0]), "Y")):
         arrow(ax, np.zeros(2), direction, name, 90.0, shrinkA=0.0)
     ax.text(0.0, -18.0, "Z: toward the reader", fontsize=7.0, ha="center", va="top")
@@ -136,15 +155,34 @@ with plt.rc_context(STYLE):
         # between the radial direction downward and the slope of the face
         slope = np.arctan2(*(frame[0, :2] * np.sign(-frame[0, 1]))[::-1])
         turns = np.linspace(-0.5 * np.pi, slope, 30)
-        ax.plot(middle[0] + 3.5 * np.cos(turns), middle[1] + 3.5 * np.sin(turns), "k", linewidth=0.8)
+        ax.plot(
+            middle[0] + 3.5 * np.cos(turns), middle[1] + 3.5 * np.sin(turns), "k", linewidth=0.8
+        )
         where = 0.5 * (turns[0] + turns[-1])
-        ax.text(middle[0] + 5.0 * np.cos(where), middle[1] + 5.0 * np.sin(where), angle, ha="center", va="center")
+        ax.text(
+            middle[0] + 5.0 * np.cos(where),
+            middle[1] + 5.0 * np.sin(where),
+            angle,
+            ha="center",
+            va="center",
+        )
         ax.text(middle[0] + outer * 9.0, middle[1] + 7.5, f"{name} face", ha="center", fontsize=8.0)
-    ax.set(aspect="equal", xlabel="$X_D$ (mm)", ylabel="$Y_D$ (mm)", xlim=(-21.0, 21.0), ylim=(-14.0, 14.0))
+    ax.set(
+        aspect="equal",
+        xlabel="$X_D$ (mm)",
+        ylabel="$Y_D$ (mm)",
+        xlim=(-21.0, 21.0),
+        ylim=(-14.0, 14.0),
+    )
     mesh = 1e3 * model.meshes["damper"].points @ rotation.T - centre
     corners = mesh[:, [2, 1]]
     low, high = corners.min(axis=0), corners.max(axis=0)
-    side.fill([low[0], high[0], high[0], low[0]], [low[1], low[1], high[1], high[1]], facecolor=DAMPER, edgecolor="0.5")
+    side.fill(
+        [low[0], high[0], high[0], low[0]],
+        [low[1], low[1], high[1], high[1]],
+        facecolor=DAMPER,
+        edgecolor="0.5",
+    )
     for name, sign in (("front", 1.0), ("back", -1.0)):
         frame = model.interfaces[name].frame[0] @ rotation.T
         middle = np.array([sign * high[0], 0.0])
@@ -153,7 +191,13 @@ with plt.rc_context(STYLE):
         gap = 1e3 * model.interfaces[name].gap[0]
         side.text(middle[0] + sign * 9.0, -9.5, f"{name} face\nstop after\n{gap:.2f} mm",
                   ha="center", va="center", fontsize=7.0)  # fmt: skip
-    side.set(aspect="equal", xlabel="$Z_D$ (mm)", ylabel="$Y_D$ (mm)", xlim=(-41.0, 41.0), ylim=(-17.0, 14.0))
+    side.set(
+        aspect="equal",
+        xlabel="$Z_D$ (mm)",
+        ylabel="$Y_D$ (mm)",
+        xlim=(-41.0, 41.0),
+        ylim=(-17.0, 14.0),
+    )
     for one in (ax, side):
         one.grid(False)
 keep(figure, "fig03_faces")
@@ -171,7 +215,13 @@ with plt.rc_context(STYLE):
     ax.plot(0.0, 0.0, "ko", markersize=5.0)
     ax.text(-1.0, 0.45, "$K_{cB}$", ha="center")
     ax.text(1.0, 0.45, "$K_{cD}$", ha="center")
-    ax.text(0.0, -0.75, "bonded pair:  $K_c^{-1} = K_{cB}^{-1} + K_{cD}^{-1}$", ha="center", fontsize=8.0)
+    ax.text(
+        0.0,
+        -0.75,
+        "bonded pair:  $K_c^{-1} = K_{cB}^{-1} + K_{cD}^{-1}$",
+        ha="center",
+        fontsize=8.0,
+    )
     ax.set(aspect="equal", xlim=(-2.8, 2.8), ylim=(-1.0, 1.0))
     ax.set_axis_off()
 keep(figure, "fig04_bonded")
@@ -185,7 +235,11 @@ print(study(1).stiffness_report)
 stiffness = {name: problem.stiffness[name] for name in ("left", "right")}
 faces = [(name, model.interfaces[name].points, model.interfaces[name].frame) for name in stiffness]
 shown = [
-    np.where(found.fallback[:, axis], np.nan, 1e-9 * found.stiffness[:, axis] / model.interfaces[name].area)
+    np.where(
+        found.fallback[:, axis],
+        np.nan,
+        1e-9 * found.stiffness[:, axis] / model.interfaces[name].area,
+    )
     for axis in range(3)
     for name, found in stiffness.items()
 ]

@@ -21,12 +21,17 @@ paper, converged = {}, {}
 def tracking(mode: int) -> None:
     """Curves at each preload with the settings of the paper, and stored ones; draws and prints both."""
     driven, asked, rich = MODES[mode], study(mode, **bd.CIGEROGLU_2009), study(mode)
-    paper[mode] = [asked.frequency_response(preload, driven.band, stability=True) for preload in driven.preloads]
+    paper[mode] = [
+        asked.frequency_response(preload, driven.band, stability=True)
+        for preload in driven.preloads
+    ]
     converged[mode] = [stored(f"mode_{mode}_{preload:g}N") for preload in driven.preloads]
     limits = [[s.free(driven.band), s.stuck(driven.band)] for s in (asked, rich)]
     print_curves("settings of the paper", paper[mode])
     print_curves("converged", converged[mode])
-    figure = plot_beside(limits[0] + paper[mode], limits[1] + converged[mode], f"Mode {mode}, {driven.name}")
+    figure = plot_beside(
+        limits[0] + paper[mode], limits[1] + converged[mode], f"Mode {mode}, {driven.name}"
+    )
     keep(figure, f"fig0{5 + mode}_tracking_mode_{mode}")
 
 

@@ -41,13 +41,17 @@ paper, converged = {}, {}
 
 def macroslip_ratio(curve: OptimalCurve) -> float:
     """Stuck over optimum amplitude of a damper that only slips as a whole, under a constant normal load."""
-    return (1.0 - (curve.free.frequency / curve.stuck.frequency) ** 2) / (2.0 * np.pi * DAMPING_RATIO)
+    return (1.0 - (curve.free.frequency / curve.stuck.frequency) ** 2) / (
+        2.0 * np.pi * DAMPING_RATIO
+    )
 
 
 def optimal(mode: int) -> None:
     """Optimal curve with the settings of the paper, and the stored one; draws and prints both."""
     driven = MODES[mode]
-    paper[mode] = study(mode, **bd.CIGEROGLU_2009).optimal_curve(driven.interval, 24, frequency=driven.band, check=False)
+    paper[mode] = study(mode, **bd.CIGEROGLU_2009).optimal_curve(
+        driven.interval, 24, frequency=driven.band, check=False
+    )
     converged[mode] = stored(f"optimal_{mode}")
     print(f"the paper: ratio {PUBLISHED[mode][0]}, shift {PUBLISHED[mode][1]} %")
     for name, curve in (("settings of the paper", paper[mode]), ("converged", converged[mode])):
@@ -57,7 +61,10 @@ def optimal(mode: int) -> None:
             f"{macroslip_ratio(curve):.1f}), free over optimum {curve.free.amplitude / o.amplitude:.1f}, shift "
             f"{curve.stuck_shift_percent:.1f} %"
         )
-    keep(plot_optimal_beside(paper[mode], converged[mode], f"Mode {mode}"), f"fig0{7 + mode}_optimal_mode_{mode}")
+    keep(
+        plot_optimal_beside(paper[mode], converged[mode], f"Mode {mode}"),
+        f"fig0{7 + mode}_optimal_mode_{mode}",
+    )
 
 
 # %%

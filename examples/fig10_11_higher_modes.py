@@ -19,17 +19,25 @@ paper, converged, optimal = {}, {}, {}
 def tracking_and_optimal(mode: int) -> None:
     """Curves with the settings of the paper, and stored ones; draws and prints both."""
     driven, asked, rich = MODES[mode], study(mode, **bd.CIGEROGLU_2009), study(mode)
-    paper[mode] = [asked.frequency_response(preload, driven.band, stability=True) for preload in driven.preloads]
+    paper[mode] = [
+        asked.frequency_response(preload, driven.band, stability=True)
+        for preload in driven.preloads
+    ]
     converged[mode] = [stored(f"mode_{mode}_{preload:g}N") for preload in driven.preloads]
     limits = [[s.free(driven.band), s.stuck(driven.band)] for s in (asked, rich)]
     print_curves("settings of the paper", paper[mode])
     print_curves("converged", converged[mode])
     name = f"Mode {mode}, {driven.name}"
-    keep(plot_beside(limits[0] + paper[mode], limits[1] + converged[mode], name), f"fig10_tracking_mode_{mode}")
+    keep(
+        plot_beside(limits[0] + paper[mode], limits[1] + converged[mode], name),
+        f"fig10_tracking_mode_{mode}",
+    )
     curve = asked.optimal_curve(driven.interval, 20, frequency=driven.band, check=False)
     optimal[mode] = curve, stored(f"optimal_{mode}")
     for which, curve in zip(("settings of the paper", "converged"), optimal[mode]):
-        print(f"{which}: ratio {curve.ratio:.1f}, shift {curve.stuck_shift_percent:.2f} %; {curve.optimum}")
+        print(
+            f"{which}: ratio {curve.ratio:.1f}, shift {curve.stuck_shift_percent:.2f} %; {curve.optimum}"
+        )
     keep(plot_optimal_beside(*optimal[mode], f"Mode {mode}"), f"fig11_optimal_mode_{mode}")
 
 

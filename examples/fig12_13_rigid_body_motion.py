@@ -25,10 +25,16 @@ def plot_motion(quantity: str, title: str, name: str) -> None:
     shown = [np.abs(motion["modal_" + quantity]) for motion in out.values()]
     top = max(float(values.max()) for values in shown)
     for ax, (which, motion), values in zip(axes, out.items(), shown):
-        print(f"{which}\n{'preload':>10}{'X':>10}{'Y':>10}{'Z (um)':>10}{'about X, Y, Z (mrad)':>30}  order")
+        print(
+            f"{which}\n{'preload':>10}{'X':>10}{'Y':>10}{'Z (um)':>10}{'about X, Y, Z (mrad)':>30}  order"
+        )
         for preload, physical, modal in zip(motion["preload"], motion[quantity], values):
             order = " > ".join(bd.RIGID_NAMES[k] for k in np.argsort(-modal)[:3])
-            print(f"{preload:>8.0f} N" + "".join(f"{v:10.3f}" for v in (*1e6 * physical[:3], *1e3 * physical[3:])), order)
+            print(
+                f"{preload:>8.0f} N"
+                + "".join(f"{v:10.3f}" for v in (*1e6 * physical[:3], *1e3 * physical[3:])),
+                order,
+            )
         for k, shade in enumerate([*colours(3), *colours(3)]):
             seen = np.where(values[:, k] > 2e-5 * top, values[:, k], np.nan)
             ax.loglog(motion["preload"], seen, color=shade, marker=MARKERS[k],
@@ -43,7 +49,9 @@ def plot_motion(quantity: str, title: str, name: str) -> None:
 
 with np.load(STORED / "rigid_motion.npz") as file:
     out = {
-        "settings of the paper": motion_over_preload(study(1, **bd.CIGEROGLU_2009), MOTION_PRELOADS),
+        "settings of the paper": motion_over_preload(
+            study(1, **bd.CIGEROGLU_2009), MOTION_PRELOADS
+        ),
         "converged": dict(file),
     }
 

@@ -22,9 +22,12 @@ translation = asked.replace(rigid_modes=TRANSLATIONS)
 # curves of a damper that turns and of one that only translates
 pairs = {
     "settings of the paper": [
-        (asked.frequency_response(p, band), translation.frequency_response(p, band)) for p in ROTATION_PRELOADS
+        (asked.frequency_response(p, band), translation.frequency_response(p, band))
+        for p in ROTATION_PRELOADS
     ],
-    "converged": [(stored(f"mode_1_{p:g}N"), stored(f"translations_{p:g}N")) for p in ROTATION_PRELOADS],
+    "converged": [
+        (stored(f"mode_1_{p:g}N"), stored(f"translations_{p:g}N")) for p in ROTATION_PRELOADS
+    ],
 }
 for name, found in pairs.items():
     for which, curves in zip(("all rigid modes", "translations only"), zip(*found)):
@@ -40,7 +43,10 @@ for row, (name, found) in zip(axes, pairs.items()):
         title = f"preload {pair[0].preload:g} N,\n{name}"
         plot_curves(pair, ax, labels=("all rigid modes", "translations only"), title=title)
         ax.get_legend().remove()
-        ax.set(xlabel=ax.get_xlabel() if ax in axes[1] else "", ylabel=ax.get_ylabel() if ax is row[0] else "")
+        ax.set(
+            xlabel=ax.get_xlabel() if ax in axes[1] else "",
+            ylabel=ax.get_ylabel() if ax is row[0] else "",
+        )
 handles, labels = axes[0, 0].get_legend_handles_labels()
 figure.legend(handles, labels, ncols=4, fontsize=8.0, loc="outside lower center")
 keep(figure, "fig14_rotation")

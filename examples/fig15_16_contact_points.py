@@ -34,7 +34,10 @@ converged = {n: stored(f"mode_1_{lowest}" if n == 24 else f"points_{n}_{lowest}"
 #   edge decides about its lever.  From 200 N on four rows are within 1 % of five.
 
 loads = [f"preload {p:g} N" for p in POINTS_PRELOADS]
-panels = [(f"{load}, settings of the paper", [curves[n][k] for n in POINTS]) for k, load in enumerate(loads)]
+panels = [
+    (f"{load}, settings of the paper", [curves[n][k] for n in POINTS])
+    for k, load in enumerate(loads)
+]
 panels.insert(1, (f"{loads[0]}, converged", [converged[n] for n in POINTS]))
 with plt.rc_context(STYLE):
     figure, axes = plt.subplots(2, 3, figsize=(9.0, 5.6), sharex=True, sharey=True)
@@ -68,10 +71,14 @@ def plot_status(asked: bd.Study, preload: float, name: str) -> tuple[ContactStat
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(2, 1, figsize=(5.6, 4.6))
     for ax, side in zip(axes, ("left", "right")):
-        plot_status_map(status, asked.model, side, ax, title=f"{side} face, shares of the period ({title})")
+        plot_status_map(
+            status, asked.model, side, ax, title=f"{side} face, shares of the period ({title})"
+        )
     axes[0].set_xlabel("")
     keep(figure, f"fig16_status_maps_{file}")
-    stick, slip, opened = status.share[[*status.rows("left"), *status.rows("right")]].mean(axis=(0, 1))
+    stick, slip, opened = status.share[[*status.rows("left"), *status.rows("right")]].mean(
+        axis=(0, 1)
+    )
     print(f"at {title}: stick {stick:.3f}, slip {slip:.3f}, open {opened:.3f}")
     return status, curve
 

@@ -58,14 +58,18 @@ with plt.rc_context(STYLE):
         if value > 0.0:
             look = {"facecolor": plt.get_cmap("cividis")(value / size)}
         place = (y[i] - 0.45 * dy, x[i] - 0.45 * dx)
-        on_face.add_patch(Rectangle(place, 0.9 * dy, 0.9 * dx, edgecolor="0.3", linewidth=0.5, **look))
+        on_face.add_patch(
+            Rectangle(place, 0.9 * dy, 0.9 * dx, edgecolor="0.3", linewidth=0.5, **look)
+        )
     on_face.set(aspect="equal", xlabel="Along the axis (mm)", ylabel="Outward (mm)",
                 xlim=(y.min() - dy, y.max() + dy), ylim=(x.min() - dx, x.max() + dx))  # fmt: skip
     on_face.grid(False)
     gap = Patch(facecolor="w", edgecolor="0.3", hatch="xxxx", label="a gap at rest")
     on_face.legend(handles=[gap], loc="lower right", bbox_to_anchor=(1.0, 1.0), fontsize=7.5)
     scale = plt.cm.ScalarMappable(plt.Normalize(0.0, size), "cividis")
-    figure.colorbar(scale, ax=on_face, orientation="horizontal", label="Share of the normal load (%)")
+    figure.colorbar(
+        scale, ax=on_face, orientation="horizontal", label="Share of the normal load (%)"
+    )
 keep(figure, "fig17_blade_to_ground")
 
 # %%
@@ -90,13 +94,24 @@ with plt.rc_context(STYLE):
     figure, (*axes, changed) = plt.subplots(1, 3, figsize=(9.6, 4.2), width_ratios=[1.2, 1.2, 1.0])
 for ax, (name, method), marker in zip(axes, METHODS.items(), "os"):
     driven = bd.Excitation("tip_trailing_edge")
-    study = bd.Study(model, driven, friction_coefficient=FRICTION, contact_stiffness=method, blade_modes=10, harmonics=1)
+    study = bd.Study(
+        model,
+        driven,
+        friction_coefficient=FRICTION,
+        contact_stiffness=method,
+        blade_modes=10,
+        harmonics=1,
+    )
     loaded = [study.replace(constant_loads={"platform": load * share}) for load in LOADS]
-    curves[name] = [[s.replace(harmonics=h).frequency_response(0.0, BAND) for s in loaded] for h in HARMONICS]
+    curves[name] = [
+        [s.replace(harmonics=h).frequency_response(0.0, BAND) for s in loaded] for h in HARMONICS
+    ]
     states = [contact_status(s, c.peak.y[:-1], 0.0) for s, c in zip(loaded, curves[name][0])]
     opens[name] = [bool((state.share[share > 0.0, 0, 2] > 0.0).any()) for state in states]
     for h, found in zip(HARMONICS, curves[name]):
-        print_curves(f"{name}, harmonics {h}, loads {', '.join(f'{load:g}' for load in LOADS)} N", found)
+        print_curves(
+            f"{name}, harmonics {h}, loads {', '.join(f'{load:g}' for load in LOADS)} N", found
+        )
     change = [100.0 * d for d in differences(*curves[name])]
     print("change of the peak:", ", ".join(f"{d:+.2g} %" for d in change))
     changed.semilogx(LOADS, change, color="0.1", linestyle="-" if marker == "o" else "-.", marker=marker, markersize=4.0,
@@ -108,7 +123,14 @@ for ax, (name, method), marker in zip(axes, METHODS.items(), "os"):
     for single, multiple, shade, marker in zip(*curves[name], colours(len(LOADS)), MARKERS):
         for curve, style, fill in ((single, "-.", "w"), (multiple, "-", shade)):
             ax.semilogy(curve.frequency, curve.amplitude, color=shade, linestyle=style)
-            ax.plot(curve.peak.frequency, curve.peak.amplitude, marker, color=shade, markersize=5.0, markerfacecolor=fill)
+            ax.plot(
+                curve.peak.frequency,
+                curve.peak.amplitude,
+                marker,
+                color=shade,
+                markersize=5.0,
+                markerfacecolor=fill,
+            )
     ax.set_title(name, fontsize=9.0)
     ax.set_xlabel("Frequency (Hz)")
 axes[0].set_ylabel(amplitude_label(curve))
@@ -120,7 +142,9 @@ changed.legend(fontsize=7.5, loc="lower right", frameon=False)
 handles = [Line2D([], [], **grey, linestyle=style, label=label) for _, style, label in limits]
 for load, shade, marker in zip(LOADS, colours(len(LOADS)), MARKERS):
     handles.append(Line2D([], [], color=shade, marker=marker, label=f"{load / 1000.0:g} kN"))
-handles.append(Line2D([], [], color="k", linestyle="-.", marker="o", markerfacecolor="w", label="one harmonic"))
+handles.append(
+    Line2D([], [], color="k", linestyle="-.", marker="o", markerfacecolor="w", label="one harmonic")
+)
 handles.append(Line2D([], [], color="k", marker="o", label="five harmonics"))
 figure.legend(handles=handles, ncols=5, fontsize=7.5, loc="outside lower center", frameon=False)
 keep(figure, "fig18_blade_to_ground")

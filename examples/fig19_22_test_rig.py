@@ -33,9 +33,17 @@ for body, mesh in model.meshes.items():
 for name, body in model.bodies.items():
     if body.load is not None:
         place, along = 1e3 * body.centre[:2], body.load.direction[:2]
-        ax.annotate("", place + 28.0 * along, place, arrowprops={"arrowstyle": "-|>", "linewidth": 1.4})
+        ax.annotate(
+            "", place + 28.0 * along, place, arrowprops={"arrowstyle": "-|>", "linewidth": 1.4}
+        )
         side = -1.0 if name.endswith("left") else 1.0
-        ax.text(*(place + 30.0 * along + [2.0 * side, 0.0]), "load of\nthe damper", ha="center", va="bottom", fontsize=7.5)
+        ax.text(
+            *(place + 30.0 * along + [2.0 * side, 0.0]),
+            "load of\nthe damper",
+            ha="center",
+            va="bottom",
+            fontsize=7.5,
+        )
 for x, text in ((0.0, "test blade\n(airfoil above)"), (-42.0, "dummy"), (42.0, "dummy")):
     ax.text(x, platform + 2.0, text, ha="center", va="bottom", fontsize=7.5)
 ax.set(aspect="equal", xlabel="X (mm)", ylabel="Y (mm)", ylim=(platform - 60.0, platform + 36.0))
@@ -68,14 +76,25 @@ def at_normalised_load(curve: OptimalCurve, load: float) -> tuple[float, float]:
 
 
 curves = {
-    f"{n} modes": rig_study(**RIG_PLAIN, blade_modes=n).optimal_curve(RIG_LOADS, 30, frequency=RIG_BAND, check=False)
+    f"{n} modes": rig_study(**RIG_PLAIN, blade_modes=n).optimal_curve(
+        RIG_LOADS, 30, frequency=RIG_BAND, check=False
+    )
     for n in (10, 20)
 }
 curves["40 modes"] = stored("optimal_rig_40_modes")
 curves["converged"] = stored("optimal_rig")
 disk = bd.reference_model("bladed_disk", contact_points=24)
-wheel = bd.Study(disk, bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4, blade_modes=10, **RIG_PLAIN)
-curves["bladed disk"] = wheel.optimal_curve((60.0, 1.5e5), 30, frequency=(270.0, 380.0), check=False)
+wheel = bd.Study(
+    disk,
+    bd.Excitation("tip"),
+    engine_order=5,
+    friction_coefficient=0.4,
+    blade_modes=10,
+    **RIG_PLAIN,
+)
+curves["bladed disk"] = wheel.optimal_curve(
+    (60.0, 1.5e5), 30, frequency=(270.0, 380.0), check=False
+)
 for name, curve in curves.items():
     ratio, slip = at_normalised_load(curve, 100.0)
     what = "optimum" if curve.optimum.verified else "least, not verified,"

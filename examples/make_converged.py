@@ -43,7 +43,9 @@ def tracking(preload: float, mode: int = 1, **settings: Any) -> ResponseCurve:
     return replace(curve, unknowns=np.empty((len(curve), 0)))
 
 
-def optimal(asked: bd.Study, interval: tuple[float, float], n: int, band: tuple[float, float]) -> OptimalCurve:
+def optimal(
+    asked: bd.Study, interval: tuple[float, float], n: int, band: tuple[float, float]
+) -> OptimalCurve:
     """An optimal curve without its unknowns."""
     curve = asked.optimal_curve(interval, n, frequency=band, check=False)
     return replace(curve, unknowns=np.empty((len(curve), 0)))
@@ -56,7 +58,9 @@ def model(n: int) -> bd.Model:
     from bdamper.fem.meshes import paper_geometry
 
     fe = SectorFE(paper_geometry(), MeshDensity.preset("coarse"))
-    return bladed_disk({9: (3, 3), 48: (4, 12)}[n], fe=fe, n_modes=20, harmonics=3, damping_ratio=DAMPING_RATIO)
+    return bladed_disk(
+        {9: (3, 3), 48: (4, 12)}[n], fe=fe, n_modes=20, harmonics=3, damping_ratio=DAMPING_RATIO
+    )
 
 
 def points(n: int, preload: float) -> ResponseCurve:
@@ -80,7 +84,10 @@ def jobs() -> Iterator[tuple[str, Callable[[], Any]]]:
     for n in (9, 48):
         yield f"points_{n}_{lowest:g}N", partial(points, n, lowest)
     yield "optimal_rig", partial(optimal, rig_study(), RIG_LOADS, 20, RIG_BAND)
-    yield "optimal_rig_40_modes", partial(optimal, rig_study(**RIG_PLAIN, blade_modes=40), RIG_LOADS, 30, RIG_BAND)
+    yield (
+        "optimal_rig_40_modes",
+        partial(optimal, rig_study(**RIG_PLAIN, blade_modes=40), RIG_LOADS, 30, RIG_BAND),
+    )
 
 
 def save(result: Any, name: str) -> str:
@@ -95,7 +102,9 @@ def save(result: Any, name: str) -> str:
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("name", nargs="?", default="", help="only the files whose names begin so, and those again")
+    parser.add_argument(
+        "name", nargs="?", default="", help="only the files whose names begin so, and those again"
+    )
     wanted = parser.parse_args().name
     STORED.mkdir(exist_ok=True)
     for name, job in jobs():

@@ -32,7 +32,9 @@ def main(wheels: int, harmonics: int, folder: Path) -> None:
     with ProcessPoolExecutor(2, get_context("spawn")) as pool:
         ways = {"disks": wheels, "audit": 0.0, "executor": pool}
         kept = f"{harmonics}_{wheels}.jsonl"
-        factor = bd.mistuned_sample(study, DEVIATIONS, THREE, resume=folder / f"deviation_{kept}", **ways)
+        factor = bd.mistuned_sample(
+            study, DEVIATIONS, THREE, resume=folder / f"deviation_{kept}", **ways
+        )
         print(factor)
         save_figure(factor.plot(), folder / "factor.png")
         over = bd.mistuned_sample(study, 0.02, PRELOADS, resume=folder / f"preload_{kept}", **ways)
@@ -43,7 +45,9 @@ def main(wheels: int, harmonics: int, folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--wheels", type=int, default=20)
     parser.add_argument("--harmonics", type=int, default=1)
     parser.add_argument("--figures", type=Path, default=Path("figures"))

@@ -1,6 +1,6 @@
 """From the decks of a sector of your own to optimum, margin, crossing and mistuned wheel.
 
-    python examples/own_sector.py FOLDER        sector.inp and damper.inp in it, and what CalculiX stored of their matrices
+python examples/own_sector.py FOLDER        sector.inp and damper.inp in it, and what CalculiX stored of their matrices
 """
 
 import sys
@@ -13,7 +13,9 @@ from bdamper.importers import ContactFaces, Placement, Reduction, Sector, build_
 from bdamper.importers.abaqus import read_calculix
 from bdamper.mistuning import Mistuning
 
-STEEL = Material(300e6, 900e6, 800e6, name="a steel", source="round figures; take those of your part")
+STEEL = Material(
+    300e6, 900e6, 800e6, name="a steel", source="round figures; take those of your part"
+)
 
 
 def main(folder: Path) -> tuple[bd.Study, bd.BladedDisk, float]:
@@ -27,7 +29,9 @@ def main(folder: Path) -> tuple[bd.Study, bd.BladedDisk, float]:
         locations={"tip": (0.0, 346.6, 0.0)},
     )  # fmt: skip
     print(built)
-    study = bd.Study(built.model, bd.Excitation("tip"), engine_order=4, friction_coefficient=0.3, harmonics=1)
+    study = bd.Study(
+        built.model, bd.Excitation("tip"), engine_order=4, friction_coefficient=0.3, harmonics=1
+    )
     best = study.optimal_curve((150.0, 300.0), 5, check=False).optimum
     print(best, study.margin(study.peak(best.preload), STEEL, speed=400.0), sep="\n")
     crossings = study.resonance_crossings((1350.0, 1650.0), [4])

@@ -50,8 +50,16 @@ class Mode:
 
 
 MODES = {
-    1: Mode("tangential", 1.0, (245.0, 330.0), (50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0, 5000.0), (50.0, 25e3)),
-    2: Mode("radial", 12.0, (442.0, 490.0), (50.0, 120.0, 250.0, 500.0, 1000.0, 2000.0), (50.0, 25e3)),
+    1: Mode(
+        "tangential",
+        1.0,
+        (245.0, 330.0),
+        (50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0, 5000.0),
+        (50.0, 25e3),
+    ),
+    2: Mode(
+        "radial", 12.0, (442.0, 490.0), (50.0, 120.0, 250.0, 500.0, 1000.0, 2000.0), (50.0, 25e3)
+    ),
     3: Mode("tangential", 1.0, (1150.0, 1600.0), (50.0, 100.0, 200.0, 500.0, 2000.0), (50.0, 10e3)),
     7: Mode("axial", 1.0, (3060.0, 3180.0), (20.0, 50.0, 100.0, 200.0, 500.0), (10.0, 5e3)),
 }
@@ -63,7 +71,9 @@ RIG_LOADS, RIG_BAND = (25.0, 1.5e5), (240.0, 380.0)
 RIG_PLAIN = {"contact_stiffness": "unit_traction", "harmonics": 1}
 
 
-def study(mode: int, contact_points: int = 24, model: bd.Model | None = None, **settings: Any) -> bd.Study:
+def study(
+    mode: int, contact_points: int = 24, model: bd.Model | None = None, **settings: Any
+) -> bd.Study:
     """The disk driven in a mode, with other settings than the defaults if they are named (``**bd.CIGEROGLU_2009``)."""
     driven = MODES[mode]
     return bd.Study(
@@ -77,7 +87,9 @@ def study(mode: int, contact_points: int = 24, model: bd.Model | None = None, **
 
 def rig_study(**settings: Any) -> bd.Study:
     """The test rig, driven by 1 N in the tangential direction at the tip."""
-    return bd.Study(bd.reference_model("test_rig"), bd.Excitation("tip"), friction_coefficient=0.4, **settings)
+    return bd.Study(
+        bd.reference_model("test_rig"), bd.Excitation("tip"), friction_coefficient=0.4, **settings
+    )
 
 
 def stored(name: str) -> Any:
@@ -102,14 +114,22 @@ def motion_over_preload(asked: bd.Study, preloads: Sequence[float]) -> dict[str,
     dict
         ``preload`` (n,), ``bias`` and ``vibratory`` (n, 6) in m and rad, ``modal_bias`` and ``modal_vibratory`` (n, 6).
     """
-    columns: dict[str, list[np.ndarray]] = {"bias": [], "vibratory": [], "modal_bias": [], "modal_vibratory": []}
+    columns: dict[str, list[np.ndarray]] = {
+        "bias": [],
+        "vibratory": [],
+        "modal_bias": [],
+        "modal_vibratory": [],
+    }
     for preload in preloads:
         curve = asked.frequency_response(preload, MODES[1].band)
         motion = rigid_motion(asked, curve.peak.y[:-1])
         modal = np.abs(motion.modal_vibratory[0])
         for name, value in zip(columns, (motion.bias, motion.amplitude, motion.modal_bias, modal)):
             columns[name].append(value)
-    return {"preload": np.array(preloads), **{name: np.array(rows) for name, rows in columns.items()}}
+    return {
+        "preload": np.array(preloads),
+        **{name: np.array(rows) for name, rows in columns.items()},
+    }
 
 
 def print_curves(name: str, curves: list[ResponseCurve]) -> None:
@@ -124,24 +144,34 @@ def print_curves(name: str, curves: list[ResponseCurve]) -> None:
         )
 
 
-def plot_beside(paper: Sequence[ResponseCurve], converged: Sequence[ResponseCurve], title: str) -> Figure:
+def plot_beside(
+    paper: Sequence[ResponseCurve], converged: Sequence[ResponseCurve], title: str
+) -> Figure:
     """Curves with the paper's settings on the left, converged ones on the right, on the same axes."""
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(1, 2, figsize=(8.0, 4.2), sharex=True, sharey=True)
-        for ax, curves, name in zip(axes, (paper, converged), ("settings of the paper", "converged")):
+        for ax, curves, name in zip(
+            axes, (paper, converged), ("settings of the paper", "converged")
+        ):
             plot_curves(curves, ax, title=f"{title}, {name}")
             ax.get_legend().remove()
         axes[1].set_ylabel("")
-        figure.legend(*axes[0].get_legend_handles_labels(), ncols=5, fontsize=8.0, loc="outside lower center")
+        figure.legend(
+            *axes[0].get_legend_handles_labels(), ncols=5, fontsize=8.0, loc="outside lower center"
+        )
     return figure
 
 
 def plot_optimal_beside(paper: OptimalCurve, converged: OptimalCurve, title: str) -> Figure:
     """Amplitude above frequency shift, the settings of the paper on the left, converged on the right, on the same axes."""
     with plt.rc_context(STYLE):
-        figure, axes = plt.subplots(2, 2, figsize=(8.2, 5.4), sharex=True, sharey="row", height_ratios=(2.0, 1.0))
+        figure, axes = plt.subplots(
+            2, 2, figsize=(8.2, 5.4), sharex=True, sharey="row", height_ratios=(2.0, 1.0)
+        )
         common = {}
-        for column, curve, name in zip(axes.T, (paper, converged), ("settings of the paper", "converged")):
+        for column, curve, name in zip(
+            axes.T, (paper, converged), ("settings of the paper", "converged")
+        ):
             plot_optimal(curve, column[0], title=f"{title}, {name}")
             plot_optimal(curve, column[1], quantity="shift")
             common |= dict(zip(*column[0].get_legend_handles_labels()[::-1]))
@@ -150,6 +180,12 @@ def plot_optimal_beside(paper: OptimalCurve, converged: OptimalCurve, title: str
         axes[0, 0].set_xlim(0.9 * paper.preload[0], 1.1 * paper.preload[-1])
         for ax in axes[:, 1]:
             ax.set_ylabel("")
-        common = {name: handle for name, handle in common.items() if not name.startswith(("optimum", "least"))}
-        figure.legend(common.values(), common.keys(), ncols=4, fontsize=8.0, loc="outside lower center")
+        common = {
+            name: handle
+            for name, handle in common.items()
+            if not name.startswith(("optimum", "least"))
+        }
+        figure.legend(
+            common.values(), common.keys(), ncols=4, fontsize=8.0, loc="outside lower center"
+        )
     return figure

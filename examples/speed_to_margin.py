@@ -27,13 +27,21 @@ ORDERS, MASSES, SPEEDS = (4, 5, 6), (0.55, 0.8, 1.4), (200.0, 720.0)
 """Engine orders, factors on the mass of the damper, and the range of speeds (rad/s)."""
 ONE_SPEED, LOADS = 440.0, (0.28, 0.7)
 """Speed (rad/s) at which margins are shown over the mass, and factors on the preload there of the nominal mass."""
-STEEL = Material(300e6, 900e6, 800e6, name="a steel", source="round figures; take those of your part")
+STEEL = Material(
+    300e6, 900e6, 800e6, name="a steel", source="round figures; take those of your part"
+)
 
 
 def study(harmonics: int = 3) -> bd.Study:
     """The shipped disk, which has data over speed and stress at its blade, with 60 N at the tip."""
     model = bd.reference_model("bladed_disk", 9)
-    return bd.Study(model, bd.Excitation("tip", amplitude=60.0), 5, friction_coefficient=0.3, harmonics=harmonics)
+    return bd.Study(
+        model,
+        bd.Excitation("tip", amplitude=60.0),
+        5,
+        friction_coefficient=0.3,
+        harmonics=harmonics,
+    )
 
 
 def over_mass(asked: bd.Study) -> OptimalCurve:
@@ -47,13 +55,30 @@ def plot_over_mass(curve: OptimalCurve, grams: float, ax: plt.Axes) -> None:
     """Margin and tip amplitude over the mass of the damper, ``grams`` for each newton of preload."""
     (margins,) = curve.margins
     ax.plot(grams * margins.values, margins.margin, "k-", label="margin")
-    ax.plot(grams * margins.best_value, margins.best_margin, "k*", markersize=11, label="largest margin")
+    ax.plot(
+        grams * margins.best_value, margins.best_margin, "k*", markersize=11, label="largest margin"
+    )
     tip = ax.twinx()
-    tip.plot(grams * curve.preload, 1e3 * curve.amplitude, color="0.55", linestyle="-.", label="tip amplitude")
+    tip.plot(
+        grams * curve.preload,
+        1e3 * curve.amplitude,
+        color="0.55",
+        linestyle="-.",
+        label="tip amplitude",
+    )
     best = curve.optimum
-    tip.plot(grams * best.preload, 1e3 * best.amplitude, "o", color="0.55", markeredgecolor="k", label="least amplitude")
+    tip.plot(
+        grams * best.preload,
+        1e3 * best.amplitude,
+        "o",
+        color="0.55",
+        markeredgecolor="k",
+        label="least amplitude",
+    )
     ax.set(xlabel="Damper mass (g)", ylabel="Margin against fatigue", ylim=(0.0, None))
-    ax.set_title(f"engine order {curve.settings['engine_order']}, {ONE_SPEED * RPM:.0f} rpm", fontsize=8)
+    ax.set_title(
+        f"engine order {curve.settings['engine_order']}, {ONE_SPEED * RPM:.0f} rpm", fontsize=8
+    )
     tip.set(ylabel="Tip amplitude (mm), dash-dotted", ylim=(0.0, None))
     tip.grid(False)
     both = [handle for axes in (ax, tip) for handle in axes.get_legend_handles_labels()[0]]
@@ -69,17 +94,23 @@ def review(asked: bd.Study, found: SweepResult, curve: OptimalCurve) -> plt.Figu
     plot_campbell(campbell, left)
     left.set_ylim(200.0, 520.0)
     plot_crossings(found, middle, quantity="margin")
-    plot_over_mass(curve, 1e3 * asked.model.bodies["damper"].mass / asked.at_speed(ONE_SPEED).preload, right)
+    plot_over_mass(
+        curve, 1e3 * asked.model.bodies["damper"].mass / asked.at_speed(ONE_SPEED).preload, right
+    )
     return figure
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--harmonics", type=int, default=3)
     parser.add_argument("--folder", type=Path, default=Path())
     given = parser.parse_args()
     asked = study(given.harmonics)
-    found = asked.resonance_crossings(SPEEDS, ORDERS, damper_mass_factor=MASSES, margin=LeastMargin(STEEL), progress=True)
+    found = asked.resonance_crossings(
+        SPEEDS, ORDERS, damper_mass_factor=MASSES, margin=LeastMargin(STEEL), progress=True
+    )
     print(found)
     found.save(given.folder / "speed_to_margin.h5")
     curve = over_mass(asked)

@@ -58,7 +58,10 @@ def compare(number: int) -> Compared | None:
     changes: dict = {}
     if source == "harmonics":
         own = int(rng.choice([1, 2, 3]))
-        study, changes = study._with_problem(varied(study.problem, {"harmonics": own})), {"harmonics": own + 4}
+        study, changes = (
+            study._with_problem(varied(study.problem, {"harmonics": own})),
+            {"harmonics": own + 4},
+        )
     elif source == "contact_forces":
         n = int(rng.choice([24, 32, 64, 128, 256]))
         study, changes = study.replace(contact_forces=bd.AFT(n)), {"contact_forces": "event_driven"}
@@ -86,12 +89,16 @@ def compare(number: int) -> Compared | None:
         return None
     if top is None:
         return None
-    base = own if curve.peak_at_end else curve.peak  # a search follows its curve coarsely, and corners are points of it
+    base = (
+        own if curve.peak_at_end else curve.peak
+    )  # a search follows its curve coarsely, and corners are points of it
     error = top[0] / known_amplitude(base) - 1.0, top[1] / base.frequency - 1.0
     if max(map(abs, error)) < 1e-8:
         return None
     found = estimate_errors(study.problem, curve, sources=[source])[source]
-    return Compared(case, source, (found.amplitude, found.frequency), error, len(curve.folds) > 0, found.against)
+    return Compared(
+        case, source, (found.amplitude, found.frequency), error, len(curve.folds) > 0, found.against
+    )
 
 
 def known_amplitude(peak: Peak) -> float:
@@ -99,7 +106,9 @@ def known_amplitude(peak: Peak) -> float:
     return peak.amplitude if peak.converged else peak.lower_bound
 
 
-def highest_of_richer(study: bd.Study, richer: bd.Study, curve: ResponseCurve, own: Peak) -> tuple[float, float] | None:
+def highest_of_richer(
+    study: bd.Study, richer: bd.Study, curve: ResponseCurve, own: Peak
+) -> tuple[float, float] | None:
     """Amplitude and frequency of the highest peak of a richer study, NaN if it has none; None if its curve takes too long.
 
     An end of the interval counts only where the curve itself has no maximum.  Where the richer response is highest at an
@@ -112,7 +121,11 @@ def highest_of_richer(study: bd.Study, richer: bd.Study, curve: ResponseCurve, o
     if finer.peak_at_end and not curve.peak_at_end:
         return beyond(richer, finer)
     at_end = AT_END in own.search_status
-    tops = [top for top in (richer.peak(preload, interval),) if at_end or AT_END not in top.search_status]
+    tops = [
+        top
+        for top in (richer.peak(preload, interval),)
+        if at_end or AT_END not in top.search_status
+    ]
     if not at_end and (apart := apart_from(study, richer, preload, own)) is not None:
         tops.append(apart)
     if at_end or not finer.peak_at_end:
@@ -129,13 +142,22 @@ def beyond(study: bd.Study, curve: ResponseCurve) -> tuple[float, float] | None:
     if not curve.complete:
         return None
     a, f, branch = curve.amplitude, curve.frequency, curve.branch
-    inner = (branch[:-2] == branch[1:-1]) & (branch[2:] == branch[1:-1]) & (a[1:-1] >= a[:-2]) & (a[1:-1] >= a[2:])
-    at = 1 + np.flatnonzero(inner & (a[1:-1] > end.amplitude) & ((f[1:-1] > high) if upward else (f[1:-1] < low)))
+    inner = (
+        (branch[:-2] == branch[1:-1])
+        & (branch[2:] == branch[1:-1])
+        & (a[1:-1] >= a[:-2])
+        & (a[1:-1] >= a[2:])
+    )
+    at = 1 + np.flatnonzero(
+        inner & (a[1:-1] > end.amplitude) & ((f[1:-1] > high) if upward else (f[1:-1] < low))
+    )
     nearest = min(at, key=lambda i: abs(f[i] - end.frequency), default=None)
     return (np.nan, np.nan) if nearest is None else (float(a[nearest]), float(f[nearest]))
 
 
 def apart_from(study: bd.Study, richer: bd.Study, preload: float, own: Peak) -> Peak | None:
     """The peak of a richer study that Newton finds from the peak of a study."""
-    found = find_peak(richer.problem.system(preload), embed(study.problem, richer.problem, preload, own.y))
+    found = find_peak(
+        richer.problem.system(preload), embed(study.problem, richer.problem, preload, own.y)
+    )
     return found if found.converged else None

@@ -26,8 +26,12 @@ SIZES = LocalSizes()
 
 def small_sector(n_blades: int, disk: float = 1.0) -> SectorFE:
     """A coarse sector (1,551 degrees of freedom) of a wheel of 5 to 8 blades, the stiffness of its disk times ``disk``."""
-    angle = np.pi / 3 if n_blades > 5 else np.pi / 4  # of the faces, such that platforms slope downward
-    geometry = Geometry(n_blades, bore_radius=0.05, rim_radius=0.08, ridge_radius=0.1215, face_angle=angle)
+    angle = (
+        np.pi / 3 if n_blades > 5 else np.pi / 4
+    )  # of the faces, such that platforms slope downward
+    geometry = Geometry(
+        n_blades, bore_radius=0.05, rim_radius=0.08, ridge_radius=0.1215, face_angle=angle
+    )
     fe = SectorFE(geometry, MeshDensity(2, 1, 1, 2, 1, 1, 1, 2, 1, 1, 1, 2))
     blade = fe.blade_part().stiffness
     fe.blade = replace(fe.blade, stiffness=(blade + disk * (fe.blade.stiffness - blade)).tocsr())
@@ -37,18 +41,25 @@ def small_sector(n_blades: int, disk: float = 1.0) -> SectorFE:
 def small_wheel(fe: SectorFE, sizes: LocalSizes = SIZES):
     """The model of such a sector with its local basis and the modes of all nodal diameters."""
     diameters = tuple(range(fe.geometry.n_blades // 2 + 1))
-    return bladed_disk(POINTS, n_modes=20, n_damper_modes=6, nodal_diameters=diameters, fe=fe, wheel=sizes)
+    return bladed_disk(
+        POINTS, n_modes=20, n_damper_modes=6, nodal_diameters=diameters, fe=fe, wheel=sizes
+    )
 
 
 def dampers_between(left, right) -> tuple[np.ndarray, np.ndarray]:
     """Rigid motion of the dampers at the contact patches of a blade, and their sectors."""
-    faces = interface("left", left, "damper", "blade"), interface("right", right, "damper", "blade", sector_b=1)
+    faces = (
+        interface("left", left, "damper", "blade"),
+        interface("right", right, "damper", "blade", sector_b=1),
+    )
     return damper_motion((("left", "b"), ("right", "b")), {face.name: face for face in faces})
 
 
 def turn(angle: float) -> np.ndarray:
     """From the axes of a sector to those of one at ``angle`` (rad) further toward +X."""
-    return np.array([[np.cos(angle), np.sin(angle), 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+    return np.array(
+        [[np.cos(angle), np.sin(angle), 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1]]
+    )
 
 
 class Annulus:
@@ -64,12 +75,16 @@ class Annulus:
         self.index = index.reshape(self.N, -1)  # global node of each node of each sector
         radius = np.hypot(places[unique, 0], places[unique, 1])
         self.moving = np.flatnonzero(np.repeat(radius > g.bore_radius + 1e-8, 3))
-        blocks = [np.broadcast_to(turn(2 * np.pi * k / self.N), (len(nodes), 3, 3)) for k in range(self.N)]
+        blocks = [
+            np.broadcast_to(turn(2 * np.pi * k / self.N), (len(nodes), 3, 3)) for k in range(self.N)
+        ]
         shape = (3 * len(nodes), 3 * len(unique))
         # from the motion of the annulus to that of the nodes of a sector in its own axes
         self.own = []
         for block, columns in zip(blocks, self.index):
-            rows = sp.bsr_matrix((block.transpose(0, 2, 1), columns, np.arange(len(nodes) + 1)), shape=shape)
+            rows = sp.bsr_matrix(
+                (block.transpose(0, 2, 1), columns, np.arange(len(nodes) + 1)), shape=shape
+            )
             self.own.append(rows.tocsr())
         left, right = (wedge_patches(g, side, POINTS) for side in ("left", "right"))
         self.contact = fe.blade_contact(left, right)
@@ -95,8 +110,12 @@ class Annulus:
         rigid = np.linalg.qr(damper_modes)[0]
         half, out = self.contact.shape[0] // 2, 0.0
         for n in range(self.N):
-            rows = sp.vstack([self.contact_rows(n)[:half], self.contact_rows((n + 1) % self.N)[half:]])
-            out = out + stiffness * (rows.T @ sp.csr_matrix(np.eye(2 * half) - rigid @ rigid.T) @ rows)
+            rows = sp.vstack(
+                [self.contact_rows(n)[:half], self.contact_rows((n + 1) % self.N)[half:]]
+            )
+            out = out + stiffness * (
+                rows.T @ sp.csr_matrix(np.eye(2 * half) - rigid @ rigid.T) @ rows
+            )
         return sp.csc_matrix(out)
 
     def frequencies(self, k, m, n: int) -> np.ndarray:

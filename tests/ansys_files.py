@@ -111,7 +111,9 @@ def write_rst(path, numbers, nodes, elements, sets, n_sectors):
     for number, position in zip(numbers, nodes):
         at = file.add(np.array([number, *position, 0.0, 0.0, 0.0]), "bits")
         first = at if first is None else first
-    element_at = [file.add(np.concatenate([np.ones(10, np.int32), e]).astype(np.int32)) for e in elements]
+    element_at = [
+        file.add(np.concatenate([np.ones(10, np.int32), e]).astype(np.int32)) for e in elements
+    ]
     table_at = len(file.data) // 4
     offsets = np.array([a - table_at for a in element_at], "<i8").view("<i4")
     assert file.add(offsets) == table_at
@@ -133,7 +135,13 @@ def write_rst(path, numbers, nodes, elements, sets, n_sectors):
     sets_at = file.add(np.concatenate([starts, np.zeros(len(sets), int)]).astype(np.int32))
     header = file.header
     header[[2, 3, 7, 8, 20, 48]] = n, len(sets), MODAL, len(sets), n_sectors, n
-    header[10], header[11], header[14], header[15], header[16] = sets_at, frequency_at, nodes_at, geometry_at, index_at
+    header[10], header[11], header[14], header[15], header[16] = (
+        sets_at,
+        frequency_at,
+        nodes_at,
+        geometry_at,
+        index_at,
+    )
     file.save(path)
 
 
@@ -141,9 +149,27 @@ EDGES = {
     4: ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
     5: ((0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 4), (2, 4), (3, 4)),
     6: ((0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)),
-    8: ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)),
+    8: (
+        (0, 1),
+        (1, 2),
+        (2, 3),
+        (3, 0),
+        (4, 5),
+        (5, 6),
+        (6, 7),
+        (7, 4),
+        (0, 4),
+        (1, 5),
+        (2, 6),
+        (3, 7),
+    ),
 }
-_COLLAPSED = {4: (0, 1, 2, 2, 3, 3, 3, 3), 5: (0, 1, 2, 3, 4, 4, 4, 4), 6: (0, 1, 2, 2, 3, 4, 5, 5), 8: range(8)}
+_COLLAPSED = {
+    4: (0, 1, 2, 2, 3, 3, 3, 3),
+    5: (0, 1, 2, 3, 4, 4, 4, 4),
+    6: (0, 1, 2, 2, 3, 4, 5, 5),
+    8: range(8),
+}
 
 
 def collapsed(element):
@@ -152,7 +178,10 @@ def collapsed(element):
     at = _COLLAPSED[n]
     between = {frozenset(edge): node for edge, node in zip(EDGES[n], element[n:])}
     pairs = [frozenset((at[a], at[b])) for a, b in EDGES[8]] if between else ()
-    return [*(element[k] for k in at), *(between[pair] if len(pair) == 2 else element[min(pair)] for pair in pairs)]
+    return [
+        *(element[k] for k in at),
+        *(between[pair] if len(pair) == 2 else element[min(pair)] for pair in pairs),
+    ]
 
 
 def write_cdb(path, numbers, nodes, elements, components, head=()):
@@ -161,7 +190,9 @@ def write_cdb(path, numbers, nodes, elements, components, head=()):
     lines = ["/PREP7", kind, *head, f"NBLOCK,6,SOLID,{len(numbers)},{len(numbers)}"]
     lines.append("(3i9,6e21.13e3)")
     for number, position in zip(numbers, nodes):
-        text = "".join(f"{v:.13E}".replace("E+", "E+0").replace("E-", "E-0").rjust(21) for v in position)
+        text = "".join(
+            f"{v:.13E}".replace("E+", "E+0").replace("E-", "E-0").rjust(21) for v in position
+        )
         lines.append(f"{number:9d}{0:9d}{0:9d}{text}")
     lines += ["N,R5.3,LOC,       -1,", f"EBLOCK,19,SOLID,{len(elements)},{len(elements)}", "(19i9)"]
     for k, element in enumerate(elements):

@@ -43,7 +43,9 @@ def run(text, folder):
         If it fails or lists no frequency; the message ends with its last lines of output.
     """
     output = run_job(text, folder, "job")
-    frequencies = read_frequencies(folder / "job.dat") if (folder / "job.dat").exists() else np.empty(0)
+    frequencies = (
+        read_frequencies(folder / "job.dat") if (folder / "job.dat").exists() else np.empty(0)
+    )
     if not len(frequencies):
         raise RuntimeError(f"CalculiX gave no frequencies:\n{output[-1500:]}")
     return frequencies
@@ -57,7 +59,11 @@ def centrifugal_stress(fe, rows, nodes, folder, speed=300.0):
     held = ["*NSET, NSET=CLAMPED", numbers_of(fe.clamped), "*BOUNDARY", "CLAMPED, 1, 3"]
     load = ["*STEP", "*STATIC", "*DLOAD", f"BODY, CENTRIF, {speed**2:.12e}, 0., 0., 0., 0., 0., 1."]
     run_job(
-        "\n".join([deck_of(fe.blade), *held, *load, "*NODE FILE", "U", "*EL FILE", "S", "*END STEP", ""]), folder, "job"
+        "\n".join(
+            [deck_of(fe.blade), *held, *load, "*NODE FILE", "U", "*EL FILE", "S", "*END STEP", ""]
+        ),
+        folder,
+        "job",
     )
     numbers, theirs = read_frd_stress(folder / "job.frd")[0]
     body = fe.blade

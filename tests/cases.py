@@ -50,7 +50,9 @@ class Evaluated:
         return tuple(out)
 
 
-def evaluate(x, point: Point, contact_forces: int = EXACT, n_time: int = 0, law: int = 0) -> Evaluated:
+def evaluate(
+    x, point: Point, contact_forces: int = EXACT, n_time: int = 0, law: int = 0
+) -> Evaluated:
     """One contact point; outputs are filled with NaN before, so that what is not written shows.
 
     The number of samples does not count where the evaluation is exact.
@@ -58,7 +60,9 @@ def evaluate(x, point: Point, contact_forces: int = EXACT, n_time: int = 0, law:
     n_time = 0 if contact_forces == EXACT else n_time
     x = np.ascontiguousarray(x, float)
     force, tangent = np.full(x.shape, np.nan), np.full(x.shape + x.shape, np.nan)
-    shares, parts = _core.evaluate_contact(x, *point.arguments, force, tangent, law, contact_forces, n_time)
+    shares, parts = _core.evaluate_contact(
+        x, *point.arguments, force, tangent, law, contact_forces, n_time
+    )
     return Evaluated(force, tangent, np.array(shares), parts)
 
 
@@ -92,15 +96,25 @@ def difference(f, x: NDArray, h: float = 1e-5) -> NDArray:
     return np.moveaxis(out, 0, -1).reshape(out.shape[1:] + x.shape)
 
 
-def far_from_events(x: NDArray, point: Point, rng: np.random.Generator, distance: float = 5e-3) -> bool:
+def far_from_events(
+    x: NDArray, point: Point, rng: np.random.Generator, distance: float = 5e-3
+) -> bool:
     """Whether the sequence of states stays the same all around x, with no part about to vanish."""
     here = evaluate(x, point)
-    if any(end - start < 4 * distance for parts in here.parts for start, end, _ in parts if len(parts) > 1):
+    if any(
+        end - start < 4 * distance
+        for parts in here.parts
+        for start, end, _ in parts
+        if len(parts) > 1
+    ):
         return False
     for _ in range(12):
         move = rng.normal(size=x.shape)
         move *= distance * np.abs(x).max() / np.abs(move).max()
-        if evaluate(x + move, point).states != here.states or evaluate(x - move, point).states != here.states:
+        if (
+            evaluate(x + move, point).states != here.states
+            or evaluate(x - move, point).states != here.states
+        ):
             return False
     return True
 
@@ -118,7 +132,10 @@ def random_arrays(
     total = int(n_mode.sum())
     unknowns = int(n_mode[0] + 2 * n_mode[1:].sum())
     shapes = [(n_point, 3, n) for n in n_mode]
-    G = [rng.normal(size=shape) + (1j * rng.normal(size=shape) if l else 0) for l, shape in enumerate(shapes)]
+    G = [
+        rng.normal(size=shape) + (1j * rng.normal(size=shape) if l else 0)
+        for l, shape in enumerate(shapes)
+    ]
     mass = np.ones(total)
     for l in range(len(n_mode)):
         last = int(n_mode[: l + 1].sum())
@@ -136,7 +153,9 @@ def random_arrays(
         "stiffness": rng.uniform(0.5, 3.0, total),
         "mass": mass,
         "damping": rng.uniform(0.01, 0.1, total),
-        "G": np.concatenate([g.ravel() for g in G]).astype(complex) if total else np.zeros(0, complex),
+        "G": np.concatenate([g.ravel() for g in G]).astype(complex)
+        if total
+        else np.zeros(0, complex),
         "kt": np.array([p.kt for p in points]).reshape(n_point, 2),
         "kn": np.array([p.kn for p in points]),
         "mu": mu,

@@ -8,7 +8,9 @@ from numpy.typing import NDArray
 from bdamper.contact.static_contact import StaticContactProblem
 
 
-def certify(problem: StaticContactProblem, force: NDArray, motion: NDArray, rest: NDArray) -> dict[str, float]:
+def certify(
+    problem: StaticContactProblem, force: NDArray, motion: NDArray, rest: NDArray
+) -> dict[str, float]:
     """Largest violations by forces (n, 3) and motion (n, 3), ``rest`` (n, 2) where the points were stuck before.
 
     Forces are relative to the largest contact force, or to a thousandth of the load where there is hardly any,

@@ -29,7 +29,11 @@ def _read_only(value):
     if isinstance(value, np.ndarray):
         value.setflags(write=False)
     elif is_dataclass(value) or isinstance(value, Mapping):
-        for part in value.values() if isinstance(value, Mapping) else (getattr(value, f.name) for f in fields(value)):
+        for part in (
+            value.values()
+            if isinstance(value, Mapping)
+            else (getattr(value, f.name) for f in fields(value))
+        ):
             _read_only(part)
 
 

@@ -25,7 +25,9 @@ def each(names, cases, ids=None):
     """
     names = [name.strip() for name in names.split(",")] if isinstance(names, str) else names
     cases, ids = list(cases), ids if ids is None or callable(ids) else list(ids)
-    assert cases and not any(case.marks for case in cases if isinstance(case, PARAM)), "cases with marks need parametrize"
+    assert cases and not any(case.marks for case in cases if isinstance(case, PARAM)), (
+        "cases with marks need parametrize"
+    )
 
     def decorate(test):
         signature = inspect.signature(test)
@@ -34,7 +36,9 @@ def each(names, cases, ids=None):
         def run(*args, **fixtures):
             failures, skipped, folder = [], [], fixtures.get("tmp_path")
             for index, case in enumerate(cases):
-                values = case.values if isinstance(case, PARAM) else case if len(names) > 1 else (case,)
+                values = (
+                    case.values if isinstance(case, PARAM) else case if len(names) > 1 else (case,)
+                )
                 if "tmp_path" in fixtures:
                     fixtures["tmp_path"] = folder / str(index)
                     fixtures["tmp_path"].mkdir()
@@ -53,7 +57,9 @@ def each(names, cases, ids=None):
             if len(skipped) == len(cases):
                 raise skipped[0]
             if skipped:
-                warnings.warn(f"{len(skipped)} of {len(cases)} cases skipped: {skipped[0]}", stacklevel=1)
+                warnings.warn(
+                    f"{len(skipped)} of {len(cases)} cases skipped: {skipped[0]}", stacklevel=1
+                )
 
         kept = [parameter for name, parameter in signature.parameters.items() if name not in names]
         run.__signature__ = signature.replace(parameters=kept)

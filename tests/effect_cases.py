@@ -54,7 +54,9 @@ def draw(number: int) -> Case:
         return Case(number, "reference", 0, order, points, mode, direction, level, friction)
     kind = str(rng.choice(["wedge", "wedge", "acyclic"]))
     order = int(rng.choice([1, 2, 3, 5])) if kind == "wedge" else 1
-    return Case(number, kind, number, order, int(rng.choice([4, 6, 9])), mode, direction, level, friction)
+    return Case(
+        number, kind, number, order, int(rng.choice([4, 6, 9])), mode, direction, level, friction
+    )
 
 
 @lru_cache(maxsize=4)
@@ -67,14 +69,23 @@ def _model(case: Case) -> bd.Model:
         return _reference(case.points)
     if case.kind == "wedge":
         return models.wedge_model(
-            case.seed, engine_order=case.engine_order, n_points=case.points, harmonics=HARMONICS, alpha=0.9, beta=0.9
+            case.seed,
+            engine_order=case.engine_order,
+            n_points=case.points,
+            harmonics=HARMONICS,
+            alpha=0.9,
+            beta=0.9,
         )
     return models.acyclic_model(case.seed, n_points=case.points, alpha=0.9, beta=0.9)
 
 
 def everything_on(case: Case) -> dict[str, Any]:
     """The effects of the answer that counts as right."""
-    return {"harmonics": HARMONICS, "damper_modes": 2, "blade_modes": 10 if case.kind == "reference" else 5}
+    return {
+        "harmonics": HARMONICS,
+        "damper_modes": 2,
+        "blade_modes": 10 if case.kind == "reference" else 5,
+    }
 
 
 def study_of(case: Case, effects: dict[str, Any] | None = None) -> bd.Study:

@@ -18,12 +18,26 @@ class EventIntegrator:
 
     def __init__(self, system, omega, n_steps=1024):
         p, basis = system.structure.points, system.structure.bases[0]
-        self.system, self.omega, self.h, self.n_steps = system, omega, 2 * np.pi / omega / n_steps, n_steps
+        self.system, self.omega, self.h, self.n_steps = (
+            system,
+            omega,
+            2 * np.pi / omega / n_steps,
+            n_steps,
+        )
         self.n, G = len(basis.omega2), np.asarray(basis.G).real
-        self.pairs = [(i, d) for i in range(system.n_points) for d in range(2) if p.mu[i] > 0 and p.kt[i, d] > 0]
+        self.pairs = [
+            (i, d)
+            for i in range(system.n_points)
+            for d in range(2)
+            if p.mu[i] > 0 and p.kt[i, d] > 0
+        ]
         n, m = self.n, len(self.pairs)
         force = system.structure.force
-        self.orders = [l for l in range(1, system.n_harmonics + 1) if any(force[s].any() for s in system.layout.slices(l))]
+        self.orders = [
+            l
+            for l in range(1, system.n_harmonics + 1)
+            if any(force[s].any() for s in system.layout.slices(l))
+        ]
         k = len(self.orders)
         self.m, self.size = m, 2 * n + m + 2 * k + 1
         self.load = np.zeros((system.n_points, self.size))  # normal load of a closed contact
@@ -56,7 +70,9 @@ class EventIntegrator:
             A[n : 2 * n] -= np.outer(self.G[i, 2], self.load[i])
         for j, (i, d) in enumerate(self.pairs):
             slider = 2 * n + j
-            force = {PLUS: p.mu[i] * self.load[i], MINUS: -p.mu[i] * self.load[i]}.get(states[j], np.zeros(self.size))
+            force = {PLUS: p.mu[i] * self.load[i], MINUS: -p.mu[i] * self.load[i]}.get(
+                states[j], np.zeros(self.size)
+            )
             if states[j] == STICK:
                 force = p.kt[i, d] * self.u[j]
                 force[slider] -= p.kt[i, d]
@@ -76,7 +92,9 @@ class EventIntegrator:
         falls = np.array([self.rate(r) @ z for r in self.lo]) < -speed
         rises = np.array([self.rate(r) @ z for r in self.hi]) > speed
         states = np.array(states)
-        return points, ((states == STICK) & (up | down)) | ((states == PLUS) & falls) | ((states == MINUS) & rises)
+        return points, ((states == STICK) & (up | down)) | ((states == PLUS) & falls) | (
+            (states == MINUS) & rises
+        )
 
     def changed(self, z, closed, states):
         """Contact and friction after what is violated has changed."""
@@ -143,14 +161,18 @@ class EventIntegrator:
         """By central differences in displacement, velocity and the sliders listed; sizes, largest first."""
         n = self.n
         index = np.concatenate([np.arange(2 * n), 2 * n + np.array(sliders, int)]).astype(int)
-        size = np.abs(z[:n]).max() * np.repeat([1.0, self.omega, np.abs(self.G).max()], [n, n, len(sliders)])
+        size = np.abs(z[:n]).max() * np.repeat(
+            [1.0, self.omega, np.abs(self.G).max()], [n, n, len(sliders)]
+        )
         columns = []
         for c, step in zip(index, difference * size):
             ends = []
             for sign in (1.0, -1.0):
                 moved = z.copy()
                 moved[c] += sign * step
-                ends.append(self.period(self.slaved(moved, states), closed.copy(), list(states))[0][index])
+                ends.append(
+                    self.period(self.slaved(moved, states), closed.copy(), list(states))[0][index]
+                )
             columns.append((ends[0] - ends[1]) / (2 * step))
         values = np.linalg.eigvals(np.array(columns).T)
         return values[np.argsort(-np.abs(values))]

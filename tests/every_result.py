@@ -25,7 +25,9 @@ VARIANTS = {"now": pressed(), "smooth": {"friction_coefficient": 0.2}}
 def costs(study):
     found = accuracy_cost(study, 2.0, BAND, vary={"harmonics": (1, 3)})
     runs = tuple(replace(run, seconds=1.0 + k) for k, run in enumerate(found.runs))
-    sources = tuple(replace(error, seconds=2.0) if error.seconds > 0.0 else error for error in found.sources)
+    sources = tuple(
+        replace(error, seconds=2.0) if error.seconds > 0.0 else error for error in found.sources
+    )
     return replace(found, runs=runs, sources=sources)
 
 
@@ -36,7 +38,9 @@ def fitted_loop():
 
 
 def stress():
-    coefficients = 1e6 * np.array([50.0, 40.0])[:, None, None] * np.ones((2, 6, 2)) * [4.0, 1.0 + 0.5j]
+    coefficients = (
+        1e6 * np.array([50.0, 40.0])[:, None, None] * np.ones((2, 6, 2)) * [4.0, 1.0 + 0.5j]
+    )
     return StressCycle(
         coefficients=coefficients, points=np.eye(3)[:2], names=("root 1", "root 2"), counted=np.ones(2, bool),
         spread=np.full(2, np.nan), frequency=350.0, preload=1e3, speed=440.0, settings={}, model_hash="",
@@ -61,7 +65,12 @@ def campbell():
 
 
 def fitted():
-    belongs = {"harmonics": (1,), "blade_modes": 10, "contact_points": None, "contact_stiffness": "unit_traction"}
+    belongs = {
+        "harmonics": (1,),
+        "blade_modes": 10,
+        "contact_points": None,
+        "contact_stiffness": "unit_traction",
+    }
     return Fitted(
         names=("friction_coefficient",), values=np.array([0.3]), low=np.array([0.28]), high=np.array([0.33]),
         deviation=np.array([0.04]), left_out=np.array([np.nan]), information=np.ones((1, 1)), tests=("first",), noise=0.01,
@@ -80,15 +89,23 @@ RESULTS = {
     "hysteresis": lambda s: s.hysteresis(result("frequency_response")),
     "dissipation": lambda s: s.dissipation(result("frequency_response")),
     "time_response": lambda s: s.time_response(result("peak")),
-    "motion_in_time": lambda s: s.motion_in_time(result("frequency_response"), periods=2, steps_per_period=256),
+    "motion_in_time": lambda s: s.motion_in_time(
+        result("frequency_response"), periods=2, steps_per_period=256
+    ),
     "harmonic_convergence": lambda s: s.harmonic_convergence(result("peak"), harmonics=(3, 5)),
     "estimate_errors": lambda s: s.estimate_errors(result("frequency_response")),
     "effect_significance": lambda s: s.effect_significance(2.0, BAND),
     "accuracy_cost": costs,
     "compare": lambda s: bd.compare(VARIANTS, lambda one: one.frequency_response(2.0, BAND)),
-    "sweep": lambda s: replace(bd.sweep(s, {"preload": [1.0, 2.0]}, frequency=BAND), seconds=np.ones(2)),
-    "optimal_curve_uncertainty": lambda s: bd.optimal_curve_uncertainty(s, FRICTION, (0.5, 4.0), 3, frequency=BAND),
-    "robust_optimum": lambda s: bd.robust_optimum(s, FRICTION, (0.5, 4.0), n=5, tolerance=0.5, frequency=BAND),
+    "sweep": lambda s: replace(
+        bd.sweep(s, {"preload": [1.0, 2.0]}, frequency=BAND), seconds=np.ones(2)
+    ),
+    "optimal_curve_uncertainty": lambda s: bd.optimal_curve_uncertainty(
+        s, FRICTION, (0.5, 4.0), 3, frequency=BAND
+    ),
+    "robust_optimum": lambda s: bd.robust_optimum(
+        s, FRICTION, (0.5, 4.0), n=5, tolerance=0.5, frequency=BAND
+    ),
     "nonlinear_mode": lambda s: s.nonlinear_mode(2.0, 1, (1e-3, 10.0)),
     "flutter": lambda s: s.flutter(2.0, -0.01, amplitude=(1e-3, 10.0)),
     "fit_loop": lambda s: fitted_loop(),

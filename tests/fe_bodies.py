@@ -15,7 +15,13 @@ from tools.shrouded import modes_alone as modes_alone
 
 FIRST_NUMBER = 101
 """Node numbers start here, so that an index taken for a number shows."""
-SIX_BLADES = {"n_blades": 6, "faces": ("LOW", "HIGH"), "fixed": "BORE", "n_damper_modes": 6, "check_units": False}
+SIX_BLADES = {
+    "n_blades": 6,
+    "faces": ("LOW", "HIGH"),
+    "fixed": "BORE",
+    "n_damper_modes": 6,
+    "check_units": False,
+}
 """Settings of an import of a sector of six blades."""
 SPARSE = MeshDensity(2, 1, 1, 2, 1, 1, 1, 3, 2, 1, 1, 4)
 """547 nodes in place of 1461: enough wherever two ways to the same model are compared."""
@@ -55,6 +61,10 @@ def contacts(points: int = 9, end_gap: float = 2e-4) -> list[ContactFaces]:
     return [
         ContactFaces("left", "LEFT", "RIGHT_UNDERSIDE", points=points),
         ContactFaces("right", "RIGHT", "LEFT_UNDERSIDE", points=points),
-        ContactFaces("front", "FRONT", body_b="ground", points=(2, 2), kind="constraint", gap=end_gap),
-        ContactFaces("back", "BACK", body_b="ground", points=(2, 2), kind="constraint", gap=end_gap),
+        ContactFaces(
+            "front", "FRONT", body_b="ground", points=(2, 2), kind="constraint", gap=end_gap
+        ),
+        ContactFaces(
+            "back", "BACK", body_b="ground", points=(2, 2), kind="constraint", gap=end_gap
+        ),
     ]

@@ -71,7 +71,11 @@ def find_start(problem, preload, omega, options, meter):
     system = case.equations
     meter.watch(system)
     found, log, last = first_point(system, case.static, case.stuck_springs(), omega, options, meter)
-    why = "" if found is not None else why_no_solution(system, problem.coupling.model, problem.bases[0].coordinates, last)
+    why = (
+        ""
+        if found is not None
+        else why_no_solution(system, problem.coupling.model, problem.bases[0].coordinates, last)
+    )
     return found, [*log, why] if why else log
 
 
@@ -91,7 +95,11 @@ def slider_interval(system, u):
     one_d = ((law == LAW_SEPARABLE) | (law == LAW_CONSTANT))[:, None]
     out = np.full((system.n_points, 2, 2), np.nan)
     for end, far in enumerate((-np.inf, np.inf)):
-        X, F, share = changed(system, slider=np.where(one_d, far, system.structure.points.slider)).contact(u)
+        X, F, share = changed(
+            system, slider=np.where(one_d, far, system.structure.points.slider)
+        ).contact(u)
         rests = one_d & (share[:, [0, 2]] > 1.0 - 1e-9)
-        out[..., end] = np.where(rests, X[:, :2, 0] - F[:, :2, 0] / np.where(rests, kt, 1.0), np.nan)
+        out[..., end] = np.where(
+            rests, X[:, :2, 0] - F[:, :2, 0] / np.where(rests, kt, 1.0), np.nan
+        )
     return out

@@ -10,6 +10,10 @@ RECORDS = {"sector": Sector, "placement": Placement, "reduction": Reduction, "ch
 def build(*bodies: FEBody, **settings: object) -> BuiltModel:
     """``build_model`` with flat keywords."""
     for name, record in RECORDS.items():
-        own = {field.name: settings.pop(field.name) for field in fields(record) if field.name in settings}
+        own = {
+            field.name: settings.pop(field.name)
+            for field in fields(record)
+            if field.name in settings
+        }
         settings |= {name: record(**own)} if own else {}
     return build_model(*bodies, **settings)

@@ -50,7 +50,13 @@ def compared(system, u, omega, n_blades, engine_order, steps, **asked):
     expected = system.response(np.asarray(u))
     (verdict, reason, _), stopped = compare_with_solution(transient, expected, **asked)
     off = transient.response[-1] - expected
-    return Compared(verdict, reason, stopped, transient, float(np.linalg.norm(off[1:]) / np.linalg.norm(expected[1:])))
+    return Compared(
+        verdict,
+        reason,
+        stopped,
+        transient,
+        float(np.linalg.norm(off[1:]) / np.linalg.norm(expected[1:])),
+    )
 
 
 def integrated(system, omega, n_blades, engine_order, start, periods, steps):

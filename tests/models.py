@@ -145,10 +145,16 @@ def ground_model(
     rng = default_rng(seed)
     frame = np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]])
     points = np.array([0.0, RADIUS, 0.0]) + _grid(n_points, 0.02, LENGTH) @ frame[:2]
-    faces = [_interface("pad", "friction", ("blade", 0), ("ground", 0), points, frame, 0.02 * LENGTH, 0.0)]
+    faces = [
+        _interface(
+            "pad", "friction", ("blade", 0), ("ground", 0), points, frame, 0.02 * LENGTH, 0.0
+        )
+    ]
     tip = Location("tip", "blade", np.array([0.0, RADIUS + 0.15, 0.0]))
     diameters = _nodal_diameters(n_blades, engine_order, harmonics)
-    blade = _constrained_body(rng, "blade", n_blades, diameters, (("pad", "a"),), faces, [tip], n_blade_modes)
+    blade = _constrained_body(
+        rng, "blade", n_blades, diameters, (("pad", "a"),), faces, [tip], n_blade_modes
+    )
     return _assemble(n_blades, [blade, Body("ground", "ground")], faces, [tip])
 
 
@@ -169,7 +175,11 @@ def shroud_model(
     normal = np.cos(slant) * across + np.sin(slant) * axial
     frame = np.array([radial, np.cross(normal, radial), normal])
     points = (RADIUS + 0.14) * radial + _grid(n_points, 0.01, LENGTH) @ frame[:2]
-    faces = [_interface("shroud", "friction", ("blade", 0), ("blade", 1), points, frame, 0.01 * LENGTH, 0.0)]
+    faces = [
+        _interface(
+            "shroud", "friction", ("blade", 0), ("blade", 1), points, frame, 0.01 * LENGTH, 0.0
+        )
+    ]
     tip = Location("tip", "blade", np.array([0.0, RADIUS + 0.15, 0.0]))
     diameters = _nodal_diameters(n_blades, engine_order, harmonics)
     ports = (("shroud", "a"), ("shroud", "b"))
@@ -202,7 +212,9 @@ def acyclic_model(
         for side, tip in zip(("left", "right"), tips)
     ]
     damper = _wedge_body(rng, alpha, beta, faces, n_damper_modes)
-    return _assemble(1, [*blades, damper, Body("ground", "ground")], faces, tips, _wedge_mesh(alpha, beta))
+    return _assemble(
+        1, [*blades, damper, Body("ground", "ground")], faces, tips, _wedge_mesh(alpha, beta)
+    )
 
 
 ALL_MODELS = {
@@ -218,13 +230,18 @@ def complete_model() -> Model:
     small = wedge_model(n_points=1, n_blade_modes=1, harmonics=1, n_damper_modes=1)
     rng = np.random.default_rng(5)
     static = StaticContact(*(rng.standard_normal((1, 3)) for _ in range(3)))
-    contact = ContactStiffness(np.full((1, 3), 1e7), "cigeroglu2009", np.array([[True, False, True]]))
+    contact = ContactStiffness(
+        np.full((1, 3), 1e7), "cigeroglu2009", np.array([[True, False, True]])
+    )
     bases, n_forces = small.bodies["blade"].bases, len(small.bodies["blade"].bases[0].flexibility)
     stress = StressSet(
         name="root",
         body="blade",
         points=rng.standard_normal((2, 3)),
-        modes={d: rng.standard_normal((2, 6, b.n_modes)) * (1.0 + 1j * (d > 0)) for d, b in bases.items()},
+        modes={
+            d: rng.standard_normal((2, 6, b.n_modes)) * (1.0 + 1j * (d > 0))
+            for d, b in bases.items()
+        },
         contact={d: rng.standard_normal((2, 6, n_forces)) for d in bases},
         static=rng.standard_normal((2, 6)),
         spread=np.array([0.1, 0.2]),
@@ -326,7 +343,9 @@ def _interface(
 
 def _section(alpha: float, beta: float) -> NDArray:
     """Corners of the wedge's section: apex, left, right; centroid at ``(0, RADIUS)``, (3, 2)."""
-    corners = np.array([[0.0, HEIGHT], [-HEIGHT * np.tan(alpha), 0.0], [HEIGHT * np.tan(beta), 0.0]])
+    corners = np.array(
+        [[0.0, HEIGHT], [-HEIGHT * np.tan(alpha), 0.0], [HEIGHT * np.tan(beta), 0.0]]
+    )
     return corners - corners.mean(axis=0) + [0.0, RADIUS]
 
 
@@ -341,7 +360,9 @@ def _wedge_faces(
         width = float(np.linalg.norm(corner - corners[0]))
         points = middle + _grid(n_points, width, LENGTH) @ frames[name][:2]
         faces.append(
-            _interface(name, "friction", ("damper", 0), blade, points, frames[name], width * LENGTH, 0.0)
+            _interface(
+                name, "friction", ("damper", 0), blade, points, frames[name], width * LENGTH, 0.0
+            )
         )
     inner = (corners + corners.mean(axis=0)) / 2
     section = _triangle_area(corners)
@@ -395,7 +416,9 @@ def _random(rng: np.random.Generator, shape: tuple[int, ...], is_complex: bool) 
     return values + 1j * rng.standard_normal(shape) if is_complex else values
 
 
-def _stacked(n_blades: int, ports: tuple[Port, ...], faces: list[Interface]) -> tuple[NDArray, NDArray]:
+def _stacked(
+    n_blades: int, ports: tuple[Port, ...], faces: list[Interface]
+) -> tuple[NDArray, NDArray]:
     """Points and frames of all ports, turned back into the sector of the body itself."""
     by_name = {face.name: face for face in faces}
     points, frames = [], []
@@ -442,7 +465,9 @@ def _constrained_body(
             omega2=omega2,
             damping_ratio=np.full(n_modes, 1e-3),
             contact_modes=modes,
-            locations={at.name: _smooth_modes(coefficients, at.position[None])[0] for at in locations},
+            locations={
+                at.name: _smooth_modes(coefficients, at.position[None])[0] for at in locations
+            },
             flexibility=_flexibility(modes, omega2, _residual(rng, points, is_complex)),
         )
     return Body(name, "constrained", ports, bases)
@@ -476,6 +501,8 @@ def _wedge_body(
 
 def _wedge_mesh(alpha: float, beta: float) -> dict[str, SurfaceMesh]:
     corners = _section(alpha, beta)
-    points = np.concatenate([np.column_stack([corners, np.full(3, z)]) for z in (LENGTH / 2, -LENGTH / 2)])
+    points = np.concatenate(
+        [np.column_stack([corners, np.full(3, z)]) for z in (LENGTH / 2, -LENGTH / 2)]
+    )
     quads = np.array([[0, 1, 4, 3], [1, 2, 5, 4], [2, 0, 3, 5], [0, 1, 2, 2], [3, 5, 4, 4]])
     return {"damper": SurfaceMesh(points, quads)}

@@ -32,7 +32,9 @@ def shift(x, delta):
 def cubic(x, kt):
     """Force coefficients (3, n_coef) of the springs kt u^3 along both tangential directions, to rounding."""
     h = x.shape[1] // 2
-    theta = 2 * np.pi * np.arange(8 * h + 8) / (8 * h + 8)  # products of four polynomials are integrated exactly
+    theta = (
+        2 * np.pi * np.arange(8 * h + 8) / (8 * h + 8)
+    )  # products of four polynomials are integrated exactly
     b = basis(theta, h)
     force = np.zeros_like(x)
     for d in range(2):
@@ -120,8 +122,12 @@ def roots_of_rows(f):
         slopes = derivatives(f[rows])
         for _ in range(3):  # polish on the circle, with all coefficients
             slope = at_angles(slopes, theta)
-            theta = theta - np.where(slope != 0.0, at_angles(f[rows], theta) / np.where(slope == 0.0, 1.0, slope), 0.0)
-        out[rows, : 2 * l] = np.where(np.abs(np.abs(r) - 1.0) < 1e-6, theta % (2 * np.pi), 2 * np.pi)
+            theta = theta - np.where(
+                slope != 0.0, at_angles(f[rows], theta) / np.where(slope == 0.0, 1.0, slope), 0.0
+            )
+        out[rows, : 2 * l] = np.where(
+            np.abs(np.abs(r) - 1.0) < 1e-6, theta % (2 * np.pi), 2 * np.pi
+        )
     return out
 
 
@@ -156,14 +162,20 @@ def friction_of_rows(u, g, kt, mu, w, cuts_of_g):
     for _ in range(3):
         for k in range(cuts.shape[1] - 1):
             before[:, k] = w
-            w = np.where(opened[:, k], motion_at[:, k + 1], np.minimum(np.maximum(w, lo_at[:, k + 1]), hi_at[:, k + 1]))
+            w = np.where(
+                opened[:, k],
+                motion_at[:, k + 1],
+                np.minimum(np.maximum(w, lo_at[:, k + 1]), hi_at[:, k + 1]),
+            )
     forces = np.zeros_like(u)
     start, end, before = cuts[:, :-1], cuts[:, 1:], before[:, :-1]
     plus = ~opened & (lo_at[:, 1:] > before)
     minus = ~opened & ~plus & (hi_at[:, 1:] < before)
     onset = np.where(plus | minus, start, end)
     for slips, bound, at, sign in ((plus, lo, lo_at, 1.0), (minus, hi, hi_at, -1.0)):
-        row, k = np.nonzero(slips & (sign * (before - at[:, :-1]) > 0.0))  # those that stick before they slip
+        row, k = np.nonzero(
+            slips & (sign * (before - at[:, :-1]) > 0.0)
+        )  # those that stick before they slip
         a, b = start[row, k], end[row, k]
         for _ in range(54):
             middle = 0.5 * (a + b)
@@ -171,7 +183,9 @@ def friction_of_rows(u, g, kt, mu, w, cuts_of_g):
             a, b = np.where(sticks, middle, a), np.where(sticks, b, middle)
         onset[row, k] = 0.5 * (a + b)
         row, k = np.nonzero(slips)
-        forces += projected(len(u), row, onset[row, k], end[row, k], (sign * mu[row])[:, None] * g[row])
+        forces += projected(
+            len(u), row, onset[row, k], end[row, k], (sign * mu[row])[:, None] * g[row]
+        )
     row, k = np.nonzero(~opened & (onset > start))
     stuck = kt[row, None] * u[row]
     stuck[:, 0] -= kt[row] * before[row, k]
@@ -195,7 +209,9 @@ def contacts(x, kt, kn, mu, n0, w):
     cuts = roots_of_rows(g)
     edges = np.sort(np.hstack([cuts, np.broadcast_to([0.0, 2 * np.pi], (len(g), 2))]), axis=1)
     row, k = np.nonzero(at_angles(g, 0.5 * (edges[:, 1:] + edges[:, :-1])) > 0.0)
-    force[:, :, 2] = projected(len(g), row, edges[row, k], edges[row, k + 1], g[row]).reshape(*shape[:2], m)
+    force[:, :, 2] = projected(len(g), row, edges[row, k], edges[row, k + 1], g[row]).reshape(
+        *shape[:2], m
+    )
     g, cuts = g.reshape(*shape[:2], m), cuts.reshape(*shape[:2], -1)
     for d in range(2):
         p = np.flatnonzero((mu > 0.0) & (kt[:, d] > 0.0))
@@ -236,7 +252,9 @@ def residuals(u, omega, arrays, law=None):
     if law is None:
         force = contacts(x, *parameters)
     else:
-        force = np.array([[law(*point) for point in zip(state, *parameters)] for state in x]).reshape(x.shape)
+        force = np.array(
+            [[law(*point) for point in zip(state, *parameters)] for state in x]
+        ).reshape(x.shape)
     out, first = [], 0
     for l, (q, n) in enumerate(zip(split(u.T, n_mode), n_mode)):
         k, m, c = (a[key][first : first + n, None] for key in ("stiffness", "mass", "damping"))
@@ -245,7 +263,9 @@ def residuals(u, omega, arrays, law=None):
             out.append(k * q.real + np.einsum("paj,spa->js", a["G"][0].real, force[..., 0]))
         else:
             f = force[..., 2 * l - 1] - 1j * force[..., 2 * l]
-            r = (k - (l * omega) ** 2 * m + 1j * l * omega * c) * q + np.einsum("paj,spa->js", a["G"][l].conj(), f)
+            r = (k - (l * omega) ** 2 * m + 1j * l * omega * c) * q + np.einsum(
+                "paj,spa->js", a["G"][l].conj(), f
+            )
             out += [r.real, -r.imag]
     return np.concatenate(out).T - a["force"]
 
@@ -316,5 +336,8 @@ def settled_under_constant_load(x, limit, n_time, tolerance=1e-11):
             return np.array(force).T @ (b * scale)
         ratio = last / previous
         if ratio < 1.0:
-            s = (s[0] + moves[-1][0] * ratio / (1.0 - ratio), s[1] + moves[-1][1] * ratio / (1.0 - ratio))
+            s = (
+                s[0] + moves[-1][0] * ratio / (1.0 - ratio),
+                s[1] + moves[-1][1] * ratio / (1.0 - ratio),
+            )
     raise AssertionError("the oracle did not settle")

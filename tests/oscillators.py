@@ -11,7 +11,20 @@ from bdamper.model.kinematics import Coordinate, HarmonicBasis
 
 
 def oscillator(
-    mass, damping, stiffness, contact, force, response, n_harm, *, kt, kn, mu, n0, mean=True, contact_forces="event_driven"
+    mass,
+    damping,
+    stiffness,
+    contact,
+    force,
+    response,
+    n_harm,
+    *,
+    kt,
+    kn,
+    mu,
+    n0,
+    mean=True,
+    contact_forces="event_driven",
 ) -> Equations[Sector]:
     """``m x'' + c x' + K x + contact force = force cos(omega t) + contact^T (0, 0, n0)``, m and c numbers.
 

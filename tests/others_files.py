@@ -20,7 +20,12 @@ from tests.imports import build
 DECKS = Path("/usr/share/doc/calculix-ccx-test/examples/test")
 UNPACKED = Path(os.environ.get("BDAMPER_OTHERS") or Path(__file__).parents[1] / ".venv-others")
 ANSYS = UNPACKED / "ansys" / "mapdl" / "reader" / "examples"
-AXES = {"axis": (1, 0, 0), "radial": (0, np.cos(np.pi / 12), np.sin(np.pi / 12)), "units": "mm-t-s", "check_units": False}
+AXES = {
+    "axis": (1, 0, 0),
+    "radial": (0, np.cos(np.pi / 12), np.sin(np.pi / 12)),
+    "units": "mm-t-s",
+    "check_units": False,
+}
 """Of the sector of 12 in all these decks, a disk of a millimetre."""
 
 
@@ -48,19 +53,31 @@ def held(text: str) -> str:
     radius, dependent = np.hypot(nodes[:, 2], nodes[:, 3]), set(numbers_in(text, "Nleft"))
     on = radius < 1.002 * radius.min() if radius.min() > 1e-3 else radius > 0.998 * radius.max()
     numbers = [number for number in nodes[on, 0].astype(int).tolist() if number not in dependent]
-    return "\n".join(["*NSET, NSET=NHELD", *(f"{number}," for number in numbers), "*BOUNDARY", "NHELD, 1, 3", ""])
+    return "\n".join(
+        ["*NSET, NSET=NHELD", *(f"{number}," for number in numbers), "*BOUNDARY", "NHELD, 1, 3", ""]
+    )
 
 
 def sector(text: str, folder: Path) -> FEBody:
     """The body of a deck: CalculiX stores its matrices with the cyclic tie inactive."""
-    run_job(f"{text}*STEP\n*FREQUENCY, SOLVER=MATRIXSTORAGE, CYCMPC=INACTIVE\n1\n*END STEP\n", folder, "matrices")
+    run_job(
+        f"{text}*STEP\n*FREQUENCY, SOLVER=MATRIXSTORAGE, CYCMPC=INACTIVE\n1\n*END STEP\n",
+        folder,
+        "matrices",
+    )
     return read_calculix(folder / "matrices")
 
 
-def cyclic_frequencies(text: str, folder: Path, highest: int, n_modes: int = 10) -> dict[int, np.ndarray]:
+def cyclic_frequencies(
+    text: str, folder: Path, highest: int, n_modes: int = 10
+) -> dict[int, np.ndarray]:
     """Frequencies (Hz) of CalculiX' own cyclic run for nodal diameters 0 to ``highest``, one of each pair."""
     steps = ""
-    for low, high in ((0, 0), (1, 1), (2, highest)):  # in steps of their own, where nodes stand on the axis
+    for low, high in (
+        (0, 0),
+        (1, 1),
+        (2, highest),
+    ):  # in steps of their own, where nodes stand on the axis
         steps += f"*STEP\n*FREQUENCY\n{n_modes}\n*SELECT CYCLIC SYMMETRY MODES, NMIN={low}, NMAX={high}\n*END STEP\n"
     run_job(text + steps, folder, "cyclic")
     found: dict[int, list[float]] = {}
@@ -75,7 +92,9 @@ def shrouded(body: FEBody, points: tuple[int, int] = (4, 4)) -> bd.Model:
     """The sector of ``segdyn`` as a wheel whose outer 0.3 mm are shrouds: its faces touch there, and are joined inside."""
     radius, faces = np.hypot(body.nodes[:, 1], body.nodes[:, 2]), ("NLEFT", "NRIGHT")
     on = [np.isin(body.numbers, body.node_sets[name]) for name in faces]
-    disk, shroud = ([body.numbers[face & part] for face in on] for part in (radius < 0.71, radius > 0.69))
+    disk, shroud = (
+        [body.numbers[face & part] for face in on] for part in (radius < 0.71, radius > 0.69)
+    )
     touching = ContactFaces("shroud", *shroud, "blade", "blade", points=points)
     tip = {"tip": int(body.numbers[radius.argmax()])}
     settings = {"engine_order": 3, "harmonics": 1, "n_modes": 20, "locations": tip, **AXES}
@@ -86,7 +105,9 @@ def stuck_frequency(model: bd.Model) -> float:
     """Lowest frequency (Hz) of a model for engine order 3 with all contact points bonded."""
     force = bd.Excitation("tip", direction="axial")
     problem = bd.Study(model, force, engine_order=3, friction_coefficient=0.3, harmonics=1).problem
-    springs = np.concatenate([problem.stiffness[name].stiffness for name in problem.coupling.interfaces])
+    springs = np.concatenate(
+        [problem.stiffness[name].stiffness for name in problem.coupling.interfaces]
+    )
     return float(problem.system(0.0).structure.linear.modes(springs)[0][0] / (2.0 * np.pi))
 
 

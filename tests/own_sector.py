@@ -18,7 +18,20 @@ from examples.calculix.decks import blade_sets, damper_sets, run_job
 EDGES = {
     4: ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
     6: ((0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)),
-    8: ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)),
+    8: (
+        (0, 1),
+        (1, 2),
+        (2, 3),
+        (3, 0),
+        (4, 5),
+        (5, 6),
+        (6, 7),
+        (7, 4),
+        (0, 4),
+        (1, 5),
+        (2, 6),
+        (3, 7),
+    ),
 }
 """Pairs of corners with a node between them, in the order of CalculiX and Abaqus."""
 OUTPUT = ["*NODE FILE", "U", "*EL FILE", "S", "*END STEP"]
@@ -39,19 +52,35 @@ def of_kind(kind: str, nodes: np.ndarray, hexahedra: np.ndarray) -> tuple[np.nda
     corners = hexahedra if parts is None else np.concatenate([hexahedra[:, part] for part in parts])
     if n in (4, 6, 8):
         return nodes, corners
-    pairs = np.sort(np.stack([corners[:, edge] for edge in EDGES[corners.shape[1]]], axis=1), axis=2)
+    pairs = np.sort(
+        np.stack([corners[:, edge] for edge in EDGES[corners.shape[1]]], axis=1), axis=2
+    )
     unique, index = np.unique(pairs.reshape(-1, 2), axis=0, return_inverse=True)
     between = len(nodes) + index.reshape(len(corners), -1)
     return np.vstack([nodes, nodes[unique].mean(axis=1)]), np.hstack([corners, between])
 
 
-def deck(kind: str, nodes: np.ndarray, elements: np.ndarray, young: float, nu: float, density: float, sets=()) -> str:
+def deck(
+    kind: str,
+    nodes: np.ndarray,
+    elements: np.ndarray,
+    young: float,
+    nu: float,
+    density: float,
+    sets=(),
+) -> str:
     """Nodes, elements, material and node sets as text; numbers start at 1."""
     lines = ["*NODE, NSET=ALL"]
     lines += [f"{k}, {x:.12e}, {y:.12e}, {z:.12e}" for k, (x, y, z) in enumerate(nodes, 1)]
     lines.append(f"*ELEMENT, TYPE={kind}, ELSET=BODY")
     lines += _element_lines(elements)
-    lines += ["*MATERIAL, NAME=STEEL", "*ELASTIC", f"{young:.12e}, {nu}", "*DENSITY", f"{density:.12e}"]
+    lines += [
+        "*MATERIAL, NAME=STEEL",
+        "*ELASTIC",
+        f"{young:.12e}, {nu}",
+        "*DENSITY",
+        f"{density:.12e}",
+    ]
     lines += ["*SOLID SECTION, ELSET=BODY, MATERIAL=STEEL"]
     for name, members in dict(sets).items():
         lines += [f"*NSET, NSET={name}", *(f"{n + 1}," for n in members)]
@@ -62,7 +91,10 @@ def _element_lines(elements: np.ndarray, before: int = 0) -> list[str]:
     lines = []
     for k, element in enumerate((elements + 1).tolist(), before + 1):
         words = [str(k), *map(str, element)]
-        lines += [", ".join(words[i : i + 11]) + ("," if len(words) > i + 11 else "") for i in range(0, len(words), 11)]
+        lines += [
+            ", ".join(words[i : i + 11]) + ("," if len(words) > i + 11 else "")
+            for i in range(0, len(words), 11)
+        ]
     return lines
 
 
@@ -71,7 +103,11 @@ def _surface(elements: np.ndarray, nodes: np.ndarray) -> list[str]:
     n_corner = {4: 4, 10: 4}.get(elements.shape[1], 8)
     faces = {4: ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0))}.get(n_corner, _HEXAHEDRON)
     inside = np.isin(elements[:, :n_corner], nodes)
-    return [f"{e + 1}, S{k}" for k, face in enumerate(faces, 1) for e in np.flatnonzero(inside[:, face].all(axis=1))]
+    return [
+        f"{e + 1}, S{k}"
+        for k, face in enumerate(faces, 1)
+        for e in np.flatnonzero(inside[:, face].all(axis=1))
+    ]
 
 
 @dataclass
@@ -95,10 +131,17 @@ class OwnSector:
     axis: tuple[float, ...] = (1.0, 0.0, 0.0)
     radial: tuple[float, ...] = (0.0, 1.0, 0.0)
     flank: int = 1
-    density: MeshDensity = field(default_factory=lambda: MeshDensity(2, 1, 1, 2, 2, 2, 1, 6, 2, 1, 1, 4))
+    density: MeshDensity = field(
+        default_factory=lambda: MeshDensity(2, 1, 1, 2, 2, 2, 1, 6, 2, 1, 1, 4)
+    )
     geometry: Geometry = field(
         default_factory=lambda: Geometry(
-            36, bore_radius=0.15, rim_radius=0.205, ridge_radius=0.2445, airfoil_height=0.1, twist=0.3
+            36,
+            bore_radius=0.15,
+            rim_radius=0.205,
+            ridge_radius=0.2445,
+            airfoil_height=0.1,
+            twist=0.3,
         )
     )
 
@@ -132,15 +175,28 @@ class OwnSector:
             nodes, elements, planes = self.mesh(self.fe.blade, sets)
             height = nodes @ np.array(self.radial) * u.length
             planes["BLADE"] = np.flatnonzero(height > self.geometry.rim_radius - 1e-9)
-            planes["BLADE"] = np.setdiff1d(planes["BLADE"], np.concatenate([planes["LOW"], planes["HIGH"]]))
+            planes["BLADE"] = np.setdiff1d(
+                planes["BLADE"], np.concatenate([planes["LOW"], planes["HIGH"]])
+            )
             root = self.geometry.ridge_radius + self.geometry.platform_edge_thickness
             levels = np.unique(np.round(height[height > root + 1e-3], 6))
             planes["FILLET"] = np.flatnonzero(np.abs(height - levels[0]) < 2e-6)
         else:
             back = 0.0 if self.flank == 1 else -self.geometry.pitch
             nodes, elements, planes = self.mesh(self.fe.damper.body, damper_sets(self.fe), back)
-        scale = u.length / u.mass, u.length**3 / u.mass  # stress is mass over length and second squared
-        text = deck(self.kind, nodes, elements, m.youngs_modulus * scale[0], m.poisson_ratio, m.density * scale[1], planes)
+        scale = (
+            u.length / u.mass,
+            u.length**3 / u.mass,
+        )  # stress is mass over length and second squared
+        text = deck(
+            self.kind,
+            nodes,
+            elements,
+            m.youngs_modulus * scale[0],
+            m.poisson_ratio,
+            m.density * scale[1],
+            planes,
+        )
         return text, planes, nodes
 
     def steps_of_modes(self, nodal_diameter: int, n_modes: int) -> list[str]:
@@ -152,21 +208,46 @@ class OwnSector:
         """The sector with its faces tied, and with its damper bonded to both blades, and steps."""
         text, sets, nodes = self.text("sector")
         elements = self.mesh(self.fe.blade, blade_sets(self.fe))[1]
-        lines, first, near = [text, "*BOUNDARY", "BORE, 1, 3"], len(nodes), 1e-3 / UNITS[self.units].length
+        lines, first, near = (
+            [text, "*BOUNDARY", "BORE, 1, 3"],
+            len(nodes),
+            1e-3 / UNITS[self.units].length,
+        )
         dependent, independent = [np.setdiff1d(sets["HIGH"], sets["BORE"])], ["LOW"]
         if bonded:
             own, solids, faces = self.mesh(self.fe.damper.body, damper_sets(self.fe))
-            lines += ["*NODE", *(f"{k}, {x:.12e}, {y:.12e}, {z:.12e}" for k, (x, y, z) in enumerate(own, first + 1))]
-            lines += [f"*ELEMENT, TYPE={self.kind}, ELSET=DAMPER", *_element_lines(solids + first, len(elements))]
+            lines += [
+                "*NODE",
+                *(
+                    f"{k}, {x:.12e}, {y:.12e}, {z:.12e}"
+                    for k, (x, y, z) in enumerate(own, first + 1)
+                ),
+            ]
+            lines += [
+                f"*ELEMENT, TYPE={self.kind}, ELSET=DAMPER",
+                *_element_lines(solids + first, len(elements)),
+            ]
             lines += ["*SOLID SECTION, ELSET=DAMPER, MATERIAL=STEEL"]
-            lines += ["*SURFACE, NAME=LEFT, TYPE=NODE", *(f"{n + 1 + first}," for n in faces["LEFT"])]
+            lines += [
+                "*SURFACE, NAME=LEFT, TYPE=NODE",
+                *(f"{n + 1 + first}," for n in faces["LEFT"]),
+            ]
             lines += ["*SURFACE, NAME=UNDER", *_surface(elements, sets["RIGHT_UNDERSIDE"])]
             lines += [f"*TIE, NAME=BOND, POSITION TOLERANCE={near:g}, ADJUST=NO", "LEFT, UNDER"]
             dependent.append(faces["RIGHT"] + first)
             independent.append("LEFT_UNDERSIDE")  # of the next blade
-        lines += ["*SURFACE, NAME=DEPENDENT, TYPE=NODE", *(f"{n + 1}," for n in np.concatenate(dependent))]
-        lines += ["*SURFACE, NAME=INDEPENDENT", *(line for name in independent for line in _surface(elements, sets[name]))]
-        lines += [f"*TIE, NAME=CYCLE, CYCLIC SYMMETRY, POSITION TOLERANCE={near:g}", "DEPENDENT, INDEPENDENT"]
+        lines += [
+            "*SURFACE, NAME=DEPENDENT, TYPE=NODE",
+            *(f"{n + 1}," for n in np.concatenate(dependent)),
+        ]
+        lines += [
+            "*SURFACE, NAME=INDEPENDENT",
+            *(line for name in independent for line in _surface(elements, sets[name])),
+        ]
+        lines += [
+            f"*TIE, NAME=CYCLE, CYCLIC SYMMETRY, POSITION TOLERANCE={near:g}",
+            "DEPENDENT, INDEPENDENT",
+        ]
         lines += [f"*CYCLIC SYMMETRY MODEL, N={self.geometry.n_blades}, NGRAPH=1, TIE=CYCLE"]
         return "\n".join([*lines, "0., 0., 0., " + ", ".join(map(str, self.axis)), *steps, ""])
 
@@ -188,13 +269,19 @@ class OwnSector:
         full = np.empty((len(found), 3, 3), found.dtype)
         for c, (i, j) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))):
             full[:, i, j] = full[:, j, i] = found[:, c]
-        turned = np.einsum("ai,nab,bj->nij", self.axes, full, self.axes) * UNITS[self.units].mass / UNITS[self.units].length
+        turned = (
+            np.einsum("ai,nab,bj->nij", self.axes, full, self.axes)
+            * UNITS[self.units].mass
+            / UNITS[self.units].length
+        )
         return turned[:, [0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2]]
 
     @property
     def settings(self) -> dict:
         """Of :func:`bdamper.importers.build_model`, as a user would give them."""
-        tip = np.array([0.0, self.geometry.ridge_radius + self.geometry.platform_edge_thickness, 0.0])
+        tip = np.array(
+            [0.0, self.geometry.ridge_radius + self.geometry.platform_edge_thickness, 0.0]
+        )
         tip[1] += self.geometry.airfoil_height
         return {
             "n_blades": self.geometry.n_blades, "faces": ("LOW", "HIGH"), "units": self.units, "axis": self.axis,

@@ -14,7 +14,11 @@ def split_damper(model, shares):
     """
     faces, places = {}, {}
     for name, face in model.interfaces.items():
-        parts = {"": 1.0} if "damper" not in (face.body_a, face.body_b) else {f"_{key}": s for key, s in shares.items()}
+        parts = (
+            {"": 1.0}
+            if "damper" not in (face.body_a, face.body_b)
+            else {f"_{key}": s for key, s in shares.items()}
+        )
         places[name] = [name + key for key in parts]
         for key, share in parts.items():
             ends = {end: getattr(face, end) for end in ("body_a", "body_b")}
@@ -25,7 +29,9 @@ def split_damper(model, shares):
         """Ports of a neighbour, and which of its contact points stand at them."""
         ports, rows = [], []
         for name, side in body.ports:
-            own = np.arange(len(body.bases[0].contact_modes))[model.port_slice(body.name, (name, side))]
+            own = np.arange(len(body.bases[0].contact_modes))[
+                model.port_slice(body.name, (name, side))
+            ]
             for copy in places[name]:
                 ports.append((copy, side))
                 rows.extend(own)
@@ -37,7 +43,10 @@ def split_damper(model, shares):
             bodies |= {key: _part(body, key, share) for key, share in shares.items()}
             continue
         if not body.bases:
-            bodies[name] = replace(body, ports=tuple((copy, side) for port, side in body.ports for copy in places[port]))
+            bodies[name] = replace(
+                body,
+                ports=tuple((copy, side) for port, side in body.ports for copy in places[port]),
+            )
             continue
         ports, rows = repeated(body)
         three = (3 * rows[:, None] + np.arange(3)).ravel()
@@ -50,7 +59,16 @@ def split_damper(model, shares):
         }  # fmt: skip
         bodies[name] = replace(body, ports=ports, bases=bases, spin=None, local=None)
     locations = {name: at for name, at in model.locations.items() if at.body != "damper"}
-    return replace(model, bodies=bodies, interfaces=faces, locations=locations, contact={}, static={}, meshes={}, stress={})
+    return replace(
+        model,
+        bodies=bodies,
+        interfaces=faces,
+        locations=locations,
+        contact={},
+        static={},
+        meshes={},
+        stress={},
+    )
 
 
 def _part(damper, key, share):
@@ -63,5 +81,11 @@ def _part(damper, key, share):
     own = BodyLoad(load.direction, load.generalised / root, load.displacement / share)
     ports = tuple((f"{name}_{key}", side) for name, side in damper.ports)
     return replace(
-        damper, name=key, ports=ports, bases={0: modes}, mass=share * damper.mass, inertia=share * damper.inertia, load=own
+        damper,
+        name=key,
+        ports=ports,
+        bases={0: modes},
+        mass=share * damper.mass,
+        inertia=share * damper.inertia,
+        load=own,
     )

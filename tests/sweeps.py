@@ -79,7 +79,9 @@ def draw(number: int) -> Drawn:
         if kind in ("stop", "with a gap"):
             contact["gap"] = share * float(motion[v])
         else:
-            contact["preload"] = share * float(kt * motion[u] / mu if kind == "constant" else kn * motion[v])
+            contact["preload"] = share * float(
+                kt * motion[u] / mu if kind == "constant" else kn * motion[v]
+            )
         contacts.append(contact)
     hertz = omega / (2.0 * np.pi)
     band = hertz * float(rng.uniform(0.6, 0.98)), hertz * float(rng.uniform(1.05, 2.2))
@@ -110,7 +112,11 @@ def highest_in_sweeps(drawn: list[Drawn], periods: int = 2500, steps: int = 128)
         force[:k, i], seen[i] = one.forces, one.response
         for c, contact in enumerate(one.contacts):
             if "tangential" in contact:
-                slide[c, contact["tangential"], i], kt[c, i], mu[c, i] = 1.0, contact["kt"], contact["mu"]
+                slide[c, contact["tangential"], i], kt[c, i], mu[c, i] = (
+                    1.0,
+                    contact["kt"],
+                    contact["mu"],
+                )
             if "normal" in contact:
                 close[c, contact["normal"], i], kn[c, i] = 1.0, contact["kn"]
             rest[c, i] = contact.get("preload", 0.0)
@@ -118,14 +124,24 @@ def highest_in_sweeps(drawn: list[Drawn], periods: int = 2500, steps: int = 128)
     dt = 2.0 * np.pi / (steps * ends.max(axis=0))
     inverse = np.linalg.inv(np.moveaxis(M / dt**2 + C / (2.0 * dt), 2, 0))
     onward = [2.0 * M / dt**2 - K, C / (2.0 * dt) - M / dt**2, np.tile(np.eye(m)[:, :, None], n)]
-    step = np.concatenate([np.moveaxis(inverse @ np.moveaxis(part, 2, 0), 0, 2) for part in onward], axis=1)
+    step = np.concatenate(
+        [np.moveaxis(inverse @ np.moveaxis(part, 2, 0), 0, 2) for part in onward], axis=1
+    )
     state, friction, u = np.zeros((3 * m, n)), np.zeros((CONTACTS, n)), np.zeros((CONTACTS, n))
     x = state[:m]
     first, omega, phase = ends[0], ends[0].copy(), np.zeros(n)
     mean = ends.mean(axis=0)
-    settling, sweeping = (int(np.ceil((p * 2.0 * np.pi / (w * dt)).max())) for p, w in ((SETTLING, first), (periods, mean)))
+    settling, sweeping = (
+        int(np.ceil((p * 2.0 * np.pi / (w * dt)).max()))
+        for p, w in ((SETTLING, first), (periods, mean))
+    )
     change = (ends[1] - ends[0]) / sweeping
-    slow, slower, highest, lane = np.zeros(n, complex), np.zeros(n, complex), np.zeros(n), np.arange(n)
+    slow, slower, highest, lane = (
+        np.zeros(n, complex),
+        np.zeros(n, complex),
+        np.zeros(n),
+        np.arange(n),
+    )
     for i in range(settling + sweeping):
         normal = np.maximum(load + kn * np.einsum("cil,il->cl", close, x), 0.0)
         before, u = u, np.einsum("cil,il->cl", slide, x)
@@ -133,7 +149,9 @@ def highest_in_sweeps(drawn: list[Drawn], periods: int = 2500, steps: int = 128)
         friction = np.minimum(np.maximum(friction + kt * (u - before), -limit), limit)
         turn = np.exp(-1j * phase)
         state[2 * m :] = force * turn.real
-        state[2 * m :] -= np.einsum("cil,cl->il", slide, friction) + np.einsum("cil,cl->il", close, normal - rest)
+        state[2 * m :] -= np.einsum("cil,cl->il", slide, friction) + np.einsum(
+            "cil,cl->il", close, normal - rest
+        )
         part = omega * dt / (2.0 * np.pi * FILTER)
         slow += part * (2.0 * x[seen, lane] * turn - slow)
         slower += part * (slow - slower)

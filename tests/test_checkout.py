@@ -25,7 +25,9 @@ def run(code, *folders):
     """Run code in a process that sees these folders and the standard library alone."""
     places = [str(folder) for folder in folders]
     line = f"import sys; sys.path[:0] = {places}; {code}"
-    return subprocess.run([sys.executable, "-S", "-c", line], capture_output=True, text=True, cwd="/")
+    return subprocess.run(
+        [sys.executable, "-S", "-c", line], capture_output=True, text=True, cwd="/"
+    )
 
 
 def test_sources_without_a_core_say_what_to_do(sources):
@@ -52,4 +54,8 @@ def test_the_installed_package_replaces_the_sources_as_a_whole(sources, tmp_path
     code = "import bdamper; print(bdamper.__file__, bdamper.__all__, bdamper.only_here, sep='\\n')"
     done = run(code, sources.parent, installed.parent, library)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.split("\n")[:3] == [str(installed / "__init__.py"), "['only_here']", str(installed / "room.py")]
+    assert done.stdout.split("\n")[:3] == [
+        str(installed / "__init__.py"),
+        "['only_here']",
+        str(installed / "room.py"),
+    ]

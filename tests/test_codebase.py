@@ -111,15 +111,25 @@ def contents(path: Path) -> Contents:
             if above.startswith("bdamper"):
                 wrong += [f"{path}:{node.lineno} {a.name}" for a in node.names if private(a.name)]
         elif isinstance(node, ast.Call) and last_name(node.func) == "import_module":
-            names = [arg.value for arg in node.args if isinstance(arg, ast.Constant) and isinstance(arg.value, str)]
+            names = [
+                arg.value
+                for arg in node.args
+                if isinstance(arg, ast.Constant) and isinstance(arg.value, str)
+            ]
         elif isinstance(node, ast.Attribute) and private(node.attr) and node.attr not in own:
-            wrong += [] if last_name(node.value) in ("self", "cls") else [f"{path}:{node.lineno} {ast.unparse(node)}"]
+            wrong += (
+                []
+                if last_name(node.value) in ("self", "cls")
+                else [f"{path}:{node.lineno} {ast.unparse(node)}"]
+            )
         found += [
             (name.removeprefix("bdamper").removeprefix(".") or "__init__", node.lineno)
             for name in names
             if name == "bdamper" or name.startswith("bdamper.")
         ]
-    return Contents(ast.get_docstring(module) or "", tuple(found), frozenset(libraries), tuple(wrong))
+    return Contents(
+        ast.get_docstring(module) or "", tuple(found), frozenset(libraries), tuple(wrong)
+    )
 
 
 def last_name(node: ast.expr) -> str:
@@ -170,11 +180,15 @@ def test_imports_run_downward():
 
 def test_no_circle_of_imports():
     """Within rooms too, and whether or not the import happens when the module is loaded."""
-    users = {module_name(p): {name for name, _ in imports(p) if name in MODULES} for p in python_files()}
+    users = {
+        module_name(p): {name for name, _ in imports(p) if name in MODULES} for p in python_files()
+    }
     users = {own: {n for n in names if n != own} for own, names in users.items()}
     while ends := {own for own, names in users.items() if not names & users.keys()}:
         users = {own: names for own, names in users.items() if own not in ends}
-    assert not users, "these import each other in a circle, or import one that does: " + ", ".join(sorted(users))
+    assert not users, "these import each other in a circle, or import one that does: " + ", ".join(
+        sorted(users)
+    )
 
 
 OF_RESULTS = ("_headline", "_facts", "_summary_fields", "_facts_of_field", "_with_problem")
@@ -182,7 +196,11 @@ OF_RESULTS = ("_headline", "_facts", "_summary_fields", "_facts_of_field", "_wit
 
 
 def private(name: str) -> bool:
-    return name.startswith("_") and not name.startswith("__") and name not in ("_core", "_replace", *OF_RESULTS)
+    return (
+        name.startswith("_")
+        and not name.startswith("__")
+        and name not in ("_core", "_replace", *OF_RESULTS)
+    )
 
 
 def own_names(nodes: tuple[ast.AST, ...]) -> set[str]:
@@ -206,7 +224,11 @@ def test_nobody_uses_private_names_of_others():
 
 def users_of(*libraries: str) -> set[str]:
     """Rooms that import a library anywhere."""
-    return {room(module_name(path)) for path in python_files() if contents(path).libraries & {*libraries}}
+    return {
+        room(module_name(path))
+        for path in python_files()
+        if contents(path).libraries & {*libraries}
+    }
 
 
 def test_only_plot_imports_matplotlib():
@@ -214,7 +236,9 @@ def test_only_plot_imports_matplotlib():
 
 
 def test_only_the_equations_import_the_core():
-    users = {module_name(path) for path in python_files() for name, _ in imports(path) if name == "_core"}
+    users = {
+        module_name(path) for path in python_files() for name, _ in imports(path) if name == "_core"
+    }
     assert users == {
         "contact.laws", "harmonic_balance.equations", "harmonic_balance.rotor_speed",
         "analyses.nonlinear_mode", "harmonic_balance.sector", "time_domain.integration",
@@ -223,17 +247,32 @@ def test_only_the_equations_import_the_core():
 
 def test_every_room_says_what_it_does():
     for path in PACKAGE.glob("*/__init__.py"):
-        assert len(contents(path).docstring.splitlines()) >= 3, f"{path.relative_to(ROOT)}: expected some five lines"
+        assert len(contents(path).docstring.splitlines()) >= 3, (
+            f"{path.relative_to(ROOT)}: expected some five lines"
+        )
 
 
 def test_tests_mirror_the_rooms():
     rooms = {path.parent.name for path in PACKAGE.glob("*/__init__.py")}
-    across = {"anchors", "c", "core", "data", "examples", "fuzz", "golden", "hard", "others", "physics", "unit"}
+    across = {
+        "anchors",
+        "c",
+        "core",
+        "data",
+        "examples",
+        "fuzz",
+        "golden",
+        "hard",
+        "others",
+        "physics",
+        "unit",
+    }
     folders = {path.parent.name for path in (ROOT / "tests").glob("*/test_*.py")}
     assert folders - across <= rooms
 
 
 # ---- what stands in one place ----
+
 
 def is_string(node: ast.AST) -> bool:
     return isinstance(node, ast.Constant) and isinstance(node.value, str)
@@ -275,7 +314,9 @@ def spelled(node: ast.expr) -> str:
     while isinstance(inner, ast.Attribute):
         names.append(inner.attr)
         inner = inner.value
-    return ".".join([inner.id, *reversed(names)]) if isinstance(inner, ast.Name) else ast.unparse(node)
+    return (
+        ".".join([inner.id, *reversed(names)]) if isinstance(inner, ast.Name) else ast.unparse(node)
+    )
 
 
 @cache
@@ -284,16 +325,22 @@ def calls(path: Path) -> set[str]:
     nodes, full = nodes_of(path), {}
     for node in nodes:
         if isinstance(node, ast.ImportFrom):
-            full |= {alias.asname or alias.name: f"{node.module}.{alias.name}" for alias in node.names}
+            full |= {
+                alias.asname or alias.name: f"{node.module}.{alias.name}" for alias in node.names
+            }
         elif isinstance(node, ast.Import):
             full |= {alias.asname: alias.name for alias in node.names if alias.asname}
     written = {spelled(node.func) for node in nodes if isinstance(node, ast.Call)}
     heads = {call: call.split(".")[0] for call in written}
-    return written | {full.get(head, head) + call.removeprefix(head) for call, head in heads.items()}
+    return written | {
+        full.get(head, head) + call.removeprefix(head) for call, head in heads.items()
+    }
 
 
 def callers(pattern: str) -> set[str]:
-    return {module_name(p) for p in python_files() if any(re.search(pattern, call) for call in calls(p))}
+    return {
+        module_name(p) for p in python_files() if any(re.search(pattern, call) for call in calls(p))
+    }
 
 
 ONE_OF_EACH = {
@@ -353,7 +400,11 @@ def open_parameters(module: ast.Module) -> list[str]:
     for node in (node for body in bodies for node in body):
         if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
             given = node.args.posonlyargs + node.args.args + node.args.kwonlyargs
-            found += [f"{node.name}({a.arg})" for a in given if a.annotation and ast.unparse(a.annotation) == "Any"]
+            found += [
+                f"{node.name}({a.arg})"
+                for a in given
+                if a.annotation and ast.unparse(a.annotation) == "Any"
+            ]
     return found
 
 
@@ -374,7 +425,9 @@ def docstrings(path: Path) -> list[tuple[str, str]]:
     """Names and texts: docstrings, and texts under a constant or a field."""
     found = []
     for node in nodes_of(path):
-        for child in getattr(node, "body", []) if isinstance(getattr(node, "body", None), list) else []:
+        for child in (
+            getattr(node, "body", []) if isinstance(getattr(node, "body", None), list) else []
+        ):
             if is_text(child):
                 found.append((getattr(node, "name", ""), child.value.value))
     return found
@@ -386,23 +439,42 @@ def test_the_stub_of_the_core_names_all_of_it():
     stub = ast.parse((PACKAGE / "_core.pyi").read_text())
     classes = {node.name: node for node in stub.body if isinstance(node, ast.ClassDef)}
     functions = {node.name for node in stub.body if isinstance(node, ast.FunctionDef)}
-    values = {node.target.id for node in stub.body if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name)}
+    values = {
+        node.target.id
+        for node in stub.body
+        if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name)
+    }
     public = {name for name in functions | values | set(classes) if not name.startswith("_")}
     assert public == {name for name in dir(_core) if not name.startswith("__")}
     for name, node in classes.items():
         kind = getattr(_core, name, None)
         if kind is None:  # what classes of the stub share
             continue
-        body = [*node.body, *(n for base in node.bases if (above := classes.get(last_name(base))) for n in above.body)]
+        body = [
+            *node.body,
+            *(
+                n
+                for base in node.bases
+                if (above := classes.get(last_name(base)))
+                for n in above.body
+            ),
+        ]
         members = {n.name for n in body if isinstance(n, ast.FunctionDef)}
         members |= {n.target.id for n in body if isinstance(n, ast.AnnAssign)}
         skipped = {"n_fields", "n_sequence_fields", "n_unnamed_fields", "count", "index"}
-        there = {n for n in vars(kind) if not n.startswith("_")} - (skipped if issubclass(kind, tuple) else set())
+        there = {n for n in vars(kind) if not n.startswith("_")} - (
+            skipped if issubclass(kind, tuple) else set()
+        )
         assert {n for n in members if not n.startswith("__")} == there, name
 
 
 def test_no_machine_paths_in_texts():
-    for path in [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *python_files(), *ROOT.glob("csrc/*/*.[ch]")]:
+    for path in [
+        *ROOT.glob("*.md"),
+        *ROOT.glob("docs/**/*.md"),
+        *python_files(),
+        *ROOT.glob("csrc/*/*.[ch]"),
+    ]:
         if os.sep + "_build" + os.sep not in str(path):
             assert not re.search(r"(?<![\w.])/(home|root|work)/", path.read_text()), path
 
@@ -410,12 +482,19 @@ def test_no_machine_paths_in_texts():
 def defines(path: Path, name: str) -> bool:
     """Whether a file of Python or C defines a function or class; ``A.b`` asks for both."""
     text = path.read_text()
-    return all(re.search(rf"^(?:\s*(?:def|class) |\w[\w *]*\b){part}\b[(:\[]", text, re.M) for part in name.split("."))
+    return all(
+        re.search(rf"^(?:\s*(?:def|class) |\w[\w *]*\b){part}\b[(:\[]", text, re.M)
+        for part in name.split(".")
+    )
 
 
 def pages() -> list[Path]:
     """Pages of the manual, its evidence and the specification."""
-    return [*ROOT.glob("docs/*.md"), *ROOT.glob("docs/evidence/*.md"), *ROOT.glob("docs/specification/*.md")]
+    return [
+        *ROOT.glob("docs/*.md"),
+        *ROOT.glob("docs/evidence/*.md"),
+        *ROOT.glob("docs/specification/*.md"),
+    ]
 
 
 def test_files_and_functions_that_the_documents_name_are_there():
@@ -423,7 +502,9 @@ def test_files_and_functions_that_the_documents_name_are_there():
     rooms = "bdamper|csrc|tests|tools|examples|benchmarks"
     for path in [*ROOT.glob("*.md"), *pages()]:
         if path.name != "CHANGELOG.md":
-            for name, function in re.findall(rf"`((?:{rooms})/[\w/]+\.\w+)(?:::([\w.]+))?`", path.read_text()):
+            for name, function in re.findall(
+                rf"`((?:{rooms})/[\w/]+\.\w+)(?:::([\w.]+))?`", path.read_text()
+            ):
                 if not (ROOT / name).exists() or (function and not defines(ROOT / name, function)):
                     missing.append(f"{path.relative_to(ROOT)}: {name} {function}")
     assert not missing, "\n".join(missing)
@@ -431,7 +512,11 @@ def test_files_and_functions_that_the_documents_name_are_there():
 
 def test_tests_that_the_scripts_run_are_there():
     for path in [ROOT / "Makefile", ROOT / ".ci" / "run", *ROOT.glob("tools/*.sh")]:
-        for name in re.findall(r"(?<![\w./])tests/[\w/]+(?:\.py|\b)", path.read_text()) if path.exists() else []:
+        for name in (
+            re.findall(r"(?<![\w./])tests/[\w/]+(?:\.py|\b)", path.read_text())
+            if path.exists()
+            else []
+        ):
             assert any(ROOT.glob(f"{name}*")), f"{path.name}: {name}"
 
 
@@ -444,5 +529,7 @@ def test_modules_that_the_documents_name_are_there():
             n = max(n for n in range(1, len(parts) + 1) if ".".join(parts[1:n]) in MODULES | {""})
             found = importlib.import_module(".".join(parts[:n]))
             for part in parts[n:]:
-                assert hasattr(found, part), f"{path.relative_to(ROOT)} names {name}, which is not there"
+                assert hasattr(found, part), (
+                    f"{path.relative_to(ROOT)} names {name}, which is not there"
+                )
                 found = getattr(found, part)

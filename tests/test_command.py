@@ -21,7 +21,9 @@ QUICK = {
 SLOW = ("optimum", "margin")
 
 
-@pytest.mark.parametrize("command", [pytest.param(c, marks=[pytest.mark.slow] * (c in SLOW)) for c in QUICK])
+@pytest.mark.parametrize(
+    "command", [pytest.param(c, marks=[pytest.mark.slow] * (c in SLOW)) for c in QUICK]
+)
 def test_answers_are_printed_and_written(command, tmp_path, capsys):
     files = [f"--{kind}={tmp_path / f'out.{kind}'}" for kind in ("csv", "h5", "png")]
     files += [f"--html={tmp_path / 'out.html'}"] * (command == "optimum")
@@ -29,7 +31,9 @@ def test_answers_are_printed_and_written(command, tmp_path, capsys):
     out = capsys.readouterr().out
     result = bd.load(tmp_path / "out.h5")
     assert str(result).splitlines()[0] in out
-    assert ("by harmonic balance alone" in out) == (command == "optimum"), "a margin has the amplitude in time"
+    assert ("by harmonic balance alone" in out) == (command == "optimum"), (
+        "a margin has the amplitude in time"
+    )
     assert (tmp_path / "out.csv").read_text().count("\n") > 2
     assert (tmp_path / "out.png").read_bytes()[1:4] == b"PNG"
     assert (tmp_path / "out.html").exists() == (command == "optimum")
@@ -37,15 +41,57 @@ def test_answers_are_printed_and_written(command, tmp_path, capsys):
 
 def test_what_is_asked_is_what_the_study_answers(capsys, tmp_path):
     path, picture = tmp_path / "curve.h5", tmp_path / "curve.png"
-    asked = ["--direction=axial", "--friction=0.5", "--force=2", "--harmonics=1", "--preload=104", "--band", "630", "690"]
-    assert main(["response", "--demo", *asked, "--quiet", "--h5", str(path), "--png", str(picture)]) == 0
+    asked = [
+        "--direction=axial",
+        "--friction=0.5",
+        "--force=2",
+        "--harmonics=1",
+        "--preload=104",
+        "--band",
+        "630",
+        "690",
+    ]
+    assert (
+        main(["response", "--demo", *asked, "--quiet", "--h5", str(path), "--png", str(picture)])
+        == 0
+    )
     told, wrote = capsys.readouterr().err.splitlines()
-    assert "excitation direction: plausible along the motion of a mode" in told and wrote == f"wrote {picture}"
-    study = bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip", "axial", 2.0), 5, 0.5, harmonics=1)
-    assert_array_equal(bd.load(path).amplitude, study.frequency_response(104.0, (630.0, 690.0)).amplitude)
-    strength = ["--endurance=300", "--ultimate=1200", "--yield=900", "--no-check", "--speed=7639.437268410977"]
-    assert main(["margin", "--demo", "--harmonics=1", "--preload=3616", *strength, "--quiet", "--h5", str(path)]) == 0
-    assert bd.load(path).speed == 800.0 == bd.load(path).settings["speed"] and "contradict" not in capsys.readouterr().err
+    assert (
+        "excitation direction: plausible along the motion of a mode" in told
+        and wrote == f"wrote {picture}"
+    )
+    study = bd.Study(
+        bd.reference_model("turbine_blade"), bd.Excitation("tip", "axial", 2.0), 5, 0.5, harmonics=1
+    )
+    assert_array_equal(
+        bd.load(path).amplitude, study.frequency_response(104.0, (630.0, 690.0)).amplitude
+    )
+    strength = [
+        "--endurance=300",
+        "--ultimate=1200",
+        "--yield=900",
+        "--no-check",
+        "--speed=7639.437268410977",
+    ]
+    assert (
+        main(
+            [
+                "margin",
+                "--demo",
+                "--harmonics=1",
+                "--preload=3616",
+                *strength,
+                "--quiet",
+                "--h5",
+                str(path),
+            ]
+        )
+        == 0
+    )
+    assert (
+        bd.load(path).speed == 800.0 == bd.load(path).settings["speed"]
+        and "contradict" not in capsys.readouterr().err
+    )
 
 
 def test_a_margin_without_an_amplitude_in_time(capsys, monkeypatch):
@@ -55,7 +101,10 @@ def test_a_margin_without_an_amplitude_in_time(capsys, monkeypatch):
     monkeypatch.setattr(bd.Study, "time_response", lost)
     assert main(["margin", "--demo", "--harmonics=1", "--quiet", *QUICK["margin"]]) == 0
     out, err = capsys.readouterr()
-    assert "bdamper: no amplitude in time: why\n" in err and "by harmonic balance alone" in " ".join(out.split())
+    assert (
+        "bdamper: no amplitude in time: why\n" in err
+        and "by harmonic balance alone" in " ".join(out.split())
+    )
 
 
 def test_info_of_a_file(capsys, tmp_path):
@@ -69,8 +118,16 @@ def test_info_of_a_file(capsys, tmp_path):
     ("arguments", "code", "text"),
     [
         (["info", "nowhere.h5"], 1, "nowhere.h5"),
-        (["crossings", "--demo", "--speeds", "1000", "2000"], 1, "give a range wider than 1000 to 2000 rpm"),
-        (["crossings", "--demo", "--speeds", "1000", "2000", "--orders", "10"], 1, "rpm with free contacts and at"),
+        (
+            ["crossings", "--demo", "--speeds", "1000", "2000"],
+            1,
+            "give a range wider than 1000 to 2000 rpm",
+        ),
+        (
+            ["crossings", "--demo", "--speeds", "1000", "2000", "--orders", "10"],
+            1,
+            "rpm with free contacts and at",
+        ),
         (["response", "--demo", "--preload", "-1"], 2, "preload"),
         (["response", "--demo", "--engine-order", "4"], 2, "nodal diameter"),
     ],
@@ -96,7 +153,10 @@ def test_no_answer_is_told_in_a_line(arguments, code, text, capsys, tmp_path, mo
         ),
         (["response", "--demo", "--csv", "nowhere/out.csv"], "found 'nowhere/out.csv'"),
         (["explore", "--demo", "--png=out.png"], "unrecognized arguments: --png"),
-        (["margin", "--demo"], "the following arguments are required: --endurance, --ultimate, --yield"),
+        (
+            ["margin", "--demo"],
+            "the following arguments are required: --endurance, --ultimate, --yield",
+        ),
     ],
 )
 def test_wrong_use_is_told_in_a_line(arguments, words, capsys, tmp_path, monkeypatch):
@@ -109,11 +169,17 @@ def test_wrong_use_is_told_in_a_line(arguments, words, capsys, tmp_path, monkeyp
 
 def test_the_check_of_an_optimum_is_one_that_a_study_has(capsys):
     assert main(["optimum", "--demo", "-n", "1"]) == 2
-    assert capsys.readouterr().err == "bdamper: n: expected a whole number >= 2, found 1\n", "not refused for the check"
+    assert capsys.readouterr().err == "bdamper: n: expected a whole number >= 2, found 1\n", (
+        "not refused for the check"
+    )
 
 
 def test_help_names_units_and_defaults(capsys):
-    words = {"optimum": "in N, default 20 2000", "margin": "yield strength in MPa", "crossings": "rpm"}
+    words = {
+        "optimum": "in N, default 20 2000",
+        "margin": "yield strength in MPa",
+        "crossings": "rpm",
+    }
     for command, word in words.items():
         with pytest.raises(SystemExit, match="0"):
             parser().parse_args([command, "--help"])
@@ -121,18 +187,36 @@ def test_help_names_units_and_defaults(capsys):
 
 
 def test_doubts_and_details(capsys, tmp_path):
-    asked = ["--band", "3900", "4400", "--harmonics=1", "--quiet", f"--png={tmp_path / 'curve.png'}"]
+    asked = [
+        "--band",
+        "3900",
+        "4400",
+        "--harmonics=1",
+        "--quiet",
+        f"--png={tmp_path / 'curve.png'}",
+    ]
     assert main(["response", "--demo", *asked]) == 0
     out, err = capsys.readouterr()
     assert "--details has the rest" in out and "summary()" not in out
-    assert err.startswith("bdamper: frequency: plausible an interval in Hz") and "radians per second suspected\n" in err
+    assert (
+        err.startswith("bdamper: frequency: plausible an interval in Hz")
+        and "radians per second suspected\n" in err
+    )
     assert main(["response", "--demo", *asked, "--details"]) == 0
-    (residual,) = (line.split() for line in capsys.readouterr().out.splitlines() if line.startswith("  residual "))
-    assert 0.0 < float(residual[1]) <= float(residual[2]) < 1e-6  # the least and the largest of the points
+    (residual,) = (
+        line.split()
+        for line in capsys.readouterr().out.splitlines()
+        if line.startswith("  residual ")
+    )
+    assert (
+        0.0 < float(residual[1]) <= float(residual[2]) < 1e-6
+    )  # the least and the largest of the points
 
 
 def test_runs_as_a_module():
-    run = subprocess.run([sys.executable, "-m", "bdamper", "--version"], capture_output=True, text=True)
+    run = subprocess.run(
+        [sys.executable, "-m", "bdamper", "--version"], capture_output=True, text=True
+    )
     assert run.stdout.strip() == bd.__version__
 
 
@@ -140,7 +224,9 @@ def test_the_demo_leaves_no_file_unasked(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(["response", "--demo", "--harmonics", "1", *QUICK["response"]]) == 0
     assert not list(tmp_path.iterdir())
-    told = capsys.readouterr().err.splitlines()  # no terminal: a line at each tenth of the way, never back
+    told = (
+        capsys.readouterr().err.splitlines()
+    )  # no terminal: a line at each tenth of the way, never back
     tenths = [int(line.removeprefix("response curve: ").removesuffix(" %")) for line in told]
     assert tenths == sorted(set(tenths)) and tenths[-1] == 100 and all(x % 10 == 0 for x in tenths)
 
@@ -165,4 +251,6 @@ def test_an_answer_is_printed_before_a_file_that_cannot_be_written(kind, tmp_pat
         == 1
     )
     out, err = capsys.readouterr()
-    assert out.startswith("Resonance of ") and err.splitlines()[-1].startswith(f"bdamper: {path}: expected a file that")
+    assert out.startswith("Resonance of ") and err.splitlines()[-1].startswith(
+        f"bdamper: {path}: expected a file that"
+    )

@@ -26,7 +26,9 @@ def test_draws_and_hangs(number):
 
 def run(*arguments, **ways):
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *arguments]
-    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=240, check=False, **ways).stdout
+    return subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, timeout=240, check=False, **ways
+    ).stdout
 
 
 @pytest.mark.parametrize("test", ["test_hangs", "test_draws_and_hangs"])
@@ -42,7 +44,9 @@ def test_what_hangs_is_ended(tmp_path, test):
 def test_every_test_has_a_limit(pytestconfig, request):
     assert float(pytestconfig.getini("timeout")) == 300.0
     for item in request.session.items:
-        if marks := [mark for mark in item.iter_markers("timeout") if "timeout" in mark.kwargs or mark.args]:
+        if marks := [
+            mark for mark in item.iter_markers("timeout") if "timeout" in mark.kwargs or mark.args
+        ]:
             assert (marks[0].args or [marks[0].kwargs["timeout"]])[0] >= 300
 
 

@@ -6,7 +6,12 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
-PAGES = [*ROOT.glob("*.md"), *DOCS.glob("*.md"), *DOCS.glob("evidence/*.md"), *DOCS.glob("specification/*.md")]
+PAGES = [
+    *ROOT.glob("*.md"),
+    *DOCS.glob("*.md"),
+    *DOCS.glob("evidence/*.md"),
+    *DOCS.glob("specification/*.md"),
+]
 PAGES += (ROOT / "notebooks").glob("*.[mi]*")
 MADE = {"gallery/index", "gallery/index.md"}
 """Pages that ``make docs`` writes; it copies the notebooks to docs/tutorial as well."""
@@ -14,7 +19,11 @@ MADE = {"gallery/index", "gallery/index.md"}
 
 def text_of(path):
     text = path.read_text(encoding="utf-8")
-    return "\n".join("".join(cell["source"]) for cell in json.loads(text)["cells"]) if path.suffix == ".ipynb" else text
+    return (
+        "\n".join("".join(cell["source"]) for cell in json.loads(text)["cells"])
+        if path.suffix == ".ipynb"
+        else text
+    )
 
 
 def anchors(text):
@@ -26,11 +35,17 @@ def anchors(text):
 def test_internal_links():
     wrong, seen = [], 0
     for page in PAGES:
-        for link in re.findall(r"\]\(([^)\s]+)\)", re.sub(r"```.*?```", "", text_of(page), flags=re.S)):
+        for link in re.findall(
+            r"\]\(([^)\s]+)\)", re.sub(r"```.*?```", "", text_of(page), flags=re.S)
+        ):
             if re.match(r"\w+:", link) or link in MADE:
                 continue
             path, _, anchor = link.partition("#")
-            source = ROOT / path.replace("tutorial/", "notebooks/") if path.startswith("tutorial/") else page.parent / path
+            source = (
+                ROOT / path.replace("tutorial/", "notebooks/")
+                if path.startswith("tutorial/")
+                else page.parent / path
+            )
             target = source.resolve() if path else page
             seen += 1
             if not target.is_file() or (anchor and anchor not in anchors(text_of(target))):

@@ -12,16 +12,25 @@ from tests.each import each
 
 JENKINS = bd.Contact(0, kt=1.0, mu=0.5, preload=1.0)
 M = np.array([[2.0, 0.3, 0.0], [0.3, 1.0, 0.1], [0.0, 0.1, 0.5]])
-K = np.array([[3.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])  # freedom 2 hangs on freedom 1 alone
+K = np.array(
+    [[3.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]]
+)  # freedom 2 hangs on freedom 1 alone
 
 
 def plain_response(omega, C, stiffness, rows, springs, force):
     """Amplitudes of all freedoms with linear springs along some motions."""
-    A = stiffness + 1j * omega * C - omega**2 * M + sum(k * np.outer(g, g) for g, k in zip(rows, springs))
+    A = (
+        stiffness
+        + 1j * omega * C
+        - omega**2 * M
+        + sum(k * np.outer(g, g) for g, k in zip(rows, springs))
+    )
     return np.linalg.solve(A, force)
 
 
-@pytest.mark.parametrize("damping", ["proportional", "of a free motion and beyond critical", "not proportional"])
+@pytest.mark.parametrize(
+    "damping", ["proportional", "of a free motion and beyond critical", "not proportional"]
+)
 def test_linear_responses_are_those_of_the_matrices(damping):
     """Motions of every kind, forces with phases, names of freedoms."""
     free = damping == "of a free motion and beyond critical"
@@ -35,7 +44,13 @@ def test_linear_responses_are_those_of_the_matrices(damping):
         bd.Contact(normal=1, kn=0.4, gap=0.1),  # open at rest
     ]
     study = bd.lumped(
-        M, C, stiffness, contacts=contacts, forces={0: 0.5, "tip": 0.2 * np.exp(0.7j)}, locations={"tip": 2}, response=1
+        M,
+        C,
+        stiffness,
+        contacts=contacts,
+        forces={0: 0.5, "tip": 0.2 * np.exp(0.7j)},
+        locations={"tip": 2},
+        response=1,
     )
     rows = np.array([[0.0, 0.0, 1.0], [-1.0, 1.0, 0.0], [0.6, 0.0, -0.8]])
     system = study.problem.system(0.0)
@@ -55,9 +70,17 @@ def test_coordinates_of_other_damping_give_the_same_peak():
     """Damping that is all but proportional: modes of mass and damping with springs between them, against modes."""
     C = 0.02 * M + 0.02 * K
     nearly = C + 1e-7 * np.diag([1.0, -1.0, 2.0])
-    ways = {"contacts": [bd.Contact((1, 0), 2, kt=0.5, kn=1.0, mu=0.4, preload=0.3)], "forces": {0: 0.2}, "response": 2}
+    ways = {
+        "contacts": [bd.Contact((1, 0), 2, kt=0.5, kn=1.0, mu=0.4, preload=0.3)],
+        "forces": {0: 0.2},
+        "response": 2,
+    }
     plain, tied = (bd.lumped(M, c, K, **ways) for c in (C, nearly))
-    assert [face.kind for face in tied.model.interfaces.values()] == ["friction", "spring", "spring"]
+    assert [face.kind for face in tied.model.interfaces.values()] == [
+        "friction",
+        "spring",
+        "spring",
+    ]
     expected, found = (study.peak(0.0) for study in (plain, tied))
     assert expected.converged and found.converged
     assert found.amplitude == pytest.approx(expected.amplitude, rel=1e-4)
@@ -69,18 +92,29 @@ def test_equal_frequencies_with_different_damping():
     turn = np.array([[0.6, 0.8], [-0.8, 0.6]])
     C = turn @ np.diag([0.02, 0.05]) @ turn.T
     study = bd.lumped(np.eye(2), C, np.eye(2), contacts=[JENKINS], forces={0: 1.0})
-    assert 2.0 * study.model.bodies["masses"].bases[0].damping_ratio == pytest.approx([0.02, 0.05], rel=1e-12)
+    assert 2.0 * study.model.bodies["masses"].bases[0].damping_ratio == pytest.approx(
+        [0.02, 0.05], rel=1e-12
+    )
 
 
 def test_loads_and_preloads():
     """At rest nothing is displaced under preloads; loads act per newton, and the contact follows."""
     contact = bd.Contact(normal=1, kn=4.0, preload=2.0)
-    study = bd.lumped([1.0, 1.0], [0.02, 0.02], [1.0, 1.0], contacts=[contact], forces={1: 0.1}, load_per_preload={1: 0.5})
+    study = bd.lumped(
+        [1.0, 1.0],
+        [0.02, 0.02],
+        [1.0, 1.0],
+        contacts=[contact],
+        forces={1: 0.1},
+        load_per_preload={1: 0.5},
+    )
     assert study.static(0.0).q == pytest.approx([0.0, 0.0], abs=1e-14)
     assert study.static(0.0).force[0, 2] == pytest.approx(2.0)
     assert study.static(10.0).force[0, 2] == pytest.approx(2.0 + 4.0 * 0.5 * 10.0 / (1.0 + 4.0))
     held = bd.lumped(1.0, 0.02, 1.0, contacts=[JENKINS], forces={0: 1.0})
-    with pytest.raises(bd.SettingError, match="preload: expected 0, since no body of the model carries a load"):
+    with pytest.raises(
+        bd.SettingError, match="preload: expected 0, since no body of the model carries a load"
+    ):
         held.peak(1.0, (0.1, 0.3))
 
 
@@ -94,7 +128,9 @@ def test_two_directions_with_coupled_friction():
     curve = study.frequency_response(0.0, (0.14, 0.2))
     radius = curve.peak.amplitude
     system = study.problem.system(0.0)
-    lost = energies(system, curve.unknowns[curve.peak_index], 2.0 * np.pi * curve.peak.frequency)["contact"][0]
+    lost = energies(system, curve.unknowns[curve.peak_index], 2.0 * np.pi * curve.peak.frequency)[
+        "contact"
+    ][0]
     assert lost == pytest.approx(2.0 * np.pi * 0.5 * np.sqrt(radius**2 - 0.5**2), rel=1e-4)
     assert radius > 2.0
 
@@ -104,7 +140,9 @@ def test_a_loaded_cubic_spring():
     study = bd.lumped(1.0, 0.01, 1.0, cubic={0: 2.0}, forces={0: 1e-5}, load_per_preload={0: 1.0})
     assert study.static(3.0).converged
     assert study.static(3.0).q == pytest.approx([1.0], rel=1e-10)
-    assert study.static(20.0, (2.0, 0.5, 1.0)).q + 2.0 * study.static(20.0).q ** 3 == pytest.approx([20.0], rel=1e-9)
+    assert study.static(20.0, (2.0, 0.5, 1.0)).q + 2.0 * study.static(20.0).q ** 3 == pytest.approx(
+        [20.0], rel=1e-9
+    )
     peak = study.peak(3.0, (0.3, 0.6))
     assert 2.0 * np.pi * peak.frequency == pytest.approx(np.sqrt(7.0), rel=1e-5)
     assert peak.amplitude == pytest.approx(1e-5 / (0.01 * np.sqrt(7.0)), rel=1e-3)
@@ -164,7 +202,13 @@ def test_energy_and_history_of_a_cubic_spring():
     ],
 )  # fmt: skip
 def test_refused(change, message):
-    given = {"mass": [1.0, 1.0], "damping": [0.1, 0.1], "stiffness": [1.0, 1.0], "contacts": [JENKINS], "forces": {0: 1.0}}
+    given = {
+        "mass": [1.0, 1.0],
+        "damping": [0.1, 0.1],
+        "stiffness": [1.0, 1.0],
+        "contacts": [JENKINS],
+        "forces": {0: 1.0},
+    }
     with pytest.raises(bd.SettingError, match="^" + re.escape(message)):
         bd.lumped(**(given | change))
 
@@ -191,33 +235,55 @@ class TestWhatSettingsDoNotReach:
     def test_contact_stiffness_under_a_preload(self):
         study = bd.lumped(1.0, 0.02, 1.0, contacts=[JENKINS], forces={0: 1.0}, harmonics=5)
         for settings in ({"contact_stiffness_factor": 2.0}, {"contact_stiffness": 2.0}):
-            with pytest.raises(bd.BdamperError, match="contact_stiffness: expected the values in the model"):
+            with pytest.raises(
+                bd.BdamperError, match="contact_stiffness: expected the values in the model"
+            ):
                 study.replace(**settings)
-        assert "contact_stiffness_factor" not in study.peak_sensitivities(study.peak(0.0, (0.05, 0.5)))
+        assert "contact_stiffness_factor" not in study.peak_sensitivities(
+            study.peak(0.0, (0.05, 0.5))
+        )
 
     def test_damping_ratio_beside_a_damping_matrix(self):
         study = bd.lumped(M, np.diag([0.05, 0.02, 0.01]), K, contacts=[JENKINS], forces={0: 1.0})
-        with pytest.raises(bd.BdamperError, match="damping_ratio: expected none, since the model carries a damping matrix"):
+        with pytest.raises(
+            bd.BdamperError,
+            match="damping_ratio: expected none, since the model carries a damping matrix",
+        ):
             study.replace(damping_ratio=0.01)
 
 
 def test_names_of_the_user_are_kept():
     stiffness = np.array([[3.0, -1.0], [-1.0, 1.5]])
     given = {"contacts": [bd.Contact(0, kt=1e-9, mu=1.0, preload=1.0)]}
-    one = bd.lumped([1.0, 2.0], 0.02 * stiffness, stiffness, locations={"x1": 0}, forces={"x1": 1.0}, response=1, **given)
+    one = bd.lumped(
+        [1.0, 2.0],
+        0.02 * stiffness,
+        stiffness,
+        locations={"x1": 0},
+        forces={"x1": 1.0},
+        response=1,
+        **given,
+    )
     two = bd.lumped([1.0, 2.0], 0.02 * stiffness, stiffness, locations={"forces": 1}, forces={0: 1.0, 1: 0.5j},
                     response="forces", **given)  # fmt: skip
     for study, force in ((one, [1.0, 0.0]), (two, [1.0, 0.5j])):
         top = study.free((0.05, 0.5)).peak
         omega = 2.0 * np.pi * top.frequency
-        x = np.linalg.solve(stiffness * (1.0 + 0.02j * omega) - omega**2 * np.diag([1.0, 2.0]), force)
+        x = np.linalg.solve(
+            stiffness * (1.0 + 0.02j * omega) - omega**2 * np.diag([1.0, 2.0]), force
+        )
         assert top.amplitude == pytest.approx(abs(x[1]), rel=1e-9)
 
 
 def pressed(force, load=1.0):
     """Two masses with a contact that a preload closes."""
     contact = bd.Contact((1, 0), normal=1, kt=1.0, kn=1.0, mu=0.5)
-    ways = {"contacts": [contact], "forces": {0: force}, "load_per_preload": {1: load}, "harmonics": 1}
+    ways = {
+        "contacts": [contact],
+        "forces": {0: force},
+        "load_per_preload": {1: load},
+        "harmonics": 1,
+    }
     return bd.lumped([1.0, 0.1], [0.02, 0.02], [1.0, 0.1], **ways)
 
 
@@ -229,7 +295,9 @@ class TestSizesOfNumbers:
     ASKS = (
         lambda study, preload: study.frequency_response(preload, TestSizesOfNumbers.BAND),
         lambda study, preload: study.peak(preload, TestSizesOfNumbers.BAND),
-        lambda study, preload: study.optimal_curve((preload, 2.0 * preload), 2, frequency=TestSizesOfNumbers.BAND),
+        lambda study, preload: study.optimal_curve(
+            (preload, 2.0 * preload), 2, frequency=TestSizesOfNumbers.BAND
+        ),
     )
 
     @each("ask", ASKS)
@@ -241,8 +309,10 @@ class TestSizesOfNumbers:
 
     @pytest.mark.parametrize("ask", ASKS)
     def test_loads(self, ask):
-        with pytest.raises(bd.SettingError,
-            match=r"^load_per_preload: expected static forces on the modes up to 1e\+100, found "):
+        with pytest.raises(
+            bd.SettingError,
+            match=r"^load_per_preload: expected static forces on the modes up to 1e\+100, found ",
+        ):
             ask(pressed(0.1), 1e300)
 
     @pytest.mark.parametrize("factor", [1e-90, 1e90])

@@ -8,7 +8,9 @@ import pytest
 from tools.prose import ROOT, RULES, Sentence, broken_rules, sentences
 
 
-@pytest.mark.parametrize("rule", [rule for rule in RULES if rule.pattern], ids=lambda rule: rule.name)
+@pytest.mark.parametrize(
+    "rule", [rule for rule in RULES if rule.pattern], ids=lambda rule: rule.name
+)
 def test_each_rule_finds_its_example(rule):
     def broken(text):
         return broken_rules(Sentence(ROOT, 1, rule.kind or "text", text))
@@ -50,7 +52,9 @@ def test_the_list_may_only_become_shorter(tmp_path):
     module.write_text("# What the rows of it represent.\n")
 
     def run(*arguments):
-        done = subprocess.run([sys.executable, str(tool), *arguments], capture_output=True, text=True)
+        done = subprocess.run(
+            [sys.executable, str(tool), *arguments], capture_output=True, text=True
+        )
         return done.returncode, done.stdout
 
     assert run()[0] == 1 and "bdamper/module.py:1: start" in run()[1]

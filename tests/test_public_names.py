@@ -28,7 +28,13 @@ def test_every_public_name_is_in_the_reference():
 
 def test_every_name_of_the_import_is_in_the_reference():
     reference = (ROOT / "docs" / "api.md").read_text()
-    elsewhere = {"load_model", "save_model", "Measurement", "read_response", "read_responses"}  # by bdamper or their module
+    elsewhere = {
+        "load_model",
+        "save_model",
+        "Measurement",
+        "read_response",
+        "read_responses",
+    }  # by bdamper or their module
     for name in set(bdamper.importers.__all__) - elsewhere:
         assert f"bdamper.importers.{name}" in reference, name
 
@@ -51,20 +57,31 @@ def test_an_unknown_name_is_an_ordinary_error():
 
 
 def test_the_version_stands_in_one_place():
-    (version,) = re.findall(r"^project\(.*\bversion: '([^']+)'", (ROOT / "meson.build").read_text(), re.M)
-    assert bd.__version__ == metadata.version("bdamper") == version, "an older build is installed: run make"
+    (version,) = re.findall(
+        r"^project\(.*\bversion: '([^']+)'", (ROOT / "meson.build").read_text(), re.M
+    )
+    assert bd.__version__ == metadata.version("bdamper") == version, (
+        "an older build is installed: run make"
+    )
     newest = re.search(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(), re.M)
-    assert newest is not None and newest[1] == version, "the newest heading of CHANGELOG.md is this version"
+    assert newest is not None and newest[1] == version, (
+        "the newest heading of CHANGELOG.md is this version"
+    )
     assert "version" not in re.findall(r"^(\w+) *=", (ROOT / "pyproject.toml").read_text(), re.M)
 
 
 def study_methods():
     """Return the signature and the first line of the explanation of a study and of each of its methods."""
-    methods = {"Study": bd.Study} | {name: getattr(bd.Study, name) for name in dir(bd.Study) if not name.startswith("_")}
+    methods = {"Study": bd.Study} | {
+        name: getattr(bd.Study, name) for name in dir(bd.Study) if not name.startswith("_")
+    }
     lines = []
     for name, method in methods.items():
         if callable(method):
-            lines += [f"{name}{inspect.signature(method)}", f"    {inspect.getdoc(method).splitlines()[0]}"]
+            lines += [
+                f"{name}{inspect.signature(method)}",
+                f"    {inspect.getdoc(method).splitlines()[0]}",
+            ]
     return "\n".join(lines) + "\n"
 
 
@@ -89,7 +106,9 @@ class TestStudy:
         """Every parameter is passed on, with its own value."""
         given = {name: object() for name in inspect.signature(bd.Study).parameters}
         arrived = {}
-        monkeypatch.setattr("bdamper.study.Settings", lambda **settings: arrived.update(settings) or settings)
+        monkeypatch.setattr(
+            "bdamper.study.Settings", lambda **settings: arrived.update(settings) or settings
+        )
         monkeypatch.setattr("bdamper.study.Problem", lambda settings: settings)
         monkeypatch.setattr(bd.Study, "_ask", lambda study, problem: None)
         bd.Study(**given)
@@ -111,8 +130,14 @@ class TestStudy:
     def test_help_explains_every_setting_with_its_default(self):
         for setting in dataclasses.fields(Settings):
             if setting.init:
-                default = "required" if setting.default is dataclasses.MISSING else f"default {setting.default!r}"
-                (line,) = re.findall(rf"^(?:\w+, )*{setting.name}(?:, \w+)* : .*$", bd.Study.__doc__, re.M)
+                default = (
+                    "required"
+                    if setting.default is dataclasses.MISSING
+                    else f"default {setting.default!r}"
+                )
+                (line,) = re.findall(
+                    rf"^(?:\w+, )*{setting.name}(?:, \w+)* : .*$", bd.Study.__doc__, re.M
+                )
                 assert default in line
 
     def test_every_method_lists_its_own_parameters(self, study):
@@ -123,7 +148,9 @@ class TestStudy:
                 text = inspect.getdoc(method)
                 assert "explains" not in text, name
                 for one in list(inspect.signature(method).parameters)[1:]:
-                    if len(inspect.signature(method).parameters) > 2 and not re.search(rf"(?:^|[, *`]){one}\b", text, re.M):
+                    if len(inspect.signature(method).parameters) > 2 and not re.search(
+                        rf"(?:^|[, *`]){one}\b", text, re.M
+                    ):
                         missing.append(f"{name}({one})")
         assert not missing
 

@@ -25,13 +25,38 @@ def model():
     "settings",
     [
         {},
-        {"friction_coefficient": {name: 0.1 * (k + 1) for k, name in enumerate(FACES)}, "harmonics": (1, 3)},
+        {
+            "friction_coefficient": {name: 0.1 * (k + 1) for k, name in enumerate(FACES)},
+            "harmonics": (1, 3),
+        },
         {"contact_stiffness": bd.PerArea((1e12, 1e12, 2e12)), "contact_forces": bd.AFT(64, False)},
-        {"contact_stiffness": bd.ResidualModes(8, 0.4, False), "response": bd.Response("tip", "axial")},
-        {"contact_stiffness": {name: np.full((3 if name in FACES[2:] else 4, 3), 1e7 / 3.0) for name in FACES}},
-        {"contact_stiffness": 1e7 / 3.0, "contact_stiffness_factor": 1.1, "load_history": (1.5, 1.0), "contact_points": 2},
-        {"gap": {"left": np.array([0.0, 1e-7, 2e-7, 3e-7])}, "damping_ratio": 0.01, "damper_drag": 0.2, "bias": False},
-        {"rigid_modes": ("TY", "RZ"), "friction_law": "coupled", "contact_forces": bd.AFT(128), "stability": True},
+        {
+            "contact_stiffness": bd.ResidualModes(8, 0.4, False),
+            "response": bd.Response("tip", "axial"),
+        },
+        {
+            "contact_stiffness": {
+                name: np.full((3 if name in FACES[2:] else 4, 3), 1e7 / 3.0) for name in FACES
+            }
+        },
+        {
+            "contact_stiffness": 1e7 / 3.0,
+            "contact_stiffness_factor": 1.1,
+            "load_history": (1.5, 1.0),
+            "contact_points": 2,
+        },
+        {
+            "gap": {"left": np.array([0.0, 1e-7, 2e-7, 3e-7])},
+            "damping_ratio": 0.01,
+            "damper_drag": 0.2,
+            "bias": False,
+        },
+        {
+            "rigid_modes": ("TY", "RZ"),
+            "friction_law": "coupled",
+            "contact_forces": bd.AFT(128),
+            "stability": True,
+        },
         {
             "fundamental_modes_only": True,
             "constraint_planes": False,
@@ -67,7 +92,10 @@ def test_the_model_may_be_left_to_its_hash(model, tmp_path):
     assert path.stat().st_size < 20000
     assert bd.load_study(path, model).model is model
     for given, found in ((None, "none"), (wedge_model(seed=1), wedge_model(seed=1).hash)):
-        with pytest.raises(bd.BdamperError, match=rf"study.h5: expected the model with hash {model.hash}, found {found}"):
+        with pytest.raises(
+            bd.BdamperError,
+            match=rf"study.h5: expected the model with hash {model.hash}, found {found}",
+        ):
             bd.load_study(path, given)
 
 
@@ -91,7 +119,9 @@ def test_a_study_at_a_rotor_speed(tmp_path):
 
 
 def test_masses_come_back(tmp_path):
-    study = bd.lumped(1.0, 0.1, 1.0, contacts=[bd.Contact(0, kt=1.0, mu=0.5, preload=1.0)], forces={0: 1.0j})
+    study = bd.lumped(
+        1.0, 0.1, 1.0, contacts=[bd.Contact(0, kt=1.0, mu=0.5, preload=1.0)], forces={0: 1.0j}
+    )
     study.save(tmp_path / "masses.h5")
     back = bd.load_study(tmp_path / "masses.h5")
     assert back.peak(0.0, (0.1, 0.3)).amplitude == study.peak(0.0, (0.1, 0.3)).amplitude

@@ -47,7 +47,10 @@ BETTER = {
 
 def pages() -> list[Path]:
     folders = ("docs/*.md", "docs/evidence/*.md", "docs/specification/*.md", "notebooks/*.[mi]*")
-    found = [ROOT / "README.md", *(page for folder in folders for page in sorted(ROOT.glob(folder)))]
+    found = [
+        ROOT / "README.md",
+        *(page for folder in folders for page in sorted(ROOT.glob(folder))),
+    ]
     return [page for page in found if page.name not in RECORDS]
 
 
@@ -56,7 +59,9 @@ def prose(page: Path) -> str:
     text = page.read_text(encoding="utf-8")
     if page.suffix == ".ipynb":
         cells = json.loads(text)["cells"]
-        text = "\n\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown")
+        text = "\n\n".join(
+            "".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown"
+        )
     text = re.sub(r"^```.*?^```", "", text, flags=re.S | re.M)
     text = re.sub(r"^\$\$.*?^\$\$[^\n]*", "", text, flags=re.S | re.M)
     return re.sub(r"`[^`\n]*`|\$[^$\n]*\$|(?<=\])\([^)\n]*\)", "", text)
@@ -79,7 +84,9 @@ def test_plain_words(page):
 
 @each("page", pages(), ids=lambda page: page.name)
 def test_a_page_says_which_question_it_answers(page):
-    lines = [line for line in prose(page).splitlines() if line.strip() and not line.startswith("![")]
+    lines = [
+        line for line in prose(page).splitlines() if line.strip() and not line.startswith("![")
+    ]
     assert "?" in " ".join(lines[:4]), lines[:4]
 
 

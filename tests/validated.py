@@ -67,7 +67,9 @@ class Problem:
 def _over(ax, x, reference, ours, xlabel, ylabel, log=False):
     """A reference as a line, our points on it."""
     ax.plot(*reference, "-", color="0.6", linewidth=2.5, label="reference")
-    ax.plot(x, ours, "o", color=colours(1)[0], markersize=3.0 if len(x) > 10 else 6.0, label="bdamper")
+    ax.plot(
+        x, ours, "o", color=colours(1)[0], markersize=3.0 if len(x) > 10 else 6.0, label="bdamper"
+    )
     ax.set(xlabel=xlabel, ylabel=ylabel, **({"xscale": "log"} if log else {}))
 
 
@@ -86,16 +88,29 @@ def _dashed(ax, text="unstable", colour="k"):
 
 def _circles(ax, x, y, label, **look):
     """Values of the reference, as open marks."""
-    marks = {"linestyle": "none", "marker": "o", "color": "k", "markersize": 7.0, "markerfacecolor": "none"}
+    marks = {
+        "linestyle": "none",
+        "marker": "o",
+        "color": "k",
+        "markersize": 7.0,
+        "markerfacecolor": "none",
+    }
     ax.plot(x, y, **{**marks, "label": label, **look})
 
 
 def _limit(ax, y, text, colour="0.45", right=True, above=True):
     """A thin level line that bears its name at its right or left end."""
     ax.axhline(y, color=colour, linewidth=0.9, zorder=0)
-    look = {"ha": "right" if right else "left", "va": "bottom" if above else "top", "fontsize": 7.0, "color": colour}
+    look = {
+        "ha": "right" if right else "left",
+        "va": "bottom" if above else "top",
+        "fontsize": 7.0,
+        "color": colour,
+    }
     place = {"xycoords": ax.get_yaxis_transform(), "textcoords": "offset points"}
-    ax.annotate(text, (float(right), y), xytext=(0 if right else 3, 2 if above else -2), **place, **look)
+    ax.annotate(
+        text, (float(right), y), xytext=(0 if right else 3, 2 if above else -2), **place, **look
+    )
 
 
 OVER_SLIP = "Amplitude over that of first slip"
@@ -114,17 +129,30 @@ def griffin() -> Problem:
     rows, found = [], []
     for limit in np.arange(0.5, 2.6, 0.125):
         contact = bd.Contact(0, kt=1.0, mu=0.5, preload=2.0 * limit)
-        peak = bd.lumped(1.0, 0.02, 1.0, contacts=[contact], forces={0: 1.0}, harmonics=1).peak(0.0, (0.1, 0.3))
+        peak = bd.lumped(1.0, 0.02, 1.0, contacts=[contact], forces={0: 1.0}, harmonics=1).peak(
+            0.0, (0.1, 0.3)
+        )
         found.append((limit, peak.amplitude))
         if limit in GRIFFIN:
             amplitude, omega = GRIFFIN[limit]
             rows += [
                 Row(f"peak at the limit {limit}", amplitude, peak.amplitude, 2e-8 / amplitude),
-                Row(f"its frequency (rad/s) at the limit {limit}", omega, TWO_PI * peak.frequency, 2e-8 / omega),
+                Row(
+                    f"its frequency (rad/s) at the limit {limit}",
+                    omega,
+                    TWO_PI * peak.frequency,
+                    2e-8 / omega,
+                ),
             ]
     contact = bd.Contact(0, 1, kt=1.0, kn=1.0, mu=0.5)
     study = bd.lumped(
-        [1.0, 1.0], [0.02, 0.0], [1.0, 0.0], contacts=[contact], forces={0: 1.0}, load_per_preload={1: 1.0}, harmonics=1
+        [1.0, 1.0],
+        [0.02, 0.0],
+        [1.0, 0.0],
+        contacts=[contact],
+        forces={0: 1.0},
+        load_per_preload={1: 1.0},
+        harmonics=1,
     )
     curve = study.optimal_curve((2.0, 4.0), 4, frequency=(0.1, 0.3), check=False)
     rows += [
@@ -137,7 +165,10 @@ def griffin() -> Problem:
         ax.plot(*np.transpose(found), ".-", color=colours(1)[0], label="bdamper")
         _circles(ax, *reference, "closed form")
         ax.set(xlabel="Slip limit (multiples of the exciting force)", yscale="log")
-        ax.set(ylabel="Peak amplitude (multiples of force / stiffness)", title="Peaks of one mass meet the closed form")
+        ax.set(
+            ylabel="Peak amplitude (multiples of force / stiffness)",
+            title="Peaks of one mass meet the closed form",
+        )
 
     return Problem(
         'J. H. Griffin, "Friction damping of resonant stresses in gas turbine engine airfoils", J. Eng. Power 102 (1980)',
@@ -164,7 +195,9 @@ def den_hartog() -> Problem:
         found = []
         for step in steps:
             contact = bd.Contact(0, kt=step**-2, mu=0.5, preload=2.0 * ratio)
-            study = bd.lumped(1.0, 0.0, 1.0, contacts=[contact], forces={0: 1.0}, harmonics=tuple(range(1, 64, 2)))
+            study = bd.lumped(
+                1.0, 0.0, 1.0, contacts=[contact], forces={0: 1.0}, harmonics=tuple(range(1, 64, 2))
+            )
             curve = study.frequency_response(0.0, (b / TWO_PI, 1.02 * b / TWO_PI))
             found.append(curve.amplitude[np.argmin(curve.frequency)])
         rigid, reference = float(np.polyfit(steps, found, 2)[2]), _den_hartog(b, ratio)
@@ -176,7 +209,10 @@ def den_hartog() -> Problem:
             ax.plot(steps, found, "o-", color=colour, label=row.quantity.partition(":")[0])
             _circles(ax, 0.0, reference, None)
         _circles(ax, [], [], "closed form, rigid")
-        ax.set(xlabel="(contact stiffness / stiffness)$^{-1/2}$", ylabel="Amplitude of the first harmonic")
+        ax.set(
+            xlabel="(contact stiffness / stiffness)$^{-1/2}$",
+            ylabel="Amplitude of the first harmonic",
+        )
 
     return Problem(
         'J. P. Den Hartog, "Forced vibrations with combined Coulomb and viscous friction", Trans. ASME 53 (1931)',
@@ -200,7 +236,10 @@ def _layers(n: int) -> NDArray:
         K[np.ix_(first + [2, 5], first + [2, 5])] += 2.0 / d * np.array([[1, -1], [-1, 1]])
     motions = np.zeros((n + 1, 3 * n))
     motions[0, -3] = 1.0
-    motions[1:][np.arange(n), points + 1], motions[1:][np.arange(n), points + 2] = 1.0, 2.0  # slip h theta + 2 u
+    motions[1:][np.arange(n), points + 1], motions[1:][np.arange(n), points + 2] = (
+        1.0,
+        2.0,
+    )  # slip h theta + 2 u
     return np.linalg.inv(motions @ np.linalg.solve(K[3:, 3:], motions.T))
 
 
@@ -210,9 +249,17 @@ def goodman_klumpp() -> Problem:
     K, lengths = _layers(n), np.append(np.full(n - 1, 1.0 / n), 0.5 / n)
     slow = 1e-4 * np.sqrt(np.linalg.eigvalsh(K)[0]) / TWO_PI
     for share in shares:
-        sliders = [bd.Contact(i + 1, kt=1e4 * l, mu=1.0, preload=0.75 * share * l) for i, l in enumerate(lengths)]
+        sliders = [
+            bd.Contact(i + 1, kt=1e4 * l, mu=1.0, preload=0.75 * share * l)
+            for i, l in enumerate(lengths)
+        ]
         study = bd.lumped(
-            np.ones(n + 1), np.zeros(n + 1), K, contacts=sliders, forces={0: 1.0}, harmonics=tuple(range(1, 34, 2))
+            np.ones(n + 1),
+            np.zeros(n + 1),
+            K,
+            contacts=sliders,
+            forces={0: 1.0},
+            harmonics=tuple(range(1, 34, 2)),
         )
         curve = study.frequency_response(0.0, (slow, 1.02 * slow))
         ours.append(-np.pi * curve.harmonics[np.argmin(curve.frequency), 1].imag)
@@ -223,11 +270,21 @@ def goodman_klumpp() -> Problem:
     # the loop of force and deflection is a parallelogram between the stiffness of one beam and that of two
     area = 4.0 * shares * (1.0 - shares) * (1.0 / (6.0 / 12.0) - 1.0 / (3.0 * 8.0 / 12.0))
     assert np.allclose(area, energy(shares), rtol=1e-12)
-    rows = [Row(f"friction {a:g} of the limit: energy per cycle", energy(a), x, 0.015) for a, x in zip(shares, ours)]
+    rows = [
+        Row(f"friction {a:g} of the limit: energy per cycle", energy(a), x, 0.015)
+        for a, x in zip(shares, ours)
+    ]
 
     def draw(ax):
         x = np.linspace(0.0, 1.0, 101)
-        _over(ax, shares, (x, energy(x)), ours, "Friction over the friction at which nothing slips", "Energy per cycle")
+        _over(
+            ax,
+            shares,
+            (x, energy(x)),
+            ours,
+            "Friction over the friction at which nothing slips",
+            "Energy per cycle",
+        )
 
     return Problem(
         'L. E. Goodman and J. H. Klumpp, "Analysis of slip damping with reference to turbine-blade vibration", J. Appl. '
@@ -238,7 +295,11 @@ def goodman_klumpp() -> Problem:
     )  # fmt: skip
 
 
-DUFFING = {"hardening": (1.0, 0.1, 0.2), "softening": (-0.1, 0.05, 0.06), "NLvib, example 1": (0.1, 0.05, 0.18)}
+DUFFING = {
+    "hardening": (1.0, 0.1, 0.2),
+    "softening": (-0.1, 0.05, 0.06),
+    "NLvib, example 1": (0.1, 0.05, 0.18),
+}
 """Cubic stiffness, damping, force."""
 
 
@@ -257,13 +318,19 @@ def _duffing_form(k, c, F, top):
 def duffing() -> Problem:
     rows, curves = [], []
     for name, (k, c, F) in DUFFING.items():
-        curve = bd.lumped(1.0, c, 1.0, cubic={0: k}, forces={0: F}, harmonics=1).frequency_response(0.0, (0.05, 0.35))
+        curve = bd.lumped(1.0, c, 1.0, cubic={0: k}, forces={0: F}, harmonics=1).frequency_response(
+            0.0, (0.05, 0.35)
+        )
         a, w = curve.amplitude, TWO_PI * curve.frequency
         assert curve.complete
         force = np.hypot(1.0 - w**2 + 0.75 * k * a**2, c * w) * a
         worst = int(np.argmax(np.abs(force / F - 1.0)))
         # both branches exist where the frequency equation, quadratic in w^2, has real roots
-        top = brentq(lambda a, k=k, c=c, F=F: 1.0 + 0.75 * k * a**2 - 0.25 * c**2 - (F / (a * c)) ** 2, 0.5, 3.0)
+        top = brentq(
+            lambda a, k=k, c=c, F=F: 1.0 + 0.75 * k * a**2 - 0.25 * c**2 - (F / (a * c)) ** 2,
+            0.5,
+            3.0,
+        )
         rows += [
             Row(f"{name}: worst force", F, float(force[worst]), 1e-7),
             Row(f"{name}: peak", top, curve.peak.amplitude, 1e-7),
@@ -274,14 +341,24 @@ def duffing() -> Problem:
 
     def draw(ax):
         called = {"NLvib, example 1": "the system of\nNLvib's example 1"}
-        for i, ((name, w, a, unstable, (freq, height, folds), peak), colour) in enumerate(zip(curves, colours(3))):
+        for i, ((name, w, a, unstable, (freq, height, folds), peak), colour) in enumerate(
+            zip(curves, colours(3))
+        ):
             for branch in freq:
                 ax.plot(branch, height, color="0.85", linewidth=5.0, zorder=0)
             _parts(ax, w, a, unstable, f"bdamper, {called.get(name, name)}", color=colour)
-            _circles(ax, *np.transpose([peak, *folds]), "closed form: peak, folds" if i == 2 else None)
+            _circles(
+                ax, *np.transpose([peak, *folds]), "closed form: peak, folds" if i == 2 else None
+            )
         ax.plot([], [], color="0.85", linewidth=5.0, label="closed form")
         _dashed(ax)
-        ax.set(xlabel="Frequency (rad/s)", ylabel="Amplitude", yscale="log", xlim=(0.3, 2.2), ylim=(0.05, 4.0))
+        ax.set(
+            xlabel="Frequency (rad/s)",
+            ylabel="Amplitude",
+            yscale="log",
+            xlim=(0.3, 2.2),
+            ylim=(0.05, 4.0),
+        )
 
     return Problem(
         'G. Duffing (1918), see A. H. Nayfeh and D. T. Mook, "Nonlinear Oscillations" (1979), section 4.1; third: NLvib, '
@@ -304,7 +381,10 @@ def shaw_and_holmes() -> Problem:
         ax.plot(*np.transpose(seen), "o", color=colours(1)[0], markersize=6.0)
         _limit(ax, 10.0, "tolerance")
         ax.set(
-            xlabel="Number of harmonics", ylabel="Relative error of the frequency (10⁻⁶)", yscale="log", ylim=(0.1, 100.0)
+            xlabel="Number of harmonics",
+            ylabel="Relative error of the frequency (10⁻⁶)",
+            yscale="log",
+            ylim=(0.1, 100.0),
         )
         ax.set_xticks([n for n, _ in seen])
 
@@ -319,25 +399,47 @@ def jenkins_mode() -> Problem:
     fine = bd.ContinuationOptions(tolerance=1e-12)
     contact = bd.Contact(0, kt=1.0, mu=1.0, preload=1.0)
     modes = [
-        bd.lumped(1.0, 0.02, 1.0, contacts=[contact], forces={0: 1.0}, harmonics=harmonics).nonlinear_mode(
-            0.0, 1, (0.5, 20.0), options=fine
-        )
+        bd.lumped(
+            1.0, 0.02, 1.0, contacts=[contact], forces={0: 1.0}, harmonics=harmonics
+        ).nonlinear_mode(0.0, 1, (0.5, 20.0), options=fine)
         for harmonics in (1, tuple(range(1, 22, 2)))
     ]
     rows = []
     for mode, reference, name, tolerance in zip(
-        modes, (jenkins.closed_form, jenkins.exact), ("one harmonic", "harmonics to 21"), (1e-10, 1e-5)
+        modes,
+        (jenkins.closed_form, jenkins.exact),
+        ("one harmonic", "harmonics to 21"),
+        (1e-10, 1e-5),
     ):
         slipping = np.flatnonzero(mode.amplitude > 1.05)[::8]
         both = np.array([reference(a) for a in mode.amplitude[slipping]])
-        for k, (what, ours) in enumerate((("frequency", TWO_PI * mode.frequency), ("damping", mode.damping_ratio))):
+        for k, (what, ours) in enumerate(
+            (("frequency", TWO_PI * mode.frequency), ("damping", mode.damping_ratio))
+        ):
             worst = int(np.argmax(np.abs(ours[slipping] / both[:, k] - 1.0)))
-            rows.append(Row(f"{name}: {what} at the worst point", both[worst, k], float(ours[slipping[worst]]), tolerance))
+            rows.append(
+                Row(
+                    f"{name}: {what} at the worst point",
+                    both[worst, k],
+                    float(ours[slipping[worst]]),
+                    tolerance,
+                )
+            )
 
     def draw(ax):
         a = np.concatenate([[0.5, 1.0], np.geomspace(1.002, 20.0, 80)])
-        zeta = [0.01 / np.sqrt(2.0) if x <= 1.0 else jenkins.exact(x)[1] for x in a]  # stuck, then the exact motion
-        _over(ax, modes[1].amplitude, (a, zeta), modes[1].damping_ratio, OVER_SLIP, "Modal damping ratio", True)
+        zeta = [
+            0.01 / np.sqrt(2.0) if x <= 1.0 else jenkins.exact(x)[1] for x in a
+        ]  # stuck, then the exact motion
+        _over(
+            ax,
+            modes[1].amplitude,
+            (a, zeta),
+            modes[1].damping_ratio,
+            OVER_SLIP,
+            "Modal damping ratio",
+            True,
+        )
 
     return Problem(
         "definition: M. Krack, Computers & Structures 154 (2015); closed form of one harmonic and of the exact motion",
@@ -351,12 +453,17 @@ def limit_cycles() -> Problem:
     study = bd.lumped(1.0, 0.02, 1.0, contacts=[contact], forces={0: 1.0}, harmonics=1)
     flow = np.linspace(-0.115, -0.03, 9)
     found = [study.flutter(0.0, float(z), amplitude=(0.5, 40.0)) for z in flow]
-    gap = lambda a, z: jenkins.closed_form(a)[1] + z  # noqa: E731
+    gap = lambda a, z: jenkins.closed_form(a)[1] + z
     rows = []
     for z, cycles in list(zip(flow, found))[::4]:
         ends = brentq(gap, 1.001, 2.58, (z,), xtol=1e-14), brentq(gap, 2.59, 40.0, (z,), xtol=1e-14)
         rows += [
-            Row(f"{what} cycle, damping of the flow {z:.4g}", end, float(cycles.amplitude[1 + k]), 1e-9)
+            Row(
+                f"{what} cycle, damping of the flow {z:.4g}",
+                end,
+                float(cycles.amplitude[1 + k]),
+                1e-9,
+            )
             for k, (what, end) in enumerate(zip(("stable", "unstable"), ends))
         ]
 
@@ -365,19 +472,36 @@ def limit_cycles() -> Problem:
     a, omega, one = cycle.amplitude[1], TWO_PI * cycle.frequency[1], np.ones((1, 1))
     for factor in (0.9, 1.1):
         start = np.array([factor * a])
-        matrices, faces = (one[0], np.array([0.02 - 0.2 * omega]), one), (one, 0.0 * one, 1.0, 0.0, 1.0, 1.0)
-        height = jenkins.integrated(matrices, faces, 0.0 * start, omega, start, 0.0 * start, start - 1.0, 40)
-        rows.append(Row(f"time integration from {factor} of a stable cycle", float(height[-1]), a, 0.01))
+        matrices, faces = (
+            (one[0], np.array([0.02 - 0.2 * omega]), one),
+            (one, 0.0 * one, 1.0, 0.0, 1.0, 1.0),
+        )
+        height = jenkins.integrated(
+            matrices, faces, 0.0 * start, omega, start, 0.0 * start, start - 1.0, 40
+        )
+        rows.append(
+            Row(f"time integration from {factor} of a stable cycle", float(height[-1]), a, 0.01)
+        )
 
     def draw(ax):
         a = np.geomspace(1.0, 40.0, 200)
         line = np.array([-jenkins.closed_form(x)[1] for x in a])
-        _parts(ax, line, a, np.arange(len(a)) >= np.argmin(line), "closed form, stable", color="0.6", zorder=0)
+        _parts(
+            ax,
+            line,
+            a,
+            np.arange(len(a)) >= np.argmin(line),
+            "closed form, stable",
+            color="0.6",
+            zorder=0,
+        )
         _dashed(ax, "closed form, unstable", "0.6")
         for k, face, what in ((1, colours(1)[0], "stable"), (2, "w", "unstable")):
             look = {"color": colours(1)[0], "markerfacecolor": face, "label": f"bdamper, {what}"}
             ax.plot(flow, [c.amplitude[k] for c in found], "o", **look)
-        ax.set(xlabel="Damping ratio of the flow", ylabel=OVER_SLIP, yscale="log", xlim=(-0.125, -0.02))
+        ax.set(
+            xlabel="Damping ratio of the flow", ylabel=OVER_SLIP, yscale="log", xlim=(-0.125, -0.02)
+        )
 
     return Problem(
         "closed form of the same mode, and integration by a Runge-Kutta method",
@@ -395,7 +519,13 @@ PYHARM = 10.001165
 def two_masses() -> Problem:
     face = bd.Contact((0, 1), kt=0.5, mu=1.0, preload=0.2)
     study = bd.lumped(
-        [1.0, 0.5], [0.02, 0.01], [[1.5, -0.5], [-0.5, 1.0]], contacts=[face], forces={0: 0.3}, response=0, harmonics=7
+        [1.0, 0.5],
+        [0.02, 0.01],
+        [[1.5, -0.5], [-0.5, 1.0]],
+        contacts=[face],
+        forces={0: 0.3},
+        response=0,
+        harmonics=7,
     )
     fine = bd.ContinuationOptions(max_step=0.02, step=0.02)
     curve = study.frequency_response(0.0, (0.5 / TWO_PI, 2.2 / TWO_PI), options=fine)
@@ -412,14 +542,20 @@ def two_masses() -> Problem:
     )  # fmt: skip
 
 
-NLVIB = "<https://github.com/julianjurai/NLvib-py>, examples/comparison, where NLvib was run by Octave"
+NLVIB = (
+    "<https://github.com/julianjurai/NLvib-py>, examples/comparison, where NLvib was run by Octave"
+)
 """Where its figures stand; frequencies are those of the highest points computed, 0.005 to 0.01 rad/s apart."""
 NLVIB_TWO = (
     ("cubic springs, mass 1", 2, 0, 0.41849, 1.0278),
     ("cubic springs, mass 2", 2, 1, 1.71678, 1.0337),
     ("spring on one side, mass 1", 3, 0, 0.98093, 0.7541),
 )
-NLVIB_CHAIN = (("mass 1", 7, 0, 0.167247, 1.2585), ("mass 2", 7, 1, 0.206248, 1.2684), ("mass 3", 7, 2, 0.699148, 1.6642))
+NLVIB_CHAIN = (
+    ("mass 1", 7, 0, 0.167247, 1.2585),
+    ("mass 2", 7, 1, 0.206248, 1.2684),
+    ("mass 3", 7, 2, 0.699148, 1.6642),
+)
 """What is seen, number of the example and of the mass from 0, largest RMS, its frequency (rad/s)."""
 
 
@@ -432,17 +568,35 @@ def _chain(springs):
 def _nlvib_study(example, mass):
     """The study of an example with the response of a mass, and its frequencies (rad/s)."""
     if example == 2:
-        cubic, settings = {0: 1.0, (0, 1): 0.0042}, {"forces": {0: 0.11}, "response": mass, "harmonics": 7}
+        cubic, settings = (
+            {0: 1.0, (0, 1): 0.0042},
+            {"forces": {0: 0.11}, "response": mass, "harmonics": 7},
+        )
         damping = _chain([0.002, 0.013, 0.0])
-        return bd.lumped([1.0, 0.05], damping, _chain([1.0, 0.0453, 0.0]), cubic=cubic, **settings), (0.8, 1.4)
+        return bd.lumped(
+            [1.0, 0.05], damping, _chain([1.0, 0.0453, 0.0]), cubic=cubic, **settings
+        ), (0.8, 1.4)
     if example == 3:
         K, stop = _chain([0.0, 1.0, 1.0]), bd.Contact(normal=0, kn=100.0, gap=1.0)
-        study = bd.lumped([1.0, 1.0], 0.03 * K, K, contacts=[stop], forces={1: 0.1}, response=mass, harmonics=21)
+        study = bd.lumped(
+            [1.0, 1.0], 0.03 * K, K, contacts=[stop], forces={1: 0.1}, response=mass, harmonics=21
+        )
         return study, (0.5, 0.8)
     K, friction = _chain(np.ones(4)), {"kt": 20.0, "mu": 1.0, "preload": 1.0}
-    contacts = [bd.Contact(0, **friction), bd.Contact((1, 0), **friction), bd.Contact(normal=2, kn=1.0, gap=0.25)]
+    contacts = [
+        bd.Contact(0, **friction),
+        bd.Contact((1, 0), **friction),
+        bd.Contact(normal=2, kn=1.0, gap=0.25),
+    ]
     study = bd.lumped(
-        np.ones(3), 0.02 * K, K, contacts=contacts, cubic={1: 1.0, (2, 1): 1.0}, forces={1: 1.0}, response=mass, harmonics=7
+        np.ones(3),
+        0.02 * K,
+        K,
+        contacts=contacts,
+        cubic={1: 1.0, (2, 1): 1.0},
+        forces={1: 1.0},
+        response=mass,
+        harmonics=7,
     )
     return study, (0.5, 2.0)
 
@@ -454,22 +608,36 @@ def _nlvib(figures, measure) -> Problem:
         fine = bd.ContinuationOptions(max_step=0.02, step=0.02)
         curve = study.frequency_response(0.0, (ends[0] / TWO_PI, ends[1] / TWO_PI), options=fine)
         assert curve.complete
-        square = np.linalg.norm(curve.harmonics, axis=1) / np.sqrt(2.0)  # as NLvib takes it, the mean halved, too
+        square = np.linalg.norm(curve.harmonics, axis=1) / np.sqrt(
+            2.0
+        )  # as NLvib takes it, the mean halved, too
         top = int(np.argmax(square))
         rows += [
             Row(f"example {example}, {name}: largest RMS", height, float(square[top]), 1e-3),
-            Row(f"example {example}, {name}: its frequency (rad/s)", omega, TWO_PI * float(curve.frequency[top]), 3e-3),
+            Row(
+                f"example {example}, {name}: its frequency (rad/s)",
+                omega,
+                TWO_PI * float(curve.frequency[top]),
+                3e-3,
+            ),
         ]
         curves.append((f"example {example}, {name}", TWO_PI * curve.frequency, square))
 
     def draw(ax):
         for k, (name, omega, square) in enumerate(curves):
-            ax.plot(omega, square, color=colours(len(curves))[k], linestyle=STYLES[k], label=name.replace(", ", ",\n"))
+            ax.plot(
+                omega,
+                square,
+                color=colours(len(curves))[k],
+                linestyle=STYLES[k],
+                label=name.replace(", ", ",\n"),
+            )
         _circles(ax, *np.transpose([figure[:2:-1] for figure in figures]), "NLvib, highest")
         ax.set(xlabel="Frequency (rad/s)", ylabel="Root mean square", yscale="log")
 
     source = (
-        f'M. Krack and J. Gross, "Harmonic Balance for Nonlinear Vibration Problems" (2019), NLvib; its results: {NLVIB}'
+        'M. Krack and J. Gross, "Harmonic Balance for Nonlinear Vibration Problems" (2019), NLvib; '
+        f"its results: {NLVIB}"
     )
     return Problem(source, measure, tuple(rows), draw)
 
@@ -483,7 +651,8 @@ def nlvib_two_masses() -> Problem:
 
 def nlvib_chain() -> Problem:
     return _nlvib(
-        NLVIB_CHAIN, "a chain of three masses with two friction elements, two cubic springs and a stop with a gap"
+        NLVIB_CHAIN,
+        "a chain of three masses with two friction elements, two cubic springs and a stop with a gap",
     )
 
 
@@ -494,7 +663,14 @@ def planar_wedge() -> Problem:
         z = program.branch(program.start(*program.stuck(2), 3e-5), 6e-5 * mu / 0.5)[-1]
         mode = study.nonlinear_mode(wedge.LOAD, 3, (3e-5, float(np.exp(z[-1]))))
         name = f"friction coefficient {mu}, harmonics {harmonics}"
-        curves.append((mu, harmonics, study.nonlinear_mode(wedge.LOAD, 3, (1e-5, 4e-4)), (float(np.exp(z[-1])), z[-2])))
+        curves.append(
+            (
+                mu,
+                harmonics,
+                study.nonlinear_mode(wedge.LOAD, 3, (1e-5, 4e-4)),
+                (float(np.exp(z[-1])), z[-2]),
+            )
+        )
         rows += [
             Row(
                 f"{name}: frequency (Hz) where it slips",
@@ -511,7 +687,9 @@ def planar_wedge() -> Problem:
             panel.plot(a, zeta, color=colours(1)[0], label="bdamper")
             panel.plot(a[mode.folds], zeta[mode.folds], "o", color=colours(1)[0], markersize=3.5, markerfacecolor="w",
                        label="the branch turns")  # fmt: skip
-            _circles(panel, 1e6 * known[0], known[1], "independent program", marker="s", markersize=8.0)
+            _circles(
+                panel, 1e6 * known[0], known[1], "independent program", marker="s", markersize=8.0
+            )
             panel.set(ylabel="Modal damping ratio", xscale="log", ylim=(0.0, None))
             panel.set_title(f"Friction coefficient {mu}, {_harmonics(harmonics)}")
         ax[-1].set_xlabel("Amplitude (µm)")
@@ -538,7 +716,9 @@ def _integrated_wedge(force):
     (slide, close), at, k = wedge.rows().swapaxes(0, 1), np.eye(6), wedge.STIFFNESS
     matrices, faces = (wedge.MASS, wedge.DAMPING, wedge.stiffness()), (slide, close, k, k, 0.5, 0.0)
     start = rest.q, 0.0 * rest.q, rest.slider
-    seen = jenkins.integrated(matrices, faces, wedge.LOAD * at[5], TWO_PI * DRIVEN, *start, 200, force * at[0])
+    seen = jenkins.integrated(
+        matrices, faces, wedge.LOAD * at[5], TWO_PI * DRIVEN, *start, 200, force * at[0]
+    )
     return 1e6 * float(np.mean(seen[-40:]))
 
 
@@ -547,9 +727,13 @@ def forced_wedge() -> Problem:
     for harmonics in (1, 3, 5, 9):
         x = wedge.Program(0.5, harmonics).forced(TWO_PI * DRIVEN, FORCE)
         study = wedge.study(0.5, harmonics)
-        study = study.replace(excitation=bd.Excitation(study.excitation.location, study.excitation.direction, FORCE))
+        study = study.replace(
+            excitation=bd.Excitation(study.excitation.location, study.excitation.direction, FORCE)
+        )
         curve = study.frequency_response(wedge.LOAD, (0.93 * DRIVEN, 1.07 * DRIVEN))
-        away = np.hypot(50.0 * (curve.frequency / DRIVEN - 1.0), curve.amplitude / np.hypot(*x[0, 1:3]) - 1.0)
+        away = np.hypot(
+            50.0 * (curve.frequency / DRIVEN - 1.0), curve.amplitude / np.hypot(*x[0, 1:3]) - 1.0
+        )
         near = curve.unknowns[np.argmin(away)]
         scale, system = np.full(len(near) + 1, np.abs(near).max()), study.problem.system(wedge.LOAD)
         found = system.correct_at(near, TWO_PI * DRIVEN, scale, 1e-12, 40, True)
@@ -564,15 +748,33 @@ def forced_wedge() -> Problem:
         cycles.append((harmonics, curve))
     why = "the periodic motion is not stable; in time the amplitude varies between 231 and 236 µm"
     half = wedge.Program(0.5, 9).forced(TWO_PI * DRIVEN, 0.5 * FORCE)
-    for force, found, known in ((0.5 * FORCE, 1e6 * np.hypot(*half[0, 1:3]), ""), (FORCE, rows[-1].ours, why)):
-        rows.append(Row(f"time integration under {force:g} N, 9 harmonics", _integrated_wedge(force), found, 1e-3, known))
+    for force, found, known in (
+        (0.5 * FORCE, 1e6 * np.hypot(*half[0, 1:3]), ""),
+        (FORCE, rows[-1].ours, why),
+    ):
+        rows.append(
+            Row(
+                f"time integration under {force:g} N, 9 harmonics",
+                _integrated_wedge(force),
+                found,
+                1e-3,
+                known,
+            )
+        )
 
     def draw(ax):
         inset = ax.inset_axes((0.05, 0.56, 0.36, 0.4))
         inset.yaxis.tick_right()
         for row, (harmonics, curve), colour, marker in zip(rows, cycles, colours(4), MARKERS):
             for each in (ax, inset):
-                _parts(each, curve.frequency, 1e6 * curve.amplitude, curve.backward, _harmonics(harmonics), color=colour)
+                _parts(
+                    each,
+                    curve.frequency,
+                    1e6 * curve.amplitude,
+                    curve.backward,
+                    _harmonics(harmonics),
+                    color=colour,
+                )
             _circles(inset, DRIVEN, row.reference, None, marker=marker, color=colour)
         _circles(ax, [], [], "independent program\n(in the inset)")
         _dashed(ax, "unstable: runs back\nin frequency")
@@ -599,10 +801,17 @@ def paper() -> Problem:
     rows, curves = [], []
     for mode, (ratio, shift) in PAPER.items():
         *_, band, interval, _ = bench_paper.DRIVEN[mode]
-        curve = bench_paper.study(mode, **bd.CIGEROGLU_2009).optimal_curve(interval, 8, frequency=band, check=False)
+        curve = bench_paper.study(mode, **bd.CIGEROGLU_2009).optimal_curve(
+            interval, 8, frequency=band, check=False
+        )
         rows += [
             Row(f"mode {mode}: stuck over optimum", ratio, curve.ratio, 0.05),
-            Row(f"mode {mode}: shift of the stuck resonance (%)", shift, curve.stuck_shift_percent, 0.05),
+            Row(
+                f"mode {mode}: shift of the stuck resonance (%)",
+                shift,
+                curve.stuck_shift_percent,
+                0.05,
+            ),
         ]
         curves.append((mode, curve))
 
@@ -613,10 +822,20 @@ def paper() -> Problem:
             height.plot(curve.preload, 100.0 * curve.amplitude / curve.stuck.amplitude, **look)
             shift.plot(curve.preload, curve.shift_percent, **look)
             ratio, moved = PAPER[mode]
-            _limit(height, 100.0 / ratio, f"paper, mode {mode}: {100.0 / ratio:.1f} %", colour, above=mode == 1)
+            _limit(
+                height,
+                100.0 / ratio,
+                f"paper, mode {mode}: {100.0 / ratio:.1f} %",
+                colour,
+                above=mode == 1,
+            )
             _limit(shift, moved, f"paper, mode {mode}, stuck: {moved:g} %", colour, right=mode == 2)
         height.set(ylabel="Peak amplitude\n(% of the stuck peak)", xscale="log", ylim=(0.0, 105.0))
-        shift.set(xlabel="Preload (N)", ylabel="Frequency of the peak\n(% above that without contact)", xscale="log")
+        shift.set(
+            xlabel="Preload (N)",
+            ylabel="Frequency of the peak\n(% above that without contact)",
+            xscale="log",
+        )
 
     return Problem(
         "E. Cigeroglu, N. An, C.-H. Menq, J. Eng. Gas Turbines Power 131 (2009), Figs 8 and 9",
@@ -670,12 +889,18 @@ def calculix() -> Problem:
         with tempfile.TemporaryDirectory() as folder:
             theirs = run(text, Path(folder)).reshape(-1, 2)[:, 0]
         worst = int(np.argmax(np.abs(ours / theirs - 1.0)))
-        rows.append(Row(f"nodal diameter {d}: worst of 8 frequencies (Hz)", theirs[worst], ours[worst], 1e-5))
+        rows.append(
+            Row(
+                f"nodal diameter {d}: worst of 8 frequencies (Hz)", theirs[worst], ours[worst], 1e-5
+            )
+        )
         seen.append((f"frequency, nodal diameter {d}", np.abs(ours / theirs - 1.0)))
     nodes = blade_points(fe.blade, fe.geometry)
     pairs, owner = element_rows(solids_of(fe.blade), fe.blade.nodes, nodes)
     with tempfile.TemporaryDirectory() as folder:
-        ours, theirs = centrifugal_stress(fe, node_average(owner, len(nodes)) @ pairs, nodes, Path(folder))
+        ours, theirs = centrifugal_stress(
+            fe, node_average(owner, len(nodes)) @ pairs, nodes, Path(folder)
+        )
     size, apart = von_mises_size(theirs), von_mises_size(ours - theirs)
     worst = int(np.argmax(apart / size))
     rows.append(
@@ -686,11 +911,19 @@ def calculix() -> Problem:
 
     def draw(ax):
         for (what, error), marker, colour in zip(seen, MARKERS, colours(3)):
-            ax.plot(1 + np.arange(len(error)), 1e6 * np.sort(error), marker, color=colour, label=what.replace(", ", ",\n"))
+            ax.plot(
+                1 + np.arange(len(error)),
+                1e6 * np.sort(error),
+                marker,
+                color=colour,
+                label=what.replace(", ", ",\n"),
+            )
         _limit(ax, 10.0, "tolerance of frequencies")
         _limit(ax, 300.0, "tolerance of stresses")
         ax.set(
-            xlabel="Mode or node, sorted by its difference", ylabel="Relative difference from CalculiX (10⁻⁶)", yscale="log"
+            xlabel="Mode or node, sorted by its difference",
+            ylabel="Relative difference from CalculiX (10⁻⁶)",
+            yscale="log",
         )
 
     return Problem(
@@ -710,14 +943,25 @@ def models_by_others() -> Problem:
     rows, seen = [], []
 
     def frequencies(body, name, theirs, tolerance, **settings):
-        moving = others.front(body) if "n_blades" not in settings else body.numbers[body.nodes[:, 2] > 5.0 - 1e-9]
+        moving = (
+            others.front(body)
+            if "n_blades" not in settings
+            else body.numbers[body.nodes[:, 2] > 5.0 - 1e-9]
+        )
         rub = ContactFaces("rub", moving, body_a="blade", body_b="ground", points=4)
         made = build(body, contacts=[rub], n_modes=8, nodal_diameters=list(theirs), **settings)
         found = made.frequencies
         pairs = [(f, g, d) for d, known in theirs.items() for f, g in zip(known, found[d])]
         error = np.array([abs(g / f - 1.0) for f, g, _ in pairs])
         reference, ours, d = pairs[int(error.argmax())]
-        rows.append(Row(f"{name}: worst of {len(pairs)} frequencies, nodal diameter {d} (Hz)", reference, ours, tolerance))
+        rows.append(
+            Row(
+                f"{name}: worst of {len(pairs)} frequencies, nodal diameter {d} (Hz)",
+                reference,
+                ours,
+                tolerance,
+            )
+        )
         seen.append((name, np.maximum(error, 1e-9)))
 
     for name, highest, faces, tolerance in (
@@ -731,7 +975,14 @@ def models_by_others() -> Problem:
         frequencies(body, name, theirs, tolerance, faces=faces, **others.AXES)
         if name == "segdyn":
             stuck = others.stuck_frequency(others.shrouded(body))
-            rows.append(Row("segdyn as a shrouded wheel that sticks, nodal diameter 3 (Hz)", theirs[3][0], stuck, 3e-4))
+            rows.append(
+                Row(
+                    "segdyn as a shrouded wheel that sticks, nodal diameter 3 (Hz)",
+                    theirs[3][0],
+                    stuck,
+                    3e-4,
+                )
+            )
     body = read_ansys(others.ANSYS / "file.full", others.ANSYS / "HexBeam.cdb")
     known = {0: (1283.20036921, 1283.20036921, 5781.97486169)}
     beam = {"n_blades": 1, "axis": (0, 1, 0), "radial": (0, 0, 1), "check_units": False}
@@ -739,7 +990,14 @@ def models_by_others() -> Problem:
 
     def draw(ax):
         for (name, error), marker, colour in zip(seen, MARKERS, colours(4)):
-            ax.plot(1 + np.arange(len(error)), 1e6 * np.sort(error), marker, color=colour, label=name, linestyle="none")
+            ax.plot(
+                1 + np.arange(len(error)),
+                1e6 * np.sort(error),
+                marker,
+                color=colour,
+                label=name,
+                linestyle="none",
+            )
         _limit(ax, 1e3, "tolerance where faces differ")
         _limit(ax, 10.0, "tolerance where faces match")
         what = "Relative difference of frequencies (10⁻⁶)"
@@ -764,7 +1022,10 @@ def others_here() -> bool:
 
 NEEDS: dict[str, tuple[str, Callable[[], bool]]] = {
     "CalculiX": ("CalculiX (ccx)", lambda: shutil.which("ccx") is not None),
-    "Finite element models by others": ("CalculiX with its decks, and the files that make others unpacks", others_here),
+    "Finite element models by others": (
+        "CalculiX with its decks, and the files that make others unpacks",
+        others_here,
+    ),
 }
 """What a problem needs besides this package, and whether it is there."""
 

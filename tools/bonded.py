@@ -30,7 +30,11 @@ from bdamper.fem.sector_faces import sector_phase
 
 
 def bonded_frequencies(
-    sector: CyclicSector, damper: FreeBody, sector_rows: sp.spmatrix, damper_rows: sp.spmatrix, n_modes: int = 5
+    sector: CyclicSector,
+    damper: FreeBody,
+    sector_rows: sp.spmatrix,
+    damper_rows: sp.spmatrix,
+    n_modes: int = 5,
 ) -> NDArray:
     """Frequencies (n_modes,), Hz, of the travelling wave of the sector's nodal diameter.
 
@@ -90,4 +94,6 @@ def reference_frequencies(
     phases = np.concatenate([np.ones(3 * len(left.size)), np.full(3 * len(right.size), phase)])
     blade_rows = sp.diags(phases) @ fe.blade_contact(left, right)
     damper_rows = averaging_matrix(fe.damper.body, left, right)
-    return bonded_frequencies(fe.cyclic(nodal_diameter), fe.damper, blade_rows, damper_rows, n_modes)
+    return bonded_frequencies(
+        fe.cyclic(nodal_diameter), fe.damper, blade_rows, damper_rows, n_modes
+    )

@@ -23,7 +23,9 @@ def main(path: str) -> int:
     for link in gone:
         print(f"{link['filename']}:{link['lineno']}: {link['uri']}: {link['info']}")
     working = sum(link["status"] in ("working", "redirected") for link in found)
-    print(f"{working} links work, {len(gone)} are gone, {len(broken) - len(gone)} could not be reached")
+    print(
+        f"{working} links work, {len(gone)} are gone, {len(broken) - len(gone)} could not be reached"
+    )
     return 1 if gone and working else 0
 
 

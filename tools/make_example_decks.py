@@ -61,7 +61,9 @@ def rounded(path):
 
 def run(text, folder, name, held):
     """Write a deck and its matrices; held: a set without equations, or ""."""
-    run_job("\n".join([text, *(["*BOUNDARY", f"{held}, 1, 3"] if held else []), *STEPS]), folder, name)
+    run_job(
+        "\n".join([text, *(["*BOUNDARY", f"{held}, 1, 3"] if held else []), *STEPS]), folder, name
+    )
     for end in (".sti", ".mas"):
         rounded(folder / f"{name}{end}")
 
@@ -70,7 +72,9 @@ def archive(name, folder, *kept):
     DECKS.mkdir(exist_ok=True)
     with ZipFile(DECKS / f"{name}.zip", "w", ZIP_DEFLATED, compresslevel=9) as out:
         for path in sorted(path for pattern in kept for path in folder.glob(pattern)):
-            out.writestr(ZipInfo(path.name), path.read_bytes(), ZIP_DEFLATED, 9)  # no date: the same bytes each time
+            out.writestr(
+                ZipInfo(path.name), path.read_bytes(), ZIP_DEFLATED, 9
+            )  # no date: the same bytes each time
     print(name, (DECKS / f"{name}.zip").stat().st_size)
 
 
@@ -78,7 +82,11 @@ def calculix(folder):
     own = OwnSector("C3D8")
     run(own.text("sector")[0], folder, "sector", "BORE")
     run(own.text("damper")[0], folder, "damper", "")
-    archive("calculix", folder, *(f"{name}.{end}" for name in ("sector", "damper") for end in ("inp", "sti", "mas", "dof")))
+    archive(
+        "calculix",
+        folder,
+        *(f"{name}.{end}" for name in ("sector", "damper") for end in ("inp", "sti", "mas", "dof")),
+    )
 
 
 def shroud(folder):
@@ -92,12 +100,22 @@ def shroud(folder):
         members = {key.upper(): np.flatnonzero(np.isin(used, nodes)) for key, nodes in sets.items()}
         text = deck("C3D8", nodes, elements, 2.1e11, 0.3, 7850.0, members)
         run(text, folder, name, "BORE" if name == "blade" else "")
-    archive("shroud", folder, *(f"{name}.{end}" for name in meshes() for end in ("inp", "sti", "mas", "dof")))
+    archive(
+        "shroud",
+        folder,
+        *(f"{name}.{end}" for name in meshes() for end in ("inp", "sti", "mas", "dof")),
+    )
 
 
 def abaqus(folder):
     """The strip is a part about its own origin, turned and moved to its place by its instance."""
-    own, place, angle, texts, entries = OwnSector("C3D8"), np.array([10.0, 200.0, 30.0]), 25.0, {}, {"STIF": [], "MASS": []}
+    own, place, angle, texts, entries = (
+        OwnSector("C3D8"),
+        np.array([10.0, 200.0, 30.0]),
+        25.0,
+        {},
+        {"STIF": [], "MASS": []},
+    )
     c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
     rotation, first = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]]), 0
     for name in ("sector", "damper"):
@@ -107,12 +125,18 @@ def abaqus(folder):
         head, rest = text.split("*ELEMENT", 1)
         if name == "damper":
             nodes = (nodes - place) @ rotation
-            head = "*NODE\n" + "".join(f"{k}, {x:.12e}, {y:.12e}, {z:.12e}\n" for k, (x, y, z) in enumerate(nodes, 1))
+            head = "*NODE\n" + "".join(
+                f"{k}, {x:.12e}, {y:.12e}, {z:.12e}\n" for k, (x, y, z) in enumerate(nodes, 1)
+            )
         mesh, rest = rest.split("*MATERIAL", 1)
-        parts = [part for part in rest[rest.index("*SOLID") :].split("*NSET") if "NSET=BORE" not in part]
+        parts = [
+            part for part in rest[rest.index("*SOLID") :].split("*NSET") if "NSET=BORE" not in part
+        ]
         texts[name] = f"{head}*ELEMENT{mesh}{'*NSET'.join(parts)}".strip()
         for kind, matrix in (("STIF", body.stiffness), ("MASS", body.mass)):
-            for i, j, v in zip(*map(np.ndarray.tolist, (lambda m: (m.row, m.col, m.data))(matrix.tocoo()))):
+            for i, j, v in zip(
+                *map(np.ndarray.tolist, (lambda m: (m.row, m.col, m.data))(matrix.tocoo()))
+            ):
                 (a, p), (b, q) = body.dofs[i].tolist(), body.dofs[j].tolist()
                 if (a, p) <= (b, q):
                     entries[kind].append(f"{a + first},{p}, {b + first},{q}, {v:.9e}")
@@ -120,7 +144,9 @@ def abaqus(folder):
     bore = own.text("sector")[1]["BORE"] + 1
     x, y, z = place.tolist()
     lines = ",\n".join(", ".join(map(str, bore[k : k + 16])) for k in range(0, len(bore), 16))
-    (folder / "stage.inp").write_text(STAGE.format(**texts, bore=lines, x=x, y=y, z=z, u=x + 1.0, angle=angle))
+    (folder / "stage.inp").write_text(
+        STAGE.format(**texts, bore=lines, x=x, y=y, z=z, u=x + 1.0, angle=angle)
+    )
     for kind, rows in entries.items():
         (folder / f"stage_{kind}1.mtx").write_text("\n".join([*rows, ""]))
     archive("abaqus", folder, "stage.inp", "stage_*.mtx")
@@ -132,14 +158,35 @@ def ansys(folder):
         text, sets, nodes = own.text(name)
         run_job("\n".join([text, *STEPS]), folder, name)
         body = read_calculix(folder / name)
-        order, numbers = np.argsort(3 * body.dofs[:, 0] + body.dofs[:, 1]), np.arange(1, len(nodes) + 1)
+        order, numbers = (
+            np.argsort(3 * body.dofs[:, 0] + body.dofs[:, 1]),
+            np.arange(1, len(nodes) + 1),
+        )
         matrices = [matrix[order][:, order] for matrix in (body.stiffness, body.mass)]
         held = sets.pop("BORE", np.zeros(0, int))
-        write_full(folder / f"{name}.full", *matrices, numbers, fixed=(3 * held[:, None] + np.arange(3)).ravel())
-        head = [f"MPDATA,R5.0, 1,{key},       1, 1,  {value}    ," for key, value in MATERIAL.items()]
-        head += [f"D,{n + 1:7d},{c},  0.00000000    ,  0.00000000" for n in held for c in ("UX", "UY", "UZ")]
+        write_full(
+            folder / f"{name}.full",
+            *matrices,
+            numbers,
+            fixed=(3 * held[:, None] + np.arange(3)).ravel(),
+        )
+        head = [
+            f"MPDATA,R5.0, 1,{key},       1, 1,  {value}    ," for key, value in MATERIAL.items()
+        ]
+        head += [
+            f"D,{n + 1:7d},{c},  0.00000000    ,  0.00000000"
+            for n in held
+            for c in ("UX", "UY", "UZ")
+        ]
         named = {key: members + 1 for key, members in sets.items()}
-        write_cdb(folder / f"{name}.cdb", numbers, nodes, [collapsed(e.tolist()) for e in body.elements[0]], named, head)
+        write_cdb(
+            folder / f"{name}.cdb",
+            numbers,
+            nodes,
+            [collapsed(e.tolist()) for e in body.elements[0]],
+            named,
+            head,
+        )
     archive("ansys", folder, "*.cdb", "*.full")
 
 

@@ -28,7 +28,13 @@ from typing import Any
 import numpy as np
 
 from bdamper.fem import LocalSizes
-from bdamper.fem.generated_models import SectorFE, blade_to_ground, bladed_disk, paper_disk, reference_disk
+from bdamper.fem.generated_models import (
+    SectorFE,
+    blade_to_ground,
+    bladed_disk,
+    paper_disk,
+    reference_disk,
+)
 from bdamper.fem.meshes import Geometry, Material, MeshDensity
 from bdamper.fem.reduced_bodies import needed_nodal_diameters
 from bdamper.fem.reference_models import CONTACT_POINTS
@@ -65,15 +71,23 @@ def build(fe: SectorFE, points: int, stored: Model | None = None) -> Model:
     if points == LARGEST:
         fe = SectorFE(fe.geometry, fe.density, fe.material, keep_factors=False)
         rotation = fe.rotation(TOP_SPEED)
-        orders = {order: 7 if order == BONDED_DIAMETER else SPEED_HARMONICS for order in SPEED_ORDERS}
+        orders = {
+            order: 7 if order == BONDED_DIAMETER else SPEED_HARMONICS for order in SPEED_ORDERS
+        }
         n = fe.geometry.n_blades
-        diameters = {d for order, harmonics in orders.items() for d in needed_nodal_diameters(n, order, harmonics)}
+        diameters = {
+            d
+            for order, harmonics in orders.items()
+            for d in needed_nodal_diameters(n, order, harmonics)
+        }
         settings: dict[str, Any] = {"rotation": rotation, "wheel": LocalSizes(), "stress": True}
         if stored is not None:
             blade = stored.bodies["blade"]
             diameters -= {d for d, basis in blade.bases.items() if basis.speed is not None}
             settings["wheel"] = LocalSizes() if blade.local is None else None
-        model = bladed_disk(points, fe=fe, pictures=(BONDED_DIAMETER,), nodal_diameters=tuple(diameters), **settings)
+        model = bladed_disk(
+            points, fe=fe, pictures=(BONDED_DIAMETER,), nodal_diameters=tuple(diameters), **settings
+        )
         model = shortened(model, set(needed_nodal_diameters(n, BONDED_DIAMETER, 7)))
     else:
         model = reference_disk(points, progress=True)
@@ -81,7 +95,10 @@ def build(fe: SectorFE, points: int, stored: Model | None = None) -> Model:
         return dataclasses.replace(model, provenance=stored.provenance)
     bonded = reference_frequencies(fe, BONDED_DIAMETER, points)
     note = {
-        f"bonded frequencies, nodal diameter {BONDED_DIAMETER}": " ".join(f"{f:.6f}" for f in bonded) + " Hz"
+        f"bonded frequencies, nodal diameter {BONDED_DIAMETER}": " ".join(
+            f"{f:.6f}" for f in bonded
+        )
+        + " Hz"
     }
     return dataclasses.replace(model, provenance={**model.provenance, **note})
 
@@ -91,7 +108,13 @@ def turbine_blade() -> Model:
     fe = SectorFE(TURBINE, MeshDensity.preset("reference"), NICKEL_ALLOY, keep_factors=False)
     rotation = fe.rotation(1000.0)
     model = bladed_disk(
-        9, fe=fe, n_modes=20, n_damper_modes=10, pictures=(BONDED_DIAMETER,), rotation=rotation, stress=True
+        9,
+        fe=fe,
+        n_modes=20,
+        n_damper_modes=10,
+        pictures=(BONDED_DIAMETER,),
+        rotation=rotation,
+        stress=True,
     )
     return shortened(model, set(model.bodies["blade"].bases))
 
@@ -101,8 +124,12 @@ def shortened(model: Model, full: set[int]) -> Model:
 
     def single(value: Any) -> Any:
         if isinstance(value, np.ndarray):
-            return value.astype(np.complex64 if value.dtype.kind == "c" else np.float32).astype(value.dtype)
-        return {key: single(part) for key, part in value.items()} if isinstance(value, dict) else value
+            return value.astype(np.complex64 if value.dtype.kind == "c" else np.float32).astype(
+                value.dtype
+            )
+        return (
+            {key: single(part) for key, part in value.items()} if isinstance(value, dict) else value
+        )
 
     def parts(record: Any, *names: str) -> dict[str, Any]:
         return {name: single(getattr(record, name)) for name in names}
@@ -110,7 +137,9 @@ def shortened(model: Model, full: set[int]) -> Model:
     def short(array: np.ndarray, bits: int) -> np.ndarray:
         """So many bits of each number: of the flexibility, which changes by a percent, and of the Coriolis report."""
         size, exponent = np.frexp(array.view(float))
-        out: np.ndarray = np.ldexp(np.round(size * 2.0**bits) / 2.0**bits, exponent).view(array.dtype)
+        out: np.ndarray = np.ldexp(np.round(size * 2.0**bits) / 2.0**bits, exponent).view(
+            array.dtype
+        )
         return out
 
     blade = model.bodies["blade"]
@@ -120,7 +149,9 @@ def shortened(model: Model, full: set[int]) -> Model:
         own = parts(basis.speed, "stiffness2", "residual2", *SPEED_REST)
         own |= {"residual2": short(own["residual2"], 12), "coriolis": short(own["coriolis"], 8)}
         bases[d] = (basis if d in full else dataclasses.replace(basis, **rounded)).with_speed(**own)
-    return dataclasses.replace(model, bodies={**model.bodies, "blade": dataclasses.replace(blade, bases=bases)})
+    return dataclasses.replace(
+        model, bodies={**model.bodies, "blade": dataclasses.replace(blade, bases=bases)}
+    )
 
 
 def time_response(new: Model, old: Model) -> Model:
@@ -142,10 +173,16 @@ def time_response(new: Model, old: Model) -> Model:
         for d, basis in body.bases.items():
             made, bases[d] = bases.get(d, basis), basis
             if basis.speed is None and made.speed is not None:
-                error = np.abs(made.contact_modes - basis.contact_modes).max() / np.abs(basis.contact_modes).max()
+                error = (
+                    np.abs(made.contact_modes - basis.contact_modes).max()
+                    / np.abs(basis.contact_modes).max()
+                )
                 if not error < 1e-6:
                     raise ValueError(f"{name}, nodal diameter {d}: modes differ by {error:.2g}")
-                rest = {key: getattr(made.speed, key) for key in ("stiffness2", "residual2", *SPEED_REST)}
+                rest = {
+                    key: getattr(made.speed, key)
+                    for key in ("stiffness2", "residual2", *SPEED_REST)
+                }
                 bases[d] = basis.with_speed(**rest)
         spin = new.bodies[name].spin
         spin, local = body.spin or (spin and known(spin)), body.local or new.bodies[name].local
@@ -153,7 +190,10 @@ def time_response(new: Model, old: Model) -> Model:
     stress = dict(new.stress)
     for name, rows in old.stress.items():
         if name in stress:
-            more = {key: dict(sorted({**getattr(stress[name], key), **getattr(rows, key)}.items())) for key in ROWS}
+            more = {
+                key: dict(sorted({**getattr(stress[name], key), **getattr(rows, key)}.items()))
+                for key in ROWS
+            }
             stress[name] = dataclasses.replace(rows, **more)
     parts = {"interfaces": old.interfaces, "locations": old.locations, "meshes": old.meshes}
     return dataclasses.replace(new, bodies=bodies, stress={**old.stress, **stress}, **parts)
@@ -165,7 +205,9 @@ def differences(new: Model, old: Model) -> dict[str, float]:
 
     def note(name: str, a: Any, b: Any) -> None:
         scale = np.linalg.norm(b) or 1.0
-        out[name] = float(np.linalg.norm(np.asarray(a) - b) / scale) if a.shape == b.shape else np.inf
+        out[name] = (
+            float(np.linalg.norm(np.asarray(a) - b) / scale) if a.shape == b.shape else np.inf
+        )
 
     for name, body in old.bodies.items():
         if set(body.bases) != set(new.bodies[name].bases):
@@ -179,11 +221,17 @@ def differences(new: Model, old: Model) -> dict[str, float]:
             if basis.speed is not None and other.speed is not None:
                 speeds = [b.at_speed(TOP_SPEED)[0] for b in (other, basis)]
                 note(f"{name}, {d}: omega2 at {TOP_SPEED:g} rad/s", *(b.omega2 for b in speeds))
-                note(f"{name}, {d}: flexibility at {TOP_SPEED:g} rad/s", *(b.flexibility for b in speeds))
+                note(
+                    f"{name}, {d}: flexibility at {TOP_SPEED:g} rad/s",
+                    *(b.flexibility for b in speeds),
+                )
             modes = [b.contact_modes.reshape(-1, b.n_modes) for b in (other, basis)]
             note(f"{name}, {d}: modes", *(m @ m.conj().T for m in modes))
         if body.local is not None and (made := new.bodies[name].local) is not None:
-            waves = [[local.modes(d)[0] for d in range(old.n_blades // 2 + 1)] for local in (made, body.local)]
+            waves = [
+                [local.modes(d)[0] for d in range(old.n_blades // 2 + 1)]
+                for local in (made, body.local)
+            ]
             note(f"{name}, local basis: omega2", *(np.array(w) for w in waves))
     for name, face in old.interfaces.items():
         for key in ("points", "area", "frame", "gap"):
@@ -195,9 +243,17 @@ def main() -> int:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("name", nargs="?", default="", help="only the files whose names start so")
-    parser.add_argument("--check", action="store_true", help="compare with the stored files, write nothing")
-    parser.add_argument("--keep", action="store_true", help="keep the numbers of the stored files where there are any")
-    parser.add_argument("--folder", type=Path, help="where the files are, other than in the two of the checkout")
+    parser.add_argument(
+        "--check", action="store_true", help="compare with the stored files, write nothing"
+    )
+    parser.add_argument(
+        "--keep",
+        action="store_true",
+        help="keep the numbers of the stored files where there are any",
+    )
+    parser.add_argument(
+        "--folder", type=Path, help="where the files are, other than in the two of the checkout"
+    )
     arguments = parser.parse_args()
     start = time.perf_counter()
 
@@ -214,8 +270,14 @@ def main() -> int:
         return build(sector(), points, stored)
 
     jobs: dict[str, Any] = {"turbine_blade_9": turbine_blade}
-    jobs |= {f"bladed_disk_{points}": functools.partial(disk, points) for points in CONTACT_POINTS["bladed_disk"]}
-    jobs |= {f"paper_disk_{points}": functools.partial(paper_disk, points) for points in CONTACT_POINTS["paper_disk"]}
+    jobs |= {
+        f"bladed_disk_{points}": functools.partial(disk, points)
+        for points in CONTACT_POINTS["bladed_disk"]
+    }
+    jobs |= {
+        f"paper_disk_{points}": functools.partial(paper_disk, points)
+        for points in CONTACT_POINTS["paper_disk"]
+    }
     jobs["blade_to_ground_24"] = functools.partial(blade_to_ground, 24, mesh="reference")
     jobs["test_rig_24"] = functools.partial(rig, 24, mesh="reference")
     jobs["shrouded_blade_4"] = lambda: modes_alone(shrouded().model)
@@ -233,7 +295,9 @@ def main() -> int:
         else:
             path.parent.mkdir(parents=True, exist_ok=True)
             save_model(time_response(model, load_model(path)) if arguments.keep else model, path)
-            print(f"{path.name}: {path.stat().st_size / 1e6:.2f} MB, {time.perf_counter() - start:.0f} s")
+            print(
+                f"{path.name}: {path.stat().st_size / 1e6:.2f} MB, {time.perf_counter() - start:.0f} s"
+            )
     return int(worst > 1e-6)
 
 

@@ -99,9 +99,29 @@ RULES = (
 )  # fmt: skip
 COMPILED = {rule: re.compile(rule.pattern) for rule in RULES if rule.pattern}
 RELATIVE = re.compile(r"\b(?:that|those|what|which|whose|where|whatever|wherever)\b", re.IGNORECASE)
-ABBREVIATION = re.compile(r"\b(?:e\.g|i\.e|vs|cf|al|Eqs?|Figs?|Refs?|Secs?|No|pp|Vol|eds?|Int|Eng|Proc|Trans|approx|\w)\.$")
-HEADED = ("Parameters", "Attributes", "Returns", "Yields", "Raises", "Warns", "Parameters of the class")
-REPORTS = {"warn", "invalid", "check", "check_value", "mismatch", "implausible", "warn_implausible", "error", "note"}
+ABBREVIATION = re.compile(
+    r"\b(?:e\.g|i\.e|vs|cf|al|Eqs?|Figs?|Refs?|Secs?|No|pp|Vol|eds?|Int|Eng|Proc|Trans|approx|\w)\.$"
+)
+HEADED = (
+    "Parameters",
+    "Attributes",
+    "Returns",
+    "Yields",
+    "Raises",
+    "Warns",
+    "Parameters of the class",
+)
+REPORTS = {
+    "warn",
+    "invalid",
+    "check",
+    "check_value",
+    "mismatch",
+    "implausible",
+    "warn_implausible",
+    "error",
+    "note",
+}
 
 
 def broken_rules(sentence: Sentence) -> list[str]:
@@ -109,7 +129,11 @@ def broken_rules(sentence: Sentence) -> list[str]:
     words, clauses = len(sentence.text.split()), len(RELATIVE.findall(sentence.text))
     if words < 3:
         return []
-    names = [rule.name for rule, pattern in COMPILED.items() if rule.kind in ("", sentence.kind) and pattern.search(sentence.text)]
+    names = [
+        rule.name
+        for rule, pattern in COMPILED.items()
+        if rule.kind in ("", sentence.kind) and pattern.search(sentence.text)
+    ]
     names += ["relative clauses"] * (clauses > 3 or (clauses == 3 and words < 26))
     return names + ["long"] * (words > MOST_WORDS)
 
@@ -132,9 +156,15 @@ def docstring_paragraphs(text: str) -> Iterator[tuple[int, str]]:
     lines, section, block, first = [*text.splitlines(), ""], "", [], 0
     for i, line in enumerate(lines):
         rule = re.match(r"\s*[-=~^]{3,}\s*$", line)
-        heading = i + 1 < len(lines) and line.strip() and re.match(r"\s*[-=~^]{3,}\s*$", lines[i + 1])
+        heading = (
+            i + 1 < len(lines) and line.strip() and re.match(r"\s*[-=~^]{3,}\s*$", lines[i + 1])
+        )
         section = line.strip() if heading else section
-        code = re.match(r"\s*(?:>>>|\.\.\. |\.\. |\||\[\d+\])", line) or section in ("Examples", "References", "See Also")
+        code = re.match(r"\s*(?:>>>|\.\.\. |\.\. |\||\[\d+\])", line) or section in (
+            "Examples",
+            "References",
+            "See Also",
+        )
         name = section in HEADED and not line.startswith(" ")
         item = re.match(r"\s*(?:[*+-]|\d+\.)\s+", line)
         if block and (not line.strip() or rule or heading or code or name or item):
@@ -150,7 +180,9 @@ def text_of(node: ast.expr) -> str:
     if isinstance(node, ast.Constant) and isinstance(node.value, str):
         return node.value
     if isinstance(node, ast.JoinedStr):
-        return "".join(str(part.value) if isinstance(part, ast.Constant) else "X" for part in node.values)
+        return "".join(
+            str(part.value) if isinstance(part, ast.Constant) else "X" for part in node.values
+        )
     if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add):
         return text_of(node.left) + text_of(node.right)
     return ""
@@ -158,9 +190,16 @@ def text_of(node: ast.expr) -> str:
 
 def python_docstrings(path: Path, tree: ast.Module) -> Iterator[Sentence]:
     for node in ast.walk(tree):
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and (text := ast.get_docstring(node)):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and (
+            text := ast.get_docstring(node)
+        ):
             decorators = [ast.unparse(d) for d in getattr(node, "decorator_list", [])]
-            kind = "function" if isinstance(node, ast.FunctionDef) and not any("property" in d for d in decorators) else "text"
+            kind = (
+                "function"
+                if isinstance(node, ast.FunctionDef)
+                and not any("property" in d for d in decorators)
+                else "text"
+            )
             for offset, block in docstring_paragraphs(text):
                 for sentence in split(block):
                     yield Sentence(path, node.body[0].lineno + offset, kind, sentence)
@@ -182,7 +221,11 @@ def python_messages(path: Path, tree: ast.Module) -> Iterator[Sentence]:
 
 
 def python_comments(path: Path, text: str) -> Iterator[Sentence]:
-    tokens = [t for t in tokenize.generate_tokens(io.StringIO(text).readline) if t.type == tokenize.COMMENT]
+    tokens = [
+        t
+        for t in tokenize.generate_tokens(io.StringIO(text).readline)
+        if t.type == tokenize.COMMENT
+    ]
     blocks: list[tuple[int, list[str]]] = []
     last = -1
     for token in tokens:
@@ -201,7 +244,9 @@ def c_comments(path: Path, text: str) -> Iterator[Sentence]:
     for comment in re.finditer(r"/\*.*?\*/|(?://[^\n]*\n\s*)+", text, re.DOTALL):
         body = re.sub(r"^\s*(?:\*|//) ?", "", comment.group().strip("/* \n"), flags=re.MULTILINE)
         for block in re.split(r"\n\s*\n", body):
-            prose = " ".join(row for row in block.splitlines() if not re.match(r"\s{4,}|-{3}|={3}", row))
+            prose = " ".join(
+                row for row in block.splitlines() if not re.match(r"\s{4,}|-{3}|={3}", row)
+            )
             for sentence in split(prose):
                 yield Sentence(path, text.count("\n", 0, comment.start()) + 1, "text", sentence)
 
@@ -222,30 +267,55 @@ def sentences(path: Path) -> Iterator[Sentence]:
 def main() -> int:
     """Return 0 if the sentences that break a rule are those of the list."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("files", nargs="*", type=Path, help="show all sentences of these files that break a rule")
-    parser.add_argument("--update", action="store_true", help=f"write {KNOWN.name} from the sentences of today")
+    parser.add_argument(
+        "files", nargs="*", type=Path, help="show all sentences of these files that break a rule"
+    )
+    parser.add_argument(
+        "--update", action="store_true", help=f"write {KNOWN.name} from the sentences of today"
+    )
     parser.add_argument("--rules", action="store_true", help="print the rules")
     arguments = parser.parse_args()
     if arguments.rules:
-        print(*(f"{rule.name}\n    not: {rule.instead_of}\n    but: {rule.write}" for rule in RULES), sep="\n")
+        print(
+            *(f"{rule.name}\n    not: {rule.instead_of}\n    but: {rule.write}" for rule in RULES),
+            sep="\n",
+        )
         return 0
     folders = (("bdamper", "*.py"), ("csrc", "*.[ch]"), ("tests", "*.py"))
-    files = [f.resolve() for f in arguments.files] or sorted(p for name, ends in folders for p in (ROOT / name).rglob(ends))
-    found = [(sentence, names) for path in files for sentence in sentences(path) if (names := broken_rules(sentence))]
+    files = [f.resolve() for f in arguments.files] or sorted(
+        p for name, ends in folders for p in (ROOT / name).rglob(ends)
+    )
+    found = [
+        (sentence, names)
+        for path in files
+        for sentence in sentences(path)
+        if (names := broken_rules(sentence))
+    ]
     now = {sentence.text for sentence, _ in found}
     if arguments.update:
         KNOWN.write_text("".join(f"{text}\n" for text in sorted(now)), encoding="utf-8")
         print(f"{KNOWN.relative_to(ROOT)}: {len(now)} sentences")
         return 0
-    known = set() if arguments.files or not KNOWN.exists() else set(KNOWN.read_text(encoding="utf-8").splitlines())
+    known = (
+        set()
+        if arguments.files or not KNOWN.exists()
+        else set(KNOWN.read_text(encoding="utf-8").splitlines())
+    )
     for sentence, names in found:
         if sentence.text not in known:
-            print(f"{sentence.path.relative_to(ROOT)}:{sentence.line}: {', '.join(names)}: {sentence.text}")
+            print(
+                f"{sentence.path.relative_to(ROOT)}:{sentence.line}: {', '.join(names)}: {sentence.text}"
+            )
     gone = sorted(known - now)
     for text in gone:
-        print(f"{KNOWN.relative_to(ROOT)}: no longer in use, delete the line or run tools/prose.py --update: {text}")
+        print(
+            f"{KNOWN.relative_to(ROOT)}: no longer in use, delete the line or run tools/prose.py --update: {text}"
+        )
     new = len(now - known)
-    print(f"{new} new sentences break a rule (tools/prose.py --rules), {len(gone)} entries are no longer in use", file=sys.stderr)
+    print(
+        f"{new} new sentences break a rule (tools/prose.py --rules), {len(gone)} entries are no longer in use",
+        file=sys.stderr,
+    )
     return int(bool(new or gone))
 
 

@@ -62,7 +62,9 @@ def rig_mesh(g: Geometry, n: MeshDensity) -> MeshHex:
     return join_blocks(blocks)
 
 
-def rig_structure(g: Geometry, density: MeshDensity, material: Material) -> tuple[Discretisation, CyclicSector]:
+def rig_structure(
+    g: Geometry, density: MeshDensity, material: Material
+) -> tuple[Discretisation, CyclicSector]:
     """The test blade between its dummies, held at the bore and at the cut faces of the segment."""
     body = discretise(rig_mesh(g, density), material)
     return body, clamped_segment(body, g, 3)
@@ -113,7 +115,9 @@ def rig(
     }
 
     nodes = blade_nodes(blades, g)
-    wanted = Wanted(ports["friction"], averaging_matrix(blades, *touching), nodes, n_modes, damping_ratio)
+    wanted = Wanted(
+        ports["friction"], averaging_matrix(blades, *touching), nodes, n_modes, damping_ratio
+    )
     held = constrained_body("blades", wanted, lambda _: structure, (0,))
     bodies = {"blades": held}
     meshes = {"blades": surface_mesh(blades, {0: structure.modes(n_modes)[1]})}

@@ -12,7 +12,10 @@ N = 36
 HALF = np.pi / N
 SHANK, AIRFOIL, EDGE = 0.25 * HALF, 0.12 * HALF, 0.97 * HALF
 Z = np.linspace(-0.02, 0.02, 5)
-STRIPS = {"front": (0.55 * HALF, Z[0] + 1e-3, Z[2] - 1e-3, 2.0e-3), "rear": (0.45 * HALF, Z[2] + 2e-3, Z[4] - 1e-3, 1.5e-3)}
+STRIPS = {
+    "front": (0.55 * HALF, Z[0] + 1e-3, Z[2] - 1e-3, 2.0e-3),
+    "rear": (0.45 * HALF, Z[2] + 2e-3, Z[4] - 1e-3, 1.5e-3),
+}
 
 
 def block(theta, r, z):
@@ -32,7 +35,11 @@ def mirrored(*angles):
 def body(blocks):
     made = discretise(join_blocks(blocks), Material())
     nodes = made.nodes
-    theta, r, z = np.arctan2(nodes[:, 0], nodes[:, 1]), np.hypot(nodes[:, 0], nodes[:, 1]), nodes[:, 2]
+    theta, r, z = (
+        np.arctan2(nodes[:, 0], nodes[:, 1]),
+        np.hypot(nodes[:, 0], nodes[:, 1]),
+        nodes[:, 2],
+    )
     return made, theta, r, z
 
 
@@ -53,18 +60,27 @@ def meshes():
     bodies = {"blade": (made, sets)}
     for name, (wide, low, high, thick) in STRIPS.items():
         angles = HALF + mirrored(0.06 * HALF, wide)
-        made, theta, r, _ = body([block(angles, np.array([0.25 - thick, 0.25]), np.linspace(low, high, 3))])
+        made, theta, r, _ = body(
+            [block(angles, np.array([0.25 - thick, 0.25]), np.linspace(low, high, 3))]
+        )
         top = on(r, 0.25)
         sets = {"left": top & (theta < 0.95 * HALF), "right": top & (theta > 1.05 * HALF)}
         bodies[name] = made, sets
-    return {name: (made, {key: np.flatnonzero(on) for key, on in sets.items()}) for name, (made, sets) in bodies.items()}
+    return {
+        name: (made, {key: np.flatnonzero(on) for key, on in sets.items()})
+        for name, (made, sets) in bodies.items()
+    }
 
 
 def given(made, members):
     """A mesh with its sets as the body of an import."""
     numbers = np.arange(len(made.nodes))
     return read_arrays(
-        made.stiffness, made.mass, (numbers, made.nodes), sets=members, elements=(made.elements[:, local_order()],)
+        made.stiffness,
+        made.mass,
+        (numbers, made.nodes),
+        sets=members,
+        elements=(made.elements[:, local_order()],),
     )
 
 
@@ -72,10 +88,18 @@ def given(made, members):
 def shrouded(names=("front", "rear")):
     """The model, with these of the dampers, and its report."""
     bodies = {name: given(*mesh) for name, mesh in meshes().items()}
-    contacts = [ContactFaces("shroud", "shroud_high", "shroud_low", "blade", "blade", points=(1, 4), sector_b=1)]
+    contacts = [
+        ContactFaces(
+            "shroud", "shroud_high", "shroud_low", "blade", "blade", points=(1, 4), sector_b=1
+        )
+    ]
     for name in names:
-        contacts.append(ContactFaces(f"{name}_left", "left", "under_right", name, "blade", points=(2, 2)))
-        contacts.append(ContactFaces(f"{name}_right", "right", "under_left", name, "blade", points=(2, 2)))
+        contacts.append(
+            ContactFaces(f"{name}_left", "left", "under_right", name, "blade", points=(2, 2))
+        )
+        contacts.append(
+            ContactFaces(f"{name}_right", "right", "under_left", name, "blade", points=(2, 2))
+        )
     return build_model(
         bodies["blade"], {name: bodies[name] for name in names}, sector=Sector(N, ("low", "high"), fixed="bore"),
         reduction=Reduction(engine_order=4, n_modes=12, n_damper_modes={"front": 8}), contacts=contacts,
@@ -98,4 +122,6 @@ def modes_alone(model):
         name: replace(rows, modes={d: m[..., : blade.bases[d].n_natural] for d, m in rows.modes.items()})
         for name, rows in model.stress.items()
     }  # fmt: skip
-    return replace(model, bodies={**model.bodies, "blade": replace(blade, bases=bases)}, stress=stress)
+    return replace(
+        model, bodies={**model.bodies, "blade": replace(blade, bases=bases)}, stress=stress
+    )

@@ -30,10 +30,27 @@ def damper():
     a = np.radians(35.0)
     half, top = 0.35, 1.4
     foot = half + top * np.tan(a)
-    ax.add_patch(Polygon([(-foot, 0.0), (foot, 0.0), (half, top), (-half, top)], facecolor="0.85", edgecolor="0.2"))
+    ax.add_patch(
+        Polygon(
+            [(-foot, 0.0), (foot, 0.0), (half, top), (-half, top)],
+            facecolor="0.85",
+            edgecolor="0.2",
+        )
+    )
     for side in (-1.0, 1.0):
-        face = [(side * foot, 0.0), (side * half, top), (side * (half + 0.1), top + 0.45), (side * 3.0, top + 0.45)]
-        ax.add_patch(Polygon([*face, (side * 3.0, 0.9), (side * (foot + 0.12), -0.1)], facecolor="0.95", edgecolor="0.2"))
+        face = [
+            (side * foot, 0.0),
+            (side * half, top),
+            (side * (half + 0.1), top + 0.45),
+            (side * 3.0, top + 0.45),
+        ]
+        ax.add_patch(
+            Polygon(
+                [*face, (side * 3.0, 0.9), (side * (foot + 0.12), -0.1)],
+                facecolor="0.95",
+                edgecolor="0.2",
+            )
+        )
         ax.text(side * 2.3, 1.35, "platform", ha="center", fontsize=9.0)
         middle = np.array([side * 0.5 * (foot + half), 0.5 * top])
         normal = np.array([-side * np.cos(a), -np.sin(a)])
@@ -47,9 +64,18 @@ def damper():
     ax.text(0.0, 0.42, r"$m r \Omega^2$", ha="center", fontsize=10.0)
     ax.plot([foot, foot], [0.0, -0.9], "--", color="0.4", linewidth=0.9)
     ax.plot([foot, foot + 0.9 * np.tan(a)], [0.0, -0.9], color="0.4", linewidth=0.9)
-    ax.add_patch(Arc((foot, 0.0), 1.3, 1.3, theta1=-90.0, theta2=-90.0 + np.degrees(a), color="0.4"))
+    ax.add_patch(
+        Arc((foot, 0.0), 1.3, 1.3, theta1=-90.0, theta2=-90.0 + np.degrees(a), color="0.4")
+    )
     ax.text(foot + 0.24, -0.86, "$a$", fontsize=11.0, ha="center")
-    ax.annotate("radial", (-2.9, 0.6), (-2.9, -0.8), ha="center", fontsize=8.5, arrowprops={**ARROW, "color": "k"})
+    ax.annotate(
+        "radial",
+        (-2.9, 0.6),
+        (-2.9, -0.8),
+        ha="center",
+        fontsize=8.5,
+        arrowprops={**ARROW, "color": "k"},
+    )
     ax.set(xlim=(-3.3, 3.3), ylim=(-1.0, 2.0))
     return ax
 
@@ -59,7 +85,11 @@ def spring(ax, start, end, turns=6, width=0.1):
     along = (end - start) / np.linalg.norm(end - start)
     t = np.linspace(0.0, 1.0, 2 * turns + 1)
     off = width * np.where(np.arange(len(t)) % 2 == 0, -1.0, 1.0) * ((t > 0.05) & (t < 0.95))
-    ax.plot(*(start[:, None] + np.outer(end - start, t) + np.outer([-along[1], along[0]], off)), color="k", linewidth=1.1)
+    ax.plot(
+        *(start[:, None] + np.outer(end - start, t) + np.outer([-along[1], along[0]], off)),
+        color="k",
+        linewidth=1.1,
+    )
 
 
 def point():
@@ -96,17 +126,34 @@ def states():
             kind[i] = 2 if n == 0.0 else int(abs(trial) > limit)
     for ax in axes:
         for state, colour in enumerate(("0.88", "#f6c78f", "#ffffff")):
-            ax.fill_between(theta / (2.0 * np.pi), 0.0, 1.0, where=kind == state, color=colour, linewidth=0.0,
-                            transform=ax.get_xaxis_transform())
+            ax.fill_between(
+                theta / (2.0 * np.pi),
+                0.0,
+                1.0,
+                where=kind == state,
+                color=colour,
+                linewidth=0.0,
+                transform=ax.get_xaxis_transform(),
+            )
         ax.set(yticks=[])
         ax.grid(False)
     axes[0].plot(theta / (2.0 * np.pi), normal, color="tab:red")
     axes[0].set(ylabel="Normal force", xlim=(0.0, 1.0))
     for at, name in ((0.12, "stick"), (0.355, "slip"), (0.6, "open"), (0.84, "slip")):
-        axes[0].text(at, 1.0, name, transform=axes[0].get_xaxis_transform(), ha="center", va="bottom", fontsize=8.5)
+        axes[0].text(
+            at,
+            1.0,
+            name,
+            transform=axes[0].get_xaxis_transform(),
+            ha="center",
+            va="bottom",
+            fontsize=8.5,
+        )
     axes[1].axhline(0.0, color="0.4", linewidth=0.6)
     for sign, name in ((1.0, r"$\mu N$"), (-1.0, r"$-\mu N$")):
-        axes[1].plot(theta / (2.0 * np.pi), 0.5 * sign * normal, color="0.4", linewidth=0.8, linestyle="-.")
+        axes[1].plot(
+            theta / (2.0 * np.pi), 0.5 * sign * normal, color="0.4", linewidth=0.8, linestyle="-."
+        )
         axes[1].text(0.3, 0.5 * sign, name, color="0.2", fontsize=9.0, va="center")
     axes[1].plot(theta / (2.0 * np.pi), friction, color="tab:blue")
     axes[1].set(ylabel="Friction force", xlabel="Time (periods)")
@@ -124,12 +171,24 @@ def folds():
     f, height = np.concatenate([low, high[::-1]]), np.concatenate([a, a[::-1]])
     back = np.gradient(f) < 0.0
     for part in np.split(np.arange(len(f)), np.flatnonzero(np.diff(back)) + 1):
-        ax.plot(f[part], height[part], color="0.1", linestyle=(0, (3, 1.5)) if back[part[0]] else "-")
+        ax.plot(
+            f[part], height[part], color="0.1", linestyle=(0, (3, 1.5)) if back[part[0]] else "-"
+        )
     turn = np.flatnonzero(np.diff(back))
     ax.plot(f[turn], height[turn], "o", color="tab:red")
-    for i, (dx, text) in zip(turn, ((8, "fold: a sweep up\njumps here"), (-8, "fold: a sweep down\njumps here"))):
-        ax.annotate(text, (f[i], height[i]), xytext=(dx, -8), textcoords="offset points", fontsize=8.0, color="tab:red",
-                    va="center", ha="left" if dx > 0 else "right")
+    for i, (dx, text) in zip(
+        turn, ((8, "fold: a sweep up\njumps here"), (-8, "fold: a sweep down\njumps here"))
+    ):
+        ax.annotate(
+            text,
+            (f[i], height[i]),
+            xytext=(dx, -8),
+            textcoords="offset points",
+            fontsize=8.0,
+            color="tab:red",
+            va="center",
+            ha="left" if dx > 0 else "right",
+        )
     ax.plot([], [], color="0.1", label="stable")
     ax.plot([], [], color="0.1", linestyle=(0, (3, 1.5)), label="unstable")
     ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8.0)

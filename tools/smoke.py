@@ -13,14 +13,20 @@ PEAK = (3.59157e-4, 360.512)
 
 package = Path(bd.__file__).parent
 assert "site-packages" in package.parts, f"not the installed package: {package}"
-assert (package / "py.typed").is_file(), "py.typed is missing: type checkers would not read the hints"
+assert (package / "py.typed").is_file(), (
+    "py.typed is missing: type checkers would not read the hints"
+)
 assert bd.__version__ == metadata.version("bdamper"), (bd.__version__, metadata.version("bdamper"))
 files = metadata.files("bdamper") or []
 assert any(f.name == "LICENSE" for f in files), "the licence is missing"
-assert not any(f.parts[0] == "tests" or f.suffix == ".c" for f in files), "tests or sources were installed"
+assert not any(f.parts[0] == "tests" or f.suffix == ".c" for f in files), (
+    "tests or sources were installed"
+)
 
 assert metadata.metadata("bdamper")["License-Expression"] == "BSD-3-Clause"
-assert sum(path.stat().st_size for path in (package / "data").iterdir()) < 7.8e6, "more models than the wheel has room for"
+assert sum(path.stat().st_size for path in (package / "data").iterdir()) < 7.8e6, (
+    "more models than the wheel has room for"
+)
 message = "it came from somewhere, though scikit-fem is not installed"
 try:
     bd.reference_model("paper_disk", 48)

@@ -75,9 +75,24 @@ from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.response.verification import Convergence, HarmonicPeak, Meeting
 from bdamper.util import validation
 from bdamper.util.display import Fact, Plottable
-from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND, BdamperError, inside_user_code, with_reason
+from bdamper.util.errors import (
+    COMPLETE,
+    INCOMPLETE,
+    INTERRUPTED,
+    NOT_FOUND,
+    BdamperError,
+    inside_user_code,
+    with_reason,
+)
 from bdamper.util.formatting import amount, peak_text, percent, short_repr, spaced
-from bdamper.util.progress import CostMeter, LongWork, one_thread, progress_stages, shows_progress, stopped_by
+from bdamper.util.progress import (
+    CostMeter,
+    LongWork,
+    one_thread,
+    progress_stages,
+    shows_progress,
+    stopped_by,
+)
 from bdamper.util.storage import Storable
 from bdamper.util.tables import Column, Cycles, Metre, Second, Tabular, columns_of_rows
 
@@ -101,18 +116,26 @@ OPTIONS = PeakOptions(tolerance=1e-8, position_tolerance=1e-4, max_trials=24)
 
 @one_thread
 def harmonic_convergence(
-    problem: Problem, peak: Peak, *, harmonics: Sequence[int] = HARMONICS, tolerance: float = TOLERANCE,
+    problem: Problem,
+    peak: Peak,
+    *,
+    harmonics: Sequence[int] = HARMONICS,
+    tolerance: float = TOLERANCE,
     progress: bool | None = None,
 ) -> Convergence:
     """See :meth:`bdamper.Study.harmonic_convergence`."""
     check_peak(problem, peak)
     tolerance = validation.number("tolerance", tolerance, above=0.0, below=1.0)
     numbers = [validation.integer("harmonics", n, 1, MAX_HARMONIC) for n in harmonics]
-    validation.check(numbers == sorted(set(numbers)) and numbers, "harmonics", "increasing numbers", numbers)
+    validation.check(
+        numbers == sorted(set(numbers)) and numbers, "harmonics", "increasing numbers", numbers
+    )
     highest = problem.harmonic_numbers[-1]
     meter = CostMeter()
     most, limit = _most(problem, peak.frequency, max(highest, numbers[-1]))
-    problems, limit = _richer(problem, sorted({min(n, most) for n in numbers if n > highest} - {highest}), limit)
+    problems, limit = _richer(
+        problem, sorted({min(n, most) for n in numbers if n > highest} - {highest}), limit
+    )
     peaks, status = [HarmonicPeak(highest, peak.amplitude, peak.frequency)], COMPLETE
     internal_resonances: tuple[Meeting, ...] = ()
     progress = shows_progress(progress)
@@ -123,7 +146,10 @@ def harmonic_convergence(
             report(f"{n} harmonics", i, len(problems))
             outcome = evaluate_peak(richer, partial(_near_or_highest, problem, peak, meter))
             if outcome.reason:
-                status = with_reason(INCOMPLETE, f"no peak was found near this one with {n} harmonics ({outcome.reason})")
+                status = with_reason(
+                    INCOMPLETE,
+                    f"no peak was found near this one with {n} harmonics ({outcome.reason})",
+                )
                 break
             problem, peak = richer, outcome.result
             peaks.append(HarmonicPeak(n, outcome.amplitude, outcome.frequency, outcome.seconds))
@@ -132,7 +158,9 @@ def harmonic_convergence(
                 limit = "no later harmonic is near a mode"
                 break
     status = INTERRUPTED if work.interrupted else status
-    return Convergence(peak.parameter, tolerance, tuple(peaks), internal_resonances, limit, status, meter.read())
+    return Convergence(
+        peak.parameter, tolerance, tuple(peaks), internal_resonances, limit, status, meter.read()
+    )
 
 
 def at_optimum(problem: Problem, curve: OptimalCurve, progress: bool = False) -> Convergence | None:
@@ -146,10 +174,15 @@ def at_optimum(problem: Problem, curve: OptimalCurve, progress: bool = False) ->
             if not peak.converged:
                 raise BdamperError(f"the highest peak is {peak.status}")
             if not abs(peak.amplitude / best.amplitude - 1.0) <= NEAR_HIGHEST:
-                raise BdamperError(f"the highest peak there is {peak_text(peak.amplitude, peak.frequency)}")
+                raise BdamperError(
+                    f"the highest peak there is {peak_text(peak.amplitude, peak.frequency)}"
+                )
             numbers = [n for n in HARMONICS if n <= 16]
             convergence = harmonic_convergence(problem, peak, harmonics=numbers, progress=progress)
-            convergence = replace(convergence, cost=convergence.cost if peak.cost is None else convergence.cost + peak.cost)
+            convergence = replace(
+                convergence,
+                cost=convergence.cost if peak.cost is None else convergence.cost + peak.cost,
+            )
         except BdamperError as error:
             status = with_reason(NOT_FOUND, error)
     known = HarmonicPeak(problem.harmonic_numbers[-1], best.amplitude, best.frequency)
@@ -186,7 +219,9 @@ def _converged(peaks: Sequence[HarmonicPeak], tolerance: float) -> bool:
     return len(change) == 2 and bool(change.max() < 0.2 * tolerance)
 
 
-def _richer(problem: Problem, numbers: Sequence[int], highest_harmonic: str) -> tuple[list[Problem], str]:
+def _richer(
+    problem: Problem, numbers: Sequence[int], highest_harmonic: str
+) -> tuple[list[Problem], str]:
     """Return the problem with all harmonics up to each number, and the reason why there are no more.
 
     Only odd harmonics are added if even harmonics vanish.
@@ -213,10 +248,16 @@ def _most(problem: Problem, frequency: float, top: int) -> tuple[int, str]:
     lacking = missing_harmonics(problem, top)
     for l in range(highest + 1, top + 1):
         if l in lacking:
-            return l - 1, f"the model has no modes of harmonic {l}, nodal diameter {nodal_diameter(problem, l)}"
+            return (
+                l - 1,
+                f"the model has no modes of harmonic {l}, nodal diameter {nodal_diameter(problem, l)}",
+            )
         end = _end(problem, l)
         if l * frequency > end:
-            return l - 1, f"the equations have no modes above {1e-3 * end:.3g} kHz, harmonic {int(end / frequency)}"
+            return (
+                l - 1,
+                f"the equations have no modes above {1e-3 * end:.3g} kHz, harmonic {int(end / frequency)}",
+            )
     return top, ""
 
 
@@ -229,7 +270,11 @@ def _end(problem: Problem, harmonic: int) -> float:
     for name, body in problem.model.bodies.items():
         if body.kind == "constrained":
             omega2 = body.bases[d].omega2[: body.bases[d].n_natural]
-            retained = omega2 if problem.contact.residual is not None else omega2[: problem.settings.blade_modes]
+            retained = (
+                omega2
+                if problem.contact.residual is not None
+                else omega2[: problem.settings.blade_modes]
+            )
             ends.append(float(np.sqrt(retained.max())) / (2.0 * np.pi))
     return min(ends)
 
@@ -256,10 +301,14 @@ def _near_or_highest(known: Problem, peak: Peak, meter: CostMeter, problem: Prob
         If both fail, with the reason of the first.
     """
     try:
-        return _richer_peak(known, peak, sign_of_jacobian(known.system(peak.parameter), peak.y), meter, problem)
+        return _richer_peak(
+            known, peak, sign_of_jacobian(known.system(peak.parameter), peak.y), meter, problem
+        )
     except BdamperError as error:
         frequency = ((1.0 - NEARBY) * peak.frequency, (1.0 + NEARBY) * peak.frequency)
-        highest = found_at(problem, peak.parameter, frequency, options=OPTIONS, budget=NEARBY_BUDGET)
+        highest = found_at(
+            problem, peak.parameter, frequency, options=OPTIONS, budget=NEARBY_BUDGET
+        )
         meter.count(highest.cost.iterations, highest.cost.failed_steps)
         if highest.top is None or highest.status != COMPLETE:
             raise BdamperError(f"{error}; near it the response curve is {highest.status}") from None
@@ -285,7 +334,9 @@ def _richer_peak(known: Problem, peak: Peak, sign: int, meter: CostMeter, proble
     new = [l for l in problem.harmonic_numbers if l > known.harmonic_numbers[-1]]
     if len(new) == 1:
         raise BdamperError(solution)
-    half = problem.replace(harmonics=tuple(l for l in problem.harmonic_numbers if l <= new[len(new) // 2 - 1]))
+    half = problem.replace(
+        harmonics=tuple(l for l in problem.harmonic_numbers if l <= new[len(new) // 2 - 1])
+    )
     return _richer_peak(half, _richer_peak(known, peak, sign, meter, half), sign, meter, problem)
 
 
@@ -312,7 +363,13 @@ SETTINGS_OF = {
     "residual flexibility": ("contact_stiffness",),
 }
 """Settings that control a source of error."""
-LEFT = {"harmonics": 0.5, "contact_forces": 0.0, "contact points": 0.0, "modes": 0.125, "residual flexibility": 0.5}
+LEFT = {
+    "harmonics": 0.5,
+    "contact_forces": 0.0,
+    "contact points": 0.0,
+    "modes": 0.125,
+    "residual flexibility": 0.5,
+}
 """Part of an error that a step to more detailed settings is assumed to leave.
 
 Exact contact forces and all contact points of the model have no further step. The error of modes decreases with the fourth
@@ -441,7 +498,10 @@ class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy"):
 
     def columns(self) -> dict[str, Column]:
         """Return one row for each run with its settings, its highest peak, its error and its difference."""
-        values = {name: Column(np.array([run.values[i] for run in self.runs])) for i, name in enumerate(self.varied)}
+        values = {
+            name: Column(np.array([run.values[i] for run in self.runs]))
+            for i, name in enumerate(self.varied)
+        }
         out = values | columns_of_rows(self.runs)
         errors = Column(np.array([self.error(run) for run in self.runs]))
         # the error first, because it counts
@@ -503,9 +563,15 @@ class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy"):
         """Return a sentence on the error of the most detailed settings, with its sources."""
         if self.sources:
             known = sorted((s for s in self.sources if s.known), key=lambda s: -s.size)
-            named = ", ".join(f"{spaced(s.source)} {percent(s.size)}" for s in known if s.size > 0.01 * self.uncertainty)
+            named = ", ".join(
+                f"{spaced(s.source)} {percent(s.size)}"
+                for s in known
+                if s.size > 0.01 * self.uncertainty
+            )
             unknown = ", ".join(spaced(s.source) for s in self.sources if not s.known)
-            parts = "; ".join(text for text in (named, f"not estimated: {unknown}" if unknown else "") if text)
+            parts = "; ".join(
+                text for text in (named, f"not estimated: {unknown}" if unknown else "") if text
+            )
         else:
             parts = "sum of the last refinements"
         amount_of_error = percent(self.uncertainty)
@@ -568,15 +634,28 @@ def make_ladders(problem: Problem, vary: Any) -> dict[str, dict[str, Any]]:
     vary : str, sequence of str or mapping
         See :func:`accuracy_cost`.
     """
-    reduced = problem.settings.most_modes("constrained") > 0  # lumped masses have no modes to leave out
+    reduced = (
+        problem.settings.most_modes("constrained") > 0
+    )  # lumped masses have no modes to leave out
     default = [name for name in DEFAULT if reduced or name != "blade_modes"]
     vary = default if vary is None else (vary,) if isinstance(vary, str) else vary
-    validation.check_value(isinstance(vary, Iterable), "vary", "names of settings, or a mapping of them to values", vary)
-    named = vary if isinstance(vary, Mapping) else {name: ladder_values(problem, name) for name in vary}
+    validation.check_value(
+        isinstance(vary, Iterable),
+        "vary",
+        "names of settings, or a mapping of them to values",
+        vary,
+    )
+    named = (
+        vary if isinstance(vary, Mapping) else {name: ladder_values(problem, name) for name in vary}
+    )
     validation.check_value(named, "vary", "at least one setting of a study", vary)
     known = {f.name for f in fields(problem.settings)} - {"model"}
     for name, values in validation.mapping("vary", named, known, "settings of a study").items():
-        several = isinstance(values, Sequence | np.ndarray) and not isinstance(values, str) and len(values)
+        several = (
+            isinstance(values, Sequence | np.ndarray)
+            and not isinstance(values, str)
+            and len(values)
+        )
         validation.check_value(several, f"vary '{name}'", "a sequence of values", values)
     return {name: {_name(value): value for value in values} for name, values in named.items()}
 
@@ -619,13 +698,23 @@ class _Runs:
         except BdamperError as failure:  # the other runs are useful without this one
             outcome = PeakOutcome(np.nan, np.nan, str(failure), np.nan, None)
         difference = self.difference(outcome)
-        run = Run(part, names, outcome.amplitude, outcome.frequency, difference, outcome.seconds, outcome.reason)
+        run = Run(
+            part,
+            names,
+            outcome.amplitude,
+            outcome.frequency,
+            difference,
+            outcome.seconds,
+            outcome.reason,
+        )
         self.done.append(run)
         return run
 
     def study(self, names: Sequence[str]) -> Problem:
         """Return the study with the values of these names."""
-        values = {setting: known[name] for (setting, known), name in zip(self.ladders.items(), names)}
+        values = {
+            setting: known[name] for (setting, known), name in zip(self.ladders.items(), names)
+        }
         return varied(self.problem, values)
 
     def evaluate(self, problem: Problem, solve: Callable[[Problem], Any]) -> PeakOutcome:
@@ -641,7 +730,9 @@ class _Runs:
         frequency = outcome.frequency / reference.frequency - 1.0
         return float(max(abs(amplitude), abs(frequency)))
 
-    def reference_error(self, source: str, solve: Callable[[Problem], Any]) -> ReferenceError | None:
+    def reference_error(
+        self, source: str, solve: Callable[[Problem], Any]
+    ) -> ReferenceError | None:
         """Return the change of the most detailed run by one step of a source; None if the source does not apply."""
         try:
             richer = richer_study(self.study(self.done[0].values), source)
@@ -659,7 +750,9 @@ class _Runs:
         # relative to the better answer
         amplitude = self.done[0].amplitude / outcome.amplitude - 1.0
         frequency = self.done[0].frequency / outcome.frequency - 1.0
-        return ReferenceError(source, float(max(abs(amplitude), abs(frequency))), outcome.seconds, text)
+        return ReferenceError(
+            source, float(max(abs(amplitude), abs(frequency))), outcome.seconds, text
+        )
 
 
 @validation.check_arguments
@@ -714,7 +807,10 @@ def accuracy_cost(
         If the most detailed combination was interrupted.
     """
     validation.check_value(
-        quantity is None or callable(quantity), "quantity", "a function of study, preload and interval", quantity
+        quantity is None or callable(quantity),
+        "quantity",
+        "a function of study, preload and interval",
+        quantity,
     )
     problem = problem_of(study)
 
@@ -751,7 +847,9 @@ def accuracy_cost(
         if sources:
             uncertainty = sum(error.size for error in of_reference if error.known)
         else:
-            uncertainty = sum(runs.at(name, {**top, name: k - 1}).difference for name, k in top.items() if k > 0)
+            uncertainty = sum(
+                runs.at(name, {**top, name: k - 1}).difference for name, k in top.items() if k > 0
+            )
         # if nothing is left for the settings, they are still compared with the reference
         left = (tolerance - uncertainty) / (1.0 + uncertainty)
         _search(runs, top, left if left > 0.0 else tolerance)
@@ -781,7 +879,9 @@ def _reference(runs: _Runs, top: Mapping[str, int]) -> None:
     if not np.isfinite(richest.difference):
         text = f"{_text(runs.ladders, richest.values)}, at {runs.preload:g} N"
         why = f" ({richest.reason})" if richest.reason else ""
-        raise BdamperError(f"no peak with the most detailed settings, {text}{why}: give less detailed ones in vary")
+        raise BdamperError(
+            f"no peak with the most detailed settings, {text}{why}: give less detailed ones in vary"
+        )
 
 
 def _or_last_step(runs: _Runs, top: Mapping[str, int], error: ReferenceError) -> ReferenceError:
@@ -790,7 +890,9 @@ def _or_last_step(runs: _Runs, top: Mapping[str, int], error: ReferenceError) ->
     if error.known or not names:
         return error
     steps = [runs.at(name, {**top, name: top[name] - 1}) for name in names]
-    cheaper = ", ".join(f"{spaced(step.part)} {step.values[list(top).index(step.part)]}" for step in steps)
+    cheaper = ", ".join(
+        f"{spaced(step.part)} {step.values[list(top).index(step.part)]}" for step in steps
+    )
     size = sum(step.difference for step in steps)
     if not np.isfinite(size):
         return error
@@ -810,7 +912,10 @@ def _search(runs: _Runs, top: Mapping[str, int], allowed: float) -> None:
     while indices != top:
         if runs.at(COMBINED, indices).difference <= allowed:
             return
-        worst = max((name for name in top if indices[name] < top[name]), key=lambda name: difference[name, indices[name]])
+        worst = max(
+            (name for name in top if indices[name] < top[name]),
+            key=lambda name: difference[name, indices[name]],
+        )
         indices[worst] += 1
 
 
@@ -823,7 +928,11 @@ def _forecast(problem: Problem, result: AccuracyCost) -> Forecast | None:
         return None
     size = {error.source: error.size for error in result.sources if error.known}
     # a source without a computed step cannot be refined
-    ratio = {e.source: e.seconds / result.richest.seconds for e in result.sources if np.isfinite(e.seconds)}
+    ratio = {
+        e.source: e.seconds / result.richest.seconds
+        for e in result.sources
+        if np.isfinite(e.seconds)
+    }
     seconds, settings = result.richest.seconds, dict[str, str]()
     while sum(size.values()) > result.tolerance:
         if not ratio:

@@ -30,7 +30,14 @@ from bdamper.analyses.engine_order_line import (
 )
 from bdamper.analyses.sweep import SweepResult
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.harmonic_balance.rotor_speed import RPM, Conditions, asked_speeds, preload_at, responses, under
+from bdamper.harmonic_balance.rotor_speed import (
+    RPM,
+    Conditions,
+    asked_speeds,
+    preload_at,
+    responses,
+    under,
+)
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.linear_limits import free_and_stuck
 from bdamper.response.peak import Peak
@@ -100,7 +107,9 @@ class Campbell(Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
             If the diagram does not contain it.
         """
         known = self.nodal_diameter.tolist()
-        validation.check(nodal_diameter in known, "nodal_diameter", f"one of {known}", nodal_diameter)
+        validation.check(
+            nodal_diameter in known, "nodal_diameter", f"one of {known}", nodal_diameter
+        )
         return known.index(nodal_diameter)
 
     @property
@@ -114,20 +123,31 @@ class Campbell(Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
             k = self.row(self.met_by(order))
             for m in range(self.free.shape[2]):
                 lines = self.free[k, :, m], self.stuck[k, :, m]
-                at = [line_crossings(self.speed, line, order).tolist() or [np.nan] for line in lines]
+                at = [
+                    line_crossings(self.speed, line, order).tolist() or [np.nan] for line in lines
+                ]
                 rows += [(order, m + 1, *speeds) for speeds in zip_longest(*at, fillvalue=np.nan)]
         return np.array(rows, float).reshape(-1, 4)
 
-    def plot_safe(self, speed: float | None = None, path: FilePath | None = None, **options: Any) -> Any:
+    def plot_safe(
+        self, speed: float | None = None, path: FilePath | None = None, **options: Any
+    ) -> Any:
         """Draw the interference diagram at a speed in rad/s (:func:`bdamper.plot.plot_safe`)."""
         return draw(self, "figure", "plot_safe", path, speed, **options)
 
     def _grid(self) -> dict[str, Any]:
-        return {"nodal_diameter": self.nodal_diameter, "speed": self.speed, "mode": np.arange(1, self.free.shape[2] + 1)}
+        return {
+            "nodal_diameter": self.nodal_diameter,
+            "speed": self.speed,
+            "mode": np.arange(1, self.free.shape[2] + 1),
+        }
 
     def _facts(self) -> tuple[Fact, ...]:
         """Return the crossings of orders and modes."""
-        places = ((f"order {n:g}, mode {m:g}", f"free at {_place(a)}, stuck at {_place(b)}") for n, m, a, b in self.met)
+        places = (
+            (f"order {n:g}, mode {m:g}", f"free at {_place(a)}, stuck at {_place(b)}")
+            for n, m, a, b in self.met
+        )
         return tuple(Fact(*place) for place in places)
 
     def _headline(self) -> str:
@@ -137,7 +157,11 @@ class Campbell(Plottable, Tabular, Recorded, Storable, kind="bdamper-campbell"):
 
 
 def _place(speed: float) -> str:
-    return f"{speed:.5g} rad/s ({speed * RPM:.0f} rpm)" if np.isfinite(speed) else "no speed of the range"
+    return (
+        f"{speed:.5g} rad/s ({speed * RPM:.0f} rpm)"
+        if np.isfinite(speed)
+        else "no speed of the range"
+    )
 
 
 def line_crossings(speed: NDArray, frequency: NDArray, engine_order: int) -> NDArray:
@@ -153,7 +177,9 @@ def line_crossings(speed: NDArray, frequency: NDArray, engine_order: int) -> NDA
     """
     gap = (2.0 * np.pi * frequency) ** 2 - (engine_order * speed) ** 2
     i = np.flatnonzero((gap[:-1] == 0.0) | (gap[:-1] * gap[1:] < 0.0))
-    part = np.where(gap[i] == 0.0, 0.0, gap[i] / np.where(gap[i] == gap[i + 1], 1.0, gap[i] - gap[i + 1]))
+    part = np.where(
+        gap[i] == 0.0, 0.0, gap[i] / np.where(gap[i] == gap[i + 1], 1.0, gap[i] - gap[i + 1])
+    )
     crossings = np.sqrt(speed[i] ** 2 + part * (speed[i + 1] ** 2 - speed[i] ** 2))
     return np.append(crossings, speed[-1:][gap[-1:] == 0.0])
 
@@ -178,9 +204,13 @@ def campbell(
     shown = (damped,) if isinstance(damped, SweepResult) else tuple(damped or ())
     for result in shown:
         crossings = isinstance(result, SweepResult) and {"speed", "mass"} <= {*result.quantities}
-        validation.check_value(crossings, "damped", "crossings, as Study.resonance_crossings returns them", result)
+        validation.check_value(
+            crossings, "damped", "crossings, as Study.resonance_crossings returns them", result
+        )
         same_model = result.model_hash == problem.model.hash
-        validation.check(same_model, "damped", "crossings of this model", "crossings of another model")
+        validation.check(
+            same_model, "damped", "crossings of this model", "crossings of another model"
+        )
     operating, progress = conditions, shows_progress(progress)
     constrained = [body for body in problem.model.bodies.values() if body.kind == "constrained"]
     bases = [pair for body in constrained for pair in body.bases.items()]
@@ -189,17 +219,27 @@ def campbell(
     diameters = known or [own_diameter]
     free, stuck = np.full((2, len(diameters), len(values), modes), np.nan)
     n, resting = problem.model.n_blades, Conditions(operating.friction, operating.temperature)
-    beyond = [order for order in orders if problem.model.folded_nodal_diameter(order)[0] not in diameters]
-    validation.check(not beyond, "engine_orders", f"orders that excite nodal diameters {diameters}", beyond)
-    by_diameter = [SpeedFamily(problem.replace(engine_order=d or n, harmonics=1), resting) for d in diameters]
+    beyond = [
+        order for order in orders if problem.model.folded_nodal_diameter(order)[0] not in diameters
+    ]
+    validation.check(
+        not beyond, "engine_orders", f"orders that excite nodal diameters {diameters}", beyond
+    )
+    by_diameter = [
+        SpeedFamily(problem.replace(engine_order=d or n, harmonics=1), resting) for d in diameters
+    ]
     # all nodal diameters have the same static state
     mean = diameters.index(own_diameter) if own_diameter in diameters else 0
-    for i, omega in enumerate(with_progress(values.tolist(), progress, "Campbell diagram", "speed")):
+    for i, omega in enumerate(
+        with_progress(values.tolist(), progress, "Campbell diagram", "speed")
+    ):
         problems = [under(family.base, omega, resting) for family in by_diameter]
         preload = preload_at(problem, omega) if problem.carries_load else 0.0
         states = problems[mean].static_states
         for k, one in enumerate(problems):
-            free[k, i], stuck[k, i] = free_and_stuck(one.given(static_states=states).at(preload), modes)
+            free[k, i], stuck[k, i] = free_and_stuck(
+                one.given(static_states=states).at(preload), modes
+            )
     return Campbell(
         speed=values,
         nodal_diameter=np.array(diameters, int),
@@ -246,19 +286,30 @@ def run_up(
     found = follow(family, (low, high), mode, meter, options, progress)
     highest = None if found is None else found[2]
     if found is None or highest is None:
-        why = family.limits_text(low, high, mode) + ("" if found is None else f"; {found[1]._headline()}")
+        why = family.limits_text(low, high, mode) + (
+            "" if found is None else f"; {found[1]._headline()}"
+        )
         raise BdamperError(f"run-up: expected a maximum of mode {mode}, found none: {why}")
     equations, curve, _ = found
     near, _, top, error, last = refined(family, equations, highest.peak, meter)
     if error > CLOSE:
         why = f"interpolation over speed leaves a residual of {error:.2g} at the highest point"
-        curve = replace(curve, status=INCOMPLETE, reason=f"{curve.reason}; {why}; give a shorter range of speeds")
+        curve = replace(
+            curve,
+            status=INCOMPLETE,
+            reason=f"{curve.reason}; {why}; give a shorter range of speeds",
+        )
     fixed = interpolated_at_fixed_speed(equations, highest.peak, meter)
     out = _with_maximum(curve, highest.index, top, responses(near, top.y[None])[0])
-    settled = last <= CLOSE and out.peak_index == highest.index  # no interpolated point is higher than the refined one
+    settled = (
+        last <= CLOSE and out.peak_index == highest.index
+    )  # no interpolated point is higher than the refined one
     left = f"a residual of {error:.2g} after interpolation over it; give a shorter one"
     validation.check(settled, "speeds", "a range in which the equations change smoothly", left)
-    notes = _comparison_text(top, fixed), f"interpolation over speed leaves a residual of {error:.1e} there"
+    notes = (
+        _comparison_text(top, fixed),
+        f"interpolation over speed leaves a residual of {error:.1e} there",
+    )
     return replace(out, notes=(*curve.notes, *notes), cost=meter.read())
 
 

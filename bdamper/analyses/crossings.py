@@ -63,13 +63,18 @@ def by_mass(family: SpeedFamily, equations: Equations[Family], top: Peak) -> dic
     """
     low, high = (1.0 - AROUND[-1]) * top.parameter, (1.0 + AROUND[-1]) * top.parameter
     try:
-        derivative = sensitivities(top, {"mass": (lambda factor: family.along(low, high, 2, factor), 1.0)})["mass"]
+        derivative = sensitivities(
+            top, {"mass": (lambda factor: family.along(low, high, 2, factor), 1.0)}
+        )["mass"]
     except SettingError:
         return {}
     if derivative.reason:
         return {}
     order = equations.structure.engine_order
-    return {"amplitude_by_mass": derivative.amplitude, "speed_by_mass": TWO_PI * derivative.frequency / order}
+    return {
+        "amplitude_by_mass": derivative.amplitude,
+        "speed_by_mass": TWO_PI * derivative.frequency / order,
+    }
 
 
 @dataclass(frozen=True)
@@ -104,9 +109,18 @@ class CrossingTask:
         meter = CostMeter()
         results = self._results(problem, meter)
         neglected = problem.model.neglected_over_speed(problem.settings.needed_diameters)
-        results["warning"] = "; ".join([*results["warning"], *(f"neglected: {note}" for note in neglected)])
-        loaded = (b.mass for b in problem.model.bodies.values() if b.kind == "free" and b.load is not None)
-        return dict.fromkeys(NUMBERS, np.nan) | {"mass": next(loaded, np.nan)} | results | {"cost": meter.read()}
+        results["warning"] = "; ".join(
+            [*results["warning"], *(f"neglected: {note}" for note in neglected)]
+        )
+        loaded = (
+            b.mass for b in problem.model.bodies.values() if b.kind == "free" and b.load is not None
+        )
+        return (
+            dict.fromkeys(NUMBERS, np.nan)
+            | {"mass": next(loaded, np.nan)}
+            | results
+            | {"cost": meter.read()}
+        )
 
     def _results(self, problem: Problem, meter: CostMeter) -> dict[str, Any]:
         """Return the results without NaN, and warnings as a list."""
@@ -128,9 +142,13 @@ class CrossingTask:
                 return {"kind": NOT_FOUND, "warning": [*warnings, left, fixed, where]}
             solution = fixed
             doubt = "" if fixed.status == COMPLETE else f" ({fixed.status})"
-            warnings.append(f"{left}; this is the peak at fixed speed, to {percent(AROUND[-1])} in speed{doubt}")
+            warnings.append(
+                f"{left}; this is the peak at fixed speed, to {percent(AROUND[-1])} in speed{doubt}"
+            )
         elif not first <= CLOSE:
-            warnings.append(f"interpolation over the range leaves a residual of {first:.2g}; give a shorter one")
+            warnings.append(
+                f"interpolation over the range leaves a residual of {first:.2g}; give a shorter one"
+            )
         out: dict[str, Any] = {
             "kind": INCOMPLETE if warnings else COMPLETE, "speed": solution.parameter, "amplitude": solution.amplitude,
             "frequency": solution.frequency, "preload": family.preload(solution.parameter), "residual": solution.residual,
@@ -171,7 +189,9 @@ class Crossings(SweepResult, kind="bdamper-crossings"):
             others = [value for mass, value in highest.items() if mass != best]
             low, high = amount(min(others), "m"), amount(max(others), "m")
             reached = low if low == high else f"{low} to {high}"
-            out.append(f"Highest {'crossings' if len(others) > 1 else 'crossing'} of the other masses: {reached}.")
+            out.append(
+                f"Highest {'crossings' if len(others) > 1 else 'crossing'} of the other masses: {reached}."
+            )
         else:
             of_best = np.full(len(self), True)
             out = self._top(of_best)
@@ -189,12 +209,24 @@ class Crossings(SweepResult, kind="bdamper-crossings"):
 
         Crossings that are known for no mass are ignored, and so are engine orders that meet no resonance.
         """
-        amplitude, mass, order = numbers_of(self.values, "amplitude"), self.points[MASS], self.points["engine_order"]
+        amplitude, mass, order = (
+            numbers_of(self.values, "amplitude"),
+            self.points[MASS],
+            self.points["engine_order"],
+        )
         known = np.isfinite(amplitude)
         settled = known | np.array([kind == "none" for kind in self.values["kind"]])
         comparable = np.isin(order, order[settled])
-        complete = [value for value in dict.fromkeys(mass.tolist()) if settled[comparable & (mass == value)].all()]
-        return {value: float(amplitude[of].max()) for value in complete if (of := known & (mass == value)).any()}
+        complete = [
+            value
+            for value in dict.fromkeys(mass.tolist())
+            if settled[comparable & (mass == value)].all()
+        ]
+        return {
+            value: float(amplitude[of].max())
+            for value in complete
+            if (of := known & (mass == value)).any()
+        }
 
     def _top(self, among: NDArray) -> list[str]:
         """Return sentences about the highest of some crossings."""
@@ -202,7 +234,9 @@ class Crossings(SweepResult, kind="bdamper-crossings"):
         top = row_of(self.values, i)
         peak = peak_text(top["amplitude"], top["frequency"])
         place = f"{top['speed']:.5g} rad/s ({top['speed'] * RPM:.0f} rpm), {as_words(row_of(self.points, i))}"
-        out = [f"Highest crossing: {peak}, {place}, under a preload of {amount(top['preload'], 'N')}."]
+        out = [
+            f"Highest crossing: {peak}, {place}, under a preload of {amount(top['preload'], 'N')}."
+        ]
         if top["warning"]:
             doubt = "Note: " if top["kind"] == COMPLETE else "There may be a higher point: "
             out.append(f"{doubt}{top['warning']}.")
@@ -214,7 +248,9 @@ class Crossings(SweepResult, kind="bdamper-crossings"):
         if not np.isfinite(margins).any():
             return []
         k = int(np.nanargmin(margins))
-        return [f"Least margin against fatigue {margins[k]:.3g} ({as_words(row_of(self.points, k))})."]
+        return [
+            f"Least margin against fatigue {margins[k]:.3g} ({as_words(row_of(self.points, k))})."
+        ]
 
 
 def resonance_crossings(
@@ -240,11 +276,15 @@ def resonance_crossings(
     validation.check(orders, "engine_orders", "at least one", "none")
     preload = preload_at(problem, float(values[-1]))
     if not problem.carries_load:
-        raise SettingError(f"crossings need a model with a body that carries a load; {problem.why_no_load}")
+        raise SettingError(
+            f"crossings need a model with a body that carries a load; {problem.why_no_load}"
+        )
     if mode > 1:
         free_and_stuck(problem.at(preload), mode)
     operating = conditions
-    named = operating.values(values.tolist(), orders)  # raises an error if tables do not cover the speeds
+    named = operating.values(
+        values.tolist(), orders
+    )  # raises an error if tables do not cover the speeds
     if margin is not None:
         validation.instance("margin", margin, LeastMargin)
         chosen_sets(problem)
@@ -252,7 +292,9 @@ def resonance_crossings(
     # the points of the sweep have no speed yet; at each speed of a line the load follows from the mass
     over = {INERTIA: factors.tolist(), "engine_order": list(orders)}
     found = sweep(problem, over, task, executor=executor, resume=resume, progress=progress)
-    points = named_fields({MASS: found.points[INERTIA], "engine_order": found.points["engine_order"]}, len(found))
+    points = named_fields(
+        {MASS: found.points[INERTIA], "engine_order": found.points["engine_order"]}, len(found)
+    )
     swept = {f.name: getattr(found, f.name) for f in fields(found)}
     return Crossings(**swept | {"names": (MASS, "engine_order"), "points": points})
 
@@ -267,5 +309,7 @@ def speed_values(speeds: Any, n: int = 13) -> NDArray:
     """
     values = validation.numbers("speeds", speeds, above=0.0, unit="rad/s")
     if len(values) < 2 or np.any(np.diff(values) <= 0.0):
-        raise validation.invalid("speeds", "(low, high) in rad/s, or a longer sequence of increasing values", speeds)
+        raise validation.invalid(
+            "speeds", "(low, high) in rad/s, or a longer sequence of increasing values", speeds
+        )
     return values if len(values) > 2 else np.linspace(values[0], values[1], n)

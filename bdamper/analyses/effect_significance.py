@@ -23,7 +23,14 @@ from typing import Any
 
 import numpy as np
 
-from bdamper.analyses.error_estimates import Change, Tops, compare, embed, estimate_change, whole_curve
+from bdamper.analyses.error_estimates import (
+    Change,
+    Tops,
+    compare,
+    embed,
+    estimate_change,
+    whole_curve,
+)
 from bdamper.contact.laws import LAW_BONDED
 from bdamper.harmonic_balance.checks import check_question
 from bdamper.harmonic_balance.effects import MOTIONS, OFF, Effects, harmonic_numbers
@@ -150,7 +157,9 @@ class EffectSignificance(Plottable, Tabular, Storable, kind="bdamper-effect-sign
         rows = [("without", "amplitude", "frequency", "may miss", "source", "work", "in the study")]
         for e in self.effects:
             changes = percent(e.amplitude_change, True), percent(e.frequency_change, True)
-            state = f"{'on' if e.on else 'off'}: {e.verdict}" + (f" ({e.reason})" if e.reason else "")
+            state = f"{'on' if e.on else 'off'}: {e.verdict}" + (
+                f" ({e.reason})" if e.reason else ""
+            )
             missed = percent(e.uncertainty) if e.source == "estimated" else ""
             rows.append((e.name, *changes, missed, e.source, f"{e.work:.2f}", state))
         changes = percent(self.amplitude_change, True), percent(self.frequency_change, True)
@@ -172,7 +181,9 @@ def effect_significance(
     tolerance = validation.number("tolerance", tolerance, above=0.0, below=1.0)
     check_question(problem, [preload], frequency)
     present = Effects.of(problem)
-    effects = fullest(problem) if against is None else validation.instance("against", against, Effects)
+    effects = (
+        fullest(problem) if against is None else validation.instance("against", against, Effects)
+    )
     names, rows = parts(problem, effects), list[EffectRow]()
     with progress_stages(shows_progress(progress), "effect significance", "step") as report:
         report("all effects", 0, len(names) + 2)
@@ -183,9 +194,15 @@ def effect_significance(
         rows.sort(key=lambda row: -row.size)
         report("without all omitted effects", len(names) + 1, len(names) + 2)
         rows, (amplitude, change) = _chosen(reference, rows, tolerance)
-    significant = reduce(Effects.without, (row.name for row in rows if not row.significant), effects)
+    significant = reduce(
+        Effects.without, (row.name for row in rows if not row.significant), effects
+    )
     whole = reference.curve
-    notes = () if whole.complete else (f"the curve with all effects ended as: {whole.status} ({whole.reason})",)
+    notes = (
+        ()
+        if whole.complete
+        else (f"the curve with all effects ended as: {whole.status} ({whole.reason})",)
+    )
     work = _work(problem.replace(**significant).system(preload)) / reference.work
     return EffectSignificance(
         preload, frequency, tolerance, whole.peak.amplitude, whole.peak.frequency, tuple(rows), effects, significant,
@@ -196,7 +213,9 @@ def effect_significance(
 class _Reference:
     """Study with all effects, and its highest peak."""
 
-    def __init__(self, problem: Problem, effects: Effects, preload: float, frequency: tuple[float, float]) -> None:
+    def __init__(
+        self, problem: Problem, effects: Effects, preload: float, frequency: tuple[float, float]
+    ) -> None:
         self.problem, self.effects, self.preload = problem, effects, preload
         self.curve = whole_curve(problem, preload, frequency)
         self.tops = Tops.of(problem, self.curve)
@@ -231,7 +250,11 @@ def _chosen(
 
     Return the rows with the selection, and the computed change of amplitude and frequency without the omitted effects.
     """
-    taken_back = {row.name: reason for row in rows if (reason := _contains_more(reference.effects, row, rows, tolerance))}
+    taken_back = {
+        row.name: reason
+        for row in rows
+        if (reason := _contains_more(reference.effects, row, rows, tolerance))
+    }
     worth = 0.98  # relative work above which the omission of an effect saves nothing
     while True:
         effects, total, out = reference.effects, 0.0, dict[str, EffectRow]()
@@ -248,10 +271,14 @@ def _chosen(
                 change = np.inf, np.inf
         if max(map(abs, change)) <= tolerance:  # false if the change is unknown
             break
-        taken_back[max(out.values(), key=lambda row: row.size).name] = "changes more together with others"
+        taken_back[max(out.values(), key=lambda row: row.size).name] = (
+            "changes more together with others"
+        )
     marked = []
     for row in rows:
-        covered = effects.without(row.name) == effects  # omitted, alone or with an effect that contains it
+        covered = (
+            effects.without(row.name) == effects
+        )  # omitted, alone or with an effect that contains it
         reason = row.reason or taken_back.get(row.name, "")
         if not covered and not reason and row.size <= tolerance:
             reason = "saves nothing" if row.work >= worth else "the sum would exceed the tolerance"
@@ -259,7 +286,9 @@ def _chosen(
     return marked, change
 
 
-def _contains_more(effects: Effects, row: EffectRow, rows: list[EffectRow], tolerance: float) -> str:
+def _contains_more(
+    effects: Effects, row: EffectRow, rows: list[EffectRow], tolerance: float
+) -> str:
     """Return the name of another significant effect that is omitted together with this one, as "contains ...", or "".
 
     The changes by the two effects may cancel by chance, so a small total change does not show that both are insignificant.
@@ -315,12 +344,23 @@ def fullest(problem: Problem) -> Effects:
             break
         most = l
     numbers = tuple(sorted({*harmonic_numbers(present["harmonics"]), *range(1, most + 1)}))
-    on: dict[str, Any] = {name: not off for settings in OFF.values() for name, off in settings.items()}
+    on: dict[str, Any] = {
+        name: not off for settings in OFF.values() for name, off in settings.items()
+    }
     harmonics = len(numbers) if numbers[-1] == len(numbers) else numbers
     least = min(2, problem.settings.most_modes("free"))
     modes = {name: max(n, least) for name, n in problem.settings.by_body("damper_modes").items()}
-    damper_modes: Any = modes if isinstance(present["damper_modes"], Mapping) else max(present["damper_modes"], least)
-    on |= {"harmonics": harmonics, "damper_modes": damper_modes, "rigid_modes": RIGID_NAMES, "contact_points": None}
+    damper_modes: Any = (
+        modes
+        if isinstance(present["damper_modes"], Mapping)
+        else max(present["damper_modes"], least)
+    )
+    on |= {
+        "harmonics": harmonics,
+        "damper_modes": damper_modes,
+        "rigid_modes": RIGID_NAMES,
+        "contact_points": None,
+    }
     return Effects(present | on)
 
 
@@ -329,14 +369,18 @@ def parts(problem: Problem, effects: Effects) -> list[str]:
     points = problem.settings.most_points
     points = min(points, effects["contact_points"] or points)
     names = ["bias", "variable normal load", "separation"]
-    names += [f"harmonics beyond {l}" for l in (1, 3) if l >= max(problem.settings.excited)]  # excited ones are needed
+    names += [
+        f"harmonics beyond {l}" for l in (1, 3) if l >= max(problem.settings.excited)
+    ]  # excited ones are needed
     if problem.model.n_blades > 1:
         names.append("harmonic nodal diameters")
     if any(face.kind == "constraint" for face in problem.model.interfaces.values()):
         names.append("constraint planes")
     if any(body.kind == "free" for body in problem.model.bodies.values()):
         loaded = any(body.load is not None for body in problem.model.bodies.values())
-        names += [motion for motion in MOTIONS if not (loaded and motion == "translation Y")]  # along the preload
+        names += [
+            motion for motion in MOTIONS if not (loaded and motion == "translation Y")
+        ]  # along the preload
         names.append("damper modes beyond 0")
     modes = effects["blade_modes"]
     blades = any(body.kind == "constrained" for body in problem.model.bodies.values())

@@ -46,7 +46,14 @@ from bdamper.response.continuation import TWO_PI
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.highest_peak import Highest, highest_of_curve, highest_peak
 from bdamper.response.linear_limits import beyond, free_and_stuck, resonance_interval
-from bdamper.response.peak import LOOSEST, Peak, PeakOptions, amplitude_at, coarse_options, find_peak
+from bdamper.response.peak import (
+    LOOSEST,
+    Peak,
+    PeakOptions,
+    amplitude_at,
+    coarse_options,
+    find_peak,
+)
 from bdamper.response.response_curve import as_curve
 from bdamper.response.response_curve_result import ResponseCurve
 from bdamper.util.errors import NOT_FOUND, BdamperError, SettingError, with_reason
@@ -63,10 +70,18 @@ def with_needed_bases(problem: Problem) -> Problem:
     model = problem.model
 
     def needed(by_diameter: Mapping[int, T]) -> dict[int, T]:
-        return {d: item for d, item in by_diameter.items() if d in problem.settings.needed_diameters}
+        return {
+            d: item for d, item in by_diameter.items() if d in problem.settings.needed_diameters
+        }
 
-    bodies = {n: b if b.kind == "free" else replace(b, bases=needed(b.bases)) for n, b in model.bodies.items()}
-    stress = {n: replace(rows, modes=needed(rows.modes), contact=needed(rows.contact)) for n, rows in model.stress.items()}
+    bodies = {
+        n: b if b.kind == "free" else replace(b, bases=needed(b.bases))
+        for n, b in model.bodies.items()
+    }
+    stress = {
+        n: replace(rows, modes=needed(rows.modes), contact=needed(rows.contact))
+        for n, rows in model.stress.items()
+    }
     return problem.replace(model=as_checked(replace(model, bodies=bodies, stress=stress)))
 
 
@@ -131,14 +146,24 @@ class SpeedFamily:
         crossings = []
         for column in np.transpose([self._linear(omega, mode) for omega in (low, high)]):
             slope = float(np.diff(column**2)[0] / np.diff(squares)[0])
-            square = (column[0] ** 2 - slope * squares[0]) / (order**2 - slope) if order**2 > slope else 0.0
+            square = (
+                (column[0] ** 2 - slope * squares[0]) / (order**2 - slope)
+                if order**2 > slope
+                else 0.0
+            )
             crossings.append(float(np.sqrt(max(square, 0.0))))
         return min(crossings), max(crossings)
 
     def limits_text(self, low: float, high: float, mode: int) -> str:
         """Return where the free and the stuck resonance cross the line, and what to do if no maximum is found."""
-        met = {name: speed for name, speed in zip(("free", "stuck"), self.resonances(low, high, mode)) if speed}
-        where = " and ".join(f"at {speed * RPM:.5g} rpm with {name} contacts" for name, speed in met.items())
+        met = {
+            name: speed
+            for name, speed in zip(("free", "stuck"), self.resonances(low, high, mode))
+            if speed
+        }
+        where = " and ".join(
+            f"at {speed * RPM:.5g} rpm with {name} contacts" for name, speed in met.items()
+        )
         inside = any(low <= speed <= high for speed in met.values())
         also = ", or check that excitation and response act on the mode" if inside else ""
         wider = f"give a range wider than {low * RPM:.5g} to {high * RPM:.5g} rpm{also}"
@@ -220,7 +245,9 @@ def follow_line(
     low, high = speeds
     wide, reach = 0.05 * (high - low), family.conditions.reach(int(family.whole.engine_order))
     # a branch may leave the interval and return; tables over speed limit the range
-    equations = family.along(max(low - wide, 0.5 * low, reach[0]), min(high + wide, reach[1]), NODES)
+    equations = family.along(
+        max(low - wide, 0.5 * low, reach[0]), min(high + wide, reach[1]), NODES
+    )
     meter.watch(equations)
     options = options or coarse_options()
     budget = options.budget or evaluation_budget(equations)
@@ -231,7 +258,9 @@ def follow_line(
     def find_start(omega: float) -> NDArray | None:
         case, here = _nearest(family, equations, omega / order), equations.structure.at(omega)
         meter.watch(here)
-        highest, tried, _ = first_point(here, case.equilibrium, case.stuck_springs(), omega, options, meter)
+        highest, tried, _ = first_point(
+            here, case.equilibrium, case.stuck_springs(), omega, options, meter
+        )
         for line in tried:
             search.note(omega, line)
         return highest
@@ -240,16 +269,24 @@ def follow_line(
         search.cover(find_start)
     status, reason, left = ending(search.pieces, *search.limits)
     lowest = _nearest(family, equations, low).problem
-    curve = as_curve(lowest, search, (status, reason, (*left, *search.lost)), kind="run-up", preload=np.nan)
+    curve = as_curve(
+        lowest, search, (status, reason, (*left, *search.lost)), kind="run-up", preload=np.nan
+    )
     harmonics = responses(equations, np.column_stack([curve.unknowns, TWO_PI * curve.frequency]))
     speed = TWO_PI * curve.frequency / order
-    curve = replace(curve, harmonics=harmonics, speed=speed, **family.whole.recorded(search.options))
+    curve = replace(
+        curve, harmonics=harmonics, speed=speed, **family.whole.recorded(search.options)
+    )
     try:
         top = highest_of_curve(equations, curve)
     except BdamperError:  # no point on a connected branch
         return equations, curve, None
     meter.count(top.peak.iterations)
-    highest = None if top.kind == "end" else replace(top, peak=replace(top.peak, parameter=float(top.peak.y[-1]) / order))
+    highest = (
+        None
+        if top.kind == "end"
+        else replace(top, peak=replace(top.peak, parameter=float(top.peak.y[-1]) / order))
+    )
     return equations, curve, highest
 
 
@@ -259,7 +296,9 @@ def _nearest(family: SpeedFamily, equations: Equations[Family], speed: float) ->
     return family.problem(nearest).at(family.preload(nearest))
 
 
-def _watched(family: SpeedFamily, equations: Equations[Family], mode: int) -> list[tuple[float, float, NDArray]]:
+def _watched(
+    family: SpeedFamily, equations: Equations[Family], mode: int
+) -> list[tuple[float, float, NDArray]]:
     """Return frequency, half-width (rad/s) and modal row of the free and the stuck resonance on the engine order line."""
     ends = float(equations.structure.speeds.min()), float(equations.structure.speeds.max())
     out = []
@@ -268,13 +307,22 @@ def _watched(family: SpeedFamily, equations: Equations[Family], mode: int) -> li
         omega = equations.structure.engine_order * speed
         if not ends[0] < speed < ends[1]:
             continue
-        resonances = equations.structure.at(omega).structure.linear.resonances((springs,), 0.9 * omega, 1.1 * omega)
-        out += [(omega, width, row) for _, width, row in sorted(resonances, key=lambda one: abs(one[0] - omega))[:1]]
+        resonances = equations.structure.at(omega).structure.linear.resonances(
+            (springs,), 0.9 * omega, 1.1 * omega
+        )
+        out += [
+            (omega, width, row)
+            for _, width, row in sorted(resonances, key=lambda one: abs(one[0] - omega))[:1]
+        ]
     return out
 
 
 def at_fixed_speed(
-    peak_at: Callable[[float, NDArray], Peak], order: float, speeds: NDArray, top: Peak, tolerance: float
+    peak_at: Callable[[float, NDArray], Peak],
+    order: float,
+    speeds: NDArray,
+    top: Peak,
+    tolerance: float,
 ) -> Peak | str:
     """Return the peak at fixed speed that lies on the line, by secant steps from a point on it, or why there is none.
 
@@ -307,7 +355,11 @@ def at_fixed_speed(
         off = float(peak.y[-1]) - omega
         if abs(off) <= tolerance * omega:
             return peak
-        slope = -1.0 if before is None or before[0] == omega else (off - before[1]) / (omega - before[0])
+        slope = (
+            -1.0
+            if before is None or before[0] == omega
+            else (off - before[1]) / (omega - before[0])
+        )
         before, guess = (omega, off), peak.y
         omega = min(max(low, omega - off / (slope if slope < -0.2 else -1.0)), high)
         if omega == before[0]:
@@ -315,7 +367,9 @@ def at_fixed_speed(
     return f"no peak at fixed speed on the line after {steps} steps"
 
 
-def interpolated_at_fixed_speed(equations: Equations[Family], top: Peak, meter: CostMeter) -> Peak | str:
+def interpolated_at_fixed_speed(
+    equations: Equations[Family], top: Peak, meter: CostMeter
+) -> Peak | str:
     """Return the peak at fixed speed that lies on the line, from interpolated equations, or why there is none."""
     structure = equations.structure
 
@@ -326,7 +380,9 @@ def interpolated_at_fixed_speed(equations: Equations[Family], top: Peak, meter: 
         meter.count(peak.iterations)
         return peak
 
-    return at_fixed_speed(peak_at, structure.engine_order, structure.speeds, top, PeakOptions().position_tolerance)
+    return at_fixed_speed(
+        peak_at, structure.engine_order, structure.speeds, top, PeakOptions().position_tolerance
+    )
 
 
 def exact_at_fixed_speed(
@@ -364,10 +420,22 @@ def exact(family: SpeedFamily, top: Peak) -> tuple[Peak, float]:
     system = family.system(top.parameter)
     error = system.error(top.y)
     options = PeakOptions()
-    c = system.correct_at(top.y[:-1], float(top.y[-1]), top.scale, max(options.tolerance, LOOSEST), options.max_iterations)
+    c = system.correct_at(
+        top.y[:-1],
+        float(top.y[-1]),
+        top.scale,
+        max(options.tolerance, LOOSEST),
+        options.max_iterations,
+    )
     if c.status != OK:
         return top, error
-    return replace(top, y=c.y, amplitude=amplitude_at(system, c.y), shares=np.array(c.shares), residual=c.residual), error
+    return replace(
+        top,
+        y=c.y,
+        amplitude=amplitude_at(system, c.y),
+        shares=np.array(c.shares),
+        residual=c.residual,
+    ), error
 
 
 def follow_mode(
@@ -417,11 +485,16 @@ def refined(
     for part in AROUND:
         if error <= CLOSE:
             break
-        shorter = family.along((1.0 - part) * solution.parameter, (1.0 + part) * solution.parameter, NODES)
+        shorter = family.along(
+            (1.0 - part) * solution.parameter, (1.0 + part) * solution.parameter, NODES
+        )
         meter.watch(shorter)
         peak = find_peak(shorter, solution.y, tangent=solution.tangent, scale=solution.scale)
         if not peak.converged:
             break
-        equations, top = shorter, replace(peak, parameter=float(peak.y[-1]) / shorter.structure.engine_order)
+        equations, top = (
+            shorter,
+            replace(peak, parameter=float(peak.y[-1]) / shorter.structure.engine_order),
+        )
         solution, error = exact(family, top)
     return equations, top, solution, first, error

@@ -103,7 +103,12 @@ class Change(NamedTuple):
     @classmethod
     def between(cls, before: Peak, after: PeakOutcome | Peak, how: str = "") -> Change:
         """Return the change from one computed peak to another."""
-        return cls(after.amplitude / before.amplitude - 1.0, after.frequency / before.frequency - 1.0, 0.0, how)
+        return cls(
+            after.amplitude / before.amplitude - 1.0,
+            after.frequency / before.frequency - 1.0,
+            0.0,
+            how,
+        )
 
     @property
     def known(self) -> bool:
@@ -246,7 +251,9 @@ def evaluate_peak(problem: Problem, solve: Callable[[Problem], Any]) -> PeakOutc
         amplitude, frequency, reason = _read(problem, result)
     except (BdamperError, ArithmeticError, np.linalg.LinAlgError) as error:
         amplitude, frequency, reason = np.nan, np.nan, str(error)
-    return PeakOutcome(float(amplitude), float(frequency), reason, time.thread_time() - begin, result)
+    return PeakOutcome(
+        float(amplitude), float(frequency), reason, time.thread_time() - begin, result
+    )
 
 
 def _read(problem: Problem, result: Any) -> tuple[float, float, str]:
@@ -266,12 +273,20 @@ def _read(problem: Problem, result: Any) -> tuple[float, float, str]:
     if not known:
         return np.nan, np.nan, reason
     if isinstance(result, ResponseCurve):
-        result = highest_of_curve(problem.system(result.preload), result).peak if result.peak_at_end else result.peak
+        result = (
+            highest_of_curve(problem.system(result.preload), result).peak
+            if result.peak_at_end
+            else result.peak
+        )
     return result.amplitude, result.frequency, ""
 
 
 def whole_curve(
-    problem: Problem, preload: float, frequency: tuple[float, float], at_end: bool = False, wider: tuple | None = None
+    problem: Problem,
+    preload: float,
+    frequency: tuple[float, float],
+    at_end: bool = False,
+    wider: tuple | None = None,
 ) -> ResponseCurve:
     """Compute a response curve that contains a maximum.
 
@@ -302,7 +317,9 @@ def whole_curve(
         if wider is not None or highest_of_curve(problem.system(preload), curve).kind == "end":
             why = "the response is highest at an end"
     if why:
-        raise BdamperError(f"no peak at {preload:g} N between {frequency[0]:.6g} and {frequency[1]:.6g} Hz: {why}")
+        raise BdamperError(
+            f"no peak at {preload:g} N between {frequency[0]:.6g} and {frequency[1]:.6g} Hz: {why}"
+        )
     return curve
 
 
@@ -334,10 +351,16 @@ class Tops:
         system = problem.system(curve.preload)
         top = highest_of_curve(system, curve)
         lower = (p for p in maxima(system, curve, NEARLY_HIGHEST) if not same_peak(p, top.peak))
-        return cls((top.peak, *lower), (float(curve.frequency.min()), float(curve.frequency.max())), top.kind == "end")
+        return cls(
+            (top.peak, *lower),
+            (float(curve.frequency.min()), float(curve.frequency.max())),
+            top.kind == "end",
+        )
 
 
-def compare(problem: Problem, other: Problem, preload: float, tops: Tops, by_newton: bool = False) -> Change:
+def compare(
+    problem: Problem, other: Problem, preload: float, tops: Tops, by_newton: bool = False
+) -> Change:
     """Compute the change of the highest peak from one problem to another.
 
     Parameters
@@ -360,7 +383,11 @@ def compare(problem: Problem, other: Problem, preload: float, tops: Tops, by_new
         system = other.system(preload)
         embedded = [embed(problem, other, preload, top.y) for top in tops.peaks]
         signs = [sign_of_jacobian(problem.system(preload), top.y) for top in tops.peaks]
-        change = _at_frequency(system, embedded, peak) if tops.at_end else _solved(system, embedded, signs, tops)
+        change = (
+            _at_frequency(system, embedded, peak)
+            if tops.at_end
+            else _solved(system, embedded, signs, tops)
+        )
         if change is not None:
             return change
     interval = tops.interval or (0.85 * peak.frequency, 1.2 * peak.frequency)
@@ -372,11 +399,15 @@ def compare(problem: Problem, other: Problem, preload: float, tops: Tops, by_new
     return Change.between(peak, outcome, f"computed by a complete response curve{outside}")
 
 
-def _solved(system: Equations, embedded: list[NDArray], signs: list[int], tops: Tops) -> Change | None:
+def _solved(
+    system: Equations, embedded: list[NDArray], signs: list[int], tops: Tops
+) -> Change | None:
     """Return the change to the highest peak found by Newton's method; None if it fails or finds another peak."""
     peaks, (low, high) = [], tops.interval or (0.0, np.inf)
     for y, sign, peak in zip(embedded, signs, tops.peaks):
-        found, _ = peak_of_sign(system, y, sign, options=PeakOptions(), parameter=peak.parameter, patient=False)
+        found, _ = peak_of_sign(
+            system, y, sign, options=PeakOptions(), parameter=peak.parameter, patient=False
+        )
         most_fall = 0.1
         if isinstance(found, str) or not low <= found.frequency <= high:
             return None
@@ -393,7 +424,9 @@ def _at_frequency(system: Equations, embedded: list[NDArray], peak: Peak) -> Cha
     """
     y = embedded[0]
     for search in (False, True) if len(embedded) == 1 else ():
-        c = system.correct_at(y[:-1], float(y[-1]), system.units(y, y[-1]), 1e-9, 60 if search else 20, search)
+        c = system.correct_at(
+            y[:-1], float(y[-1]), system.units(y, y[-1]), 1e-9, 60 if search else 20, search
+        )
         if c.status == OK:
             change = float(abs(system.response(c.y[:-1])[1])) / peak.amplitude - 1.0
             return Change(change, 0.0, 0.0, "solved at the end of the interval")
@@ -405,10 +438,14 @@ SOURCES = ("harmonics", "contact_forces", "contact points", "modes", "residual f
 
 
 @one_thread
-def estimate_errors(problem: Problem, result: ResponseCurve | Peak, *, sources: Sequence[str] = SOURCES) -> ErrorEstimates:
+def estimate_errors(
+    problem: Problem, result: ResponseCurve | Peak, *, sources: Sequence[str] = SOURCES
+) -> ErrorEstimates:
     """See :meth:`bdamper.Study.estimate_errors`."""
     sources = validation.names("sources", sources, SOURCES)
-    validation.instance("result", result, (ResponseCurve, Peak), "a ResponseCurve or a Peak of this study")
+    validation.instance(
+        "result", result, (ResponseCurve, Peak), "a ResponseCurve or a Peak of this study"
+    )
     if isinstance(result, ResponseCurve):
         check_curve(problem, result)
         preload = result.preload
@@ -417,7 +454,9 @@ def estimate_errors(problem: Problem, result: ResponseCurve | Peak, *, sources: 
         check_peak(problem, result)
         preload, tops = result.parameter, Tops((result,))
     top = tops.peaks[0]
-    items = tuple(item for s in sources if (item := _of_source(problem, s, preload, tops)) is not None)
+    items = tuple(
+        item for s in sources if (item := _of_source(problem, s, preload, tops)) is not None
+    )
     return ErrorEstimates(preload, top.frequency, top.amplitude, items)
 
 
@@ -427,7 +466,9 @@ def _of_source(problem: Problem, source: str, preload: float, tops: Tops) -> Sou
         if found is None:
             return None
         richer, text = found
-        change = compare(problem, richer, preload, tops, richer.harmonic_numbers != problem.harmonic_numbers)
+        change = compare(
+            problem, richer, preload, tops, richer.harmonic_numbers != problem.harmonic_numbers
+        )
         how = f"{text}; {change.how}" if change.known else change.how
     except BdamperError as error:
         change, how = Change(), str(error)
@@ -464,7 +505,11 @@ def nodal_diameter(problem: Problem, harmonic: int) -> int:
 def missing_harmonics(problem: Problem, top: int) -> list[int]:
     """Return the harmonics up to ``top`` for which the model has no modes."""
     bases = [body.bases for body in problem.model.bodies.values() if body.kind == "constrained"]
-    return [l for l in range(2, top + 1) if any(nodal_diameter(problem, l) not in by_diameter for by_diameter in bases)]
+    return [
+        l
+        for l in range(2, top + 1)
+        if any(nodal_diameter(problem, l) not in by_diameter for by_diameter in bases)
+    ]
 
 
 def with_stand_ins(problem: Problem, harmonics: int | tuple[int, ...]) -> Problem:
@@ -475,7 +520,11 @@ def with_stand_ins(problem: Problem, harmonics: int | tuple[int, ...]) -> Proble
     model, bodies = problem.model, {}
     fundamental, *others = (nodal_diameter(problem, l) for l in (1, *lacking))
     for name, body in model.bodies.items():
-        lent = {d: body.bases[fundamental] for d in others if body.kind == "constrained" and d not in body.bases}
+        lent = {
+            d: body.bases[fundamental]
+            for d in others
+            if body.kind == "constrained" and d not in body.bases
+        }
         bodies[name] = replace(body, bases={**body.bases, **lent})
     return problem.replace(model=replace(model, bodies=bodies), harmonics=harmonics)
 
@@ -486,7 +535,9 @@ def _more_harmonics(problem: Problem) -> Richer:
     if top == numbers[-1]:
         raise BdamperError(f"there are no more than {MAX_HARMONIC} harmonics")
     lacking = missing_harmonics(problem, top)
-    text = f"harmonics 1 to {top}" + (f", with the modes of the first for {lacking[0]} and more" if lacking else "")
+    text = f"harmonics 1 to {top}" + (
+        f", with the modes of the first for {lacking[0]} and more" if lacking else ""
+    )
     return with_stand_ins(problem, top), text
 
 
@@ -497,7 +548,9 @@ def _exact_events(problem: Problem) -> Richer | None:
     try:
         return problem.replace(contact_forces="event_driven"), "exact events"
     except SettingError:  # coupled friction has no event-driven evaluation
-        return problem.replace(contact_forces=AFT(4 * sampling.n_time)), f"{4 * sampling.n_time} samples"
+        return problem.replace(
+            contact_forces=AFT(4 * sampling.n_time)
+        ), f"{4 * sampling.n_time} samples"
 
 
 def _more_points(problem: Problem) -> Richer:
@@ -510,10 +563,15 @@ def _more_points(problem: Problem) -> Richer:
 def _more_modes(problem: Problem) -> Richer:
     s = problem.settings
     damper_modes, blade = s.by_body("damper_modes"), s.most_modes("constrained")
-    rich = {name: problem.model.bodies[name].bases[0].n_natural - len(RIGID_NAMES) for name in damper_modes}
+    rich = {
+        name: problem.model.bodies[name].bases[0].n_natural - len(RIGID_NAMES)
+        for name in damper_modes
+    }
     if isinstance(s.contact_stiffness, ResidualModes) or s.contact_stiffness == "residual_modes":
         blade = min(blade, max(BLADE_MODES, 2 * s.blade_modes))
-        rich = {name: min(most, max(BLADE_MODES, 2 * damper_modes[name])) for name, most in rich.items()}
+        rich = {
+            name: min(most, max(BLADE_MODES, 2 * damper_modes[name])) for name, most in rich.items()
+        }
     if blade <= s.blade_modes and rich == damper_modes:
         raise BdamperError("the model has no more modes")
     counts = " and ".join(map(str, sorted(set(rich.values()) - {0})))

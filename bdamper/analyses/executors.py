@@ -32,7 +32,14 @@ from numpy.typing import NDArray
 
 from bdamper.util import errors, validation
 from bdamper.util.errors import BdamperError, inside_package
-from bdamper.util.progress import Cost, CostMeter, ExecutorEnded, LongWork, executor_errors, progress_counter
+from bdamper.util.progress import (
+    Cost,
+    CostMeter,
+    ExecutorEnded,
+    LongWork,
+    executor_errors,
+    progress_counter,
+)
 from bdamper.util.records import named_fields
 from bdamper.util.storage import ResultsFile, from_line, json_line
 
@@ -127,7 +134,11 @@ TASKS, SECONDS = 4, 0.1
 
 
 def run_points(
-    job: Job, point: Callable[[int], Mapping[str, Any]], todo: Sequence[int], executor: Executor | None, keep: Keep
+    job: Job,
+    point: Callable[[int], Mapping[str, Any]],
+    todo: Sequence[int],
+    executor: Executor | None,
+    keep: Keep,
 ) -> None:
     """Compute points and store those of each task as soon as it is finished.
 
@@ -154,7 +165,9 @@ def run_points(
             keep([i], [recorded(job, point(i))])
         return
     numbers = (getattr(executor, name, None) for name in ("_max_workers", "num_workers"))
-    most = TASKS * next((n for n in numbers if isinstance(n, int)), 32)  # the executor of Dask has no such attribute
+    most = TASKS * next(
+        (n for n in numbers if isinstance(n, int)), 32
+    )  # the executor of Dask has no such attribute
     waiting, running, size = deque(todo), dict[Future[list[Record] | None], list[int]](), 1
     with ExitStack() as stack:
         small, whole = _pack(job, executor, stack)
@@ -181,7 +194,12 @@ def run_points(
                     del running[future]  # after it is stored, since storing may be interrupted
         except BaseException:
             for future, task in running.items():
-                if not future.cancel() and future.done() and not future.exception() and (records := future.result()):
+                if (
+                    not future.cancel()
+                    and future.done()
+                    and not future.exception()
+                    and (records := future.result())
+                ):
                     keep(task, records)
             raise
 
@@ -224,7 +242,11 @@ class _Table:
         self.columns: dict[str, dict[str, NDArray]] = {"values": {}, "cost": {}}
 
     def put(self, i: int, record: Record) -> None:
-        self.known[i], self.seconds[i], self.status[i] = True, record["seconds"], sys.intern(record["status"])
+        self.known[i], self.seconds[i], self.status[i] = (
+            True,
+            record["seconds"],
+            sys.intern(record["status"]),
+        )
         for group, columns in self.columns.items():
             for name, value in record[group].items():
                 column, plain = columns.get(name), isinstance(value, float)
@@ -275,10 +297,17 @@ def run_stored(
         if record["index"] in index:
             table.put(index[record["index"]], record)
     todo = np.flatnonzero(~table.known).tolist()
-    with LongWork() as work, progress_counter(progress, len(names), len(names) - len(todo), what, unit) as advance:
+    with (
+        LongWork() as work,
+        progress_counter(progress, len(names), len(names) - len(todo), what, unit) as advance,
+    ):
 
         def keep(task: Sequence[int], found: Sequence[Record]) -> None:
-            new = {i: json_line({"index": names[i], **record}) for i, record in zip(task, found) if not table.known[i]}
+            new = {
+                i: json_line({"index": names[i], **record})
+                for i, record in zip(task, found)
+                if not table.known[i]
+            }
             for i, line in new.items():
                 table.put(i, from_line(line))
                 advance()

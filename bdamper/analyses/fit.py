@@ -54,7 +54,14 @@ from bdamper.importers.measured_modes import MeasuredMode
 from bdamper.importers.measurements import Measured, Measurement
 from bdamper.response.sensitivity import setting_value
 from bdamper.util import validation
-from bdamper.util.errors import COMPLETE, INCOMPLETE, BdamperError, SettingError, inside_user_code, with_reason
+from bdamper.util.errors import (
+    COMPLETE,
+    INCOMPLETE,
+    BdamperError,
+    SettingError,
+    inside_user_code,
+    with_reason,
+)
 from bdamper.util.formatting import spaced
 from bdamper.util.progress import one_thread
 
@@ -152,9 +159,15 @@ class Objective:
         if callable(self.problem):
             given = inspect.signature(self.problem).parameters
             known = {name: given[name].default for name in middle if name in given}
-            values = {name: value for name, value in known.items() if value is not inspect.Parameter.empty}
+            values = {
+                name: value for name, value in known.items() if value is not inspect.Parameter.empty
+            }
         else:
-            values = {name: setting_value(problem_of(self.problem), name) for name in middle if name != FORCE}
+            values = {
+                name: setting_value(problem_of(self.problem), name)
+                for name in middle
+                if name != FORCE
+            }
         values = middle | ({FORCE: 1.0} if FORCE in middle else {}) | values
         return np.clip(np.log([values[name] or 1e-300 for name in middle]), *self.bounds)
 
@@ -162,7 +175,9 @@ class Objective:
         """Return the residuals of each data set; the last result is stored."""
         if self._last is None or not np.array_equal(self._last[0], x):
             held = dict(self.held)
-            gain = {FORCE: held.pop(FORCE)} if FORCE in held else {}  # jacobian() omits its derivatives
+            gain = (
+                {FORCE: held.pop(FORCE)} if FORCE in held else {}
+            )  # jacobian() omits its derivatives
             values = dict(zip(self.ranges, np.exp(x).tolist()))
             given = values | {n: v for n, v in gain.items() if n not in values}
             varied = Variations(lambda at: self.made(held | at), given)
@@ -172,7 +187,9 @@ class Objective:
     def residual(self, x: NDArray) -> NDArray:
         """Return the residuals (m,) of all data, then those of the priors."""
         values = dict(zip(self.ranges, np.exp(x)))
-        prior = [(values[name] - mean) / deviation for name, (mean, deviation) in self.priors.items()]
+        prior = [
+            (values[name] - mean) / deviation for name, (mean, deviation) in self.priors.items()
+        ]
         return np.concatenate([*(part.residual.ravel() for part in self.parts(x)), prior])
 
     def jacobian(self, x: NDArray) -> NDArray:
@@ -180,7 +197,9 @@ class Objective:
         k = len(self.ranges)
         slopes = [part.slopes()[..., :k].reshape(-1, k) for part in self.parts(x)]
         prior = np.eye(k)[[list(self.ranges).index(name) for name in self.priors]]
-        return np.concatenate([*slopes, *(row[None] / self.priors[n][1] for n, row in zip(self.priors, prior))]) * np.exp(x)
+        return np.concatenate(
+            [*slopes, *(row[None] / self.priors[n][1] for n, row in zip(self.priors, prior))]
+        ) * np.exp(x)
 
     def log_probability(self, values: Sequence[float] | NDArray) -> float:
         """Return the logarithm of the probability density of parameter values, up to a constant, for samplers.
@@ -190,10 +209,19 @@ class Objective:
         """
         x = np.log(validation.numbers("values", values, len(self.ranges), above=0.0))
         low, high = self.bounds
-        return -0.5 * float((self.residual(x) ** 2).sum()) if ((x >= low) & (x <= high)).all() else -np.inf
+        return (
+            -0.5 * float((self.residual(x) ** 2).sum())
+            if ((x >= low) & (x <= high)).all()
+            else -np.inf
+        )
 
     def least(
-        self, x: NDArray, free: NDArray, tolerance: float = LEAST, most: int = MOST, rows: NDArray | slice = slice(None)
+        self,
+        x: NDArray,
+        free: NDArray,
+        tolerance: float = LEAST,
+        most: int = MOST,
+        rows: NDArray | slice = slice(None),
     ) -> NDArray:
         """Minimise the sum of squares of some rows from a point x over the free coordinates."""
         low, high = self.bounds
@@ -240,14 +268,19 @@ def left_out(r: NDArray, J: NDArray, rows: Sequence[slice | NDArray]) -> NDArray
         Rows of each group.
     """
     moved = np.array([np.linalg.pinv(J.T @ J - J[s].T @ J[s]) @ (J[s].T @ r[s]) for s in rows])
-    return np.asarray(np.sqrt((1.0 - 1.0 / len(rows)) * ((moved - moved.mean(axis=0)) ** 2).sum(axis=0)))
+    return np.asarray(
+        np.sqrt((1.0 - 1.0 / len(rows)) * ((moved - moved.mean(axis=0)) ** 2).sum(axis=0))
+    )
 
 
 @validation.check_arguments
 @one_thread
 def fit(
     problem: Asking | Problem | Callable[..., Asking],
-    data: MeasuredResponse | Measured | MeasuredMode | Sequence[MeasuredResponse | Measured | MeasuredMode],
+    data: MeasuredResponse
+    | Measured
+    | MeasuredMode
+    | Sequence[MeasuredResponse | Measured | MeasuredMode],
     vary: Mapping[str, tuple[float, float]],
     *,
     free: Measurement | MeasuredResponse | None = None,
@@ -296,18 +329,28 @@ def fit(
     """
     data = _tests(data)
     groups, scatter = repetitions(data)
-    notes = (f"noise {scatter:.3g}, the scatter of repeated tests",) if noise is None and scatter else ()
-    noise = validation.number("noise", (scatter or NOISE) if noise is None else noise, above=0.0, below=1.0)
+    notes = (
+        (f"noise {scatter:.3g}, the scatter of repeated tests",)
+        if noise is None and scatter
+        else ()
+    )
+    noise = validation.number(
+        "noise", (scatter or NOISE) if noise is None else noise, above=0.0, below=1.0
+    )
     own = problem if callable(problem) else problem_of(problem)
     profiles = validation.choice("intervals", intervals, ("profile", "linear")) == "profile"
     ranges, known = _checked(own, vary, priors or {})
     first = None
-    validation.check(free is None or not callable(own), "free", "none for a function of all parameters", "one")
+    validation.check(
+        free is None or not callable(own), "free", "none for a function of all parameters", "one"
+    )
     if free is not None:
         unladen = free if isinstance(free, MeasuredResponse) else MeasuredResponse(free, 0.0)
         unloaded = {name: ranges.pop(name, ends) for name, ends in UNLOADED.items()}
         first = _stage(Objective(own, [unladen], unloaded, noise, {}, profiles, known))
-    validation.check(ranges, "vary", "parameters that the free response does not determine", list(vary))
+    validation.check(
+        ranges, "vary", "parameters that the free response does not determine", list(vary)
+    )
     stiff = [name for name in ranges if name.startswith("contact_stiffness")]
     if (
         not callable(own)
@@ -325,7 +368,9 @@ def fit(
 
 
 def _checked(
-    own: Problem | Callable[..., Asking], vary: Mapping[str, tuple[float, float]], priors: Mapping[str, tuple[float, float]]
+    own: Problem | Callable[..., Asking],
+    vary: Mapping[str, tuple[float, float]],
+    priors: Mapping[str, tuple[float, float]],
 ) -> tuple[dict[str, tuple[float, float]], dict[str, tuple[float, float]]]:
     """Return the ranges of the parameters and their priors."""
     names = (*(inspect.signature(own).parameters if callable(own) else setting_names(own)), FORCE)
@@ -342,20 +387,30 @@ def _checked(
 def _tests(data: Any) -> list[MeasuredResponse | Measured | MeasuredMode]:
     """Return one test or several as a list of tests."""
     kinds = MeasuredResponse, Measured, MeasuredMode
-    found = [data] if isinstance(data, kinds) else validation.instance("data", data, Iterable, "tests, as MeasuredResponse")
+    found = (
+        [data]
+        if isinstance(data, kinds)
+        else validation.instance("data", data, Iterable, "tests, as MeasuredResponse")
+    )
     tests = [validation.instance("data", each, kinds) for each in found]
     validation.check(tests, "data", "one test or more", "none")
     return tests
 
 
-def repetitions(data: Sequence[MeasuredResponse | Measured | MeasuredMode]) -> tuple[list[int], float]:
+def repetitions(
+    data: Sequence[MeasuredResponse | Measured | MeasuredMode],
+) -> tuple[list[int], float]:
     """Return for each test the index of the first test under the same conditions, and the scatter of repeated tests.
 
     The scatter is the standard deviation of the logarithm of amplitude over force, 0 without repetitions. Tests measured
     at other frequencies are interpolated.
     """
     groups, squares = list(range(len(data))), []
-    tests = [(i, t) for i, t in enumerate(data) if isinstance(t, MeasuredResponse) and t.control == "force"]
+    tests = [
+        (i, t)
+        for i, t in enumerate(data)
+        if isinstance(t, MeasuredResponse) and t.control == "force"
+    ]
     for k, (i, one) in enumerate(tests):
         for j, other in tests[:k]:
             conditions = [(t.preload, t.sweep, t.nominal is None) for t in (one, other)]
@@ -378,7 +433,9 @@ def _logarithms(test: MeasuredResponse) -> tuple[NDArray, NDArray]:
 
 
 def _stage(
-    objective: Objective, before: tuple[Fitted, NDArray] | None = None, groups: Sequence[int] | None = None
+    objective: Objective,
+    before: tuple[Fitted, NDArray] | None = None,
+    groups: Sequence[int] | None = None,
 ) -> tuple[Fitted, NDArray]:
     """Fit one stage with the parameters of the previous stage held constant; return the result and its covariance.
 
@@ -390,7 +447,8 @@ def _stage(
     x = objective.least(objective.start, np.ones(len(names), bool))
     parts = objective.parts(x)
     labels = tuple(
-        str(each) if isinstance(each, MeasuredResponse) else each.source or "resonances" for each in objective.data
+        str(each) if isinstance(each, MeasuredResponse) else each.source or "resonances"
+        for each in objective.data
     )
     if all(part.lost.all() for part in parts):
         raise BdamperError(
@@ -404,7 +462,9 @@ def _stage(
     if other is not None:
         x = objective.least(other, np.ones(len(names), bool))
         parts, (prediction, _) = objective.parts(x), _predictions(objective, x, group)
-    half, C, left = _uncertainty(objective, x, [np.flatnonzero(group == each) for each in np.unique(group)], before)
+    half, C, left = _uncertainty(
+        objective, x, [np.flatnonzero(group == each) for each in np.unique(group)], before
+    )
     J = objective.jacobian(x)
     information = np.array([(J[s] ** 2).sum(axis=0) for s in rows]).T
     ends = np.clip([x - half[0], x + half[1]], low, high)
@@ -417,10 +477,16 @@ def _stage(
     notes = (f"correlated: {', '.join(pairs)}",) if pairs and not unknown.any() else ()
     doubts = [f"{spaced(name)} {UNKNOWN}" for name, whole in zip(names, unknown) if whole]
     if singular[-1] * ALIKE < singular[0] and not unknown.any():
-        parts_of = " ".join(f"{c:+.2f} ln {name}" for c, name in zip(ways[-1], names) if abs(c) > 0.1)
+        parts_of = " ".join(
+            f"{c:+.2f} ln {name}" for c, name in zip(ways[-1], names) if abs(c) > 0.1
+        )
         doubts.append(f"the data do not determine {parts_of}")
     at_end = (np.minimum(x - low, high - x) < 1e-3 * (high - low)) & ~unknown
-    doubts += [f"{spaced(name)} is at an end of its range" for name, is_at_end in zip(names, at_end) if is_at_end]
+    doubts += [
+        f"{spaced(name)} is at an end of its range"
+        for name, is_at_end in zip(names, at_end)
+        if is_at_end
+    ]
     doubts += _far_priors(objective, x)
     for label, part in zip(labels, parts):
         if lost := int(part.lost.sum()):
@@ -428,9 +494,14 @@ def _stage(
             counted = f"each counted as {LOST:g} times the noise"
             doubts.append(f"no response was found at {lost} points of {label}{why}, {counted}")
     of_points: dict[str, Any] = {
-        name: np.concatenate([getattr(part, name) for part in parts]) for name in ("place", "measured", "model", "residual")
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in ("place", "measured", "model", "residual")
     }
-    own = objective.made(dict(zip(names, np.exp(x)))) if callable(objective.problem) else problem_of(objective.problem)
+    own = (
+        objective.made(dict(zip(names, np.exp(x))))
+        if callable(objective.problem)
+        else problem_of(objective.problem)
+    )
     result = Fitted(
         names=names, values=np.exp(x), low=np.exp(ends[0]), high=np.exp(ends[1]),
         deviation=np.where(unknown, np.inf, deviation), left_out=left,
@@ -466,7 +537,9 @@ def _far_priors(objective: Objective, x: NDArray) -> list[str]:
     return out
 
 
-def _predictions(objective: Objective, x: NDArray, group: NDArray) -> tuple[NDArray, NDArray | None]:
+def _predictions(
+    objective: Objective, x: NDArray, group: NDArray
+) -> tuple[NDArray, NDArray | None]:
     """Return the residuals (n, 2) of each point in a fit without the tests of its group; NaN if there is only one group.
 
     ``group`` (m,) is the group of each row of the residual, without those of the priors.  If ``x`` is a local minimum, one
@@ -510,7 +583,9 @@ def _uncertainty(
     if before is not None:  # errors of the held parameters propagate to the others
         held, held_covariance = before
         ranges = UNLOADED | dict(objective.ranges)
-        joint = Objective(objective.problem, objective.data, ranges, objective.noise, priors=objective.priors)
+        joint = Objective(
+            objective.problem, objective.data, ranges, objective.noise, priors=objective.priors
+        )
         K = joint.jacobian(np.append(np.log(held.values), x))[:, : len(held.values)]
         move = covariance(J) @ J.T @ K
         carried = move @ held_covariance @ move.T
@@ -527,7 +602,10 @@ def _profile(objective: Objective, x: NDArray, j: int, rise: float, half: float)
     ends = np.array([x[j] - low[j], high[j] - x[j]])
     for side, sense in enumerate((-1.0, 1.0)):
         limit, reach = ends[side], min(half, ends[side])
-        inner, outer = (0.0, -1.0), None  # distance, and relative excess of the square root of the rise
+        inner, outer = (
+            (0.0, -1.0),
+            None,
+        )  # distance, and relative excess of the square root of the rise
         for _ in range(SEARCH):
             at = x.copy()
             at[j] += sense * reach
@@ -560,8 +638,21 @@ def _with_status(found: Fitted, doubts: Sequence[str]) -> Fitted:
 def _joined(first: Fitted, last: Fitted) -> Fitted:
     """Join parameters and tests of the results of two stages."""
     information = scipy.linalg.block_diag(first.information, last.information)
-    arrays = ("values", "low", "high", "deviation", "left_out", "place", "measured", "model", "residual", "prediction")
-    whole: dict[str, Any] = {name: np.concatenate([getattr(first, name), getattr(last, name)]) for name in arrays}
+    arrays = (
+        "values",
+        "low",
+        "high",
+        "deviation",
+        "left_out",
+        "place",
+        "measured",
+        "model",
+        "residual",
+        "prediction",
+    )
+    whole: dict[str, Any] = {
+        name: np.concatenate([getattr(first, name), getattr(last, name)]) for name in arrays
+    }
     joined = replace(
         last, names=first.names + last.names, tests=first.tests + last.tests,
         **whole, information=information, notes=first.notes + last.notes,

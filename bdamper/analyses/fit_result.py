@@ -94,7 +94,9 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
         """Raise ValueError unless all fields belong to the same points, parameters and tests."""
         super().check_rows()
         n, k, n_tests = len(self.place), len(self.names), len(self.tests)
-        expected: dict[str, tuple[int, ...]] = dict.fromkeys(("place", "measured", "model", "test"), (n,))
+        expected: dict[str, tuple[int, ...]] = dict.fromkeys(
+            ("place", "measured", "model", "test"), (n,)
+        )
         expected |= dict.fromkeys(("values", "low", "high", "deviation", "left_out"), (k,))
         expected |= {"residual": (n, 2), "information": (k, n_tests)}
         # fits of older versions have none
@@ -117,12 +119,16 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
     @property
     def predictions(self) -> NDArray:
         """Root mean square of the residuals of each test (n_tests,) in a fit without it, in units of the noise; or NaN."""
-        return self._by_test(self.prediction if len(self.prediction) else np.full_like(self.residual, np.nan))
+        return self._by_test(
+            self.prediction if len(self.prediction) else np.full_like(self.residual, np.nan)
+        )
 
     def _by_test(self, residual: NDArray) -> NDArray:
         n = len(self.tests)
         sums = np.bincount(self.test, (residual**2).sum(axis=1), n)
-        return np.sqrt(sums / np.maximum(np.bincount(self.test, np.count_nonzero(residual, axis=1), n), 1))
+        return np.sqrt(
+            sums / np.maximum(np.bincount(self.test, np.count_nonzero(residual, axis=1), n), 1)
+        )
 
     @property
     def misfit(self) -> float:
@@ -131,7 +137,9 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
 
     def __getitem__(self, name: str) -> float:
         """Return the estimate of a parameter."""
-        return float(self.values[self.names.index(validation.choice("parameter", name, self.names))])
+        return float(
+            self.values[self.names.index(validation.choice("parameter", name, self.names))]
+        )
 
     def apply(self, study: A | Callable[..., A]) -> A:
         """Return a study with the identified parameters, without the force gain of the rig.
@@ -148,9 +156,13 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
             omitted modes, contact points and harmonics, and are wrong with other settings.
         """
         if callable(study):
-            return study(**{name: float(v) for name, v in zip(self.names, self.values) if name != FORCE})
+            return study(
+                **{name: float(v) for name, v in zip(self.names, self.values) if name != FORCE}
+            )
         check_result(problem_of(study), self, f"study (the constants belong to {self._belong()})")
-        return vary(study, {name: float(v) for name, v in zip(self.names, self.values) if name != FORCE})
+        return vary(
+            study, {name: float(v) for name, v in zip(self.names, self.values) if name != FORCE}
+        )
 
     def widen(self, richer: Fitted) -> Fitted:
         """Widen the intervals by the distance to a fit with more detailed settings.
@@ -166,10 +178,20 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
         -------
         Fitted
         """
-        validation.check(richer.names == self.names, "richer", f"a fit of {self.names}", f"one of {richer.names}")
+        validation.check(
+            richer.names == self.names, "richer", f"a fit of {self.names}", f"one of {richer.names}"
+        )
         away = np.exp(np.abs(np.log(richer.values / self.values)))
-        low, high = np.minimum(self.low / away, richer.low), np.maximum(self.high * away, richer.high)
-        return replace(self, low=low, high=high, notes=(*self.notes, f"intervals reach a fit with {richer._belong()}"))
+        low, high = (
+            np.minimum(self.low / away, richer.low),
+            np.maximum(self.high * away, richer.high),
+        )
+        return replace(
+            self,
+            low=low,
+            high=high,
+            notes=(*self.notes, f"intervals reach a fit with {richer._belong()}"),
+        )
 
     def _belong(self) -> str:
         s = self.settings
@@ -177,14 +199,23 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
             "harmonics": " ".join(map(str, s["harmonics"])),
             "blade modes": s["blade_modes"],
             "contact points": s["contact_points"] or "all of the model",
-            "contact stiffness": s["contact_stiffness"] if isinstance(s["contact_stiffness"], str) else "given",
+            "contact stiffness": s["contact_stiffness"]
+            if isinstance(s["contact_stiffness"], str)
+            else "given",
         }
         return ", ".join(f"{name} {value}" for name, value in texts.items())
 
     def columns(self) -> dict[str, Column]:
         """Return one row for each measured point."""
-        arrays = {"test": self.test, "place": self.place, "measured": np.abs(self.measured), "model": np.abs(self.model)}
-        return {name: Column(v) for name, v in arrays.items()} | {"residual": Column(self.residual[:, 0])}
+        arrays = {
+            "test": self.test,
+            "place": self.place,
+            "measured": np.abs(self.measured),
+            "model": np.abs(self.model),
+        }
+        return {name: Column(v) for name, v in arrays.items()} | {
+            "residual": Column(self.residual[:, 0])
+        }
 
     @property
     def wrong(self) -> str:
@@ -193,7 +224,9 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
         if not self.misfits[worst] > WRONG:
             return ""
         ratio = float(np.nanmedian(np.abs(self.measured / self.model)[self.test == worst]))
-        power = np.rint(np.log10(ratio) / 3.0) if np.isfinite(ratio) else 0.0  # of 1000, between m, mm and um
+        power = (
+            np.rint(np.log10(ratio) / 3.0) if np.isfinite(ratio) else 0.0
+        )  # of 1000, between m, mm and um
         factor = f"{1e3**power:g} times those of the model"
         hint = f"; measured amplitudes are about {factor}: check the units" if power else ""
         return f"the model does not describe these data (misfit {self.misfits[worst]:.2g} times the noise{hint})"
@@ -206,7 +239,8 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
     def _headline(self) -> str:
         rows = zip(self.names, self.values, self.low, self.high, self.deviation)
         estimates = "; ".join(
-            f"{spaced(name)} {f'{v:.3g}' if np.isfinite(d) else UNKNOWN} ({a:.3g} to {b:.3g})" for name, v, a, b, d in rows
+            f"{spaced(name)} {f'{v:.3g}' if np.isfinite(d) else UNKNOWN} ({a:.3g} to {b:.3g})"
+            for name, v, a, b, d in rows
         )
         worst = int(np.argmax(self.misfits))
         out = [f"{self.wrong[:1].upper()}{self.wrong[1:]}."] if self.wrong else []
@@ -218,10 +252,16 @@ class Fitted(Plottable, Tabular, Recorded, Storable, kind="bdamper-fit", row="po
         if np.isfinite(left := self.predictions).any():
             last = int(np.nanargmax(left))
             far = f"{left[last]:.2g} times the noise ({percent(left[last] * self.noise)}) in {self.tests[last]}"
-            out.append(f"Tests left out of the fit are predicted within {np.nanmin(left):.2g} to {far}.")
-        out += [f"{note[:1].upper()}{note[1:]}." for note in self.notes if note.startswith("correlated")]
+            out.append(
+                f"Tests left out of the fit are predicted within {np.nanmin(left):.2g} to {far}."
+            )
+        out += [
+            f"{note[:1].upper()}{note[1:]}." for note in self.notes if note.startswith("correlated")
+        ]
         if wrong:
-            out.append("True constants may lie outside of the intervals: compare a fit with richer settings (widen).")
+            out.append(
+                "True constants may lie outside of the intervals: compare a fit with richer settings (widen)."
+            )
         out.append(f"The constants belong to {self._belong()}, and to no other settings.")
         if self.doubts:
             out.append(f"The fit is incomplete: {self.doubts}.")

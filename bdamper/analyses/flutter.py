@@ -87,7 +87,9 @@ class Flutter(Plottable, Tabular, Recorded, Storable, kind="bdamper-flutter", ro
         if (stable := self.amplitude[self.stable]).any():
             cycles += f", stable ones up to {amount(stable.max(), 'm')}"
         if np.isinf(safe[k]):
-            return f"No flutter: vibration below {amount(self.highest, 'm')} stays bounded, {cycles}."
+            return (
+                f"No flutter: vibration below {amount(self.highest, 'm')} stays bounded, {cycles}."
+            )
         if safe[k] == 0.0:
             return f"Flutter: at {where} vibration grows from rest, {cycles}."
         return f"Flutter above {amount(safe[k], 'm')} (least value, at {where}), {cycles}."
@@ -107,29 +109,54 @@ def flutter(
 ) -> Flutter:
     """See :meth:`bdamper.Study.flutter`."""
     low, high = validation.interval("amplitude", amplitude, "m")
-    values = preload_values(preload, n) if np.ndim(preload) else np.array([problem.check_preload(preload)])  # type: ignore[arg-type]
+    values = (
+        preload_values(preload, n)
+        if np.ndim(preload)
+        else np.array([problem.check_preload(preload)])
+    )  # type: ignore[arg-type]
     own_diameter = problem.model.folded_nodal_diameter(int(problem.engine_order))[0]
-    by_diameter = aerodynamic_damping if isinstance(aerodynamic_damping, Mapping) else {own_diameter: aerodynamic_damping}
+    by_diameter = (
+        aerodynamic_damping
+        if isinstance(aerodynamic_damping, Mapping)
+        else {own_diameter: aerodynamic_damping}
+    )
     rows: list[tuple[Any, ...]] = []
     with progress_stages(shows_progress(progress), "flutter", "preload") as report:
         for k, (d, value) in enumerate(by_diameter.items()):
             item = f"aerodynamic_damping at nodal diameter {d}"
-            flow = complex(validation.instance(item, value, (int, float, complex, np.number), "a finite number"))
+            flow = complex(
+                validation.instance(
+                    item, value, (int, float, complex, np.number), "a finite number"
+                )
+            )
             validation.check_value(np.isfinite(flow), item, "a finite number", value)
             zeta = flow.imag if isinstance(value, complex) else flow.real
-            one = problem if d == own_diameter else problem.replace(engine_order=int(d) or problem.model.n_blades)
-            one = _shifted(one, flow.real if isinstance(value, complex) else 0.0, float(values[-1]), mode)
+            one = (
+                problem
+                if d == own_diameter
+                else problem.replace(engine_order=int(d) or problem.model.n_blades)
+            )
+            one = _shifted(
+                one, flow.real if isinstance(value, complex) else 0.0, float(values[-1]), mode
+            )
             curve: NonlinearMode | None = None
             for i, p in enumerate(values[::-1].tolist(), k * len(values)):
                 report(f"{p:.4g} N, nodal diameter {d}", i, len(values) * len(by_diameter))
                 if curve is None or p > curve.scales_to:
-                    reach = low, high * (values[-1] / values[0] if curve is None and values[0] > 0.0 else 1.0)
+                    reach = (
+                        low,
+                        high
+                        * (values[-1] / values[0] if curve is None and values[0] > 0.0 else 1.0),
+                    )
                     curve = nonlinear_mode(one, p, mode, reach, options=options, progress=False)
                     cycles = _cycles(one, curve, zeta)
                 s = p / curve.preload if curve.scales_to else 1.0
                 rest = zeta + float(curve.damping_ratio[0]) > 0.0
                 scaled = [(s * a, *rest_of_it) for a, *rest_of_it in cycles if s * a <= high]
-                rows += [(p, d, *row) for row in ((0.0, float(curve.frequency[0]), rest, COMPLETE), *sorted(scaled))]
+                rows += [
+                    (p, d, *row)
+                    for row in ((0.0, float(curve.frequency[0]), rest, COMPLETE), *sorted(scaled))
+                ]
     preloads, diameters, amplitudes, frequencies, stable, statuses = zip(*rows)
     return Flutter(
         preload=np.array(preloads),
@@ -138,7 +165,9 @@ def flutter(
         frequency=np.array(frequencies),
         stable=np.array(stable, bool),
         highest=high,
-        aerodynamic_damping={str(d): [complex(z).real, complex(z).imag] for d, z in by_diameter.items()},
+        aerodynamic_damping={
+            str(d): [complex(z).real, complex(z).imag] for d, z in by_diameter.items()
+        },
         statuses=statuses,
         **problem.recorded(options),
     )
@@ -151,26 +180,51 @@ def _shifted(problem: Problem, shift: float, preload: float, mode: int) -> Probl
     square = 2.0 * shift * mode_system(problem, preload, mode, 1.0)[1] ** 2
     mean, *others = problem.bases
     moved = [
-        replace(b, omega2=b.omega2 + square * b.mass * (b.omega2 > 0.0), damping_ratio=0.0 * b.omega2, drag=b.damping)
+        replace(
+            b,
+            omega2=b.omega2 + square * b.mass * (b.omega2 > 0.0),
+            damping_ratio=0.0 * b.omega2,
+            drag=b.damping,
+        )
         for b in others
     ]
     return problem.given(bases=[mean, *moved])
 
 
-def _cycles(problem: Problem, mode: NonlinearMode, zeta: float) -> list[tuple[float, float, bool, str]]:
+def _cycles(
+    problem: Problem, mode: NonlinearMode, zeta: float
+) -> list[tuple[float, float, bool, str]]:
     """Return amplitude (m), frequency (Hz), stability and status of the motions with a damping ratio of ``-zeta``."""
-    validation.check(len(mode), "flutter", f"a mode under {mode.preload:g} N", f"none: {mode.reason}")
+    validation.check(
+        len(mode), "flutter", f"a mode under {mode.preload:g} N", f"none: {mode.reason}"
+    )
     system, _ = mode_system(problem, mode.preload, mode.mode, float(mode.amplitude.min()))
     g, out = mode.damping_ratio + zeta, []
-    for i in np.flatnonzero((g[:-1] * g[1:] <= 0.0) & (g[1:] != 0.0) & (mode.branch[:-1] == mode.branch[1:])):
+    for i in np.flatnonzero(
+        (g[:-1] * g[1:] <= 0.0) & (g[1:] != 0.0) & (mode.branch[:-1] == mode.branch[1:])
+    ):
         a, b = (
-            system.structure.point(mode.unknowns[j], TWO_PI * mode.frequency[j], mode.damping_ratio[j]) for j in (i, i + 1)
+            system.structure.point(
+                mode.unknowns[j], TWO_PI * mode.frequency[j], mode.damping_ratio[j]
+            )
+            for j in (i, i + 1)
         )
         guess = a + g[i] / (g[i] - g[i + 1]) * (b - a)
         scale = system.units(guess, 1.0)
         c = system.solve(guess, Plane(np.eye(len(guess))[-2]), scale, 1e-10, 20, True)
         solved = c.status == OK
-        y, status = (c.y, COMPLETE) if solved else (guess, with_reason(INCOMPLETE, "between two points of the mode"))
+        y, status = (
+            (c.y, COMPLETE)
+            if solved
+            else (guess, with_reason(INCOMPLETE, "between two points of the mode"))
+        )
         stable = bool((g[i + 1] - g[i]) * (b[-1] - a[-1]) > 0.0)
-        out.append((float(system.structure.reference * np.exp(y[-1])), float(y[-3]) / TWO_PI, stable, status))
+        out.append(
+            (
+                float(system.structure.reference * np.exp(y[-1])),
+                float(y[-3]) / TWO_PI,
+                stable,
+                status,
+            )
+        )
     return out

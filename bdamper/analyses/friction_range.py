@@ -64,5 +64,6 @@ def tolerates_friction(peak_with: Callable[[float], FrictionPeak]) -> bool:
     """Return whether the amplitude stays below twice its value with both ends of the usual spread of friction."""
     own = peak_with(1.0)
     return np.isfinite(own.amplitude) and all(
-        peak_with(factor).compared_with(own) == "low" for factor in (1.0 / FRICTION_SPREAD, FRICTION_SPREAD)
+        peak_with(factor).compared_with(own) == "low"
+        for factor in (1.0 / FRICTION_SPREAD, FRICTION_SPREAD)
     )

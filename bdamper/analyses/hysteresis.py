@@ -134,8 +134,16 @@ class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamp
     gap: Annotated[Any, Quantity("m", dims=(ROW, "theta"))] = None
     response: Annotated[Any, Quantity("m", dims=("theta",))] = None
     whole: Annotated[Any, Quantity("N", dims=("theta",))] = None
-    _summary_fields = ("preload", "frequency", "amplitude", "excitation", "damping", "stiffness", "damping_ratio",
-        "by_interface")
+    _summary_fields = (
+        "preload",
+        "frequency",
+        "amplitude",
+        "excitation",
+        "damping",
+        "stiffness",
+        "damping_ratio",
+        "by_interface",
+    )
 
     def __len__(self) -> int:
         return np.size(self.frequency)
@@ -188,14 +196,18 @@ class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamp
         """Return one row for each contact point of a single solution, or for each of several solutions."""
         columns, n = super().columns(), len(self.interface)
         if not self.single:
-            return columns | {f"lost_{name}": Column(energy, "J") for name, energy in self.by_interface.items()}
+            return columns | {
+                f"lost_{name}": Column(energy, "J") for name, energy in self.by_interface.items()
+            }
         of_points = {name: c for name, c in columns.items() if c.dims or len(c.values) == n}
         rows = ("interface", "energy")
         return {name: c._replace(dims=()) if name in rows else c for name, c in of_points.items()}
 
     def rows(self, interface: str) -> NDArray:
         """Return the indices of the points of an interface."""
-        return np.flatnonzero(np.array(self.interface) == validation.choice("interface", interface, self.interfaces))
+        return np.flatnonzero(
+            np.array(self.interface) == validation.choice("interface", interface, self.interfaces)
+        )
 
     def loop(self, where: int | str = WHOLE, direction: str = "t1") -> tuple[NDArray, NDArray]:
         """Return displacement (m) without its mean, and force (N), (n_theta,) each, over one cycle.
@@ -219,9 +231,17 @@ class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamp
                 return self.response, self.whole
             rows = self.rows(where)
         else:
-            rows = np.array([validation.integer("where, index of a contact point", where, 0, len(self.points) - 1)])
+            rows = np.array(
+                [
+                    validation.integer(
+                        "where, index of a contact point", where, 0, len(self.points) - 1
+                    )
+                ]
+            )
         rows = rows[np.isfinite(self.displacement[rows, 0, 0])]
-        validation.check(len(rows), "where", "an active contact", f"{where!r}, which the settings leave out")
+        validation.check(
+            len(rows), "where", "an active contact", f"{where!r}, which the settings leave out"
+        )
         moved = np.average(self.displacement[rows, k], axis=0, weights=self.area[rows])
         return moved - moved[:-1].mean(), self.force[rows, k].sum(axis=0)
 
@@ -253,7 +273,9 @@ class Hysteresis(Plottable, Comparable, Tabular, Recorded, Storable, kind="bdamp
 def _solutions(problem: Problem, result: Solved) -> tuple[Solutions, NDArray]:
     """Return the converged solutions of a result, and the branch of each."""
     kinds = ResponseCurve, Peak, OptimalCurve
-    validation.instance("result", result, kinds, "a response curve, a peak or an optimal curve of this study")
+    validation.instance(
+        "result", result, kinds, "a response curve, a peak or an optimal curve of this study"
+    )
     if isinstance(result, ResponseCurve):
         check_curve(problem, result)
     solved, branch = solutions_of(problem, result), np.zeros(1, int)
@@ -279,7 +301,9 @@ def _on_points(problem: Problem, system: Equations[Sector], values: NDArray) -> 
 def dissipation(problem: Problem, result: Solved) -> Hysteresis:
     """See :meth:`bdamper.Study.dissipation`."""
     solved, branch = _solutions(problem, result)
-    rows = [_of_solution(problem, u, frequency, preload) for u, frequency, preload, _ in zip(*solved)]
+    rows = [
+        _of_solution(problem, u, frequency, preload) for u, frequency, preload, _ in zip(*solved)
+    ]
     columns: dict[str, Any] = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     return Hysteresis(branch=branch, **columns, **_identity(problem))
 
@@ -302,19 +326,28 @@ def _faces(problem: Problem) -> list[Interface]:
 
 def _identity(problem: Problem) -> dict[str, Any]:
     """Return the interface of each contact point, and settings and model of the problem."""
-    names = tuple(face.name for face in _faces(problem) if face.kind != "spring" for _ in range(face.n_points))
+    names = tuple(
+        face.name for face in _faces(problem) if face.kind != "spring" for _ in range(face.n_points)
+    )
     return {"interface": names, **problem.recorded()}
 
 
 def _counted(problem: Problem, system: Equations[Sector]) -> NDArray:
     """Return which contact elements (n,) belong to contacts; springs between bodies do not."""
     faces = _faces(problem)
-    contact = np.repeat([face.kind in ("friction", "constraint") for face in faces], [face.n_points for face in faces])
-    return contact if system.structure.points.index is None else contact[system.structure.points.index]
+    contact = np.repeat(
+        [face.kind in ("friction", "constraint") for face in faces],
+        [face.n_points for face in faces],
+    )
+    return (
+        contact if system.structure.points.index is None else contact[system.structure.points.index]
+    )
 
 
 @one_thread
-def hysteresis(problem: Problem, result: Solved, index: int | None = None, *, n_theta: int = 720) -> Hysteresis:
+def hysteresis(
+    problem: Problem, result: Solved, index: int | None = None, *, n_theta: int = 720
+) -> Hysteresis:
     """See :meth:`bdamper.Study.hysteresis`."""
     n_theta = validation.integer("n_theta", n_theta, least=16)
     if index is None and isinstance(result, ResponseCurve) and len(result):
@@ -323,18 +356,28 @@ def hysteresis(problem: Problem, result: Solved, index: int | None = None, *, n_
         known = result.amplitude[np.isfinite(result.amplitude)]
         index = int(np.argmin(known)) if len(known) else None
     solved, branch = _solutions(problem, result)
-    k = 0 if index is None else validation.integer("index of a point", index, -len(branch), len(branch) - 1)
+    k = (
+        0
+        if index is None
+        else validation.integer("index of a point", index, -len(branch), len(branch) - 1)
+    )
     u, frequency, preload, _ = (column[k] for column in solved)
     system = problem.system(preload)
     theta = np.linspace(0.0, 2.0 * np.pi, n_theta + 1)
     X, F = histories(system, u, theta)
     counted, shown = _counted(problem, system), ~problem.coupling.spring_points
     response = complex(system.response(u)[1])
-    places = np.arange(system.n_points) if system.structure.points.index is None else system.structure.points.index
+    places = (
+        np.arange(system.n_points)
+        if system.structure.points.index is None
+        else system.structure.points.index
+    )
     # a point may have two elements; the first has the normal of the point
     first = np.unique(places, return_index=True)[1]
     sense = np.where(np.isin(np.arange(len(places)), first), 1.0, -1.0)
-    force = _on_points(problem, system, np.stack([F[:, 0], F[:, 1], sense[:, None] * F[:, 2]], axis=1))
+    force = _on_points(
+        problem, system, np.stack([F[:, 0], F[:, 1], sense[:, None] * F[:, 2]], axis=1)
+    )
     displacement = np.full(force.shape, np.nan)
     displacement[places[first]] = X[first]
     kn, n0 = system.structure.points.kn[first], system.structure.points.n0[first]
@@ -342,15 +385,22 @@ def hysteresis(problem: Problem, result: Solved, index: int | None = None, *, n_
     gap = np.full(force[:, 2].shape, np.nan)
     gap[places[first]] = np.where(force[places[first], 2] != 0.0, 0.0, np.maximum(distance, 0.0))
     at_points = {"displacement": displacement, "force": force, "gap": gap}
-    of_faces = {n: np.concatenate([getattr(face, n) for face in _faces(problem)]) for n in ("points", "frame", "area")}
-    columns: dict[str, Any] = {name: values[shown] for name, values in (at_points | of_faces).items()}
+    of_faces = {
+        n: np.concatenate([getattr(face, n) for face in _faces(problem)])
+        for n in ("points", "frame", "area")
+    }
+    columns: dict[str, Any] = {
+        name: values[shown] for name, values in (at_points | of_faces).items()
+    }
     return Hysteresis(
         theta=theta, response=(response * np.exp(1j * theta)).real, whole=_whole(system, u, F, theta, counted),
         **_of_solution(problem, u, frequency, preload), **columns, **_identity(problem),
     )  # fmt: skip
 
 
-def _whole(system: Equations[Sector], u: NDArray, F: NDArray, theta: NDArray, counted: NDArray) -> NDArray:
+def _whole(
+    system: Equations[Sector], u: NDArray, F: NDArray, theta: NDArray, counted: NDArray
+) -> NDArray:
     """Return the force (n_theta,) at the response location that is equivalent to all contacts."""
     (_, mean, _), response = system.contact(u), complex(system.response(u)[1])
     if response == 0.0:
@@ -401,16 +451,25 @@ def microslip(
         If there is no static state under the preload.
     """
     wanted = validation.numbers("microslip forces", forces, above=0.0, unit="N")
-    validation.check_value(not np.any(np.diff(wanted) <= 0.0), "microslip forces", "increasing forces above 0 N", forces)
+    validation.check_value(
+        not np.any(np.diff(wanted) <= 0.0),
+        "microslip forces",
+        "increasing forces above 0 N",
+        forces,
+    )
     validation.choice("microslip location", location, sorted(problem.model.locations))
     seat = problem.static(preload)
     if not seat.converged:
         raise ModelError(f"microslip: no static state under {preload:g} N: {seat.note}")
     basis = problem.static_basis
     along = problem.coupling.location_modes(location, 0).real
-    d = direction_vector(direction, "microslip direction") @ np.pad(along, ((0, 0), (0, basis.n_modes - along.shape[1])))
+    d = direction_vector(direction, "microslip direction") @ np.pad(
+        along, ((0, 0), (0, basis.n_modes - along.shape[1]))
+    )
     if not np.any(d):
-        raise SettingError(f"microslip: expected a location that moves along {direction}, '{location}' does not")
+        raise SettingError(
+            f"microslip: expected a location that moves along {direction}, '{location}' does not"
+        )
     static = problem.static_system(preload)
     system = replace(
         static, force=d.real, shift=np.zeros_like(static.shift),
@@ -435,4 +494,12 @@ def microslip(
     columns = {name: [row[name] for row in values] + [np.nan] * n_failed for name in values[0]}
     status = (COMPLETE,) * len(values) + (with_reason(FAILED, "the damper slides"),) * n_failed
     n, points = len(forces), named_fields({"force": forces}, len(forces))
-    return SweepResult(("force",), points, named_fields(columns, n), status, np.zeros(n), (n,), **problem.recorded())
+    return SweepResult(
+        ("force",),
+        points,
+        named_fields(columns, n),
+        status,
+        np.zeros(n),
+        (n,),
+        **problem.recorded(),
+    )

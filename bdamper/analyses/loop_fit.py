@@ -110,7 +110,11 @@ class FittedLoop(Plottable):
 
     def _headline(self) -> str:
         kt, mu, spread, play = self.deviation
-        clearance = f", backlash {amount(self.backlash, 'm')} ({amount(play, 'm')})" if self.backlash else ""
+        clearance = (
+            f", backlash {amount(self.backlash, 'm')} ({amount(play, 'm')})"
+            if self.backlash
+            else ""
+        )
         doubt = self.status.partition(": ")[2]
         return (
             f"{doubt[:1].upper()}{doubt[1:]}{doubt and '. '}"
@@ -122,7 +126,12 @@ class FittedLoop(Plottable):
 
 @validation.check_arguments
 def fit_loop(
-    displacement: NDArray, force: NDArray, *, normal: float, sliders: int = 20, backlash: bool = False
+    displacement: NDArray,
+    force: NDArray,
+    *,
+    normal: float,
+    sliders: int = 20,
+    backlash: bool = False,
 ) -> FittedLoop:
     """Identify contact stiffness, friction coefficient, its spread and backlash from a measured loop.
 
@@ -168,7 +177,9 @@ def fit_loop(
     cycles = _cycles(x, y, sense, noise)
     x, y, sense = x[used], y[used], sense[used]
     _check_signs(x, y, sense)
-    if len(cycles["energy"]) > 1 and np.ptp(cycles["energy"]) > CLOSED * np.median(cycles["energy"]):
+    if len(cycles["energy"]) > 1 and np.ptp(cycles["energy"]) > CLOSED * np.median(
+        cycles["energy"]
+    ):
         change = percent(np.ptp(cycles["energy"]) / np.median(cycles["energy"]))
         notes += (f"the energy differs by {change} between cycles: no steady state",)
     loop = _Loop(x, y, sense, noise, normal, sliders, backlash)
@@ -196,12 +207,25 @@ def _noise(values: NDArray) -> float:
 
 def _turns(x: NDArray, apart: float) -> NDArray:
     """Return the indices of turning points, at which the displacement reverses by at least ``apart``."""
-    kinds = {int(i): way for way in (1.0, -1.0) for i in scipy.signal.find_peaks(way * x, prominence=apart)[0]}
+    kinds = {
+        int(i): way
+        for way in (1.0, -1.0)
+        for i in scipy.signal.find_peaks(way * x, prominence=apart)[0]
+    }
     # of successive turning points of the same kind only the first counts
-    return np.array([i for before, i in itertools.pairwise([-1, *sorted(kinds)]) if kinds[i] != kinds.get(before)], int)
+    return np.array(
+        [
+            i
+            for before, i in itertools.pairwise([-1, *sorted(kinds)])
+            if kinds[i] != kinds.get(before)
+        ],
+        int,
+    )
 
 
-def _without_drift(x: NDArray, y: NDArray, turns: NDArray) -> tuple[NDArray, NDArray, tuple[str, ...]]:
+def _without_drift(
+    x: NDArray, y: NDArray, turns: NDArray
+) -> tuple[NDArray, NDArray, tuple[str, ...]]:
     """Return displacement and force without linear drift, and notes about removed drift.
 
     The drift is determined from the means over the periods of nearly full amplitude.
@@ -214,10 +238,16 @@ def _without_drift(x: NDArray, y: NDArray, turns: NDArray) -> tuple[NDArray, NDA
     out, time = [], np.arange(len(x)) - (len(x) - 1) / 2.0
     middle = [(time[turns[i]] + time[turns[i + 2] - 1]) / 2.0 for i in full]
     for name, values in (("displacement", x), ("force", y)):
-        slope = float(np.polyfit(middle, [values[turns[i] : turns[i + 2]].mean() for i in full], 1)[0])
+        slope = float(
+            np.polyfit(middle, [values[turns[i] : turns[i + 2]].mean() for i in full], 1)[0]
+        )
         share = slope * len(x) / np.ptp(values)
         drifts = abs(share) > DRIFT
-        notes += (f"drift of the {name} by {percent(abs(share))} of its range over the record removed",) if drifts else ()
+        notes += (
+            (f"drift of the {name} by {percent(abs(share))} of its range over the record removed",)
+            if drifts
+            else ()
+        )
         out.append(values - slope * time if drifts else values)
     return out[0], out[1], notes
 
@@ -232,7 +262,12 @@ def _senses(x: NDArray, y: NDArray, turns: NDArray, apart: float) -> NDArray:
         full[[0, -1]] = False
         sense = sense * full
     expected = "a closed period or more; remove drift, or give whole periods of constant amplitude"
-    validation.check({-1.0, 1.0} <= set(sense), "displacement", expected, f"{len(turns)} turning points and no full period")
+    validation.check(
+        {-1.0, 1.0} <= set(sense),
+        "displacement",
+        expected,
+        f"{len(turns)} turning points and no full period",
+    )
     if len(turns) <= 2:
         for name, values in (("displacement", x), ("force", y)):
             span, step = float(np.ptp(values)), float(np.abs(np.diff(values)).max())
@@ -244,17 +279,27 @@ def _senses(x: NDArray, y: NDArray, turns: NDArray, apart: float) -> NDArray:
 
 def _cycles(x: NDArray, y: NDArray, sense: NDArray, noise: NDArray) -> dict[str, NDArray]:
     """Return energy, friction and stiffness of each cycle of two successive branches; columns are left and right."""
-    parts = [part for part in np.split(np.arange(len(x)), np.flatnonzero(np.diff(sense)) + 1) if sense[part[0]] != 0.0]
+    parts = [
+        part
+        for part in np.split(np.arange(len(x)), np.flatnonzero(np.diff(sense)) + 1)
+        if sense[part[0]] != 0.0
+    ]
     energy, friction, stiffness, after = [], [], [], 0
     for pair in itertools.pairwise(parts):
         if pair[0][0] < after or pair[1][0] > pair[0][-1] + 1:
             continue
         whole, after = np.concatenate(pair), pair[1][-1] + 1
-        energy.append(0.5 * float((y[whole] + np.roll(y[whole], -1)) @ (np.roll(x[whole], -1) - x[whole])))
+        energy.append(
+            0.5 * float((y[whole] + np.roll(y[whole], -1)) @ (np.roll(x[whole], -1) - x[whole]))
+        )
         fall, rise = sorted(pair, key=lambda part: sense[part[0]])
         friction.append([-_late(x[fall], y[fall]), _late(x[rise], y[rise])])
         stiffness.append([_slope(x[part], y[part], noise) for part in (rise, fall)])
-    return {"energy": np.array(energy), "friction": np.array(friction), "stiffness": np.array(stiffness)}
+    return {
+        "energy": np.array(energy),
+        "friction": np.array(friction),
+        "stiffness": np.array(stiffness),
+    }
 
 
 def _late(x: NDArray, y: NDArray) -> float:
@@ -276,12 +321,19 @@ def _check_signs(x: NDArray, y: NDArray, sense: NDArray) -> None:
     """Raise SettingError for a loop without slip, with energy supply or with negative stiffness."""
     slope, half, _ = np.linalg.lstsq(np.column_stack([x, sense, np.ones(len(x))]), y, rcond=None)[0]
     slips = abs(half) > STICKS * np.ptp(y)
-    validation.check(slips, "loop", "slip, without which friction is not known", "a loop that sticks")
+    validation.check(
+        slips, "loop", "slip, without which friction is not known", "a loop that sticks"
+    )
     opposite = bool(slope * np.ptp(x) < -CLOSED * np.ptp(y))
-    mends = {"change the sign of the force": opposite, "reverse the order of the points": opposite == (half > 0.0)}
+    mends = {
+        "change the sign of the force": opposite,
+        "reverse the order of the points": opposite == (half > 0.0),
+    }
     mend = " and ".join(words for words, needed in mends.items() if needed)
     found = "negative stiffness" if half > 0.0 else "energy that is supplied"
-    validation.check(not mend, "loop", "positive stiffness and energy that is dissipated", f"{found}; {mend}")
+    validation.check(
+        not mend, "loop", "positive stiffness and energy that is dissipated", f"{found}; {mend}"
+    )
 
 
 @dataclass(eq=False)
@@ -305,18 +357,30 @@ class _Loop:
         places = (2.0 * np.arange(self.sliders) + 1.0) / self.sliders - 1.0
         low, high = p[4:6] * np.ptp(self.x) + self.x.min()
         play = p[6] * np.ptp(self.x) if self.backlash else 0.0
-        slip = 2.0 * np.exp(p[1] - p[0]) * self.normal * (1.0 + p[2] * places)  # from stick to full slip of each slider
+        slip = (
+            2.0 * np.exp(p[1] - p[0]) * self.normal * (1.0 + p[2] * places)
+        )  # from stick to full slip of each slider
         way = np.minimum(np.concatenate([[0.0], slip, [np.inf]]), max(high - low - play, 0.0))
         drop = np.exp(p[0]) / self.sliders * np.minimum(way[:, None], slip).sum(axis=1)
-        middle, zero = self.y.min() + np.array([p[3], p[7] if self.backlash else p[3]]) * np.ptp(self.y)
+        middle, zero = self.y.min() + np.array([p[3], p[7] if self.backlash else p[3]]) * np.ptp(
+            self.y
+        )
         out = {}
         for sense, turn in ((-1.0, high), (1.0, low)):
-            before = float(np.clip(drop[-1] / 2.0 + sense * (zero - middle), 0.0, drop[-1]))  # change of force up to zero
+            before = float(
+                np.clip(drop[-1] / 2.0 + sense * (zero - middle), 0.0, drop[-1])
+            )  # change of force up to zero
             at = int(np.searchsorted(drop, before))
             # the clearance is crossed at zero force
-            ways = np.insert(way + play * (np.arange(len(way)) >= at), at, np.interp(before, drop, way) + [0.0, play])
+            ways = np.insert(
+                way + play * (np.arange(len(way)) >= at),
+                at,
+                np.interp(before, drop, way) + [0.0, play],
+            )
             drops = np.insert(drop, at, [before, before])
-            out[sense] = np.column_stack([turn + sense * ways, middle + sense * (drops - drop[-1] / 2.0)])
+            out[sense] = np.column_stack(
+                [turn + sense * ways, middle + sense * (drops - drop[-1] / 2.0)]
+            )
         return out
 
     def force(self, p: NDArray) -> NDArray:
@@ -326,9 +390,14 @@ class _Loop:
 
     def residual(self, p: NDArray) -> NDArray:
         """Return the vectors (2 n,) from the points to the nearest points of their branch, in units of the noise."""
-        out, points = np.empty(len(self.x), complex), self.x / self.noise[0] + 1j * self.y / self.noise[1]
+        out, points = (
+            np.empty(len(self.x), complex),
+            self.x / self.noise[0] + 1j * self.y / self.noise[1],
+        )
         for sense, corners in self.branches(p).items():
-            out[self.sense == sense] = _nearest(points[self.sense == sense], corners @ ([1.0, 1j] / self.noise))
+            out[self.sense == sense] = _nearest(
+                points[self.sense == sense], corners @ ([1.0, 1j] / self.noise)
+            )
         return out.view(float)
 
     def fitted(self) -> tuple[NDArray, NDArray, NDArray]:
@@ -336,21 +405,38 @@ class _Loop:
         limit = np.log(0.5 * np.ptp(np.quantile(self.y, [0.02, 0.98])) / self.normal)
         soft = np.log(np.ptp(self.y) / np.ptp(self.x))
         size, zero = 8 if self.backlash else 6, -self.y.min() / np.ptp(self.y)
-        steps = itertools.product(soft + np.linspace(0.0, 4.0, 9), limit + np.array([0.0, 0.3, 0.7]))
-        grid = [np.array([*step, 0.0, 0.5, 0.0, 1.0, 0.0, np.clip(zero, 0.0, 1.0)])[:size] for step in steps]
-        lower, upper = [-np.inf, -np.inf, 0.0, -1.0, -1.0, 0.5, 0.0, -1.0], [np.inf, np.inf, 1.0, 2.0, 0.5, 2.0, 1.0, 2.0]
+        steps = itertools.product(
+            soft + np.linspace(0.0, 4.0, 9), limit + np.array([0.0, 0.3, 0.7])
+        )
+        grid = [
+            np.array([*step, 0.0, 0.5, 0.0, 1.0, 0.0, np.clip(zero, 0.0, 1.0)])[:size]
+            for step in steps
+        ]
+        lower, upper = (
+            [-np.inf, -np.inf, 0.0, -1.0, -1.0, 0.5, 0.0, -1.0],
+            [np.inf, np.inf, 1.0, 2.0, 0.5, 2.0, 1.0, 2.0],
+        )
         bounds = np.array([lower, upper])[:, :size]
         tries = []
-        spreads, plays = (0.1, 0.5, 0.9) if self.sliders > 1 else (0.0,), (0.03, 0.1, 0.3) if self.backlash else (0.0,)
+        spreads, plays = (
+            (0.1, 0.5, 0.9) if self.sliders > 1 else (0.0,),
+            (0.03, 0.1, 0.3) if self.backlash else (0.0,),
+        )
         for spread, play in itertools.product(spreads, plays):
-            starts = [p + np.array([0.0, 0.0, spread, 0.0, 0.0, 0.0, play, 0.0])[:size] for p in grid]
+            starts = [
+                p + np.array([0.0, 0.0, spread, 0.0, 0.0, 0.0, play, 0.0])[:size] for p in grid
+            ]
             start = min(starts, key=lambda p: float((self.residual(p) ** 2).sum()))
-            origin = start - 1.0  # shifts the parameters to about 1, since difference steps are relative
+            origin = (
+                start - 1.0
+            )  # shifts the parameters to about 1, since difference steps are relative
             solution = scipy.optimize.least_squares(
                 lambda q, origin=origin: self.residual(origin + q), start - origin, "3-point", bounds - origin,
                 xtol=1e-8, ftol=1e-10, diff_step=DIFFERENCE, max_nfev=ITERATIONS,
             )  # fmt: skip
-            tries.append((solution.cost, origin + solution.x, solution.fun.reshape(-1, 2), solution.jac))
+            tries.append(
+                (solution.cost, origin + solution.x, solution.fun.reshape(-1, 2), solution.jac)
+            )
         return min(tries, key=lambda each: each[0])[1:]
 
 
@@ -378,5 +464,7 @@ def read_loop(path: str | Path) -> tuple[NDArray, NDArray]:
     BdamperError
         If a column is missing, a unit is unknown, or a value is not a finite number; the message contains the line.
     """
-    columns = read_columns(path, ("displacement", "force"), units={"displacement": LENGTHS, "force": FORCES})
+    columns = read_columns(
+        path, ("displacement", "force"), units={"displacement": LENGTHS, "force": FORCES}
+    )
     return columns["displacement"][0], columns["force"][0]

@@ -35,12 +35,30 @@ from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, SettingError
 from bdamper.util.formatting import amount, peak_text, short_repr
 from bdamper.util.progress import Cost, CostMeter, one_thread, progress_bar, shows_progress
 from bdamper.util.storage import Recorded, Storable
-from bdamper.util.tables import ROW, FrequencySeries, Hertz, Kinds, Numbers, PerRow, Quantity, Shares, Tabular
+from bdamper.util.tables import (
+    ROW,
+    FrequencySeries,
+    Hertz,
+    Kinds,
+    Numbers,
+    PerRow,
+    Quantity,
+    Shares,
+    Tabular,
+)
 
 
 @short_repr
 @dataclass(frozen=True)
-class NonlinearMode(InContact, Comparable, FrequencySeries, Tabular, Recorded, Storable, kind="bdamper-nonlinear-mode"):
+class NonlinearMode(
+    InContact,
+    Comparable,
+    FrequencySeries,
+    Tabular,
+    Recorded,
+    Storable,
+    kind="bdamper-nonlinear-mode",
+):
     """Free vibration of a structure with friction: frequency and damping over amplitude.
 
     Every point is a converged periodic motion. ``plot`` draws frequency and damping over amplitude
@@ -99,7 +117,9 @@ class NonlinearMode(InContact, Comparable, FrequencySeries, Tabular, Recorded, S
         Values between points are interpolated linearly over the logarithm of the amplitude.
         """
         a = np.log(self.amplitude / validation.number("amplitude", amplitude, above=0.0, unit="m"))
-        i = np.flatnonzero((a[:-1] * a[1:] <= 0.0) & (a[1:] != 0.0) & (self.branch[:-1] == self.branch[1:]))
+        i = np.flatnonzero(
+            (a[:-1] * a[1:] <= 0.0) & (a[1:] != 0.0) & (self.branch[:-1] == self.branch[1:])
+        )
         part = a[i] / (a[i] - a[i + 1])
         f, zeta = (x[i] + part * (x[i + 1] - x[i]) for x in (self.frequency, self.damping_ratio))
         return list(zip(f.tolist(), zeta.tolist()))
@@ -115,20 +135,31 @@ class NonlinearMode(InContact, Comparable, FrequencySeries, Tabular, Recorded, S
         """
         preload = validation.number("preload", preload, above=0.0, unit="N")
         if preload > self.scales_to:
-            actual = f"one that scales to {self.scales_to:.6g} N" if self.scales_to else "one that does not scale"
+            actual = (
+                f"one that scales to {self.scales_to:.6g} N"
+                if self.scales_to
+                else "one that does not scale"
+            )
             raise SettingError(
                 f"preload: expected a mode that scales to {preload:.6g} N, without interference, cubic springs, constant "
                 f"forces and gaps that close, found {actual}; compute it there"
             )
         s = preload / self.preload
         return replace(
-            self, preload=preload, harmonics=s * self.harmonics, unknowns=s * self.unknowns, linear_to=s * self.linear_to
+            self,
+            preload=preload,
+            harmonics=s * self.harmonics,
+            unknowns=s * self.unknowns,
+            linear_to=s * self.linear_to,
         )
 
     def _headline(self) -> str:
         if not len(self):
             return f"No motion of mode {self.mode} was found: {self.reason}."
-        top, where = int(np.argmax(self.damping_ratio)), f"under a preload of {amount(self.preload, 'N')}"
+        top, where = (
+            int(np.argmax(self.damping_ratio)),
+            f"under a preload of {amount(self.preload, 'N')}",
+        )
         edge = ", an end of the range" if top in (0, len(self) - 1) else ""
         return (
             f"Damping of mode {self.mode} {where}: at most {amount(100.0 * self.damping_ratio[top], '%')}, with "
@@ -230,7 +261,9 @@ class Mode:
         return u
 
 
-def mode_equations(driven: Equations[Sector], omega: float, shape: NDArray, reference: float) -> Equations[Mode]:
+def mode_equations(
+    driven: Equations[Sector], omega: float, shape: NDArray, reference: float
+) -> Equations[Mode]:
     """Return the equations of a mode.
 
     Parameters
@@ -289,9 +322,14 @@ def nonlinear_mode(
     system, omega = mode_system(problem, preload, mode, low)
     meter.watch(system)
     branch = _Branch(system, (low, high), options or ContinuationOptions())
-    with progress_bar(shows_progress(progress), branch.low, branch.high, "nonlinear mode") as branch.on_point:
+    with progress_bar(
+        shows_progress(progress), branch.low, branch.high, "nonlinear mode"
+    ) as branch.on_point:
         branch.run(state, omega)
-    meter.count(sum(p.path.iterations for p in branch.pieces), sum(p.path.failed_steps for p in branch.pieces))
+    meter.count(
+        sum(p.path.iterations for p in branch.pieces),
+        sum(p.path.failed_steps for p in branch.pieces),
+    )
     points = in_order(branch.pieces)
     y = np.array([p.y for p, _ in points]).reshape(len(points), system.n_unknowns + 1)
     u, correlation = system.structure.motion(y), _correlation(system, y)
@@ -317,7 +355,9 @@ def nonlinear_mode(
     )
 
 
-def mode_system(problem: Problem, preload: float, mode: int, low: float) -> tuple[Equations[Mode], float]:
+def mode_system(
+    problem: Problem, preload: float, mode: int, low: float
+) -> tuple[Equations[Mode], float]:
     """Return the equations of a mode for response amplitudes from ``low`` (m), and its stuck frequency (rad/s)."""
     case = problem.at(preload)
     driven = case.equations
@@ -329,10 +369,14 @@ def mode_system(problem: Problem, preload: float, mode: int, low: float) -> tupl
     k = int(np.argmax(across))
     row, shape = driven.response_rows[1], shapes[:, k]
     if not abs(row @ shape) > 1e-6 * float(np.linalg.norm(row) * np.linalg.norm(shape)):
-        raise SettingError(f"response: mode {mode} does not move this location in this direction; choose another one")
+        raise SettingError(
+            f"response: mode {mode} does not move this location in this direction; choose another one"
+        )
     # the start may need smaller motions than the lowest amplitude, if contacts slip there
     descent = 1e-4
-    return mode_equations(driven, float(frequencies[k]), shape, descent * low), float(frequencies[k])
+    return mode_equations(driven, float(frequencies[k]), shape, descent * low), float(
+        frequencies[k]
+    )
 
 
 def mode_points(
@@ -349,7 +393,10 @@ def mode_points(
         c = None
         if len(k):
             before, after = y[k[0]], y[k[0] + 1]
-            c = branch.at(before + (parameter - before[-1]) / (after[-1] - before[-1]) * (after - before), float(parameter))
+            c = branch.at(
+                before + (parameter - before[-1]) / (after[-1] - before[-1]) * (after - before),
+                float(parameter),
+            )
         out.append(c if c is not None and c.status == OK else None)
     return system, out
 
@@ -357,7 +404,9 @@ def mode_points(
 class _Branch:
     """Branch through the stuck mode between two amplitudes (m)."""
 
-    def __init__(self, system: Equations[Mode], amplitude: tuple[float, float], options: ContinuationOptions) -> None:
+    def __init__(
+        self, system: Equations[Mode], amplitude: tuple[float, float], options: ContinuationOptions
+    ) -> None:
         self.system = system.within(options.budget or evaluation_budget(system))
         self.options = options
         self.low, self.high = (float(np.log(a / system.structure.reference)) for a in amplitude)
@@ -369,7 +418,9 @@ class _Branch:
         """Follow the branch from its start, and from the upper amplitude if the branch does not reach it."""
         start = self._start(state, omega)
         if start is None:
-            self.pieces.append(Piece(Path((), NOT_FOUND, "no motion at the lowest amplitude", 0, 0), True))
+            self.pieces.append(
+                Piece(Path((), NOT_FOUND, "no motion at the lowest amplitude", 0, 0), True)
+            )
             return
         ahead = self._linear(start)
         if ahead.y[-1] >= self.high:
@@ -392,14 +443,18 @@ class _Branch:
     def at(self, y: NDArray, parameter: float) -> Correction:
         """Solve by Newton's method with line search from a point at another amplitude."""
         y = np.append(y[:-1], parameter)
-        return self.system.correct_at(y[:-1], parameter, self._scale(y), self.options.tolerance, 40, True)
+        return self.system.correct_at(
+            y[:-1], parameter, self._scale(y), self.options.tolerance, 40, True
+        )
 
     def _start(self, state: PreloadState, omega: float) -> Correction | None:
         """Return the motion at the lowest amplitude, or at a smaller amplitude if Newton's method fails there.
 
         The result is None if it fails at all amplitudes.
         """
-        guess = self.system.structure.start(state.q, omega, self.system.structure.reference * float(np.exp(self.low)))
+        guess = self.system.structure.start(
+            state.q, omega, self.system.structure.reference * float(np.exp(self.low))
+        )
         for lower in np.log([1.0, 0.1, 0.01, 0.002]):
             solution = self.at(guess, self.low + float(lower))
             if solution.status == OK:
@@ -431,7 +486,9 @@ class _Branch:
         """Follow the branch at the largest amplitude downward."""
         solution = self.at(last, self.high)
         if solution.status == OK:
-            path = follow(self.system, solution.y, (self.low, self.high), up=False, options=self.options)
+            path = follow(
+                self.system, solution.y, (self.low, self.high), up=False, options=self.options
+            )
             self.pieces.append(Piece(path, False, 1))
 
 
@@ -439,7 +496,9 @@ def _correlation(system: Equations[Mode], y: NDArray) -> NDArray:
     """Return the MAC (n,) of the first harmonic and the stuck mode, weighted with the mass."""
     a, mass = system.layout.amplitudes(y, 1), system.structure.basis.mass
     across = np.abs(a @ (mass * system.structure.stuck.conj())) ** 2
-    return np.asarray(across / ((np.abs(a) ** 2 @ mass) * (np.abs(system.structure.stuck) ** 2 @ mass)))
+    return np.asarray(
+        across / ((np.abs(a) ** 2 @ mass) * (np.abs(system.structure.stuck) ** 2 @ mass))
+    )
 
 
 def _scales_to(problem: Problem, system: Equations[Mode], u: NDArray, preload: float) -> float:
@@ -450,7 +509,11 @@ def _scales_to(problem: Problem, system: Equations[Mode], u: NDArray, preload: f
     static = problem.static_system(preload)
     if preload == 0.0 or problem.settings.residual_slip_std or np.any(static.cubic):
         return 0.0
-    if np.any(static.n0 > 0.0) or np.any(static.constant_force) or np.any(problem.displacement_by_rotation):
+    if (
+        np.any(static.n0 > 0.0)
+        or np.any(static.constant_force)
+        or np.any(problem.displacement_by_rotation)
+    ):
         return 0.0
     gapped = static.n0 < 0.0
     gap = -static.n0[gapped] / static.kn[gapped]
@@ -465,7 +528,9 @@ def _kinds(points: list[tuple[Correction, Piece]], damping: NDArray) -> tuple[st
     """Return the kinds of the points; a flat maximum of the damping counts as regular."""
     around = np.concatenate([damping[:1], damping, damping[-1:]])
     low = np.maximum(around[:-2], around[2:]) >= (1.0 - FLAT) * damping
-    return tuple("regular" if p.kind == "maximum" and flat else p.kind for (p, _), flat in zip(points, low))
+    return tuple(
+        "regular" if p.kind == "maximum" and flat else p.kind for (p, _), flat in zip(points, low)
+    )
 
 
 def _ending(branch: _Branch, y: NDArray, correlation: NDArray, mode: int) -> tuple[str, str]:
@@ -477,7 +542,9 @@ def _ending(branch: _Branch, y: NDArray, correlation: NDArray, mode: int) -> tup
     apart = len(branch.pieces) > 1
     reason += f"; another branch from {place(branch.high)} down" if apart else ""
     familiar = 0.5  # least correlation of the same mode with the stuck mode
-    overdamped = 0.5  # damping ratio above which the periodic motion does not represent a decaying one
+    overdamped = (
+        0.5  # damping ratio above which the periodic motion does not represent a decaying one
+    )
     foreign, over = correlation < familiar, y[:, -2] > overdamped
     if foreign.any():
         at = y[int(np.argmax(foreign))]

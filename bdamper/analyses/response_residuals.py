@@ -105,14 +105,23 @@ class MeasuredResponse(Summarised, validation.Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        validation.instance("data", self.data, Measurement, "a Measurement, as bdamper.importers.read_response reads it")
+        validation.instance(
+            "data",
+            self.data,
+            Measurement,
+            "a Measurement, as bdamper.importers.read_response reads it",
+        )
         name, least = self.data.name, min(self.data.frequency.min(), self.data.amplitude.min())
         _ = self.data.displacement  # raises for an unknown unit
         if self.control != "phase":
-            validation.check(len(np.unique(self.data.frequency)) > 2, name, "three frequencies or more", "fewer")
+            validation.check(
+                len(np.unique(self.data.frequency)) > 2, name, "three frequencies or more", "fewer"
+            )
         if self.control != "force":
             given = self.force is None and self.data.force is not None
-            validation.check(given, name, f"a measured force at each point under {self.control} control", "none")
+            validation.check(
+                given, name, f"a measured force at each point under {self.control} control", "none"
+            )
         validation.check(least > 0.0, name, "frequencies and amplitudes above 0", f"{least:g}")
 
     @property
@@ -140,7 +149,9 @@ def forced(system: Equations[Sector], factor: float) -> Equations[Sector]:
     sector = system.structure
     force = np.array(sector.force)
     force[system.n_mean :] *= factor
-    return replace(sector, force=force, force_scale=(sector.force_scale[0], factor * sector.force_scale[1])).equations
+    return replace(
+        sector, force=force, force_scale=(sector.force_scale[0], factor * sector.force_scale[1])
+    ).equations
 
 
 class Variations:
@@ -154,7 +165,9 @@ class Variations:
         Parameters. ``"force_factor"`` is not passed to ``make``; it multiplies the excitation of every test.
     """
 
-    def __init__(self, make: Callable[[dict[str, float]], Problem], values: dict[str, float]) -> None:
+    def __init__(
+        self, make: Callable[[dict[str, float]], Problem], values: dict[str, float]
+    ) -> None:
         self.make, self.values = make, values
         self.own = self._at(values)
         _ = self.own.bases, self.own.static_states  # computed once for all tests
@@ -259,7 +272,9 @@ def of_test(varied: Variations, test: MeasuredResponse, noise: float) -> Separat
     search, reason = attempt(lambda: _Swept(varied, test, band))
     if search is None or not len(search.curve):
         reason = reason if search is None else search.curve.reason
-        return Separation(f, measured, model, residual, lambda: np.zeros((n, 2, len(varied.values))), lost, reason)
+        return Separation(
+            f, measured, model, residual, lambda: np.zeros((n, 2, len(varied.values))), lost, reason
+        )
     for i in range(n):
         solution = None
         target = np.array([np.log(f[i]) / step, np.log(abs(measured[i]) / factors[i]) / noise])
@@ -271,7 +286,10 @@ def of_test(varied: Variations, test: MeasuredResponse, noise: float) -> Separat
                 residual[i] = gap @ normal[i], 0.0
         if solution is None and (solution := search.at(f[i], factors[i])) is not None:
             ratio = search.first(solution) / measured[i]
-            residual[i] = np.log(abs(ratio)) / noise, phase * 2.0 * np.sin(0.5 * np.angle(ratio)) / noise
+            residual[i] = (
+                np.log(abs(ratio)) / noise,
+                phase * 2.0 * np.sin(0.5 * np.angle(ratio)) / noise,
+            )
         if solution is not None:
             lost[i], model[i], points[i] = False, search.first(solution), solution
 
@@ -286,10 +304,14 @@ def of_test(varied: Variations, test: MeasuredResponse, noise: float) -> Separat
         scale = np.tile(search.scale, (len(rows), 1))
         turned = np.cos(0.5 * np.angle(model[rows] / measured[rows]))
         under = np.where(near, 1.0, factors[rows])
-        for j, s in enumerate(across(search.system, [points[int(i)] for i in rows], scale, families, under).values()):
+        for j, s in enumerate(
+            across(search.system, [points[int(i)] for i in rows], scale, families, under).values()
+        ):
             relative = s.at_frequency / model[rows]
             vertical = np.array([relative.real, phase * turned * relative.imag]).T / noise
-            sideways = np.array([s.frequency / f[rows] / step, (s.response / model[rows]).real / noise]).T
+            sideways = np.array(
+                [s.frequency / f[rows] / step, (s.response / model[rows]).real / noise]
+            ).T
             distance = np.pad((sideways * normal[rows]).sum(axis=1)[:, None], ((0, 0), (0, 1)))
             out[rows, :, j] = np.where(near[:, None], distance, vertical)
         return np.nan_to_num(out, posinf=0.0, neginf=0.0)
@@ -304,18 +326,26 @@ def _of_controlled(varied: Variations, test: MeasuredResponse, noise: float) -> 
     target = measured if phase or not free else -1j * measured
     width, gain = BESIDE if free else EDGE, varied.values.get(FORCE, 1.0)
     residual, lost, model = np.tile([LOST, 0.0], (n, 1)), np.ones(n, bool), np.full(n, np.nan + 0j)
-    search, reason = attempt(lambda: _Swept(varied, test, (f.min() * (1.0 - width), f.max() * (1.0 + width))))
+    search, reason = attempt(
+        lambda: _Swept(varied, test, (f.min() * (1.0 - width), f.max() * (1.0 + width)))
+    )
     if search is None or not len(search.curve):
         reason = reason if search is None else search.curve.reason
-        return Separation(f, measured, model, residual, lambda: np.zeros((n, 2, len(varied.values))), lost, reason)
+        return Separation(
+            f, measured, model, residual, lambda: np.zeros((n, 2, len(varied.values))), lost, reason
+        )
     points: dict[int, tuple[Correction, float, complex, float]] = {}
     for i in range(n):
         if (found := search.held(f[i], target[i], free)) is None:
             continue
         c, factor, slope = found
         along, ratio = c.tangent * search.scale, c.y[-1] / (2.0 * np.pi * f[i])
-        by_frequency = complex(search.system.rows.value(along)) / along[-1] / search.first(c) * c.y[-1]
-        slope *= gain * factor / test.factors[i] / ratio**2  # of one mode: by its mass and measured quantities alone
+        by_frequency = (
+            complex(search.system.rows.value(along)) / along[-1] / search.first(c) * c.y[-1]
+        )
+        slope *= (
+            gain * factor / test.factors[i] / ratio**2
+        )  # of one mode: by its mass and measured quantities alone
         points[i] = c, factor, by_frequency, slope
         if free:
             second = np.log(ratio) * slope
@@ -332,7 +362,10 @@ def _of_controlled(varied: Variations, test: MeasuredResponse, noise: float) -> 
         families = varied.families(test.nominal, test.preload)
         factors, by_frequency, slope = (np.array([points[i][k] for i in rows]) for k in (1, 2, 3))
         rates = across(search.system, [points[i][0] for i in rows], scale, families, factors)
-        relative = {name: s.at_frequency / [search.first(points[i][0]) for i in rows] for name, s in rates.items()}
+        relative = {
+            name: s.at_frequency / [search.first(points[i][0]) for i in rows]
+            for name, s in rates.items()
+        }
         by_force = gain * relative[FORCE]
         for j, name in enumerate(varied.values):
             x = relative[name]
@@ -343,7 +376,9 @@ def _of_controlled(varied: Variations, test: MeasuredResponse, noise: float) -> 
                 second = frequency * slope
             else:
                 force = -x.real / by_force.real
-                turned = np.cos(0.5 * np.angle([search.first(points[i][0]) / measured[i] for i in rows]))
+                turned = np.cos(
+                    0.5 * np.angle([search.first(points[i][0]) / measured[i] for i in rows])
+                )
                 second = phase * turned * (x + by_force * force).imag
             out[rows, :, j] = np.array([-force, second]).T / noise
         return np.nan_to_num(out, posinf=0.0, neginf=0.0)
@@ -357,7 +392,9 @@ class _Swept:
     Without points on the curve there are no solutions; ``curve.reason`` says why.
     """
 
-    def __init__(self, varied: Variations, test: MeasuredResponse, band: tuple[float, float]) -> None:
+    def __init__(
+        self, varied: Variations, test: MeasuredResponse, band: tuple[float, float]
+    ) -> None:
         self.curve = curve = frequency_response(varied.under(test.nominal), test.preload, band)
         if not len(curve):
             return
@@ -400,7 +437,9 @@ class _Swept:
                 return at
         return None
 
-    def held(self, frequency: float, target: complex, free: bool) -> tuple[Correction, float, float] | None:
+    def held(
+        self, frequency: float, target: complex, free: bool
+    ) -> tuple[Correction, float, float] | None:
         """Return the solution with a given response, its force over the nominal one, and the slope of its phase over the
         logarithm of the frequency at constant amplitude; None without success.
 
@@ -409,7 +448,12 @@ class _Swept:
         of the response changes fast across a resonance. The search begins at the nearest point of the curve and changes the
         amplitude in equal ratios, in more of them if Newton's method fails.
         """
-        omega, scale, n, value = 2.0 * np.pi * frequency, self.scale, self.system.n_mean, self.system.rows.value
+        omega, scale, n, value = (
+            2.0 * np.pi * frequency,
+            self.scale,
+            self.system.n_mean,
+            self.system.rows.value,
+        )
         away = np.angle(value(self.y) / target) if free else np.log(self.y[:, -1] / omega)
         near = self.y[int(np.argmin(np.abs(away)))]
         direction = target / abs(target) if free else complex(value(near)) / abs(value(near))
@@ -428,9 +472,15 @@ class _Swept:
             factor = float(factors[0]) if free else float(norm2(factors))
             if factor > 1.0 / FARTHEST and y[-1] > 0.0:
                 y = y if free else self._turned(y, -float(np.arctan2(factors[1], factors[0])))
-                c = forced(self.system, factor).correct_at(y[:-1], y[-1], scale, self.tolerance, self.most)
+                c = forced(self.system, factor).correct_at(
+                    y[:-1], y[-1], scale, self.tolerance, self.most
+                )
                 if c.status == OK and abs(abs(self.first(c) / target) - 1.0) < EDGE:
-                    return c, factor, abs(second.imag - first.imag * second.real / first.real) * c.y[-1]
+                    return (
+                        c,
+                        factor,
+                        abs(second.imag - first.imag * second.real / first.real) * c.y[-1],
+                    )
         return None
 
     def _reached(
@@ -458,7 +508,10 @@ class _Swept:
                 whole = (first.conjugate() * second).imag
                 if whole == 0.0 or not np.isfinite(whole):
                     return None
-                more = np.array([(gap.conjugate() * second).imag, (first.conjugate() * gap).imag]) / whole
+                more = (
+                    np.array([(gap.conjugate() * second).imag, (first.conjugate() * gap).imag])
+                    / whole
+                )
                 step = moves[0] + more @ moves[1:]
                 y, factors = y + step, factors + more
                 if not norm2(factors) < FARTHEST:
@@ -493,7 +546,9 @@ class _Swept:
         # interpolation fails at a corner between both points, so each of them is a guess
         for guess, search in ((between, 0), (between, 1), (self.y[i], 1), (self.y[j], 1)):
             omega = 2.0 * np.pi * frequency
-            c = self.system.correct_at(guess[:-1], omega, self.scale, self.tolerance, self.most, search)
+            c = self.system.correct_at(
+                guess[:-1], omega, self.scale, self.tolerance, self.most, search
+            )
             if c.status == OK and norm2((c.y - between) / self.scale) <= apart:
                 return c
         return None
@@ -512,7 +567,9 @@ class _Swept:
         before, after = (min(max(k, 0), len(logs) - 1) for k in (i - 1, i + 1))
         chord = (self.y[after] - self.y[before]) / self.scale
         longest = max(norm2(chord), 1e-300)
-        c = self.system.solve(self.y[i], Plane(chord / longest), self.scale, self.tolerance, self.most)
+        c = self.system.solve(
+            self.y[i], Plane(chord / longest), self.scale, self.tolerance, self.most
+        )
         for _ in range(self.most):
             if c.status != OK or c.y[-1] <= 0.0:
                 return None
@@ -524,7 +581,9 @@ class _Swept:
             if abs(step) * size < EDGE:
                 break
             move = float(np.clip(step, -longest, longest)) * c.tangent * self.scale
-            c = self.system.solve(c.y + move, Plane(c.tangent), self.scale, self.tolerance, self.most)
+            c = self.system.solve(
+                c.y + move, Plane(c.tangent), self.scale, self.tolerance, self.most
+            )
         return c if c.status == OK else None
 
 
@@ -533,11 +592,17 @@ def of_mode(varied: Variations, data: MeasuredMode, noise: float) -> Separation:
     n, amplitude = len(data.amplitude), np.asarray(data.amplitude)
     measured = np.array([data.damping_ratio, data.frequency]).T
     low = 0.5 * float(amplitude.min())
-    found, reason = attempt(lambda: mode_points(varied.own, data.preload, data.mode, amplitude, low))
+    found, reason = attempt(
+        lambda: mode_points(varied.own, data.preload, data.mode, amplitude, low)
+    )
     system, points = found or (None, [None] * n)
     lost = np.array([c is None for c in points])
-    model = np.array([[np.nan] * 2 if c is None else [c.y[-2], c.y[-3] / (2.0 * np.pi)] for c in points])
-    narrow = data.noise or noise * np.where(np.isnan(measured[:, 0]), np.nanmean(measured[:, 0]), measured[:, 0])
+    model = np.array(
+        [[np.nan] * 2 if c is None else [c.y[-2], c.y[-3] / (2.0 * np.pi)] for c in points]
+    )
+    narrow = data.noise or noise * np.where(
+        np.isnan(measured[:, 0]), np.nanmean(measured[:, 0]), measured[:, 0]
+    )
     units = np.array([np.full(n, -noise), np.broadcast_to(narrow, n)]).T
     residual = np.where(lost[:, None], [LOST, 0.0], np.nan_to_num(np.log(model / measured) / units))
 
@@ -552,13 +617,18 @@ def of_mode(varied: Variations, data: MeasuredMode, noise: float) -> Separation:
                 if c is not None:
                     rate = (above.residual(c.y) - below.residual(c.y)) / (2.0 * STEP * value)
                     border = np.append(0.0 * rate, 1.0)
-                    move = system.solve_linear(c.y, border, c.scale, np.append(-rate, 0.0)[None])[0] * c.scale
+                    move = (
+                        system.solve_linear(c.y, border, c.scale, np.append(-rate, 0.0)[None])[0]
+                        * c.scale
+                    )
                     out[i, :, j] = [move[-2] / c.y[-2], move[-3] / c.y[-3]] / units[i]
         return np.where(np.isfinite(measured)[..., None], out, 0.0)
 
     frequency = np.where(np.isfinite(measured[:, 1]), measured[:, 1], model[:, 1])
     ratio = np.where(np.isfinite(measured[:, 0]), measured[:, 0] / model[:, 0], 1.0)
-    return Separation(frequency, amplitude + 0j, amplitude * ratio + 0j, residual, slopes, lost, reason)
+    return Separation(
+        frequency, amplitude + 0j, amplitude * ratio + 0j, residual, slopes, lost, reason
+    )
 
 
 def of_resonances(varied: Variations, data: Measured, noise: float) -> Separation:
@@ -572,8 +642,13 @@ def of_resonances(varied: Variations, data: Measured, noise: float) -> Separatio
     order = np.argsort(data.load)[-n:]
     rest = int(np.argmin(data.load))
     source, least = data.source or "resonances", float(data.load[rest])
-    validation.check(least == 0.0, source, "a row of load 0, the reference", f"{least:g} N as the least load")
-    measured = np.array([data.amplitude, data.frequency]).T[order] / [data.amplitude[rest], data.frequency[rest]]
+    validation.check(
+        least == 0.0, source, "a row of load 0, the reference", f"{least:g} N as the least load"
+    )
+    measured = np.array([data.amplitude, data.frequency]).T[order] / [
+        data.amplitude[rest],
+        data.frequency[rest],
+    ]
     peaks, reasons = {}, []
     for load in loads:
         peaks[load], reason = attempt(partial(highest_peak, problem, load, band))
@@ -593,13 +668,18 @@ def of_resonances(varied: Variations, data: Measured, noise: float) -> Separatio
         if p is not None and p.converged:
             width = abs(p.tangent[-1] * p.scale[-1]) / p.y[-1] / np.sqrt(max(-p.curvature, 1e-300))
             units[i, 1], model[i] = max(width * np.sqrt(2.0 * noise), EDGE), ratio(p)
-    residual = np.where(lost[:, None], [LOST, 0.0], np.nan_to_num((model - np.log(measured)) / units))
+    residual = np.where(
+        lost[:, None], [LOST, 0.0], np.nan_to_num((model - np.log(measured)) / units)
+    )
 
     def slopes() -> NDArray:
         out = np.zeros((n, 2, len(varied.values)))
         for j, name in enumerate(varied.values):
             value = varied.values[name]
-            above, below = (varied.under(None, varied.neighbour(name, value * s)) for s in (1.0 + STEP, 1.0 - STEP))
+            above, below = (
+                varied.under(None, varied.neighbour(name, value * s))
+                for s in (1.0 + STEP, 1.0 - STEP)
+            )
             reference_slope = (reference(above) - reference(below)) / (2.0 * STEP * value)
             if name == FORCE:
                 reference_slope = np.array([1.0 / value, 0.0])
@@ -607,11 +687,16 @@ def of_resonances(varied: Variations, data: Measured, noise: float) -> Separatio
                 if p is None or lost[i]:
                     continue
                 s = sensitivities(p, {name: varied.families(None, p.parameter)[name]})[name]
-                rate = np.nan_to_num([s.amplitude / p.amplitude, s.frequency / p.frequency]) - reference_slope
+                rate = (
+                    np.nan_to_num([s.amplitude / p.amplitude, s.frequency / p.frequency])
+                    - reference_slope
+                )
                 out[i, :, j] = np.where(np.isfinite(measured[i]), rate / units[i], 0.0)
         return out
 
     size, frequency = np.exp(reference(problem))
-    frequencies = frequency * np.where(np.isfinite(measured[:, 1]), measured[:, 1], np.exp(model[:, 1]))
+    frequencies = frequency * np.where(
+        np.isfinite(measured[:, 1]), measured[:, 1], np.exp(model[:, 1])
+    )
     observed, computed = size * measured[:, 0] + 0j, size * np.exp(model[:, 0]) + 0j
     return Separation(frequencies, observed, computed, residual, slopes, lost, "; ".join(reasons))

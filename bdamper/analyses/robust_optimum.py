@@ -86,21 +86,36 @@ def sample(distributions: Mapping[str, Any], n: int, *, seed: int = 0) -> dict[s
     mapping of setting to (n,) float
     """
     if not isinstance(distributions, Mapping) or not distributions:
-        raise SettingError(f"distributions: expected a mapping of setting to distribution, found {distributions!r}")
-    all_distributions, distributions = distributions, {k: d for k, d in distributions.items() if k != "residual_slip_std"}
+        raise SettingError(
+            f"distributions: expected a mapping of setting to distribution, found {distributions!r}"
+        )
+    all_distributions, distributions = (
+        distributions,
+        {k: d for k, d in distributions.items() if k != "residual_slip_std"},
+    )
     for name, distribution in distributions.items():
         if not callable(getattr(distribution, "ppf", None)):
-            raise SettingError(f"distribution of '{name}': expected one of scipy.stats, found {distribution!r}")
+            raise SettingError(
+                f"distribution of '{name}': expected one of scipy.stats, found {distribution!r}"
+            )
     n, seed = validation.integer("n", n, least=2), validation.integer("seed", seed)
     validation.check(n & (n - 1) == 0, "n", "a power of two for a Sobol sequence", n)
     drawn = {}
     if "residual_slip_std" in all_distributions:
-        spread = validation.number("residual_slip_std", all_distributions["residual_slip_std"], least=0.0, unit="m")
-        drawn = {"residual_slip_std": np.full(n, spread), "residual_slip_seed": np.arange(n) + float(n * seed)}
+        spread = validation.number(
+            "residual_slip_std", all_distributions["residual_slip_std"], least=0.0, unit="m"
+        )
+        drawn = {
+            "residual_slip_std": np.full(n, spread),
+            "residual_slip_seed": np.arange(n) + float(n * seed),
+        }
     unit = scipy.stats.qmc.Sobol(max(len(distributions), 1), scramble=True, seed=seed).random(n)
     # a ppf may be infinite at 0 and 1
     unit = np.clip(unit, 1e-12, 1.0 - 1e-12)
-    return {name: np.asarray(dist.ppf(unit[:, i]), float) for i, (name, dist) in enumerate(distributions.items())} | drawn
+    return {
+        name: np.asarray(dist.ppf(unit[:, i]), float)
+        for i, (name, dist) in enumerate(distributions.items())
+    } | drawn
 
 
 def _upper_percentile(values: NDArray, q: float | Sequence[float]) -> NDArray:
@@ -120,7 +135,11 @@ def _upper_percentile(values: NDArray, q: float | Sequence[float]) -> NDArray:
 def _draws_text(percentile: float, n: int) -> str:
     """Return "95 % of 32 draws", or "all 8 draws" if the percentile is the highest of them."""
     draws = counted(n, "draw")
-    return f"{percentile:g} % of {draws}" if n >= _draws_needed(percentile) < np.inf else f"all {draws}"
+    return (
+        f"{percentile:g} % of {draws}"
+        if n >= _draws_needed(percentile) < np.inf
+        else f"all {draws}"
+    )
 
 
 def _too_few_text(percentile: float, n: int) -> str:
@@ -144,7 +163,9 @@ def _failed_text(failed: Mapping[int, str], n: int) -> str:
     return f"{count}, first draw {min(failed)}: {failed[min(failed)]}. "
 
 
-def _invalid_draws(study: Asking | Problem, samples: Mapping[str, Sequence[float] | NDArray]) -> dict[int, str]:
+def _invalid_draws(
+    study: Asking | Problem, samples: Mapping[str, Sequence[float] | NDArray]
+) -> dict[int, str]:
     """Return the reason for each draw with invalid settings, for example a negative friction coefficient.
 
     Raises
@@ -206,7 +227,10 @@ class RobustOptimum(Summarised):
         edge = ", an end of the range," if self.kind == "end" else ""
         doubts = "" if self.status == COMPLETE else f" The search is {self.status}."
         doubts += f" {self.warnings} of the last peaks are lower bounds." if self.warnings else ""
-        draws, few = _draws_text(self.percentile, self.draws), _too_few_text(self.percentile, self.draws)
+        draws, few = (
+            _draws_text(self.percentile, self.draws),
+            _too_few_text(self.percentile, self.draws),
+        )
         return (
             f"{_failed_text(self.failed, self.draws + len(self.failed))}At a preload of {amount(self.preload, 'N')}{edge} "
             f"{draws} reach at most {amount(self.amplitude, 'm')}{few}: least of all preloads, known to "
@@ -216,8 +240,9 @@ class RobustOptimum(Summarised):
 
 @short_repr
 @dataclass(frozen=True)
-class OptimalCurveUncertainty(Plottable, Tabular, Recorded, Storable, kind="bdamper-optimal-curve-uncertainty",
-    row="preload"):
+class OptimalCurveUncertainty(
+    Plottable, Tabular, Recorded, Storable, kind="bdamper-optimal-curve-uncertainty", row="preload"
+):
     """Optimal curves of a sample.
 
     ``plot`` draws percentile bands (:func:`bdamper.plot.plot_optimal_curve_uncertainty`).
@@ -250,7 +275,9 @@ class OptimalCurveUncertainty(Plottable, Tabular, Recorded, Storable, kind="bdam
 
     def with_present_names(self) -> Self:
         """Return a result of version 3 of the format with the present names of settings."""
-        return replace(self, samples={present_name(name): values for name, values in self.samples.items()})
+        return replace(
+            self, samples={present_name(name): values for name, values in self.samples.items()}
+        )
 
     def percentile(self, q: float | Sequence[float], quantity: str = "amplitude") -> NDArray:
         """Return percentiles over the sample at every preload, (m,) or (len(q), m).
@@ -275,7 +302,9 @@ class OptimalCurveUncertainty(Plottable, Tabular, Recorded, Storable, kind="bdam
     @property
     def _counted(self) -> NDArray:
         """Whether each draw (n,) counts in percentiles: it was run, and its settings are valid."""
-        return np.array([status_word(status) not in (FAILED, NOT_RUN) for status in self.status], bool)
+        return np.array(
+            [status_word(status) not in (FAILED, NOT_RUN) for status in self.status], bool
+        )
 
     @property
     def _known_draws(self) -> NDArray:
@@ -294,17 +323,27 @@ class OptimalCurveUncertainty(Plottable, Tabular, Recorded, Storable, kind="bdam
             for name, unit in (("amplitude", "m"), ("frequency", "Hz"))
             for q in (5, 25, 50, 75, 95)
         }
-        samples = {f"sample_{name}": Column(values, "", ("draw",)) for name, values in self.samples.items()}
+        samples = {
+            f"sample_{name}": Column(values, "", ("draw",)) for name, values in self.samples.items()
+        }
         return super().columns() | bands | samples
 
     def _headline(self) -> str:
-        failed = {i: s.removeprefix(f"{FAILED}: ") for i, s in enumerate(self.status) if status_word(s) == FAILED}
+        failed = {
+            i: s.removeprefix(f"{FAILED}: ")
+            for i, s in enumerate(self.status)
+            if status_word(s) == FAILED
+        }
         named, n = _failed_text(failed, len(self)), int(self._counted.sum())
         if not np.isfinite(self.amplitude).any():
             return f"{named}No peak at any preload of {counted(n, 'draw')}."
         settings, draws = ", ".join(map(spaced, self.samples)), _draws_text(95.0, n)
         without = int((~self._known_draws).any(axis=1).sum())
-        infinite = f" Infinite where they have no peak: {without} of {counted(n, 'draw')}." if without else ""
+        infinite = (
+            f" Infinite where they have no peak: {without} of {counted(n, 'draw')}."
+            if without
+            else ""
+        )
         mid, high = self.percentile([50.0, 95.0])
         if not np.isfinite(high).any():
             return f"{named}At no preload do {draws} of {settings} have a peak.{infinite}"
@@ -348,7 +387,15 @@ def optimal_curve_uncertainty(
     _check_samples(samples)
     values = preload_values(preload, n)
     task = OptimalTask(tuple(float(p) for p in values), len(values), frequency, mode)
-    done = sweep(study, dict(samples), task, combine="zip", executor=executor, resume=resume, progress=progress)
+    done = sweep(
+        study,
+        dict(samples),
+        task,
+        combine="zip",
+        executor=executor,
+        resume=resume,
+        progress=progress,
+    )
     invalid = _invalid_draws(study, samples)
     nothing = np.full((len(done), len(values)), np.nan)
     return OptimalCurveUncertainty(
@@ -365,13 +412,21 @@ def optimal_curve_uncertainty(
 
 def _without_peak(status: str) -> str:
     """Return the status of a draw with valid settings: "not found" if its search for an optimal curve ended in an error."""
-    return with_reason(NOT_FOUND, status.removeprefix(f"{FAILED}: ")) if status_word(status) == FAILED else status
+    return (
+        with_reason(NOT_FOUND, status.removeprefix(f"{FAILED}: "))
+        if status_word(status) == FAILED
+        else status
+    )
 
 
 def _check_samples(samples: Any) -> None:
-    validation.instance("samples", samples, Mapping, "a mapping of settings to numbers, as sample returns it")
+    validation.instance(
+        "samples", samples, Mapping, "a mapping of settings to numbers, as sample returns it"
+    )
     expected = "settings other than the preload"
-    validation.check(samples and "preload" not in samples, "samples", expected, ", ".join(samples) or "none")
+    validation.check(
+        samples and "preload" not in samples, "samples", expected, ", ".join(samples) or "none"
+    )
     for name, values in samples.items():
         validation.check(np.ndim(values) > 0, f"samples '{name}'", "a sequence of values", values)
     lengths = [len(values) for values in samples.values()]
@@ -386,9 +441,15 @@ class SteadyPeak(PeakTask):
 
     def __call__(self, study: Asking | Problem, preload: float | None) -> Values:
         problem, load = problem_of(study), float(preload or 0.0)
-        there = at_preload(problem, load, peak_interval(problem.at(load), self.frequency, self.mode))
+        there = at_preload(
+            problem, load, peak_interval(problem.at(load), self.frequency, self.mode)
+        )
         height = np.inf if there.rattles else float(np.nan_to_num(there.height, posinf=np.inf))
-        status = with_reason(NOT_FOUND, f"{NO_STEADY}: {there.rattles}") if there.rattles else there.status
+        status = (
+            with_reason(NOT_FOUND, f"{NO_STEADY}: {there.rattles}")
+            if there.rattles
+            else there.status
+        )
         return {
             "amplitude": height, "known": there.known, "search": status, "cost": there.cost, "height": there.height
         }  # fmt: skip
@@ -401,7 +462,9 @@ MOST_REMEDIES = 8
 
 
 @one_thread
-def with_other_friction(problem: Problem, curve: OptimalCurve, progress: bool = False) -> OptimalCurve:
+def with_other_friction(
+    problem: Problem, curve: OptimalCurve, progress: bool = False
+) -> OptimalCurve:
     """Return the optimal curve with the peaks at its recommended preload with lower and higher friction coefficients.
 
     ``friction_range`` has the factors on the friction coefficients at which the amplitude doubles. If it doubles within a
@@ -418,7 +481,10 @@ def with_other_friction(problem: Problem, curve: OptimalCurve, progress: bool = 
     peaks = _FrictionPeaks(problem, (low, high))
     out = {k: FrictionPeak(k, preload, np.nan, INTERRUPTED) for k in OTHER_FRICTION}
     found = FrictionRange((FrictionPeak(1.0, preload, np.nan, INTERRUPTED),))
-    with LongWork(), progress_stages(progress, "other friction coefficients", "peak") as peaks.report:
+    with (
+        LongWork(),
+        progress_stages(progress, "other friction coefficients", "peak") as peaks.report,
+    ):
         for factor in OTHER_FRICTION:
             out[factor] = peaks.at(preload)(factor)
         found = find_range(peaks.at(preload))
@@ -427,7 +493,12 @@ def with_other_friction(problem: Problem, curve: OptimalCurve, progress: bool = 
             found = replace(found, remedy=next(near, np.nan))
     seconds = time.perf_counter() - start
     cost = replace(curve.cost + peaks.cost, seconds=curve.cost.seconds + seconds)
-    return replace(curve, other_friction=tuple(out.values()), friction_range=replace(found, seconds=seconds), cost=cost)
+    return replace(
+        curve,
+        other_friction=tuple(out.values()),
+        friction_range=replace(found, seconds=seconds),
+        cost=cost,
+    )
 
 
 @dataclass
@@ -453,15 +524,23 @@ class _FrictionPeaks:
     def _peak(self, preload: float, factor: float) -> FrictionPeak:
         key = preload, factor
         if key not in self.known:
-            self.report(f"{factor:.3g} times, {preload:.4g} N", len(self.known), len(self.known) + 1)
+            self.report(
+                f"{factor:.3g} times, {preload:.4g} N", len(self.known), len(self.known) + 1
+            )
             evaluate = SteadyPeak(frequency=self.frequency)
             try:
                 found = evaluate(vary(self.problem, {"friction_factor": factor}), preload)
             except BdamperError as error:
-                self.known[key] = FrictionPeak(factor, preload, np.nan, with_reason(NOT_FOUND, error))
+                self.known[key] = FrictionPeak(
+                    factor, preload, np.nan, with_reason(NOT_FOUND, error)
+                )
                 return self.known[key]
             size, known = found["amplitude"], found["known"]
-            amplitude, bound = (size, np.nan) if known or size == np.inf else (np.nan, size if size > 0.0 else np.nan)
+            amplitude, bound = (
+                (size, np.nan)
+                if known or size == np.inf
+                else (np.nan, size if size > 0.0 else np.nan)
+            )
             self.known[key] = FrictionPeak(factor, preload, amplitude, found["search"], bound)
             self.cost += found["cost"]
         return self.known[key]
@@ -473,15 +552,21 @@ def _by_distance(curve: OptimalCurve, preload: float) -> list[float]:
     Friction and preload act nearly as a product: preloads are left out if their amplitude doubles at 1/1.5 or 1.5 times the
     preload.
     """
-    known = {p: a for p, a in zip(curve.preload.tolist(), curve.amplitude.tolist()) if np.isfinite(a)}
+    known = {
+        p: a for p, a in zip(curve.preload.tolist(), curve.amplitude.tolist()) if np.isfinite(a)
+    }
     places = np.log(sorted(known))
     heights = np.log([known[p] for p in sorted(known)])
 
     def tolerant(p: float) -> bool:
-        ends = np.interp(np.log(p) + np.log(FRICTION_SPREAD) * np.array([-1.0, 1.0]), places, heights)
+        ends = np.interp(
+            np.log(p) + np.log(FRICTION_SPREAD) * np.array([-1.0, 1.0]), places, heights
+        )
         return bool((ends <= np.log(MUCH * known[p])).all())
 
-    away = sorted((p for p in known if not np.isclose(p, preload)), key=lambda p: abs(np.log(p / preload)))
+    away = sorted(
+        (p for p in known if not np.isclose(p, preload)), key=lambda p: abs(np.log(p / preload))
+    )
     return [p for p in away if tolerant(p)][:MOST_REMEDIES]
 
 
@@ -503,7 +588,12 @@ class _Draws:
         frequency: tuple[float, float] | None,
         mode: int,
     ) -> None:
-        self.problem, self.samples, self.frequency, self.mode = problem_of(study), samples, frequency, mode
+        self.problem, self.samples, self.frequency, self.mode = (
+            problem_of(study),
+            samples,
+            frequency,
+            mode,
+        )
         self.n = len(next(iter(samples.values())))
         # for each draw: amplitude as SteadyPeak counts it, amplitude of the highest point, and whether it is known
         self.size, self.height, self.known = (dict[float, NDArray]() for _ in range(3))
@@ -521,7 +611,9 @@ class _Draws:
         for i in range(self.n):
             heights = {p: float(height[i]) for p, height in self.height.items()}
             places = sorted(heights)
-            if not self.followed[i] and not any(drops(heights[a], heights[b]) for a, b in pairwise(places)):
+            if not self.followed[i] and not any(
+                drops(heights[a], heights[b]) for a, b in pairwise(places)
+            ):
                 continue
             problem = vary(self.problem, {name: values[i] for name, values in self.samples.items()})
 
@@ -610,14 +702,19 @@ def robust_optimum(
     limits = preload_values(preload, 2)[[0, -1]]
     low, high = (float(p) for p in limits)
     failed = _invalid_draws(study, samples)
-    valid = {name: [value for i, value in enumerate(values) if i not in failed] for name, values in samples.items()}
+    valid = {
+        name: [value for i, value in enumerate(values) if i not in failed]
+        for name, values in samples.items()
+    }
     n_draws = len(next(iter(valid.values())))
     optimum: RobustOptimum | None = None
     known = dict[float, tuple[float, float]]()  # percentile and its lower bound at each preload
     draws = _Draws(study, valid, frequency, mode)
     while optimum is None or optimum.uncertainty > tolerance:
         grid = [float(p) for p in preload_values((low, high), n) if float(p) not in known]
-        points: dict[str, Any] = {name: [value for value in values for _ in grid] for name, values in valid.items()}
+        points: dict[str, Any] = {
+            name: [value for value in values for _ in grid] for name, values in valid.items()
+        }
         points["preload"] = grid * n_draws
         task = SteadyPeak(frequency=frequency, mode=mode)
         done = sweep(study, points, task, combine="zip", executor=executor, progress=progress)
@@ -643,7 +740,9 @@ def robust_optimum(
         why = f"{counted(lower, 'preload')} without a peak in every draw could be lower"
         status = with_reason(INCOMPLETE, why) if lower else COMPLETE
         kind, unsure = "end" if best in limits else "interior", sum(draws.unknown(p) for p in grid)
-        optimum = RobustOptimum(best, amplitude, float(percentile), width, kind, unsure, status, n_draws, failed)
+        optimum = RobustOptimum(
+            best, amplitude, float(percentile), width, kind, unsure, status, n_draws, failed
+        )
     return optimum
 
 
@@ -654,7 +753,10 @@ PRELOAD_STEP = 1e-3
 """Relative distance of the preloads for the derivative of a margin; peaks accurate to 1e-8 give an error of 1e-5."""
 AGREES = 0.02
 """Relative difference by which the least margin of a response curve may be below the margin of the highest peak."""
-WHERE = {"end": "at the end of the preloads with a value", "unknown": "next to preloads without a value"}
+WHERE = {
+    "end": "at the end of the preloads with a value",
+    "unknown": "next to preloads without a value",
+}
 """Status of the largest margin if it was not refined."""
 
 
@@ -673,33 +775,64 @@ def best_margin(
     def place(peak: Peak, p: float) -> Sample:
         """Return ln(preload), -ln(margin) and its derivative, which is NaN if a neighbouring peak was not found."""
         system, neighbours = problem.system, (p * (1.0 - PRELOAD_STEP), p * (1.0 + PRELOAD_STEP))
-        along: dict[str, Any] = {} if peak.corner else {"tangent": peak.tangent, "scale": peak.scale}
+        along: dict[str, Any] = (
+            {} if peak.corner else {"tangent": peak.tangent, "scale": peak.scale}
+        )
         near = [find_peak(system(q), peak.y, parameter=q, **along) for q in neighbours]
         here = _height(judge, problem, peak, p)
         ends = [_height(judge, problem, q, q.parameter) if q.converged else np.nan for q in near]
-        return Sample(float(np.log(p)), here, (ends[1] - ends[0]) / float(np.log(neighbours[1] / neighbours[0])))
+        return Sample(
+            float(np.log(p)),
+            here,
+            (ends[1] - ends[0]) / float(np.log(neighbours[1] / neighbours[0])),
+        )
 
     def ask(places: Sequence[float]) -> list[Sample]:
         followed = curves.follow([float(np.exp(x)) for x in places])
-        return [place(t.top.peak, t.preload) if t.known and t.top else Sample(x, np.inf) for x, t in zip(places, followed)]
+        return [
+            place(t.top.peak, t.preload) if t.known and t.top else Sample(x, np.inf)
+            for x, t in zip(places, followed)
+        ]
 
     with Curves(problem, (low, high)) as curves:
-        rows = [(k, float(p), np.isfinite(a)) for k, (p, a) in enumerate(zip(curve.preload, curve.amplitude))]
-        places = [place(_peak(problem, curve, k), p) if is_known else Sample(np.log(p), np.inf) for k, p, is_known in rows]
+        rows = [
+            (k, float(p), np.isfinite(a))
+            for k, (p, a) in enumerate(zip(curve.preload, curve.amplitude))
+        ]
+        places = [
+            place(_peak(problem, curve, k), p) if is_known else Sample(np.log(p), np.inf)
+            for k, p, is_known in rows
+        ]
         places, best = find_minimum(places, ask, lambda a, b, x: x)
         responses = {k.preload: k for k in curve.time_response if np.isfinite(k.mean)}
-        peaks = [(p, peak.top.peak) for p in responses for peak in curves.follow([p]) if peak.known and peak.top]
-        tops = [(p, top.y) for p, top in peaks if np.isclose(top.amplitude, responses[p].balance, rtol=1e-3, atol=0.0)]
+        peaks = [
+            (p, peak.top.peak)
+            for p in responses
+            for peak in curves.follow([p])
+            if peak.known and peak.top
+        ]
+        tops = [
+            (p, top.y)
+            for p, top in peaks
+            if np.isclose(top.amplitude, responses[p].balance, rtol=1e-3, atol=0.0)
+        ]
     if curves.interrupted:
         i = result.greatest
-        return replace(result, best_value=result.values[i], best_margin=result.margin[i], best_status=INTERRUPTED)
+        return replace(
+            result,
+            best_value=result.values[i],
+            best_margin=result.margin[i],
+            best_status=INTERRUPTED,
+        )
     at = places[best.index]
     preload, value = float(np.exp(at.x)), float(np.exp(-at.value))
     where = WHERE.get(best.kind, "refined between its neighbours")
     doubt = _doubt(problem, curve, judge, preload, value)
     status = with_reason(INCOMPLETE, f"{where}, {doubt}") if doubt else with_reason(COMPLETE, where)
     in_time = tuple(judge.margins(problem, y, p, responses[p]) for p, y in tops)
-    return replace(result, best_value=preload, best_margin=value, best_status=status, in_time=in_time)
+    return replace(
+        result, best_value=preload, best_margin=value, best_status=status, in_time=in_time
+    )
 
 
 def _height(judge: LeastMargin, problem: Problem, peak: Peak, preload: float) -> float:
@@ -714,8 +847,12 @@ def _peak(problem: Problem, curve: OptimalCurve, i: int) -> Peak:
     return find_peak(problem.system(p), y, parameter=p)
 
 
-def _doubt(problem: Problem, curve: OptimalCurve, judge: LeastMargin, preload: float, value: float) -> str:
-    """Return the contradiction between the complete response curve at a preload and the margin there; empty if they agree.
+def _doubt(
+    problem: Problem, curve: OptimalCurve, judge: LeastMargin, preload: float, value: float
+) -> str:
+    """Return the contradiction between the complete response curve at a preload and the margin.
+
+    Empty if they agree.
     """
     low, high = curve.settings["frequency"]
     whole = tracking.frequency_response(problem, preload, (low, high))

@@ -24,7 +24,13 @@ from numpy.typing import NDArray
 
 from bdamper.analyses.executors import Records, check_executor, run_stored
 from bdamper.harmonic_balance.checks import Asking, check_question, like, problem_of
-from bdamper.harmonic_balance.parameters import MASS, check_name, present_name, study_fingerprint, vary
+from bdamper.harmonic_balance.parameters import (
+    MASS,
+    check_name,
+    present_name,
+    study_fingerprint,
+    vary,
+)
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response.followed_peak import drops, followed_peaks
 from bdamper.response.headline import checks
@@ -49,7 +55,16 @@ from bdamper.util.errors import (
     status_word,
     with_reason,
 )
-from bdamper.util.formatting import UNITS, amount, counted, peak_text, percent, short_repr, short_text, spaced
+from bdamper.util.formatting import (
+    UNITS,
+    amount,
+    counted,
+    peak_text,
+    percent,
+    short_repr,
+    short_text,
+    spaced,
+)
 from bdamper.util.progress import LongWork, one_thread, shows_progress, with_progress
 from bdamper.util.records import named_fields, names_of, row_of
 from bdamper.util.storage import INSTALLED, Recorded, ResultsFile, Storable
@@ -87,7 +102,9 @@ class PeakTask(validation.Checked):
         at: Any = self.preload if preload is None else preload
         peak = highest_peak(problem_of(study), at, self.frequency, mode=self.mode)
         stick, slip, separation = (float(s) for s in peak.shares)
-        amplitude, frequency = (peak.amplitude, peak.frequency) if peak.converged else (np.nan, np.nan)
+        amplitude, frequency = (
+            (peak.amplitude, peak.frequency) if peak.converged else (np.nan, np.nan)
+        )
         return {
             "amplitude": amplitude,
             "lower_bound": peak.lower_bound,
@@ -128,7 +145,9 @@ class OptimalTask(validation.Checked):
         super().__post_init__()
 
     def __call__(self, study: Asking | Problem, preload: float | None) -> Values:
-        curve = optimal_curve(problem_of(study), self.preload, self.n, frequency=self.frequency, mode=self.mode)
+        curve = optimal_curve(
+            problem_of(study), self.preload, self.n, frequency=self.frequency, mode=self.mode
+        )
         o = curve.optimum
         shared = curve.requested  # the other preloads differ from point to point
         return {
@@ -189,7 +208,13 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
 
     def check_rows(self) -> None:
         """Raise ValueError unless every point of the grid has settings, values, status and time."""
-        parts = self.points, self.values, self.status, self.seconds, self.seconds if self.cost is None else self.cost
+        parts = (
+            self.points,
+            self.values,
+            self.status,
+            self.seconds,
+            self.seconds if self.cost is None else self.cost,
+        )
         counts = [int(np.prod(self.shape)), *(len(part) for part in parts)]
         if len(set(counts)) > 1:
             raise ValueError(f"grid, points, values, status, seconds and cost of {counts} points")
@@ -202,7 +227,9 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warning of each point, empty if there is none."""
-        found = self.values["warning"].tolist() if "warning" in self.quantities else [""] * len(self)
+        found = (
+            self.values["warning"].tolist() if "warning" in self.quantities else [""] * len(self)
+        )
         return tuple(str(warning or "") for warning in found)
 
     @property
@@ -224,13 +251,20 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
             return column.astype(float).reshape(self.shape)
         known = next((np.asarray(value) for value in column if value is not None), np.array(""))
         if known.dtype.kind not in "fiub":
-            return np.fromiter(("" if value is None else value for value in column), object, len(self)).reshape(self.shape)
-        rows = [np.full(known.shape, np.nan) if value is None else np.asarray(value, float) for value in column]
+            return np.fromiter(
+                ("" if value is None else value for value in column), object, len(self)
+            ).reshape(self.shape)
+        rows = [
+            np.full(known.shape, np.nan) if value is None else np.asarray(value, float)
+            for value in column
+        ]
         return np.array(rows).reshape(*self.shape, *known.shape)
 
     def _grid(self) -> dict[str, Any]:
         columns = {name: self.points[name].tolist() for name in self.names}
-        if len(self.shape) != len(self.names) or any(isinstance(v, (list, dict)) for c in columns.values() for v in c):
+        if len(self.shape) != len(self.names) or any(
+            isinstance(v, (list, dict)) for c in columns.values() for v in c
+        ):
             return {}
         grid = {name: list(dict.fromkeys(column)) for name, column in columns.items()}
         for (name, values), n in zip(grid.items(), self.shape):
@@ -250,20 +284,40 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
         out = {name: Column(values, UNITS.get(name, "")) for name, values in settings.items()}
         for name in self.quantities:
             values = self.array(name).reshape(len(self), -1)
-            key, unit = name if name not in out else f"answer_{name}", UNITS.get(name.removeprefix("curve_"), "")
+            key, unit = (
+                name if name not in out else f"answer_{name}",
+                UNITS.get(name.removeprefix("curve_"), ""),
+            )
             single = values.shape[1] == 1
-            out[key] = Column(values[:, 0], unit) if single else Column(values, unit, ("point", f"{key}_index"))
+            out[key] = (
+                Column(values[:, 0], unit)
+                if single
+                else Column(values, unit, ("point", f"{key}_index"))
+            )
         return out | {"run": Column(np.array(self.status)), "seconds": Column(self.seconds, "s")}
 
     def _headline(self) -> str:
         name = next(
-            (q for q in self.quantities if self.array(q).dtype.kind == "f" and self.array(q).ndim == len(self.shape)), ""
+            (
+                q
+                for q in self.quantities
+                if self.array(q).dtype.kind == "f" and self.array(q).ndim == len(self.shape)
+            ),
+            "",
         )
         known = self.array(name).ravel() if name else np.empty(0)
         words = [status_word(s) for s in self.status]
-        missing = int(np.count_nonzero(~np.isfinite(known))) - words.count(FAILED) - words.count(NOT_RUN) if name else 0
+        missing = (
+            int(np.count_nonzero(~np.isfinite(known))) - words.count(FAILED) - words.count(NOT_RUN)
+            if name
+            else 0
+        )
         doubted = sum(map(bool, self.warnings)) - missing
-        counts = [(missing, "not found"), (words.count(FAILED), "failed"), (words.count(NOT_RUN), "not run")]
+        counts = [
+            (missing, "not found"),
+            (words.count(FAILED), "failed"),
+            (words.count(NOT_RUN), "not run"),
+        ]
         counts.append((doubted, "with a warning"))
         points = f"{counted(len(self), 'point')} over {', '.join(spaced(n) for n in self.names)}"
         points = ", ".join([points, *(f"{n} {what}" for n, what in counts if n > 0)])
@@ -271,14 +325,18 @@ class SweepResult(Plottable, Tabular, Recorded, Storable, kind="bdamper-sweep"):
             return f"{points}{next((f': {why}' for why in self.warnings if why), '')}."
         i, j = int(np.nanargmin(known)), int(np.nanargmax(known))
         ends = (
-            f"{amount(known[k], UNITS.get(name, ''))} ({as_words(row_of(self.points, k))})" for k in dict.fromkeys((i, j))
+            f"{amount(known[k], UNITS.get(name, ''))} ({as_words(row_of(self.points, k))})"
+            for k in dict.fromkeys((i, j))
         )
         return f"{spaced(name).capitalize()} {'from ' * (i != j)}{' to '.join(ends)}; {points}."
 
 
 def as_words(point: Mapping[str, Any]) -> str:
     """Return the settings of a point as text with units."""
-    texts = {n: amount(v, UNITS.get(n, ""), 6) if isinstance(v, float) else short_text(v) for n, v in point.items()}
+    texts = {
+        n: amount(v, UNITS.get(n, ""), 6) if isinstance(v, float) else short_text(v)
+        for n, v in point.items()
+    }
     return ", ".join(f"{spaced(name)} {text}" for name, text in texts.items())
 
 
@@ -325,12 +383,18 @@ class _Job:
 
 def _points(over: Any, combine: str) -> tuple[tuple[str, ...], NDArray, tuple[int, ...]]:
     """Return names, settings of each point, and shape of the grid."""
-    validation.check_value(isinstance(over, Mapping) and over, "over", "a mapping of setting to values", over)
+    validation.check_value(
+        isinstance(over, Mapping) and over, "over", "a mapping of setting to values", over
+    )
     names = tuple(over)
     columns: dict[str, Sequence[Any]] = {}
     for name in names:
-        if isinstance(over[name], (str, bytes)) or not isinstance(over[name], (Sequence, np.ndarray)):
-            raise SettingError(f"over '{name}': expected a sequence of values, found {over[name]!r}")
+        if isinstance(over[name], (str, bytes)) or not isinstance(
+            over[name], (Sequence, np.ndarray)
+        ):
+            raise SettingError(
+                f"over '{name}': expected a sequence of values, found {over[name]!r}"
+            )
         columns[name] = [v.item() if isinstance(v, np.generic) else v for v in over[name]]
         validation.check(columns[name], f"over '{name}'", "at least one value", "none")
     lengths = [len(column) for column in columns.values()]
@@ -338,7 +402,9 @@ def _points(over: Any, combine: str) -> tuple[tuple[str, ...], NDArray, tuple[in
         columns = dict(zip(names, zip(*itertools.product(*columns.values()))))
         return names, named_fields(columns, len(columns[names[0]])), tuple(lengths)
     if combine == "zip":
-        validation.check(len({*lengths}) == 1, 'combine="zip"', "as many values of each setting", lengths)
+        validation.check(
+            len({*lengths}) == 1, 'combine="zip"', "as many values of each setting", lengths
+        )
         return names, named_fields(columns, lengths[0]), (lengths[0],)
     raise SettingError(f'combine: expected "product" or "zip", found {combine!r}')
 
@@ -353,7 +419,11 @@ def _check_names(problem: Problem, over: Mapping[str, Any]) -> None:
 
 
 def _question(
-    evaluate: Any, names: Sequence[str], preload: float | None, frequency: tuple[float, float] | None, mode: int
+    evaluate: Any,
+    names: Sequence[str],
+    preload: float | None,
+    frequency: tuple[float, float] | None,
+    mode: int,
 ) -> Task:
     """Return the function to evaluate: the given one, or the search for the highest peak."""
     if evaluate is not None and (preload is not None or frequency is not None or mode != 1):
@@ -362,15 +432,21 @@ def _question(
     good = callable(task) and not isinstance(task, type)
     validation.check_value(good, "evaluate", "PeakTask(...), OptimalTask(...) or a function", task)
     if isinstance(task, PeakTask) and task.preload is None and "preload" not in names:
-        raise SettingError('preload: expected a number, or "preload" among the settings of the sweep, found neither')
+        raise SettingError(
+            'preload: expected a number, or "preload" among the settings of the sweep, found neither'
+        )
     return task
 
 
-def _check_plausible(problem: Problem, evaluate: Task, over: Mapping[str, Any], in_task: bool) -> None:
+def _check_plausible(
+    problem: Problem, evaluate: Task, over: Mapping[str, Any], in_task: bool
+) -> None:
     """Warn once about implausible values, unless the sweep varies them; ``in_task``: the task has the preload."""
     varied = any(name.startswith("excitation") for name in over)
     if isinstance(evaluate, PeakTask | OptimalTask) and not varied:
-        preload = validation.numbers("preload", np.atleast_1d(over.get("preload", evaluate.preload)), unit="N")
+        preload = validation.numbers(
+            "preload", np.atleast_1d(over.get("preload", evaluate.preload)), unit="N"
+        )
         if in_task:
             plausible_ranges.check("sweep", "preload", preload, problem.sizes)
         check_question(problem, preload, evaluate.frequency)
@@ -487,16 +563,24 @@ def sweep(
     check_executor(executor)
     progress = shows_progress(progress)
     evaluate = _question(evaluate, names, preload, frequency, mode)
-    _check_plausible(problem, evaluate, over, preload is None and "preload" not in over and called_by_user())
+    _check_plausible(
+        problem, evaluate, over, preload is None and "preload" not in over and called_by_user()
+    )
     _check_loads(problem, evaluate, points)
     job = _Job(study, evaluate)
     job.check(points)
     if executor is not None:
         _ = problem.stiffness  # computed once, before the job is sent to the workers
-    opened = nullcontext() if resume is None else closing(ResultsFile(resume, _header(job, over, combine)))
+    opened = (
+        nullcontext()
+        if resume is None
+        else closing(ResultsFile(resume, _header(job, over, combine)))
+    )
     with opened as store:
         point = partial(row_of, points)
-        found = run_stored(job, point, range(len(points)), executor, store, progress, "sweep", "point")
+        found = run_stored(
+            job, point, range(len(points)), executor, store, progress, "sweep", "point"
+        )
     if type(evaluate) is PeakTask and "preload" in names:
         with LongWork():
             found = _with_followed_peaks(job, evaluate, points, found)
@@ -533,7 +617,11 @@ class Comparison(Plottable, Tabular, Storable, kind="bdamper-comparison"):
     @property
     def results(self) -> dict[str, ResponseCurve] | dict[str, OptimalCurve]:
         """Results by the name of the study."""
-        return dict(zip(self.names, self.curves)) if self.curves else dict(zip(self.names, self.optimal))
+        return (
+            dict(zip(self.names, self.curves))
+            if self.curves
+            else dict(zip(self.names, self.optimal))
+        )
 
     @property
     def differences(self) -> dict[str, Differences]:
@@ -544,7 +632,10 @@ class Comparison(Plottable, Tabular, Storable, kind="bdamper-comparison"):
     def columns(self) -> dict[str, Column]:
         """Return the points of all curves with the name of their study."""
         results: tuple[ResponseCurve, ...] | tuple[OptimalCurve, ...] = self.curves or self.optimal
-        return {"name": Column(np.repeat(np.array(self.names), [len(r) for r in results])), **concatenate(results)}
+        return {
+            "name": Column(np.repeat(np.array(self.names), [len(r) for r in results])),
+            **concatenate(results),
+        }
 
     def change(self, name: str) -> float:
         """Return the relative change of the amplitude from the first study; NaN if an amplitude is unknown."""
@@ -552,10 +643,16 @@ class Comparison(Plottable, Tabular, Storable, kind="bdamper-comparison"):
         return of / first - 1.0
 
     def _rows(self) -> list[tuple[str, ...]]:
-        rows: list[tuple[str, ...]] = [("", "amplitude", "frequency", "preload", "change", "time", "status")]
+        rows: list[tuple[str, ...]] = [
+            ("", "amplitude", "frequency", "preload", "change", "time", "status")
+        ]
         for name, result in self.results.items():
             a, f, p, status = _outcome(result)
-            change = percent(self.change(name), True) if name != self.names[0] and np.isfinite(self.change(name)) else ""
+            change = (
+                percent(self.change(name), True)
+                if name != self.names[0] and np.isfinite(self.change(name))
+                else ""
+            )
             numbers = amount(a, "m"), amount(f, "Hz", 6), amount(p, "N")
             rows.append((name, *numbers, change, amount(result.cost.seconds, "s"), status))
         return rows
@@ -564,16 +661,29 @@ class Comparison(Plottable, Tabular, Storable, kind="bdamper-comparison"):
         a, f, p, why = _outcome(self.results[self.names[0]])
         if not np.isfinite(a):
             return f"No peak of '{self.names[0]}' to compare with: {why}."
-        known = [(name, change) for name in self.names[1:] if np.isfinite(change := self.change(name))]
-        parts = ", ".join(f"'{name}' {percent(change, True)}" for name, change in known) or "none is known"
-        doubts = [f"'{name}': {_outcome(result)[3]}" for name, result in self.results.items() if _failed(result)]
+        known = [
+            (name, change) for name in self.names[1:] if np.isfinite(change := self.change(name))
+        ]
+        parts = (
+            ", ".join(f"'{name}' {percent(change, True)}" for name, change in known)
+            or "none is known"
+        )
+        doubts = [
+            f"'{name}': {_outcome(result)[3]}"
+            for name, result in self.results.items()
+            if _failed(result)
+        ]
         doubt = f" Not for design: {'; '.join(doubts)}." if doubts else ""
         return f"Changes from '{self.names[0]}' with {peak_text(a, f)}, preload {amount(p, 'N')}: {parts}.{doubt}"
 
 
 def _failed(result: ResponseCurve | OptimalCurve) -> list[str]:
     """Return the failures of the checks of an optimal curve."""
-    return [check.failure for check in checks(result) if check.colour == "red"] if isinstance(result, OptimalCurve) else []
+    return (
+        [check.failure for check in checks(result) if check.colour == "red"]
+        if isinstance(result, OptimalCurve)
+        else []
+    )
 
 
 def _outcome(result: ResponseCurve | OptimalCurve) -> tuple[float, float, float, str]:
@@ -625,13 +735,19 @@ def compare(
         If a study or a setting does not fit; raised before any computation.
     """
     words = "a mapping of one or more names to studies or settings"
-    named = isinstance(studies, Mapping) and studies and all(isinstance(key, str) for key in studies)
+    named = (
+        isinstance(studies, Mapping) and studies and all(isinstance(key, str) for key in studies)
+    )
     validation.check_value(bool(named), "studies", words, studies)
     first = next(iter(studies.values()))
     problem, variants = problem_of(first), []  # type: ignore[arg-type]
     for name, entry in studies.items():
-        settings: Any = validation.instance(f"study '{name}'", getattr(entry, "problem", entry), (Problem, Mapping), words)
-        variants.append(entry if isinstance(settings, Problem) else like(first, vary(problem, settings)))  # type: ignore[type-var]
+        settings: Any = validation.instance(
+            f"study '{name}'", getattr(entry, "problem", entry), (Problem, Mapping), words
+        )
+        variants.append(
+            entry if isinstance(settings, Problem) else like(first, vary(problem, settings))
+        )  # type: ignore[type-var]
     validation.check_value(callable(question), "question", "a function of a study", question)
     results: list[ResponseCurve | OptimalCurve] = []
     for study in with_progress(variants, shows_progress(progress), "studies", "study"):
@@ -641,7 +757,9 @@ def compare(
             "answer", answered, (ResponseCurve, OptimalCurve), "a ResponseCurve or an OptimalCurve"
         )
         kind = type(results[0]) if results else type(answer)
-        results.append(validation.instance("answer", answer, kind, "the same kind of result from every study"))
+        results.append(
+            validation.instance("answer", answer, kind, "the same kind of result from every study")
+        )
         if answer.interrupted:
             break
     curves = tuple(result for result in results if isinstance(result, ResponseCurve))

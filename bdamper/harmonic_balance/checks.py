@@ -63,24 +63,46 @@ def check_result(problem: Problem, result: SomeResult, name: str = "result") -> 
     friction, used = recorded.get("friction_coefficient"), current["friction_coefficient"]
     if isinstance(friction, Mapping):
         own = problem.settings.own_laws()
-        recorded["friction_coefficient"] = {name: mu for name, mu in friction.items() if name in used or name not in own}
-    other = [key for key in current if key in recorded and recorded[key] != current[key] and key != "stability"]
+        recorded["friction_coefficient"] = {
+            name: mu for name, mu in friction.items() if name in used or name not in own
+        }
+    other = [
+        key
+        for key in current
+        if key in recorded and recorded[key] != current[key] and key != "stability"
+    ]
     if "speed" in other:
-        mine, at = ("none" if x is None else f"{x:.9g} rad/s" for x in (current["speed"], recorded["speed"]))
-        raise SettingError(f"{name}: expected a result at the rotor speed of this study, {mine}, found {at}")
-    if result.model_hash not in (problem.model.hash, replace(problem.model, stress={}).hash):  # stress may be added later
+        mine, at = (
+            "none" if x is None else f"{x:.9g} rad/s" for x in (current["speed"], recorded["speed"])
+        )
+        raise SettingError(
+            f"{name}: expected a result at the rotor speed of this study, {mine}, found {at}"
+        )
+    if result.model_hash not in (
+        problem.model.hash,
+        replace(problem.model, stress={}).hash,
+    ):  # stress may be added later
         found = "a result of another model" if recorded else "a result without a model"
         raise SettingError(f"{name}: expected a result of this study's model, found {found}")
     found = ", ".join(f"{key} = {recorded[key]} instead of {current[key]}" for key in other)
     validation.check(not other, name, "a result of this study", found)
 
 
-def check_solution(problem: Problem, preload: float, y: NDArray, residual: float, name: str) -> None:
+def check_solution(
+    problem: Problem, preload: float, y: NDArray, residual: float, name: str
+) -> None:
     """Raise SettingError unless a point (n_unknowns + 1,) solves the equations at a preload (N) as well as its residual."""
     n = len(y) - 1
-    validation.check(n == problem.n_unknowns, name, f"a result of this study with {problem.n_unknowns} unknowns", n)
+    validation.check(
+        n == problem.n_unknowns,
+        name,
+        f"a result of this study with {problem.n_unknowns} unknowns",
+        n,
+    )
     error = problem.system(preload).error(y)
-    found = f"a free or stuck limit, or a result with other settings (residual {error:.2g} at its peak)"
+    found = (
+        f"a free or stuck limit, or a result with other settings (residual {error:.2g} at its peak)"
+    )
     validation.check(error <= max(1e-6, 100.0 * residual), name, "a result of this study", found)
 
 
@@ -139,16 +161,26 @@ def solutions_of(problem: Problem, result: SomeResult) -> Solutions:
     validation.check(np.isfinite(preload).all(), "result", "one at a known preload", "none")
     if hasattr(given, "y"):
         check_solution(problem, float(preload), given.y, given.residual, "result")
-    columns = np.asarray(given.frequency, float), preload, np.asarray(getattr(given, "kind", "response"))
+    columns = (
+        np.asarray(given.frequency, float),
+        preload,
+        np.asarray(getattr(given, "kind", "response")),
+    )
     return Solutions(unknowns, *(np.broadcast_to(column, len(unknowns)) for column in columns))
 
 
-def response_at(problem: Problem, result: SomeResult, location: str, direction: Direction = "tangential") -> NDArray:
+def response_at(
+    problem: Problem, result: SomeResult, location: str, direction: Direction = "tangential"
+) -> NDArray:
     """See :meth:`bdamper.Study.response_at`."""
     places = [name for name, at in problem.model.locations.items() if at.kind is None]
-    rows = problem.rows_at(Response(validation.choice("location", location, sorted(places)), direction))
+    rows = problem.rows_at(
+        Response(validation.choice("location", location, sorted(places)), direction)
+    )
     unknowns = unknowns_of(problem, result)
-    return np.stack([problem.layout.amplitudes(unknowns, l) @ row for l, row in enumerate(rows)], axis=-1)
+    return np.stack(
+        [problem.layout.amplitudes(unknowns, l) @ row for l, row in enumerate(rows)], axis=-1
+    )
 
 
 # ---- functions of a problem or a study ----
@@ -191,9 +223,13 @@ def like(study: A, problem: Problem) -> A:
 
 
 @overload
-def asked(function: Callable[Concatenate[Problem, P], Problem]) -> Callable[Concatenate[A, P], A]: ...
+def asked(
+    function: Callable[Concatenate[Problem, P], Problem],
+) -> Callable[Concatenate[A, P], A]: ...
 @overload
-def asked(function: Callable[Concatenate[Problem, P], R]) -> Callable[Concatenate[Asking | Problem, P], R]: ...
+def asked(
+    function: Callable[Concatenate[Problem, P], R],
+) -> Callable[Concatenate[Asking | Problem, P], R]: ...
 def asked(function: Callable[..., Any]) -> Callable[..., Any]:
     """Decorate a function of a problem so that it also accepts a study; a returned problem becomes a study."""
 
@@ -221,7 +257,9 @@ def check_settings(problem: Problem) -> None:
     used = sorted({problem.engine_order * harmonic % n for harmonic in settings.harmonic_numbers})
     if isinstance(flow, Mapping) and not set(flow) & set(used):
         warn_implausible(
-            "aerodynamic_damping", f"at one of the nodal diameters {used} of the study", f"at {sorted(flow)} alone"
+            "aerodynamic_damping",
+            f"at one of the nodal diameters {used} of the study",
+            f"at {sorted(flow)} alone",
         )
 
 
@@ -231,8 +269,13 @@ def _given(problem: Problem) -> Iterator[tuple[str, str, Any, str]]:
     of_modes = [b.damping_ratio.max(initial=0.0) for b in problem.modal_bases]
     effective = {
         "friction_coefficient": settings.friction_values(),
-        "damping_ratio": max(of_modes, default=0.0) if settings.damping_ratio is None else settings.damping_ratio,
-        "gap": {name: problem.point_gaps[problem.coupling.rows(name)] for name in problem.coupling.interfaces},
+        "damping_ratio": max(of_modes, default=0.0)
+        if settings.damping_ratio is None
+        else settings.damping_ratio,
+        "gap": {
+            name: problem.point_gaps[problem.coupling.rows(name)]
+            for name in problem.coupling.interfaces
+        },
         "contact_stiffness": None,
     }
     for field in fields(settings):
@@ -240,13 +283,20 @@ def _given(problem: Problem) -> Iterator[tuple[str, str, Any, str]]:
     for force in (settings.excitation, *settings.excitation.beside):
         place = settings.model.locations.get(force.location)
         if place is not None and place.kind is None:
-            yield "Excitation", "amplitude", {force.location: force.amplitude}, "excitation amplitude"
+            yield (
+                "Excitation",
+                "amplitude",
+                {force.location: force.amplitude},
+                "excitation amplitude",
+            )
     for body in problem.model.bodies.values():
         if body.kind == "free" and body.ports and sizes.volume(body.name) > 0.0:
             yield "Body", f"mass.{body.name}", body.mass or 0.0, ""
     given = settings.contact_stiffness
     rows = problem.friction_points
-    if given == "model" or not (given is None or isinstance(given, str) or hasattr(given, "n_vectors")):
+    if given == "model" or not (
+        given is None or isinstance(given, str) or hasattr(given, "n_vectors")
+    ):
         stiffness = problem.point_stiffness[rows]
         item = f"contact_stiffness of {type(given).__name__}" if isinstance(given, PerArea) else ""
         if stiffness.any() and np.isfinite(sizes.body_stiffness):
@@ -254,24 +304,34 @@ def _given(problem: Problem) -> Iterator[tuple[str, str, Any, str]]:
 
 
 @one_thread
-def check_question(problem: Problem, preload: Sequence[float] | NDArray, frequency: tuple[float, float] | None) -> None:
+def check_question(
+    problem: Problem, preload: Sequence[float] | NDArray, frequency: tuple[float, float] | None
+) -> None:
     """Check a frequency interval (Hz) and warn if it is implausible at the largest of the preloads (N).
 
     Public functions call it once for the whole range of preloads.
     """
     pressed = problem.settings.constant_loads or (problem.point_gaps < 0.0).any()
     if problem.carries_load and not np.any(preload) and not pressed:
-        warn_implausible("preload", "above 0 N", "0: no contact has a normal force, as in study.free")
+        warn_implausible(
+            "preload", "above 0 N", "0: no contact has a normal force, as in study.free"
+        )
     if frequency is not None:
         frequency = validation.interval("frequency", frequency)
-        check_interval(problem.at(float(np.max(preload)) if problem.carries_load else 0.0), frequency)
+        check_interval(
+            problem.at(float(np.max(preload)) if problem.carries_load else 0.0), frequency
+        )
 
 
 def check_unloaded(problem: Problem) -> None:
     """Warn if every body whose preload is varied also has a constant load: the optimum then excludes the constant load."""
     settings = problem.settings
     varied = {name for name, share in settings.given_loads("load_per_preload").items() if share}
-    held = {name: load for name, load in settings.given_loads("constant_loads").items() if name in varied and np.any(load)}
+    held = {
+        name: load
+        for name, load in settings.given_loads("constant_loads").items()
+        if name in varied and np.any(load)
+    }
     if varied and set(held) == varied:
         found = f"{', '.join(f'{float(np.sum(load)):g} N on {name!r}' for name, load in held.items())}, in addition to it"
         warn_implausible("constant_loads", "none on a body whose preload is varied", found)
@@ -289,7 +349,9 @@ def check_interval(case: LoadCase, frequency: tuple[float, float]) -> None:
     _check_direction(case.problem, sector, frequency)
     resonances = [(w, k) for k in springs for w in sector.linear.modes(k)[0] if w > 0.0]
     mistaken = [(w, k) for w, k in resonances if low < w < high]
-    if len({id(k) for _, k in mistaken}) < 2 and any(low < w / (2.0 * np.pi) < high for w, _ in resonances):
+    if len({id(k) for _, k in mistaken}) < 2 and any(
+        low < w / (2.0 * np.pi) < high for w, _ in resonances
+    ):
         return
 
     def strongest(resonances: list[tuple[float, NDArray | None]]) -> float:
@@ -302,7 +364,11 @@ def check_interval(case: LoadCase, frequency: tuple[float, float]) -> None:
     weaker = 20.0
     if mistaken and strongest(mistaken) > weaker * given:
         near = ", ".join(f"{f:.4g}" for f in sorted({w / (2.0 * np.pi) for w, _ in mistaken})[:3])
-        weak = f"with a response {strongest(mistaken) / given:.2g} times weaker" if given else "without a resonance"
+        weak = (
+            f"with a response {strongest(mistaken) / given:.2g} times weaker"
+            if given
+            else "without a resonance"
+        )
         warn_implausible(
             "frequency",
             f"an interval in Hz around resonances of the model, such as {near} Hz",

@@ -24,7 +24,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC, LAW_USER
+from bdamper.contact.laws import (
+    LAW_BONDED,
+    LAW_CONSTANT,
+    LAW_COUPLED,
+    LAW_COUPLED_CONSTANT,
+    LAW_CUBIC,
+    LAW_USER,
+)
 from bdamper.contact.preload_state import OPEN, SLIP_MINUS, SLIP_PLUS, STICK
 from bdamper.contact.residual_flexibility import RESIDUAL
 from bdamper.harmonic_balance.equations import Equations
@@ -34,7 +41,9 @@ MOST_PERIODS = 100
 """Largest number of periods until the sliders of a coupled law are periodic under a given motion."""
 
 
-def energies(system: Equations[Sector], u: NDArray, omega: float, contacts: NDArray | None = None) -> dict[str, Any]:
+def energies(
+    system: Equations[Sector], u: NDArray, omega: float, contacts: NDArray | None = None
+) -> dict[str, Any]:
     """Compute the work of the excitation and the losses of one sector in one cycle, J.
 
     Parameters
@@ -94,7 +103,9 @@ def bodily_motion(system: Equations[Sector], u: NDArray) -> NDArray:
 def at_angles(coefficients: NDArray, theta: NDArray) -> NDArray:
     """Evaluate trigonometric polynomials (..., n_coef) at angles: mean, then cosine and sine of each harmonic."""
     l = np.arange(1, coefficients.shape[-1] // 2 + 1)
-    wave = np.stack([np.cos(np.outer(l, theta)), np.sin(np.outer(l, theta))], axis=1).reshape(2 * len(l), len(theta))
+    wave = np.stack([np.cos(np.outer(l, theta)), np.sin(np.outer(l, theta))], axis=1).reshape(
+        2 * len(l), len(theta)
+    )
     return np.asarray(coefficients[..., :1] + coefficients[..., 1:] @ wave)
 
 
@@ -127,7 +138,9 @@ def histories(system: Equations[Sector], u: NDArray, theta: NDArray) -> tuple[ND
     stuck = coupled & (share[:, 0] > 1.0 - 1e-9)
     F[stuck, :2] = at_angles(forces[stuck, :2], theta)
     if (slides := coupled & ~stuck).any():
-        F[slides, :2] = _coupled({k: p[k][slides] for k in ("kt", "mu", "w", "law", "load")}, X[slides], F[slides, 2])
+        F[slides, :2] = _coupled(
+            {k: p[k][slides] for k in ("kt", "mu", "w", "law", "load")}, X[slides], F[slides, 2]
+        )
     if system.structure.points.own is not None:
         _integrate_user_laws(system, X, F)
     return X, F
@@ -187,7 +200,9 @@ def _uncoupled(p: dict[str, Any], i: int, x: NDArray, f: NDArray, theta: NDArray
 
 def _coupled(p: dict[str, Any], X: NDArray, normal: NDArray) -> NDArray:
     """Return the friction forces (n, 2, n_theta) of coupled sliders, integrated over the cycle until they are periodic."""
-    load = np.where((p["law"] == LAW_COUPLED_CONSTANT)[:, None], np.maximum(p["load"], 0.0)[:, None], normal)
+    load = np.where(
+        (p["law"] == LAW_COUPLED_CONSTANT)[:, None], np.maximum(p["load"], 0.0)[:, None], normal
+    )
     reach, w, kt = p["mu"][:, None] * load, p["w"].copy(), p["kt"]
     out = np.zeros((len(w), 2, X.shape[2]))
     size = max(float(np.ptp(X[:, :2], axis=2).max(initial=0.0)), 1e-300)
@@ -197,7 +212,9 @@ def _coupled(p: dict[str, Any], X: NDArray, normal: NDArray) -> NDArray:
             u = X[:, :2, k]
             pull = kt * (u - w)
             length = np.linalg.norm(pull, axis=1)
-            share = np.where(length > reach[:, k], reach[:, k] / np.where(length > 0.0, length, 1.0), 1.0)
+            share = np.where(
+                length > reach[:, k], reach[:, k] / np.where(length > 0.0, length, 1.0), 1.0
+            )
             w = u - share[:, None] * (u - w)
             out[..., k] = kt * (u - w)
         if np.abs(w - before).max() <= 1e-9 * size:

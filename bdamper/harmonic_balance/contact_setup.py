@@ -58,7 +58,11 @@ SMALLEST_SHARE = 1e-3
 
 
 def at_points(
-    name: str, value: float | NDArray, face: Interface, settings: Settings, kind: Literal["sum", "mean"]
+    name: str,
+    value: float | NDArray,
+    face: Interface,
+    settings: Settings,
+    kind: Literal["sum", "mean"],
 ) -> NDArray:
     """Return the values (n_points,) of one interface.
 
@@ -85,7 +89,9 @@ def at_points(
     values, whole = validation.numbers(name, value), settings.model.interfaces[face.name]
     if len(values) == whole.n_points != face.n_points:
         values = united(whole, settings.contact_points, values, kind)
-    validation.check_value(values.shape == (face.n_points,), name, f"one or {face.n_points} finite numbers", values)
+    validation.check_value(
+        values.shape == (face.n_points,), name, f"one or {face.n_points} finite numbers", values
+    )
     return values
 
 
@@ -104,11 +110,15 @@ def normal_loads(coupling: Coupling, settings: Settings, item: str) -> NDArray:
         if name in coupling.interfaces:
             face = coupling.model.interfaces[name]
             values = at_points(f"{item} of '{name}'", load, face, settings, "sum")
-            out[coupling.rows(name)] = values * face.area / face.area.sum() if np.ndim(load) == 0 else values
+            out[coupling.rows(name)] = (
+                values * face.area / face.area.sum() if np.ndim(load) == 0 else values
+            )
     return out
 
 
-def approach(system: StaticSystem, load_per_preload: NDArray, touching: NDArray, item: str) -> NDArray:
+def approach(
+    system: StaticSystem, load_per_preload: NDArray, touching: NDArray, item: str
+) -> NDArray:
     """Compute the approach (n_points, 3) of the undeformed surfaces that gives contact points their loads at rest, m.
 
     Parameters
@@ -147,7 +157,11 @@ def approach(system: StaticSystem, load_per_preload: NDArray, touching: NDArray,
 
 def gaps(coupling: Coupling, settings: Settings) -> NDArray:
     """Return the initial gaps (n_points,) of the surfaces, m; negative for interference, 0 at points with a given load."""
-    given = {} if settings.gap is None else validation.mapping("gap", settings.gap, coupling.interfaces, "interfaces")
+    given = (
+        {}
+        if settings.gap is None
+        else validation.mapping("gap", settings.gap, coupling.interfaces, "interfaces")
+    )
     parts = []
     for name in coupling.interfaces:
         face = coupling.model.interfaces[name]
@@ -161,7 +175,8 @@ def gaps(coupling: Coupling, settings: Settings) -> NDArray:
             )
         parts.append(gap)
     unloaded = np.isnan(
-        normal_loads(coupling, settings, "load_per_preload") + normal_loads(coupling, settings, "constant_loads")
+        normal_loads(coupling, settings, "load_per_preload")
+        + normal_loads(coupling, settings, "constant_loads")
     )
     return np.where(unloaded, np.concatenate(parts), 0.0)
 
@@ -189,7 +204,10 @@ def carried(coupling: Coupling, settings: Settings, shares: Mapping[str, float] 
         counts = omega2 == 0.0 if body.kind == "free" else np.ones(len(omega2), bool)
         load = np.where(counts, body.load.generalised, 0.0)
         shares_carried.append(float(np.linalg.norm(load[retained]) / np.linalg.norm(load)))
-    on_faces = any((settings.load_per_preload or {}).get(name, 0.0) > 0.0 for name in settings.constrained_faces)
+    on_faces = any(
+        (settings.load_per_preload or {}).get(name, 0.0) > 0.0
+        for name in settings.constrained_faces
+    )
     return min(shares_carried, default=float(on_faces)) > SMALLEST_SHARE
 
 
@@ -232,11 +250,17 @@ def _contact_by(settings: Settings, coupling: Coupling, friction: NDArray, metho
     if isinstance(method, str) and method == "model":
         missing = [name for name in coupling.interfaces if name not in settings.model.contact]
         if missing:
-            raise SettingError(f'contact_stiffness="model": the model has none for interfaces {missing}')
+            raise SettingError(
+                f'contact_stiffness="model": the model has none for interfaces {missing}'
+            )
         return Contact({n: coupling.model.contact[n] for n in coupling.interfaces}, method=given)
-    if settings.contact_points is not None and not isinstance(method, (str, ResidualModes, PerArea)):
+    if settings.contact_points is not None and not isinstance(
+        method, (str, ResidualModes, PerArea)
+    ):
         # values refer to the points of the model
-        whole = method if isinstance(method, Mapping) else dict.fromkeys(coupling.interfaces, method)
+        whole = (
+            method if isinstance(method, Mapping) else dict.fromkeys(coupling.interfaces, method)
+        )
         method = {}
         for name, k in whole.items():
             face = settings.model.interfaces[name]
@@ -253,7 +277,12 @@ CONSTANT = {LAW_SEPARABLE: LAW_CONSTANT, LAW_COUPLED: LAW_COUPLED_CONSTANT}
 
 
 def without_separation(
-    bases: list[HarmonicBasis], points: PointArrays, state: PreloadState, friction_points: NDArray, *, constant_load: bool
+    bases: list[HarmonicBasis],
+    points: PointArrays,
+    state: PreloadState,
+    friction_points: NDArray,
+    *,
+    constant_load: bool,
 ) -> tuple[list[HarmonicBasis], PointArrays]:
     """Return modes and points under the assumption that the static contact area does not change.
 
@@ -282,7 +311,9 @@ def without_separation(
         for i in np.flatnonzero(np.isin(keep, held)):
             law = int(closed_points.law[i])
             closed_points.law[i] = CONSTANT.get(law, LAW_CONSTANT if law == LAW_NORMAL else law)
-        return [replace(b, G=b.G[keep]) for b in bases], replace(closed_points, load=state.force[keep, 2])
+        return [replace(b, G=b.G[keep]) for b in bases], replace(
+            closed_points, load=state.force[keep, 2]
+        )
     source, added = np.concatenate([keep, held]), slice(len(keep), None)
     # sign of each motion component at the elements of the new system
     mask = np.ones((len(source), 3))

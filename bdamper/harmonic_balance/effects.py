@@ -45,7 +45,9 @@ OFF: Mapping[str, Mapping[str, Any]] = {
     "constraint planes": {"constraint_planes": False},
 }
 """Effects that are on or off, and the settings without them."""
-MOTIONS = {f"{'rotation' if mode[0] == 'R' else 'translation'} {mode[1]}": mode for mode in RIGID_NAMES}
+MOTIONS = {
+    f"{'rotation' if mode[0] == 'R' else 'translation'} {mode[1]}": mode for mode in RIGID_NAMES
+}
 """Rigid-body motions of free bodies: Y along the load, Z along the axis of rotation."""
 REDUCED = ("harmonics", "damper modes", "blade modes", "contact points")
 """Effects that are reduced to a largest number."""
@@ -60,7 +62,9 @@ class Effects(dict[str, Any]):
     def __init__(self, settings: Mapping[str, Any]) -> None:
         known = f"names out of {sorted(ASSUMED)}"
         validation.check_value(set(settings) <= set(ASSUMED), "effects", known, sorted(settings))
-        super().__init__({name: tuple(v) if isinstance(v, list) else v for name, v in settings.items()})
+        super().__init__(
+            {name: tuple(v) if isinstance(v, list) else v for name, v in settings.items()}
+        )
         if not self.get("variable_normal_load", True):
             self["separation"] = False
 
@@ -90,7 +94,9 @@ class Effects(dict[str, Any]):
         if name in OFF:
             changed = OFF[name]
         elif name in MOTIONS:
-            changed = {"rigid_modes": tuple(mode for mode in self["rigid_modes"] if mode != MOTIONS[name])}
+            changed = {
+                "rigid_modes": tuple(mode for mode in self["rigid_modes"] if mode != MOTIONS[name])
+            }
         elif what in REDUCED and most.isdigit():
             changed = {key: _at_most(self[key], int(most))}
         else:
@@ -98,12 +104,18 @@ class Effects(dict[str, Any]):
         return Effects({**self, **changed})
 
     def __str__(self) -> str:
-        rows = [(spaced(name), _text(self[name]), assumed) for name, assumed in ASSUMED.items() if name in self]
+        rows = [
+            (spaced(name), _text(self[name]), assumed)
+            for name, assumed in ASSUMED.items()
+            if name in self
+        ]
         lines = aligned([("effect", "setting", "assumed where off or reduced"), *rows])
         numbers = harmonic_numbers(self.get("harmonics", 1))
         evens = [l for l in range(2, max(numbers), 2) if l not in numbers]
         if evens and self.get("variable_normal_load", True):
-            lines.append(f"harmonics {evens} are left out although the variable normal load excites them")
+            lines.append(
+                f"harmonics {evens} are left out although the variable normal load excites them"
+            )
         return "\n".join(lines)
 
 
@@ -114,7 +126,9 @@ def _at_most(value: Any, most: int) -> Any:
     if not isinstance(value, Sequence):
         return min(most, most if value is None else value)
     left = tuple(l for l in value if l <= most)
-    return left if len(left) == len(value) or set(left) != set(range(1, len(left) + 1)) else len(left)
+    return (
+        left if len(left) == len(value) or set(left) != set(range(1, len(left) + 1)) else len(left)
+    )
 
 
 def check_harmonics(name: str, harmonics: int | Sequence[int]) -> int | tuple[int, ...]:
@@ -126,15 +140,24 @@ def check_harmonics(name: str, harmonics: int | Sequence[int]) -> int | tuple[in
         known = tuple(validation.integer(name, l, 1, MAX_HARMONIC) for l in given)
     except SettingError as error:
         raise validation.invalid(name, what, harmonics) from error
-    validation.check_value((1 in known or not several) and len(set(known)) == len(given), name, what, harmonics)
+    validation.check_value(
+        (1 in known or not several) and len(set(known)) == len(given), name, what, harmonics
+    )
     return known if several else known[0]
 
 
 def check_law(name: str, law: Any) -> Any:
     """Check and return a friction law: a name, a user-defined law, or a mapping of interface names to these."""
     given = law.values() if isinstance(law, Mapping) else [law]
-    good = all(isinstance(one, ContactLaw) or (isinstance(one, str) and one in LAW_NAMES) for one in given)
-    validation.check_value(good, name, f"one of {LAW_NAMES}, a ContactLaw or a mapping of interface names to these", law)
+    good = all(
+        isinstance(one, ContactLaw) or (isinstance(one, str) and one in LAW_NAMES) for one in given
+    )
+    validation.check_value(
+        good,
+        name,
+        f"one of {LAW_NAMES}, a ContactLaw or a mapping of interface names to these",
+        law,
+    )
     return law
 
 

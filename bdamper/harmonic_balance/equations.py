@@ -192,7 +192,9 @@ class Layout:
         if harmonic == 0:
             return slice(0, n[0]), slice(0, 0)
         start = int(n[0] + 2 * n[1:harmonic].sum())
-        return slice(start, start + n[harmonic]), slice(start + n[harmonic], start + 2 * n[harmonic])
+        return slice(start, start + n[harmonic]), slice(
+            start + n[harmonic], start + 2 * n[harmonic]
+        )
 
     def amplitudes(self, u: NDArray, harmonic: int) -> NDArray:
         """Return the complex modal amplitudes (..., n_modes) of a harmonic."""
@@ -261,7 +263,9 @@ class Rows:
         """Return the complex response (...,) at points (..., n_unknowns + 1)."""
         rows = self.coefficients[0]
         if self.moving:
-            rows = np.tensordot(self.basis(y[..., -1], len(self.coefficients)), self.coefficients, 1)
+            rows = np.tensordot(
+                self.basis(y[..., -1], len(self.coefficients)), self.coefficients, 1
+            )
         return np.asarray(((rows[..., 0, :] + 1j * rows[..., 1, :]) * y[..., :-1]).sum(axis=-1))
 
     def squared_gradient(self, y: NDArray) -> tuple[NDArray, float]:
@@ -384,7 +388,13 @@ class Equations(Generic[S]):
     def response(self, u: NDArray) -> NDArray:
         """Return the complex response amplitudes (..., n_harmonics + 1), the mean first."""
         rows = self.response_rows
-        return np.stack([self.layout.amplitudes(np.asarray(u), l) @ rows[l] for l in range(self.n_harmonics + 1)], axis=-1)
+        return np.stack(
+            [
+                self.layout.amplitudes(np.asarray(u), l) @ rows[l]
+                for l in range(self.n_harmonics + 1)
+            ],
+            axis=-1,
+        )
 
     def units(self, y: NDArray, width: float) -> NDArray:
         """Return the units (n_unknowns + 1,) of mean, vibration and parameter (``width``) at a point."""
@@ -503,9 +513,20 @@ class Equations(Generic[S]):
         if self.spent:
             return Correction(NOT_CONVERGED, y, tangent, scale, 0, np.nan, 0)
         if self.last < math.inf:
-            max_iterations = min(max_iterations, 1 + int(self.left) // (LINE_SEARCH_TRIALS if line_search else 1))
+            max_iterations = min(
+                max_iterations, 1 + int(self.left) // (LINE_SEARCH_TRIALS if line_search else 1)
+            )
         c = self.core.solve(
-            y, tangent, scale, tolerance, max_iterations, int(line_search), reach, loose=loose, rough=rough, **arguments
+            y,
+            tangent,
+            scale,
+            tolerance,
+            max_iterations,
+            int(line_search),
+            reach,
+            loose=loose,
+            rough=rough,
+            **arguments,
         )
         result = Correction(
             c.status, y, tangent, scale, c.iterations, c.residual, len(y) - c.rank, c.shares, c.orientation,
@@ -526,15 +547,27 @@ class Equations(Generic[S]):
             step = -float(gradient @ (c.tangent * scale)) / square / c.curvature
             if abs(step) <= condition.tolerance:
                 break
-            new = self.solve(c.y + step * c.tangent * scale, Plane(c.tangent), scale, tolerance, max_iterations)
-            c = replace(new, curvature=c.curvature, slope=0.0, iterations=c.iterations + new.iterations)
+            new = self.solve(
+                c.y + step * c.tangent * scale, Plane(c.tangent), scale, tolerance, max_iterations
+            )
+            c = replace(
+                new, curvature=c.curvature, slope=0.0, iterations=c.iterations + new.iterations
+            )
         return c
 
     def correct_at(
-        self, u: NDArray, omega: float, scale: NDArray, tolerance: float, max_iterations: int, line_search: int = 0
+        self,
+        u: NDArray,
+        omega: float,
+        scale: NDArray,
+        tolerance: float,
+        max_iterations: int,
+        line_search: int = 0,
     ) -> Correction:
         """Solve at a fixed frequency (rad/s); see :meth:`solve`."""
-        return self.solve(np.append(u, omega), Fixed(), scale, tolerance, max_iterations, line_search)
+        return self.solve(
+            np.append(u, omega), Fixed(), scale, tolerance, max_iterations, line_search
+        )
 
     def solve_linear(
         self, y: NDArray, border: NDArray, scale: NDArray, right: NDArray, transposed: bool = False
@@ -555,11 +588,16 @@ class Equations(Generic[S]):
             If there is no solution.
         """
         out = np.array(right, float)
-        if self.core.bordered(np.ascontiguousarray(y, float), border, scale, out, transposed)[0] != OK:
+        if (
+            self.core.bordered(np.ascontiguousarray(y, float), border, scale, out, transposed)[0]
+            != OK
+        ):
             raise FloatingPointError("the bordered equations have no solution at this point")
         return out
 
-    def slope_gradient(self, y: NDArray, tangent: NDArray, scale: NDArray, step: float) -> tuple[NDArray, NDArray]:
+    def slope_gradient(
+        self, y: NDArray, tangent: NDArray, scale: NDArray, step: float
+    ) -> tuple[NDArray, NDArray]:
         """Compute the gradient of the slope of ln(amplitude) along the curve (``csrc/solver/newton.h``, ``bd_gradient``).
 
         Parameters
@@ -584,6 +622,11 @@ class Equations(Generic[S]):
         """
         row, nu = np.empty(self.n_unknowns + 1), np.empty(self.n_unknowns)
         re, im = self.rows.at(y[-1])
-        if self.core.gradient(np.ascontiguousarray(y, float), tangent, scale, row, nu, step, re, im) != OK:
+        if (
+            self.core.gradient(
+                np.ascontiguousarray(y, float), tangent, scale, row, nu, step, re, im
+            )
+            != OK
+        ):
             raise FloatingPointError("the slope has no gradient at this point")
         return row, nu

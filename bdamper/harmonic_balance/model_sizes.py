@@ -71,16 +71,26 @@ class Sizes:
     def body_stiffness(self) -> float:
         """Mean stiffness of the bodies at a component of a contact point, N/m; NaN if the model does not contain it."""
         try:
-            flexibility = self.problem.coupling.residual_flexibility(1).diagonal().real.reshape(-1, 3)
+            flexibility = (
+                self.problem.coupling.residual_flexibility(1).diagonal().real.reshape(-1, 3)
+            )
         except ModelError:
             return np.nan
         rows = self.problem.friction_points
-        return float(np.mean(1.0 / flexibility[rows])) if rows.any() and flexibility[rows].min() > 0.0 else np.nan
+        return (
+            float(np.mean(1.0 / flexibility[rows]))
+            if rows.any() and flexibility[rows].min() > 0.0
+            else np.nan
+        )
 
     def faces(self, name: str) -> list[Interface]:
         """Return the interface with this name, or the interfaces of the body with this name."""
         faces = self.problem.model.interfaces
-        return [faces[name]] if name in faces else [f for f in faces.values() if name in (f.body_a, f.body_b)]
+        return (
+            [faces[name]]
+            if name in faces
+            else [f for f in faces.values() if name in (f.body_a, f.body_b)]
+        )
 
     def bearable(self, name: str) -> float:
         """Return the load (N) of a body or an interface at a mean pressure of 1 GPa."""
@@ -109,7 +119,9 @@ class Sizes:
         lowest = omega2[omega2 > 0.0].min(initial=np.inf)
         return 2.0 * mass * float(np.sqrt(lowest)) if mass > 0.0 and np.isfinite(lowest) else np.inf
 
-    def contradiction(self, preload: NDArray, speed: float | NDArray, mass: float = 1.0) -> tuple[str, str] | None:
+    def contradiction(
+        self, preload: NDArray, speed: float | NDArray, mass: float = 1.0
+    ) -> tuple[str, str] | None:
         """Compare preloads with the centrifugal load of the damper.
 
         Parameters
@@ -126,17 +138,26 @@ class Sizes:
             Expected load and preloads found; None if the preloads contain the load, or no load is known.
         """
         arms = centrifugal_arms(self.problem.model) if self.problem.carries_load else {}
-        load = mass * next(iter(arms.values()), 0.0) * np.broadcast_to(speed, np.shape(preload)) ** 2
+        load = (
+            mass * next(iter(arms.values()), 0.0) * np.broadcast_to(speed, np.shape(preload)) ** 2
+        )
         apart = 0.05  # relative difference that is tolerated
-        if not load.all() or ((preload / load).min() < 1.0 + apart and (preload / load).max() > 1.0 - apart):
+        if not load.all() or (
+            (preload / load).min() < 1.0 + apart and (preload / load).max() > 1.0 - apart
+        ):
             return None
         i = int(np.abs(preload - load).argmin())
         at = np.broadcast_to(speed, load.shape)[i]
         expected = f"{load[i]:.4g} N, the centrifugal load of the damper at {at:.4g} rad/s"
         found = " to ".join(f"{x:.4g}" for x in dict.fromkeys((preload.min(), preload.max())))
-        return expected, f"{found} N: a damper of {preload[i] / load[i]:.3g} times the mass, or another speed suspected"
+        return (
+            expected,
+            f"{found} N: a damper of {preload[i] / load[i]:.3g} times the mass, or another speed suspected",
+        )
 
-    def check_preload(self, preload: NDArray, speed: float | NDArray | None = None, mass: float = 1.0) -> bool:
+    def check_preload(
+        self, preload: NDArray, speed: float | NDArray | None = None, mass: float = 1.0
+    ) -> bool:
         """Warn if preloads contradict the centrifugal load, and return whether they do.
 
         Without ``speed`` the study's speed is used, and only the first contradiction is reported.
@@ -155,7 +176,11 @@ class Sizes:
         edges = self.problem.at(preload).static.edges
         if edges:
             self.told.add("faces")
-            warn_implausible("contact at rest", "faces that touch over their area", f"{edges} under {preload:.4g} N")
+            warn_implausible(
+                "contact at rest",
+                "faces that touch over their area",
+                f"{edges} under {preload:.4g} N",
+            )
 
     def check_optimum(self, preload: float, preloads: NDArray) -> None:
         """Warn if the preload of an optimum contradicts the centrifugal load, which the computed preloads contain."""

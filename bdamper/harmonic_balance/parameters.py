@@ -58,10 +58,20 @@ SIDES = ("tangential", "normal")
 def setting_names(problem: Problem) -> list[str]:
     """Return all names that :func:`vary` accepts."""
     names = [f.name for f in fields(problem.settings) if f.name not in ("model", *FACTORS)]
-    names += [f"excitation.{f.name}" for f in fields(problem.settings.excitation) if f.name != "beside"]
-    names += [f"response.{f.name}" for f in fields(problem.settings.excitation) if f.name in ("location", "direction")]
+    names += [
+        f"excitation.{f.name}" for f in fields(problem.settings.excitation) if f.name != "beside"
+    ]
+    names += [
+        f"response.{f.name}"
+        for f in fields(problem.settings.excitation)
+        if f.name in ("location", "direction")
+    ]
     faces = problem.settings.friction_faces
-    names += [f"{setting}.{face.name}" for setting in ("friction_coefficient", "gap_factor") for face in faces]
+    names += [
+        f"{setting}.{face.name}"
+        for setting in ("friction_coefficient", "gap_factor")
+        for face in faces
+    ]
     names += [f"{factor}.{body}" for factor in OF_MASS for body in problem.settings.free_bodies]
     names += [f"{item}.{part}" for item in OF_LOAD for part in problem.settings.loaded]
     return [*names, *(f"contact_stiffness_factor.{side}" for side in SIDES), *FACTORS]
@@ -106,20 +116,38 @@ def vary(problem: Problem, settings: Mapping[str, Any]) -> Problem:
     if settings.get("speed") is not None:
         speed = validation.number("speed", settings["speed"], above=0.0, unit="rad/s")
         problem = under(problem, speed, Conditions())
-    plain = {name: value for name, value in settings.items() if "." not in name and name not in (*FACTORS, "speed")}
+    plain = {
+        name: value
+        for name, value in settings.items()
+        if "." not in name and name not in (*FACTORS, "speed")
+    }
     if plain:
         problem = problem.replace(**plain)
     for part in ("excitation", "response"):
-        inner = {name.split(".")[1]: value for name, value in settings.items() if name.startswith(part + ".")}
+        inner = {
+            name.split(".")[1]: value
+            for name, value in settings.items()
+            if name.startswith(part + ".")
+        }
         if inner:
-            place: Any = problem.settings.excitation if part == "excitation" else problem.settings.response_location
+            place: Any = (
+                problem.settings.excitation
+                if part == "excitation"
+                else problem.settings.response_location
+            )
             problem = problem.replace(**{part: replace(place, **inner)})
-    for name, value in sorted(settings.items(), key=lambda item: item[0].partition(".")[0] not in OF_LOAD):  # then factors
+    for name, value in sorted(
+        settings.items(), key=lambda item: item[0].partition(".")[0] not in OF_LOAD
+    ):  # then factors
         head, _, part = name.partition(".")
         if head == "friction_coefficient" and part:
             mu = problem.settings.friction_by_interface()
             own = problem.settings.own_laws()  # they do not use a coefficient
-            faces = [face for face in problem.settings.law_by_interface() if face == part or face not in own]
+            faces = [
+                face
+                for face in problem.settings.law_by_interface()
+                if face == part or face not in own
+            ]
             coefficients = {face: value if face == part else mu[face] for face in faces}
             problem = problem.replace(friction_coefficient=coefficients)
         elif head in OF_LOAD and part:
@@ -134,7 +162,9 @@ def replace_settings(problem: Problem, /, **settings: Any) -> Problem:
     own = {f.name for f in fields(problem.settings)}
     known = setting_names(problem)
     for name in settings.keys() - {*own, *known}:
-        raise SettingError(f"Study: there is no argument '{name}'{validation.suggest_name(name, known)}")
+        raise SettingError(
+            f"Study: there is no argument '{name}'{validation.suggest_name(name, known)}"
+        )
     varied = {name: settings.pop(name) for name in known if name in settings and name not in own}
     return vary(problem.replace(**settings), varied)
 
@@ -147,30 +177,44 @@ def _scaled(problem: Problem, name: str, part: str, factor: float) -> Problem:
         validation.check(problem.settings.friction_values(), name, expected, "none")
         if isinstance(given, Mapping):
             own = problem.settings.own_laws()
-            scaled = {face: factor * np.asarray(mu) for face, mu in given.items() if face not in own}
+            scaled = {
+                face: factor * np.asarray(mu) for face, mu in given.items() if face not in own
+            }
             return problem.replace(friction_coefficient=scaled)
         return problem.replace(friction_coefficient=factor * given)
     if name == "gap_factor":
         faces, gap = problem.coupling.interfaces, problem.point_gaps
-        changed = {f: gap[problem.coupling.rows(f)] * (factor if part in (f, "") else 1.0) for f in faces}
+        changed = {
+            f: gap[problem.coupling.rows(f)] * (factor if part in (f, "") else 1.0) for f in faces
+        }
         return problem.replace(gap=changed)
     if name in OF_MASS:
         return _of_mass(problem, name, part, factor)
     if part:
-        expected = "contact stiffness by values or unit tractions: residual modes are flexible as a whole"
-        validation.check(problem.contact.residual is None, f"{name}.{part}", expected, "residual modes")
+        expected = (
+            "contact stiffness by values or unit tractions: residual modes are flexible as a whole"
+        )
+        validation.check(
+            problem.contact.residual is None, f"{name}.{part}", expected, "residual modes"
+        )
         way = np.where(part == "normal", [1.0, 1.0, factor], [factor, factor, 1.0])
         kinds = problem.settings.law_by_interface()
-        values = {f: c.stiffness * (way if f in kinds else 1.0) for f, c in problem.stiffness.items()}
+        values = {
+            f: c.stiffness * (way if f in kinds else 1.0) for f, c in problem.stiffness.items()
+        }
         return problem.replace(contact_stiffness=values, contact_stiffness_factor=1.0)
     if name == "contact_stiffness_factor":
-        return problem.replace(contact_stiffness_factor=factor * problem.settings.contact_stiffness_factor)
+        return problem.replace(
+            contact_stiffness_factor=factor * problem.settings.contact_stiffness_factor
+        )
     if name == "damping_factor":
         if problem.settings.damping_ratio is not None:
             return problem.replace(damping_ratio=factor * problem.settings.damping_ratio)
         bodies = {key: _damped(body, factor) for key, body in problem.model.bodies.items()}
         return problem.replace(model=as_checked(replace(problem.model, bodies=bodies)))
-    whole = denser(problem.model, factor**-2, tuple(problem.model.bodies), whole=True)  # frequency_factor
+    whole = denser(
+        problem.model, factor**-2, tuple(problem.model.bodies), whole=True
+    )  # frequency_factor
     return problem.replace(model=as_checked(whole))
 
 
@@ -183,7 +227,9 @@ def _of_mass(problem: Problem, name: str, part: str, factor: float) -> Problem:
     if name == INERTIA:
         one = len(names) < len(settings.free_bodies)
         expected = f"no rotor speed, where load and mass of a body go together; vary {MASS}.{part}"
-        validation.check(settings.speed is None or not one, f"{name}.{part}", expected, f"{settings.speed} rad/s")
+        validation.check(
+            settings.speed is None or not one, f"{name}.{part}", expected, f"{settings.speed} rad/s"
+        )
         return problem.replace(model=as_checked(model))
     if settings.speed is not None:
         return problem.replace(model=as_checked(model))
@@ -250,15 +296,19 @@ def aligned(basis: HarmonicBasis, reference: HarmonicBasis) -> HarmonicBasis:
         If the two bases have different coordinates.
     """
     expected = "a range in which contacts keep their residual modes"
-    found = "one that changes them; give a shorter one, or contact_stiffness=\"unit_traction\""
+    found = 'one that changes them; give a shorter one, or contact_stiffness="unit_traction"'
     validation.check(basis.coordinates == reference.coordinates, "residual modes", expected, found)
     residual = np.array([i for i, c in enumerate(basis.coordinates) if c.body == RESIDUAL], int)
     if not len(residual):
         return basis
     mass, G = basis.mass[residual], basis.G.copy()
-    equal_mass = 1e-6  # relative difference of modal masses below which residual modes form one group
+    equal_mass = (
+        1e-6  # relative difference of modal masses below which residual modes form one group
+    )
     for group in np.split(residual, np.flatnonzero(np.diff(mass) > equal_mass * mass.max()) + 1):
-        columns, target = (array[..., group].reshape(-1, len(group)) for array in (basis.G, reference.G))
+        columns, target = (
+            array[..., group].reshape(-1, len(group)) for array in (basis.G, reference.G)
+        )
         U, _, V = np.linalg.svd(columns.conj().T @ target)
         G[..., group] = (columns @ (U @ V)).reshape(*G.shape[:2], len(group))
     return replace(basis, G=G)

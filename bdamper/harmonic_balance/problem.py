@@ -89,7 +89,10 @@ class Problem:
     def __post_init__(self, _given: Mapping[str, Any] | None) -> None:
         for name, part in (_given or {}).items():
             object.__setattr__(self, name, part)
-        _ = self.modal_bases, self.point_gaps  # raise if a nodal diameter is missing or a gap is not valid
+        _ = (
+            self.modal_bases,
+            self.point_gaps,
+        )  # raise if a nodal diameter is missing or a gap is not valid
         self._check_stiffness()
 
     def _check_stiffness(self) -> None:
@@ -160,7 +163,11 @@ class Problem:
 
     def given(self, **parts: Any) -> Problem:
         """Return the same problem with the given derived quantities; others that exist are reused."""
-        derived = {name: part for name, part in vars(self).items() if name not in ("settings", "sizes", "_load_cases")}
+        derived = {
+            name: part
+            for name, part in vars(self).items()
+            if name not in ("settings", "sizes", "_load_cases")
+        }
         return Problem(self.settings, derived | parts)
 
     # ---- derived quantities, computed once ----
@@ -184,7 +191,11 @@ class Problem:
         modes = blade_modes, self.settings.by_body("damper_modes"), self.settings.rigid_modes
         model, retained = completed(model, self.settings.places, *modes)
         return Coupling(
-            model, self.settings.interface_names(), retained, int(self.engine_order), self.settings.fundamental_modes_only
+            model,
+            self.settings.interface_names(),
+            retained,
+            int(self.engine_order),
+            self.settings.fundamental_modes_only,
         )
 
     @made_once
@@ -205,13 +216,18 @@ class Problem:
         if residual is None:
             return basis
         modes = residual.basis(harmonic)
-        return joined(basis, replace(modes, omega2=float(self.settings.contact_stiffness_factor) * modes.omega2))
+        return joined(
+            basis,
+            replace(modes, omega2=float(self.settings.contact_stiffness_factor) * modes.omega2),
+        )
 
     @made_once
     def modal_bases(self) -> list[HarmonicBasis]:
         """Modes of the bodies for each harmonic, the mean first."""
         return [
-            self.coupling.basis(l) if l in self.settings.active_harmonics else self.coupling.no_basis()
+            self.coupling.basis(l)
+            if l in self.settings.active_harmonics
+            else self.coupling.no_basis()
             for l in range(self.harmonic_numbers[-1] + 1)
         ]
 
@@ -219,26 +235,41 @@ class Problem:
     def bases(self) -> list[HarmonicBasis]:
         """Modes of each harmonic, the mean first; residual modes are last."""
         bases = [
-            self._with_residual(b, l) if l in self.settings.active_harmonics else b for l, b in enumerate(self.modal_bases)
+            self._with_residual(b, l) if l in self.settings.active_harmonics else b
+            for l, b in enumerate(self.modal_bases)
         ]
-        return [self.damped(b, int(self.engine_order) * l if l else None) for l, b in enumerate(bases)]
+        return [
+            self.damped(b, int(self.engine_order) * l if l else None) for l, b in enumerate(bases)
+        ]
 
     def damped(self, basis: HarmonicBasis, wave: int | None) -> HarmonicBasis:
         """Return the modes of a harmonic with the damping of the settings; ``wave`` is None for a mean."""
         if self.settings.damping_ratio is not None:
-            basis = replace(basis, damping_ratio=np.where(basis.omega2 > 0.0, self.settings.damping_ratio, 0.0))
+            basis = replace(
+                basis, damping_ratio=np.where(basis.omega2 > 0.0, self.settings.damping_ratio, 0.0)
+            )
         if wave is not None and isinstance(flow := self.settings.aerodynamic_damping, Mapping):
             basis = in_flow(basis, self.model, flow, wave)
         drag = self._damper_drag
-        return replace(basis, drag=basis.drag + np.array([drag.get(c, 0.0) for c in basis.coordinates])) if drag else basis
+        return (
+            replace(
+                basis, drag=basis.drag + np.array([drag.get(c, 0.0) for c in basis.coordinates])
+            )
+            if drag
+            else basis
+        )
 
     @made_once
     def _damper_drag(self) -> dict[Coordinate, float]:
-        ratio, drag = (self.settings.by_body(name) for name in ("damper_damping_ratio", "damper_drag"))
+        ratio, drag = (
+            self.settings.by_body(name) for name in ("damper_damping_ratio", "damper_drag")
+        )
         if not (any(ratio.values()) or any(drag.values())):
             return {}
         held = (self.friction_points | self.coupling.spring_points)[:, None]
-        springs = held * np.concatenate([self.tangential_stiffness, self.point_stiffness[:, 2:]], axis=1)
+        springs = held * np.concatenate(
+            [self.tangential_stiffness, self.point_stiffness[:, 2:]], axis=1
+        )
         return damper_drag(self.model, self.static_basis, springs, ratio, drag)
 
     @made_once
@@ -247,7 +278,9 @@ class Problem:
         mu = np.zeros(self.coupling.n_points)
         for name, value in self.settings.friction_by_interface().items():
             face = self.coupling.model.interfaces[name]
-            mu[self.coupling.rows(name)] = at_points("friction_coefficient", value, face, self.settings, "mean")
+            mu[self.coupling.rows(name)] = at_points(
+                "friction_coefficient", value, face, self.settings, "mean"
+            )
         return mu
 
     @made_once
@@ -271,20 +304,31 @@ class Problem:
         factor = float(self.settings.contact_stiffness_factor)
         user_laws = self.settings.own_laws()
         kinds = {name: face.kind for name, face in self.model.interfaces.items()}
-        scaled = {n: replace(c, stiffness=factor * c.stiffness) for n, c in self.contact.stiffness.items()}
-        springs = {n: self.contact.stiffness[n] if kinds[n] in ("cubic", "spring") else c for n, c in scaled.items()}
-        return springs | {name: law.springs(len(springs[name].stiffness), name) for name, law in user_laws.items()}
+        scaled = {
+            n: replace(c, stiffness=factor * c.stiffness) for n, c in self.contact.stiffness.items()
+        }
+        springs = {
+            n: self.contact.stiffness[n] if kinds[n] in ("cubic", "spring") else c
+            for n, c in scaled.items()
+        }
+        return springs | {
+            name: law.springs(len(springs[name].stiffness), name) for name, law in user_laws.items()
+        }
 
     @made_once
     def own_laws(self) -> OwnLaws | None:
         """User-defined contact laws at the points, or None."""
-        user_laws = [(self.coupling.rows(name), name, law) for name, law in self.settings.own_laws().items()]
+        user_laws = [
+            (self.coupling.rows(name), name, law) for name, law in self.settings.own_laws().items()
+        ]
         if not user_laws:
             return None
         basis = self.bases[1]
         G = basis.G.reshape(-1, basis.G.shape[-1])
         K = np.diag(basis.omega2) + G.conj().T @ (self.point_stiffness.reshape(-1, 1) * G)
-        x = np.abs(G @ np.linalg.lstsq(K, self.modal_force(1), rcond=None)[0]).reshape(-1, 3)  # static response in stick
+        x = np.abs(G @ np.linalg.lstsq(K, self.modal_force(1), rcond=None)[0]).reshape(
+            -1, 3
+        )  # static response in stick
         length = max(float(x[rows].max()) for rows, *_ in user_laws)
         return OwnLaws.of(user_laws, self.point_stiffness[:, 2], self.point_gaps, length or 1.0)
 
@@ -304,10 +348,16 @@ class Problem:
         law = np.full(self.coupling.n_points, LAW_NORMAL)
         for name in self.coupling.interfaces:
             kind = self.model.interfaces[name].kind
-            law[self.coupling.rows(name)] = {"cubic": LAW_CUBIC, "spring": LAW_BONDED}.get(kind, LAW_NORMAL)
+            law[self.coupling.rows(name)] = {"cubic": LAW_CUBIC, "spring": LAW_BONDED}.get(
+                kind, LAW_NORMAL
+            )
         for name, value in self.settings.law_by_interface().items():
             rows = self.coupling.rows(name)
-            law[rows] = value if value in (LAW_BONDED, LAW_USER) else np.where(self.friction[rows] > 0.0, value, LAW_NORMAL)
+            law[rows] = (
+                value
+                if value in (LAW_BONDED, LAW_USER)
+                else np.where(self.friction[rows] > 0.0, value, LAW_NORMAL)
+            )
         return law
 
     @made_once
@@ -318,7 +368,10 @@ class Problem:
     @made_once
     def tangential_stiffness(self) -> NDArray:
         """Contact stiffness (n_points, 2) along t1 and t2, N/m; 0 without friction or bond."""
-        return self.point_stiffness[:, :2] * ~np.isin(self.point_laws, (LAW_NORMAL, LAW_CUBIC))[:, None]
+        return (
+            self.point_stiffness[:, :2]
+            * ~np.isin(self.point_laws, (LAW_NORMAL, LAW_CUBIC))[:, None]
+        )
 
     @made_once
     def friction_points(self) -> NDArray:
@@ -331,17 +384,23 @@ class Problem:
         """Modal force (n_modes,), and displacement (n_points, 3) that the modes do not contain, per newton of preload."""
         force, shift = self.coupling.load(self.body_loads)
         loads = normal_loads(self.coupling, self.settings, "load_per_preload")
-        return self._padded(force), shift + approach(self._unloaded, loads, np.zeros(len(loads), bool), "load_per_preload")
+        return self._padded(force), shift + approach(
+            self._unloaded, loads, np.zeros(len(loads), bool), "load_per_preload"
+        )
 
     @made_once
     def fixed_load(self) -> tuple[NDArray, NDArray]:
         """Modal force (n_modes,), N kg^-1/2, and displacement (n_points, 3), m, without preload; see ``damper_load``."""
         constant_loads = self.settings.constant_loads or {}
-        force, shift = self.coupling.load({name: float(np.sum(load)) for name, load in constant_loads.items()})
+        force, shift = self.coupling.load(
+            {name: float(np.sum(load)) for name, load in constant_loads.items()}
+        )
         constant = self._padded(self.coupling.constant_force())
         loads = normal_loads(self.coupling, self.settings, "constant_loads")
         touching = np.isin(self.coupling.interface_of, self.settings.constrained_faces)
-        shift = shift + approach(replace(self._unloaded, constant_force=constant), loads, touching, "constant_loads")
+        shift = shift + approach(
+            replace(self._unloaded, constant_force=constant), loads, touching, "constant_loads"
+        )
         return constant + self._padded(force), shift
 
     def _padded(self, force: NDArray) -> NDArray:
@@ -356,7 +415,13 @@ class Problem:
     def modal_force(self, harmonic: int) -> NDArray:
         """Return the complex modal excitation (n_modes,) of an excited harmonic."""
         forces = self.settings.excited[harmonic]
-        return np.sum([(along @ self.location_modes(at, harmonic)).conj() * force for at, along, force in forces], axis=0)
+        return np.sum(
+            [
+                (along @ self.location_modes(at, harmonic)).conj() * force
+                for at, along, force in forces
+            ],
+            axis=0,
+        )
 
     @made_once
     def response_rows(self) -> list[NDArray]:
@@ -367,7 +432,9 @@ class Problem:
         """Return a row (n_modes,) of each harmonic, from the mean on, for the motion of a location along a direction."""
         direction = direction_vector(place.direction, "response direction")
         rows = [
-            direction @ self.location_modes(place.location, l) if l in self.settings.active_harmonics else np.zeros(0)
+            direction @ self.location_modes(place.location, l)
+            if l in self.settings.active_harmonics
+            else np.zeros(0)
             for l in range(self.harmonic_numbers[-1] + 1)
         ]
         rows[0] = rows[0].real
@@ -410,13 +477,18 @@ class Problem:
             shift = shift + self.displacement_by_rotation / preload
         else:
             moved = moved + self.displacement_by_rotation
-        return replace(self._unloaded, force=force, shift=shift, constant_force=fixed, constant_shift=moved)
+        return replace(
+            self._unloaded, force=force, shift=shift, constant_force=fixed, constant_shift=moved
+        )
 
     @made_once
     def _surfaces(self) -> dict[str, Any]:
         """Geometry and friction of the contact points, for static states."""
         faces = [self.coupling.model.interfaces[name] for name in self.coupling.interfaces]
-        places = {name: np.concatenate([getattr(f, name) for f in faces]) for name in ("points", "frame", "area")}
+        places = {
+            name: np.concatenate([getattr(f, name) for f in faces])
+            for name in ("points", "frame", "area")
+        }
         contact = {"friction": self.friction, "on_friction_face": self.friction_points}
         return places | contact | {"interface": self.coupling.interface_of}
 
@@ -436,18 +508,28 @@ class Problem:
             State at the last load factor.
         """
         preload = self.check_preload(preload)
-        factors = self.settings.load_history if history is None else check_history("history", history)
+        factors = (
+            self.settings.load_history if history is None else check_history("history", history)
+        )
         key, settings = (preload, *factors), self.settings
         if key not in self.static_states:
             watch, system, state = CostMeter(), self.static_system(preload), None
-            if len(factors) == 1 and preload > 0.0 and not (settings.residual_slip_std or settings.constant_loads):
+            if (
+                len(factors) == 1
+                and preload > 0.0
+                and not (settings.residual_slip_std or settings.constant_loads)
+            ):
                 # scale the state of one fixed load, so that results do not depend on the order of calls
                 of = (1.0, 1.0, preload * np.any(self.displacement_by_rotation))
-                unit = self.static_states.get(of) or replace(static_state(system, 1.0), **self._surfaces)
+                unit = self.static_states.get(of) or replace(
+                    static_state(system, 1.0), **self._surfaces
+                )
                 self.static_states[of] = unit
                 state = scaled_state(system, unit, factors[0] * preload)
             if state is None:
-                offset = assembly_offsets(settings.residual_slip_std, settings.residual_slip_seed, self.friction)
+                offset = assembly_offsets(
+                    settings.residual_slip_std, settings.residual_slip_seed, self.friction
+                )
                 for factor in factors:
                     state = static_state(system, factor * preload, start=state, offset=offset)
                     if not state.converged:
@@ -459,13 +541,17 @@ class Problem:
 
     def wedge_friction(self, preload: float = 1.0) -> WedgeFriction:
         """Return the range of normal forces that statics and friction allow; it identifies a self-locking wedge."""
-        return wedge_friction(self.coupling, self.friction, self.check_preload(preload), self.body_loads)
+        return wedge_friction(
+            self.coupling, self.friction, self.check_preload(preload), self.body_loads
+        )
 
     def check_preload(self, preload: float) -> float:
         """Check and return a preload (N); raise SettingError if it is negative or acts on no body."""
         preload = validation.number("preload", preload, least=0.0, unit="N")
         if preload > 0.0 and not self.carries_load:
-            raise SettingError(f"preload: expected 0, since {self.why_no_load}, found {preload:g} N")
+            raise SettingError(
+                f"preload: expected 0, since {self.why_no_load}, found {preload:g} N"
+            )
         return preload
 
     @made_once
@@ -476,7 +562,11 @@ class Problem:
     @property
     def why_no_load(self) -> str:
         """Reason why no load acts on a damper."""
-        loaded = [n for n, b in self.model.bodies.items() if b.load is not None and np.any(b.load.generalised)]
+        loaded = [
+            n
+            for n, b in self.model.bodies.items()
+            if b.load is not None and np.any(b.load.generalised)
+        ]
         if not loaded:
             return "no body of the model carries a load"
         return f"the study leaves out the motions of {loaded} along the load (rigid_modes={self.settings.rigid_modes})"
@@ -537,7 +627,9 @@ class LoadCase:
     def equilibrium(self) -> PreloadState:
         """Static state; StaticError if there is none."""
         if not self.static.converged:
-            raise StaticError(f"expected a static state under {self.preload:g} N, found none: {self.static.note}")
+            raise StaticError(
+                f"expected a static state under {self.preload:g} N, found none: {self.static.note}"
+            )
         return self.static
 
     def stuck_springs(self, *, touching: bool = False) -> NDArray:
@@ -552,15 +644,23 @@ class LoadCase:
             rows, face = problem.coupling.rows(name), problem.model.interfaces[name]
             bodies = [problem.model.bodies[body] for body in (face.body_a, face.body_b)]
             touch = problem.point_gaps[rows] <= 0.0
-            if any(body.load is not None for body in bodies):  # lumped masses: the load may open the contact permanently
+            if any(
+                body.load is not None for body in bodies
+            ):  # lumped masses: the load may open the contact permanently
                 touch &= state.closing[rows] >= 0.0
-            if touch.any() and not closed[rows].any() and not any(body.kind == "free" for body in bodies):
+            if (
+                touch.any()
+                and not closed[rows].any()
+                and not any(body.kind == "free" for body in bodies)
+            ):
                 closed[rows] = touch
                 warn(
                     f"interface '{name}' touches without a normal load: its touching points count as stuck, although they "
                     "carry no load at rest; load_per_preload=, constant_loads= or a negative gap press it"
                 )
-        springs = np.concatenate([problem.tangential_stiffness, problem.point_stiffness[:, 2:]], axis=1)
+        springs = np.concatenate(
+            [problem.tangential_stiffness, problem.point_stiffness[:, 2:]], axis=1
+        )
         return springs * closed[:, None]
 
     @property
@@ -606,12 +706,25 @@ class LoadCase:
         bases = problem.bases
         if not problem.settings.separation or not problem.settings.variable_normal_load:
             bases, points = without_separation(
-                bases, points, state, problem.friction_points, constant_load=not problem.settings.variable_normal_load
+                bases,
+                points,
+                state,
+                problem.friction_points,
+                constant_load=not problem.settings.variable_normal_load,
             )
         pressed = np.einsum("pdm,pd->m", problem.static_basis.G.real, state.force)
-        static = max(float(np.abs(state.load * load).max()), float(np.abs(pressed).max()), vibration)
-        validation.check(static <= most, "load_per_preload", f"static forces on the modes up to {most:g}", f"{static:.3g}")
+        static = max(
+            float(np.abs(state.load * load).max()), float(np.abs(pressed).max()), vibration
+        )
+        validation.check(
+            static <= most,
+            "load_per_preload",
+            f"static forces on the modes up to {most:g}",
+            f"{static:.3g}",
+        )
         scale = (static or 1.0, vibration or static or 1.0)
         springs = problem.point_stiffness * problem.coupling.spring_points[:, None]
         sampling = problem.settings.contact_forces
-        return Sector(bases, points, force, problem.response_rows, sampling, scale, springs, problem.bases)
+        return Sector(
+            bases, points, force, problem.response_rows, sampling, scale, springs, problem.bases
+        )

@@ -46,7 +46,9 @@ def read(name: str, table: Table, at: float) -> float:
         return validation.number(f"{name} at {at:g}", table(at))
     places = sorted(table)
     if not places[0] <= at <= places[-1]:
-        raise SettingError(f"{name}: expected a table that reaches {at:g}, found {places[0]:g} to {places[-1]:g}")
+        raise SettingError(
+            f"{name}: expected a table that reaches {at:g}, found {places[0]:g} to {places[-1]:g}"
+        )
     return float(np.interp(at, places, [table[x] for x in places]))
 
 
@@ -63,7 +65,11 @@ def _excitation(name: str, given: Excitations) -> Excitations:
     if isinstance(given, Mapping) and given:
         for order, value in given.items():
             item = f"{name} of engine order {validation.integer(f'{name}, engine order', order, least=1)}"
-            _ = _table(item, value) if isinstance(value, Mapping) else validation.number(item, value, above=0.0, unit="N")
+            _ = (
+                _table(item, value)
+                if isinstance(value, Mapping)
+                else validation.number(item, value, above=0.0, unit="N")
+            )
     elif not callable(given):
         raise validation.invalid(name, "a function or a mapping of engine order to newtons", given)
     return given
@@ -97,29 +103,42 @@ class Conditions:
     def __post_init__(self) -> None:
         validation.check_fields(self)
         if self.temperature is not None and self.friction is None:
-            raise SettingError("temperature: expected friction with it, a function or table of temperature, found none")
+            raise SettingError(
+                "temperature: expected friction with it, a function or table of temperature, found none"
+            )
 
     def __repr__(self) -> str:  # without memory addresses, so that it is reproducible
         def named(value: object) -> str:
-            return f"{value.__module__}.{value.__qualname__}" if hasattr(value, "__qualname__") else repr(value)
+            return (
+                f"{value.__module__}.{value.__qualname__}"
+                if hasattr(value, "__qualname__")
+                else repr(value)
+            )
 
         given = {f.name: getattr(self, f.name) for f in fields(self)}
         return f"Conditions({', '.join(f'{name}={named(v)}' for name, v in given.items() if v is not None)})"
 
-    def values(self, speeds: Iterable[float], engine_orders: Iterable[int]) -> tuple[tuple[float | None, ...], ...]:
+    def values(
+        self, speeds: Iterable[float], engine_orders: Iterable[int]
+    ) -> tuple[tuple[float | None, ...], ...]:
         """Return friction coefficient and excitation of each order at speeds.
 
         These values identify the conditions in results files, since callables cannot be compared.
         """
         orders = list(engine_orders)
-        return tuple((self.friction_at(w), *(self.excitation_at(w, order) for order in orders)) for w in speeds)
+        return tuple(
+            (self.friction_at(w), *(self.excitation_at(w, order) for order in orders))
+            for w in speeds
+        )
 
     def reach(self, engine_order: int) -> tuple[float, float]:
         """Return the range of speeds (rad/s) that all tables over speed cover."""
         over = self.friction if self.temperature is None else self.temperature
         force = self.excitation.get(engine_order) if isinstance(self.excitation, Mapping) else None
         tables = [table for table in (over, force) if isinstance(table, Mapping)]
-        return max((min(t) for t in tables), default=0.0), min((max(t) for t in tables), default=float("inf"))
+        return max((min(t) for t in tables), default=0.0), min(
+            (max(t) for t in tables), default=float("inf")
+        )
 
     def friction_at(self, omega: float) -> float | None:
         """Return the friction coefficient at a speed; None if it is constant."""
@@ -136,12 +155,17 @@ class Conditions:
         if callable(given):
             force: Any = given(omega, engine_order)
         elif engine_order not in given:
-            raise SettingError(f"excitation: expected a value for engine order {engine_order}, found orders {list(given)}")
+            raise SettingError(
+                f"excitation: expected a value for engine order {engine_order}, found orders {list(given)}"
+            )
         else:
             force = given[engine_order]
             force = read("excitation", force, omega) if isinstance(force, Mapping) else force
         return validation.number(
-            f"excitation of engine order {engine_order} at {omega:g} rad/s", force, above=0.0, unit="N"
+            f"excitation of engine order {engine_order} at {omega:g} rad/s",
+            force,
+            above=0.0,
+            unit="N",
         )
 
 
@@ -155,7 +179,10 @@ Speeds = Sequence[float] | NDArray | float
 
 
 def asked_speeds(
-    problem: Problem, speeds: Speeds | None, rpm: Speeds | None, check: Callable[..., Any] = validation.numbers
+    problem: Problem,
+    speeds: Speeds | None,
+    rpm: Speeds | None,
+    check: Callable[..., Any] = validation.numbers,
 ) -> Any:
     """Return speeds in rad/s from arguments in rad/s or in revolutions per minute; warn if rpm were probably given as
     rad/s.
@@ -166,11 +193,18 @@ def asked_speeds(
         If none or both are given, or a speed is not positive.
     """
     if (speeds is None) == (rpm is None):
-        raise SettingError(f"rotor speed: expected a value in rad/s or rpm=, found {'none' if rpm is None else 'both'}")
+        raise SettingError(
+            f"rotor speed: expected a value in rad/s or rpm=, found {'none' if rpm is None else 'both'}"
+        )
     if rpm is not None:
         return check("rpm", rpm, above=0.0) / RPM
-    values = check("speeds" if check is validation.numbers else "rotor speed", speeds, above=0.0, unit="rad/s")
-    radius = max((float(np.hypot(*place.position[:2])) for place in problem.model.locations.values()), default=0.0)
+    values = check(
+        "speeds" if check is validation.numbers else "rotor speed", speeds, above=0.0, unit="rad/s"
+    )
+    radius = max(
+        (float(np.hypot(*place.position[:2])) for place in problem.model.locations.values()),
+        default=0.0,
+    )
     # largest plausible tip speed (m/s): the longest titanium blades of steam turbines reach about 750
     tip_speed = 800.0
     if radius * np.max(values) > tip_speed:
@@ -183,14 +217,25 @@ def asked_speeds(
 
 
 def at_speed(
-    problem: Problem, omega: float | None = None, *, rpm: float | None = None, conditions: Conditions
+    problem: Problem,
+    omega: float | None = None,
+    *,
+    rpm: float | None = None,
+    conditions: Conditions,
 ) -> Problem:
     """See :meth:`bdamper.Study.at_speed`."""
     bodies = problem.model.bodies.values()
-    turns = any(b.load is not None or b.spin is not None or any(x.speed for x in b.bases.values()) for b in bodies)
-    expected = "a model with a loaded body, modes over speed or displacement by rotation, or conditions"
+    turns = any(
+        b.load is not None or b.spin is not None or any(x.speed for x in b.bases.values())
+        for b in bodies
+    )
+    expected = (
+        "a model with a loaded body, modes over speed or displacement by rotation, or conditions"
+    )
     given = conditions != Conditions()
-    validation.check(turns or given, "rotor speed", expected, "a model in which nothing depends on speed")
+    validation.check(
+        turns or given, "rotor speed", expected, "a model in which nothing depends on speed"
+    )
     return under(problem, asked_speeds(problem, omega, rpm, validation.number), conditions)
 
 
@@ -209,7 +254,9 @@ def under(problem: Problem, omega: float, conditions: Conditions) -> Problem:
 def node_speeds(low: float, high: float, n: int) -> NDArray:
     """Return n speeds, descending, whose squares are the Chebyshev points of the interval of the squared speed."""
     low, high = low**2, high**2
-    return np.sqrt(0.5 * (low + high) + 0.5 * (high - low) * np.cos(np.pi * (np.arange(n) + 0.5) / n))
+    return np.sqrt(
+        0.5 * (low + high) + 0.5 * (high - low) * np.cos(np.pi * (np.arange(n) + 0.5) / n)
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,12 +297,19 @@ class Family:
         def mixed(name: str) -> NDArray:
             return sum(w * sector.arrays[name] for w, sector in zip(weights, self.sectors))
 
-        stiffness, mass, damping, G = (mixed(name) for name in ("stiffness", "mass", "damping", "G"))
+        stiffness, mass, damping, G = (
+            mixed(name) for name in ("stiffness", "mass", "damping", "G")
+        )
         ends = np.cumsum([len(b.omega2) for b in middle.bases])[:-1]
         n_points = len(middle.points.kn)
-        parts = zip(*(np.split(a, ends) for a in (stiffness, mass, damping)), np.split(G, 3 * n_points * ends))
+        parts = zip(
+            *(np.split(a, ends) for a in (stiffness, mass, damping)),
+            np.split(G, 3 * n_points * ends),
+        )
         bases = [
-            replace(b, omega2=k, mass=m, damping_ratio=np.zeros_like(k), drag=c, G=g.reshape(b.G.shape))
+            replace(
+                b, omega2=k, mass=m, damping_ratio=np.zeros_like(k), drag=c, G=g.reshape(b.G.shape)
+            )
             for b, (k, m, c, g) in zip(middle.bases, parts)
         ]
         points = replace(
@@ -263,23 +317,32 @@ class Family:
             shift=mixed("shift"), load=mixed("load"),
         )  # fmt: skip
         rows = self.response_rows(omega)
-        return replace(middle, bases=bases, points=points, force=mixed("force"), response_rows=rows).equations
+        return replace(
+            middle, bases=bases, points=points, force=mixed("force"), response_rows=rows
+        ).equations
 
     def response_rows(self, omega: float) -> list[NDArray]:
         """Return the rows of modal amplitudes that give the response at a frequency (rad/s), for each harmonic."""
         weights = self.rows.basis(omega, len(self.speeds)) @ self.weights
         harmonics = range(len(self.sectors[0].bases))
-        return [sum(w * s.response_rows[l] for w, s in zip(weights, self.sectors)) for l in harmonics]
+        return [
+            sum(w * s.response_rows[l] for w, s in zip(weights, self.sectors)) for l in harmonics
+        ]
 
 
 def responses(system: Equations[Family], y: NDArray) -> NDArray:
     """Return complex response amplitudes (n, n_harmonics + 1) at points (n, n_unknowns + 1) of the line, the mean first."""
     rows = [system.structure.response_rows(point[-1]) for point in y]
-    out = [[system.layout.amplitudes(point[:-1], l) @ row for l, row in enumerate(of)] for point, of in zip(y, rows)]
+    out = [
+        [system.layout.amplitudes(point[:-1], l) @ row for l, row in enumerate(of)]
+        for point, of in zip(y, rows)
+    ]
     return np.array(out, complex).reshape(len(y), system.n_harmonics + 1)
 
 
-def family_equations(systems: Sequence[Equations[Sector]], speeds: NDArray, engine_order: int) -> Equations[Family]:
+def family_equations(
+    systems: Sequence[Equations[Sector]], speeds: NDArray, engine_order: int
+) -> Equations[Family]:
     """Create the equations along an engine order line.
 
     Parameters
@@ -304,8 +367,13 @@ def family_equations(systems: Sequence[Equations[Sector]], speeds: NDArray, engi
         raise SettingError(
             f"over rotor speed: the number of unknowns or the contact law changes between two speeds ({error})"
         ) from error
-    interval = 0.5 * float(squares.max() + squares.min()), 0.5 * float(squares.max() - squares.min())
-    weights = np.linalg.inv(chebyshev.chebvander((squares - interval[0]) / interval[1], len(squares) - 1))
+    interval = (
+        0.5 * float(squares.max() + squares.min()),
+        0.5 * float(squares.max() - squares.min()),
+    )
+    weights = np.linalg.inv(
+        chebyshev.chebvander((squares - interval[0]) / interval[1], len(squares) - 1)
+    )
     values = np.array([system.rows.coefficients[0] for system in systems])
     rows = Rows(np.tensordot(weights, values, 1), interval, engine_order)
     sectors = tuple(system.structure for system in systems)

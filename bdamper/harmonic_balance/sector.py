@@ -76,7 +76,9 @@ class Linear:
         if contact is not None or np.any(self.springs):
             G = b.G.reshape(-1, 3, len(b.omega2))
             k = np.broadcast_to(self.springs + (0.0 if contact is None else contact), G.shape[:2])
-            Z += G.reshape(-1, len(b.omega2)).conj().T @ (k[..., None] * G).reshape(-1, len(b.omega2))
+            Z += G.reshape(-1, len(b.omega2)).conj().T @ (k[..., None] * G).reshape(
+                -1, len(b.omega2)
+            )
         return Z
 
     def modes(self, contact: NDArray | None, harmonic: int = 1) -> tuple[NDArray, NDArray]:
@@ -85,7 +87,9 @@ class Linear:
         Massless modal coordinates follow the others statically and add no frequency.
         """
         K = self.matrix(0.0, contact, harmonic)
-        shift = max(float(np.abs(np.diag(K)).max()) * 1e-6, 1.0)  # rigid-body modes have zero stiffness
+        shift = max(
+            float(np.abs(np.diag(K)).max()) * 1e-6, 1.0
+        )  # rigid-body modes have zero stiffness
         M = np.diag(self.bases[harmonic].mass)
         inverse, vectors = scipy.linalg.eigh(M, 0.5 * (K + K.conj().T) + shift * M)
         keep = np.flatnonzero(inverse > 1e-12 * inverse[-1])[::-1]
@@ -99,7 +103,9 @@ class Linear:
         e = self.layout.amplitudes(self.force, harmonic)
         return np.linalg.lstsq(self.matrix(omega, contact, harmonic), e, rcond=1e-14)[0]
 
-    def resonances(self, springs: Sequence[NDArray | None], low: float, high: float) -> list[tuple[float, float, NDArray]]:
+    def resonances(
+        self, springs: Sequence[NDArray | None], low: float, high: float
+    ) -> list[tuple[float, float, NDArray]]:
         """Return the resonances between ``low`` and ``high`` (rad/s) for several sets of contact springs.
 
         Each resonance has a frequency and a half-width (damping ratio times frequency), both in rad/s, and a row (n_modes,)
@@ -111,11 +117,15 @@ class Linear:
             frequencies, vectors = self.modes(k)
             for omega, vector in zip(frequencies, vectors.T):
                 if low < omega < high:
-                    width = max(0.5 * float(np.abs(vector) ** 2 @ basis.damping), UNDAMPED * float(omega))
+                    width = max(
+                        0.5 * float(np.abs(vector) ** 2 @ basis.damping), UNDAMPED * float(omega)
+                    )
                     out.append((float(omega), width, vector.conj() * basis.mass))
         return out
 
-    def maximum(self, row: NDArray, springs: NDArray | None, omega: float, width: float) -> tuple[float, float]:
+    def maximum(
+        self, row: NDArray, springs: NDArray | None, omega: float, width: float
+    ) -> tuple[float, float]:
         """Return frequency (rad/s) and amplitude (m) of the maximum near a resonance of frequency ``omega`` and half-width
         ``width``.
 
@@ -129,13 +139,15 @@ class Linear:
 
         ends = (omega - 3.0 * width, omega + 3.0 * width)
         options = {"xatol": 1e-9 * omega, "maxiter": 200}
-        minimum = scipy.optimize.minimize_scalar(negative, bounds=ends, method="bounded", options=options)
+        minimum = scipy.optimize.minimize_scalar(
+            negative, bounds=ends, method="bounded", options=options
+        )
         return float(minimum.x), -float(minimum.fun)
 
 
-
-
-def reach(free: Sequence[float], stuck: Sequence[float], low: float, high: float) -> tuple[float, float]:
+def reach(
+    free: Sequence[float], stuck: Sequence[float], low: float, high: float
+) -> tuple[float, float]:
     """Return the interval in which branches that pass through (low, high) may have folds, in the unit of the arguments.
 
     As the contact slips and opens, the resonance of a mode moves from its stuck towards its free frequency, and so do the
@@ -201,7 +213,9 @@ class Sector:
     @cached_property
     def evaluation_code(self) -> tuple[int, int]:
         """Evaluation method and number of samples in the encoding of the core."""
-        return evaluation_code(self.contact_forces, len(self.bases) - 1, np.asarray(self.points.law))
+        return evaluation_code(
+            self.contact_forces, len(self.bases) - 1, np.asarray(self.points.law)
+        )
 
     @property
     def exact(self) -> bool:
@@ -249,7 +263,12 @@ class Sector:
         """Create the equations in the C core; ``over_speed`` contains further arrays of a family over rotor speed."""
         mode, n_time = self.evaluation_code
         given: dict[str, Any] = self.arrays | over_speed | {"own": self.own}
-        return _core.Sector(**given, evaluation=mode, n_time=n_time, row_scale=row_scale(self.layout, self.force_scale))
+        return _core.Sector(
+            **given,
+            evaluation=mode,
+            n_time=n_time,
+            row_scale=row_scale(self.layout, self.force_scale),
+        )
 
     @property
     def rows(self) -> Rows:
@@ -260,8 +279,14 @@ class Sector:
     def work(self) -> NDArray:
         """Million operations (4,) of an evaluation, a Jacobian, a factorisation and a least-norm solution."""
         n, points = len(self.force), len(self.points.kn)
-        contact = 28e3 * (2 * len(self.bases) - 1) if self.exact else 120e3 + 1.2e3 * self.evaluation_code[1]
-        return 1e-6 * np.array([points * contact, 6.0 * points * n**2, n**3 + 700.0 * n**2 + 1e6, 15.0 * n**3])
+        contact = (
+            28e3 * (2 * len(self.bases) - 1)
+            if self.exact
+            else 120e3 + 1.2e3 * self.evaluation_code[1]
+        )
+        return 1e-6 * np.array(
+            [points * contact, 6.0 * points * n**2, n**3 + 700.0 * n**2 + 1e6, 15.0 * n**3]
+        )
 
     @cached_property
     def _of_thread(self) -> threading.local:
@@ -286,7 +311,9 @@ def row_scale(layout: Layout, force_scale: tuple[float, float]) -> NDArray:
     return scale
 
 
-def excitation_ramp(system: Equations[Sector], omega: float, support: NDArray | None = None) -> Equations[Sector]:
+def excitation_ramp(
+    system: Equations[Sector], omega: float, support: NDArray | None = None
+) -> Equations[Sector]:
     """Return the equations at fixed omega (rad/s) with a factor on the excitation as the parameter.
 
     The parameter scales the excitation of the harmonics and fades out the linear force ``support`` (n_unknowns,
@@ -305,7 +332,9 @@ def supported_coordinates(sector: Sector) -> list[NDArray]:
     return free if any(f.any() for f in free) else [np.ones_like(f) for f in free]
 
 
-def supported_by(system: Equations[Sector], omega: float, drag: float, spring: float) -> Equations[Sector]:
+def supported_by(
+    system: Equations[Sector], omega: float, drag: float, spring: float
+) -> Equations[Sector]:
     """Return the equations at fixed omega (rad/s) with free bodies on a support that fades out as the parameter s
     approaches 1.
 
@@ -368,14 +397,30 @@ def segments(
     J = np.empty(x.shape + x.shape)
     mode, n_time = evaluation_code(contact_forces, x.shape[1] // 2, np.array(law))
     _, parts = _core.evaluate_contact(
-        np.ascontiguousarray(x), kt, kn, mu, n0, slider, F, J, law, mode, n_time, n0 if load is None else load
+        np.ascontiguousarray(x),
+        kt,
+        kn,
+        mu,
+        n0,
+        slider,
+        F,
+        J,
+        law,
+        mode,
+        n_time,
+        n0 if load is None else load,
     )
     return list(parts)
 
 
 def evaluation_code(contact_forces: str | AFT, harmonics: int, law: NDArray) -> tuple[int, int]:
-    if contact_forces == "event_driven" and np.isin(law, (LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_USER)).any():
-        raise SettingError('contact_forces: expected AFT(n), since the law has no closed form, found "event_driven"')
+    if (
+        contact_forces == "event_driven"
+        and np.isin(law, (LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_USER)).any()
+    ):
+        raise SettingError(
+            'contact_forces: expected AFT(n), since the law has no closed form, found "event_driven"'
+        )
     check_evaluation(contact_forces, harmonics)
     if isinstance(contact_forces, AFT):
         return (1 if contact_forces.interpolate else 2), contact_forces.n_time

@@ -15,10 +15,26 @@ from typing import Annotated, Any, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.contact.laws import AFT, LAW_BONDED, LAW_COUPLED, LAW_SEPARABLE, LAW_USER, ContactLaw, check_evaluation
+from bdamper.contact.laws import (
+    AFT,
+    LAW_BONDED,
+    LAW_COUPLED,
+    LAW_SEPARABLE,
+    LAW_USER,
+    ContactLaw,
+    check_evaluation,
+)
 from bdamper.contact.residual_flexibility import ResidualModes
 from bdamper.contact.stiffness import PerArea
-from bdamper.harmonic_balance.effects import BLADE_MODES, HARMONICS, LAW_NAMES, ByBody, Harmonics, Law, harmonic_numbers
+from bdamper.harmonic_balance.effects import (
+    BLADE_MODES,
+    HARMONICS,
+    LAW_NAMES,
+    ByBody,
+    Harmonics,
+    Law,
+    harmonic_numbers,
+)
 from bdamper.model.kinematics import RIGID_NAMES
 from bdamper.model.loads import FIELD, Excitation, Response, direction_vector
 from bdamper.model.structure import Interface, Model
@@ -145,14 +161,18 @@ class Settings(validation.Answering):
     contact_stiffness: str | float | ResidualModes | PerArea | Mapping[str, NDArray] | None = None
     blade_modes: validation.Count = BLADE_MODES
     damper_modes: ByBody = 0
-    rigid_modes: Annotated[tuple[str, ...], partial(validation.names, choices=RIGID_NAMES)] = RIGID_NAMES
+    rigid_modes: Annotated[tuple[str, ...], partial(validation.names, choices=RIGID_NAMES)] = (
+        RIGID_NAMES
+    )
     constraint_planes: bool = True
     fundamental_modes_only: bool = False
     damping_ratio: validation.Share | None = None
     damper_damping_ratio: Annotated[
         float | Mapping[str, float], validation.each(validation.Limits(least=0.0, below=1.0))
     ] = 0.0
-    damper_drag: Annotated[float | Mapping[str, float], validation.each(validation.Limits(least=0.0, unit="N s/m"))] = 0.0
+    damper_drag: Annotated[
+        float | Mapping[str, float], validation.each(validation.Limits(least=0.0, unit="N s/m"))
+    ] = 0.0
     contact_forces: str | AFT = "event_driven"
     friction_law: Law = "uncoupled"
     bias: bool = True
@@ -178,19 +198,30 @@ class Settings(validation.Answering):
             object.__setattr__(self, "engine_order", 1)
         validation.check_fields(self)
         self._check_places()
-        validation.integer("blade_modes", self.blade_modes, 1, max(BLADE_MODES, self.most_modes("constrained")))
+        validation.integer(
+            "blade_modes", self.blade_modes, 1, max(BLADE_MODES, self.most_modes("constrained"))
+        )
         self._check_friction()
         most = max(self.most_points, 1)
         expected = f"at most {most}, those of a friction face of the model, which decides how many there are (None for all)"
-        validation.check_value((self.contact_points or 0) <= most, "contact_points", expected, self.contact_points)
+        validation.check_value(
+            (self.contact_points or 0) <= most, "contact_points", expected, self.contact_points
+        )
         check_evaluation(self.contact_forces, self.harmonic_numbers[-1])
-        validation.check(self.load_history[-1] == 1.0, "load_history", "1.0 at its end", self.load_history)
+        validation.check(
+            self.load_history[-1] == 1.0, "load_history", "1.0 at its end", self.load_history
+        )
         for name in ("damper_modes", "damper_damping_ratio", "damper_drag"):
             given = getattr(self, name)
             if isinstance(given, Mapping):
                 validation.mapping(name, given, self.free_bodies, "free bodies")
             elif name != "damper_modes":
-                validation.check_value(self.free_bodies or not given, name, "0, since the model has no free body", given)
+                validation.check_value(
+                    self.free_bodies or not given,
+                    name,
+                    "0, since the model has no free body",
+                    given,
+                )
         if self.speed is not None:
             own = self.model.provenance.get("rotor speed", "none")
             expected = f"a model at {self.speed:.9g} rad/s, as study.at_speed makes it"
@@ -204,13 +235,24 @@ class Settings(validation.Answering):
     def _flow(self, given: complex | Mapping[int, complex]) -> dict[int, complex]:
         """Return the complex aerodynamic coefficient of each wave, 0 to n_blades - 1."""
         by_diameter = given if isinstance(given, Mapping) else {self.engine_order: given}
-        validation.check(self.most_modes("constrained"), "aerodynamic_damping", "None without a constrained body", given)
+        validation.check(
+            self.most_modes("constrained"),
+            "aerodynamic_damping",
+            "None without a constrained body",
+            given,
+        )
         out = {}
         for d, value in by_diameter.items():
             item = f"aerodynamic_damping at nodal diameter {d}"
-            wave = validation.integer(item.replace("damping at", "damping,"), d, -self.model.n_blades) % self.model.n_blades
+            wave = (
+                validation.integer(item.replace("damping at", "damping,"), d, -self.model.n_blades)
+                % self.model.n_blades
+            )
             validation.check_value(
-                isinstance(value, (int, float, complex)) and np.isfinite(value), item, "a finite number", value
+                isinstance(value, (int, float, complex)) and np.isfinite(value),
+                item,
+                "a finite number",
+                value,
             )
             validation.check(wave not in out, item, "each wave once", f"that of {d} twice")
             out[wave] = value if isinstance(value, complex) else 1j * value
@@ -220,14 +262,25 @@ class Settings(validation.Answering):
         places = sorted(name for name, place in self.model.locations.items() if place.kind is None)
         modes = [f"mode {k + 1}" for k in range(self.most_modes("constrained"))]
         for each in (self.excitation, *self.excitation.beside):
-            others = modes if each.location.startswith("mode ") and each.location not in self.model.locations else ()
-            validation.choice("excitation location", each.location, (*sorted(self.model.locations), *others))
+            others = (
+                modes
+                if each.location.startswith("mode ") and each.location not in self.model.locations
+                else ()
+            )
+            validation.choice(
+                "excitation location", each.location, (*sorted(self.model.locations), *others)
+            )
             plain = each.location in places or each.direction == "tangential"
             validation.check_value(
-                plain, "excitation direction", f"none, which '{each.location}' does not have", each.direction
+                plain,
+                "excitation direction",
+                f"none, which '{each.location}' does not have",
+                each.direction,
             )
         if self.response is None:
-            expected = "a Response(location, direction), since the excitation is no force at a location"
+            expected = (
+                "a Response(location, direction), since the excitation is no force at a location"
+            )
             validation.check(self.acts_at_location, "response", expected, "none")
         validation.choice("response location", self.response_location.location, places)
 
@@ -236,10 +289,18 @@ class Settings(validation.Answering):
         for each in (self.excitation, *self.excitation.beside):
             order = self.engine_order if each.engine_order is None else each.engine_order
             known = [self.engine_order * l for l in self.harmonic_numbers]
-            validation.check_value(order in known, "engine_order of an excitation", f"one of {known} (harmonics)", order)
+            validation.check_value(
+                order in known,
+                "engine_order of an excitation",
+                f"one of {known} (harmonics)",
+                order,
+            )
         harmonics = sorted(self.excited)
         validation.check(
-            harmonics[0] == 1, "excitation", "a force of the study's own engine_order", f"harmonics {harmonics} alone"
+            harmonics[0] == 1,
+            "excitation",
+            "a force of the study's own engine_order",
+            f"harmonics {harmonics} alone",
         )
 
     @property
@@ -257,15 +318,25 @@ class Settings(validation.Answering):
             whole = place is None or place.kind is not None  # a mode or a field
             along = FIELD if whole else direction_vector(each.direction, "excitation direction")
             order = self.engine_order if each.engine_order is None else each.engine_order
-            out.setdefault(order // (self.engine_order or 1) or 1, []).append((each.location, along, each.force))
+            out.setdefault(order // (self.engine_order or 1) or 1, []).append(
+                (each.location, along, each.force)
+            )
         return out
 
     @property
     def places(self) -> tuple[tuple[str, NDArray], ...]:
         """Locations and directions (3,) of the response and of all forces except modal forces."""
-        forces = [(at, along) for group in self.excited.values() for at, along, _ in group if at in self.model.locations]
+        forces = [
+            (at, along)
+            for group in self.excited.values()
+            for at, along, _ in group
+            if at in self.model.locations
+        ]
         response = self.response_location
-        return (*forces, (response.location, direction_vector(response.direction, "response direction")))
+        return (
+            *forces,
+            (response.location, direction_vector(response.direction, "response direction")),
+        )
 
     @property
     def free_bodies(self) -> tuple[str, ...]:
@@ -275,7 +346,10 @@ class Settings(validation.Answering):
     def by_body(self, name: str) -> dict[str, Any]:
         """Return the value for each free body of "damper_modes", "damper_damping_ratio" or "damper_drag"."""
         given = getattr(self, name)
-        return {body: given.get(body, 0) if isinstance(given, Mapping) else given for body in self.free_bodies}
+        return {
+            body: given.get(body, 0) if isinstance(given, Mapping) else given
+            for body in self.free_bodies
+        }
 
     @property
     def friction_faces(self) -> tuple[Interface, ...]:
@@ -286,12 +360,19 @@ class Settings(validation.Answering):
     def constrained_faces(self) -> tuple[str, ...]:
         """Friction interfaces between constrained bodies: shrouds, roots, a platform pressed on the ground."""
         free = self.free_bodies
-        return tuple(face.name for face in self.friction_faces if face.body_a not in free and face.body_b not in free)
+        return tuple(
+            face.name
+            for face in self.friction_faces
+            if face.body_a not in free and face.body_b not in free
+        )
 
     @property
     def loaded(self) -> tuple[str, ...]:
         """Names of bodies with a load and of friction interfaces between constrained bodies."""
-        return (*(name for name, body in self.model.bodies.items() if body.load is not None), *self.constrained_faces)
+        return (
+            *(name for name, body in self.model.bodies.items() if body.load is not None),
+            *self.constrained_faces,
+        )
 
     def given_loads(self, item: str) -> dict[str, Any]:
         """Return ``load_per_preload`` (by default 1 on every loaded body) or ``constant_loads``, by name."""
@@ -311,13 +392,20 @@ class Settings(validation.Answering):
                     validation.number(f"{item} of '{name}'", given[name], least=0.0)
         if self.load_per_preload is not None:
             validation.check(
-                any(self.load_per_preload.values()), "load_per_preload", "at least one above 0", dict(self.load_per_preload)
+                any(self.load_per_preload.values()),
+                "load_per_preload",
+                "at least one above 0",
+                dict(self.load_per_preload),
             )
         if self.speed is not None:
             expected = "none at a rotor speed, where mass times radius of the bodies decides (vary damper_mass_factor)"
-            validation.check(self.load_per_preload is None, "load_per_preload", expected, self.load_per_preload)
+            validation.check(
+                self.load_per_preload is None, "load_per_preload", expected, self.load_per_preload
+            )
             held = [name for name in self.constant_loads or () if name in bodies]
-            validation.check(not held, "constant_loads", "those of interfaces alone at a rotor speed", held)
+            validation.check(
+                not held, "constant_loads", "those of interfaces alone at a rotor speed", held
+            )
 
     @property
     def holds_preload(self) -> bool:
@@ -328,10 +416,18 @@ class Settings(validation.Answering):
 
     def _check_held(self) -> None:
         """Check that settings of contacts and modes do not contradict the forces and matrices of a lumped model."""
-        drag = any(basis.drag is not None for body in self.model.bodies.values() for basis in body.bases.values())
+        drag = any(
+            basis.drag is not None
+            for body in self.model.bodies.values()
+            for basis in body.bases.values()
+        )
         expected = "none, since the model carries a damping matrix that couples its modes"
-        validation.check_value(not drag or self.damping_ratio is None, "damping_ratio", expected, self.damping_ratio)
-        given_values = isinstance(self.contact_stiffness, Mapping) and self.contact_stiffness_factor == 1.0
+        validation.check_value(
+            not drag or self.damping_ratio is None, "damping_ratio", expected, self.damping_ratio
+        )
+        given_values = (
+            isinstance(self.contact_stiffness, Mapping) and self.contact_stiffness_factor == 1.0
+        )
         if self.holds_preload and not given_values:
             raise SettingError(
                 "contact_stiffness: expected the values in the model, since the preload of its contacts does not depend on "
@@ -348,28 +444,44 @@ class Settings(validation.Answering):
         bodies).
         """
         bodies = [body for body in self.model.bodies.values() if body.kind == kind]
-        modes = min((basis.n_natural for body in bodies for basis in body.bases.values()), default=0)
+        modes = min(
+            (basis.n_natural for body in bodies for basis in body.bases.values()), default=0
+        )
         return modes - len(RIGID_NAMES) if bodies and kind == "free" else modes
 
     def _check_friction(self) -> None:
         given, faces = self.friction_law, [face.name for face in self.friction_faces]
         if isinstance(given, Mapping) and set(given) != set(faces):
-            raise validation.invalid("friction_law", f"one of {LAW_NAMES} for each interface {faces}", dict(given))
+            raise validation.invalid(
+                "friction_law", f"one of {LAW_NAMES} for each interface {faces}", dict(given)
+            )
         # user-defined laws require these settings
         required = {"separation": True, "variable_normal_load": True, "stability": False}
         for name, value in required.items() if self.own_laws() else ():
-            validation.check_value(getattr(self, name) == value, name, f"{value!r} with a ContactLaw", getattr(self, name))
+            validation.check_value(
+                getattr(self, name) == value,
+                name,
+                f"{value!r} with a ContactLaw",
+                getattr(self, name),
+            )
         sampled = {LAW_COUPLED, LAW_USER} & set(self.law_by_interface().values())
         if (
-            sampled and isinstance(self.contact_forces, str) and self.contact_forces == "event_driven"
+            sampled
+            and isinstance(self.contact_forces, str)
+            and self.contact_forces == "event_driven"
         ):  # neither has a closed form
-            object.__setattr__(self, "contact_forces", AFT(max(128, 8 * self.harmonic_numbers[-1] + 8)))
+            object.__setattr__(
+                self, "contact_forces", AFT(max(128, 8 * self.harmonic_numbers[-1] + 8))
+            )
         _ = self.friction_by_interface()
 
     def _laws(self) -> dict[str, str | ContactLaw]:
         """Return the law of each friction interface."""
         given = self.friction_law
-        return {face.name: given[face.name] if isinstance(given, Mapping) else given for face in self.friction_faces}
+        return {
+            face.name: given[face.name] if isinstance(given, Mapping) else given
+            for face in self.friction_faces
+        }
 
     def own_laws(self) -> dict[str, ContactLaw]:
         """Return the user-defined laws of friction interfaces."""
@@ -377,7 +489,10 @@ class Settings(validation.Answering):
 
     def law_by_interface(self) -> dict[str, int]:
         """Return the law of each friction interface, regardless of its friction coefficient."""
-        return {name: LAW_USER if isinstance(law, ContactLaw) else LAWS[law] for name, law in self._laws().items()}
+        return {
+            name: LAW_USER if isinstance(law, ContactLaw) else LAWS[law]
+            for name, law in self._laws().items()
+        }
 
     @property
     def response_location(self) -> Response:
@@ -387,7 +502,9 @@ class Settings(validation.Answering):
     def interface_names(self) -> tuple[str, ...]:
         """Return the interfaces in use; constraint planes only if ``constraint_planes`` is set."""
         return tuple(
-            name for name, face in self.model.interfaces.items() if self.constraint_planes or face.kind != "constraint"
+            name
+            for name, face in self.model.interfaces.items()
+            if self.constraint_planes or face.kind != "constraint"
         )
 
     def friction_by_interface(self) -> dict[str, float | NDArray]:
@@ -407,7 +524,9 @@ class Settings(validation.Answering):
                     out[name] = FRICTION
                     continue
                 if name not in given:
-                    raise SettingError(f"friction_coefficient: expected a value for interface '{name}'")
+                    raise SettingError(
+                        f"friction_coefficient: expected a value for interface '{name}'"
+                    )
                 points = partial(validation.numbers, n=self.model.interfaces[name].n_points)
                 check: Any = validation.number if np.ndim(given[name]) == 0 else points
                 out[name] = check(f"friction_coefficient of '{name}'", given[name], least=0.0)
@@ -424,12 +543,24 @@ class Settings(validation.Answering):
             unused = list(own) if len(own) == len(self.friction_faces) else []
         if unused:
             expected = f"none for {', '.join(map(repr, unused))}, because a ContactLaw has its own parameters"
-            warn_implausible("friction_coefficient", expected, "one without effect: parameters of the law suspected")
+            warn_implausible(
+                "friction_coefficient",
+                expected,
+                "one without effect: parameters of the law suspected",
+            )
 
     def friction_values(self) -> list[float]:
         """Return the positive friction coefficients that a law uses, ascending."""
-        of_law = {face for face, law in self.law_by_interface().items() if law in (LAW_SEPARABLE, LAW_COUPLED)}
-        values = [np.atleast_1d(value) for face, value in self.friction_by_interface().items() if face in of_law]
+        of_law = {
+            face
+            for face, law in self.law_by_interface().items()
+            if law in (LAW_SEPARABLE, LAW_COUPLED)
+        }
+        values = [
+            np.atleast_1d(value)
+            for face, value in self.friction_by_interface().items()
+            if face in of_law
+        ]
         return [mu for mu in np.unique(np.concatenate([*values, [0.0]])).tolist() if mu > 0.0]
 
     @property
@@ -445,7 +576,10 @@ class Settings(validation.Answering):
     @property
     def needed_diameters(self) -> set[int]:
         """Nodal diameters of the mean and of the harmonics."""
-        orders = {self.engine_order * (1 if self.fundamental_modes_only else l) for l in {1, *self.active_harmonics}} | {0}
+        orders = {
+            self.engine_order * (1 if self.fundamental_modes_only else l)
+            for l in {1, *self.active_harmonics}
+        } | {0}
         return {self.model.folded_nodal_diameter(order)[0] for order in orders}
 
     def record(self, stiffness_method: object, options: object = None) -> dict[str, Any]:
@@ -459,7 +593,11 @@ class Settings(validation.Answering):
             Options of the continuation, stored with the settings.
         """
         places = {"excitation": self.excitation, "response": self.response_location}
-        out = {f.name: getattr(self, f.name) for f in fields(Settings) if f.name not in ("model", *places)}
+        out = {
+            f.name: getattr(self, f.name)
+            for f in fields(Settings)
+            if f.name not in ("model", *places)
+        }
         # a ContactLaw does not use the coefficient of its interface
         own = self.own_laws()
         used = {name: mu for name, mu in self.friction_by_interface().items() if name not in own}
@@ -474,29 +612,44 @@ class Settings(validation.Answering):
 def settings_of(record: Mapping[str, Any]) -> dict[str, Any]:
     """Return settings by name from the output of :meth:`Settings.record`; other entries are ignored."""
     if record.get("friction_axes", "contact") != "contact":
-        raise SettingError('friction_axes: expected "contact", the axes of this version, found "major"')
+        raise SettingError(
+            'friction_axes: expected "contact", the axes of this version, found "major"'
+        )
     hints = get_type_hints(Settings)
-    given = {f.name: from_json(hints[f.name], record[f.name]) for f in fields(Settings) if f.name in record}
+    given = {
+        f.name: from_json(hints[f.name], record[f.name])
+        for f in fields(Settings)
+        if f.name in record
+    }
     if isinstance(given["contact_forces"], Mapping):
         given["contact_forces"] = AFT(**given["contact_forces"])
     if isinstance(given["contact_stiffness"], Mapping):
         ((kind, value),) = given["contact_stiffness"].items()
         plain: Any = tuple(value) if isinstance(value, list) else _arrays(value)
         stiffness = PerArea(plain) if kind == "per_area" else plain
-        given["contact_stiffness"] = ResidualModes(**value) if kind == "residual_modes" else stiffness
+        given["contact_stiffness"] = (
+            ResidualModes(**value) if kind == "residual_modes" else stiffness
+        )
     law = given.get("friction_law")
     if isinstance(law, Mapping):
-        laws = {name: ContactLaw.of_record(x) if isinstance(x, Mapping) else x for name, x in law.items()}
+        laws = {
+            name: ContactLaw.of_record(x) if isinstance(x, Mapping) else x
+            for name, x in law.items()
+        }
         given["friction_law"] = ContactLaw.of_record(law) if "contact_law" in law else laws
     if given.get("aerodynamic_damping") is not None:
-        given["aerodynamic_damping"] = {int(d): complex(*z) for d, z in given["aerodynamic_damping"].items()}
+        given["aerodynamic_damping"] = {
+            int(d): complex(*z) for d, z in given["aerodynamic_damping"].items()
+        }
     return given | {name: _arrays(given.get(name)) for name in ("gap", "constant_loads")}
 
 
 def _arrays(value: Any) -> Any:
     if not isinstance(value, Mapping):
         return value
-    return {name: np.array(item) if isinstance(item, list) else item for name, item in value.items()}
+    return {
+        name: np.array(item) if isinstance(item, list) else item for name, item in value.items()
+    }
 
 
 def _stiffness_setting(given: Any) -> Any:

@@ -24,7 +24,13 @@ from bdamper.importers.contact_faces import ContactFaces
 from bdamper.importers.example_decks import example_decks, read_job
 from bdamper.importers.fe_body import UNITS, FEBody, MassProperties, Modes, Units, read_body
 from bdamper.importers.measured_modes import MeasuredMode, read_mode, read_ring_down
-from bdamper.importers.measurements import Measurement, load_measured, read_measurements, read_response, read_responses
+from bdamper.importers.measurements import (
+    Measurement,
+    load_measured,
+    read_measurements,
+    read_response,
+    read_responses,
+)
 from bdamper.importers.nastran import read_bdf, read_nastran, read_op2, read_op4
 from bdamper.importers.options import Checks, Placement, Reduction, Sector
 

@@ -27,7 +27,14 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper.importers.arrays import as_integers, entries_by_node, number_table, read_dofs, reordered, triangle_to_full
+from bdamper.importers.arrays import (
+    as_integers,
+    entries_by_node,
+    number_table,
+    read_dofs,
+    reordered,
+    triangle_to_full,
+)
 from bdamper.importers.fe_body import (
     BOUNDS,
     ElementKind,
@@ -95,7 +102,10 @@ def _triplets(path: Path, n: int) -> sp.csr_matrix:
     check(table.shape[1] == 3, str(path), "three numbers a line", f"{table.shape[1]}")
     row, column = (as_integers(table[:, k], f"{path}: column {k + 1}") - 1 for k in (0, 1))
     low, high = table[:, :2].min(initial=n), table[:, :2].max(initial=0)
-    good, expected = low >= 1 and high <= n, f"rows and columns 1 to {n}, as many as lines of the .dof file"
+    good, expected = (
+        low >= 1 and high <= n,
+        f"rows and columns 1 to {n}, as many as lines of the .dof file",
+    )
     check(good and len(table), str(path), expected, f"{low:g} to {high:g}")
     check_all(np.isfinite(table[:, 2]), table[:, 2], "finite numbers", str(path))
     return triangle_to_full(row, column, table[:, 2], n)
@@ -108,21 +118,32 @@ def _condensed(
 
     An element has nine of them (amplitudes of its incompatible modes), for which CalculiX adds three nodes.
     """
-    n = sum(9 * len(e) for e, kind in zip(body.elements, body.element_kinds) if kind.name == "C3D8I")
+    n = sum(
+        9 * len(e) for e, kind in zip(body.elements, body.element_kinds) if kind.name == "C3D8I"
+    )
     found = int(internal.sum())
-    check(found == n, f"{body.source}: elements C3D8I", f"{n} rows of their internal nodes in the matrices", found)
+    check(
+        found == n,
+        f"{body.source}: elements C3D8I",
+        f"{n} rows of their internal nodes in the matrices",
+        found,
+    )
     outer, inner = np.flatnonzero(~internal), np.flatnonzero(internal)
     blocks = stiffness[inner][:, inner].tobsr(blocksize=(9, 9))
     good, item = len(blocks.data) == n // 9, f"{body.source}: elements C3D8I"
     check(good, item, "one block of nine rows for each", len(blocks.data))
     inverse = sp.bsr_matrix((np.linalg.inv(blocks.data), blocks.indices, blocks.indptr)).tocsr()
-    shapes = sp.vstack([sp.identity(len(outer)), -inverse @ stiffness[inner][:, outer]], format="csr")
+    shapes = sp.vstack(
+        [sp.identity(len(outer)), -inverse @ stiffness[inner][:, outer]], format="csr"
+    )
     order = np.concatenate([outer, inner])
     k, m = ((shapes.T @ matrix[order][:, order] @ shapes).tocsr() for matrix in (stiffness, mass))
     return (0.5 * (k + k.T)).tocsr(), (0.5 * (m + m.T)).tocsr()
 
 
-def read_calculix(job: FilePath, mesh: FilePath | None = None, modes: FilePath | tuple[FilePath, ...] = ()) -> FEBody:
+def read_calculix(
+    job: FilePath, mesh: FilePath | None = None, modes: FilePath | tuple[FilePath, ...] = ()
+) -> FEBody:
     """Read a body from a run with ``*FREQUENCY, SOLVER=MATRIXSTORAGE``.
 
     Parameters
@@ -147,7 +168,9 @@ def read_calculix(job: FilePath, mesh: FilePath | None = None, modes: FilePath |
     base = Path(job)
     if base.suffix.lower() in (".inp", ".sti", ".mas", ".dof", ".frd"):
         base = base.with_suffix("")
-    deck, results, table, *matrices = (base.with_name(base.name + end) for end in (".inp", ".frd", ".dof", ".sti", ".mas"))
+    deck, results, table, *matrices = (
+        base.with_name(base.name + end) for end in (".inp", ".frd", ".dof", ".sti", ".mas")
+    )
     mesh = mesh or (results if results.is_file() and not deck.is_file() else deck)
     body = read_inp(mesh) if Path(mesh).suffix == "" else read_body(mesh)
     dofs = read_dofs(table)
@@ -157,12 +180,23 @@ def read_calculix(job: FilePath, mesh: FilePath | None = None, modes: FilePath |
         stiffness, mass = _condensed(stiffness, mass, internal, body)
         dofs = dofs[~internal]
     # CalculiX integrates wedges at two points.
-    kinds = body.element_kinds or tuple(ElementKind(f"C3D{elements.shape[1]}") for elements in body.elements)
+    kinds = body.element_kinds or tuple(
+        ElementKind(f"C3D{elements.shape[1]}") for elements in body.elements
+    )
     kinds = tuple(replace(kind, name="C3D6R") if kind.name == "C3D6" else kind for kind in kinds)
     files = (modes,) if isinstance(modes, str | os.PathLike) else modes
-    compared, source = tuple(mode for path in files for mode in read_frd(path).modes), f"{base} (.sti, .mas, .dof), {mesh}"
+    compared, source = (
+        tuple(mode for path in files for mode in read_frd(path).modes),
+        f"{base} (.sti, .mas, .dof), {mesh}",
+    )
     return replace(
-        body, stiffness=stiffness, mass=mass, dofs=dofs, modes=compared, source=source, element_kinds=kinds
+        body,
+        stiffness=stiffness,
+        mass=mass,
+        dofs=dofs,
+        modes=compared,
+        source=source,
+        element_kinds=kinds,
     )
 
 
@@ -195,7 +229,12 @@ def _labelled(path: Path, deck: Deck) -> tuple[sp.csr_matrix, NDArray]:
     unknown = [label for label, code in names.items() if code is None]
     internal = [label for label in unknown if str(label).startswith("-")]
     cure = "*MATRIX GENERATE, STIFFNESS, MASS, PUBLIC NODES without contact and constraints writes those of the deck alone"
-    check(not internal, str(path), f"nodes of the deck ({cure})", f"internal node {(internal or [0])[0]}")
+    check(
+        not internal,
+        str(path),
+        f"nodes of the deck ({cure})",
+        f"internal node {(internal or [0])[0]}",
+    )
     cure = "a job with noPartsInputFile=ON, or one for each instance, writes the labels of its deck"
     check(not unknown, str(path), f"nodes of {deck.source} ({cure})", f"node {(unknown or [0])[0]}")
     known, inverse = np.unique(labels, return_inverse=True)
@@ -224,27 +263,54 @@ def read_abaqus(job: FilePath, instance: str | None = None) -> FEBody:
     FileNotFoundError, ModelError
         If a file does not exist or is damaged, or the nodes of the matrices are not those of the deck.
     """
-    path = Path(job).with_suffix(".inp") if Path(job).suffix.lower() in ("", ".inp", ".mtx") else Path(f"{job}.inp")
+    path = (
+        Path(job).with_suffix(".inp")
+        if Path(job).suffix.lower() in ("", ".inp", ".mtx")
+        else Path(f"{job}.inp")
+    )
     deck = _deck(path)
     body = deck.body(instance)
     number, matrices = deck.numbers(instance.upper() if instance else None), []
     for kind in ("STIF", "MASS"):
         found = sorted(path.parent.glob(f"{path.stem}_{kind}*.mtx"))
         if not found:
-            raise FileNotFoundError(f"there is no file '{path.stem}_{kind}1.mtx' of *MATRIX OUTPUT, {kind} at '{path}'")
-        check(len(found) == 1, str(path), f"one file {path.stem}_{kind}*.mtx", ", ".join(file.name for file in found))
+            raise FileNotFoundError(
+                f"there is no file '{path.stem}_{kind}1.mtx' of *MATRIX OUTPUT, {kind} at '{path}'"
+            )
+        check(
+            len(found) == 1,
+            str(path),
+            f"one file {path.stem}_{kind}*.mtx",
+            ", ".join(file.name for file in found),
+        )
         matrix, dofs = _labelled(found[0], deck)
         held = dofs[matrix.diagonal() > 1e30][:1]
-        check(not len(held), str(found[0]), "a job without *BOUNDARY (Sector.fixed holds nodes)", f"held: {held}")
+        check(
+            not len(held),
+            str(found[0]),
+            "a job without *BOUNDARY (Sector.fixed holds nodes)",
+            f"held: {held}",
+        )
         own = np.isin(dofs[:, 0], list(number))
         coupled = matrix[own][:, ~own].nnz
-        check(coupled == 0, str(found[0]), f"instance {instance} without contact or ties", f"{coupled} entries with others")
+        check(
+            coupled == 0,
+            str(found[0]),
+            f"instance {instance} without contact or ties",
+            f"{coupled} entries with others",
+        )
         table = np.array([[number[code], component] for code, component in dofs[own].tolist()])
         matrices.append((matrix[own][:, own], table, found[0]))
     (stiffness, table, file), (mass, others, second) = matrices
     _check_numbering(stiffness, table, body, str(file))
     mass = reordered(mass, others, table, str(second))
-    return replace(body, stiffness=stiffness, mass=mass, dofs=table, source=f"{file}, {second.name}, {path.name}")
+    return replace(
+        body,
+        stiffness=stiffness,
+        mass=mass,
+        dofs=table,
+        source=f"{file}, {second.name}, {path.name}",
+    )
 
 
 def _check_numbering(matrix: sp.csr_matrix, dofs: NDArray, body: FEBody, item: str) -> None:
@@ -254,9 +320,16 @@ def _check_numbering(matrix: sp.csr_matrix, dofs: NDArray, body: FEBody, item: s
     order = np.sort(body.numbers)
     count = len(order)
     missing = np.setdiff1d(np.concatenate([nodes.ravel() for nodes in body.elements]), order)
-    check(not len(missing), body.source, "elements with existing nodes", f"nodes {missing[:3].tolist()}")
+    check(
+        not len(missing),
+        body.source,
+        "elements with existing nodes",
+        f"nodes {missing[:3].tolist()}",
+    )
     elements = [np.searchsorted(order, nodes) for nodes in body.elements]
-    row = np.repeat(np.arange(sum(map(len, elements))), [nodes.shape[1] for nodes in elements for _ in nodes])
+    row = np.repeat(
+        np.arange(sum(map(len, elements))), [nodes.shape[1] for nodes in elements for _ in nodes]
+    )
     column = np.concatenate([nodes.ravel() for nodes in elements])
     touching = sp.csr_matrix((np.ones(len(row)), (row, column)), shape=(row[-1] + 1, count))
     entries = matrix.tocoo()
@@ -268,7 +341,12 @@ def _check_numbering(matrix: sp.csr_matrix, dofs: NDArray, body: FEBody, item: s
     alone = joined.nnz - joined.multiply(together > 0).nnz
     cure = "*MATRIX OUTPUT, FORMAT=LABELS or one job for each instance names them"
     expected = f"coupled nodes that share an element of the deck ({cure})"
-    check(alone <= BOUNDS.odd_ones * joined.nnz, item, expected, f"{alone} of {joined.nnz} pairs that share none")
+    check(
+        alone <= BOUNDS.odd_ones * joined.nnz,
+        item,
+        expected,
+        f"{alone} of {joined.nnz} pairs that share none",
+    )
 
 
 # -----------------------------------------------------------------------------------------------------------
@@ -331,14 +409,18 @@ class _Frd:
     def __init__(self, source: Path, stress: bool = False) -> None:
         with open(source, "rb") as raw:
             if b"\x00" in raw.read(100_000):
-                raise mismatch(str(source), "text (*NODE FILE, not the binary form)", "bytes that are no text")
+                raise mismatch(
+                    str(source), "text (*NODE FILE, not the binary form)", "bytes that are no text"
+                )
         lines = Lines(source, "ascii")
         self.source, self.lines = str(lines.source), lines
         self.numbers: NDArray = np.empty(0, np.int64)
         self.nodes: NDArray = np.empty((0, 3))
         self.elements: list[list[int]] = []
         # by the name of the result: (nodal diameter, number, frequency in Hz), node numbers, values
-        self.results: dict[str, list[tuple[tuple[int, int, float], NDArray, NDArray]]] = {"DISP": []}
+        self.results: dict[str, list[tuple[tuple[int, int, float], NDArray, NDArray]]] = {
+            "DISP": []
+        }
         if stress:
             self.results["STRESS"] = []
 
@@ -350,15 +432,21 @@ class _Frd:
             self.lines.require(line.startswith(" -1"), "a line of values (-1)", f"'{line[:40]}'")
             with parsing(self.lines.item, f"a node number and {n_values} values", line):
                 numbers.append(int(line[3:start]))
-                values.append([float(line[start + 12 * k : start + 12 * k + 12]) for k in range(n_values)])
+                values.append(
+                    [float(line[start + 12 * k : start + 12 * k + 12]) for k in range(n_values)]
+                )
         out = np.array(values, float).reshape(-1, n_values)
-        self.lines.require(np.isfinite(out).all(), "finite values in the block above", out[~np.isfinite(out)][:1])
+        self.lines.require(
+            np.isfinite(out).all(), "finite values in the block above", out[~np.isfinite(out)][:1]
+        )
         return np.array(numbers, np.int64), out
 
     def _element_block(self) -> None:
         while not (line := self.lines.take("the end of a block (-3)")).startswith(" -3"):
             words = line[3:].split()
-            self.lines.require(line.startswith(" -1") and len(words) >= 2, "an element (-1)", f"'{line[:40]}'")
+            self.lines.require(
+                line.startswith(" -1") and len(words) >= 2, "an element (-1)", f"'{line[:40]}'"
+            )
             n = _FRD_SOLIDS.get(int(words[1]))
             nodes: list[int] = []
             while self.lines.follows(" -2"):
@@ -383,8 +471,17 @@ class _Frd:
             elif key.startswith("100C"):
                 self._result(line, diameter, mode)
         shapes = self.results["DISP"]
-        modes = modes_by_diameter(((d, hertz, 1.0, nodes, shape) for (d, _, hertz), nodes, shape in shapes), self.source)
-        return mesh_body(self.source, "a block of nodes (2C)", self.numbers, self.nodes, self.elements, modes=modes)
+        modes = modes_by_diameter(
+            ((d, hertz, 1.0, nodes, shape) for (d, _, hertz), nodes, shape in shapes), self.source
+        )
+        return mesh_body(
+            self.source,
+            "a block of nodes (2C)",
+            self.numbers,
+            self.nodes,
+            self.elements,
+            modes=modes,
+        )
 
     def _result(self, head: str, diameter: int, mode: int) -> None:
         with parsing(self.lines.item, "a frequency in columns 13 to 24", head):
@@ -400,8 +497,16 @@ class _Frd:
         blocks, n_values = self.results[kind], {"DISP": 3, "STRESS": 6}[kind]
         if not imaginary:
             blocks.append(((diameter, mode, frequency), *self._rows(head, n_values)))
-        elif blocks and blocks[-1][0][:2] == (diameter, mode):  # the imaginary part follows the real one
+        elif blocks and blocks[-1][0][:2] == (
+            diameter,
+            mode,
+        ):  # the imaginary part follows the real one
             key, numbers, real = blocks[-1]
             nodes, values = self._rows(head, n_values)
-            check(np.array_equal(numbers, nodes), f"{self.source}: mode {mode}", f"nodes {numbers} in both parts", nodes)
+            check(
+                np.array_equal(numbers, nodes),
+                f"{self.source}: mode {mode}",
+                f"nodes {numbers} in both parts",
+                nodes,
+            )
             blocks[-1] = (key, numbers, real + 1j * values)

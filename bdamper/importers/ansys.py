@@ -76,9 +76,19 @@ class _Binary:
         self.source = source
         self.data = source.read_bytes()
         head = self.record(0, "standard header")
-        check(len(head) >= 2 and head.dtype.kind == "i", str(source), "a binary file of Ansys", "another beginning")
+        check(
+            len(head) >= 2 and head.dtype.kind == "i",
+            str(source),
+            "a binary file of Ansys",
+            "another beginning",
+        )
         found = _KINDS.get(int(head[0]), "another kind")
-        check(int(head[0]) == kind, str(source), f"a file of {_KINDS[kind]}: number {kind}", f"{int(head[0])}, {found}")
+        check(
+            int(head[0]) == kind,
+            str(source),
+            f"a file of {_KINDS[kind]}: number {kind}",
+            f"{int(head[0])}, {found}",
+        )
 
     def record(self, word: int, item: str) -> NDArray:
         """Return the numbers of the record at a word of the file."""
@@ -94,16 +104,28 @@ class _Binary:
         where = f"{self.source}: {item} at word {word}"
         start = 4 * int(word)
         within, words = 0 <= start <= len(self.data) - 12, len(self.data) // 4
-        check(within, where, f"a record within {words} words", "a pointer beyond its end: truncated")
+        check(
+            within, where, f"a record within {words} words", "a pointer beyond its end: truncated"
+        )
         size, flags = struct.unpack_from("<iI", self.data, start)
         end = start + 8 + 4 * size
-        within, found = size >= 0 and end + 4 <= len(self.data), f"a length of {size} words: damaged or truncated"
+        within, found = (
+            size >= 0 and end + 4 <= len(self.data),
+            f"a length of {size} words: damaged or truncated",
+        )
         check(within, where, "a record that ends within the file", found)
         again = struct.unpack_from("<i", self.data, end)[0]
         check(again == size, where, f"the length {size} again at its end", f"{again}: damaged")
         kind = flags >> 24
-        dtype = np.dtype({0x80: "<i4", 0xC0: "<i2", 0x00: "<f8", 0x40: "<f4"}[kind & (_INTEGERS | _SHORT)])
-        check(not kind & _ZLIB, where, "a record without zlib compression (/FCOMP,FULL,0 or /FCOMP,RST,0)", "one with it")
+        dtype = np.dtype(
+            {0x80: "<i4", 0xC0: "<i2", 0x00: "<f8", 0x40: "<f4"}[kind & (_INTEGERS | _SHORT)]
+        )
+        check(
+            not kind & _ZLIB,
+            where,
+            "a record without zlib compression (/FCOMP,FULL,0 or /FCOMP,RST,0)",
+            "one with it",
+        )
         raw = self.data[start + 8 : end]
         if kind & _BITS:
             values = self._bits(raw, dtype, where)
@@ -229,16 +251,30 @@ def read_full(path: Path) -> FullMatrices:
         (head[1] != -4, "a symbolically assembled matrix (-4)", head[1]),
         (head[14], "symmetric matrices", "unsymmetric ones"),
         (head[11], "a consistent mass matrix (LUMPM,OFF)", "a lumped one"),
-        (head[21], "no constraint equations (CE, CP, CERIG, RBE3) in the matrices", f"{head[21]} of them"),
+        (
+            head[21],
+            "no constraint equations (CE, CP, CERIG, RBE3) in the matrices",
+            f"{head[21]} of them",
+        ),
     ):
         check(not refused, head.item, expected, found)
     n_eq, n_nodes = head.count(2, "a number of equations"), head.count(33, "a number of nodes")
     n_eq_of_model = head[62]  # 0 in files of older releases
-    check(n_eq_of_model <= n_eq, head.item, f"all {n_eq_of_model} equations of the model ({_COMBINE}FULL)", n_eq)
+    check(
+        n_eq_of_model <= n_eq,
+        head.item,
+        f"all {n_eq_of_model} equations of the model ({_COMBINE}FULL)",
+        n_eq,
+    )
     _, dof_names, node_numbers = file.run(_HEADER, 3, "header, degrees of freedom and nodes")
     counts, constraint = file.run(head.pointer(36, 37), 2, "degrees of freedom of each node")
     dofs = _full_dofs(path, dof_names, node_numbers, counts, n_nodes, n_eq)
-    check(len(constraint) >= n_eq, f"{path}: table of fixed components", f"{n_eq} entries", len(constraint))
+    check(
+        len(constraint) >= n_eq,
+        f"{path}: table of fixed components",
+        f"{n_eq} entries",
+        len(constraint),
+    )
     pointers = {"stiffness": head.pointer(19, 20), "mass": head.pointer(27, 28)}
     matrices = [_full_matrix(file, word, n_eq, name) for name, word in pointers.items()]
     keep = np.flatnonzero(constraint[:n_eq] >= 0)
@@ -251,10 +287,17 @@ def read_full(path: Path) -> FullMatrices:
     return FullMatrices(kept[0], kept[1], dofs[keep], n_eq - len(keep), np.unique(dofs[:, 0]))
 
 
-def _full_dofs(source: Path, dof_names: NDArray, numbers: NDArray, counts: NDArray, n_nodes: int, n_eq: int) -> NDArray:
+def _full_dofs(
+    source: Path, dof_names: NDArray, numbers: NDArray, counts: NDArray, n_nodes: int, n_eq: int
+) -> NDArray:
     """Return node number and component (n_eq, 2) of each equation."""
     for what, table in (("node numbers", numbers), ("degrees of freedom of each node", counts)):
-        check(len(table) >= n_nodes, f"{source}: table of {what}", f"{n_nodes} entries, one for each node", len(table))
+        check(
+            len(table) >= n_nodes,
+            f"{source}: table of {what}",
+            f"{n_nodes} entries, one for each node",
+            len(table),
+        )
     numbers, counts = numbers[:n_nodes].astype(np.int64), counts[:n_nodes].astype(np.int64)
     good = counts.min() >= 0 and counts.max() <= len(dof_names) and counts.sum() == n_eq
     check(good, f"{source}: degrees of freedom of each node", f"{n_eq} in all", int(counts.sum()))
@@ -273,7 +316,12 @@ def _full_matrix(file: _Binary, word: int, n_eq: int, name: str) -> sp.csr_matri
         column, value = next(records), next(records)
         where = f"{file.source}: {item}, row {row + 1}"
         good = column.dtype.kind == "i" and value.dtype.kind == "f" and len(column) == len(value)
-        check(good, where, "records of columns and values of the same length", f"{len(column)} and {len(value)}")
+        check(
+            good,
+            where,
+            "records of columns and values of the same length",
+            f"{len(column)} and {len(value)}",
+        )
         low, high = column.min(initial=1), column.max(initial=1)
         check(low >= 1 and high <= n_eq, where, f"columns 1 to {n_eq}", f"{low} to {high}")
         rows.append(np.full(len(column), row))
@@ -307,11 +355,16 @@ def read_ansys(full: FilePath, archive: FilePath, results: FilePath | None = Non
     """
     body, found = read_cdb(archive), read_full(full)
     solid = np.unique(np.concatenate([np.zeros(0, np.int64), *(e.ravel() for e in body.elements)]))
-    for file, nodes, others, other in ((archive, body.numbers, found.nodes, full), (full, found.nodes, solid, archive)):
+    for file, nodes, others, other in (
+        (archive, body.numbers, found.nodes, full),
+        (full, found.nodes, solid, archive),
+    ):
         missing = np.setdiff1d(others, nodes)
         some = ", ".join(map(str, missing[:5])) + ", ..." * (len(missing) > 5)
         wanted = f"the nodes of {other}, from the same model"
-        check(not len(missing), str(file), wanted, f"{len(missing)} of {len(others)} missing: {some}")
+        check(
+            not len(missing), str(file), wanted, f"{len(missing)} of {len(others)} missing: {some}"
+        )
     modes = read_rst(results).modes if results is not None else ()
     notes = (*body.notes, f"{found.dropped} rows of fixed components dropped from {full}")
     matrices = {"stiffness": found.stiffness, "mass": found.mass, "dofs": found.dofs}
@@ -360,7 +413,9 @@ class _Archive:
 
     def _integers(self, what: str, fields: list[tuple[bool, slice]]) -> list[int]:
         text = self.lines.take(what)
-        with parsing(self.lines.item, "whole numbers in the columns of the format of the block", text):
+        with parsing(
+            self.lines.item, "whole numbers in the columns of the format of the block", text
+        ):
             return [int(text[columns]) for _, columns in fields if text[columns].strip()]
 
     def _fields(self, block: str) -> list[tuple[bool, slice]]:
@@ -375,7 +430,9 @@ class _Archive:
         fields: list[tuple[bool, slice]] = []
         for count, letter, width in re.findall(r"(\d*)([iedfg])(\d+)", text.lower()):
             size = check_count(int(width), self.lines.item, "a width of fields", 1, 100)
-            for _ in range(check_count(int(count or 1), self.lines.item, "a repetition of fields", 1, 100)):
+            for _ in range(
+                check_count(int(count or 1), self.lines.item, "a repetition of fields", 1, 100)
+            ):
                 start = fields[-1][1].stop if fields else 0
                 fields.append((letter == "i", slice(start, start + size)))
         self.lines.require(bool(fields), "a format like (3i9,6e21.13e3)", f"'{text[:40]}'")
@@ -388,9 +445,14 @@ class _Archive:
                 self._read(command)
         axes = {n: _node_axes(np.array(a)) for n, a in zip(self.numbers, self.angles) if any(a)}
         kinds = map(self._kind, self.owners, self.elements)
-        notes = [f"{count} elements of type {name} are not solids and are not read" for name, count in self.skipped.items()]
+        notes = [
+            f"{count} elements of type {name} are not solids and are not read"
+            for name, count in self.skipped.items()
+        ]
         if self.passed_over:
-            notes.append(f"commands of the archive that are not read: {', '.join(self.passed_over)}")
+            notes.append(
+                f"commands of the archive that are not read: {', '.join(self.passed_over)}"
+            )
         return mesh_body(
             self.source, "a block of nodes (NBLOCK)", self.numbers, self.positions, self.elements, kinds,
             node_sets=self.sets, node_axes=axes, notes=tuple(notes),
@@ -400,7 +462,11 @@ class _Archive:
         """Advance to the commands behind geometry in IGES form, with which an archive of the solid model begins."""
         if not self.lines.follows_match(_IGES_START):
             return
-        while not self.lines.take("the line :CDWRITE behind the geometry (IGES)").upper().startswith(":CDWRITE"):
+        while (
+            not self.lines.take("the line :CDWRITE behind the geometry (IGES)")
+            .upper()
+            .startswith(":CDWRITE")
+        ):
             pass
 
     def _read(self, command: str) -> None:
@@ -417,7 +483,9 @@ class _Archive:
         elif key == "ETBLOCK":
             self._types()
         elif key == "MPDATA" and len(words) >= 7 and words[4].isdigit():
-            self.constants.setdefault(words[3].upper(), {}).setdefault(int(words[4]), float(words[6]))
+            self.constants.setdefault(words[3].upper(), {}).setdefault(
+                int(words[4]), float(words[6])
+            )
         elif not _ends_block(words):
             self._pass_over(key, words, command)
 
@@ -428,7 +496,9 @@ class _Archive:
             return
         incomplete = key in ("ET", "CMBLOCK")
         names_nodes = key == "CM" and (len(words) < 3 or words[2].upper().startswith("NODE"))
-        renumbers = key.startswith("NUMO") and bool(self.numbers)  # NUMOFF; an archive begins with it
+        renumbers = key.startswith("NUMO") and bool(
+            self.numbers
+        )  # NUMOFF; an archive begins with it
         if changes_mesh(key) or incomplete or names_nodes or renumbers:
             refuse(command.strip()[:40], self.lines.item, CDB_READ)
         self.passed_over[key] += 1
@@ -458,7 +528,11 @@ class _Archive:
                 break
             with parsing(self.lines.item, "a node", line):
                 number = int(line[first])
-                values = [float(line[columns].replace("D", "E")) for columns in reals if line[columns].strip()]
+                values = [
+                    float(line[columns].replace("D", "E"))
+                    for columns in reals
+                    if line[columns].strip()
+                ]
             if number < 0:
                 break
             good = len(values) <= 6 and np.isfinite(values).all()
@@ -471,7 +545,9 @@ class _Archive:
     def _elements(self, solid: bool) -> None:
         fields = self._fields("EBLOCK")
         while (words := self._integers("the end of EBLOCK (-1)", fields))[:1] != [-1]:
-            self.lines.require(solid and len(words) >= 12, "an element of a block of SOLID form", words)
+            self.lines.require(
+                solid and len(words) >= 12, "an element of a block of SOLID form", words
+            )
             kind, count, nodes = words[1], words[8], words[11:]
             while len(nodes) < count:
                 nodes += self._integers("the nodes of an element", fields)
@@ -508,7 +584,9 @@ class _Archive:
             self.sets[name] = np.concatenate(members)
 
 
-_IGES_START = re.compile(r".{72}S {0,6}\d+\s*$")  # the letter of the section and a number in columns 73 to 80
+_IGES_START = re.compile(
+    r".{72}S {0,6}\d+\s*$"
+)  # the letter of the section and a number in columns 73 to 80
 _TEXT = re.compile(r"\s*(/COM|/TIT|/STI|C\*\*\*)", re.IGNORECASE)
 _QUOTED_OR_COMMENT = re.compile(r"'[^']*'|!.*")
 _ASSIGNMENT = re.compile(r"\s*\w+(\([^)]*\))?\s*=")
@@ -531,7 +609,11 @@ def _ends_block(words: list[str]) -> bool:
 
 def _without_repeats(nodes: list[int]) -> list[int]:
     """Return the distinct nodes of a wedge or tetrahedron that is stored as a hexahedron; other elements are unchanged."""
-    corners = {6: (0, 1, 2, 4, 5, 6), 4: (0, 1, 2, 4)}.get(len(set(nodes[:8]))) if len(nodes) in (8, 20) else None
+    corners = (
+        {6: (0, 1, 2, 4, 5, 6), 4: (0, 1, 2, 4)}.get(len(set(nodes[:8])))
+        if len(nodes) in (8, 20)
+        else None
+    )
     distinct = [nodes[k] for k in corners or ()]
     out = distinct + [n for n in dict.fromkeys(nodes[8:]) if n not in distinct]
     return out if len(out) in N_CORNER and set(distinct) == set(nodes[:8]) else nodes
@@ -572,7 +654,9 @@ def read_rst(path: Path) -> FEBody:
     # 0 in files of releases without distributed solution
     n_nodes_of_model = head[49] or n_nodes
     if n_nodes_of_model != n_nodes:
-        raise mismatch(head.item, f"all {n_nodes_of_model} nodes of the model ({_COMBINE}RST)", n_nodes)
+        raise mismatch(
+            head.item, f"all {n_nodes_of_model} nodes of the model ({_COMBINE}RST)", n_nodes
+        )
     room = head.count(4, "room for result sets", n_sets)
     index = file.record(head.pointer(11, 41), "index of result sets")
     if len(index) < 2 * room or index.dtype.kind != "i":
@@ -586,7 +670,9 @@ def read_rst(path: Path) -> FEBody:
     body, axes = _rst_mesh(file, head.pointer(16, 47))
     shapes = [_rst_shape(file, word, numbers, axes, k) for k, word in enumerate(words)]
     each = zip(diameter.tolist(), frequency.tolist(), shapes)
-    modes = modes_by_diameter(((d, hertz, 1.0, numbers, shape) for d, hertz, shape in each), str(path))
+    modes = modes_by_diameter(
+        ((d, hertz, 1.0, numbers, shape) for d, hertz, shape in each), str(path)
+    )
     notes = (f"{n_sectors} sectors",) if n_sectors > 1 else ()
     return replace(body, modes=modes, notes=notes)
 
@@ -594,13 +680,23 @@ def read_rst(path: Path) -> FEBody:
 def _rst_diameters(file: _Binary, head: _Header, n_sets: int) -> tuple[int, NDArray]:
     """Return the number of sectors and the nodal diameter of each result set."""
     n_stages = _Header(file, head.pointer(16, 47), "geometry header")[54]
-    check(n_stages <= 1, head.item, f"sectors of one stage ({_ONE_STAGE})", f"a multistage result with {n_stages} stages")
+    check(
+        n_stages <= 1,
+        head.item,
+        f"sectors of one stage ({_ONE_STAGE})",
+        f"a multistage result with {n_stages} stages",
+    )
     n_sectors, pointer = head[21], head.pointer(17, 44)
     diameter = np.zeros(n_sets, int)
     if pointer > 0:
         diameter = np.abs(file.record(pointer, "harmonic indices")[:n_sets].astype(int))
     if n_sectors > 1:
-        check(pointer > 0, head.item, f"the nodal diameters of a disk with {n_sectors} sectors", "none")
+        check(
+            pointer > 0,
+            head.item,
+            f"the nodal diameters of a disk with {n_sectors} sectors",
+            "none",
+        )
     else:
         # each stage of a multistage model has its own number of sectors
         several = f"harmonic indices up to {diameter.max(initial=0)} without a number of sectors"
@@ -611,20 +707,34 @@ def _rst_diameters(file: _Binary, head: _Header, n_sets: int) -> tuple[int, NDAr
 def _rst_mesh(file: _Binary, word: int) -> tuple[FEBody, dict[int, NDArray]]:
     """Return nodes and solid elements, and the axes of nodes with rotated axes."""
     head = _Header(file, word, "geometry header")
-    n_nodes, n_elements = head.count(4, "a number of nodes"), head.count(5, "a number of elements", 0)
+    n_nodes, n_elements = (
+        head.count(4, "a number of nodes"),
+        head.count(5, "a number of elements", 0),
+    )
     table = np.empty((n_nodes, 7))
     for k, row in enumerate(file.run(head.pointer(27, 28) or head[9], n_nodes, "nodes")):
         if len(row) < 7 or row.dtype.kind != "f" or not np.isfinite(row[:7]).all():
-            raise mismatch(f"{file.source}: nodes, record {k + 1}", "seven finite numbers", len(row))
+            raise mismatch(
+                f"{file.source}: nodes, record {k + 1}", "seven finite numbers", len(row)
+            )
         table[k] = row[:7]
     numbers = table[:, 0].astype(np.int64)
     elements = []
     if n_elements:
         start = head.pointer(29, 30) or head[11]
         offsets = file.record(start, "index of elements")
-        words = np.ascontiguousarray(offsets).astype("<i4").view("<i8") if len(offsets) >= 2 * n_elements else offsets
+        words = (
+            np.ascontiguousarray(offsets).astype("<i4").view("<i8")
+            if len(offsets) >= 2 * n_elements
+            else offsets
+        )
         for k in range(n_elements):
-            check(k < len(words), f"{file.source}: index of elements", f"{n_elements} entries", len(words))
+            check(
+                k < len(words),
+                f"{file.source}: index of elements",
+                f"{n_elements} entries",
+                len(words),
+            )
             element = file.record(start + int(words[k]), f"element {k + 1}")[10:].astype(np.int64)
             if len(element) in (8, 10, 20) and np.isin(element, numbers).all():
                 elements.append(np.array(_without_repeats(element.tolist())))
@@ -632,16 +742,22 @@ def _rst_mesh(file: _Binary, word: int) -> tuple[FEBody, dict[int, NDArray]]:
     return body, {int(row[0]): _node_axes(row[4:7]) for row in table if row[4:7].any()}
 
 
-def _rst_shape(file: _Binary, word: int, numbers: NDArray, axes: dict[int, NDArray], k: int) -> NDArray:
+def _rst_shape(
+    file: _Binary, word: int, numbers: NDArray, axes: dict[int, NDArray], k: int
+) -> NDArray:
     """Return the displacements (n_nodes, 3) of a result set in the axes of the file."""
     head = _Header(file, word, f"result set {k + 1}")
     item, n = head.item, head.count(3, "a number of nodes")
     per_node = check_count(head[20] + head[98], item, "a number of values of each node", 3, 64)
     names = [head[21 + j] for j in range(head[20])] if 0 < head[20] <= 30 else []
     check(names[:3] == [1, 2, 3], item, "displacements UX, UY, UZ", f"degrees of freedom {names}")
-    values = file.record(word + (head.pointer(105, 106) or head[11]), f"displacements of result set {k + 1}").astype(float)
+    values = file.record(
+        word + (head.pointer(105, 106) or head[11]), f"displacements of result set {k + 1}"
+    ).astype(float)
     if len(values) < n * per_node or n != len(numbers):
-        raise mismatch(item, f"{per_node} values of each of {len(numbers)} nodes", f"{len(values)} values")
+        raise mismatch(
+            item, f"{per_node} values of each of {len(numbers)} nodes", f"{len(values)} values"
+        )
     out = values[: n * per_node].reshape(n, per_node)[:, :3].copy()
     out[out == 2.0**100] = 0.0  # number of Ansys for "no value"
     check_all(np.isfinite(out), out, "finite displacements", item)

@@ -31,7 +31,16 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from bdamper.fem.surface import N_CORNER
-from bdamper.importers.fe_body import BODIES, LARGEST_COUNT, FEBody, by_kind, check_count, data_lines, read_body, reader
+from bdamper.importers.fe_body import (
+    BODIES,
+    LARGEST_COUNT,
+    FEBody,
+    by_kind,
+    check_count,
+    data_lines,
+    read_body,
+    reader,
+)
 from bdamper.util import validation
 from bdamper.util.errors import check, mismatch
 from bdamper.util.records import check_all
@@ -40,7 +49,18 @@ from bdamper.util.storage import MOST_BYTES, FilePath
 # ---- MATLAB files of version 5 to 7.2 ----
 
 
-_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
+_TYPES = {
+    1: "i1",
+    2: "u1",
+    3: "i2",
+    4: "u2",
+    5: "i4",
+    6: "u4",
+    7: "f4",
+    9: "f8",
+    12: "i8",
+    13: "u8",
+}
 _ARRAY, _COMPRESSED = 14, 15
 _SPARSE, _NUMERIC = 5, range(6, 16)
 _COMPLEX = 0x08
@@ -69,7 +89,9 @@ def read_mat(source: Path) -> dict[str, NDArray | sp.spmatrix]:
             stream = zlib.decompressobj()
             head = stream.decompress(content, 8)  # type and length
             length = int.from_bytes(head[4:], "little" if order == "<" else "big")
-            room -= check_count(length, f"{source}: compressed variable", "bytes, with those before it,", 0, room)
+            room -= check_count(
+                length, f"{source}: compressed variable", "bytes, with those before it,", 0, room
+            )
             inner = head + stream.decompress(stream.unconsumed_tail, length + 1)
             for part, array in _elements(inner, order, str(source)):
                 if part == _ARRAY:
@@ -89,17 +111,26 @@ def _read_mat_73(source: Path) -> dict[str, NDArray | sp.spmatrix]:
             item, found = f"{source}: {name!r}", file[name]
             rows = found.attrs.get("MATLAB_sparse")
             parts = [found] if rows is None else [found.get(key) for key in ("data", "ir", "jc")]
-            if not all(isinstance(part, h5py.Dataset) and part.dtype.kind in "fiub" for part in parts):
+            if not all(
+                isinstance(part, h5py.Dataset) and part.dtype.kind in "fiub" for part in parts
+            ):
                 continue
-            room -= check_count(sum(part.nbytes for part in parts), item, "bytes, with those before it,", 0, room)
+            room -= check_count(
+                sum(part.nbytes for part in parts), item, "bytes, with those before it,", 0, room
+            )
             arrays = [part[()] for part in parts]
             if rows is None:
                 if arrays[0].ndim == 2:
                     out[name] = arrays[0].T.astype(float)
                 continue
             shape = check_count(int(rows), item, "a size"), len(arrays[2]) - 1
-            value, row, pointer = arrays[0].astype(float), *(array.astype(np.int64) for array in arrays[1:])
-            out[name] = sp.csc_matrix((value, row, pointer), shape=shape)  # checked by square_matrix
+            value, row, pointer = (
+                arrays[0].astype(float),
+                *(array.astype(np.int64) for array in arrays[1:]),
+            )
+            out[name] = sp.csc_matrix(
+                (value, row, pointer), shape=shape
+            )  # checked by square_matrix
     return out
 
 
@@ -114,7 +145,12 @@ def _elements(data: bytes, order: str, item: str) -> Iterator[tuple[int, bytes]]
         else:
             start = at + 8
             step = 8 + (length if kind == _COMPRESSED else (length + 7) // 8 * 8)
-        check(start + length <= len(data), item, f"{length} bytes of data", f"{len(data) - start}: damaged or truncated")
+        check(
+            start + length <= len(data),
+            item,
+            f"{length} bytes of data",
+            f"{len(data) - start}: damaged or truncated",
+        )
         yield kind, data[start : start + length]
         at += step
 
@@ -123,7 +159,12 @@ def _numbers(part: tuple[int, bytes], order: str, item: str) -> NDArray:
     kind, content = part
     check(kind in _TYPES, item, "numbers", f"data of type {kind}")
     dtype = np.dtype(order + _TYPES[kind])
-    check(not len(content) % dtype.itemsize, item, f"numbers of {dtype.itemsize} bytes", f"{len(content)} bytes")
+    check(
+        not len(content) % dtype.itemsize,
+        item,
+        f"numbers of {dtype.itemsize} bytes",
+        f"{len(content)} bytes",
+    )
     return np.frombuffer(content, dtype)
 
 
@@ -138,19 +179,31 @@ def _array(content: bytes, order: str, item: str, out: dict[str, NDArray | sp.sp
     name = head[2][1].decode("ascii", errors="replace")  # type: ignore[index]
     item = f"{item}: {name!r}"
     kind = int(flags[0]) & 0xFF if len(flags) else 0
-    if len(flags) == 0 or int(flags[0]) >> 8 & _COMPLEX or len(size) != 2 or not (kind == _SPARSE or kind in _NUMERIC):
+    if (
+        len(flags) == 0
+        or int(flags[0]) >> 8 & _COMPLEX
+        or len(size) != 2
+        or not (kind == _SPARSE or kind in _NUMERIC)
+    ):
         return
     rows, columns = (check_count(int(n), item, "a size") for n in size)
     rest = [_numbers(part, order, item) for part in parts]
     if kind != _SPARSE:
-        check(len(rest) == 1 and len(rest[0]) == rows * columns, item, f"{rows} x {columns} numbers", sum(map(len, rest)))
+        check(
+            len(rest) == 1 and len(rest[0]) == rows * columns,
+            item,
+            f"{rows} x {columns} numbers",
+            sum(map(len, rest)),
+        )
         out[name] = rest[0].reshape(columns, rows).T.astype(float)
         return
     good = len(rest) == 3 and len(rest[1]) > 0
     check(good, item, "rows, pointers and numbers of a sparse matrix", [len(part) for part in rest])
     row, pointer, value = rest[0].astype(np.int64), rest[1].astype(np.int64), rest[2].astype(float)
     count = max(int(pointer[-1]), 0)  # the arrays may be longer
-    out[name] = sp.csc_matrix((value[:count], row[:count], pointer), shape=(rows, columns))  # checked by square_matrix
+    out[name] = sp.csc_matrix(
+        (value[:count], row[:count], pointer), shape=(rows, columns)
+    )  # checked by square_matrix
 
 
 # ---- Matrices and tables from plain files ----
@@ -182,7 +235,12 @@ def read_matrix(path: Path, name: str | None = None) -> sp.csr_matrix:
         If the file does not exist or has no such square matrix of finite real numbers.
     """
     kind = path.suffix.lower()
-    check(kind in (".npz", ".npy", ".mat", ".mtx"), str(path), "the ending .npz, .npy, .mat or .mtx", f"'{kind}'")
+    check(
+        kind in (".npz", ".npy", ".mat", ".mtx"),
+        str(path),
+        "the ending .npz, .npy, .mat or .mtx",
+        f"'{kind}'",
+    )
     if kind == ".mtx":
         matrix = read_abaqus_matrix(path)[0]
     elif kind == ".mat":
@@ -211,7 +269,10 @@ def _check_bytes(count: int, source: Path) -> None:
 
 
 def _chosen(arrays: Mapping[str, Any], name: str | None, source: Path) -> Any:
-    wanted, names = "the name of an array" if name is None else f"an array '{name}' of real numbers", list(arrays)
+    wanted, names = (
+        "the name of an array" if name is None else f"an array '{name}' of real numbers",
+        list(arrays),
+    )
     if name is None and len(names) == 1:
         (name,) = names
     check(name in names, str(source), wanted, f"the arrays {names}")
@@ -235,7 +296,9 @@ def square_matrix(matrix: sp.spmatrix | NDArray, item: str) -> sp.csr_matrix:
     return out.astype(float).tocsr()
 
 
-def number_rows(source: Path, *columns: int, mixed: bool = False, separators: str = ",;") -> list[list[float]]:
+def number_rows(
+    source: Path, *columns: int, mixed: bool = False, separators: str = ",;"
+) -> list[list[float]]:
     """Read rows of numbers from a text file, separated by commas or blanks.
 
     A first line of column names and lines that start with a comment sign are skipped.
@@ -257,11 +320,17 @@ def number_rows(source: Path, *columns: int, mixed: bool = False, separators: st
     """
     rows: list[list[float]] = []
     for k, line in data_lines(source.read_text(errors="replace"), COMMENTS):
-        words = line.partition("#")[0].translate(str.maketrans(separators + "Dd", " " * len(separators) + "EE")).split()
+        words = (
+            line.partition("#")[0]
+            .translate(str.maketrans(separators + "Dd", " " * len(separators) + "EE"))
+            .split()
+        )
         try:
             row = [float(word) for word in words]
         except ValueError:
-            if not rows and not any(re.match(r"[-+.]*\d", word) for word in words):  # line of column names
+            if not rows and not any(
+                re.match(r"[-+.]*\d", word) for word in words
+            ):  # line of column names
                 continue
             raise mismatch(f"{source}: line {k}", "numbers", line[:60]) from None
         if len(row) not in columns or not (mixed or len(row) == len((rows or [row])[0])):
@@ -275,7 +344,10 @@ def number_rows(source: Path, *columns: int, mixed: bool = False, separators: st
 def number_table(source: Path, *columns: int, **options: Any) -> NDArray:
     """Read a table of finite numbers; parameters as for :func:`number_rows`."""
     table = np.empty((0, 0))
-    with suppress(ValueError), open(source, encoding="ascii") as file:  # plain tables, in a tenth of the time
+    with (
+        suppress(ValueError),
+        open(source, encoding="ascii") as file,
+    ):  # plain tables, in a tenth of the time
         lines = (line for line in file if line.strip() and not line.startswith(COMMENTS))
         if not options and (first := next(lines, "")):
             table = np.loadtxt(chain([first], lines), delimiter=",", comments=None, ndmin=2)
@@ -311,14 +383,25 @@ def read_abaqus_matrix(path: Path) -> tuple[sp.csr_matrix, NDArray | None]:
         If the file does not exist or is damaged.
     """
     market = path.read_bytes()[:14].lower() == b"%%matrixmarket"
-    check(not market, str(path), "Abaqus coordinate text", "a Matrix Market file; pass the matrix of scipy.io.mmread")
+    check(
+        not market,
+        str(path),
+        "Abaqus coordinate text",
+        "a Matrix Market file; pass the matrix of scipy.io.mmread",
+    )
     table = number_table(path, 3, 5)
     if table.shape[1] == 5:
-        return entries_by_node(as_integers(table[:, :4], str(path)).reshape(-1, 2, 2), table[:, 4], path)
+        return entries_by_node(
+            as_integers(table[:, :4], str(path)).reshape(-1, 2, 2), table[:, 4], path
+        )
     row, column = (as_integers(table[:, k], f"{path}: column {k + 1}") - 1 for k in (0, 1))
     n = int(max(row.max(), column.max())) + 1
     if min(row.min(), column.min()) < 0 or n > 10 * len(row) or n > LARGEST_COUNT:
-        raise mismatch(str(path), "rows and columns counted from 1, all of them used", f"{n} from {len(row)} entries")
+        raise mismatch(
+            str(path),
+            "rows and columns counted from 1, all of them used",
+            f"{n} from {len(row)} entries",
+        )
     return triangle_to_full(row, column, table[:, -1], n), None
 
 
@@ -326,9 +409,18 @@ def entries_by_node(pairs: NDArray, value: NDArray, path: Path) -> tuple[sp.csr_
     """Return a matrix from node and component of the rows and columns (n, 2, 2) of its entries (n,), and its table."""
     internal = pairs[pairs[:, :, 0] < 0][:1]
     cure = "a job without contact and constraints, with *MATRIX GENERATE, PUBLIC NODES"
-    check(not len(internal), str(path), f"nodes of the mesh: {cure}", f"internal nodes {internal[:, 0].tolist()}")
-    (nodes, node), (components, component) = (np.unique(pairs[:, :, k], return_inverse=True) for k in (0, 1))
-    keys, inverse = np.unique(node * len(components) + component, return_inverse=True)  # faster than np.unique of rows
+    check(
+        not len(internal),
+        str(path),
+        f"nodes of the mesh: {cure}",
+        f"internal nodes {internal[:, 0].tolist()}",
+    )
+    (nodes, node), (components, component) = (
+        np.unique(pairs[:, :, k], return_inverse=True) for k in (0, 1)
+    )
+    keys, inverse = np.unique(
+        node * len(components) + component, return_inverse=True
+    )  # faster than np.unique of rows
     dofs = np.column_stack([nodes[keys // len(components)], components[keys % len(components)]])
     row, column = inverse.reshape(-1, 2).T
     check(len(dofs) <= 10 * len(row), str(path), "entries of every row", len(row))
@@ -499,4 +591,6 @@ def reordered(matrix: sp.csr_matrix, dofs: NDArray, order: NDArray, item: str) -
     unknown = sorted(set(pairs) - set(index))
     check(not unknown, item, "nodes and components of the stiffness matrix", f"also {unknown[:3]}")
     row, entries = np.array([index[pair] for pair in pairs]), matrix.tocoo()
-    return sp.csr_matrix((entries.data, (row[entries.row], row[entries.col])), shape=(len(order), len(order)))
+    return sp.csr_matrix(
+        (entries.data, (row[entries.row], row[entries.col])), shape=(len(order), len(order))
+    )

@@ -32,7 +32,14 @@ from scipy.linalg import polar, svdvals
 
 from bdamper.fem.cyclic_symmetry import CyclicSector, Sectors, Waves, travelling_waves
 from bdamper.fem.local_basis import BladePart, LocalSizes, damper_motion, local_basis, sampled_waves
-from bdamper.fem.reduced_bodies import PICTURED_MODES, FreeBody, Wanted, constrained_body, free_body, nodes_of
+from bdamper.fem.reduced_bodies import (
+    PICTURED_MODES,
+    FreeBody,
+    Wanted,
+    constrained_body,
+    free_body,
+    nodes_of,
+)
 from bdamper.fem.rotation import IN_PLANE, Rotation
 from bdamper.importers.fe_body import BOUNDS, FEBody, Modes
 from bdamper.importers.options import NodeSet, Sector
@@ -77,10 +84,15 @@ def over_speed(bodies: Mapping[float, FEBody]) -> FEBody:
         body = validation.instance(f"body at {omega:g} rad/s", value, FEBody)
         checked.append(replace(body, rotor_speed=omega, faster=None))
     slower, faster = sorted(checked, key=lambda body: body.rotor_speed)
-    same, item = np.array_equal(slower.numbers, faster.numbers), f"{faster.source} at {faster.rotor_speed:g} rad/s"
+    same, item = (
+        np.array_equal(slower.numbers, faster.numbers),
+        f"{faster.source} at {faster.rotor_speed:g} rad/s",
+    )
     check(same, item, f"the nodes of {slower.source}", "other numbers")
     if (slower.stiffness is None) != (faster.stiffness is None):
-        raise SettingError("over_speed: expected matrices at both speeds, or modes at both speeds, found one of each")
+        raise SettingError(
+            "over_speed: expected matrices at both speeds, or modes at both speeds, found one of each"
+        )
     return replace(slower, faster=faster)
 
 
@@ -97,15 +109,21 @@ def rotation_of(body: PreparedBody) -> Rotation | None:
     first, last = body.raw.rotor_speed, other.raw.rotor_speed
     norm, mass = scipy.sparse.linalg.norm, body.structure.mass
     same = norm(other.structure.mass - mass) <= 1e-6 * norm(mass)
-    body.require(same, f"mass matrix at {last:g} rad/s", "the mass matrix of the other speed", "another one")
-    per_squared_speed = ((other.structure.stiffness - body.structure.stiffness) / (last**2 - first**2)).tocsr()
+    body.require(
+        same, f"mass matrix at {last:g} rad/s", "the mass matrix of the other speed", "another one"
+    )
+    per_squared_speed = (
+        (other.structure.stiffness - body.structure.stiffness) / (last**2 - first**2)
+    ).tocsr()
     softening = _spin_softening(body, per_squared_speed)
     if softening < 0.5:
         body.report.missing.append(
             f"spin softening of the {body.name}: the matrices at {last:g} rad/s take {100 * softening:.3g} % of its mass "
             "in the plane of rotation from the stiffness; frequencies of bending in this plane come out too high"
         )
-    body.passed(f"{body.name}: stiffness at {first:g} and {last:g} rad/s, spin softening {100 * softening:.4g} %")
+    body.passed(
+        f"{body.name}: stiffness at {first:g} and {last:g} rad/s, spin softening {100 * softening:.4g} %"
+    )
     return Rotation(per_squared_speed, first, last, body.raw.source)
 
 
@@ -146,7 +164,12 @@ def basis_from_modes(
     assert body.raw.faster is not None
     first, omega = body.raw.rotor_speed, body.raw.faster.rotor_speed
     item = f"modes of nodal diameter {d} at {omega:g} rad/s"
-    body.require(moved.shape[1] == basis.n_modes, item, f"{basis.n_modes} modes as at {first:g} rad/s", moved.shape[1])
+    body.require(
+        moved.shape[1] == basis.n_modes,
+        item,
+        f"{basis.n_modes} modes as at {first:g} rad/s",
+        moved.shape[1],
+    )
     known = ~(np.isnan(shapes).any(axis=1) | np.isnan(moved).any(axis=1))
     overlap = np.linalg.lstsq(shapes[known], moved[known], rcond=None)[0]
     sizes = svdvals(overlap)
@@ -154,9 +177,15 @@ def basis_from_modes(
     overlaps = f"{sizes[-1]:.4g} to {sizes[0]:.4g}; use fewer modes, or speeds nearer together"
     body.require(np.abs(sizes - 1.0).max() <= BOUNDS.agreement, item, expected, overlaps)
     turning = polar(overlap)[0]
-    stiffness2 = ((turning * omega2) @ turning.conj().T - np.diag(basis.omega2)) / (omega**2 - first**2)
-    body.passed(f"{body.name}, nodal diameter {d}: overlap of modes over speed at least {sizes[-1]:.5g}")
-    return basis.with_speed(0.5 * (stiffness2 + stiffness2.conj().T), omega_ref=first, source=body.raw.source)
+    stiffness2 = ((turning * omega2) @ turning.conj().T - np.diag(basis.omega2)) / (
+        omega**2 - first**2
+    )
+    body.passed(
+        f"{body.name}, nodal diameter {d}: overlap of modes over speed at least {sizes[-1]:.5g}"
+    )
+    return basis.with_speed(
+        0.5 * (stiffness2 + stiffness2.conj().T), omega_ref=first, source=body.raw.source
+    )
 
 
 # ---- Bodies from modes ----
@@ -184,9 +213,13 @@ def _waves(body: PreparedBody, modes: Modes, ring: Ring) -> Waves:
     else:
         known = ~np.isnan(shapes[:, 0].real).reshape(-1, 3).any(axis=1)
         faces = ring.faces.among(known)
-        body.require(len(faces.dependent), item, "values at matching nodes of the two sector faces", "none")
+        body.require(
+            len(faces.dependent), item, "values at matching nodes of the two sector faces", "none"
+        )
         with body.refusing(item, "travelling waves"):
-            waves = travelling_waves(np.asarray(modes.frequency, float), np.nan_to_num(shapes), faces, d)
+            waves = travelling_waves(
+                np.asarray(modes.frequency, float), np.nan_to_num(shapes), faces, d
+            )
         waves = replace(waves, shapes=np.where(np.repeat(known, 3)[:, None], waves.shapes, np.nan))
     text = f"{body.name}, nodal diameter {d}: {len(waves.index)} modes are waves of it within {waves.mismatch.max():.1g}"
     if waves.turned:
@@ -202,13 +235,22 @@ def compare_known(body: PreparedBody, d: int, omega2: NDArray, ring: Ring) -> No
 
     The squared natural frequencies ``omega2`` (n_modes,) are in rad2/s2.
     """
-    computed, item = np.sqrt(np.maximum(omega2, 0.0)) / (2.0 * np.pi), f"{body.name}, nodal diameter {d}"
-    known = [(np.asarray(ring.expected[d], float), "expected_frequencies")] if d in ring.expected else []
+    computed, item = (
+        np.sqrt(np.maximum(omega2, 0.0)) / (2.0 * np.pi),
+        f"{body.name}, nodal diameter {d}",
+    )
+    known = (
+        [(np.asarray(ring.expected[d], float), "expected_frequencies")]
+        if d in ring.expected
+        else []
+    )
     for modes in body.raw.modes if body.has_matrices else ():
         if modes.nodal_diameter == d:
             with body.report.comparison():
                 index = _waves(body, modes, ring).index
-                known.append((np.asarray(modes.frequency, float)[index], modes.source or "the modes"))
+                known.append(
+                    (np.asarray(modes.frequency, float)[index], modes.source or "the modes")
+                )
     for expected, source in known:
         with body.report.comparison():
             error = compare_frequencies(computed, expected, item, source)
@@ -218,25 +260,44 @@ def compare_known(body: PreparedBody, d: int, omega2: NDArray, ring: Ring) -> No
 def check_reached(body: PreparedBody, wanted: Wanted, absent: NDArray, content: str) -> None:
     """Raise ModelError if a contact face or location includes nodes (n,) that lack ``content``."""
     parts = {"contact faces": wanted.contact.indices // 3}
-    parts |= {f"location '{name}'": nodes_of(location) for name, location in wanted.locations.items()}
+    parts |= {
+        f"location '{name}'": nodes_of(location) for name, location in wanted.locations.items()
+    }
     for item, nodes in parts.items():
         wrong = body.raw.numbers[np.intersect1d(nodes, absent)]
-        body.require(not len(wrong), item, f"nodes with {content}", f"none at {', '.join(map(str, wrong[:5]))}")
+        body.require(
+            not len(wrong),
+            item,
+            f"nodes with {content}",
+            f"none at {', '.join(map(str, wrong[:5]))}",
+        )
 
 
 def _normalised(body: PreparedBody, d: int, ring: Ring, n_modes: int) -> tuple[NDArray, NDArray]:
     """Return squared frequencies (n,) and mass-normalised shapes (3 n_nodes, n) of the lowest modes."""
-    item, listed = f"modes of nodal diameter {d}", [modes for modes in body.raw.modes if modes.nodal_diameter == d]
+    item, listed = (
+        f"modes of nodal diameter {d}",
+        [modes for modes in body.raw.modes if modes.nodal_diameter == d],
+    )
     known = [modes.nodal_diameter for modes in body.raw.modes]
-    body.require(len(listed) == 1, "modes", f"modes of nodal diameter {d} once", f"modes of {known}")
+    body.require(
+        len(listed) == 1, "modes", f"modes of nodal diameter {d} once", f"modes of {known}"
+    )
     modes, waves = listed[0], _waves(body, listed[0], ring)
     expected = "modal masses (or matrices) to rescale the modes to unit modal mass over one sector"
     body.require(modes.modal_mass is not None, item, expected, "neither")
     mass = body.placement.units.mass * np.asarray(modes.modal_mass, float)[waves.index]
     frequency = np.asarray(modes.frequency, float)[waves.index]
-    body.require((frequency > 0.0).all(), item, "frequencies > 0 of a held sector", frequency.min(initial=np.inf))
+    body.require(
+        (frequency > 0.0).all(),
+        item,
+        "frequencies > 0 of a held sector",
+        frequency.min(initial=np.inf),
+    )
     order = np.argsort(frequency, kind="stable")[:n_modes]
-    shapes = fix_phase((waves.shapes / np.sqrt(mass))[:, order], sp.identity(len(waves.shapes), format="csr"))
+    shapes = fix_phase(
+        (waves.shapes / np.sqrt(mass))[:, order], sp.identity(len(waves.shapes), format="csr")
+    )
     return (2.0 * np.pi * frequency[order]) ** 2, shapes
 
 
@@ -283,7 +344,9 @@ def free_from_modes(body: PreparedBody, wanted: Wanted) -> Body:
     """
     rigid, units, q = body.raw.rigid, body.placement.units, body.placement.rotation
     if rigid is None:
-        raise body.error("free body", "matrices, or mass, centre and inertia (MassProperties)", "neither")
+        raise body.error(
+            "free body", "matrices, or mass, centre and inertia (MassProperties)", "neither"
+        )
     item, expected = "mass properties", "a mass > 0, a centre (3,) and an inertia (3, 3)"
     with body.refusing(item, expected):
         mass = units.mass * float(rigid.mass)
@@ -297,15 +360,31 @@ def free_from_modes(body: PreparedBody, wanted: Wanted) -> Body:
     axes = body.damper_axes(centre)
     shapes = rigid_motions(body.nodes, centre, axes, principal.T) / np.sqrt([*3 * [mass], *moments])
     basis = wanted.basis(np.zeros(6), shapes)
-    body.report.missing += [NO_RECEPTANCE.format(body.name), f"elastic deformation of the {body.name} (no matrices)"]
-    load = BodyLoad(axes[1], np.eye(6)[1] / np.sqrt(mass), np.zeros((wanted.contact.shape[0] // 3, 3)))
-    return Body(body.name, "free", wanted.ports, {0: basis}, mass=mass, centre=centre, inertia=inertia, load=load)
+    body.report.missing += [
+        NO_RECEPTANCE.format(body.name),
+        f"elastic deformation of the {body.name} (no matrices)",
+    ]
+    load = BodyLoad(
+        axes[1], np.eye(6)[1] / np.sqrt(mass), np.zeros((wanted.contact.shape[0] // 3, 3))
+    )
+    return Body(
+        body.name,
+        "free",
+        wanted.ports,
+        {0: basis},
+        mass=mass,
+        centre=centre,
+        inertia=inertia,
+        load=load,
+    )
 
 
 # ---- Bodies from matrices ----
 
 
-def held_components(body: PreparedBody, wanted: Wanted, fixed: NodeSet | None, ring: Ring) -> NDArray:
+def held_components(
+    body: PreparedBody, wanted: Wanted, fixed: NodeSet | None, ring: Ring
+) -> NDArray:
     """Return the mask (n_nodes, 3) of fixed components.
 
     Images of fixed nodes on the other sector face are included.  Other programs fix one face only, since their cyclic
@@ -318,17 +397,22 @@ def held_components(body: PreparedBody, wanted: Wanted, fixed: NodeSet | None, r
     """
     held = None if fixed is None else body.node_set(fixed, "fixed")
     without = np.flatnonzero(body.fixed(None).all(axis=1))
-    check_reached(body, wanted, without if held is None else np.setdiff1d(without, held), "rows in the matrices")
+    check_reached(
+        body,
+        wanted,
+        without if held is None else np.setdiff1d(without, held),
+        "rows in the matrices",
+    )
     mask = body.fixed(held)
     out = np.stack([ring.faces.images(component) for component in mask.T], axis=1)
     if added := int((out & ~mask).any(axis=1).sum()):
-        body.passed(f"{body.name}: {added} nodes of a sector face held as images of held nodes of the other face")
+        body.passed(
+            f"{body.name}: {added} nodes of a sector face held as images of held nodes of the other face"
+        )
     return out
 
 
-def cyclic_sectors(
-    body: PreparedBody, ring: Ring, mask: NDArray, kept: Collection[int]
-) -> Sectors:
+def cyclic_sectors(body: PreparedBody, ring: Ring, mask: NDArray, kept: Collection[int]) -> Sectors:
     """Return the sector from matrices as a function of the nodal diameter.
 
     Sectors of the nodal diameters ``kept`` are cached, with their modes.
@@ -341,7 +425,9 @@ def cyclic_sectors(
         body.report.step(f"nodal diameter {d}")
         for other in made.values():
             other.forget_factors()
-        with body.refusing(f"nodal diameter {d}", "a sector whose fixed components both sector faces can have"):
+        with body.refusing(
+            f"nodal diameter {d}", "a sector whose fixed components both sector faces can have"
+        ):
             out = CyclicSector(body.structure, ring.faces, mask, d)
         if d == 0 or ring.faces.n_sectors == 1:  # the frequencies show it at other nodal diameters
             _check_held(body, out, bool(mask.any()))
@@ -391,14 +477,26 @@ def constrained_from_matrices(
     expected = "a positive definite stiffness (fixed nodes?) and a positive definite mass matrix"
     with body.refusing("matrices", expected):
         fewer = replace(wanted, n_modes=n_modes)
-        built = constrained_body(body.name, fewer, at_diameter, ring.diameters, rotation_of(body), seen)
-    for d, basis in built.bases.items():  # six squared frequencies of a body that is not held are rounding errors
+        built = constrained_body(
+            body.name, fewer, at_diameter, ring.diameters, rotation_of(body), seen
+        )
+    for (
+        d,
+        basis,
+    ) in (
+        built.bases.items()
+    ):  # six squared frequencies of a body that is not held are rounding errors
         low, high = basis.omega2[[0, -1]]
-        expected, found = "a sector that is held (fixed nodes)", f"squared frequencies {low:.3g} to {high:.3g} rad2/s2"
+        expected, found = (
+            "a sector that is held (fixed nodes)",
+            f"squared frequencies {low:.3g} to {high:.3g} rad2/s2",
+        )
         body.require(low > max(1e-10 * high, 0.0), f"nodal diameter {d}", expected, found)
     body.passed("stiffness symmetric and positive definite at every nodal diameter, mass symmetric")
     if n_modes < wanted.n_modes:
-        body.passed(f"{n_modes} modes instead of {wanted.n_modes}: the matrices have too few rows for more")
+        body.passed(
+            f"{n_modes} modes instead of {wanted.n_modes}: the matrices have too few rows for more"
+        )
     if part is not None:
         built = with_local_basis(built, body, wanted, at_diameter, interfaces, part, sizes)
     return built, pictures
@@ -409,12 +507,18 @@ def _check_held(body: PreparedBody, sector: CyclicSector, held: bool) -> None:
     item = f"stiffness matrix, nodal diameter {sector.nodal_diameter}"
     factor = sector.solver
     pivots = factor.U.diagonal().real
-    least = 1e-13 * np.median(np.abs(sector.stiffness.diagonal())) if held else 1e-9 * np.median(np.abs(pivots))
+    least = (
+        1e-13 * np.median(np.abs(sector.stiffness.diagonal()))
+        if held
+        else 1e-9 * np.median(np.abs(pivots))
+    )
     expected = "a body that is held: Sector(fixed=a set of nodes), or components without rows in the matrices"
     found = f"{'fixed components' if held else 'neither'}, and a motion without force"
     body.require(np.abs(pivots).min() >= least, item, expected, found)
     negative = int((pivots <= 0.0).sum()) if np.array_equal(factor.perm_r, factor.perm_c) else 0
-    body.require(not negative, item, "a positive definite matrix", f"{negative} negative eigenvalues")
+    body.require(
+        not negative, item, "a positive definite matrix", f"{negative} negative eigenvalues"
+    )
 
 
 def free_from_matrices(body: PreparedBody, wanted: Wanted) -> Body:
@@ -427,7 +531,12 @@ def free_from_matrices(body: PreparedBody, wanted: Wanted) -> Body:
     """
     wrong = body.raw.numbers[body.fixed(None).any(axis=1)]
     found = f"rows missing at {len(wrong)} nodes, such as node {', '.join(map(str, wrong[:1]))}"
-    body.require(not len(wrong), "matrices", "rows for all three components of every node of a free body", found)
+    body.require(
+        not len(wrong),
+        "matrices",
+        "rows for all three components of every node of a free body",
+        found,
+    )
     body.report.step(body.name)
     structure = body.structure
     check_rigid_motion(body)
@@ -440,7 +549,9 @@ def free_from_matrices(body: PreparedBody, wanted: Wanted) -> Body:
         built = free_body(body.name, wanted, free, axes[1])
     omega2 = built.bases[0].omega2
     found = f"omega2 = {omega2[6:].min(initial=np.inf):.3g}"
-    body.require((omega2[6:] > 0.0).all(), "stiffness matrix", "six rigid-body motions and no others", found)
+    body.require(
+        (omega2[6:] > 0.0).all(), "stiffness matrix", "six rigid-body motions and no others", found
+    )
     body.passed(f"{body.name}: six rigid-body motions without force")
     return built
 
@@ -467,12 +578,21 @@ def blade_part(
         If there is no cyclic sector with matrices, blades touch each other, or the set lacks contact points or locations.
     """
     if ring.faces.n_sectors == 1:
-        raise SettingError("blade_nodes: expected a sector of a cyclic structure, found an acyclic structure")
-    touching = [name for name, face in interfaces.items() if face.body_a == face.body_b == body.name]
+        raise SettingError(
+            "blade_nodes: expected a sector of a cyclic structure, found an acyclic structure"
+        )
+    touching = [
+        name for name, face in interfaces.items() if face.body_a == face.body_b == body.name
+    ]
     if touching:
-        raise SettingError(f"blade_nodes: expected blades that touch dampers, found '{touching[0]}', where blades touch")
+        raise SettingError(
+            f"blade_nodes: expected blades that touch dampers, found '{touching[0]}', where blades touch"
+        )
     nodes = body.node_set(blade, "blade_nodes")
-    with body.refusing("blade_nodes", "the nodes of a blade from root to tip, with all its contact faces and locations"):
+    with body.refusing(
+        "blade_nodes",
+        "the nodes of a blade from root to tip, with all its contact faces and locations",
+    ):
         part = BladePart(body.structure, nodes, fixed, step=body.report.step)
         part.check_wanted(wanted, ring.faces)
     return part
@@ -490,9 +610,14 @@ def with_local_basis(
         If the matrices of the blade clamped at its root are not positive definite.
     """
     with body.refusing("blade_nodes", "a blade that its root holds"):
-        local = local_basis(part, sector, wanted, damper_motion(wanted.ports, interfaces), sizes, "set of nodes")
+        local = local_basis(
+            part, sector, wanted, damper_motion(wanted.ports, interfaces), sizes, "set of nodes"
+        )
     clamped = ", ".join(f"{f:.5g}" for f in np.sqrt(local.omega2[:3]) / (2.0 * np.pi))
-    worst = max(np.sqrt(local.nodal_diameter(d).omega2[0] / basis.omega2[0]) - 1.0 for d, basis in made.bases.items())
+    worst = max(
+        np.sqrt(local.nodal_diameter(d).omega2[0] / basis.omega2[0]) - 1.0
+        for d, basis in made.bases.items()
+    )
     body.report.checks += [
         f"wheel: blade of {len(part.nodes)} nodes, {len(part.root)} of them at its root; clamped there {clamped} ... Hz; "
         f"{local.n_cantilever} such modes, {local.n_attachment} attachments, {local.n_interface} shapes of the root",

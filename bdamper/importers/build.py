@@ -35,7 +35,12 @@ from bdamper.importers.bodies import (
     free_from_matrices,
     free_from_modes,
 )
-from bdamper.importers.contact_faces import ContactFaces, LaidContacts, from_first_sector, lay_contacts
+from bdamper.importers.contact_faces import (
+    ContactFaces,
+    LaidContacts,
+    from_first_sector,
+    lay_contacts,
+)
 from bdamper.importers.fe_body import BOUNDS, FEBody
 from bdamper.importers.options import DAMPER_MODES, HARMONICS, Checks, Placement, Reduction, Sector
 from bdamper.importers.plausibility import check_bodies, check_lowest
@@ -78,7 +83,9 @@ def force_fields(fields: Mapping[str, object] | None, body: PreparedBody) -> dic
         If a value is not a field of forces, all forces are zero, or a node does not exist.  The message names the field.
     """
     out = {}
-    for name, value in ({} if fields is None else validation.instance("forces", fields, Mapping, "a mapping")).items():
+    for name, value in (
+        {} if fields is None else validation.instance("forces", fields, Mapping, "a mapping")
+    ).items():
         numbers, forces = _table(f"forces '{name}'", value)
         units, out[name] = body.placement.units, np.zeros((len(body.nodes), 3), complex)
         in_si = units.mass * units.length * forces @ body.placement.rotation.T
@@ -96,7 +103,12 @@ def _table(item: str, value: Any) -> tuple[NDArray, NDArray]:
         numbers, forces = np.asarray(value[0]), np.asarray(value[1], complex)
     except (ValueError, TypeError) as error:
         raise validation.invalid(item, EXPECTED, value) from error
-    good = numbers.ndim == 1 and len(numbers) and forces.shape == (len(numbers), 3) and np.isfinite(forces).all()
+    good = (
+        numbers.ndim == 1
+        and len(numbers)
+        and forces.shape == (len(numbers), 3)
+        and np.isfinite(forces).all()
+    )
     validation.check_value(good, item, EXPECTED, value)
     return numbers, forces
 
@@ -156,7 +168,9 @@ class BuiltModel(Plottable):
         frequencies = []
         for d, values in self.frequencies.items():
             shown = "  ".join(f"{f:.6g}" for f in values[:6])
-            frequencies.append(f"{d:4d}  {shown}{'  ...' if len(values) > 6 else ''}  ({len(values)} modes)")
+            frequencies.append(
+                f"{d:4d}  {shown}{'  ...' if len(values) > 6 else ''}  ({len(values)} modes)"
+            )
         parts: dict[str, list[str]] = {
             "Comparisons that FAILED": [*self.failed],
             "Read": [f"{name}: {text}" for name, text in self.sources.items()],
@@ -173,7 +187,11 @@ class BuiltModel(Plottable):
             ]
             if len(elastic := frequencies_of(free.bases[0])[6:12]):
                 texts.append("elastic modes, Hz: " + "  ".join(f"{f:.6g}" for f in elastic))
-        damping = [f"{body.name}: {body.damping_text}" for body in self.model.bodies.values() if body.damping_text]
+        damping = [
+            f"{body.name}: {body.damping_text}"
+            for body in self.model.bodies.values()
+            if body.damping_text
+        ]
         parts |= {"Modal damping ratio": damping}
         parts |= {"Origin of these numbers": [*self.bases], "Interfaces": [*self.faces]}
         parts |= {"Checks passed": [*self.checks], "Not in this model": [*self.missing]}
@@ -248,18 +266,26 @@ def build_model(
     report.checks.append(f"{len(diameters)} nodal diameters, {reason}")
     expected = checks.expected_frequencies or {}
     for d in expected:
-        check(d in diameters, "expected_frequencies", f"nodal diameters out of {list(diameters)}", d)
+        check(
+            d in diameters, "expected_frequencies", f"nodal diameters out of {list(diameters)}", d
+        )
     ring = Ring(faces, diameters, excited or diameters, expected)
     check_bodies(bodies, faces.n_sectors, checks.check_units, sector.elasticity)
     contacts, bodies = from_first_sector(contacts, bodies, faces.n_sectors)
-    laid, places = lay_contacts(contacts, bodies, faces.n_sectors), _locations(locations, bodies, forces)
+    laid, places = (
+        lay_contacts(contacts, bodies, faces.n_sectors),
+        _locations(locations, bodies, forces),
+    )
     rows = stress_rows(bodies["blade"], sector, laid, ring)
     with _shown(progress, len(bodies), ring, sector.blade_nodes is not None, report):
         made, shapes = _reduced(bodies, laid, places, ring, sector, reduction, rows)
     if checks.check_units:
         for name, body in bodies.items():
             check_lowest(body, made[name])
-    bases = [*_origins(bodies, ring), *(_largest_stress(bodies["blade"], row, ring) for row in rows)]
+    bases = [
+        *_origins(bodies, ring),
+        *(_largest_stress(bodies["blade"], row, ring) for row in rows),
+    ]
     return _assembled(bodies, laid, places, made, shapes, rows, faces.n_sectors, report, bases)
 
 
@@ -268,7 +294,10 @@ def build_model(
 
 
 def _prepared(
-    blade: FEBody, damper: FEBody | Mapping[str, FEBody] | None, placement: Placement, report: ImportReport
+    blade: FEBody,
+    damper: FEBody | Mapping[str, FEBody] | None,
+    placement: Placement,
+    report: ImportReport,
 ) -> dict[str, PreparedBody]:
     """Return the bodies in SI units and in the axes of the model; the first one is the blade."""
     free = damper if isinstance(damper, Mapping) else {} if damper is None else {"damper": damper}
@@ -291,7 +320,11 @@ def _counts(free: Sequence[str], reduction: Reduction) -> dict[str, int]:
 
 def _checked_contacts(contacts: Sequence[ContactFaces]) -> tuple[ContactFaces, ...]:
     several = isinstance(contacts, Iterable) and not isinstance(contacts, str)
-    out = tuple(validation.instance("contacts", contact, ContactFaces) for contact in contacts) if several else ()
+    out = (
+        tuple(validation.instance("contacts", contact, ContactFaces) for contact in contacts)
+        if several
+        else ()
+    )
     validation.check_value(out, "contacts", "a sequence of one or more ContactFaces", contacts)
     names = [contact.name for contact in out]
     validation.check_value(len(set(names)) == len(names), "contacts", "each name once", names)
@@ -305,12 +338,22 @@ def _diameters(
     given, harmonics = reduction.nodal_diameters, reduction.harmonics
     orders: Sequence[int] = reduction.engine_order or ()  # type: ignore[assignment]  # checked by the class
     excited = tuple(sorted({min(order % n_blades, -order % n_blades) for order in orders}))
-    listed = None if blade.stiffness is not None or not blade.modes else {modes.nodal_diameter for modes in blade.modes}
+    listed = (
+        None
+        if blade.stiffness is not None or not blade.modes
+        else {modes.nodal_diameter for modes in blade.modes}
+    )
     if given is not None or not orders:
         if given is None and n_blades > 1 and listed is None:
-            raise SettingError("nodal diameters: expected engine_order or nodal_diameters, found neither")
+            raise SettingError(
+                "nodal diameters: expected engine_order or nodal_diameters, found neither"
+            )
         chosen = given if given is not None else [0] if n_blades == 1 else sorted(listed or ())
-        return tuple(sorted({0, *validation.integers("nodal_diameters", chosen, most=n_blades // 2)})), excited, "given"
+        return (
+            tuple(sorted({0, *validation.integers("nodal_diameters", chosen, most=n_blades // 2)})),
+            excited,
+            "given",
+        )
     most = harmonics or HARMONICS
     reason = f"for {most} harmonics of engine order {', '.join(map(str, orders))}"
     wanted = set[int]()
@@ -331,10 +374,16 @@ def _sector_faces(body: PreparedBody, sector: Sector) -> SectorFaces:
         return no_faces()
     tolerance = BOUNDS.sector_faces * body.size
     if sector.faces is None:
-        faces = find_faces(body.nodes, body.boundary, n_blades, tolerance) if body.elements else None
+        faces = (
+            find_faces(body.nodes, body.boundary, n_blades, tolerance) if body.elements else None
+        )
         if faces is None:
-            expected = "the two faces of the sector" + ("" if n_blades else ", and n_blades (1 if nothing repeats)")
-            raise SettingError(f"sector faces: expected {expected}, as no rotation carries faces of elements onto others")
+            expected = "the two faces of the sector" + (
+                "" if n_blades else ", and n_blades (1 if nothing repeats)"
+            )
+            raise SettingError(
+                f"sector faces: expected {expected}, as no rotation carries faces of elements onto others"
+            )
         body.passed(f"sector faces: found from the geometry, {faces.n_sectors} sectors")
         return faces
     first, second = (body.node_set(s, "sector faces") for s in sector.faces)
@@ -344,9 +393,16 @@ def _sector_faces(body: PreparedBody, sector: Sector) -> SectorFaces:
     apart = f"the faces are {np.rad2deg(angle):.6g} degrees apart, nearest are {nearest} sectors"
     deviation = 1.0 - 2.0 * np.pi / n_blades / angle
     alike = n_blades == nearest and abs(deviation) <= sector.angle_tolerance
-    body.require(exact or alike, "sector faces", f"360/N degrees within {100 * sector.angle_tolerance:g} %", apart)
+    body.require(
+        exact or alike,
+        "sector faces",
+        f"360/N degrees within {100 * sector.angle_tolerance:g} %",
+        apart,
+    )
     if not exact:
-        body.passed(f"{n_blades} sectors, from the {np.rad2deg(angle):.4g} degrees between the sector faces")
+        body.passed(
+            f"{n_blades} sectors, from the {np.rad2deg(angle):.4g} degrees between the sector faces"
+        )
     problems, pitches = [], (None, angle) if alike else (None,)
     for pitch in pitches:
         for left, right, words in (
@@ -357,30 +413,49 @@ def _sector_faces(body: PreparedBody, sector: Sector) -> SectorFaces:
             except ValueError as error:
                 problems.append(str(error))
                 continue
-            body.passed(f"sector faces: {len(left)} pairs of nodes match within {tolerance:.2g} m; {words}")
+            body.passed(
+                f"sector faces: {len(left)} pairs of nodes match within {tolerance:.2g} m; {words}"
+            )
             _report_deviation(body, pitch, n_blades)
             return matched
     expected = f"two sets of nodes of which a rotation by 2 pi/{n_blades} about the axis carries one onto the other"
     found = f"{apart}; {problems[0]}; the other way: {problems[1].split(': ')[-1]}"
     body.require(body.elements, "sector faces", expected, found)
     # if the meshes differ, the angle between the centres of the faces is biased; one sector more or less may fit better
-    counts = [(n, None) for n in range(max(n_blades - 1, 2), n_blades + 2)] + [(n_blades, pitch) for pitch in pitches[1:]]
+    counts = [(n, None) for n in range(max(n_blades - 1, 2), n_blades + 2)] + [
+        (n_blades, pitch) for pitch in pitches[1:]
+    ]
     with body.refusing("sector faces", expected):
-        ways = [(n, pitch, pair) for n, pitch in counts for pair in ((first, second), (second, first))]
-        tied = [(tie_faces(body.nodes, body.boundary, *pair, n, pitch), pitch) for n, pitch, pair in ways]
+        ways = [
+            (n, pitch, pair) for n, pitch in counts for pair in ((first, second), (second, first))
+        ]
+        tied = [
+            (tie_faces(body.nodes, body.boundary, *pair, n, pitch), pitch)
+            for n, pitch, pair in ways
+        ]
     best, pitch = min(tied, key=lambda way: way[0].distance)
     if exact:
         fits = best.n_sectors != n_blades and best.distance <= BOUNDS.tied_faces * body.size
         body.require(not fits, "sector faces", expected, f"faces that fit {best.n_sectors} sectors")
-        best, pitch = min((way for way in tied if way[0].n_sectors == n_blades), key=lambda way: way[0].distance)
+        best, pitch = min(
+            (way for way in tied if way[0].n_sectors == n_blades), key=lambda way: way[0].distance
+        )
     elif best.n_sectors != n_blades:
         n_blades = best.n_sectors
         body.passed(f"{n_blades} sectors fit best")
-    limit = sector.face_tolerance * _mean_edge(body, best.independent) if alike else BOUNDS.tied_faces * body.size
-    found += f"; meshes that differ are at best {best.distance:.3g} m apart, tolerance {limit:.3g} m"
+    limit = (
+        sector.face_tolerance * _mean_edge(body, best.independent)
+        if alike
+        else BOUNDS.tied_faces * body.size
+    )
+    found += (
+        f"; meshes that differ are at best {best.distance:.3g} m apart, tolerance {limit:.3g} m"
+    )
     body.require(best.distance <= limit, "sector faces", expected, found)
     tied_nodes = f"{len(best.dependent)} nodes tied by interpolation to {len(best.independent)}"
-    body.passed(f"sector faces: meshes that differ, {tied_nodes}, at most {best.distance:.2g} m apart")
+    body.passed(
+        f"sector faces: meshes that differ, {tied_nodes}, at most {best.distance:.2g} m apart"
+    )
     _report_deviation(body, pitch, n_blades)
     return best
 
@@ -402,21 +477,38 @@ def _mean_edge(body: PreparedBody, nodes: NDArray) -> float:
     """Return the mean edge of the outer faces of elements on some nodes, m."""
     groups = facets_on_nodes(body.boundary, nodes).groups
     corners = [body.nodes[group[:, : corner_count(group.shape[1])]] for group in groups]
-    return float(np.concatenate([np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2).ravel() for x in corners]).mean())
+    return float(
+        np.concatenate(
+            [np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2).ravel() for x in corners]
+        ).mean()
+    )
 
 
 def _locations(
     locations: Mapping[str, object] | None, bodies: Mapping[str, PreparedBody], forces: Mapping[str, object] | None,
 ) -> dict[str, tuple[str, Place]]:  # fmt: skip
     """Return body and node (or field of forces) of each named location."""
-    out: dict[str, tuple[str, Place]] = {name: ("blade", f) for name, f in force_fields(forces, bodies["blade"]).items()}
-    named = {} if locations is None else validation.instance("locations", locations, Mapping, "a mapping")
+    out: dict[str, tuple[str, Place]] = {
+        name: ("blade", f) for name, f in force_fields(forces, bodies["blade"]).items()
+    }
+    named = (
+        {}
+        if locations is None
+        else validation.instance("locations", locations, Mapping, "a mapping")
+    )
     for name, value in named.items():
         body = "blade"
         if isinstance(value, tuple) and len(value) == 2 and isinstance(value[0], str):
             body, value = value
-        validation.check(body in bodies, f"location '{name}'", f"a body out of {sorted(bodies)}", f"'{body}'")
-        validation.check(name not in out, f"location '{name}'", "a name that forces do not have", f"'{name}' twice")
+        validation.check(
+            body in bodies, f"location '{name}'", f"a body out of {sorted(bodies)}", f"'{body}'"
+        )
+        validation.check(
+            name not in out,
+            f"location '{name}'",
+            "a name that forces do not have",
+            f"'{name}' twice",
+        )
         out[name] = (body, bodies[body].node(value, f"location '{name}'"))
     return out
 
@@ -433,10 +525,15 @@ def _location(name: str, body: PreparedBody, place: Place) -> Location:
 
 
 @contextmanager
-def _shown(progress: bool | None, n_bodies: int, ring: Ring, local: bool, report: ImportReport) -> Iterator[None]:
+def _shown(
+    progress: bool | None, n_bodies: int, ring: Ring, local: bool, report: ImportReport
+) -> Iterator[None]:
     """Show a progress bar with the steps of the work."""
     waves = {*ring.diameters, *sampled_waves(ring.faces.n_sectors)} if local else ring.diameters
-    total, done = len(waves) + n_bodies - 1 + (ring.faces.n_sectors // 2 + 1 if local else 0), count()
+    total, done = (
+        len(waves) + n_bodies - 1 + (ring.faces.n_sectors // 2 + 1 if local else 0),
+        count(),
+    )
     with progress_stages(shows_progress(progress), "import", "step") as show:
         report.step = lambda text: show(text, next(done), total)
         yield
@@ -452,17 +549,29 @@ def _reduced(
     for name, body in bodies.items():
         located = {key: place for key, (owner, place) in places.items() if owner == name}
         wanted = Wanted(
-            laid.ports[name], laid.rows[name], located, counts[name], reduction.damping_ratio, static_shapes=True
+            laid.ports[name],
+            laid.rows[name],
+            located,
+            counts[name],
+            reduction.damping_ratio,
+            static_shapes=True,
         )
         if name == "blade" and body.has_matrices:
             options = sector, reduction.local_sizes, laid.interfaces, rows
             made[name], pictures = constrained_from_matrices(body, wanted, ring, *options)
         elif name == "blade":
             alone = sector.blade_nodes is None
-            validation.check(alone, "blade_nodes", "a sector of a cyclic structure with its matrices", "modes alone")
+            validation.check(
+                alone,
+                "blade_nodes",
+                "a sector of a cyclic structure with its matrices",
+                "modes alone",
+            )
             made[name], pictures = constrained_from_modes(body, wanted, ring)
         else:
-            made[name] = (free_from_matrices if body.has_matrices else free_from_modes)(body, wanted)
+            made[name] = (free_from_matrices if body.has_matrices else free_from_modes)(
+                body, wanted
+            )
     if laid.ports["ground"]:
         made["ground"] = Body("ground", "ground", laid.ports["ground"])
     return made, pictures
@@ -476,9 +585,20 @@ def _origins(bodies: Mapping[str, PreparedBody], ring: Ring) -> Iterator[str]:
             source = "mass matrix" if body.has_matrices else "given MassProperties"
             yield f"{name}: mass, centre and inertia from the {source}"
             continue
-        own = sorted({*ring.expected, *(modes.nodal_diameter for modes in body.raw.modes if body.has_matrices)})
-        compared = f"compared with those of the program at nodal diameters {', '.join(map(str, own))}"
-        compared = compared if own else "not compared with those of the program (expected_frequencies, or a result file)"
+        own = sorted(
+            {
+                *ring.expected,
+                *(modes.nodal_diameter for modes in body.raw.modes if body.has_matrices),
+            }
+        )
+        compared = (
+            f"compared with those of the program at nodal diameters {', '.join(map(str, own))}"
+        )
+        compared = (
+            compared
+            if own
+            else "not compared with those of the program (expected_frequencies, or a result file)"
+        )
         yield f"{name}: frequencies from {f'{files}, {compared}' if body.has_matrices else 'the modes of the file'}"
 
 
@@ -504,7 +624,10 @@ def _assembled(
         interfaces=laid.interfaces,
         locations={key: _location(key, bodies[b], place) for key, (b, place) in places.items()},
         contact=laid.stiffness,
-        stress={row.name: row.set("blade", averaged, np.asarray(bodies["blade"].raw.numbers)) for row in rows},
+        stress={
+            row.name: row.set("blade", averaged, np.asarray(bodies["blade"].raw.numbers))
+            for row in rows
+        },
         meshes={
             name: picture_mesh(body.boundary, body.nodes, pictures if name == "blade" else {})
             for name, body in bodies.items()

@@ -90,7 +90,10 @@ def _points(name: str, points: int | tuple[int, int]) -> int | tuple[int, ...]:
     validation.check_value(good, name, "a number of contact points or two, along t1 and t2", points)
     counts = tuple(validation.integer(name, n, 1, BOUNDS.points) for n in counts)
     validation.check_value(
-        np.prod(counts) <= BOUNDS.points, name, f"at most {BOUNDS.points} contact points on a face", points
+        np.prod(counts) <= BOUNDS.points,
+        name,
+        f"at most {BOUNDS.points} contact points on a face",
+        points,
     )
     return counts if pair else counts[0]
 
@@ -98,7 +101,9 @@ def _points(name: str, points: int | tuple[int, int]) -> int | tuple[int, ...]:
 def _gap(name: str, gap: float | str) -> float | str:
     if not isinstance(gap, str):
         return validation.number(name, gap)
-    validation.check_value(gap == "measured", name, "a distance in the units of the files, or 'measured'", gap)
+    validation.check_value(
+        gap == "measured", name, "a distance in the units of the files, or 'measured'", gap
+    )
     return gap
 
 
@@ -145,13 +150,21 @@ def from_first_sector(
         Contacts with the free body as body a.
     bodies : dict of name to PreparedBody
     """
-    contacts, moved = tuple(_from_free(c) if c.body_b in bodies else c for c in contacts), dict(bodies)
+    contacts, moved = (
+        tuple(_from_free(c) if c.body_b in bodies else c for c in contacts),
+        dict(bodies),
+    )
     for name in [name for name in bodies if name != "blade"]:
         sector = _sector_drawn(name, contacts, bodies, n_blades)
         if sector:
             back, damper = turn(-2.0 * np.pi / n_blades * sector), bodies[name]
-            moved[name] = replace(damper, placement=replace(damper.placement, radial=(back @ damper.placement.rotation)[1]))
-            damper.passed(f"{name}: {sector:+d} sectors off in the mesh, moved between blades 0 and 1")
+            moved[name] = replace(
+                damper,
+                placement=replace(damper.placement, radial=(back @ damper.placement.rotation)[1]),
+            )
+            damper.passed(
+                f"{name}: {sector:+d} sectors off in the mesh, moved between blades 0 and 1"
+            )
             contacts = tuple(_turned(c, back, sector) if c.body_a == name else c for c in contacts)
     return contacts, moved
 
@@ -163,7 +176,10 @@ def _sector_drawn(
     damper, blade, sectors = bodies[name], bodies["blade"], set()
     for contact in contacts:
         if (contact.body_a, contact.body_b) == (name, "blade") and contact.faces_b is not None:
-            face_a, face_b = damper.faces(contact.faces_a, contact.item), blade.faces(contact.faces_b, contact.item)
+            face_a, face_b = (
+                damper.faces(contact.faces_a, contact.item),
+                blade.faces(contact.faces_b, contact.item),
+            )
             sectors.add(_nearest(range(n_blades), damper, face_a, blade, face_b, n_blades)[2])
     first = next((s for s in sectors if (s - 1) % n_blades not in sectors), 0)
     return first if 2 * first <= n_blades else first - n_blades
@@ -182,11 +198,17 @@ def _from_free(contact: ContactFaces) -> ContactFaces:
 def _turned(contact: ContactFaces, back: NDArray, sector: int) -> ContactFaces:
     """Return the contact after the rotation of its damper by ``back`` (3, 3), a number of sectors."""
     patches = None if contact.patches is None else contact.patches.turned(back)
-    sector_b = None if contact.sector_b is None or contact.body_b == "ground" else contact.sector_b - sector
+    sector_b = (
+        None
+        if contact.sector_b is None or contact.body_b == "ground"
+        else contact.sector_b - sector
+    )
     return replace(contact, patches=patches, sector_b=sector_b)
 
 
-def lay_contacts(contacts: Sequence[ContactFaces], bodies: Mapping[str, PreparedBody], n_blades: int) -> LaidContacts:
+def lay_contacts(
+    contacts: Sequence[ContactFaces], bodies: Mapping[str, PreparedBody], n_blades: int
+) -> LaidContacts:
     """Compute the contact points of all pairs of faces.
 
     Parameters
@@ -210,7 +232,9 @@ def lay_contacts(contacts: Sequence[ContactFaces], bodies: Mapping[str, Prepared
     rows = {name: [sp.csr_matrix((0, 3 * len(body.nodes)))] for name, body in bodies.items()}
     unit = bodies["blade"].placement.units.length
     for contact in contacts:
-        contact = contact if isinstance(contact.gap, str) else replace(contact, gap=unit * contact.gap)
+        contact = (
+            contact if isinstance(contact.gap, str) else replace(contact, gap=unit * contact.gap)
+        )
         interface, means, figures = _laid(contact, bodies, n_blades)
         for other in laid:
             _check_other_faces(contact, interface, other, interfaces[other.name], bodies)
@@ -228,22 +252,41 @@ def lay_contacts(contacts: Sequence[ContactFaces], bodies: Mapping[str, Prepared
         if contact.stiffness is not None:
             stiffness[contact.name] = _user_stiffness(contact, len(means.area))
     stacked = {name: sp.vstack(parts, format="csr") for name, parts in rows.items()}
-    return LaidContacts(interfaces, stiffness, tuple(faces), {name: tuple(p) for name, p in ports.items()}, stacked)
+    return LaidContacts(
+        interfaces, stiffness, tuple(faces), {name: tuple(p) for name, p in ports.items()}, stacked
+    )
 
 
 def _check_other_faces(
-    contact: ContactFaces, own: Interface, other: ContactFaces, earlier: Interface, bodies: Mapping[str, PreparedBody]
+    contact: ContactFaces,
+    own: Interface,
+    other: ContactFaces,
+    earlier: Interface,
+    bodies: Mapping[str, PreparedBody],
 ) -> None:
     """Raise ModelError if two contacts are the same pair of faces, in this or the other order of their bodies."""
-    same = (own.body_a, own.body_b, own.sector_b) == (earlier.body_a, earlier.body_b, earlier.sector_b)
-    turned = (own.body_a, own.body_b, own.sector_b) == (earlier.body_b, earlier.body_a, -earlier.sector_b)
+    same = (own.body_a, own.body_b, own.sector_b) == (
+        earlier.body_a,
+        earlier.body_b,
+        earlier.sector_b,
+    )
+    turned = (own.body_a, own.body_b, own.sector_b) == (
+        earlier.body_b,
+        earlier.body_a,
+        -earlier.sector_b,
+    )
     expected = f"other faces than those of contact '{other.name}'"
     if contact.patches is not None or other.patches is not None:
         # several patches may lie on one face, but not in the same place
         apart = np.linalg.norm(own.points[:, None] - earlier.points[None], axis=2)
         near = 1e-6 * np.sqrt(min(own.area.min(), earlier.area.min()))
         twice = int((apart < near).any(axis=1).sum())
-        check(not (same and twice), contact.item, expected, f"{twice} contact points in the same places")
+        check(
+            not (same and twice),
+            contact.item,
+            expected,
+            f"{twice} contact points in the same places",
+        )
         return
     for matches, sides in ((same, ("a", "b")), (turned, ("b", "a"))):
         if not matches:
@@ -257,9 +300,13 @@ def _check_other_faces(
         check(min(n_shared) == 0, contact.item, expected, found)
 
 
-def _elements_of(contact: ContactFaces, side: str, bodies: Mapping[str, PreparedBody]) -> set[tuple[int, ...]]:
+def _elements_of(
+    contact: ContactFaces, side: str, bodies: Mapping[str, PreparedBody]
+) -> set[tuple[int, ...]]:
     """Return the element faces on one side of a contact, each as its sorted corners."""
-    body, faces = (contact.body_a, contact.faces_a) if side == "a" else (contact.body_b, contact.faces_b)
+    body, faces = (
+        (contact.body_a, contact.faces_a) if side == "a" else (contact.body_b, contact.faces_b)
+    )
     assert faces is not None
     facets = bodies[body].faces(faces, contact.item)
     return {tuple(sorted(corners)) for group in facets.corners for corners in group.tolist()}
@@ -281,7 +328,9 @@ def _laid(
     known = [*sorted(bodies), "ground"]
     validation.check(body_b in known, item, f"body_b out of {known}", f"'{body_b}'")
     has_b, found = contact.faces_b is not None, "none" if contact.faces_b is None else "some"
-    validation.check(has_b == (body_b != "ground"), item, f"faces_b on '{body_b}' (none on the ground)", found)
+    validation.check(
+        has_b == (body_b != "ground"), item, f"faces_b on '{body_b}' (none on the ground)", found
+    )
     a = bodies[body_a]
     face_a = a.faces(contact.faces_a, item)
     areas, sector, face_b, nodes_b = [_area(face_a, a.nodes)], 0, None, None
@@ -295,26 +344,45 @@ def _laid(
         means = _means(contact, a.nodes, face_a, nodes_b, face_b)
     _check_touching(contact, means, areas)
     distance = means.distance
-    gap = distance.copy() if isinstance(contact.gap, str) else np.full(len(means.area), float(contact.gap))
+    gap = (
+        distance.copy()
+        if isinstance(contact.gap, str)
+        else np.full(len(means.area), float(contact.gap))
+    )
     points = (means.points_a, means.area, means.frame)
     interface = Interface(contact.name, contact.kind, body_a, 0, body_b, sector, *points, gap)
     if contact.kind == "friction" and body_a != "blade" and 0 < means.rows < ROWS:
         expected = f"at least {ROWS} rows of contact points along t1, which keep a damper from rolling on its faces"
-        warn_implausible(item, expected, f"{means.rows}: amplitudes of a wedge may be wrong by several times")
+        warn_implausible(
+            item, expected, f"{means.rows}: amplitudes of a wedge may be wrong by several times"
+        )
     area = float(means.area.sum())
-    fractions = ", ".join(f"{100 * area / whole:.4g} % of face {side}" for side, whole in zip("ab", areas))
+    fractions = ", ".join(
+        f"{100 * area / whole:.4g} % of face {side}" for side, whole in zip("ab", areas)
+    )
     normal = ", ".join(f"{c:.4f}" for c in means.frame[:, 2].mean(axis=0))
-    return interface, means, (
-        f"{contact.name}: {len(means.area)} points, {area:.6g} m2 ({fractions}), side b in sector {sector:+d}\n"
-        f"    mean outward normal of side a ({normal}), meshes {distance.min():.2g} to {distance.max():.2g} m apart"
+    return (
+        interface,
+        means,
+        (
+            f"{contact.name}: {len(means.area)} points, {area:.6g} m2 ({fractions}), side b in sector {sector:+d}\n"
+            f"    mean outward normal of side a ({normal}), meshes {distance.min():.2g} to {distance.max():.2g} m apart"
+        ),
     )
 
 
 def _means(
-    contact: ContactFaces, nodes_a: NDArray, face_a: Facets, nodes_b: NDArray | None, face_b: Facets | None
+    contact: ContactFaces,
+    nodes_a: NDArray,
+    face_a: Facets,
+    nodes_b: NDArray | None,
+    face_b: Facets | None,
 ) -> PatchMeans:
     """Return the means over the rectangles of the user, or over a grid on the overlap of the faces."""
-    what = (f"{contact.item}, faces of the {contact.body_a}", f"{contact.item}, faces of the {contact.body_b}")
+    what = (
+        f"{contact.item}, faces of the {contact.body_a}",
+        f"{contact.item}, faces of the {contact.body_b}",
+    )
     if contact.patches is None:
         return patches_on_faces(contact.points, nodes_a, face_a, nodes_b, face_b, what=what)
     a = patches_on_rectangles(contact.patches, nodes_a, face_a, what[0])
@@ -350,10 +418,20 @@ def _check_touching(contact: ContactFaces, means: PatchMeans, areas: Sequence[fl
         worst = float(off[np.abs(off).argmax()])
         if len(areas) == 2 and abs(worst) > BOUNDS.misfit * width:
             expected = f"meshes within {BOUNDS.misfit * width:.2g} m of the gap {contact.gap:g} m (or gap='measured')"
-            warn_implausible(item, expected, f"{abs(worst):.3g} m {'farther apart' if worst > 0.0 else 'into each other'}")
-    if measured and max(areas) <= (1.0 + BOUNDS.agreement) * min(areas) and share < 1.0 - BOUNDS.misfit:
+            warn_implausible(
+                item,
+                expected,
+                f"{abs(worst):.3g} m {'farther apart' if worst > 0.0 else 'into each other'}",
+            )
+    if (
+        measured
+        and max(areas) <= (1.0 + BOUNDS.agreement) * min(areas)
+        and share < 1.0 - BOUNDS.misfit
+    ):
         found = f"{100.0 * share:.3g} % in common, as after a shift by about {(1.0 - share) * width:.2g} m"
-        warn_implausible(item, f"faces of equal areas that match to {100 * BOUNDS.misfit:g} %", found)
+        warn_implausible(
+            item, f"faces of equal areas that match to {100 * BOUNDS.misfit:g} %", found
+        )
 
 
 def _centre_and_normal(facets: Facets, nodes: NDArray) -> tuple[NDArray, NDArray]:
@@ -365,24 +443,38 @@ def _centre_and_normal(facets: Facets, nodes: NDArray) -> tuple[NDArray, NDArray
 
 
 def _sector_of(
-    contact: ContactFaces, a: PreparedBody, face_a: Facets, b: PreparedBody, face_b: Facets, n_blades: int
+    contact: ContactFaces,
+    a: PreparedBody,
+    face_a: Facets,
+    b: PreparedBody,
+    face_b: Facets,
+    n_blades: int,
 ) -> int:
     """Return the sector in which face b is nearest to face a; raise ModelError unless their normals are opposed."""
     same_body = contact.body_a == contact.body_b
     allowed = [s for s in (-1, 0, 1) if (s == 0 or n_blades > 1) and not (same_body and s == 0)]
-    validation.check(allowed, contact.item, "another body, or a neighbouring sector of the same body", "neither")
+    validation.check(
+        allowed, contact.item, "another body, or a neighbouring sector of the same body", "neither"
+    )
     wrong = contact.sector_b is not None and contact.sector_b not in allowed
     validation.check(not wrong, contact.item, f"sector_b in {allowed}", contact.sector_b)
     candidates = allowed if contact.sector_b is None else [contact.sector_b]
     distance, product, sector = _nearest(candidates, a, face_a, b, face_b, n_blades)
-    expected = "outward normals that point at each other (faces seen from outside counter-clockwise)"
+    expected = (
+        "outward normals that point at each other (faces seen from outside counter-clockwise)"
+    )
     found = f"a cosine of {product:.3f} between them in sector {sector:+d}, {distance:.4g} m apart"
     check(product <= -0.5, contact.item, expected, found)
     return sector
 
 
 def _nearest(
-    sectors: Iterable[int], a: PreparedBody, face_a: Facets, b: PreparedBody, face_b: Facets, n_blades: int
+    sectors: Iterable[int],
+    a: PreparedBody,
+    face_a: Facets,
+    b: PreparedBody,
+    face_b: Facets,
+    n_blades: int,
 ) -> tuple[float, float, int]:
     """Return the sector in which face b is nearest to face a.
 
@@ -394,7 +486,10 @@ def _nearest(
         Cosine of the angle between the normals.
     sector : int
     """
-    (centre_a, normal_a), (centre_b, normal_b) = _centre_and_normal(face_a, a.nodes), _centre_and_normal(face_b, b.nodes)
+    (centre_a, normal_a), (centre_b, normal_b) = (
+        _centre_and_normal(face_a, a.nodes),
+        _centre_and_normal(face_b, b.nodes),
+    )
     scores = []
     for sector in sectors:
         rotation = turn(2.0 * np.pi / n_blades * sector)

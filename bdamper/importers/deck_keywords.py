@@ -93,17 +93,27 @@ INP_HARMLESS = _table(
 """Materials, loads, supports, steps and output.  Elastic constants are read; nothing here changes the mesh."""
 
 
-CURE = "remove it before the matrices are written; Sector.fixed holds a set of nodes, forces= load one"
+CURE = (
+    "remove it before the matrices are written; Sector.fixed holds a set of nodes, forces= load one"
+)
 _CURES = {
     **dict.fromkeys(
         ("*TIE", "*SHELLTOSOLIDCOUPLING"),
         "merge the meshes at the tied faces, or make each side a body of its own and join both by ContactFaces",
     ),
     **dict.fromkeys(
-        ("*EQUATION", "*MPC"), "remove it before the matrices are written; Sector.faces ties the sector faces"
+        ("*EQUATION", "*MPC"),
+        "remove it before the matrices are written; Sector.faces ties the sector faces",
     ),
     **dict.fromkeys(
-        ("*COUPLING", "*KINEMATIC", "*DISTRIBUTING", "*KINEMATICCOUPLING", "*DISTRIBUTINGCOUPLING", "*RIGIDBODY"),
+        (
+            "*COUPLING",
+            "*KINEMATIC",
+            "*DISTRIBUTING",
+            "*KINEMATICCOUPLING",
+            "*DISTRIBUTINGCOUPLING",
+            "*RIGIDBODY",
+        ),
         CURE,
     ),
 }
@@ -127,7 +137,11 @@ def adds_to_matrices(keyword: str, parameters: Mapping[str, str], item: str) -> 
         If the keyword could change the mesh.
     """
     if keyword in INP_READ:
-        unknown = [f"{key}={value}".rstrip("=") for key, value in parameters.items() if key not in INP_READ[keyword]]
+        unknown = [
+            f"{key}={value}".rstrip("=")
+            for key, value in parameters.items()
+            if key not in INP_READ[keyword]
+        ]
         expected = f"no parameters of {keyword} but {', '.join(sorted(INP_READ[keyword]))}"
         check(not unknown, item, expected, ", ".join(unknown))
         return False

@@ -69,7 +69,11 @@ def read_job(deck: FilePath, instance: str | None = None) -> FEBody:
     if path.suffix.lower() == ".cdb":
         return read_ansys(path.with_suffix(".full"), path)
     if path.suffix.lower() != ".inp":
-        raise mismatch(str(path), "a deck .inp or .cdb (other files: bdamper.importers)", f"the ending '{path.suffix}'")
+        raise mismatch(
+            str(path),
+            "a deck .inp or .cdb (other files: bdamper.importers)",
+            f"the ending '{path.suffix}'",
+        )
     if instance is None and path.with_suffix(".sti").is_file():
         return read_calculix(path)
     return read_abaqus(path, instance)

@@ -102,7 +102,9 @@ class Modes:
         n, m = len(self.numbers), len(self.frequency)
         check(self.nodal_diameter >= 0, item, "a nodal diameter >= 0", self.nodal_diameter)
         if self.shapes.shape != (n, 3, m):
-            raise mismatch(item, f"shapes ({n}, 3, {m}) for {n} nodes and {m} frequencies", self.shapes.shape)
+            raise mismatch(
+                item, f"shapes ({n}, 3, {m}) for {n} nodes and {m} frequencies", self.shapes.shape
+            )
         check(len(np.unique(self.numbers)) == n, item, "each node once", "a repeated node number")
         for values in (self.frequency, self.shapes):
             check_all(np.isfinite(values), values, "finite frequencies and shapes", item)
@@ -112,7 +114,9 @@ class Modes:
                 raise mismatch(item, f"{m} modal masses > 0", self.modal_mass)
 
 
-def modes_by_diameter(listed: Iterable[tuple[int, float, float, NDArray, NDArray]], source: str) -> tuple[Modes, ...]:
+def modes_by_diameter(
+    listed: Iterable[tuple[int, float, float, NDArray, NDArray]], source: str
+) -> tuple[Modes, ...]:
     """Group single modes by nodal diameter, sorted by frequency.
 
     Parameters
@@ -135,9 +139,15 @@ def modes_by_diameter(listed: Iterable[tuple[int, float, float, NDArray, NDArray
     for d, group in groupby(sorted(listed, key=lambda mode: mode[:2]), key=lambda mode: mode[0]):
         _, frequency, mass, nodes, shapes = zip(*group)
         if others := [other for other in nodes if not np.array_equal(nodes[0], other)]:
-            raise mismatch(f"{source}: modes of nodal diameter {d}", f"the nodes {nodes[0]} in every mode", others[0])
+            raise mismatch(
+                f"{source}: modes of nodal diameter {d}",
+                f"the nodes {nodes[0]} in every mode",
+                others[0],
+            )
         masses = np.array(mass) if min(mass) > 0.0 else None
-        out.append(Modes(d, np.array(frequency), nodes[0], np.stack(shapes, axis=2), masses, source))
+        out.append(
+            Modes(d, np.array(frequency), nodes[0], np.stack(shapes, axis=2), masses, source)
+        )
     return tuple(out)
 
 
@@ -194,7 +204,10 @@ def by_kind(
     for nodes, kind in zip(elements, kinds):
         groups.setdefault((kind, len(nodes)), []).append(nodes)
     arrays = tuple(np.array(group, np.int64) for group in groups.values())
-    return {"elements": arrays, "element_kinds": tuple(kind for kind, _ in groups if kind is not None)}
+    return {
+        "elements": arrays,
+        "element_kinds": tuple(kind for kind, _ in groups if kind is not None),
+    }
 
 
 @short_repr
@@ -263,18 +276,32 @@ class FEBody(Summarised):
     def __post_init__(self) -> None:
         shapes = [np.shape(e) for e in self.elements]
         expected = "arrays (n, nodes of an element) in a tuple"
-        check(all(len(shape) == 2 for shape in shapes), f"{self.source}: elements", expected, f"shapes {shapes[:2]}")
+        check(
+            all(len(shape) == 2 for shape in shapes),
+            f"{self.source}: elements",
+            expected,
+            f"shapes {shapes[:2]}",
+        )
 
     def __str__(self) -> str:
         n_elements = sum(len(e) for e in self.elements)
         lines = [f"{self.source}: {len(self.nodes)} nodes, {n_elements} solid elements"]
         if self.stiffness is not None:
-            lines.append(f"  {self.stiffness.shape[0]} equations, {self.stiffness.nnz} entries in the stiffness matrix")
-        lines += [f"  {len(m.frequency)} modes of nodal diameter {m.nodal_diameter}" for m in self.modes]
+            lines.append(
+                f"  {self.stiffness.shape[0]} equations, {self.stiffness.nnz} entries in the stiffness matrix"
+            )
+        lines += [
+            f"  {len(m.frequency)} modes of nodal diameter {m.nodal_diameter}" for m in self.modes
+        ]
         if self.node_sets:
-            lines.append("  node sets " + ", ".join(f"{k} ({len(v)})" for k, v in self.node_sets.items()))
+            lines.append(
+                "  node sets " + ", ".join(f"{k} ({len(v)})" for k, v in self.node_sets.items())
+            )
         if self.face_sets:
-            lines.append("  face sets " + ", ".join(f"{k} ({sum(map(len, v))})" for k, v in self.face_sets.items()))
+            lines.append(
+                "  face sets "
+                + ", ".join(f"{k} ({sum(map(len, v))})" for k, v in self.face_sets.items())
+            )
         if self.faster:
             lines.append(f"  at {self.faster.rotor_speed:g} rad/s: {self.faster.source}")
         return "\n".join([*lines, *(f"  {note}" for note in self.notes)])
@@ -322,7 +349,14 @@ BODIES: dict[str, Callable[[FilePath], Any]] = {}
 
 # Exceptions that damaged input causes in parsers.  AttributeError and NameError are errors of this package and pass
 # unchanged, except from other packages (``library=True``).
-_CAUSES: tuple[type[Exception], ...] = (OSError, EOFError, RecursionError, ValueError, LookupError, TypeError)
+_CAUSES: tuple[type[Exception], ...] = (
+    OSError,
+    EOFError,
+    RecursionError,
+    ValueError,
+    LookupError,
+    TypeError,
+)
 _CAUSES += (ArithmeticError, NotImplementedError, struct.error, zlib.error)
 
 LARGEST_COUNT = MOST_BYTES // 8
@@ -352,7 +386,9 @@ def reader(
         From the decorated function, if there is no such file.
     """
 
-    def decorate(function: Callable[Concatenate[Path, P], T]) -> Callable[Concatenate[FilePath, P], T]:
+    def decorate(
+        function: Callable[Concatenate[Path, P], T],
+    ) -> Callable[Concatenate[FilePath, P], T]:
         @wraps(function)
         def read(path: FilePath, *args: P.args, **keywords: P.kwargs) -> T:
             source = as_path(path)
@@ -400,11 +436,15 @@ def read_body(path: FilePath) -> Any:
         If the file does not exist, its ending is unknown, or its content is damaged.
     """
     ending = as_path(path).suffix.lower()
-    check(ending in BODIES, str(path), f"a name that ends in one of {sorted(BODIES)}", f"'{ending}'")
+    check(
+        ending in BODIES, str(path), f"a name that ends in one of {sorted(BODIES)}", f"'{ending}'"
+    )
     return BODIES[ending](path)
 
 
-def check_count(value: int, item: str, what: str, smallest: int = 0, largest: int = LARGEST_COUNT) -> int:
+def check_count(
+    value: int, item: str, what: str, smallest: int = 0, largest: int = LARGEST_COUNT
+) -> int:
     """Return a count read from a file; raise ModelError if it is out of range."""
     check(smallest <= value <= largest, item, f"{what} from {smallest} to {largest}", value)
     return int(value)
@@ -426,7 +466,9 @@ def parsing(item: str, expected: str, found: object = None) -> Iterator[None]:
     except BdamperError:
         raise
     except (ValueError, LookupError, RuntimeError, ArithmeticError, np.linalg.LinAlgError) as error:
-        raise mismatch(item, expected, error if found is None else f"'{str(found).strip()[:60]}'") from error
+        raise mismatch(
+            item, expected, error if found is None else f"'{str(found).strip()[:60]}'"
+        ) from error
 
 
 def data_lines(text: str, comments: str | tuple[str, ...]) -> list[tuple[int, str]]:
@@ -470,7 +512,12 @@ class Included:
         check(path.is_file(), item, "an existing file", f"'{name[:60]}'")
         # a symbolic link can lead elsewhere
         inside = path.resolve().is_relative_to(source.parent.resolve())
-        check(inside, item, "a file in the folder of this one or below", f"'{name[:60]}', a link to another folder")
+        check(
+            inside,
+            item,
+            "a file in the folder of this one or below",
+            f"'{name[:60]}', a link to another folder",
+        )
         return path
 
 

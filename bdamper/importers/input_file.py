@@ -28,7 +28,15 @@ from numpy.typing import NDArray
 
 from bdamper.fem.surface import FACES, N_CORNER, oriented_facet
 from bdamper.importers.deck_keywords import adds_to_matrices
-from bdamper.importers.fe_body import LARGEST_COUNT, ElementKind, FEBody, Included, data_lines, mesh_body, parsing
+from bdamper.importers.fe_body import (
+    LARGEST_COUNT,
+    ElementKind,
+    FEBody,
+    Included,
+    data_lines,
+    mesh_body,
+    parsing,
+)
 from bdamper.util.errors import check, mismatch
 
 _SOLIDS = {"C3D4": 4, "C3D10": 10, "C3D6": 6, "C3D15": 15, "C3D8": 8, "C3D20": 20}
@@ -81,16 +89,27 @@ class Deck:
         self.notes: list[str] = []
         self.included = Included()
         self._read(source)
-        check(self.scope is self.model, str(source), "*END PART or *END INSTANCE", "the end of the file")
+        check(
+            self.scope is self.model,
+            str(source),
+            "*END PART or *END INSTANCE",
+            "the end of the file",
+        )
 
     def _read(self, source: Path, depth: int = 0) -> None:
         """Read a file and the files that it includes."""
-        for at, keyword, parameters, rows in self._blocks(source.read_text(encoding="utf-8", errors="replace")):
+        for at, keyword, parameters, rows in self._blocks(
+            source.read_text(encoding="utf-8", errors="replace")
+        ):
             item = f"{source}: {keyword} in line {at}"
             if adds_to_matrices(keyword, parameters, item):
-                self.notes.append(f"{keyword} of the deck is not read: its stiffness or mass must be in the matrices")
+                self.notes.append(
+                    f"{keyword} of the deck is not read: its stiffness or mass must be in the matrices"
+                )
             elif keyword == "*INCLUDE":
-                self._read(self.included.path(parameters.get("INPUT", ""), source, depth, item), depth + 1)
+                self._read(
+                    self.included.path(parameters.get("INPUT", ""), source, depth, item), depth + 1
+                )
             else:
                 self._block(keyword, parameters, rows, item)
 
@@ -109,7 +128,9 @@ class Deck:
                 block = number, _plain(words[0]), _parameters(words[1:]), Rows()
             elif block:
                 head = ""
-                block[-1].append((number, [word.strip() for word in text.replace('"', "").split(",")]))
+                block[-1].append(
+                    (number, [word.strip() for word in text.replace('"', "").split(",")])
+                )
         if block:
             yield block
 
@@ -134,7 +155,12 @@ class Deck:
                 self.scope.node_surfaces[name] = [words[0] for _, words in rows]
             else:
                 good = all(len(words) > 1 for _, words in rows)
-                check(good, item, "an element or set and the label of a face in every line", "another line")
+                check(
+                    good,
+                    item,
+                    "an element or set and the label of a face in every line",
+                    "another line",
+                )
                 self.scope.surfaces[name] = [words[:2] for _, words in rows]
         elif keyword == "*PART":
             outside = bool(self.model.nodes) and not self.instances
@@ -143,8 +169,14 @@ class Deck:
         elif keyword == "*INSTANCE":
             part = parameters.get("PART", "").upper()
             check(part in self.parts, item, f"PART= out of {sorted(self.parts)}", f"'{part}'")
-            check(name not in self.instances, item, "a name that no other instance has", f"'{name}'")
-            self.instance, self.scope, self.motion = name, deepcopy(self.parts[part]), self._motion(rows)
+            check(
+                name not in self.instances, item, "a name that no other instance has", f"'{name}'"
+            )
+            self.instance, self.scope, self.motion = (
+                name,
+                deepcopy(self.parts[part]),
+                self._motion(rows),
+            )
             self.scope.origin, self.scope.axes = _Scope().origin, _Scope().axes
         elif keyword in ("*ENDPART", "*ENDINSTANCE"):
             if self.instance:
@@ -152,7 +184,11 @@ class Deck:
             self.instance, self.scope = "", self.model
         elif keyword == "*MATERIAL":
             self.material = name
-        elif keyword == "*ELASTIC" and rows and parameters.get("TYPE", "ISO").upper().startswith("ISO"):
+        elif (
+            keyword == "*ELASTIC"
+            and rows
+            and parameters.get("TYPE", "ISO").upper().startswith("ISO")
+        ):
             with self._parsing(rows[0], "Young's modulus, Poisson's ratio"):
                 young, poisson = map(float, rows[0][1][:2])  # of the lowest temperature
                 self._constants.update(youngs_modulus=young, poisson_ratio=poisson)
@@ -160,7 +196,9 @@ class Deck:
             with self._parsing(rows[0], "a density"):
                 self._constants["density"] = float(rows[0][1][0])
         elif keyword == "*SOLIDSECTION":
-            self.scope.sections[parameters.get("ELSET", "").upper()] = parameters.get("MATERIAL", "").upper()
+            self.scope.sections[parameters.get("ELSET", "").upper()] = parameters.get(
+                "MATERIAL", ""
+            ).upper()
 
     # ---- Words of data lines ----
 
@@ -181,7 +219,9 @@ class Deck:
     def _numbers(self, row: tuple[int, list[str]], *counts: int) -> NDArray:
         with self._parsing(row, f"{' or '.join(map(str, counts))} numbers"):
             values = [float(word or 0.0) for word in row[1]]
-            while len(values) not in counts and not row[1][len(values) - 1]:  # blank words at the end of a line
+            while (
+                len(values) not in counts and not row[1][len(values) - 1]
+            ):  # blank words at the end of a line
                 del values[-1]
             if len(values) not in counts or not np.isfinite(values).all():
                 raise ValueError
@@ -195,7 +235,12 @@ class Deck:
         return int(label) + (self.instances[instance] << _BITS if instance else 0)
 
     def _members(
-        self, word: str, sets: dict[str, list[int]], item: str, prefix: str = "", what: str = "a number"
+        self,
+        word: str,
+        sets: dict[str, list[int]],
+        item: str,
+        prefix: str = "",
+        what: str = "a number",
     ) -> list[int]:
         """Return the codes of the members of a set, or of one node or element."""
         name = prefix + word.upper()
@@ -210,7 +255,12 @@ class Deck:
         cure = "nodes of parts: delete the reference points of the assembly"
         check(self.scope is not self.model or not self.parts, item, cure, "nodes outside of a part")
         system = parameters.get("SYSTEM", "R").upper()
-        check(system in ("R", "C"), item, "SYSTEM=R or SYSTEM=C (rectangular, cylindrical)", f"SYSTEM={system}")
+        check(
+            system in ("R", "C"),
+            item,
+            "SYSTEM=R or SYSTEM=C (rectangular, cylindrical)",
+            f"SYSTEM={system}",
+        )
         added = []
         for row in rows:
             with self._parsing(row, "a node number and its position"):
@@ -250,7 +300,9 @@ class Deck:
         """Add nodes at equal distances between two nodes (NGEN), or between the nodes of two sets (NFILL)."""
         nodes, added = self.scope.nodes, list[int]()
         for row in rows:
-            with self._parsing(row, f"{keyword} between two nodes or ascending sets of nodes, then whole numbers"):
+            with self._parsing(
+                row, f"{keyword} between two nodes or ascending sets of nodes, then whole numbers"
+            ):
                 first, last = row[1][:2]
                 more = [int(word) for word in row[1][2:] if word]
                 if keyword == "*NGEN":
@@ -276,7 +328,9 @@ class Deck:
         plain = kind.rstrip("RIHM")
         n = _SOLIDS.get(plain)
         if n is None:
-            self.notes.append(f"elements of type {kind or '(none)'} are not read: solid elements only")
+            self.notes.append(
+                f"elements of type {kind or '(none)'} are not read: solid elements only"
+            )
             return
         words = self._integers(rows)
         expected = f"1 + {n} numbers for each element of type {kind}"
@@ -291,11 +345,18 @@ class Deck:
         """Copy elements along rows and layers, with increments of node and element numbers."""
         added, scope = [], self.scope
         for row in rows:
-            with self._parsing(row, "*ELGEN of an element, with number, node and element increment of rows and layers"):
+            with self._parsing(
+                row,
+                "*ELGEN of an element, with number, node and element increment of rows and layers",
+            ):
                 first, *more = self._integers([row])
                 more += [1, 1, 1, 1, 0, 1, 1, 0, 1][len(more) :]
                 counts, shifts, steps = more[0::3], more[1::3], more[2::3]
-                if len(more) != 9 or min(counts) < 1 or np.prod(counts, dtype=float) > LARGEST_COUNT // 100:
+                if (
+                    len(more) != 9
+                    or min(counts) < 1
+                    or np.prod(counts, dtype=float) > LARGEST_COUNT // 100
+                ):
                     raise ValueError
                 for index in np.ndindex(*counts):
                     number = first + int(np.dot(index, steps))
@@ -312,11 +373,18 @@ class Deck:
         name, prefix = parameters.get(keyword[1:], ""), ""
         check(bool(name), item, "a name of the set", "none")
         if instance := parameters.get("INSTANCE", "").upper():
-            check(instance in self.instances, item, f"INSTANCE= out of {sorted(self.instances)}", f"'{instance}'")
+            check(
+                instance in self.instances,
+                item,
+                f"INSTANCE= out of {sorted(self.instances)}",
+                f"'{instance}'",
+            )
             prefix = f"{instance}."
         members = sets.setdefault(name.upper(), [])
         if keyword == "*NSET" and "ELSET" in parameters:
-            for element in self._members(parameters["ELSET"], self.scope.element_sets, item, prefix):
+            for element in self._members(
+                parameters["ELSET"], self.scope.element_sets, item, prefix
+            ):
                 members += self.scope.element_of.get(element, [])
         for row in rows:
             if "GENERATE" in parameters:
@@ -329,7 +397,9 @@ class Deck:
                 members.extend(range(shift + first, shift + last + 1, step))
                 continue
             for word in filter(None, row[1]):
-                members += self._members(word.lstrip("+"), sets, f"{self.source}: line {row[0]}", prefix)
+                members += self._members(
+                    word.lstrip("+"), sets, f"{self.source}: line {row[0]}", prefix
+                )
 
     # ---- Instances ----
 
@@ -352,15 +422,27 @@ class Deck:
         """Add the instance to the model, with its name before the names of its sets."""
         name, own, model = self.instance, self.scope, self.model
         largest = max([*own.nodes, *own.element_of], default=0)
-        check(largest < 1 << _BITS, f"{self.source}: instance {name}", f"labels below {1 << _BITS}", largest)
+        check(
+            largest < 1 << _BITS,
+            f"{self.source}: instance {name}",
+            f"labels below {1 << _BITS}",
+            largest,
+        )
         self.instances[name] = len(self.instances)
         shift, (rotation, moved) = self.instances[name] << _BITS, self.motion
         model.nodes |= {shift + k: rotation @ x + moved for k, x in own.nodes.items()}
-        model.element_of |= {shift + k: [shift + n for n in nodes] for k, nodes in own.element_of.items()}
+        model.element_of |= {
+            shift + k: [shift + n for n in nodes] for k, nodes in own.element_of.items()
+        }
         model.type_of |= {shift + k: kind for k, kind in own.type_of.items()}
         model.sections |= {f"{name}.{key}": material for key, material in own.sections.items()}
-        for sets, theirs in ((model.node_sets, own.node_sets), (model.element_sets, own.element_sets)):
-            sets |= {f"{name}.{key}": [shift + k for k in members] for key, members in theirs.items()}
+        for sets, theirs in (
+            (model.node_sets, own.node_sets),
+            (model.element_sets, own.element_sets),
+        ):
+            sets |= {
+                f"{name}.{key}": [shift + k for k in members] for key, members in theirs.items()
+            }
         for key, faces in own.surfaces.items():
             model.surfaces[f"{name}.{key}"] = [[f"{name}.{who}", label] for who, label in faces]
         for key, words in own.node_surfaces.items():
@@ -373,14 +455,23 @@ class Deck:
         model, k = self.model, self.instances[instance]
         model.element_of = {e: nodes for e, nodes in model.element_of.items() if e >> _BITS == k}
         for sets in (model.node_sets, model.element_sets):
-            sets |= {name: [code for code in members if code >> _BITS == k] for name, members in sets.items()}
+            sets |= {
+                name: [code for code in members if code >> _BITS == k]
+                for name, members in sets.items()
+            }
         _also_without(f"{instance}.", model.node_sets)
         _also_without(f"{instance}.", model.surfaces)
         _also_without(f"{instance}.", model.node_surfaces)
         model.surfaces = {
             name: kept
             for name, faces in model.surfaces.items()
-            if (kept := [[who, label] for who, label in faces if (self.code(who) or k << _BITS) >> _BITS == k])
+            if (
+                kept := [
+                    [who, label]
+                    for who, label in faces
+                    if (self.code(who) or k << _BITS) >> _BITS == k
+                ]
+            )
         }
 
     def numbers(self, instance: str | None = None) -> dict[int, int]:
@@ -411,29 +502,52 @@ class Deck:
             for name, k in self.instances.items():
                 own = [n for code, n in number.items() if code >> _BITS == k]
                 if own:
-                    notes.append(f"instance {name}: nodes {min(own)} to {max(own)}, in the order of their labels")
+                    notes.append(
+                        f"instance {name}: nodes {min(own)} to {max(own)}, in the order of their labels"
+                    )
         else:
             self._only(instance)
-        sets = {name: list(dict.fromkeys(members)) for name, members in model.node_sets.items() if members}
+        sets = {
+            name: list(dict.fromkeys(members))
+            for name, members in model.node_sets.items()
+            if members
+        }
         for name, words in model.node_surfaces.items():
             item = f"{self.source}: *SURFACE, NAME={name}"
-            members = [code for word in words for code in self._members(word, model.node_sets, item, what="a node")]
+            members = [
+                code
+                for word in words
+                for code in self._members(word, model.node_sets, item, what="a node")
+            ]
             sets.setdefault(name, members)
         constants = {
             element: self.materials.get(material, {})
             for name, material in model.sections.items()
             for element in model.element_sets.get(name, ())
         }
-        kinds = [ElementKind(model.type_of[element], **constants.get(element, {})) for element in model.element_of]
-        if len(self.instances) > 1:  # a label that a part lacks is the number of another node of the assembly
-            sets = {name: [code for code in members if code in number] for name, members in sets.items()}
+        kinds = [
+            ElementKind(model.type_of[element], **constants.get(element, {}))
+            for element in model.element_of
+        ]
+        if (
+            len(self.instances) > 1
+        ):  # a label that a part lacks is the number of another node of the assembly
+            sets = {
+                name: [code for code in members if code in number] for name, members in sets.items()
+            }
             for element, nodes in model.element_of.items():
                 absent = [code & ((1 << _BITS) - 1) for code in nodes if code not in number]
                 where = f"{self.source}: element {element & ((1 << _BITS) - 1)}"
-                check(not absent, where, "nodes of its part", f"node {absent[:1]}, which is not defined")
+                check(
+                    not absent,
+                    where,
+                    "nodes of its part",
+                    f"node {absent[:1]}, which is not defined",
+                )
         node_sets = {
             name: np.unique(np.array([number.get(code, code) for code in members], np.int64))
-            for name, members in sets.items() if members
+            for name, members in sets.items()
+            if members
         }
         body = mesh_body(
             str(self.source), "*NODE with at least one node", list(number.values()), [model.nodes[code] for code in number],
@@ -450,15 +564,27 @@ class Deck:
             facets: dict[int, list[NDArray]] = {}
             for who, label in pairs:
                 for element in self._members(who, model.element_sets, item, what="an element"):
-                    check(element in model.element_of, item, "solid elements of this deck", f"element {element}")
+                    check(
+                        element in model.element_of,
+                        item,
+                        "solid elements of this deck",
+                        f"element {element}",
+                    )
                     connected = model.element_of[element]
                     faces = FACES[N_CORNER[len(connected)]]
                     labels = [f"S{k}" for k in range(1, len(faces) + 1)]
-                    check(label.upper() in labels, item, f"faces S1 to {labels[-1]}", f"'{label[:30]}'")
+                    check(
+                        label.upper() in labels,
+                        item,
+                        f"faces S1 to {labels[-1]}",
+                        f"'{label[:30]}'",
+                    )
                     missing = [n for n in connected if n not in index]
                     check(not missing, item, "elements with existing nodes", f"nodes {missing}")
                     rows = np.array([index[n] for n in connected])
-                    facet = oriented_facet(rows[list(faces[labels.index(label.upper())])], rows, nodes)
+                    facet = oriented_facet(
+                        rows[list(faces[labels.index(label.upper())])], rows, nodes
+                    )
                     facets.setdefault(len(facet), []).append(numbers[facet])
             if facets:
                 out[name] = tuple(np.array(f) for f in facets.values())

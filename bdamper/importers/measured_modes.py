@@ -68,16 +68,33 @@ class MeasuredMode:
         n = len(self.amplitude)
         for name in ("amplitude", "frequency", "damping_ratio"):
             values = np.asarray(getattr(self, name), float)
-            check(n > 0 and values.shape == (n,), self.source, f"{name} of each point", f"{values.shape}")
-            check_all((values > 0.0) | (np.isnan(values) & (name != "amplitude")), values, f"{name} above 0", self.source)
+            check(
+                n > 0 and values.shape == (n,),
+                self.source,
+                f"{name} of each point",
+                f"{values.shape}",
+            )
+            check_all(
+                (values > 0.0) | (np.isnan(values) & (name != "amplitude")),
+                values,
+                f"{name} above 0",
+                self.source,
+            )
         unknown = self.noise is None and bool(np.isnan(self.damping_ratio).all())
-        check(not unknown, self.source, "noise of the frequencies where no damping ratio is measured", "none")
+        check(
+            not unknown,
+            self.source,
+            "noise of the frequencies where no damping ratio is measured",
+            "none",
+        )
         if self.noise is not None:
             validation.number("noise", self.noise, above=0.0, below=1.0)
 
 
 @validation.check_arguments
-def read_mode(path: str | PathLike[str] | Mapping[str, Any], *, name: str | None = None, **conditions: Any) -> MeasuredMode:
+def read_mode(
+    path: str | PathLike[str] | Mapping[str, Any], *, name: str | None = None, **conditions: Any
+) -> MeasuredMode:
     """Read frequency and damping ratio of a mode over its amplitude.
 
     Parameters
@@ -105,9 +122,15 @@ def read_mode(path: str | PathLike[str] | Mapping[str, Any], *, name: str | None
     amplitude, frequency = found["amplitude"][0], found["frequency"][0]
     source = name or ("table" if hasattr(path, "keys") else Path(str(path)).stem)
     factor, order = motion_unit(source, found["amplitude"][1])
-    damping = found["damping ratio"][0] if "damping ratio" in found else np.full(len(amplitude), np.nan)
+    damping = (
+        found["damping ratio"][0] if "damping ratio" in found else np.full(len(amplitude), np.nan)
+    )
     return MeasuredMode(
-        factor * amplitude / (2.0 * np.pi * frequency) ** order, frequency, damping, source=source, **conditions
+        factor * amplitude / (2.0 * np.pi * frequency) ** order,
+        frequency,
+        damping,
+        source=source,
+        **conditions,
     )
 
 
@@ -151,7 +174,12 @@ def read_ring_down(
     source = name or ("table" if hasattr(path, "keys") else Path(str(path)).stem)
     factor, order = motion_unit(source, unit)
     step = float(t[-1] - t[0]) / max(len(t) - 1, 1)
-    check(len(t) > 2 and np.ptp(np.diff(t)) < 0.01 * step, source, "times with a constant step", "others")
+    check(
+        len(t) > 2 and np.ptp(np.diff(t)) < 0.01 * step,
+        source,
+        "times with a constant step",
+        "others",
+    )
     x = factor * (x - x[-len(x) // 4 :].mean())
     signal = scipy.signal.hilbert(np.append(x[::-1], x))[len(x) :]
     log, phase = np.log(np.maximum(np.abs(signal), 1e-300)), np.unwrap(np.angle(signal))
@@ -166,8 +194,17 @@ def read_ring_down(
         if not (fall < 0.0 and square < STRAIGHT**2 * (b - a)):
             break
         lines.append((level, -fall, float(np.hypot(speed, fall))))
-    check(bool(lines), source, f"a decay over more than {3.0 * periods:.3g} periods", f"none in {len(t)} samples")
+    check(
+        bool(lines),
+        source,
+        f"a decay over more than {3.0 * periods:.3g} periods",
+        f"none in {len(t)} samples",
+    )
     level, decay, omega = np.array(lines).T
     return MeasuredMode(
-        np.exp(level) / omega**order, omega / (2.0 * np.pi), decay / omega, source=source, **conditions
+        np.exp(level) / omega**order,
+        omega / (2.0 * np.pi),
+        decay / omega,
+        source=source,
+        **conditions,
     )

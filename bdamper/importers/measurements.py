@@ -41,7 +41,15 @@ LENGTHS = {
 """Units of length in metres."""
 VELOCITIES = {"m/s": 1.0, "mm/s": 1e-3, "um/s": 1e-6, "in/s": 0.0254}
 """Units of velocity in metres per second."""
-ACCELERATIONS = {"m/s^2": 1.0, "m/s2": 1.0, "m/s²": 1.0, "mm/s^2": 1e-3, "mm/s2": 1e-3, "g": 9.80665, "in/s^2": 0.0254}
+ACCELERATIONS = {
+    "m/s^2": 1.0,
+    "m/s2": 1.0,
+    "m/s²": 1.0,
+    "mm/s^2": 1e-3,
+    "mm/s2": 1e-3,
+    "g": 9.80665,
+    "in/s^2": 0.0254,
+}
 """Units of acceleration in metres per second squared."""
 FORCES = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "lbf": 4.4482216152605, "kip": 4448.2216152605}
 """Units of force in newtons."""
@@ -102,9 +110,16 @@ class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
     def __post_init__(self) -> None:
         item, n = self.source or self.name, len(self.frequency)
         if np.shape(self.response) != (n,) or n == 0:
-            raise mismatch(item, "as many responses as frequencies, at least one", np.shape(self.response))
+            raise mismatch(
+                item, "as many responses as frequencies, at least one", np.shape(self.response)
+            )
         if self.force is not None:
-            check(np.shape(self.force) == (n,), item, "a force for each frequency", str(np.shape(self.force)))
+            check(
+                np.shape(self.force) == (n,),
+                item,
+                "a force for each frequency",
+                str(np.shape(self.force)),
+            )
             check_all(np.asarray(self.force) > 0.0, np.asarray(self.force), "forces above 0", item)
         for values in (np.asarray(self.frequency), np.asarray(self.response)):
             check_all(np.isfinite(values), values, "finite frequencies and responses", item)
@@ -133,7 +148,9 @@ class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
             If the unit is not a known unit of displacement, velocity or acceleration.
         """
         factor, order = motion_unit(f"measurement '{self.name}'", self.unit or "m")
-        return np.asarray(factor * self.response / (2j * np.pi * np.asarray(self.frequency)) ** order)
+        return np.asarray(
+            factor * self.response / (2j * np.pi * np.asarray(self.frequency)) ** order
+        )
 
     def __str__(self) -> str:
         k = int(np.argmax(self.amplitude))
@@ -154,7 +171,11 @@ def motion_unit(where: str, unit: str) -> tuple[float, int]:
     return kinds[order][_plain(unit)], order
 
 
-COLUMNS: dict[str, Mapping[str, float] | None] = {"load": FORCES, "amplitude": None, "frequency": HERTZ}
+COLUMNS: dict[str, Mapping[str, float] | None] = {
+    "load": FORCES,
+    "amplitude": None,
+    "frequency": HERTZ,
+}
 """Columns of measured resonances, with their units."""
 
 
@@ -201,7 +222,10 @@ def load_measured(path: str | PathLike[str]) -> Measured:
     sets = (load, amplitude, frequency), (load, amplitude), (load, frequency)
     found = read_columns(path, *sets, units=COLUMNS, signed=False, blank=(amplitude, frequency))
     values = {name: column for name, (column, _) in found.items()}
-    return Measured(**{name: values.get(name, np.full(len(values[load]), np.nan)) for name in COLUMNS}, source=str(path))
+    return Measured(
+        **{name: values.get(name, np.full(len(values[load]), np.nan)) for name in COLUMNS},
+        source=str(path),
+    )
 
 
 def read_columns(
@@ -251,7 +275,9 @@ def read_columns(
     head: dict[str, tuple[int, str]] = {}
     for k, text in enumerate(names):
         if (found := HEADER.fullmatch(text)) and (text not in renamed):
-            head.setdefault(renamed.get(found[1].lower(), found[1].lower()), (k, (found[2] or "").strip()))
+            head.setdefault(
+                renamed.get(found[1].lower(), found[1].lower()), (k, (found[2] or "").strip())
+            )
         else:
             head.setdefault(renamed[text], (k, ""))
     for name, meaning in OTHER_NAMES.items():
@@ -267,19 +293,32 @@ def read_columns(
     rows = []
     for k, row in lines:
         where = f"{path}, line {k}"
-        expected = f"{len(names)} values separated by commas, as the header has, with points in numbers"
+        expected = (
+            f"{len(names)} values separated by commas, as the header has, with points in numbers"
+        )
         check(len(row) <= len(names), where, expected, f"{len(row)}: '{','.join(row)[:60]}'")
         row = row + [""] * (len(names) - len(row))
-        rows.append([_number(row[head[name][0]].strip(), where, name, signed, name in blank) for name in group])
+        rows.append(
+            [
+                _number(row[head[name][0]].strip(), where, name, signed, name in blank)
+                for name in group
+            ]
+        )
     check(bool(rows), str(path), "rows of numbers after the header", "none")
-    return {name: (factor * column, head[name][1]) for name, factor, column in zip(group, factors, np.array(rows).T)}
+    return {
+        name: (factor * column, head[name][1])
+        for name, factor, column in zip(group, factors, np.array(rows).T)
+    }
 
 
 def _cells(path: Any) -> tuple[str, int, list[str], list[tuple[int, list[str]]]]:
     """Return name, number of the header line, header, and numbered rows of texts of a file or table."""
     if hasattr(path, "keys"):
         names = list(path.keys())
-        table = [(k, [str(value) for value in row]) for k, row in enumerate(zip(*(path[n] for n in names)), 2)]
+        table = [
+            (k, [str(value) for value in row])
+            for k, row in enumerate(zip(*(path[n] for n in names)), 2)
+        ]
         return "table", 1, [str(name).strip() for name in names], table
     check(not existing(path).is_dir(), str(path), "a CSV file", "a folder")
     raw = Path(path).read_bytes()
@@ -290,7 +329,9 @@ def _cells(path: Any) -> tuple[str, int, list[str], list[tuple[int, list[str]]]]
             break
         except UnicodeDecodeError as error:
             if encoding == encodings[-1]:
-                raise mismatch(str(path), "text in UTF-8, UTF-16 or Latin-1", f"another encoding ({error})") from error
+                raise mismatch(
+                    str(path), "text in UTF-8, UTF-16 or Latin-1", f"another encoding ({error})"
+                ) from error
     lines = data_lines(text, "#")
     check(bool(lines), str(path), "a header and rows of numbers", "nothing")
     (first, header), *rest = lines
@@ -300,7 +341,9 @@ def _cells(path: Any) -> tuple[str, int, list[str], list[tuple[int, list[str]]]]
         try:
             return next(csv.reader([line], delimiter=mark))
         except csv.Error as error:
-            expected = f"values separated by '{mark}' of at most {csv.field_size_limit()} characters"
+            expected = (
+                f"values separated by '{mark}' of at most {csv.field_size_limit()} characters"
+            )
             raise mismatch(f"{path}, line {k}", expected, f"{error}: '{line[:60]}'") from error
 
     rows = [(k, cells(k, line)) for k, line in rest]
@@ -330,9 +373,22 @@ def check_unit(where: str, column: str, unit: str, known: Mapping[str, float] | 
         If the unit is missing or unknown.
     """
     shown = [name for name in known or LENGTHS if name]
-    expected = f"its unit in the header, such as '{column} ({shown[0]})'" + (f", one of {shown}" if known else "")
-    factors = {_plain(name): factor for name, factor in known.items()} if known else {_plain(unit): 1.0} if unit else {}
-    check(_plain(unit) in factors, f"{where}, column '{column}'", expected, f"the unit '{unit}'" if unit else "no unit")
+    expected = f"its unit in the header, such as '{column} ({shown[0]})'" + (
+        f", one of {shown}" if known else ""
+    )
+    factors = (
+        {_plain(name): factor for name, factor in known.items()}
+        if known
+        else {_plain(unit): 1.0}
+        if unit
+        else {}
+    )
+    check(
+        _plain(unit) in factors,
+        f"{where}, column '{column}'",
+        expected,
+        f"the unit '{unit}'" if unit else "no unit",
+    )
     return factors[_plain(unit)]
 
 
@@ -344,7 +400,9 @@ def _plain(unit: str) -> str:
 def _number(text: str, where: str, column: str, signed: bool, blank: bool) -> float:
     if blank and text.lower() in ("", "nan"):
         return np.nan
-    with parsing(where, f"a finite number{'' if signed else ' of at least 0'} in column '{column}'", text):
+    with parsing(
+        where, f"a finite number{'' if signed else ' of at least 0'} in column '{column}'", text
+    ):
         value = float(text)
         if not np.isfinite(value) or (value < 0.0 and not signed):
             raise ValueError
@@ -425,25 +483,42 @@ def read_responses(
 
 
 def _responses(
-    path: Any, unit: str | None, name: str | None, columns: Mapping[str, str] | None, phase_of: str, by: str | None
+    path: Any,
+    unit: str | None,
+    name: str | None,
+    columns: Mapping[str, str] | None,
+    phase_of: str,
+    by: str | None,
 ) -> tuple[Measurement, ...]:
     """Return one measurement, or one for each number in the column ``by``."""
-    sets: Any = ("frequency", "real", "imag"), ("frequency", "amplitude", "phase"), ("frequency", "amplitude")
+    sets: Any = (
+        ("frequency", "real", "imag"),
+        ("frequency", "amplitude", "phase"),
+        ("frequency", "amplitude"),
+    )
     sets = sets if by is None else tuple((*each, by) for each in sets)
-    sizes = dict.fromkeys(("amplitude", "real", "imag"), None if unit is None else dict.fromkeys(("", unit), 1.0))
+    sizes = dict.fromkeys(
+        ("amplitude", "real", "imag"), None if unit is None else dict.fromkeys(("", unit), 1.0)
+    )
     units: dict[str, Any] = {"frequency": HERTZ, "phase": ANGLES, "force": FORCES, **sizes}
     units |= {} if by is None else {by: {"": 1.0, "-": 1.0}}
     every = tuple(units)
-    found = read_columns(path, *sets, units=units, blank=every, optional=("force",), columns=columns)
+    found = read_columns(
+        path, *sets, units=units, blank=every, optional=("force",), columns=columns
+    )
     table = {column: values for column, (values, _) in found.items()}
     source = "table" if hasattr(path, "keys") else str(path)
     whole = np.isfinite(np.array(list(table.values()))).all(axis=0)
-    check(bool(whole.any()), source, "rows of numbers after the header", "none without an empty value")
+    check(
+        bool(whole.any()), source, "rows of numbers after the header", "none without an empty value"
+    )
     table = {column: values[whole] for column, values in table.items()}
     stated = found["real" if "imag" in found else "amplitude"][1]
     if "imag" in found:
         other = found["imag"][1]
-        check(other == stated, source, "real and imag in the same unit", f"'{stated}' and '{other}'")
+        check(
+            other == stated, source, "real and imag in the same unit", f"'{stated}' and '{other}'"
+        )
         response: NDArray = table["real"] + 1j * table["imag"]
     else:
         level = DECIBEL.fullmatch(stated if unit is None else unit)
@@ -459,7 +534,11 @@ def _responses(
     title = name or Path(source).stem
     force = table.get("force")
     if by is None:
-        return (Measurement(title, table["frequency"], response, unit=stated, source=source, force=force),)
+        return (
+            Measurement(
+                title, table["frequency"], response, unit=stated, source=source, force=force
+            ),
+        )
     parts = [(value, table[by] == value) for value in np.unique(table[by])]
     return tuple(
         Measurement(

@@ -30,8 +30,24 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from bdamper.importers.arrays import square_matrix, triangle_to_full
-from bdamper.importers.deck_keywords import BDF_HARMLESS, BDF_IN_MATRICES, BDF_READ, BDF_TIES, CURE, refuse
-from bdamper.importers.fe_body import ElementKind, FEBody, Included, Modes, check_count, mesh_body, reader, rotate_to_file
+from bdamper.importers.deck_keywords import (
+    BDF_HARMLESS,
+    BDF_IN_MATRICES,
+    BDF_READ,
+    BDF_TIES,
+    CURE,
+    refuse,
+)
+from bdamper.importers.fe_body import (
+    ElementKind,
+    FEBody,
+    Included,
+    Modes,
+    check_count,
+    mesh_body,
+    reader,
+    rotate_to_file,
+)
 from bdamper.util.errors import check, import_extra, mismatch
 from bdamper.util.storage import FilePath
 
@@ -80,7 +96,10 @@ def read_op4(path: Path) -> dict[str, sp.csr_matrix]:
         content = op4(debug=False).read_op4(str(path))
     except MemoryError:
         raise
-    except (Exception, SystemExit) as error:  # pyNastran raises almost anything, with texts of many lines
+    except (
+        Exception,
+        SystemExit,
+    ) as error:  # pyNastran raises almost anything, with texts of many lines
         found = f"another or damaged one ({type(error).__name__})"
         raise mismatch(str(path), "an OP4 file that pyNastran can read", found) from error
     out = {}
@@ -90,7 +109,12 @@ def read_op4(path: Path) -> dict[str, sp.csr_matrix]:
             stored = sp.coo_matrix(data)
             full = triangle_to_full(stored.row, stored.col, stored.data, data.shape[0])
             out[name] = square_matrix(full, f"{path}: {name}")
-    check(bool(out), str(path), "a square matrix", {k: getattr(v, "shape", None) for k, v in content.items()})
+    check(
+        bool(out),
+        str(path),
+        "a square matrix",
+        {k: getattr(v, "shape", None) for k, v in content.items()},
+    )
     return out
 
 
@@ -100,7 +124,13 @@ def _check_op4_sizes(source: Any) -> None:
         text = file.read(16).decode("ascii", errors="replace")
     if text.replace("-", " ").replace(" ", "").isdigit():
         for count in (text[:8], text[8:]):
-            check_count(abs(int(count)), f"{source}: head", "a size of a matrix", 1, max(1000, os.stat(source).st_size))
+            check_count(
+                abs(int(count)),
+                f"{source}: head",
+                "a size of a matrix",
+                1,
+                max(1000, os.stat(source).st_size),
+            )
 
 
 @reader("a bulk data file of Nastran", ".bdf", ".dat", ".nas", library=True)
@@ -132,7 +162,9 @@ def _bulk(path: Path) -> tuple[FEBody, _Tied]:
     whole = re.search(r"^\s*CEND\b", text, re.MULTILINE | re.IGNORECASE)
     # bulk data without case control may or may not have the lines BEGIN BULK and ENDDATA
     begin = r"^\s*BEGIN\s+BULK.*$"
-    cards = text if whole else re.split(begin, text, maxsplit=1, flags=re.MULTILINE | re.IGNORECASE)[-1]
+    cards = (
+        text if whole else re.split(begin, text, maxsplit=1, flags=re.MULTILINE | re.IGNORECASE)[-1]
+    )
     model.read_bdf(StringIO(cards), punch=not whole, xref=False)
     for name in model.card_count:
         if name not in BDF_READ | BDF_HARMLESS | BDF_IN_MATRICES | BDF_TIES:
@@ -149,24 +181,47 @@ def _bulk(path: Path) -> tuple[FEBody, _Tied]:
             nodes_of_element = nodes_of_element[:corners]
         elements.append(nodes_of_element)
         kinds.append(_kind(model, element.pid, len(nodes_of_element)))
-    sets = {f"SET{key}": np.array(sorted(s.ids), np.int64) for key, s in model.sets.items() if hasattr(s, "ids") and s.ids}
+    sets = {
+        f"SET{key}": np.array(sorted(s.ids), np.int64)
+        for key, s in model.sets.items()
+        if hasattr(s, "ids") and s.ids
+    }
     others = {name: count for name, count in model.card_count.items() if name in BDF_IN_MATRICES}
-    notes = [f"cards {name} ({count}) are not read: they must be in the matrices" for name, count in others.items()]
-    solid, dependent, held = {n for element in elements for n in element}, set[tuple[int, int]](), set[int]()
+    notes = [
+        f"cards {name} ({count}) are not read: they must be in the matrices"
+        for name, count in others.items()
+    ]
+    solid, dependent, held = (
+        {n for element in elements for n in element},
+        set[tuple[int, int]](),
+        set[int](),
+    )
     for card, independent, components in _ties(model):
         dependent |= components
         if solid.isdisjoint(grid for grid, _ in components):
-            notes.append(f"{card} ties grid points without solid elements: it must be in the matrices")
+            notes.append(
+                f"{card} ties grid points without solid elements: it must be in the matrices"
+            )
             continue
         item, found = _line_of(card, lines, path)
         expected = f"a mesh without constraints, or RBE2 to a grid point that SPC1 holds in 123456 ({CURE})"
         check(independent in _held(model), item, expected, found)
         held.add(independent)
         notes.append(f"{card} holds its dependent grid points: {independent} is held")
-    rows = np.array([(n, c) for n in sorted(model.nodes) for c in range(1, 7) if (n, c) not in dependent], np.int64)
+    rows = np.array(
+        [(n, c) for n in sorted(model.nodes) for c in range(1, 7) if (n, c) not in dependent],
+        np.int64,
+    )
     tied = _Tied(rows, held, held.union(grid for grid, _ in dependent) - solid)
     body = mesh_body(
-        str(path), "grid points (GRID)", numbers, nodes, elements, kinds, node_sets=sets, notes=tuple(notes)
+        str(path),
+        "grid points (GRID)",
+        numbers,
+        nodes,
+        elements,
+        kinds,
+        node_sets=sets,
+        notes=tuple(notes),
     )
     axes = _displacement_axes(model, body.numbers, body.nodes)
     return _with_dmig(replace(body, node_axes=axes), model, tied, str(path)), tied
@@ -176,10 +231,18 @@ def _ties(model: Any) -> Iterator[tuple[str, int, set[tuple[int, int]]]]:
     """Iterate over RBE2, RBE3 and MPC: beginning of the card, independent grid point of RBE2 or 0, dependent components."""
     for rigid in model.rigid_elements.values():
         if rigid.type == "RBE2":
-            yield f"RBE2 {rigid.eid}", rigid.gn, {(grid, int(c)) for grid in rigid.Gmi for c in rigid.cm}
+            yield (
+                f"RBE2 {rigid.eid}",
+                rigid.gn,
+                {(grid, int(c)) for grid in rigid.Gmi for c in rigid.cm},
+            )
         else:
             pairs = zip(rigid.Gmi, rigid.Cmi) if rigid.Gmi else [(rigid.refgrid, rigid.refc)]
-            yield f"RBE3 {rigid.eid}", 0, {(grid, int(c)) for grid, components in pairs for c in str(components)}
+            yield (
+                f"RBE3 {rigid.eid}",
+                0,
+                {(grid, int(c)) for grid, components in pairs for c in str(components)},
+            )
     for mpc in chain.from_iterable(model.mpcs.values()):
         grid = mpc.nodes[0]
         yield f"MPC {mpc.conid} {grid}", 0, {(grid, int(mpc.components[0]))}
@@ -189,7 +252,9 @@ def _held(model: Any) -> set[int]:
     """Return the grid points that the only set of SPC and SPC1, or their GRID, holds in all six components."""
     held = {number: set(str(point.ps)) for number, point in model.nodes.items()}
     for card in chain.from_iterable(model.spcs.values() if len(model.spcs) == 1 else ()):
-        components = card.components if isinstance(card.components, list) else repeat(card.components)
+        components = (
+            card.components if isinstance(card.components, list) else repeat(card.components)
+        )
         for grid, text in zip(card.nodes, components):
             held.setdefault(grid, set()).update(str(text))
     return {number for number, components in held.items() if components >= set("123456")}
@@ -203,18 +268,29 @@ def _with_included(source: Path, included: Included, depth: int = 0) -> list[tup
         if named is None:
             lines.append((source, number, line))
             continue
-        item, name = f"{source}: INCLUDE in line {number}", re.fullmatch(r"'([^']+)'|\"([^\"]+)\"|(\S+)", named[1].strip())
+        item, name = (
+            f"{source}: INCLUDE in line {number}",
+            re.fullmatch(r"'([^']+)'|\"([^\"]+)\"|(\S+)", named[1].strip()),
+        )
         check(name, item, "the name of a file in one line", f"'{named[1].strip()[:60]}'")
         assert name is not None
-        lines += _with_included(included.path(name[name.lastindex or 0], source, depth, item), included, depth + 1)
+        lines += _with_included(
+            included.path(name[name.lastindex or 0], source, depth, item), included, depth + 1
+        )
     return lines
 
 
 def _line_of(card: str, lines: list[tuple[Path, int, str]], source: Path) -> tuple[str, str]:
     """Return file, name and line of a card for a message, and its text, from the beginning of the card."""
     name = card.split()[0]
-    pattern = re.compile(r"\s*" + r"[*,\s]+".join(map(re.escape, card.split())) + r"\b", re.IGNORECASE)
-    found = ((f"{file}: {name} in line {number}", line.strip()[:40]) for file, number, line in lines if pattern.match(line))
+    pattern = re.compile(
+        r"\s*" + r"[*,\s]+".join(map(re.escape, card.split())) + r"\b", re.IGNORECASE
+    )
+    found = (
+        (f"{file}: {name} in line {number}", line.strip()[:40])
+        for file, number, line in lines
+        if pattern.match(line)
+    )
     return next(found, (f"{source}: {name}", card))
 
 
@@ -223,7 +299,9 @@ def _kind(model: Any, pid: int, n_nodes: int) -> ElementKind:
     material = model.materials.get(getattr(model.properties.get(pid), "mid", None))
     weight = model.params["WTMASS"].values[0] if "WTMASS" in model.params else 1.0
     density = weight * getattr(material, "rho", 0.0) or None  # a blank field is 0
-    return ElementKind(f"C3D{n_nodes}", getattr(material, "e", None), getattr(material, "nu", None), density)
+    return ElementKind(
+        f"C3D{n_nodes}", getattr(material, "e", None), getattr(material, "nu", None), density
+    )
 
 
 def _displacement_axes(model: Any, numbers: NDArray, nodes: NDArray) -> dict[int, NDArray]:
@@ -239,27 +317,40 @@ def _displacement_axes(model: Any, numbers: NDArray, nodes: NDArray) -> dict[int
         if system.type in ("CORD1C", "CORD2C"):
             radial = axes @ (position - np.asarray(system.origin, float)) * [1.0, 1.0, 0.0]
             length = np.linalg.norm(radial)
-            check(length > 0.0, f"GRID {number}", "a position off the axis of its cylindrical system", "a position on it")
+            check(
+                length > 0.0,
+                f"GRID {number}",
+                "a position off the axis of its cylindrical system",
+                "a position on it",
+            )
             r = radial / length
             axes = np.array([r, np.cross([0.0, 0.0, 1.0], r), [0.0, 0.0, 1.0]]) @ axes
         elif system.type not in ("CORD1R", "CORD2R"):
-            raise mismatch(f"GRID {number}", "rectangular or cylindrical axes of displacement", system.type)
+            raise mismatch(
+                f"GRID {number}", "rectangular or cylindrical axes of displacement", system.type
+            )
         out[number] = axes
     return out
 
 
 def _with_dmig(body: FEBody, model: Any, tied: _Tied, source: str) -> FEBody:
     """Add stiffness and mass of DMIG cards if the file has both, and a note on any other matrices."""
-    pair = next((pair for pair in (("KAAX", "MAAX"), ("K2GG", "M2GG")) if set(pair) <= set(model.dmig)), ())
+    pair = next(
+        (pair for pair in (("KAAX", "MAAX"), ("K2GG", "M2GG")) if set(pair) <= set(model.dmig)), ()
+    )
     unused = sorted(set(model.dmig) - set(pair))
     if unused:
-        body = replace(body, notes=(*body.notes, f"matrices {', '.join(unused)} (DMIG) are not used"))
+        body = replace(
+            body, notes=(*body.notes, f"matrices {', '.join(unused)} (DMIG) are not used")
+        )
     if not pair:
         return body
     tables = []
     for name in pair:
         matrix, rows, columns = model.dmig[name].get_matrix(is_sparse=True, apply_symmetry=True)
-        row_dofs, column_dofs = (np.array([dof[k] for k in range(len(dof))], np.int64) for dof in (rows, columns))
+        row_dofs, column_dofs = (
+            np.array([dof[k] for k in range(len(dof))], np.int64) for dof in (rows, columns)
+        )
         tables.append((row_dofs, column_dofs, sp.coo_matrix(matrix)))
     pairs = [dof for *both, _ in tables for dof in both]
     dofs, index = np.unique(np.concatenate(pairs), axis=0, return_inverse=True)
@@ -274,7 +365,11 @@ def _with_dmig(body: FEBody, model: Any, tied: _Tied, source: str) -> FEBody:
 def _without_empty(body: FEBody, tied: _Tied) -> FEBody:
     """Drop the rows that are empty in both matrices or held, and the spare grid points without rows."""
     assert body.stiffness is not None and body.mass is not None and body.dofs is not None
-    used = np.asarray(abs(body.stiffness).sum(axis=1)).ravel() + np.asarray(abs(body.mass).sum(axis=1)).ravel() > 0.0
+    used = (
+        np.asarray(abs(body.stiffness).sum(axis=1)).ravel()
+        + np.asarray(abs(body.mass).sum(axis=1)).ravel()
+        > 0.0
+    )
     keep = np.flatnonzero(used & ~np.isin(body.dofs[:, 0], list(tied.held)))
     dropped = len(used) - len(keep)
     notes = (*body.notes, f"{dropped} held or empty rows dropped") if dropped else body.notes
@@ -282,7 +377,9 @@ def _without_empty(body: FEBody, tied: _Tied) -> FEBody:
     dofs = body.dofs[keep]
     kept = ~np.isin(body.numbers, list(tied.spare.difference(dofs[:, 0].tolist())))
     numbers, nodes = body.numbers[kept], body.nodes[kept]
-    return replace(body, numbers=numbers, nodes=nodes, stiffness=stiffness, mass=mass, dofs=dofs, notes=notes)
+    return replace(
+        body, numbers=numbers, nodes=nodes, stiffness=stiffness, mass=mass, dofs=dofs, notes=notes
+    )
 
 
 def read_nastran(
@@ -319,18 +416,28 @@ def read_nastran(
         found, rows = [], len(tied.rows)
         for path, name in zip((stiffness, mass or stiffness), names):
             content = read_op4(path)
-            check(name in content, str(path), f"a matrix '{name}'", f"the matrices {sorted(content)}")
+            check(
+                name in content, str(path), f"a matrix '{name}'", f"the matrices {sorted(content)}"
+            )
             wanted = f"{rows} rows: six for each grid point but the dependent components of RBE2, RBE3, MPC"
             check(content[name].shape[0] == rows, str(path), wanted, content[name].shape[0])
             found.append(content[name])
-        given = {"stiffness": found[0], "mass": found[1], "dofs": tied.rows, "source": f"{stiffness}, {bulk}"}
+        given = {
+            "stiffness": found[0],
+            "mass": found[1],
+            "dofs": tied.rows,
+            "source": f"{stiffness}, {bulk}",
+        }
         body = _without_empty(replace(body, **given), tied)
     return replace(body, modes=modes)
 
 
 @reader("an OP2 file with real eigenvectors", library=True)
 def read_op2(
-    path: Path, nodal_diameter: int = 0, subcase: int | None = None, axes: Mapping[int, NDArray] | None = None
+    path: Path,
+    nodal_diameter: int = 0,
+    subcase: int | None = None,
+    axes: Mapping[int, NDArray] | None = None,
 ) -> Modes:
     """Read real modes from an OP2 file.
 
@@ -357,7 +464,10 @@ def read_op2(
     model = op2(debug=None)
     model.read_op2(str(path), build_dataframe=False, skip_undefined_matrices=True)
     check(bool(model.eigenvectors), str(path), "eigenvectors", "none")
-    cases = {(key[0] if isinstance(key, tuple) else key): value for key, value in model.eigenvectors.items()}
+    cases = {
+        (key[0] if isinstance(key, tuple) else key): value
+        for key, value in model.eigenvectors.items()
+    }
     if subcase is None:
         subcase = sorted(cases)[0]
     check(subcase in cases, str(path), f"a subcase out of {sorted(cases)}", subcase)

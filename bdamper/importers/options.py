@@ -24,12 +24,18 @@ DAMPER_MODES = 16
 
 
 def _units(name: str, units: object) -> Units:
-    return units if isinstance(units, Units) else UNITS[validation.choice(f"{name} (or Units(...))", units, sorted(UNITS))]
+    return (
+        units
+        if isinstance(units, Units)
+        else UNITS[validation.choice(f"{name} (or Units(...))", units, sorted(UNITS))]
+    )
 
 
 def _two_sets(name: str, faces: Any) -> Any:
     good = isinstance(faces, Sequence) and not isinstance(faces, str) and len(faces) == 2
-    validation.check_value(good, name, "two sets of nodes, the faces at which the sector repeats", faces)
+    validation.check_value(
+        good, name, "two sets of nodes, the faces at which the sector repeats", faces
+    )
     return faces
 
 
@@ -123,7 +129,9 @@ class Placement(validation.Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         lengths = np.linalg.norm(self.axis) * np.linalg.norm(self.radial)
-        perpendicular = lengths > 0.0 and abs(np.dot(self.axis, self.radial)) <= BOUNDS.axes * lengths
+        perpendicular = (
+            lengths > 0.0 and abs(np.dot(self.axis, self.radial)) <= BOUNDS.axes * lengths
+        )
         found = f"{list(self.axis)} and {list(self.radial)}"
         validation.check(perpendicular, "axis and radial", "two directions at right angles", found)
 
@@ -168,7 +176,8 @@ class Reduction(validation.Checked):
     nodal_diameters: Annotated[Sequence[int], validation.integers] | None = None
     n_modes: Modes = 40
     n_damper_modes: Annotated[
-        int | Mapping[str, int], validation.each(partial(validation.integer, least=6, most=BOUNDS.modes))
+        int | Mapping[str, int],
+        validation.each(partial(validation.integer, least=6, most=BOUNDS.modes)),
     ] = DAMPER_MODES
     damping_ratio: validation.Share = 0.002
     local_sizes: Annotated[LocalSizes, partial(validation.instance, kind=LocalSizes)] = LocalSizes()

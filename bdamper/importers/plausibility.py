@@ -26,8 +26,12 @@ def ratio_in_words(ratio: float) -> str | None:
     }
     for k in (k for k in range(-12, 13) if k != 0):
         power = f"10^{k // 2}" if k % 2 == 0 else f"10^({k}/2)"
-        candidates[f"{power}: units of length, mass or force (mm and m, t and kg)"] = 10.0 ** (0.5 * k)
-    return next((words for words, value in candidates.items() if abs(ratio / value - 1.0) < 0.02), None)
+        candidates[f"{power}: units of length, mass or force (mm and m, t and kg)"] = 10.0 ** (
+            0.5 * k
+        )
+    return next(
+        (words for words, value in candidates.items() if abs(ratio / value - 1.0) < 0.02), None
+    )
 
 
 def compare_frequencies(computed: NDArray, expected: NDArray, item: str, source: str) -> float:
@@ -51,10 +55,17 @@ def compare_frequencies(computed: NDArray, expected: NDArray, item: str, source:
     ratio = computed / np.maximum(expected, 1e-300)
     middle, error = float(np.median(ratio)), float(np.abs(ratio - 1.0).max())
     words = ratio_in_words(middle) if np.abs(ratio / middle - 1.0).max() < 0.02 else None
-    suspicion = f"the ratio {middle:.6g} is {words}" if words else f"ratios {ratio.min():.4g} to {ratio.max():.4g}"
+    suspicion = (
+        f"the ratio {middle:.6g} is {words}"
+        if words
+        else f"ratios {ratio.min():.4g} to {ratio.max():.4g}"
+    )
     shown, wanted = (", ".join(f"{f:.6g}" for f in values[:3]) for values in (computed, expected))
     check(
-        error <= BOUNDS.agreement, item, f"the frequencies of {source}, {wanted}, ... Hz", f"{shown}, ... Hz; {suspicion}"
+        error <= BOUNDS.agreement,
+        item,
+        f"the frequencies of {source}, {wanted}, ... Hz",
+        f"{shown}, ... Hz; {suspicion}",
     )
     return error
 
@@ -80,17 +91,27 @@ def check_rigid_motion(body: PreparedBody) -> None:
     """
     arm, motion = _rigid_motions(body)
     stretch = np.stack([(arm * axis).ravel() for axis in np.eye(3)], axis=1)
-    energy, scale = (np.einsum("ij,ij->j", u, body.structure.stiffness @ u) for u in (motion, stretch))
-    body.require(scale.max() > 0.0, "stiffness matrix", "a body that resists stretching", "no force")
+    energy, scale = (
+        np.einsum("ij,ij->j", u, body.structure.stiffness @ u) for u in (motion, stretch)
+    )
+    body.require(
+        scale.max() > 0.0, "stiffness matrix", "a body that resists stretching", "no force"
+    )
     strain = np.sqrt(np.abs(energy) / scale.max())
     for kind, part, hint in (
-        ("translation along", strain[:3], "fixed nodes, springs to the ground, or a table of nodes of another body"),
+        (
+            "translation along",
+            strain[:3],
+            "fixed nodes, springs to the ground, or a table of nodes of another body",
+        ),
         ("rotation about", strain[3:], "positions that do not belong to it (order, units, axes)"),
     ):
         found = f"a strain of {part.max():.2g} of its size under a {kind} {'XYZ'[part.argmax()]}: {hint}"
         good = part.max() <= BOUNDS.rigid_strain
         body.require(good, "stiffness matrix", "a free body, which no rigid motion strains", found)
-    body.passed(f"{body.name}: rigid motions strain it by {strain.max():.1g} of a stretch of equal size")
+    body.passed(
+        f"{body.name}: rigid motions strain it by {strain.max():.1g} of a stretch of equal size"
+    )
 
 
 def _away_from_held(body: PreparedBody) -> NDArray:
@@ -115,17 +136,23 @@ def check_table(body: PreparedBody) -> None:
     """
     away = _away_from_held(body)
     if not away.any():
-        body.passed(f"{body.name}: order of the rows not checked, every node is a neighbour of a held one")
+        body.passed(
+            f"{body.name}: order of the rows not checked, every node is a neighbour of a held one"
+        )
         return
     stiffness, (_, motion) = body.structure.stiffness, _rigid_motions(body)
     pairs = (stiffness, motion), (abs(stiffness), np.abs(motion))
     force, parts = (np.linalg.norm((k @ u).reshape(-1, 3, 6), axis=1)[away] for k, u in pairs)
     share = 100.0 * float((force > BOUNDS.rigid_force * parts).any(axis=1).mean())
     found = f"forces on {share:.3g} % of the nodes away from held ones when the body moves as a rigid one: rows in another "
-    found += "order than the table (or than x, y, z of node after node), or positions of other nodes"
+    found += (
+        "order than the table (or than x, y, z of node after node), or positions of other nodes"
+    )
     expected = "rows in the order of the table of nodes and components"
     body.require(share <= 100.0 * BOUNDS.odd_ones, "stiffness matrix", expected, found)
-    body.passed(f"{body.name}: rigid motions cost forces on {share:.2g} % of the nodes away from held ones")
+    body.passed(
+        f"{body.name}: rigid motions cost forces on {share:.2g} % of the nodes away from held ones"
+    )
 
 
 def check_corners(body: PreparedBody) -> None:
@@ -136,7 +163,9 @@ def check_corners(body: PreparedBody) -> None:
             continue
         wrong = np.flatnonzero(twisted(elements[:, :n], body.nodes))
         if len(wrong) > BOUNDS.odd_ones * len(elements):
-            item = f"elements, such as the one with nodes {np.asarray(numbers)[wrong[0], :n].tolist()}"
+            item = (
+                f"elements, such as the one with nodes {np.asarray(numbers)[wrong[0], :n].tolist()}"
+            )
             expected = f"{n // 2} corners in turn around one face, then the {n // 2} opposite ones in the same turn"
             raise body.error(item, expected, f"another order in {len(wrong)} of {len(elements)}")
 
@@ -151,10 +180,14 @@ def check_radial(body: PreparedBody, n_blades: int) -> None:
         return
     angle = np.rad2deg(np.arctan2(x, y))
     middle, given = body.placement.rotation.T @ [x, y, 0.0] / np.hypot(x, y), body.placement.radial
-    middle_text, given_text = (f"({', '.join(f'{a:.3g}' for a in axis)})" for axis in (middle, given))
+    middle_text, given_text = (
+        f"({', '.join(f'{a:.3g}' for a in axis)})" for axis in (middle, given)
+    )
     expected = f"the direction from the axis to the blade, within {limit:.3g} degrees of the middle of the sector, "
     expected += f"{middle_text} in the axes of the file"
-    body.require(abs(angle) <= limit, "radial", expected, f"{given_text}, {abs(angle):.3g} degrees off")
+    body.require(
+        abs(angle) <= limit, "radial", expected, f"{given_text}, {abs(angle):.3g} degrees off"
+    )
     body.passed(f"{body.name}: the middle of the sector is {abs(angle):.2g} degrees from radial")
 
 
@@ -165,11 +198,14 @@ def check_not_swapped(body: PreparedBody) -> None:
     """
     along = np.tile(np.eye(3), (len(body.nodes), 1))
     stiffness, mass = (
-        float(np.einsum("ik,ik->", along, matrix @ along)) / max(float(matrix.diagonal().sum()), 1e-300)
+        float(np.einsum("ik,ik->", along, matrix @ along))
+        / max(float(matrix.diagonal().sum()), 1e-300)
         for matrix in (body.structure.stiffness, body.structure.mass)
     )
     found = "a matrix that resists translations as a mass does, then one that does not: exchange the swapped matrices"
-    body.require(mass >= 0.1 or stiffness <= 0.5, "matrices", "a stiffness matrix, then a mass matrix", found)
+    body.require(
+        mass >= 0.1 or stiffness <= 0.5, "matrices", "a stiffness matrix, then a mass matrix", found
+    )
 
 
 def wave_speed(body: PreparedBody) -> float:
@@ -188,18 +224,33 @@ def wave_speed(body: PreparedBody) -> float:
     for axis in np.eye(3):
         stretch, along = ((body.nodes - centre) * axis).ravel(), np.tile(axis, len(body.nodes))
         mass = float(along @ (structure.mass @ along))
-        speeds.append(float(stretch @ (structure.stiffness @ stretch)) / mass if mass > 0.0 else np.inf)
+        speeds.append(
+            float(stretch @ (structure.stiffness @ stretch)) / mass if mass > 0.0 else np.inf
+        )
     return float(np.sqrt(max(min(speeds), 0.0)))
 
 
 def _check_within(
-    body: PreparedBody, item: str, what: str, limits: tuple[float, float], value: float, unit: str, hint: str
+    body: PreparedBody,
+    item: str,
+    what: str,
+    limits: tuple[float, float],
+    value: float,
+    unit: str,
+    hint: str,
 ) -> None:
     """Raise ModelError for a quantity outside its limits, with the unit that explains it."""
-    given = next((name for name, u in UNITS.items() if u == body.placement.units), "the given units")
+    given = next(
+        (name for name, u in UNITS.items() if u == body.placement.units), "the given units"
+    )
     right = "pass checks=Checks(check_units=False) if they are right"
     found = f"{value:.4g} {unit} with Placement(units='{given}'): {hint}; {right}"
-    body.require(limits[0] <= value <= limits[1], item, f"{what} {limits[0]:g} to {limits[1]:g} {unit}", found)
+    body.require(
+        limits[0] <= value <= limits[1],
+        item,
+        f"{what} {limits[0]:g} to {limits[1]:g} {unit}",
+        found,
+    )
 
 
 def check_sizes(body: PreparedBody) -> None:
@@ -211,10 +262,18 @@ def check_sizes(body: PreparedBody) -> None:
         return
     if body.elements:
         along = np.tile([0.0, 0.0, 1.0], len(body.nodes))
-        mass, volume = float(along @ (body.structure.mass @ along)), enclosed_volume(body.boundary, body.nodes)
+        mass, volume = (
+            float(along @ (body.structure.mass @ along)),
+            enclosed_volume(body.boundary, body.nodes),
+        )
         density = mass / volume if volume > 0.0 else np.inf
-        in_file, (low, high) = density / body.placement.units.mass * body.placement.units.length**3, BOUNDS.density
-        fitting = [name for name, u in UNITS.items() if low <= in_file * u.mass / u.length**3 <= high]
+        in_file, (low, high) = (
+            density / body.placement.units.mass * body.placement.units.length**3,
+            BOUNDS.density,
+        )
+        fitting = [
+            name for name, u in UNITS.items() if low <= in_file * u.mass / u.length**3 <= high
+        ]
         hint = f"units='{fitting[0]}' would fit" if fitting else "the mass matrix is in other units"
         _check_within(body, "mass matrix", "a density of", BOUNDS.density, density, "kg/m3", hint)
         body.passed(f"{body.name}: mass {mass:.6g} kg on free nodes")
@@ -242,12 +301,19 @@ def check_material(body: PreparedBody, elasticity: Sequence[float] | None) -> No
     try:
         from bdamper.fem.element_stress import lame_constants, nodal_integrals
     except ImportError:
-        body.report.missing.append(f"{body.name}: comparison of the material of elements and matrices (extra bdamper[fe])")
+        body.report.missing.append(
+            f"{body.name}: comparison of the material of elements and matrices (extra bdamper[fe])"
+        )
         return
     n, eye, units, inner = len(body.nodes), np.eye(3), body.placement.units, _away_from_held(body)
     factors = np.array([units.mass / units.length, 1.0, units.mass / units.length**3])
-    force = (body.structure.stiffness @ (body.nodes[:, :, None] * eye).reshape(3 * n, 3)).reshape(n, 9)
-    inertia = np.trace((body.structure.mass @ np.tile(eye, (n, 1))).reshape(n, 3, 3), axis1=1, axis2=2) / 3.0
+    force = (body.structure.stiffness @ (body.nodes[:, :, None] * eye).reshape(3 * n, 3)).reshape(
+        n, 9
+    )
+    inertia = (
+        np.trace((body.structure.mass @ np.tile(eye, (n, 1))).reshape(n, 3, 3), axis1=1, axis2=2)
+        / 3.0
+    )
     volume, mass, load, groups = np.zeros(n), np.zeros(n), np.zeros((n, 9)), []
     for kind, elements in zip(body.kinds, body.elements):
         with body.refusing(f"elements {kind.name}", "all nodes between corners"):
@@ -256,7 +322,11 @@ def check_material(body: PreparedBody, elasticity: Sequence[float] | None) -> No
         young, poisson, density = factors * np.array([*given, kind.density], float)
         lame, shear = lame_constants(young, poisson)
         stress = normal[..., None] * (lame + 2.0 * shear * eye)
-        for total, part in ((volume, share), (mass, density * share), (load, stress.reshape(*share.shape, 9))):
+        for total, part in (
+            (volume, share),
+            (mass, density * share),
+            (load, stress.reshape(*share.shape, 9)),
+        ):
             np.add.at(total, nodes, part)
         modulus = f"Young's modulus with Poisson's ratio {poisson:g}"
         groups.append((kind.name, np.isin(np.arange(n), nodes) & inner, density, modulus, young))
@@ -271,21 +341,36 @@ def check_material(body: PreparedBody, elasticity: Sequence[float] | None) -> No
                 words = f"{ratio * value:.4g} {unit} in the matrices: files of different models suspected"
                 good = not abs(ratio - 1.0) > BOUNDS.material  # unknown constants are not compared
                 body.require(good, item, f"{value:.4g} {unit} of the elements {name}", words)
-    body.passed(f"{body.name}: density of the matrices {inertia[inner].sum() / volume[inner].sum():.4g} kg/m3")
+    body.passed(
+        f"{body.name}: density of the matrices {inertia[inner].sum() / volume[inner].sum():.4g} kg/m3"
+    )
 
 
 def check_lowest(body: PreparedBody, reduced: Body) -> None:
     """Check the lowest natural frequency at each nodal diameter; a failure is a failed comparison."""
     for d, basis in reduced.bases.items():
-        lowest = float(np.sqrt(basis.omega2[basis.omega2 > 0.0].min(initial=np.inf)) / (2.0 * np.pi))
+        lowest = float(
+            np.sqrt(basis.omega2[basis.omega2 > 0.0].min(initial=np.inf)) / (2.0 * np.pi)
+        )
         hint = "units of mass or stiffness off by powers of 10 suspected"
         if np.isfinite(lowest):
             with body.report.comparison():
-                _check_within(body, f"nodal diameter {d}", "a lowest frequency of", BOUNDS.frequency, lowest, "Hz", hint)
+                _check_within(
+                    body,
+                    f"nodal diameter {d}",
+                    "a lowest frequency of",
+                    BOUNDS.frequency,
+                    lowest,
+                    "Hz",
+                    hint,
+                )
 
 
 def check_bodies(
-    bodies: Mapping[str, PreparedBody], n_blades: int, check_units: bool, elasticity: Sequence[float] | None
+    bodies: Mapping[str, PreparedBody],
+    n_blades: int,
+    check_units: bool,
+    elasticity: Sequence[float] | None,
 ) -> None:
     """Check the bodies of an import before their reduction; if ``check_units``, also their sizes and units."""
     check_radial(bodies["blade"], n_blades)

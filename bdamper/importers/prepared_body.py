@@ -30,6 +30,7 @@ from bdamper.util.errors import ModelError, check, mismatch, warn
 
 FaceSet = str | NDArray | tuple[NDArray, ...]
 
+
 @dataclass(frozen=True)
 class Ring:
     """Cyclic structure and the nodal diameters of its model.
@@ -119,12 +120,19 @@ class PreparedBody:
     def __post_init__(self) -> None:
         numbers, nodes = np.asarray(self.raw.numbers), np.asarray(self.raw.nodes, float)
         good = numbers.ndim == 1 and nodes.shape == (len(numbers), 3) and len(numbers) > 0
-        self.require(good, "nodes", "numbers (n,) and positions (n, 3)", f"{numbers.shape}, {nodes.shape}")
+        self.require(
+            good, "nodes", "numbers (n,) and positions (n, 3)", f"{numbers.shape}, {nodes.shape}"
+        )
         self.require(numbers.dtype.kind in "iu", "nodes", "whole node numbers", numbers.dtype)
         bounded = np.abs(nodes) < 1e100  # squares of larger numbers overflow
         self.require(bounded.all(), "nodes", "finite positions", nodes[~bounded][:1])
         unique, count = np.unique(numbers, return_counts=True)
-        self.require(count.max() == 1, "nodes", "each node number once", f"{unique[count.argmax()]} {count.max()} times")
+        self.require(
+            count.max() == 1,
+            "nodes",
+            "each node number once",
+            f"{unique[count.argmax()]} {count.max()} times",
+        )
 
     @property
     def where(self) -> str:
@@ -134,7 +142,11 @@ class PreparedBody:
     @cached_property
     def nodes(self) -> NDArray:
         """Positions (n_nodes, 3) of the nodes, m."""
-        return self.placement.units.length * (self.raw.nodes - self.placement.origin) @ self.placement.rotation.T
+        return (
+            self.placement.units.length
+            * (self.raw.nodes - self.placement.origin)
+            @ self.placement.rotation.T
+        )
 
     def passed(self, text: str) -> None:
         """Add a passed check to the report."""
@@ -178,7 +190,12 @@ class PreparedBody:
             If a number belongs to no node.
         """
         numbers, ascending = np.asarray(numbers), np.asarray(self.raw.numbers)[self._order]
-        self.require(numbers.dtype.kind in "iu", item, "whole node numbers", f"numbers of type {numbers.dtype}")
+        self.require(
+            numbers.dtype.kind in "iu",
+            item,
+            "whole node numbers",
+            f"numbers of type {numbers.dtype}",
+        )
         rank = np.minimum(np.searchsorted(ascending, numbers), len(ascending) - 1)
         for unknown in numbers[ascending[rank] != numbers][:1]:
             raise self.error(item, "numbers of existing nodes", unknown)
@@ -194,8 +211,15 @@ class PreparedBody:
             known = sorted({*self.raw.node_sets, *self.raw.face_sets})
             raise self.error(item, f"a set out of {known}", f"'{nodes}'")
         numbers = np.asarray(nodes)
-        self.require(numbers.dtype.kind != "U", item, "the name of one set, or node numbers", f"{nodes}")
-        self.require(numbers.ndim == 1 and len(numbers) != 0, item, "node numbers (n,)", f"shape {numbers.shape}")
+        self.require(
+            numbers.dtype.kind != "U", item, "the name of one set, or node numbers", f"{nodes}"
+        )
+        self.require(
+            numbers.ndim == 1 and len(numbers) != 0,
+            item,
+            "node numbers (n,)",
+            f"shape {numbers.shape}",
+        )
         return np.unique(self.index(numbers, item))
 
     @cached_property
@@ -206,7 +230,9 @@ class PreparedBody:
     @cached_property
     def kinds(self) -> tuple[ElementKind, ...]:
         """Type and material of each array of :attr:`elements`."""
-        kinds = self.raw.element_kinds or tuple(ElementKind(f"C3D{e.shape[1]}") for e in self.elements)
+        kinds = self.raw.element_kinds or tuple(
+            ElementKind(f"C3D{e.shape[1]}") for e in self.elements
+        )
         n = len(self.elements)
         self.require(len(kinds) == n, "element_kinds", f"one for each of {n} arrays", len(kinds))
         return kinds
@@ -246,9 +272,19 @@ class PreparedBody:
             groups = (np.asarray(faces),)
         else:
             nodes = self.node_set(faces, item)
-            self.require(bool(self.elements), item, "faces, or a set of nodes of a body with elements", "nodes alone")
+            self.require(
+                bool(self.elements),
+                item,
+                "faces, or a set of nodes of a body with elements",
+                "nodes alone",
+            )
             facets = facets_on_nodes(self.boundary, nodes)
-            self.require(len(facets) > 0, item, "nodes that include all nodes of at least one element face", "none")
+            self.require(
+                len(facets) > 0,
+                item,
+                "nodes that include all nodes of at least one element face",
+                "none",
+            )
             return facets
         for group in groups:
             good = group.ndim == 2 and group.shape[1] in (3, 4, 6, 8) and len(group) > 0
@@ -272,13 +308,23 @@ class PreparedBody:
         """
         if isinstance(location, int | np.integer) and not isinstance(location, bool):
             return int(self.index(np.array([location]), item)[0])
-        position = validation.numbers(f"{item}, a node number or a position", location, 3) - self.placement.origin
+        position = (
+            validation.numbers(f"{item}, a node number or a position", location, 3)
+            - self.placement.origin
+        )
         position = self.placement.units.length * self.placement.rotation @ position
         distance = np.linalg.norm(self.nodes - position, axis=1)
         nearest = int(distance.argmin())
         off = distance[nearest]
-        self.require(off <= 0.1 * self.size, item, "a position on the body", f"{off:.4g} m from the nearest node")
-        self.passed(f"{item}: node {self.raw.numbers[nearest]}, {off:.2g} m from the given position")
+        self.require(
+            off <= 0.1 * self.size,
+            item,
+            "a position on the body",
+            f"{off:.4g} m from the nearest node",
+        )
+        self.passed(
+            f"{item}: node {self.raw.numbers[nearest]}, {off:.2g} m from the given position"
+        )
         return nearest
 
     def damper_axes(self, centre: NDArray) -> NDArray:
@@ -299,7 +345,9 @@ class PreparedBody:
     def check_repeated(self) -> None:
         """Raise ModelError if two nodes of elements coincide, which usually means that a mesh was not merged."""
         used = self.used
-        pairs = cKDTree(self.nodes[used]).query_pairs(BOUNDS.same_place * max(self.size, 1e-30), output_type="ndarray")
+        pairs = cKDTree(self.nodes[used]).query_pairs(
+            BOUNDS.same_place * max(self.size, 1e-30), output_type="ndarray"
+        )
         for a, b in self.raw.numbers[used[pairs[:1]]]:
             found = f"nodes {a} and {b} at the same position, one of {len(pairs)} such pairs; merge the mesh"
             raise self.error("nodes", "each position once", found)
@@ -314,7 +362,11 @@ class PreparedBody:
     @property
     def faster(self) -> PreparedBody | None:
         """Same body at the higher of two rotor speeds, with a separate report, or None for a single speed."""
-        return None if self.raw.faster is None else PreparedBody(self.name, self.raw.faster, self.placement)
+        return (
+            None
+            if self.raw.faster is None
+            else PreparedBody(self.name, self.raw.faster, self.placement)
+        )
 
     @cached_property
     def _table(self) -> tuple[NDArray, NDArray]:
@@ -330,7 +382,11 @@ class PreparedBody:
         good = dofs.shape == (n_eq, 2) and dofs.dtype.kind in "iu"
         self.require(good, item, f"whole numbers ({n_eq}, 2)", f"{dofs.shape}")
         for node, component in dofs[(dofs[:, 1] < 1) | (dofs[:, 1] > 3)][:1]:
-            raise self.error(item, "displacements only (components 1, 2, 3)", f"component {component} of node {node}")
+            raise self.error(
+                item,
+                "displacements only (components 1, 2, 3)",
+                f"component {component} of node {node}",
+            )
         rows = 3 * self.index(dofs[:, 0], item) + dofs[:, 1] - 1
         values, count = np.unique(rows, return_counts=True)
         node, component = divmod(int(values[count.argmax()]), 3)
@@ -360,7 +416,12 @@ class PreparedBody:
             raise mismatch(item, "a symmetric matrix (both triangles)", found)
         diagonal = matrix.diagonal()
         k = int(diagonal.argmin())
-        check(diagonal[k] >= 0.0, item, "a diagonal without negative numbers", f"{diagonal[k]:.6g} in row {k + 1}")
+        check(
+            diagonal[k] >= 0.0,
+            item,
+            "a diagonal without negative numbers",
+            f"{diagonal[k]:.6g} in row {k + 1}",
+        )
         n = 3 * len(self.nodes)
         pick = sp.csr_matrix((np.ones(n_eq), (rows, np.arange(n_eq))), shape=(n, n_eq))
         full = (pick @ (0.5 * (matrix + matrix.T)) @ pick.T).tocsr()
@@ -379,7 +440,12 @@ class PreparedBody:
         for number, axes in self.raw.node_axes.items():
             axes = np.asarray(axes, float)
             good = axes.shape == (3, 3) and np.abs(axes @ axes.T - np.eye(3)).max() <= BOUNDS.axes
-            self.require(good, f"axes of node {number}", "three rows at right angles, of length 1", axes.tolist())
+            self.require(
+                good,
+                f"axes of node {number}",
+                "three rows at right angles, of length 1",
+                axes.tolist(),
+            )
             blocks[self.index(np.array([number]), "axes of nodes")] = q @ axes.T
         n = len(blocks)
         return sp.bsr_matrix((blocks, np.arange(n), np.arange(n + 1)), shape=(3 * n, 3 * n)).tocsr()

@@ -52,20 +52,34 @@ def stress_rows(
     from bdamper.fem.element_stress import StressRows, near_patches
 
     validation.check(
-        body.has_matrices, "stress", "a blade with its matrices", "modes alone; give StressSet arrays instead"
+        body.has_matrices,
+        "stress",
+        "a blade with its matrices",
+        "modes alone; give StressSet arrays instead",
     )
-    named = sets if isinstance(sets, Mapping) else {sets if isinstance(sets, str) else "stress": sets}
+    named = (
+        sets if isinstance(sets, Mapping) else {sets if isinstance(sets, str) else "stress": sets}
+    )
     faces = [
         Patches(face.points @ back.T, face.frame @ back.T, np.sqrt(face.area)[:, None] * [1.0, 1.0])
         for face, side in ((laid.interfaces[name], side) for name, side in laid.ports[body.name])
-        for back in [turn(-2.0 * np.pi / ring.faces.n_sectors * (face.sector_a if side == "a" else face.sector_b))]
+        for back in [
+            turn(
+                -2.0
+                * np.pi
+                / ring.faces.n_sectors
+                * (face.sector_a if side == "a" else face.sector_b)
+            )
+        ]
     ]
     out = []
     for name, members in named.items():
         item = f"stress '{name}'"
         nodes = _away_from_cuts(body, body.node_set(members, item), ring, item)
         solids = _solids(body, nodes, sector.elasticity, item)
-        near = near_patches(body.nodes[nodes], *faces) | np.isin(nodes, laid.rows[body.name].indices // 3)
+        near = near_patches(body.nodes[nodes], *faces) | np.isin(
+            nodes, laid.rows[body.name].indices // 3
+        )
         with body.refusing(item, "elements with volume and all nodes between corners"):
             out.append(StressRows(name, solids, body.nodes, nodes, near))
         body.passed(f"{item}: {len(nodes)} nodes, {int(near.sum())} of them next to a contact face")
@@ -75,16 +89,24 @@ def stress_rows(
 def _away_from_cuts(body: PreparedBody, nodes: NDArray, ring: Ring, item: str) -> NDArray:
     """Return the nodes that are not on the sector faces, where elements of other sectors contribute to the stress."""
     inner = nodes[~np.isin(nodes, ring.faces.nodes)]
-    body.require(len(inner) > 0, item, "nodes away from the faces at which the sector repeats", "none")
+    body.require(
+        len(inner) > 0, item, "nodes away from the faces at which the sector repeats", "none"
+    )
     if len(inner) < len(nodes):
-        body.report.missing.append(f"{item}: {len(nodes) - len(inner)} nodes on the sector faces are left out")
+        body.report.missing.append(
+            f"{item}: {len(nodes) - len(inner)} nodes on the sector faces are left out"
+        )
     loose = np.setdiff1d(inner, body.used if body.elements else np.empty(0, int))
     if len(loose):
-        raise body.error(item, "nodes of solid elements", f"node {body.raw.numbers[loose[0]]} without any")
+        raise body.error(
+            item, "nodes of solid elements", f"node {body.raw.numbers[loose[0]]} without any"
+        )
     return inner
 
 
-def _solids(body: PreparedBody, nodes: NDArray, constants: Sequence[float] | None, item: str) -> tuple[Solids, ...]:
+def _solids(
+    body: PreparedBody, nodes: NDArray, constants: Sequence[float] | None, item: str
+) -> tuple[Solids, ...]:
     """Return the elements at nodes, with elastic constants in SI units."""
     from bdamper.fem.element_stress import Solids
 
@@ -92,7 +114,9 @@ def _solids(body: PreparedBody, nodes: NDArray, constants: Sequence[float] | Non
     for kind, elements in zip(body.kinds, body.elements):
         if not np.isin(elements, nodes).any():
             continue
-        young, poisson = constants if constants is not None else (kind.youngs_modulus, kind.poisson_ratio)
+        young, poisson = (
+            constants if constants is not None else (kind.youngs_modulus, kind.poisson_ratio)
+        )
         if young is None or poisson is None:
             expected = "elastic constants in the file, or Sector(elasticity=(modulus, Poisson's ratio)) in its units"
             raise body.error(f"{item}, elements {kind.name}", expected, "neither")

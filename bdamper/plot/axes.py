@@ -32,7 +32,14 @@ from matplotlib.axes import Axes
 from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.figure import Figure
 from matplotlib.text import Text
-from matplotlib.ticker import AutoLocator, FuncFormatter, Locator, LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import (
+    AutoLocator,
+    FuncFormatter,
+    Locator,
+    LogLocator,
+    MaxNLocator,
+    NullFormatter,
+)
 from matplotlib.transforms import ScaledTranslation, blended_transform_factory
 from numpy.typing import NDArray
 
@@ -54,7 +61,12 @@ STYLES = ("-", "-.", (0, (6, 1, 1, 1, 1, 1)), (0, (10, 2)), (0, (1, 0.6)), (0, (
 """Line styles that are distinct in grey print; plain dashed and dotted lines have other meanings."""
 DASHED = (0, (3, 1.5))
 """Line style of unstable solutions."""
-SUBS = {12.0: (1.0, 1.5, 2.0, 3.0, 5.0, 7.0), 100.0: (1.0, 2.0, 5.0), 1e4: (1.0, 3.0), np.inf: (1.0,)}
+SUBS = {
+    12.0: (1.0, 1.5, 2.0, 3.0, 5.0, 7.0),
+    100.0: (1.0, 2.0, 5.0),
+    1e4: (1.0, 3.0),
+    np.inf: (1.0,),
+}
 """Multiples of powers of ten at the ticks of a logarithmic axis, by the largest ratio of its ends."""
 COLUMN, SMALL = 3.35, 6.5
 """Width of a plot (inches) and the font size of names within it (points)."""
@@ -69,7 +81,9 @@ LIMITS: dict[str, dict[str, Any]] = {
 
 def broken(branch: NDArray, *columns: NDArray) -> list[NDArray]:
     """Return columns of numbers with a NaN between branches, so that no line connects these."""
-    return [np.insert(column, np.flatnonzero(np.diff(branch)) + 1, np.nan, axis=0) for column in columns]
+    return [
+        np.insert(column, np.flatnonzero(np.diff(branch)) + 1, np.nan, axis=0) for column in columns
+    ]
 
 
 class Picture(Figure):
@@ -81,11 +95,15 @@ class Picture(Figure):
         raise NotImplementedError  # displayed like every other figure
 
 
-def new_axes(width: float = COLUMN, height: float = 2.4, rows: int = 1, columns: int = 1, **options: Any) -> Any:
+def new_axes(
+    width: float = COLUMN, height: float = 2.4, rows: int = 1, columns: int = 1, **options: Any
+) -> Any:
     """Return empty axes (size of the figure in inches), or an array of axes; axes below each other share the x axis."""
     options = {"sharex": columns == 1, **options}
     with plt.rc_context(STYLE):
-        return plt.subplots(rows, columns, figsize=(width, height), FigureClass=Picture, **options)[1]
+        return plt.subplots(rows, columns, figsize=(width, height), FigureClass=Picture, **options)[
+            1
+        ]
 
 
 @contextmanager
@@ -108,13 +126,23 @@ def drawing(
         Result whose headline fills a frame without data.
     """
     with plt.rc_context(STYLE):
-        given = ax.axes[:rows] if isinstance(ax, Figure) else new_axes(*size, rows) if ax is None else ax
+        given = (
+            ax.axes[:rows]
+            if isinstance(ax, Figure)
+            else new_axes(*size, rows)
+            if ax is None
+            else ax
+        )
         axes = np.ravel(np.asarray(given, object))
         figure: Any = getattr(axes[0], "figure", None)
-        outer = not getattr(figure, "unfinished", False)  # whether no other plot draws into this figure at present
+        outer = not getattr(
+            figure, "unfinished", False
+        )  # whether no other plot draws into this figure at present
         if len(axes) != rows or not all(isinstance(each, Axes) for each in axes):
             raise validation.invalid(
-                "ax", f"{('one', 'two', 'three')[rows - 1]} axes", [type(each).__name__ for each in axes]
+                "ax",
+                f"{('one', 'two', 'three')[rows - 1]} axes",
+                [type(each).__name__ for each in axes],
             )
         figure.unfinished = True
         try:
@@ -131,7 +159,11 @@ def drawing(
             legend_beside(axes[-1], legend, *legend_entries(axes))
         for each in axes:
             known = np.isfinite(each.dataLim.get_points()).all()
-            if shown is not None and not known and "note" not in [text.get_gid() for text in each.texts]:
+            if (
+                shown is not None
+                and not known
+                and "note" not in [text.get_gid() for text in each.texts]
+            ):
                 note(each, shown._headline(), empty=True)
         if outer:
             finish(figure)
@@ -168,7 +200,11 @@ def _break_texts(ax: Axes) -> bool:
     room = 2.0 * min(middle, width - middle) - 0.02 * width
     sizes = [text.get_window_extent() for text in (ax.title, *labels)]
     excess = (sizes[0].width / room, sizes[1].width / room, sizes[2].height / box.height)
-    long = [(text, k) for text, k in zip((ax.title, *labels), excess) if k > 1.0 and "\n" not in text.get_text()]
+    long = [
+        (text, k)
+        for text, k in zip((ax.title, *labels), excess)
+        if k > 1.0 and "\n" not in text.get_text()
+    ]
     for text, k in long:
         text.set_text(wrapped(text.get_text(), len(text.get_text()) // int(np.ceil(k)) + 4))
     return bool(long)
@@ -204,6 +240,7 @@ def picture(
 
 # ---- Texts within the axes ----
 
+
 def legend_entries(axes: Sequence[Axes] | NDArray) -> tuple[list[Any], list[str]]:
     """Return the artists with a label in all axes, and their labels, each label once."""
     entries: dict[str, Any] = {}
@@ -213,7 +250,9 @@ def legend_entries(axes: Sequence[Axes] | NDArray) -> tuple[list[Any], list[str]
     return list(entries.values()), list(entries)
 
 
-def legend_beside(ax: Axes, size: float = SMALL, handles: Sequence[Any] = (), labels: Sequence[str] = ()) -> None:
+def legend_beside(
+    ax: Axes, size: float = SMALL, handles: Sequence[Any] = (), labels: Sequence[str] = ()
+) -> None:
     """Add a legend below the axes, in as many columns as fit.
 
     Parameters
@@ -232,7 +271,9 @@ def legend_beside(ax: Axes, size: float = SMALL, handles: Sequence[Any] = (), la
     longest = max(len(line) for name in labels for line in str(name).split("\n"))
     width = 0.55 * size * (longest + 8) * ax.figure.dpi / 72.0
     columns = max(1, min(len(labels), int(ax.figure.bbox.width / width)))
-    legend = ax.legend(handles, labels, fontsize=size, ncols=columns, loc="upper center", columnspacing=1.2)
+    legend = ax.legend(
+        handles, labels, fontsize=size, ncols=columns, loc="upper center", columnspacing=1.2
+    )
     legend.set_gid("below")
     _move_legend(ax, 0.36)  # about the height of numbers and label
 
@@ -246,7 +287,9 @@ def _move_legend(ax: Axes, margin: float | None = None) -> None:
         box = ax.xaxis.get_tightbbox()
         margin = 0.02 + (0.0 if box is None else max(0.0, ax.bbox.y0 - box.y0) / ax.figure.dpi)
     below = ax.transAxes + ScaledTranslation(0.0, -margin, ax.figure.dpi_scale_trans)
-    if (place := ax.get_subplotspec()) is None or place.get_gridspec().ncols == 1:  # in the middle of the figure
+    if (
+        place := ax.get_subplotspec()
+    ) is None or place.get_gridspec().ncols == 1:  # in the middle of the figure
         below = blended_transform_factory(ax.figure.transFigure, below)
     legend.set_bbox_to_anchor((0.5, 0.0), below)
 
@@ -254,8 +297,14 @@ def _move_legend(ax: Axes, margin: float | None = None) -> None:
 def note(ax: Axes, text: str, height: float = 0.5, *, empty: bool = False) -> None:
     """Write a sentence into a frame, for results that were not found; an empty frame has no numbers."""
     if empty:
-        ax.set(yticks=[], **{} if len(ax.get_shared_x_axes().get_siblings(ax)) > 1 else {"xticks": []})
-    look: dict[str, Any] = {"fontsize": SMALL, "ha": "center", "va": "center" if height == 0.5 else "bottom"}
+        ax.set(
+            yticks=[], **{} if len(ax.get_shared_x_axes().get_siblings(ax)) > 1 else {"xticks": []}
+        )
+    look: dict[str, Any] = {
+        "fontsize": SMALL,
+        "ha": "center",
+        "va": "center" if height == 0.5 else "bottom",
+    }
     ax.text(0.5, height, wrapped(text, 44), transform=ax.transAxes, bbox={"facecolor": "w", "edgecolor": "0.6"}, zorder=9.0,
             gid="note", **look)  # fmt: skip
 
@@ -285,35 +334,54 @@ def place_names(ax: Axes) -> None:
     points, radius = drawn[:, :2], drawn[:, 2:]
     sides = [(0, 1), (1, 1), (-1, 1), (1, 0), (-1, 0), (0, -1), (1, -1), (-1, -1)]
     for text in names:
+
         def cost(place: Any, text: Any = text) -> float:
             distance, (right, up) = place
             text.set(position=(distance * right, distance * up), ha=("center", "left", "right")[right],
                      va=("center", "bottom", "top")[up])  # fmt: skip
             box = Text.get_window_extent(text).padded(1.0)  # without its line
             inside = (points + radius >= box.min) & (points - radius <= box.max)
-            outside = np.maximum([np.subtract(ax.bbox.min, box.min), np.subtract(box.max, ax.bbox.max)], 0.0)
+            outside = np.maximum(
+                [np.subtract(ax.bbox.min, box.min), np.subtract(box.max, ax.bbox.max)], 0.0
+            )
             overlaps = sum(box.overlaps(other) for other in taken)
-            covered = np.where(radius[:, 0] > 0.0, 40.0, 4.0)[inside.all(axis=1)].sum()  # markers count more than lines
+            covered = np.where(radius[:, 0] > 0.0, 40.0, 4.0)[
+                inside.all(axis=1)
+            ].sum()  # markers count more than lines
             return float(100.0 * overlaps + 10.0 * outside.sum() + covered + 0.5 * distance)
 
-        cost(min(((distance, side) for distance in (3, 8, 14, 22, 34, 50) for side in sides), key=cost))
+        cost(
+            min(
+                ((distance, side) for distance in (3, 8, 14, 22, 34, 50) for side in sides),
+                key=cost,
+            )
+        )
         taken.append(Text.get_window_extent(text))
 
 
 def _on_screen(line: Any) -> NDArray:
     """Return points (n, 2) in pixels along a line, a few pixels apart, and at its markers, with the radius of these."""
-    at = line.get_transform().transform(np.column_stack([np.ravel(x) for x in line.get_data(orig=False)]))
+    at = line.get_transform().transform(
+        np.column_stack([np.ravel(x) for x in line.get_data(orig=False)])
+    )
     at = at[np.isfinite(at).all(axis=1)]
-    radius = 0.5 * line.get_markersize() * line.figure.dpi / 72.0 if line.get_marker() not in ("", "None", None) else 0.0
+    radius = (
+        0.5 * line.get_markersize() * line.figure.dpi / 72.0
+        if line.get_marker() not in ("", "None", None)
+        else 0.0
+    )
     marks = np.column_stack([at, np.full(len(at), radius)])
     if len(at) < 2 or line.get_linestyle() == "None":
         return marks
     length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(at, axis=0).T))])
     along = np.arange(0.0, length[-1], 4.0)
-    return np.concatenate([marks, np.column_stack([*(np.interp(along, length, c) for c in at.T), 0.0 * along])])
+    return np.concatenate(
+        [marks, np.column_stack([*(np.interp(along, length, c) for c in at.T), 0.0 * along])]
+    )
 
 
 # ---- Units and numbers ----
+
 
 def fit_units(ax: Axes) -> None:
     """Scale the numbers and labels of axes to a fitting unit prefix, such as µm; simplify the ticks of logarithmic axes."""
@@ -333,12 +401,16 @@ def fit_units(ax: Axes) -> None:
             axis.label.set_gid(base)  # the unit of the data, for the next call
             axis.set_label_text(f"{name} ({prefix.strip()}{base})")
         if isinstance(axis.get_major_locator(), AutoLocator):
-            axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))  # so that long numbers do not touch
+            axis.set_major_locator(
+                MaxNLocator(5, steps=[1, 2, 2.5, 5, 10])
+            )  # so that long numbers do not touch
         if log:
             axis.set_major_locator(logarithmic(low, high))
             axis.set_minor_formatter(NullFormatter())
         if log or scale != 1.0:
-            axis.set_major_formatter(FuncFormatter(lambda value, _, scale=scale: plain_number(value / scale)))
+            axis.set_major_formatter(
+                FuncFormatter(lambda value, _, scale=scale: plain_number(value / scale))
+            )
 
 
 def logarithmic(low: float, high: float) -> Locator:
@@ -358,7 +430,9 @@ def plain_number(value: float) -> str:
     return np.format_float_positional(float(f"{value:.6g}"), trim="-").replace("-", MINUS)
 
 
-def save_figure(target: Axes | Figure | Sequence[Axes] | NDArray, path: FilePath | io.BytesIO, **options: Any) -> None:
+def save_figure(
+    target: Axes | Figure | Sequence[Axes] | NDArray, path: FilePath | io.BytesIO, **options: Any
+) -> None:
     """Save a figure, or the figure of axes, to a file, and close it; ``options`` are passed to ``Figure.savefig``."""
     first = np.ravel(np.asarray(target, object))[0]
     figure = first if isinstance(first, Figure) else first.figure
@@ -368,10 +442,14 @@ def save_figure(target: Axes | Figure | Sequence[Axes] | NDArray, path: FilePath
 
 
 @register_plot(Plottable, "figure")
-def figure_of(shown: Plottable, kind: str, path: FilePath | None = None, *arguments: Any, **options: Any) -> Figure:
+def figure_of(
+    shown: Plottable, kind: str, path: FilePath | None = None, *arguments: Any, **options: Any
+) -> Figure:
     """Draw an object, and save the figure if there is a path, which also closes its window."""
     if path is not None:
-        ending = Path(validation.instance("path", path, (str, PathLike), "the name of a file")).suffix.lstrip(".")
+        ending = Path(
+            validation.instance("path", path, (str, PathLike), "the name of a file")
+        ).suffix.lstrip(".")
         validation.choice("ending of the path", ending, sorted(FigureCanvasBase.filetypes))
     drawn = np.ravel(np.asarray(draw(shown, kind, *arguments, **options), object))[0]
     if path is not None:
@@ -395,7 +473,12 @@ def colours(n: int) -> NDArray:
 def looks(n: int) -> list[dict[str, Any]]:
     """Return colour, line style and marker for each of n curves, distinct in grey print."""
     return [
-        {"color": colour, "linestyle": STYLES[i % len(STYLES)], "marker": MARKERS[i % len(MARKERS)], "markersize": 3.5}
+        {
+            "color": colour,
+            "linestyle": STYLES[i % len(STYLES)],
+            "marker": MARKERS[i % len(MARKERS)],
+            "markersize": 3.5,
+        }
         for i, colour in enumerate(colours(n))
     ]
 
@@ -425,7 +508,9 @@ def highest_on(grid: NDArray, x: NDArray, y: NDArray, branch: NDArray) -> tuple[
     return best, count
 
 
-def limit_line(ax: Axes, name: str, x: Sequence[float] | NDArray, y: Sequence[float] | NDArray, at: float) -> None:
+def limit_line(
+    ax: Axes, name: str, x: Sequence[float] | NDArray, y: Sequence[float] | NDArray, at: float
+) -> None:
     """Draw a limit as a thin line with its name above the known point nearest to ``at``."""
     look = LIMITS.get(name, LIMITS["stuck"])
     ax.plot(x, y, **look)
@@ -440,8 +525,22 @@ def once(ax: Axes, name: str) -> str | None:
     return None if name in ax.get_legend_handles_labels()[1] else name
 
 
-def lost(ax: Axes, places: Sequence[float | str] | NDArray, colour: str | NDArray, name: str, size: float = 5.0) -> None:
+def lost(
+    ax: Axes,
+    places: Sequence[float | str] | NDArray,
+    colour: str | NDArray,
+    name: str,
+    size: float = 5.0,
+) -> None:
     """Draw crosses at the lower edge of the axes, at points without a value."""
     if len(places):
         height, across = np.full(np.shape(places), 0.03), ax.get_xaxis_transform()
-        ax.plot(places, height, "x", color=colour, markersize=size, transform=across, label=once(ax, name))
+        ax.plot(
+            places,
+            height,
+            "x",
+            color=colour,
+            markersize=size,
+            transform=across,
+            label=once(ax, name),
+        )

@@ -31,14 +31,21 @@ from bdamper.util.storage import file_errors
 
 # ---- Export ----
 
-def shown_shapes(model: Model, body: str | None, nodal_diameter: int | None, purpose: str) -> tuple[str, int]:
+
+def shown_shapes(
+    model: Model, body: str | None, nodal_diameter: int | None, purpose: str
+) -> tuple[str, int]:
     """Return the body and the nodal diameter of the shapes to show: the given ones, or the first with shapes."""
     bodies = [name for name, mesh in model.meshes.items() if mesh.modes]
     if not bodies:
-        raise SettingError(f"{purpose}: needs mode shapes on the mesh of a body, and the model has none")
+        raise SettingError(
+            f"{purpose}: needs mode shapes on the mesh of a body, and the model has none"
+        )
     body = bodies[0] if body is None else body
     if body not in bodies:
-        raise SettingError(f"{purpose}: expected a body with mode shapes on its mesh out of {bodies}, found {body!r}")
+        raise SettingError(
+            f"{purpose}: expected a body with mode shapes on its mesh out of {bodies}, found {body!r}"
+        )
     modes = model.meshes[body].modes
     d = next(iter(modes)) if nodal_diameter is None else nodal_diameter
     validation.check(d in modes, purpose, f"a nodal diameter out of {sorted(modes)}", d)
@@ -46,7 +53,10 @@ def shown_shapes(model: Model, body: str | None, nodal_diameter: int | None, pur
 
 
 def export_modes(
-    model: Model, path: str | PathLike[str], body: str | None = None, nodal_diameter: int | None = None
+    model: Model,
+    path: str | PathLike[str],
+    body: str | None = None,
+    nodal_diameter: int | None = None,
 ) -> Path:
     """Write the mode shapes on the surface of a body, one pair of vector fields (real, imaginary) for each mode.
 
@@ -77,7 +87,9 @@ def export_modes(
     return _write(path, mesh.points, mesh.quads, fields)
 
 
-def _write(path: str | PathLike[str], points: NDArray, quads: NDArray, fields: dict[str, NDArray]) -> Path:
+def _write(
+    path: str | PathLike[str], points: NDArray, quads: NDArray, fields: dict[str, NDArray]
+) -> Path:
     """Write vector fields on a surface; "real" or "imaginary" replaces ``{}`` in a name."""
     meshio = import_extra("meshio", "export to VTU", "viz")
     data = {
@@ -91,7 +103,9 @@ def _write(path: str | PathLike[str], points: NDArray, quads: NDArray, fields: d
 
 
 @asked
-def export_response(problem: Problem, unknowns: NDArray, folder: str | PathLike[str], name: str = "response") -> list[Path]:
+def export_response(
+    problem: Problem, unknowns: NDArray, folder: str | PathLike[str], name: str = "response"
+) -> list[Path]:
     """Write the motion of every body with a surface: mean displacement, real and imaginary part of the vibration.
 
     The mean is left out if the mesh has no mode shapes of nodal diameter 0.
@@ -119,7 +133,10 @@ def export_response(problem: Problem, unknowns: NDArray, folder: str | PathLike[
     out = []
     for body, motion in surface_motion(problem, unknowns).items():
         mean = {"mean displacement, m": motion.mean} if np.isfinite(motion.mean).all() else {}
-        fields, quads = mean | {"vibration, {}, m": motion.amplitude}, problem.model.meshes[body].quads
+        fields, quads = (
+            mean | {"vibration, {}, m": motion.amplitude},
+            problem.model.meshes[body].quads,
+        )
         out.append(_write(Path(folder) / f"{name}_{body}.vtu", motion.points, quads, fields))
     return out
 
@@ -142,15 +159,22 @@ def plot_surfaces(surfaces: Sequence[Surface], ax: Axes | None = None, *, title:
         The surfaces cover everything that earlier calls have drawn in these axes.
     title : str
     """
-    top = max((float(np.max(v)) for _, _, v in surfaces if isinstance(v, np.ndarray)), default=1.0) or 1.0
+    top = (
+        max((float(np.max(v)) for _, _, v in surfaces if isinstance(v, np.ndarray)), default=1.0)
+        or 1.0
+    )
     corners, shades = [], []
     for points, quads, colour in surfaces:
         corners.append(seen(points)[quads])
         if isinstance(colour, np.ndarray):
             shades.append(plt.get_cmap("viridis")(colour[quads].mean(axis=1) / top))
             continue
-        normal = np.cross(corners[-1][:, 2] - corners[-1][:, 0], corners[-1][:, 3] - corners[-1][:, 1])
-        light = 0.7 + 0.3 * np.abs(normal @ [-0.3, 0.8, 0.5]) / np.maximum(np.linalg.norm(normal, axis=1), 1e-300)
+        normal = np.cross(
+            corners[-1][:, 2] - corners[-1][:, 0], corners[-1][:, 3] - corners[-1][:, 1]
+        )
+        light = 0.7 + 0.3 * np.abs(normal @ [-0.3, 0.8, 0.5]) / np.maximum(
+            np.linalg.norm(normal, axis=1), 1e-300
+        )
         shades.append(to_rgba(colour) * np.column_stack([light, light, light, np.ones(len(light))]))
     corner, shade = np.concatenate(corners), np.concatenate(shades)
     order = np.argsort(corner[..., 2].mean(axis=1))
@@ -158,7 +182,11 @@ def plot_surfaces(surfaces: Sequence[Surface], ax: Axes | None = None, *, title:
     with plt.rc_context(STYLE):
         ax = new_axes(height=3.2) if ax is None else ax
         look = {"edgecolors": "0.35", "linewidths": 0.15}
-        ax.add_collection(PolyCollection(list(corner[order, :, :2]), facecolors=shade[order], rasterized=True, **look))  # type: ignore[arg-type]
+        ax.add_collection(
+            PolyCollection(
+                list(corner[order, :, :2]), facecolors=shade[order], rasterized=True, **look
+            )
+        )  # type: ignore[arg-type]
         if new:
             ax.autoscale_view()
             ax.set(aspect="equal", title=title)
@@ -183,9 +211,21 @@ def _scale(ax: Axes) -> None:
     decade = 10.0 ** np.floor(np.log10(0.3 * size))
     length, y = decade * max(m for m in (1, 2, 5) if m * decade <= 0.3 * size), low - 0.06 * size
     ax.plot([left, left + length], [y, y], color="k", linewidth=1.5, solid_capstyle="butt")
-    ax.annotate(f"{length:g} mm", (left, y), xytext=(0, -3), textcoords="offset points", va="top", fontsize=SMALL)
+    ax.annotate(
+        f"{length:g} mm",
+        (left, y),
+        xytext=(0, -3),
+        textcoords="offset points",
+        va="top",
+        fontsize=SMALL,
+    )
     for name, direction in zip("XYZ", VIEW[:2].T):
-        look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": SMALL, "annotation_clip": False}
+        look: dict[str, Any] = {
+            "ha": "center",
+            "va": "center",
+            "fontsize": SMALL,
+            "annotation_clip": False,
+        }
         ax.annotate(name, (left + length + 0.15 * size, y), xytext=20.0 * direction, textcoords="offset points",
                     arrowprops={"arrowstyle": "-", "shrinkB": 0.0}, **look)  # fmt: skip
 
@@ -202,12 +242,16 @@ def plot_model(model: Model) -> Axes:
         mesh, kind = model.meshes[name], model.bodies[name].kind
         kinds[kind == "free"].append((mesh.points @ rotation.T, mesh.quads, TINT[kind]))
         named[name] = Patch(facecolor=TINT[kind], edgecolor="0.35", linewidth=0.5, label=name)
-    validation.check(kinds[False] or kinds[True], "plot of a model", "at least one body with a mesh", "none")
+    validation.check(
+        kinds[False] or kinds[True], "plot of a model", "at least one body with a mesh", "none"
+    )
     points = [seen(face.points)[:, :2] for face in model.interfaces.values()]
     corners = np.concatenate([seen(surface[0])[:, :2] for surface in (*kinds[False], *kinds[True])])
     low, high = (f(np.concatenate(points or [corners]), axis=0) for f in (np.min, np.max))
     near = bool(points) and (high - low).max() < 0.35 * np.ptp(corners, axis=0).max()
-    both = np.ravel(new_axes(height=3.2, columns=2 if near else 1, width_ratios=(1.0, 1.4) if near else None))
+    both = np.ravel(
+        new_axes(height=3.2, columns=2 if near else 1, width_ratios=(1.0, 1.4) if near else None)
+    )
     with plt.rc_context(STYLE):
         for ax in both:
             plot_surfaces([*kinds[False], *kinds[True]], ax=ax)
@@ -221,7 +265,9 @@ def plot_model(model: Model) -> Axes:
             both[-1].plot(*face.T, **{**look, "linestyle": ""}, label=f"contact {name}")
         if near:
             middle, half = 0.5 * (low + high), 0.65 * (high - low).max()
-            both[-1].set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - half, middle[1] + half))
+            both[-1].set(
+                xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - half, middle[1] + half)
+            )
             both[-1].set_title("contacts, enlarged")
         figure = both[0].figure
         handles = [*named.values(), *both[-1].get_legend_handles_labels()[0]]
@@ -231,7 +277,9 @@ def plot_model(model: Model) -> Axes:
 
 
 @register_plot(Model, "plot_mode")
-def plot_mode(model: Model, mode: int = 1, *, body: str | None = None, nodal_diameter: int | None = None) -> Axes:
+def plot_mode(
+    model: Model, mode: int = 1, *, body: str | None = None, nodal_diameter: int | None = None
+) -> Axes:
     """Plot a mode of a constrained body: deformed shape, coloured by the amplitude.
 
     Parameters
@@ -262,7 +310,9 @@ def plot_mode(model: Model, mode: int = 1, *, body: str | None = None, nodal_dia
         if name == body:
             wave = np.exp(2j * np.pi * d * sector / model.n_blades)
             deformed = mesh.points + scale * (shape * wave).real
-            surfaces.append((deformed @ rotation.T, mesh.quads, np.linalg.norm(np.abs(shape), axis=1)))
+            surfaces.append(
+                (deformed @ rotation.T, mesh.quads, np.linalg.norm(np.abs(shape), axis=1))
+            )
     frequency = float(np.sqrt(model.bodies[body].bases[d].omega2[mode - 1])) / (2.0 * np.pi)
     return plot_surfaces(surfaces, title=f"mode {mode}, nodal diameter {d}: {frequency:.1f} Hz")
 

@@ -19,7 +19,18 @@ from bdamper.contact.preload_state import PreloadState
 from bdamper.harmonic_balance.checks import Asking, check_result, problem_of
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.model.structure import Model
-from bdamper.plot.axes import COLUMN, NEW, SMALL, STYLE, drawing, finish, legend_beside, looks, new_axes, picture
+from bdamper.plot.axes import (
+    COLUMN,
+    NEW,
+    SMALL,
+    STYLE,
+    drawing,
+    finish,
+    legend_beside,
+    looks,
+    new_axes,
+    picture,
+)
 from bdamper.plot.motion import PLAIN, STATES, ContactStatus, contact_status
 from bdamper.plot.studies import draw_table
 from bdamper.response.highest_peak import highest_peak
@@ -41,7 +52,12 @@ EDGE: dict[str, Any] = {"edgecolor": "0.2", "linewidth": 0.4}
 
 
 def plot_status_bars(
-    status: ContactStatus, points: Sequence[int], ax: Axes | None = None, *, direction: int = 0, title: str = ""
+    status: ContactStatus,
+    points: Sequence[int],
+    ax: Axes | None = None,
+    *,
+    direction: int = 0,
+    title: str = "",
 ) -> Axes:
     """Plot the state of contact points over one period as bars, as in Fig. 16 of the paper.
 
@@ -61,9 +77,20 @@ def plot_status_bars(
     with drawing(ax, size=(COLUMN, 0.8 + 0.22 * len(points)), title=title) as ax:
         for row, point in enumerate(points):
             for start, end, state in status.parts[point][direction]:
-                left = np.array([start, start - period]) / period  # a part may continue past the end of the period
-                ax.barh(row, (end - start) / period, left=left, height=0.62, color=STATUS_COLOURS[state], **EDGE)
-        names = [f"{status.interface[p]} {p - status.rows(status.interface[p])[0] + 1}" for p in points]
+                left = (
+                    np.array([start, start - period]) / period
+                )  # a part may continue past the end of the period
+                ax.barh(
+                    row,
+                    (end - start) / period,
+                    left=left,
+                    height=0.62,
+                    color=STATUS_COLOURS[state],
+                    **EDGE,
+                )
+        names = [
+            f"{status.interface[p]} {p - status.rows(status.interface[p])[0] + 1}" for p in points
+        ]
         ax.set_yticks(range(len(points)), names)
         ax.invert_yaxis()
         ax.set(xlim=(0.0, 1.0), xlabel="Time (periods)")
@@ -85,20 +112,29 @@ def face_coordinates(points: NDArray, frame: NDArray) -> tuple[NDArray, NDArray,
     spacings."""
     centred = points - points.mean(axis=0)
     outward = 1.0 if frame[0] @ (points.mean(axis=0) * [1.0, 1.0, 0.0]) >= 0.0 else -1.0
-    x, y = 1e3 * outward * centred @ frame[0], 1e3 * np.sign(frame[1, 2] or 1.0) * centred @ frame[1]
+    x, y = (
+        1e3 * outward * centred @ frame[0],
+        1e3 * np.sign(frame[1, 2] or 1.0) * centred @ frame[1],
+    )
 
     def spacing(values: NDArray) -> float:
         steps = np.diff(np.unique(np.round(values, 6)))
-        return float(np.ptp(values) / (steps > 0.5 * steps.max()).sum()) if len(steps) else 1.0  # rows may be uneven
+        return (
+            float(np.ptp(values) / (steps > 0.5 * steps.max()).sum()) if len(steps) else 1.0
+        )  # rows may be uneven
 
     return x, y, spacing(x), spacing(y)
 
 
 def _face_axes(ax: Axes, x: NDArray, y: NDArray, dx: float, dy: float) -> None:
     """Set the limits and labels of the map of a face."""
-    ax.set(xlim=(y.min() - 0.6 * dy, y.max() + 0.6 * dy), ylim=(x.min() - 0.6 * dx, x.max() + 0.6 * dx))
+    ax.set(
+        xlim=(y.min() - 0.6 * dy, y.max() + 0.6 * dy), ylim=(x.min() - 0.6 * dx, x.max() + 0.6 * dx)
+    )
     ax.set(aspect="equal", xlabel="Along the axis (mm)", ylabel="Outward (mm)")
-    ax.xaxis.set_major_locator(MaxNLocator(3 if np.ptp(ax.get_xlim()) > 1.5 * np.ptp(ax.get_ylim()) else 1))
+    ax.xaxis.set_major_locator(
+        MaxNLocator(3 if np.ptp(ax.get_xlim()) > 1.5 * np.ptp(ax.get_ylim()) else 1)
+    )
     ax.grid(False)
 
 
@@ -109,11 +145,19 @@ def tiles(share: NDArray, x: NDArray, y: NDArray, dx: float, dy: float) -> tuple
     """
     left = y[:, None] + 0.9 * dy * (np.pad(np.cumsum(share, axis=1), ((0, 0), (1, 0))) - 0.5)
     low = np.repeat(x - 0.45 * dx, 3)
-    return left[:, :-1].ravel(), left[:, 1:].ravel(), low, low + 0.9 * dx, np.tile(np.arange(3), len(x))
+    return (
+        left[:, :-1].ravel(),
+        left[:, 1:].ravel(),
+        low,
+        low + 0.9 * dx,
+        np.tile(np.arange(3), len(x)),
+    )
 
 
 @picture(size=(COLUMN, 1.8), legend=None)
-def plot_status_map(status: ContactStatus, model: Model, interface: str, ax: Axes = NEW, *, direction: int = 0) -> None:
+def plot_status_map(
+    status: ContactStatus, model: Model, interface: str, ax: Axes = NEW, *, direction: int = 0
+) -> None:
     """Plot a map of a contact face, each point divided by its shares of stick, slip and separation.
 
     Parameters
@@ -123,23 +167,41 @@ def plot_status_map(status: ContactStatus, model: Model, interface: str, ax: Axe
     interface : str
     direction : {0, 1}
     """
-    validation.choice("interface", interface, [name for name in model.interfaces if name in status.interface])
-    _draw_map(ax, status, interface, model.interfaces[interface].frame[0], validation.integer("direction", direction, 0, 1))
+    validation.choice(
+        "interface", interface, [name for name in model.interfaces if name in status.interface]
+    )
+    _draw_map(
+        ax,
+        status,
+        interface,
+        model.interfaces[interface].frame[0],
+        validation.integer("direction", direction, 0, 1),
+    )
     _status_legend(ax)
 
 
-def _draw_map(ax: Axes, status: ContactStatus, interface: str, frame: NDArray, direction: int) -> None:
+def _draw_map(
+    ax: Axes, status: ContactStatus, interface: str, frame: NDArray, direction: int
+) -> None:
     x, y, dx, dy = face_coordinates(status.points[status.rows(interface)], frame)
-    left, right, low, high, state = tiles(status.share[status.rows(interface), direction], x, y, dx, dy)
+    left, right, low, high, state = tiles(
+        status.share[status.rows(interface), direction], x, y, dx, dy
+    )
     colour = [STATUS_COLOURS[k] for k in state]
     ax.barh(low, right - left, high - low, left, align="edge", color=colour, rasterized=True)
-    ax.barh(x, np.full(len(x), 0.9 * dy), 0.9 * dx, y - 0.45 * dy, fill=False, **EDGE, rasterized=True)
+    ax.barh(
+        x, np.full(len(x), 0.9 * dy), 0.9 * dx, y - 0.45 * dy, fill=False, **EDGE, rasterized=True
+    )
     _face_axes(ax, x, y, dx, dy)
 
 
 @register_plot(InContact, "plot_contacts")
 def plot_contacts(
-    result: InContact, study: Asking | Problem | None = None, point: int | None = None, *, direction: int = 0
+    result: InContact,
+    study: Asking | Problem | None = None,
+    point: int | None = None,
+    *,
+    direction: int = 0,
 ) -> NDArray:
     """Plot the state of every contact face: a map with the shares of the cycle at each point, and the states over time.
 
@@ -158,10 +220,14 @@ def plot_contacts(
     status, frames, title = _states(result, study, point)
     time = (np.arange(360) + 0.5) / 360.0  # in periods
     with plt.rc_context(STYLE):
-        touching = [name for name in frames if (status.share[status.rows(name), direction, 2] < 1.0).any()]
+        touching = [
+            name for name in frames if (status.share[status.rows(name), direction, 2] < 1.0).any()
+        ]
         shown = touching or list(frames)
         columns = 1 if isinstance(result, PreloadState) else 2
-        axes = new_axes(COLUMN, 0.95 * len(shown) + 0.7, len(shown), columns, squeeze=False, sharex=False)
+        axes = new_axes(
+            COLUMN, 0.95 * len(shown) + 0.7, len(shown), columns, squeeze=False, sharex=False
+        )
         figure = axes[0, 0].figure
         for (left, *others), name in zip(axes, shown):
             _draw_map(left, status, name, frames[name], direction)
@@ -170,10 +236,19 @@ def plot_contacts(
             shares = np.zeros((3, len(time)))
             for row in status.rows(name):
                 for start, end, state in status.parts[row][direction]:
-                    shares[state] += (time - start / (2.0 * np.pi)) % 1.0 < (end - start) / (2.0 * np.pi)
+                    shares[state] += (time - start / (2.0 * np.pi)) % 1.0 < (end - start) / (
+                        2.0 * np.pi
+                    )
             for right in others:
-                right.stackplot(time, 100.0 * shares / shares.sum(axis=0), colors=STATUS_COLOURS, rasterized=True)
-                right.set(xlim=(0.0, 1.0), ylim=(0.0, 100.0), ylabel="Points (%)", xlabel="Time (periods)")
+                right.stackplot(
+                    time,
+                    100.0 * shares / shares.sum(axis=0),
+                    colors=STATUS_COLOURS,
+                    rasterized=True,
+                )
+                right.set(
+                    xlim=(0.0, 1.0), ylim=(0.0, 100.0), ylabel="Points (%)", xlabel="Time (periods)"
+                )
         plt.setp(axes[:-1], xlabel="")
         away = [name for name in frames if name not in shown]
         title += f"; always open: {', '.join(away)}" * bool(away)
@@ -189,12 +264,21 @@ def _states(
     """Return the contact states of a solution, the axes of each face, and a title."""
     if isinstance(result, PreloadState):
         if result.points is None or result.frame is None:
-            raise BdamperError("plot_contacts: this static state has no contact faces; compute it with study.static")
+            raise BdamperError(
+                "plot_contacts: this static state has no contact faces; compute it with study.static"
+            )
         whole = tuple(tuple(((0.0, 2.0 * np.pi, PLAIN[k]),) for k in row) for row in result.status)
         status = ContactStatus(result.points, result.interface, whole)
-        frames = {name: result.frame[status.rows(name)[0]] for name in dict.fromkeys(result.interface)}
+        frames = {
+            name: result.frame[status.rows(name)[0]] for name in dict.fromkeys(result.interface)
+        }
         return status, frames, f"at rest under {amount(result.load, 'N')}"
-    validation.check(study is not None, "plot_contacts", "the study of the result, result.plot_contacts(study)", "none")
+    validation.check(
+        study is not None,
+        "plot_contacts",
+        "the study of the result, result.plot_contacts(study)",
+        "none",
+    )
     problem = problem_of(cast(Any, study))
     check_result(problem, result)
     if isinstance(result, OptimalCurve):
@@ -205,7 +289,11 @@ def _states(
         check_peak(problem, result, "plot_contacts")
         solution, preload, frequency = result.y[:-1], result.parameter, result.frequency
     else:
-        i = result.peak_index if isinstance(result, ResponseCurve) else int(np.argmax(result.amplitude))
+        i = (
+            result.peak_index
+            if isinstance(result, ResponseCurve)
+            else int(np.argmax(result.amplitude))
+        )
         i = i if point is None else validation.integer("point", point, 0, len(result) - 1)
         solution, preload, frequency = result.unknowns[i], result.preload, result.frequency[i]
     status = contact_status(problem, solution, preload)
@@ -215,7 +303,10 @@ def _states(
 
 
 def plot_faces(
-    faces: list[tuple[str, NDArray, NDArray]], values: list[NDArray], label: str, titles: Sequence[str] = ("",)
+    faces: list[tuple[str, NDArray, NDArray]],
+    values: list[NDArray],
+    label: str,
+    titles: Sequence[str] = ("",),
 ) -> NDArray:
     """Plot values on several faces as coloured patches, with a colour bar for each title and a column for each face.
 
@@ -225,22 +316,37 @@ def plot_faces(
     columns = n if len(titles) > 1 else min(n, 2)
     rows = len(titles) * -(-n // columns)
     with plt.rc_context(STYLE):
-        axes = new_axes(COLUMN, 0.85 * rows + 0.4 + 0.4 * len(titles), rows, columns, squeeze=False, sharex=False)
+        axes = new_axes(
+            COLUMN,
+            0.85 * rows + 0.4 + 0.4 * len(titles),
+            rows,
+            columns,
+            squeeze=False,
+            sharex=False,
+        )
         for row, (title, places) in enumerate(zip(titles, axes.reshape(len(titles), -1))):
             block = values[row * n : (row + 1) * n]
             low, high = (float(f(np.concatenate(block))) for f in (np.nanmin, np.nanmax))
-            high = high if high - low > 1e-9 * abs(high) else low + (abs(low) or 1e-6)  # equal up to rounding
+            high = (
+                high if high - low > 1e-9 * abs(high) else low + (abs(low) or 1e-6)
+            )  # equal up to rounding
             for ax in places[n:]:
                 ax.set_axis_off()
             for ax, (name, points, frame), value in zip(places, faces, block):
                 x, y, dx, dy = face_coordinates(points, frame[0])
-                corners = np.stack([y, x], axis=1)[:, None] + 0.48 * np.array([(-dy, -dx), (dy, -dx), (dy, dx), (-dy, dx)])
-                patches = PolyCollection(list(corners), cmap="viridis", edgecolor="0.4", linewidth=0.3)
+                corners = np.stack([y, x], axis=1)[:, None] + 0.48 * np.array(
+                    [(-dy, -dx), (dy, -dx), (dy, dx), (-dy, dx)]
+                )
+                patches = PolyCollection(
+                    list(corners), cmap="viridis", edgecolor="0.4", linewidth=0.3
+                )
                 patches.set(array=np.ma.masked_invalid(value), clim=(low, high))
                 ax.add_collection(patches)
                 _face_axes(ax, x, y, dx, dy)
                 ax.set_title(f"{name}, {title}" if title else name)
-            places[0].figure.colorbar(patches, ax=places.tolist(), label=label, location="bottom", shrink=0.8, aspect=30.0)
+            places[0].figure.colorbar(
+                patches, ax=places.tolist(), label=label, location="bottom", shrink=0.8, aspect=30.0
+            )
         plt.setp(axes[:-1], xlabel="")
         plt.setp(axes[:, 1:], ylabel="")
         finish(axes[0, 0].figure)
@@ -268,10 +374,14 @@ def plot_static(state: PreloadState, quantity: str = "pressure") -> NDArray:
     """
     pressure, points, frame, friction = state.pressure, state.points, state.frame, state.friction
     if pressure is None or points is None or frame is None or friction is None:
-        raise BdamperError("plot: this static state has no contact faces; compute it with study.static")
+        raise BdamperError(
+            "plot: this static state has no contact faces; compute it with study.static"
+        )
     normal = state.force[:, 2]
     closed, limit = normal > 0.0, (friction * normal)[:, None]
-    used = np.divide(np.abs(state.force[:, :2]), limit, out=np.zeros((len(normal), 2)), where=limit > 0.0).max(axis=1)
+    used = np.divide(
+        np.abs(state.force[:, :2]), limit, out=np.zeros((len(normal), 2)), where=limit > 0.0
+    ).max(axis=1)
     choices = {
         "pressure": (np.where(closed, pressure, np.nan), label_of(PreloadState, "pressure")),
         "gap": (np.maximum(-state.closing, 0.0), "Gap (m)"),
@@ -280,7 +390,9 @@ def plot_static(state: PreloadState, quantity: str = "pressure") -> NDArray:
     value, label = choices[validation.choice("quantity", quantity, choices)]
     value = value if np.isfinite(value).any() else np.zeros(len(value))
     names = np.array(state.interface)
-    by_face = {str(name): names == name for name in (names[friction > 0.0] if friction.any() else names)}
+    by_face = {
+        str(name): names == name for name in (names[friction > 0.0] if friction.any() else names)
+    }
     faces = [(name, points[rows], frame[rows]) for name, rows in by_face.items()]
     return plot_faces(faces, [value[rows] for rows in by_face.values()], label)
 
@@ -302,7 +414,11 @@ def _name(result: Hysteresis, where: int | str) -> str:
 
 @picture(Hysteresis, "loops")
 def plot_loops(
-    result: Hysteresis, where: int | str | Sequence[int | str] = WHOLE, ax: Axes = NEW, *, direction: str = "t1"
+    result: Hysteresis,
+    where: int | str | Sequence[int | str] = WHOLE,
+    ax: Axes = NEW,
+    *,
+    direction: str = "t1",
 ) -> None:
     """Plot hysteresis loops of force over displacement.
 
@@ -319,15 +435,27 @@ def plot_loops(
     if not places or (WHOLE in places and len(places) > 1):
         raise validation.invalid("where", f'contact points and faces, or "{WHOLE}" alone', where)
     whole = places == [WHOLE]
-    energy: dict[Any, float] = {WHOLE: result.lost, **result.by_interface, **dict(enumerate(result.energy))}
+    energy: dict[Any, float] = {
+        WHOLE: result.lost,
+        **result.by_interface,
+        **dict(enumerate(result.energy)),
+    }
     for place, look in zip(places, looks(len(places))):
         name = _name(result, place)
         if direction != "n" or whole:
-            name += f",\n{amount(energy[place], 'J')} per cycle{'' if whole else ' in all directions'}"
+            name += (
+                f",\n{amount(energy[place], 'J')} per cycle{'' if whole else ' in all directions'}"
+            )
         ax.plot(*result.loop(place, direction), **{**look, "marker": "", "label": name})
     where_text = f"{NAMES[direction]}{'' if len(places) > 1 else f', {_name(result, places[0])}'}"
-    ax.set(**OF_WHOLE if whole else {"xlabel": f"Motion {where_text} (m)", "ylabel": f"Force {where_text} (N)"})
-    ax.set_title(f"Friction over a cycle at {result.frequency:.4g} Hz, preload {amount(result.preload, 'N')}")
+    ax.set(
+        **OF_WHOLE
+        if whole
+        else {"xlabel": f"Motion {where_text} (m)", "ylabel": f"Force {where_text} (N)"}
+    )
+    ax.set_title(
+        f"Friction over a cycle at {result.frequency:.4g} Hz, preload {amount(result.preload, 'N')}"
+    )
 
 
 @picture(Hysteresis, "history", size=(COLUMN, 3.3), rows=2)
@@ -350,7 +478,9 @@ def plot_history(result: Hysteresis, where: int, ax: NDArray = NEW) -> None:
         elif result.gap[i].max() > 0.0:
             ax[1].plot(time, result.gap[i], **looks(4)[3] | {"marker": ""}, label="gap")
     ax[0].set(ylabel="Contact force (N)", xlim=(0.0, 1.0))
-    ax[0].set_title(f"{_name(result, i)}, {result.frequency:.5g} Hz, preload {amount(result.preload, 'N')}")
+    ax[0].set_title(
+        f"{_name(result, i)}, {result.frequency:.5g} Hz, preload {amount(result.preload, 'N')}"
+    )
     ax[1].set(ylabel="Motion and gap (m)", xlabel="Time (periods)")
 
 
@@ -384,12 +514,29 @@ def plot_dissipation(result: Hysteresis, ax: NDArray = NEW, *, over: str = "ampl
         axes.set_xlabel("")
     energy = ax[2]
     energy.set(ylabel="Energy per cycle (J)", yscale="log")
-    draw_table(energy, result, over, "excitation", color="0.7", marker="", label="work of the excitation")
-    faces = {name: e for name, e in result.by_interface.items() if (e > 1e-9 * result.lost.max()).any()}
+    draw_table(
+        energy, result, over, "excitation", color="0.7", marker="", label="work of the excitation"
+    )
+    faces = {
+        name: e for name, e in result.by_interface.items() if (e > 1e-9 * result.lost.max()).any()
+    }
     for (name, lost), look in zip(faces.items(), looks(len(faces))):
-        look |= {"markevery": max(1, len(lost) // 12), "linestyle": "-", "label": f"friction of the {name} face"}
+        look |= {
+            "markevery": max(1, len(lost) // 12),
+            "linestyle": "-",
+            "label": f"friction of the {name} face",
+        }
         draw_table(energy, replace(result, excitation=lost), over, "excitation", **look)
-    draw_table(energy, result, over, "damping", color="0.35", linestyle="-.", marker="", label="damping of the modes")
+    draw_table(
+        energy,
+        result,
+        over,
+        "damping",
+        color="0.35",
+        linestyle="-.",
+        marker="",
+        label="damping of the modes",
+    )
     energy.set_ylim(1e-4 * result.excitation.max(), None)
 
 

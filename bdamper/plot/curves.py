@@ -59,17 +59,27 @@ ALIKE = 0.9
 """Ratio of the two limits above which one line represents both."""
 SHOWN = ("amplitude", "shift")
 """Quantities of the plots of an optimal curve."""
-FREQUENCY, AMPLITUDE, PRELOAD = (label_of(Hysteresis, name) for name in ("frequency", "amplitude", "preload"))
+FREQUENCY, AMPLITUDE, PRELOAD = (
+    label_of(Hysteresis, name) for name in ("frequency", "amplitude", "preload")
+)
 
 
 def amplitude_label(*results: ResponseCurve | OptimalCurve) -> str:
     """Return the axis label of the amplitude, with the response location if all results have the same one."""
-    locations = {r.settings["response"]["location"] if "response" in r.settings else None for r in results}
+    locations = {
+        r.settings["response"]["location"] if "response" in r.settings else None for r in results
+    }
     location = locations.pop() if len(locations) == 1 else None
-    return AMPLITUDE if location is None else f"{location.replace('_', ' ').capitalize()} amplitude (m)"
+    return (
+        AMPLITUDE
+        if location is None
+        else f"{location.replace('_', ' ').capitalize()} amplitude (m)"
+    )
 
 
-def _draw_tracking(ax: Axes, curve: ResponseCurve, look: Mapping[str, Any], label: str | None) -> None:
+def _draw_tracking(
+    ax: Axes, curve: ResponseCurve, look: Mapping[str, Any], label: str | None
+) -> None:
     colour = look["color"]
     f, a = curve.frequency if curve.speed is None else curve.speed * RPM, curve.amplitude
     unstable = unstable_points(curve)
@@ -79,7 +89,9 @@ def _draw_tracking(ax: Axes, curve: ResponseCurve, look: Mapping[str, Any], labe
         where = np.flatnonzero(curve.branch == b)
         for first, last in runs(unstable[where]):
             part = where[first : last + 2]  # connected to the next stretch
-            if unstable[part[0]]:  # a pale line below, so that a stretch shorter than a dash remains visible
+            if unstable[
+                part[0]
+            ]:  # a pale line below, so that a stretch shorter than a dash remains visible
                 ax.plot(f[part], a[part], color=colour, alpha=0.3)
             ax.plot(f[part], a[part], **{**look, "linestyle": DASHED if unstable[part[0]] else "-"})
     if len(curve):  # filled at a peak, open at the end of a computed part
@@ -87,7 +99,13 @@ def _draw_tracking(ax: Axes, curve: ResponseCurve, look: Mapping[str, Any], labe
         face = "w" if bound or _only_highest(curve) else colour
         mark, name = look["marker"] or "o", once(ax, "lower bound") if bound else None
         ax.plot(
-            f[curve.peak_index], curve.peak.amplitude, mark, color=colour, markersize=5.0, markerfacecolor=face, label=name
+            f[curve.peak_index],
+            curve.peak.amplitude,
+            mark,
+            color=colour,
+            markersize=5.0,
+            markerfacecolor=face,
+            label=name,
         )
     ax.plot([], [], **{**look, "linestyle": "-"}, label=label)
 
@@ -96,11 +114,15 @@ def _only_highest(curve: ResponseCurve) -> bool:
     """Return whether the highest point lies at the end of a computed part, so that a higher one may exist."""
     f = curve.peak.frequency
     edge = 1e-6 * f  # largest distance of a point at the edge of a part
-    return curve.peak_at_end or any(part.low - edge <= f <= part.high + edge for part in curve.missing_ranges)
+    return curve.peak_at_end or any(
+        part.low - edge <= f <= part.high + edge for part in curve.missing_ranges
+    )
 
 
 @picture()
-def plot_curves(curves: Sequence[ResponseCurve], ax: Axes = NEW, *, labels: Sequence[str] | None = None) -> None:
+def plot_curves(
+    curves: Sequence[ResponseCurve], ax: Axes = NEW, *, labels: Sequence[str] | None = None
+) -> None:
     """Plot the amplitude of several curves over frequency, or of run-ups over speed.
 
     Parameters
@@ -111,12 +133,19 @@ def plot_curves(curves: Sequence[ResponseCurve], ax: Axes = NEW, *, labels: Sequ
         One label for each response curve; the preload by default.
     """
     validation.check_value(
-        isinstance(curves, Iterable), "curves", "a sequence of ResponseCurve (plot_curve draws one)", curves
+        isinstance(curves, Iterable),
+        "curves",
+        "a sequence of ResponseCurve (plot_curve draws one)",
+        curves,
     )
     curves = tuple(curves)
-    tracking = [c for c in curves if validation.instance("curves", c, ResponseCurve).kind not in LIMITS]
+    tracking = [
+        c for c in curves if validation.instance("curves", c, ResponseCurve).kind not in LIMITS
+    ]
     if labels is not None and (isinstance(labels, str) or len(labels) != len(tracking)):
-        raise validation.invalid("labels", f"{len(tracking)} texts, one for each response curve", labels)
+        raise validation.invalid(
+            "labels", f"{len(tracking)} texts, one for each response curve", labels
+        )
     for curve in curves:
         if curve.kind in LIMITS and len(curve):
             limit_line(ax, curve.kind, curve.frequency, curve.amplitude, curve.peak.frequency)
@@ -126,10 +155,19 @@ def plot_curves(curves: Sequence[ResponseCurve], ax: Axes = NEW, *, labels: Sequ
     for i, (curve, look) in enumerate(zip(tracking, looks(len(tracking)))):
         look |= {"marker": "", "markevery": 0.1} if plain else {"markevery": (0.03 * i, 0.15)}
         preload = f"preload {amount(curve.preload, 'N')}"
-        default = preload if curve.speed is None else f"engine order {curve.settings['engine_order']}"
+        default = (
+            preload if curve.speed is None else f"engine order {curve.settings['engine_order']}"
+        )
         _draw_tracking(ax, curve, look, None if many else default if labels is None else labels[i])
         for part in curve.missing_ranges:
-            ax.axvspan(part.low, part.high, color=look["color"], alpha=0.25, linewidth=0.6, label=once(ax, "not computed"))
+            ax.axvspan(
+                part.low,
+                part.high,
+                color=look["color"],
+                alpha=0.25,
+                linewidth=0.6,
+                label=once(ax, "not computed"),
+            )
     labels_of = (label for c in tracking for label in c.labels[unstable_points(c)])
     dashed = {label.partition(" with")[0] or "unstable" for label in labels_of}
     if dashed:
@@ -143,13 +181,19 @@ def plot_curves(curves: Sequence[ResponseCurve], ax: Axes = NEW, *, labels: Sequ
         note(ax, " ".join(curve._headline() for curve in curves))
     if many:
         preloads = [curve.preload for curve in tracking]
-        bar = plt.cm.ScalarMappable(LogNorm(min(preloads), max(preloads)), ListedColormap(colours(256)))
+        bar = plt.cm.ScalarMappable(
+            LogNorm(min(preloads), max(preloads)), ListedColormap(colours(256))
+        )
         ax.figure.colorbar(bar, ax=ax, label=PRELOAD)
 
 
 @register_plot(ResponseCurve)
 def plot_curve(
-    curve: ResponseCurve, ax: Axes | None = None, *, limits: Sequence[ResponseCurve] = (), **options: Any
+    curve: ResponseCurve,
+    ax: Axes | None = None,
+    *,
+    limits: Sequence[ResponseCurve] = (),
+    **options: Any,
 ) -> Axes:
     """Plot the amplitude over frequency of a curve, or over speed of a run-up.
 
@@ -167,7 +211,10 @@ def plot_curve(
 
 @picture()
 def plot_band(
-    curve: ResponseCurve, found: Mapping[str, CurveSensitivity], deviations: Mapping[str, float], ax: Axes = NEW
+    curve: ResponseCurve,
+    found: Mapping[str, CurveSensitivity],
+    deviations: Mapping[str, float],
+    ax: Axes = NEW,
 ) -> None:
     """Plot a response curve with a band of plus and minus two standard deviations, from derivatives along the curve.
 
@@ -185,12 +232,19 @@ def plot_band(
         known = (curve.branch == b) & np.isfinite(frequency).all(axis=1)
         f, a = frequency[known], amplitude[known]
         edge = [np.concatenate([x[:, 0], x[::-1, 1]]) for x in (f, a)]
-        ax.fill(*edge, color="0.8", linewidth=0.0, label=once(ax, f"two standard deviations of\n{names}"))
+        ax.fill(
+            *edge,
+            color="0.8",
+            linewidth=0.0,
+            label=once(ax, f"two standard deviations of\n{names}"),
+        )
     plot_curves([curve], ax)
 
 
 @picture(Measurement)
-def plot_measurement(measurement: Measurement, ax: Axes = NEW, scale: float | None = None, **style: Any) -> None:
+def plot_measurement(
+    measurement: Measurement, ax: Axes = NEW, scale: float | None = None, **style: Any
+) -> None:
     """Plot a measured response in metres, usually over computed curves.
 
     Parameters
@@ -206,8 +260,16 @@ def plot_measurement(measurement: Measurement, ax: Axes = NEW, scale: float | No
     SettingError
         If the unit is not a unit of displacement, velocity or acceleration, and no scale is given.
     """
-    size = np.abs(measurement.displacement) if scale is None else float(scale) * measurement.amplitude
-    look = {"linestyle": "none", "marker": "o", "markersize": 3.0, "markerfacecolor": "none", "color": "0.3"}
+    size = (
+        np.abs(measurement.displacement) if scale is None else float(scale) * measurement.amplitude
+    )
+    look = {
+        "linestyle": "none",
+        "marker": "o",
+        "markersize": 3.0,
+        "markerfacecolor": "none",
+        "color": "0.3",
+    }
     ax.plot(measurement.frequency, size, **{**look, "label": measurement.name, **style})
     if not ax.get_ylabel():
         ax.set(xlabel=FREQUENCY, ylabel=AMPLITUDE)
@@ -255,7 +317,9 @@ def _draw_optimal(ax: Axes, result: OptimalCurve, quantity: str) -> None:
     for first, last in runs(np.cumsum(~goes_on)):
         part = slice(first, last + 1)
         ax.plot(preload[part], values[part], ".-", color="0.1", markersize=4.0)
-    for k in np.flatnonzero(~goes_on[1:]):  # another resonance becomes the highest, or one was not found
+    for k in np.flatnonzero(
+        ~goes_on[1:]
+    ):  # another resonance becomes the highest, or one was not found
         ax.plot(preload[k : k + 2], values[k : k + 2], ":", color="0.1", linewidth=0.8)
     if quantity == "shift":
         if not np.isfinite(values).any():
@@ -273,7 +337,9 @@ def _draw_optimal(ax: Axes, result: OptimalCurve, quantity: str) -> None:
     ax.set(yscale="log", ylabel=amplitude_label(result))
 
 
-def with_optimum(result: OptimalCurve, quantity: str = "amplitude") -> tuple[NDArray, NDArray, NDArray]:
+def with_optimum(
+    result: OptimalCurve, quantity: str = "amplitude"
+) -> tuple[NDArray, NDArray, NDArray]:
     """Return preloads and values, and whether each continues the branch of the previous point.
 
     Files of version 0.10 and older do not have the optimum in their table; it is inserted.
@@ -284,7 +350,11 @@ def with_optimum(result: OptimalCurve, quantity: str = "amplitude") -> tuple[NDA
     k = int(np.searchsorted(result.preload, o.preload))
     if not 0 < k < len(result) or o.preload in result.preload:
         return result.preload, values, result.goes_on
-    return np.insert(result.preload, k, o.preload), np.insert(values, k, best), np.insert(result.goes_on, k, True)
+    return (
+        np.insert(result.preload, k, o.preload),
+        np.insert(values, k, best),
+        np.insert(result.goes_on, k, True),
+    )
 
 
 def _mark_checks(ax: Axes, result: OptimalCurve) -> None:
@@ -293,7 +363,9 @@ def _mark_checks(ax: Axes, result: OptimalCurve) -> None:
         if np.isfinite(response.mean):
             mark_time_response(response, ax, response.preload)
     if k := result.optimum_in_time:
-        ax.plot(k.preload, k.mean, "D", color=IN_TIME, markersize=4.5, zorder=6.0, label="least in time")
+        ax.plot(
+            k.preload, k.mean, "D", color=IN_TIME, markersize=4.5, zorder=6.0, label="least in time"
+        )
     for marker, peak in zip("<>", result.other_friction[1:]):
         name = f"{peak.factor:g} times the friction"
         visible = NEAR_BEST * result.other_friction[0].amplitude < peak.amplitude < np.inf
@@ -311,19 +383,28 @@ def _mark_optimum(ax: Axes, result: OptimalCurve) -> None:
     if not np.isfinite(o.preload):
         note(ax, result._headline())
         return
-    ends = {"end": "least at the end of the range", "edge": "least at the limit of steady responses"}
+    ends = {
+        "end": "least at the end of the range",
+        "edge": "least at the limit of steady responses",
+    }
     name = {**ends, "jump": "optimum at a jump"}.get(o.kind, "optimum")
     name = name if o.verified else (name if o.kind in ends else "least value") + ", not verified"
     fill = OPTIMUM if o.verified else "w"
-    ax.plot(o.preload, o.amplitude, "*", color=OPTIMUM, markersize=9.0, markerfacecolor=fill, zorder=7.0)
+    ax.plot(
+        o.preload, o.amplitude, "*", color=OPTIMUM, markersize=9.0, markerfacecolor=fill, zorder=7.0
+    )
     within = f"at most {percent(NEAR_BEST - 1.0)} higher by harmonic balance"
     ax.axvspan(*result.near_best, color=OPTIMUM, alpha=0.1, linewidth=0.0, label=within)
     ax.margins(y=0.25)  # for the name
     lines = [f"{name}: {amount(o.preload, 'N')}, {amount(o.amplitude, 'm')}"]
     if k := result.optimum_in_time:
         lines.append(f"in time: {amount(k.preload, 'N')}, {amount(k.largest, 'm')}")
-    lines += [f"not for design: {counted(len(result.failures), 'check')} failed"] * bool(result.failures)
-    name_point(ax, "\n".join(wrapped(line, 32) for line in lines), (o.preload, o.amplitude), color=OPTIMUM)
+    lines += [f"not for design: {counted(len(result.failures), 'check')} failed"] * bool(
+        result.failures
+    )
+    name_point(
+        ax, "\n".join(wrapped(line, 32) for line in lines), (o.preload, o.amplitude), color=OPTIMUM
+    )
 
 
 def _mark_gaps(ax: Axes, result: OptimalCurve) -> None:
@@ -339,7 +420,12 @@ def _mark_gaps(ax: Axes, result: OptimalCurve) -> None:
     for first, last in runs(kind):
         if missing[first]:
             hatch, reason = reasons[int(kind[first])]
-            look: dict[str, Any] = {"facecolor": "none", "edgecolor": "0.75", "linewidth": 0.0, "zorder": 0}
+            look: dict[str, Any] = {
+                "facecolor": "none",
+                "edgecolor": "0.75",
+                "linewidth": 0.0,
+                "zorder": 0,
+            }
             ax.axvspan(edges[first], edges[last + 1], hatch=hatch, label=once(ax, reason), **look)
     if np.isfinite(result.lower_bound).any():
         look = {"color": "0.4", "markersize": 4.0, "markerfacecolor": "w"}
@@ -356,11 +442,18 @@ def mark_time_response(time_response: TimeResponse, ax: Axes, x: float | None = 
 
 
 @picture(TimeSweep)
-def plot_frequency_sweep(sweep: TimeSweep, ax: Axes = NEW, *, label: str = "", **style: Any) -> None:
+def plot_frequency_sweep(
+    sweep: TimeSweep, ax: Axes = NEW, *, label: str = "", **style: Any
+) -> None:
     """Plot the amplitude over frequency of a sweep in time, also over response curves; ``style`` are line options."""
     if not ax.has_data():
         ax.set_title(f"{abs(sweep.rate):.3g} Hz/s, preload {amount(sweep.preload, 'N')}")
-    look = {"marker": "^" if sweep.up else "v", "markevery": 0.12, "markersize": 3.0, "markerfacecolor": "w"}
+    look = {
+        "marker": "^" if sweep.up else "v",
+        "markevery": 0.12,
+        "markersize": 3.0,
+        "markerfacecolor": "w",
+    }
     line = {"color": IN_TIME, "linewidth": 0.7, **look, **style}
     label = label or f"sweep {'up' if sweep.up else 'down'} in time"
     draw_table(ax, sweep, "frequency", "amplitude", label=label, **line)
@@ -381,24 +474,44 @@ def plot_response_map(result: OptimalCurve, ax: Axes = NEW) -> None:
         Optimal curve with its response curves.
     """
     curves = [curve for curve in result.curves if len(curve)]
-    validation.check(len(curves) >= 2, "result", "an optimal curve with two or more curves", len(curves))
+    validation.check(
+        len(curves) >= 2, "result", "an optimal curve with two or more curves", len(curves)
+    )
     low, high = result.settings["frequency"]
     columns = 400  # so that a column of the map is narrower than a pixel of a printed page
     frequency = np.linspace(low, high, columns)
-    values, counts = zip(*(highest_on(frequency, c.frequency, c.amplitude[:, None], c.branch) for c in curves))
+    values, counts = zip(
+        *(highest_on(frequency, c.frequency, c.amplitude[:, None], c.branch) for c in curves)
+    )
     height, count = np.array(values)[..., 0], np.array(counts)
     preload = np.array([curve.preload for curve in curves])
-    image = ax.pcolormesh(frequency, preload, height, shading="nearest", norm="log", rasterized=True)
+    image = ax.pcolormesh(
+        frequency, preload, height, shading="nearest", norm="log", rasterized=True
+    )
     ax.figure.colorbar(image, ax=ax, label="Amplitude (m)")
     if (count > 1).any():
-        ax.contourf(frequency, preload, (count > 1).astype(float), levels=[0.5, 1.5], colors="none", hatches=["////"])
+        ax.contourf(
+            frequency,
+            preload,
+            (count > 1).astype(float),
+            levels=[0.5, 1.5],
+            colors="none",
+            hatches=["////"],
+        )
         ax.fill([], [], facecolor="none", edgecolor="0.3", hatch="////", label="several solutions")
     ax.plot(result.frequency, result.preload, color="k", linewidth=2.4)
     ax.plot(result.frequency, result.preload, color="w", linewidth=1.0)
     ax.plot([], [], color="k", label="highest")
     if np.isfinite(result.optimum.preload):
-        look: dict[str, Any] = {"color": OPTIMUM, "markeredgecolor": "w", "markersize": 11.0, "linestyle": "none"}
-        ax.plot(result.optimum.frequency, result.optimum.preload, marker="*", label="optimum", **look)
+        look: dict[str, Any] = {
+            "color": OPTIMUM,
+            "markeredgecolor": "w",
+            "markersize": 11.0,
+            "linestyle": "none",
+        }
+        ax.plot(
+            result.optimum.frequency, result.optimum.preload, marker="*", label="optimum", **look
+        )
     ax.set(yscale="log", xlabel=FREQUENCY, ylabel=PRELOAD)
 
 
@@ -431,16 +544,25 @@ def plot_together(
         Measurements to plot over response curves.
     """
     validation.check_value(
-        isinstance(results, Mapping) and results, "results", "a mapping of one or more names to results", results
+        isinstance(results, Mapping) and results,
+        "results",
+        "a mapping of one or more names to results",
+        results,
     )
-    kind = next((kind for kind in OF if all(isinstance(result, kind) for result in results.values())), None)
+    kind = next(
+        (kind for kind in OF if all(isinstance(result, kind) for result in results.values())), None
+    )
     if kind is None:
         kinds = "response curves, optimal curves or hysteresis, all of one kind"
-        raise validation.invalid("results", kinds, [type(result).__name__ for result in results.values()])
+        raise validation.invalid(
+            "results", kinds, [type(result).__name__ for result in results.values()]
+        )
     x, quantities = OF[kind]
     quantity = validation.choice("quantity", quantity or quantities[0], quantities)
     if isinstance(measured, Measurement) or (measured and kind is not ResponseCurve):
-        raise validation.invalid("measured", "a sequence of Measurement, over response curves", measured)
+        raise validation.invalid(
+            "measured", "a sequence of Measurement, over response curves", measured
+        )
     if kind is ResponseCurve:
         labels = [name for name, curve in results.items() if curve.kind not in LIMITS]
         plot_curves(list(results.values()), ax, labels=labels)
@@ -454,12 +576,22 @@ def plot_together(
             continue
         y = "shift_percent" if quantity == "shift" else quantity
         known = np.flatnonzero(np.isfinite(getattr(result, y)))
-        draw_table(ax, result, x, y, **look, markevery=known[:: max(1, len(known) // 8)].tolist(), label=name)
+        draw_table(
+            ax,
+            result,
+            x,
+            y,
+            **look,
+            markevery=known[:: max(1, len(known) // 8)].tolist(),
+            label=name,
+        )
         ax.set_xscale("log")
         if kind is OptimalCurve and quantity == "amplitude":
             ax.set_yscale("log")
             o = result.optimum
-            face, mark = (look["color"], "optimum") if o.verified else ("w", "least value, not verified")
+            face, mark = (
+                (look["color"], "optimum") if o.verified else ("w", "least value, not verified")
+            )
             if np.isfinite(o.preload):
                 ax.plot(o.preload, o.amplitude, "*", color=look["color"], markersize=8.0, markerfacecolor=face,
                         label=once(ax, mark))  # fmt: skip

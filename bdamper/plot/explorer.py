@@ -119,5 +119,7 @@ def explore(study: Study, *, source: str = "# study: the explored study") -> Exp
     thread.start()
     running = started.get()
     if isinstance(running, OSError):
-        raise BdamperError(f"explore: no port of the loopback interface could be opened ({running})")
+        raise BdamperError(
+            f"explore: no port of the loopback interface could be opened ({running})"
+        )
     return Explorer(f"http://localhost:{running.port}{path}", pages, running, thread)

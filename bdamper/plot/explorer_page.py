@@ -87,7 +87,9 @@ class Page:
         self.point: int | None = None
         self.answers = Answers(study, self._deliver)
         document.on_session_destroyed(lambda _: self.answers.ask(None))
-        document.on_event("document_ready", lambda _: self.ask())  # not for requests without a window
+        document.on_event(
+            "document_ready", lambda _: self.ask()
+        )  # not for requests without a window
         document.title = "bdamper explorer"
         document.template = Path(__file__).with_name("page.html").read_text(encoding="utf-8")
         model = study.model
@@ -104,7 +106,9 @@ class Page:
 
     # ---- controls ----
 
-    def _slider(self, name: str, title: str, low: float, high: float, value: float, step: float = 0.01) -> Any:
+    def _slider(
+        self, name: str, title: str, low: float, high: float, value: float, step: float = 0.01
+    ) -> Any:
         """Create a slider below a number field that shows and sets the same value; logarithmic if the range is wide."""
         kind, wide = int if step == 1 else float, {"sizing_mode": "stretch_width"}
         if high > 50.0 * low > 0.0:
@@ -140,16 +144,30 @@ class Page:
         ]
         given = study.settings.given_loads
         shares = {} if study.settings.speed is not None else given("load_per_preload")
-        loads = [(f"load_per_preload.{name}", f"{name} (N per N)", share) for name, share in list(shares.items())[1:]]
-        loads += [(f"constant_loads.{name}", f"{name} (N)", load) for name, load in given("constant_loads").items()]
+        loads = [
+            (f"load_per_preload.{name}", f"{name} (N per N)", share)
+            for name, share in list(shares.items())[1:]
+        ]
+        loads += [
+            (f"constant_loads.{name}", f"{name} (N)", load)
+            for name, load in given("constant_loads").items()
+        ]
         rows += [
             (name, f"Load on {title}", 0.01 * load, 100.0 * load, load)
             for name, title, load in loads if np.ndim(load) == 0 and load > 0.0
         ]  # fmt: skip
-        if study.problem.carries_load and any(body.kind == "free" for body in model.bodies.values()):
+        if study.problem.carries_load and any(
+            body.kind == "free" for body in model.bodies.values()
+        ):
             rows.append(("mass", FACTOR_TITLES[INERTIA], 0.1, 10.0, 1.0))
-            if any(basis.speed is not None for body in model.bodies.values() for basis in body.bases.values()):
-                radius = max(float(np.hypot(*location.position[:2])) for location in model.locations.values())
+            if any(
+                basis.speed is not None
+                for body in model.bodies.values()
+                for basis in body.bases.values()
+            ):
+                radius = max(
+                    float(np.hypot(*location.position[:2])) for location in model.locations.values()
+                )
                 fastest = round(500.0 / radius * RPM)  # tip speed of 500 m/s
                 rows.append(("speed", "Rotor speed (rpm)", 0, fastest, 0, 10))
         self.sliders = {row[0]: self._slider(*row) for row in rows}
@@ -160,28 +178,55 @@ class Page:
         known = [set(b.bases) for b in model.bodies.values() if b.kind == "constrained"]
         diameters = set.intersection(*known) if known else set()
         folded = model.folded_nodal_diameter
-        numbers = {n for n in range(1, model.n_blades) if folded(n)[0] in diameters} | {int(study.settings.engine_order)}
+        numbers = {n for n in range(1, model.n_blades) if folded(n)[0] in diameters} | {
+            int(study.settings.engine_order)
+        }
         orders = [(str(n), f"{n} (nodal diameter {folded(n)[0]})") for n in sorted(numbers)]
-        faces = [name for name in study.problem.coupling.interfaces if model.interfaces[name].kind == "friction"]
+        faces = [
+            name
+            for name in study.problem.coupling.interfaces
+            if model.interfaces[name].kind == "friction"
+        ]
         wide = {"sizing_mode": "stretch_width"}
         select = partial(self.models.Select, stylesheets=["select { font-size: inherit; }"], **wide)
-        self.mode = select(name="mode", title="Mode", value="1", options=[str(k) for k in range(1, 6)])
-        self.order = select(name="order", title="Engine order", value=str(study.settings.engine_order), options=orders)
-        self.loop = select(name="loop", title="Loop of", value=[*faces, "whole"][0], options=["whole", *faces])
+        self.mode = select(
+            name="mode", title="Mode", value="1", options=[str(k) for k in range(1, 6)]
+        )
+        self.order = select(
+            name="order",
+            title="Engine order",
+            value=str(study.settings.engine_order),
+            options=orders,
+        )
+        self.loop = select(
+            name="loop", title="Loop of", value=[*faces, "whole"][0], options=["whole", *faces]
+        )
         for chooser in (self.mode, self.order):
             chooser.on_change("value", partial(self.moved, "mode"))
         self.loop.on_change("value", lambda attr, old, new: self._contacts())
         self.buttons = []
-        for label, action in (("Pictures", self.pictures), ("CSV", self.tables), ("Python", self.lines)):
-            self.buttons.append(self.models.Button(name=label, label=label, width=70, margin=(6, 2, 0, 3)))
+        for label, action in (
+            ("Pictures", self.pictures),
+            ("CSV", self.tables),
+            ("Python", self.lines),
+        ):
+            self.buttons.append(
+                self.models.Button(name=label, label=label, width=70, margin=(6, 2, 0, 3))
+            )
             self.buttons[-1].on_click(action)
         quiet = partial(self.models.Div, styles={"color": "#5b666d"}, **wide)
         self.text = self.models.Div(name="answer", styles={"font-size": "14px"}, **wide)
         self.notes = {name: quiet(name=f"{name}_text") for name in PANELS}
-        self.notes["curve"].text = f"{DOT} chosen point, ◇ in time; grey: without contact and with stuck contact"
+        self.notes[
+            "curve"
+        ].text = f"{DOT} chosen point, ◇ in time; grey: without contact and with stuck contact"
         self.busy = quiet(name="busy")
-        self.help = quiet(text="Click the curve to choose a point; drag in the curve of peaks to move the preload.")
-        self.code = self.models.PreText(name="code", visible=False, styles={"white-space": "pre-wrap"}, **wide)
+        self.help = quiet(
+            text="Click the curve to choose a point; drag in the curve of peaks to move the preload."
+        )
+        self.code = self.models.PreText(
+            name="code", visible=False, styles={"white-space": "pre-wrap"}, **wide
+        )
         save = """
             const {name, kind, content} = source.data, link = document.createElement("a");
             Object.assign(link, {href: `data:${kind[0]};base64,${content[0]}`, download: name[0]}).click();
@@ -192,7 +237,9 @@ class Page:
 
     def _source(self, name: str, *columns: str) -> Any:
         """Create a data source with empty columns under a name."""
-        self.sources[name] = self.models.ColumnDataSource({column: [] for column in columns}, name=f"{name} data")
+        self.sources[name] = self.models.ColumnDataSource(
+            {column: [] for column in columns}, name=f"{name} data"
+        )
         return self.sources[name]
 
     def value(self, name: str) -> float:
@@ -228,12 +275,18 @@ class Page:
         if name == "preload" and not speed:
             self.resting = number.value
         elif name in ("speed", "mass"):
-            preload = centrifugal_load(self.study.model) * self.value("mass") * speed**2 if speed else self.resting
+            preload = (
+                centrifugal_load(self.study.model) * self.value("mass") * speed**2
+                if speed
+                else self.resting
+            )
             number.title = PRELOAD + (", centrifugal" if speed else "")
             if "mass" in self.numbers:
                 self.numbers["mass"].title = FACTOR_TITLES[MASS if speed else INERTIA]
             number.low, number.high = min(number.low, preload), max(number.high, preload)
-            slider.start, slider.end = (self._place("preload", end) for end in (number.low, number.high))
+            slider.start, slider.end = (
+                self._place("preload", end) for end in (number.low, number.high)
+            )
             number.value = float(f"{preload:.6g}")
         if slider := self.sliders.get(name):
             slider.value = min(max(self._place(name, self.value(name)), slider.start), slider.end)
@@ -250,7 +303,10 @@ class Page:
             name: number.value
             for name, number in self.numbers.items()
             if number.value != self.first[name]
-            and not (name in ("preload", "mass", "speed") or (speed and name.startswith("load_per_preload.")))
+            and not (
+                name in ("preload", "mass", "speed")
+                or (speed and name.startswith("load_per_preload."))
+            )
         }
         if int(self.order.value) != self.study.settings.engine_order:
             settings["engine_order"] = int(self.order.value)
@@ -258,20 +314,29 @@ class Page:
             settings["speed"] = speed
         if "mass" in self.numbers and self.value("mass") != 1.0:
             settings[MASS if speed else INERTIA] = self.value("mass")
-        unit = self.value(FORCE) * (self.mu / self.value("friction_coefficient") if self.mu else 1.0)
+        unit = self.value(FORCE) * (
+            self.mu / self.value("friction_coefficient") if self.mu else 1.0
+        )
         # range of the preload relative to the excitation, at the friction coefficient of the study
         relative_range = (20.0, 5000.0)
         low, high = (float(f"{end * unit:.6g}") for end in relative_range)
         loaded = self.study.problem.carries_load
-        preload, preloads = (float(f"{self.value('preload'):.6g}"), (low, high)) if loaded else (0.0, None)
-        return Question(tuple(settings.items()), preload, preloads, int(self.mode.value), self.point)
+        preload, preloads = (
+            (float(f"{self.value('preload'):.6g}"), (low, high)) if loaded else (0.0, None)
+        )
+        return Question(
+            tuple(settings.items()), preload, preloads, int(self.mode.value), self.point
+        )
 
     def ask(self) -> None:
         """Ask the question for the current values."""
         question, shown = self.question(), self.shown.get("optimal")
         self.busy.text, self.busy.visible, self.code.text = "computing the curve ...", True, ""
         self.code.visible = False
-        if shown is not None and (shown.question.settings, shown.question.mode) != (question.settings, question.mode):
+        if shown is not None and (shown.question.settings, shown.question.mode) != (
+            question.settings,
+            question.mode,
+        ):
             self.texts["optimal"] = "The optimum is being computed."
             self.glyphs["optimal"].line_dash = [6]
             self.notes["best"].text = "Dashed: before the last change of settings."
@@ -286,10 +351,21 @@ class Page:
         self.figure = import_extra("bokeh.plotting", "explore", "app").figure
         size: dict[str, Any] = {"min_width": 200, "min_height": 120, "sizing_mode": "stretch_both"}
         plain: dict[str, Any] = {**size, "tools": "", "toolbar_location": None}
-        tools = {"tools": "box_zoom,wheel_zoom,reset,hover", "active_drag": None, "toolbar_location": "right"}
+        tools = {
+            "tools": "box_zoom,wheel_zoom,reset,hover",
+            "active_drag": None,
+            "toolbar_location": "right",
+        }
         location = (self.study.settings.response or self.study.excitation).location
-        high: dict[str, Any] = {**size, **tools, "y_axis_type": "log", "y_axis_label": f"Amplitude at {location} (µm)"}
-        self.curve = self._figure("curve", **high, x_axis_label="Frequency (Hz)", x_range=(0.0, 1.0), y_range=(1.0, 10.0))
+        high: dict[str, Any] = {
+            **size,
+            **tools,
+            "y_axis_type": "log",
+            "y_axis_label": f"Amplitude at {location} (µm)",
+        }
+        self.curve = self._figure(
+            "curve", **high, x_axis_label="Frequency (Hz)", x_range=(0.0, 1.0), y_range=(1.0, 10.0)
+        )
         low, top = (end * self.force for end in (10.0, 1e4))
         self.best = self._figure(
             "best",
@@ -317,12 +393,23 @@ class Page:
         ):
             add = view.scatter if "size" in look else view.line
             self.glyphs[name] = add("x", "y", source=self._source(name, "x", "y"), **look).glyph
-        self.faces.quad(**{name: name for name in EDGES}, color="color", source=self._source("tiles", *EDGES, "color"))
+        self.faces.quad(
+            **{name: name for name in EDGES},
+            color="color",
+            source=self._source("tiles", *EDGES, "color"),
+        )
         for name, view, text in (
             ("names", self.curve, {"text_color": "#5b666d", "y_offset": -3}),
             ("titles", self.faces, {"text_align": "center"}),
         ):
-            view.text("x", "y", "text", source=self._source(name, "x", "y", "text"), text_font_size=SIZE, **text)
+            view.text(
+                "x",
+                "y",
+                "text",
+                source=self._source(name, "x", "y", "text"),
+                text_font_size=SIZE,
+                **text,
+            )
         for view in (self.faces, self.motion):
             view.axis.visible = view.grid.visible = False
             view.outline_line_color = None
@@ -340,9 +427,13 @@ class Page:
         view.toolbar.logo = None
         for axis, shown in ((view.xaxis[0], view.x_range), (view.yaxis[0], view.y_range)):
             if type(axis).__name__ == "LogAxis":
-                axis.formatter = self.models.CustomJSTickFormatter(code="return String(Number(tick.toPrecision(3)))")
+                axis.formatter = self.models.CustomJSTickFormatter(
+                    code="return String(Number(tick.toPrecision(3)))"
+                )
                 for end in ("start", "end"):
-                    shown.on_change(end, lambda attr, old, new, axis=axis, shown=shown: self._tick(axis, shown))
+                    shown.on_change(
+                        end, lambda attr, old, new, axis=axis, shown=shown: self._tick(axis, shown)
+                    )
                 self._tick(axis, shown)
         return view
 
@@ -364,16 +455,35 @@ class Page:
         quads.js_on_change("data", self.models.CustomJS(args=args, code=MOVE))
 
     def _lay_out(self) -> None:
-        layout, wide = import_extra("bokeh.layouts", "explore", "app"), {"sizing_mode": "stretch_width", "spacing": 0}
-        pairs = [layout.column(self.numbers[name], slider, **wide) for name, slider in self.sliders.items()]
-        choices, buttons = layout.row(self.mode, self.order, **wide), layout.row(*self.buttons, spacing=0)
+        layout, wide = (
+            import_extra("bokeh.layouts", "explore", "app"),
+            {"sizing_mode": "stretch_width", "spacing": 0},
+        )
+        pairs = [
+            layout.column(self.numbers[name], slider, **wide)
+            for name, slider in self.sliders.items()
+        ]
+        choices, buttons = (
+            layout.row(self.mode, self.order, **wide),
+            layout.row(*self.buttons, spacing=0),
+        )
         first = layout.column(pairs.pop(list(self.sliders).index("preload")), name="first", **wide)
-        controls = layout.column(*pairs, choices, self.loop, buttons, self.help, name="controls", **wide)
+        controls = layout.column(
+            *pairs, choices, self.loop, buttons, self.help, name="controls", **wide
+        )
         titles = {"Contact points": self.faces, "Hysteresis loop": self.cycle}
         tabs = [self.models.TabPanel(title=title, child=view) for title, view in titles.items()]
         contacts = self.models.Tabs(tabs=tabs, name="contacts", sizing_mode="stretch_both")
         views = [self.curve, self.best, contacts, self.motion]
-        for root in (self.text, self.busy, first, controls, *views, *self.notes.values(), self.code):
+        for root in (
+            self.text,
+            self.busy,
+            first,
+            controls,
+            *views,
+            *self.notes.values(),
+            self.code,
+        ):
             self.document.add_root(root)
 
     def show(self, answer: Answer | str | None) -> None:
@@ -393,13 +503,22 @@ class Page:
         if answer.optimal is not None:
             self._optimal(answer.optimal)
         if answer.full:
-            self.busy.text = f"computing the {'amplitude in time' if answer.optimal else 'optimum'} ..."
-        self.text.text = " ".join(self.texts[name] for name in ("curve", "time", "optimal") if self.texts.get(name))
+            self.busy.text = (
+                f"computing the {'amplitude in time' if answer.optimal else 'optimum'} ..."
+            )
+        self.text.text = " ".join(
+            self.texts[name] for name in ("curve", "time", "optimal") if self.texts.get(name)
+        )
 
     def _put(self, name: str, *columns: Any) -> None:
         """Replace the columns of a data source; clear them if none are given."""
-        source, values = self.sources[name], (v if isinstance(v, np.ndarray) else [*v] for v in columns)
-        source.data = dict(zip(source.data, values)) if columns else {column: [] for column in source.data}
+        source, values = (
+            self.sources[name],
+            (v if isinstance(v, np.ndarray) else [*v] for v in columns),
+        )
+        source.data = (
+            dict(zip(source.data, values)) if columns else {column: [] for column in source.data}
+        )
 
     def _optimal(self, found: OptimalCurve) -> None:
         """Show the optimal curve with its optimum."""
@@ -427,29 +546,61 @@ class Page:
 
     def _curve(self, answer: Answer, curve: ResponseCurve) -> None:
         """Show the response curve with its limits and the chosen point."""
-        point = peak_text(curve.amplitude[answer.point], curve.frequency[answer.point]) if len(curve) else ""
-        chosen = f" Chosen point: {point}." if point and answer.full and answer.question.point is not None else ""
+        point = (
+            peak_text(curve.amplitude[answer.point], curve.frequency[answer.point])
+            if len(curve)
+            else ""
+        )
+        chosen = (
+            f" Chosen point: {point}."
+            if point and answer.full and answer.question.point is not None
+            else ""
+        )
         whole = answer.full or curve.complete
         if whole and len(curve) and not curve.may_be_higher and not curve.peak_at_end:
-            peak, load = peak_text(curve.peak.amplitude, curve.peak.frequency), amount(curve.preload, "N")
-            text = f"{DOT} <b>Peak {peak}</b>" + (f" at a preload of {load}." if curve.preload else ".")
+            peak, load = (
+                peak_text(curve.peak.amplitude, curve.peak.frequency),
+                amount(curve.preload, "N"),
+            )
+            text = f"{DOT} <b>Peak {peak}</b>" + (
+                f" at a preload of {load}." if curve.preload else "."
+            )
         else:
-            text = html.escape(curve._headline()) if whole else "the curve ends early while the slider moves."
+            text = (
+                html.escape(curve._headline())
+                if whole
+                else "the curve ends early while the slider moves."
+            )
         self.texts["curve"] = ("" if answer.full else COARSE) + text + chosen
         self.glyphs["curve"].line_dash = [] if answer.full else [6]
         self._put("curve", *broken(curve.branch, curve.frequency, 1e6 * curve.amplitude))
-        tops = [(limit.peak.frequency, 1e6 * limit.peak.amplitude, limit.kind) for limit in answer.limits if len(limit)]
+        tops = [
+            (limit.peak.frequency, 1e6 * limit.peak.amplitude, limit.kind)
+            for limit in answer.limits
+            if len(limit)
+        ]
         for name, limit in zip(("free", "stuck"), answer.limits):
             self._put(name, limit.frequency, 1e6 * limit.amplitude)
         if len(curve):
-            self._put("point", curve.frequency[[answer.point]], 1e6 * curve.amplitude[[answer.point]])
+            self._put(
+                "point", curve.frequency[[answer.point]], 1e6 * curve.amplitude[[answer.point]]
+            )
             # the curve of the preload shows lower bounds; the marker belongs to peaks
             is_peak = [] if curve.peak_at_end or curve.may_be_higher else [curve.peak]
-            self._put("marker", [curve.preload for _ in is_peak], [1e6 * peak.amplitude for peak in is_peak])
-            self.curve.x_range.update(start=float(curve.frequency.min()), end=float(curve.frequency.max()))
+            self._put(
+                "marker",
+                [curve.preload for _ in is_peak],
+                [1e6 * peak.amplitude for peak in is_peak],
+            )
+            self.curve.x_range.update(
+                start=float(curve.frequency.min()), end=float(curve.frequency.max())
+            )
         if answer.full and len(curve):
             self._put("names", *zip(*tops))
-            self._fit(self.curve.y_range, 1e6 * np.concatenate([c.amplitude for c in (curve, *answer.limits)]))
+            self._fit(
+                self.curve.y_range,
+                1e6 * np.concatenate([c.amplitude for c in (curve, *answer.limits)]),
+            )
         self._contacts()
         if answer.drawing is not None:
             self._draw(answer.drawing, point)
@@ -473,13 +624,22 @@ class Page:
         free = [self.study.model.bodies[name].kind == "free" for name in drawing.body]
         vibration = np.linalg.norm(np.abs(shape), axis=1)[drawing.quads].mean(axis=1)
         shades = colormaps["Reds"](0.8 * vibration / max(vibration.max(), 1e-300))
-        fill, line = zip(*(DAMPER if is_free else (to_hex(shade), BODY_EDGE) for is_free, shade in zip(free, shades)))
+        fill, line = zip(
+            *(
+                DAMPER if is_free else (to_hex(shade), BODY_EDGE)
+                for is_free, shade in zip(free, shades)
+            )
+        )
         margin = np.abs(shape).max(axis=0)
         low, high = rest.min(axis=0) - margin, rest.max(axis=0) + margin
         self._put("box", *zip(low, high))
-        self._put("nodes", *np.concatenate([rest, shape.real, shape.imag], axis=1, dtype=np.float32).T)
+        self._put(
+            "nodes", *np.concatenate([rest, shape.real, shape.imag], axis=1, dtype=np.float32).T
+        )
         self._put("quads", *drawing.quads.T.astype(np.int32), fill, line)
-        self.notes["motion"].text = f"{point}, magnified {drawing.magnification:.0f} times; darker with the amplitude"
+        self.notes[
+            "motion"
+        ].text = f"{point}, magnified {drawing.magnification:.0f} times; darker with the amplitude"
 
     def _contacts(self) -> None:
         answer = self.shown.get("curve")
@@ -488,12 +648,20 @@ class Page:
         displacement, force = answer.loops.loop(where := self.loop.value)
         self._put("loop", 1e6 * displacement, force)
         whole, energy = where == "whole", answer.loops.by_interface.get(where, answer.loops.lost)
-        self.cycle.xaxis.axis_label = "Response (µm)" if whole else f"Relative motion at {where} (µm)"
-        self.cycle.yaxis.axis_label = "Equivalent force (N)" if whole else f"Friction force at {where} (N)"
+        self.cycle.xaxis.axis_label = (
+            "Response (µm)" if whole else f"Relative motion at {where} (µm)"
+        )
+        self.cycle.yaxis.axis_label = (
+            "Equivalent force (N)" if whole else f"Friction force at {where} (N)"
+        )
         mean = answer.contacts.share[:, 0].mean(axis=0)
         keys = zip(STATES, STATUS_COLOURS, mean)
-        share = " ".join(f'<b style="color:{colour}">■</b> {name} {percent(x)}' for name, colour, x in keys)
-        self.notes["contacts"].text = f"{share} of the cycle; {html.escape(where)} dissipates {amount(energy, 'J')}"
+        share = " ".join(
+            f'<b style="color:{colour}">■</b> {name} {percent(x)}' for name, colour, x in keys
+        )
+        self.notes[
+            "contacts"
+        ].text = f"{share} of the cycle; {html.escape(where)} dissipates {amount(energy, 'J')}"
         names, parts, offset = [], [], 0.0
         model = answer.study.problem.coupling.model
         for name in self.loop.options[1:]:
@@ -512,7 +680,13 @@ class Page:
     def _chosen(self, event: Any) -> None:
         """Choose the point of the curve nearest to a click on the screen; ignore clicks outside the axes."""
         answer = self.shown.get("curve")
-        if answer is None or answer.curve is None or event.x is None or event.y is None or event.y <= 0.0:
+        if (
+            answer is None
+            or answer.curve is None
+            or event.x is None
+            or event.y is None
+            or event.y <= 0.0
+        ):
             return
         f, a = answer.curve.frequency, np.log(answer.curve.amplitude)
         distance = np.hypot((f - event.x) / np.ptp(f), (a - np.log(event.y / 1e6)) / np.ptp(a))
@@ -532,10 +706,14 @@ class Page:
         """Return the shown results by file name, with settings and "provisional" in the name."""
         results: dict[str, Any] = {}
         for answer in self.shown.values():
-            settings = f"{answer.question.preload:.3g}-N-engine-order-{answer.study.settings.engine_order}"
+            settings = (
+                f"{answer.question.preload:.3g}-N-engine-order-{answer.study.settings.engine_order}"
+            )
             settings += "-provisional" * (not answer.full)
             parts = {"curve": answer.curve, "loop": answer.loops, "optimal": answer.optimal}
-            results |= {f"{name}-{settings}": part for name, part in parts.items() if part is not None}
+            results |= {
+                f"{name}-{settings}": part for name, part in parts.items() if part is not None
+            }
         return results
 
     def pictures(self) -> None:
@@ -559,5 +737,7 @@ class Page:
             lines.append(f"study = study.replace(**{dict(question.settings)!r})")
         lines.append(f"curve = study.frequency_response({question.preload!r}, ({low!r}, {high!r}))")
         if question.preloads:
-            lines.append(f"optimal = study.optimal_curve({question.preloads!r}, mode={question.mode})")
+            lines.append(
+                f"optimal = study.optimal_curve({question.preloads!r}, mode={question.mode})"
+            )
         self.code.update(text="\n".join(lines), visible=True)

@@ -32,7 +32,9 @@ from bdamper.study import Study
 from bdamper.util.errors import INTERRUPTED, NOT_FOUND, BdamperError, SettingError, with_reason
 from bdamper.util.progress import LongWork, stopped_by
 
-MOVING = ContinuationOptions(tolerance=1e-6, step=0.1, max_step=0.3, max_turn=0.6, budget=2000, locate=False)
+MOVING = ContinuationOptions(
+    tolerance=1e-6, step=0.1, max_step=0.3, max_turn=0.6, budget=2000, locate=False
+)
 """Options of the curve that follows the sliders.  Its peaks are within 0.2 % of the peaks with the default steps, in two
 thirds of the time.  The budget stops the few curves with an open damper, which take up to twenty times as much."""
 FORCE = "excitation.amplitude"
@@ -113,7 +115,11 @@ class Answers:
     """
 
     def __init__(
-        self, study: Study, deliver: Callable[[Answer | str | None], None], most: int = 200, preloads: int = 7
+        self,
+        study: Study,
+        deliver: Callable[[Answer | str | None], None],
+        most: int = 200,
+        preloads: int = 7,
     ) -> None:
         self.study, self.deliver, self.most, self.preloads = study, deliver, most, preloads
         self.kept: OrderedDict[Hashable, Any] = OrderedDict()
@@ -145,8 +151,14 @@ class Answers:
                 return
             try:
                 self._answer(question)
-            except Exception as error:  # any error is shown, and the thread continues with the next question
-                self.deliver(str(error) if isinstance(error, BdamperError) else f"{type(error).__name__}: {error}")
+            except (
+                Exception
+            ) as error:  # any error is shown, and the thread continues with the next question
+                self.deliver(
+                    str(error)
+                    if isinstance(error, BdamperError)
+                    else f"{type(error).__name__}: {error}"
+                )
 
     def _answer(self, question: Question) -> None:
         steps = [self.curve, *([self.optimal] if question.preloads else []), self.time_response]
@@ -159,7 +171,9 @@ class Answers:
                 return
         self.deliver(None)
 
-    def _key(self, ask: Callable[..., Answer], question: Question, harmonics: int | None) -> Hashable:
+    def _key(
+        self, ask: Callable[..., Answer], question: Question, harmonics: int | None
+    ) -> Hashable:
         """Return the cache key of an answer.
 
         An optimal curve does not depend on the preload, and no answer on the shown point.
@@ -185,24 +199,41 @@ class Answers:
         """Return the frequencies (Hz) around the free and the stuck resonance of the mode, to three digits."""
         load = question.preloads[1] if question.preloads else question.preload
         key = "band", question.settings, question.mode, load
-        ends = self.once(key, lambda: peak_interval(self.varied(question, 1).problem.at(load), None, question.mode))
+        ends = self.once(
+            key,
+            lambda: peak_interval(self.varied(question, 1).problem.at(load), None, question.mode),
+        )
         return float(f"{ends[0]:.3g}"), float(f"{ends[1]:.3g}")
 
     def curve(self, question: Question, harmonics: int | None) -> Answer:
         """Compute the response curve with its limits; with one harmonic, in the band of the unchanged settings."""
-        order_only = tuple((name, value) for name, value in question.settings if name == "engine_order")
+        order_only = tuple(
+            (name, value) for name, value in question.settings if name == "engine_order"
+        )
         study = self.varied(question, harmonics)
         band = self.band(replace(question, settings=order_only) if harmonics else question)
-        key, load, options = self._key(self.curve, question, harmonics), question.preload, MOVING if harmonics else None
-        curve: ResponseCurve = self.once(key, lambda: _whole(study.frequency_response(load, band, options=options)))
+        key, load, options = (
+            self._key(self.curve, question, harmonics),
+            question.preload,
+            MOVING if harmonics else None,
+        )
+        curve: ResponseCurve = self.once(
+            key, lambda: _whole(study.frequency_response(load, band, options=options))
+        )
         linear = self.varied(question, 1)
         answer = Answer(question, not harmonics, study, curve)
         if not harmonics:
-            limits = self.once(("limits", key), lambda: (linear.free(band), linear.stuck(band, load or 1.0)))
+            limits = self.once(
+                ("limits", key), lambda: (linear.free(band), linear.stuck(band, load or 1.0))
+            )
             answer = replace(answer, limits=limits)
         if not len(curve):
             return answer
-        i = curve.peak_index if question.point is None or harmonics else min(question.point, len(curve) - 1)
+        i = (
+            curve.peak_index
+            if question.point is None or harmonics
+            else min(question.point, len(curve) - 1)
+        )
         u = curve.unknowns[i]
         drawing: LineDrawing | str | None = None
         if not harmonics:
@@ -216,14 +247,23 @@ class Answers:
     def optimal(self, question: Question, harmonics: int | None = None) -> Answer:
         """Compute the optimal curve with all harmonics."""
         study, preloads = self.varied(question), question.preloads or (1.0, 2.0)
-        options: dict[str, Any] = {"frequency": self.band(question), "mode": question.mode, "check": False}
+        options: dict[str, Any] = {
+            "frequency": self.band(question),
+            "mode": question.mode,
+            "check": False,
+        }
         key = self._key(self.optimal, question, None)
-        curve = self.once(key, lambda: _whole(study.optimal_curve(preloads, self.preloads, **options)))
+        curve = self.once(
+            key, lambda: _whole(study.optimal_curve(preloads, self.preloads, **options))
+        )
         return Answer(question, True, study, optimal=curve)
 
     def time_response(self, question: Question, harmonics: int | None = None) -> Answer:
         """Compute the steady-state amplitude in time at the peak of the response curve."""
-        answer, none = self.curve(question, None), TimeResponse(*(np.nan,) * 4, question.preload, np.nan)
+        answer, none = (
+            self.curve(question, None),
+            TimeResponse(*(np.nan,) * 4, question.preload, np.nan),
+        )
         assert answer.curve is not None
         curve = answer.curve
 
@@ -233,7 +273,9 @@ class Answers:
             except BdamperError as error:
                 return replace(none, status=with_reason(NOT_FOUND, error))
 
-        return replace(answer, time_response=self.once(self._key(self.time_response, question, None), computed))
+        return replace(
+            answer, time_response=self.once(self._key(self.time_response, question, None), computed)
+        )
 
 
 def _whole(result: Any) -> Any:

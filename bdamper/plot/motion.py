@@ -106,7 +106,9 @@ def _solutions(problem: Problem, unknowns: NDArray) -> NDArray:
     except (TypeError, ValueError):
         out = np.empty(0)
     if out.ndim == 0 or out.shape[-1] != n or not np.isfinite(out).all():
-        raise validation.invalid("unknowns", f"solutions of this study, {n} finite numbers each", unknowns)
+        raise validation.invalid(
+            "unknowns", f"solutions of this study, {n} finite numbers each", unknowns
+        )
     return out
 
 
@@ -138,7 +140,9 @@ def rigid_motion(problem: Problem, unknowns: NDArray, body: str | None = None) -
     if body is None and len(bodies) == 1:
         body = bodies[0]
     if body is None or body not in bodies:
-        raise SettingError(f"rigid motion: body must be one of the free bodies {bodies}, found {body!r}")
+        raise SettingError(
+            f"rigid motion: body must be one of the free bodies {bodies}, found {body!r}"
+        )
     part = problem.model.bodies[body]
     assert part.mass is not None
     moments, _ = principal_axes(part)
@@ -170,18 +174,31 @@ def contact_status(problem: Problem, unknowns: NDArray, preload: float) -> Conta
     X, _, _ = system.contact(_solutions(problem, unknowns))
     p = system.structure.arrays
     model = problem.coupling.model  # with merged contact points, if the study merges them
-    names = tuple(name for name in problem.coupling.interfaces for _ in range(model.interfaces[name].n_points))
+    names = tuple(
+        name for name in problem.coupling.interfaces for _ in range(model.interfaces[name].n_points)
+    )
     points = np.concatenate([model.interfaces[name].points for name in problem.coupling.interfaces])
     always_open = ((0.0, 2.0 * np.pi, OPEN),)
-    parts: list[tuple[Parts, ...]] = [(always_open, always_open)] * len(points)  # for points not in the equations
-    index = np.arange(len(X)) if system.structure.points.index is None else system.structure.points.index
-    for point, i in zip(*np.unique(index, return_index=True)):  # the first of two elements at a point
+    parts: list[tuple[Parts, ...]] = [(always_open, always_open)] * len(
+        points
+    )  # for points not in the equations
+    index = (
+        np.arange(len(X))
+        if system.structure.points.index is None
+        else system.structure.points.index
+    )
+    for point, i in zip(
+        *np.unique(index, return_index=True)
+    ):  # the first of two elements at a point
         directions = segments(
             X[i], p["kt"][i], float(p["kn"][i]), float(p["mu"][i]), float(p["n0"][i]), p["w"][i], int(p["law"][i]),
             problem.settings.contact_forces, float(p["load"][i]),
         )  # fmt: skip
         two_sided = p["law"][i] in (LAW_CONSTANT, LAW_COUPLED_CONSTANT, LAW_BONDED)
-        pieces = (listed or _without_friction(X[i], p["kn"][i], p["n0"][i], two_sided) for listed in directions)
+        pieces = (
+            listed or _without_friction(X[i], p["kn"][i], p["n0"][i], two_sided)
+            for listed in directions
+        )
         parts[point] = tuple(_joined(listed) for listed in pieces)
     return ContactStatus(points, names, tuple(parts))
 
@@ -192,7 +209,9 @@ def _joined(pieces: list[tuple[float, float, int]]) -> Parts:
     return tuple((run[0][0], run[-1][1], PLAIN[run[0][2]]) for run in runs)
 
 
-def _without_friction(x: NDArray, kn: float, n0: float, two_sided: bool) -> list[tuple[float, float, int]]:
+def _without_friction(
+    x: NDArray, kn: float, n0: float, two_sided: bool
+) -> list[tuple[float, float, int]]:
     """Return the parts of the period of a frictionless point, which slips while it is in contact."""
     sliding = 1
     if two_sided:
@@ -221,13 +240,17 @@ class SurfaceMotion:
     amplitude: NDArray
 
 
-def _rigid_displacement(problem: Problem, unknowns: NDArray, body: str, points: NDArray) -> tuple[NDArray, NDArray]:
+def _rigid_displacement(
+    problem: Problem, unknowns: NDArray, body: str, points: NDArray
+) -> tuple[NDArray, NDArray]:
     """Return the mean and the complex fundamental amplitude (n, 3), in m, of points of a rigid free body."""
     motion = rigid_motion(problem, unknowns, body)
     part = problem.model.bodies[body]
     assert part.centre is not None
     _, principal = principal_axes(part)
-    rotation = np.cross(principal[None], (points - part.centre)[:, None, :])  # (n_points, 3 axes, 3)
+    rotation = np.cross(
+        principal[None], (points - part.centre)[:, None, :]
+    )  # (n_points, 3 axes, 3)
     axes = body_axes(part)
     mean = motion.bias[:3] @ axes + np.einsum("k,pkx->px", motion.bias[3:], rotation)
     first = motion.vibratory[0]
@@ -255,7 +278,9 @@ def surface_motion(problem: Problem, unknowns: NDArray) -> dict[str, SurfaceMoti
     unknowns = _solutions(problem, unknowns)
     q0, q1, *_ = modal_amplitudes(problem, unknowns)
     out = {}
-    largest_missing = 0.01  # share of the motion in modes without shapes, above which a warning is shown
+    largest_missing = (
+        0.01  # share of the motion in modes without shapes, above which a warning is shown
+    )
     for name, mesh in problem.model.meshes.items():
         body = problem.model.bodies[name]
         mean, amplitude = np.zeros(mesh.points.shape), np.zeros(mesh.points.shape, complex)
@@ -263,7 +288,9 @@ def surface_motion(problem: Problem, unknowns: NDArray) -> dict[str, SurfaceMoti
             mean, amplitude = _rigid_displacement(problem, unknowns, name, mesh.points)
         elif body.kind == "constrained":
             for target, q, harmonic in ((mean, q0, 0), (amplitude, q1, 1)):
-                d, conjugate = problem.model.folded_nodal_diameter(int(problem.engine_order) * harmonic)
+                d, conjugate = problem.model.folded_nodal_diameter(
+                    int(problem.engine_order) * harmonic
+                )
                 shapes = mesh.modes.get(d)
                 if shapes is None and harmonic == 0:
                     mean[:] = np.nan
@@ -280,10 +307,14 @@ def surface_motion(problem: Problem, unknowns: NDArray) -> dict[str, SurfaceMoti
                 known = index < shapes.shape[2]
                 displacement = shapes[..., index[known]] @ q[of_body[known]]
                 target += displacement.real if harmonic == 0 else displacement
-                missing = np.linalg.norm(q[of_body[~known]]) / max(float(np.linalg.norm(q[of_body])), 1e-300)
+                missing = np.linalg.norm(q[of_body[~known]]) / max(
+                    float(np.linalg.norm(q[of_body])), 1e-300
+                )
                 if harmonic == 1 and missing > largest_missing:
                     most = f"at most {100 * largest_missing:g} % of the motion in modes without shapes on the mesh"
-                    warn_implausible(f"motion of the surface of '{name}'", most, f"{100 * missing:.2g} %")
+                    warn_implausible(
+                        f"motion of the surface of '{name}'", most, f"{100 * missing:.2g} %"
+                    )
         out[name] = SurfaceMotion(mesh.points, mean, amplitude)
     return out
 
@@ -350,9 +381,16 @@ def line_drawing(problem: Problem, unknowns: NDArray) -> LineDrawing:
         faces.append(quads + n)
         names += [name] * len(quads)
         n += len(motion.points)
-    position, amplitude, quads = np.concatenate(positions), np.concatenate(amplitudes), np.concatenate(faces)
+    position, amplitude, quads = (
+        np.concatenate(positions),
+        np.concatenate(amplitudes),
+        np.concatenate(faces),
+    )
     order = np.argsort(position[quads, 2].mean(axis=1))
-    largest, size = float(np.linalg.norm(np.abs(amplitude), axis=1).max()), float(np.ptp(position[:, :2], axis=0).max())
+    largest, size = (
+        float(np.linalg.norm(np.abs(amplitude), axis=1).max()),
+        float(np.ptp(position[:, :2], axis=0).max()),
+    )
     body = tuple(names[k] for k in order)
     magnification = LARGEST_DRAWN * size / max(largest, 1e-300)
     return LineDrawing(position[:, :2], amplitude[:, :2], quads[order], body, magnification)

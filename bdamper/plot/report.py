@@ -38,7 +38,13 @@ from bdamper.util.storage import FilePath, check_folder, replacing
 
 NOISE = 1.5, 3.0
 """Largest misfits of a fit for green and for amber, in units of its noise."""
-BELONG = "harmonics", "blade_modes", "contact_points", "friction_coefficient", "contact_stiffness_factor"
+BELONG = (
+    "harmonics",
+    "blade_modes",
+    "contact_points",
+    "friction_coefficient",
+    "contact_stiffness_factor",
+)
 """Settings that must agree between a curve and a fit."""
 NOT_MODELLED = (
     "Mistuning: all blades and all dampers are equal (see BladedDisk for mistuned bladed disks).",
@@ -80,7 +86,9 @@ def write_report(
         validation.instance("disk", disk, (DiskPeak, MistunedSample))
         figures.append((f"Mistuned bladed disk: {disk._headline().rstrip('.')}", _picture(disk)))
     if fit is not None:
-        figures.append(("Measured responses and the model", _picture(validation.instance("fit", fit, Fitted))))
+        figures.append(
+            ("Measured responses and the model", _picture(validation.instance("fit", fit, Fitted)))
+        )
     page = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True).from_string(
         Path(__file__).with_name("report.html").read_text(encoding="utf-8")
     )
@@ -89,7 +97,9 @@ def write_report(
     check = "" if curve.time_response else ", check=False"
     low, high = curve.near_best
     found = lights(curve, fit)
-    colours = [light.colour for light in found if light.name != "Contact constants" or fit is not None]
+    colours = [
+        light.colour for light in found if light.name != "Contact constants" or fit is not None
+    ]
     model = subject.get("model_file") or "model.h5"
     text = page.render(
         curve=curve, fit=fit, figures=figures, lights=found, sensitivities=rows,
@@ -121,7 +131,9 @@ def _asked(curve: OptimalCurve) -> str:
 def _subject(curve: OptimalCurve, given: Mapping[str, str]) -> dict[str, str]:
     """Return the first rows of the report: project, author, date, model, excitation, speed and preloads."""
     settings, force = curve.settings, curve.settings.get("excitation") or {}
-    where = " at ".join(str(force[name]) for name in ("direction", "location") if force.get(name) is not None)
+    where = " at ".join(
+        str(force[name]) for name in ("direction", "location") if force.get(name) is not None
+    )
     unit = "N kg^-1/2" if str(force.get("location")).startswith("mode ") else "N"
     amplitude = f"amplitude {force.get('amplitude', 0.0):g} {unit}"
     speed = settings.get("speed")
@@ -131,7 +143,9 @@ def _subject(curve: OptimalCurve, given: Mapping[str, str]) -> dict[str, str]:
         "date": given.get("date") or date.today().isoformat(),
         "model": f"{given.get('model_file', '')} {curve.model_hash}".lstrip(),
         "excitation": f"engine order {settings.get('engine_order')}, {where}, {amplitude}",
-        "rotor speed": "not given, frequencies of the model" if speed is None else f"{speed * RPM:.6g} rpm",
+        "rotor speed": "not given, frequencies of the model"
+        if speed is None
+        else f"{speed * RPM:.6g} rpm",
         "preloads": f"{amount(curve.preload[0], 'N')} to {amount(curve.preload[-1], 'N')}",
     }
 
@@ -144,7 +158,10 @@ def _damper(curve: OptimalCurve, problem: Problem | None) -> dict[str, str]:
     if problem is not None:
         return {"modal damping ratio": problem.damping_text, "damper": problem.model.masses_text}
     given = curve.settings.get("damping_ratio")
-    return {"modal damping ratio": GIVE_STUDY if given is None else f"{given:g}", "damper": GIVE_STUDY}
+    return {
+        "modal damping ratio": GIVE_STUDY if given is None else f"{given:g}",
+        "damper": GIVE_STUDY,
+    }
 
 
 DEFAULTS = {
@@ -178,7 +195,11 @@ def _has(settings: Mapping[str, Any], name: str, value: Any) -> bool:
         return bool(actual == value)
     if isinstance(value, Mapping):
         return dict(actual) == dict(value)
-    return all(v in (value, 0.0) if not part else v == value for key, v in actual.items() if part in ("", key))
+    return all(
+        v in (value, 0.0) if not part else v == value
+        for key, v in actual.items()
+        if part in ("", key)
+    )
 
 
 def lights(curve: OptimalCurve, fit: Fitted | None = None) -> list[Check]:
@@ -192,7 +213,11 @@ def _contact_constants(curve: OptimalCurve, fit: Fitted | None) -> Check:
     if fit is None:
         return Check("white", name, "assumed, not fitted", "white without a fit")
     fitted = fit.settings | dict(zip(fit.names, fit.values.tolist()))
-    other = [name for name in fitted if name.split(".")[0] in BELONG and not _has(curve.settings, name, fitted[name])]
+    other = [
+        name
+        for name in fitted
+        if name.split(".")[0] in BELONG and not _has(curve.settings, name, fitted[name])
+    ]
     rule = f"green below {NOISE[0]:g} times the noise, amber below {NOISE[1]:g}, red above, or if incomplete or not used"
     result = f"misfit {fit.misfit:.2g} times the noise, {fit.status}"
     result += f"; the curve has other values of {', '.join(map(spaced, other))}" * bool(other)
@@ -201,10 +226,17 @@ def _contact_constants(curve: OptimalCurve, fit: Fitted | None) -> Check:
     return Check(colour, name, result, rule, f"contact constants: {result}", remedy)
 
 
-def _at_optimum(problem: Problem, curve: OptimalCurve) -> tuple[list[tuple[str, str]], list[tuple[str, ...]]]:
+def _at_optimum(
+    problem: Problem, curve: OptimalCurve
+) -> tuple[list[tuple[str, str]], list[tuple[str, ...]]]:
     """Return the plots of the response at the optimum, and the rows of its sensitivities."""
-    best, mode = curve.optimum, max(0.25 * abs(curve.stuck.frequency - curve.free.frequency), 0.03 * curve.free.frequency)
-    ends = [f for f in (curve.free.frequency, best.frequency, curve.stuck.frequency) if np.isfinite(f)]
+    best, mode = (
+        curve.optimum,
+        max(0.25 * abs(curve.stuck.frequency - curve.free.frequency), 0.03 * curve.free.frequency),
+    )
+    ends = [
+        f for f in (curve.free.frequency, best.frequency, curve.stuck.frequency) if np.isfinite(f)
+    ]
     band = (min(ends) - mode, max(ends) + mode)
     tracked = frequency_response(problem, best.preload, band)
     peak = highest_peak(problem, best.preload, band)
@@ -222,8 +254,15 @@ def _at_optimum(problem: Problem, curve: OptimalCurve) -> tuple[list[tuple[str, 
     rows: list[tuple[str, ...]] = []
     if not peak.corner and problem.settings.contact_forces == "event_driven":
         for s in peak_sensitivities(problem, peak).values():
-            size, shift = s.value * s.amplitude / peak.amplitude, s.value * s.frequency / peak.frequency
-            cells = (f"{size:+.3f} %", f"{shift:+.4f} %") if np.isfinite(size) else ("not known", s.reason)
+            size, shift = (
+                s.value * s.amplitude / peak.amplitude,
+                s.value * s.frequency / peak.frequency,
+            )
+            cells = (
+                (f"{size:+.3f} %", f"{shift:+.4f} %")
+                if np.isfinite(size)
+                else ("not known", s.reason)
+            )
             rows.append((spaced(s.name), *cells))
     return figures, rows
 
@@ -240,6 +279,10 @@ def _picture(shown: Plottable, kind: str = "plot", *arguments: Any, **options: A
     """Return the plot of a result as an HTML image."""
     svg = io.BytesIO()
     metadata = {"Date": None, "Creator": None}
-    save_figure(draw(shown, kind, *arguments, **options), svg, format="svg", dpi=110, metadata=metadata)
-    text = svg.getvalue().decode().replace('"', "'").replace("\n", " ")  # a third shorter than in base 64
+    save_figure(
+        draw(shown, kind, *arguments, **options), svg, format="svg", dpi=110, metadata=metadata
+    )
+    text = (
+        svg.getvalue().decode().replace('"', "'").replace("\n", " ")
+    )  # a third shorter than in base 64
     return f'<img alt="figure" src="data:image/svg+xml,{quote(text, safe=" ()*+,-./:;=?@[]_!")}">'

@@ -61,7 +61,10 @@ def plot_campbell(campbell: Campbell, ax: Axes = NEW) -> None:
     rpm, top = campbell.speed * RPM, 1.05 * float(heights.max(initial=1.0))
     for d, colour in zip(known, colours(len(known))):
         k, name = campbell.row(d), f"free, nodal diameter {d}" if len(known) < 4 else "free"
-        for label, lines, style in ((name, campbell.free[k], "-"), ("stuck", campbell.stuck[k], STYLES[1])):
+        for label, lines, style in (
+            (name, campbell.free[k], "-"),
+            ("stuck", campbell.stuck[k], STYLES[1]),
+        ):
             drawn = ax.plot(rpm, lines, linestyle=style, color=colour, linewidth=0.8)
             drawn[0].set_label(once(ax, label))
             for m in np.flatnonzero(np.isfinite(lines[0]) & (style == "-")):
@@ -74,7 +77,15 @@ def plot_campbell(campbell: Campbell, ax: Axes = NEW) -> None:
     met, _, *both = campbell.met.T
     for speeds, marker in zip(both, "ox"):
         frequency = met * speeds / (2.0 * np.pi)
-        ax.plot(speeds * RPM, frequency, marker, color="0.35", markersize=3.5, markerfacecolor="w", zorder=3)
+        ax.plot(
+            speeds * RPM,
+            frequency,
+            marker,
+            color="0.35",
+            markersize=3.5,
+            markerfacecolor="w",
+            zorder=3,
+        )
         for x, y in zip(speeds * RPM, frequency):
             if marker == "o" and np.isfinite(x):
                 name_point(ax, f"{x:.0f} rpm", (x, y))
@@ -86,10 +97,16 @@ def plot_campbell(campbell: Campbell, ax: Axes = NEW) -> None:
             look |= {"markersize": 5.0, "markeredgecolor": "k", "linestyle": "none", "zorder": 4}
             look["label"] = once(ax, f"damped, {1e3 * value['mass']:.3g} g")
             ax.plot(value["speed"] * RPM, value["frequency"], **look)
-            name_point(ax, amount(value["amplitude"], "m"), (value["speed"] * RPM, value["frequency"]))
+            name_point(
+                ax, amount(value["amplitude"], "m"), (value["speed"] * RPM, value["frequency"])
+            )
     if orders and known and not np.isfinite(np.array(both)).any():
         met_at = 60.0 * campbell.free[campbell.row(known[0]), -1, 0] / orders[0]
-        near = f" Order {orders[0]} may cross mode 1 near {met_at:.0f} rpm." if np.isfinite(met_at) else ""
+        near = (
+            f" Order {orders[0]} may cross mode 1 near {met_at:.0f} rpm."
+            if np.isfinite(met_at)
+            else ""
+        )
         note(ax, campbell._headline() + near, 0.05)
     ax.set(xlabel=SPEED, ylabel="Frequency (Hz)", xlim=(rpm[0], rpm[-1]), ylim=(0.0, top))
 
@@ -113,7 +130,15 @@ def plot_safe(campbell: Campbell, speed: float | None = None, ax: Axes = NEW) ->
     top = 1.1 * float(np.nanmax(stuck))
     orders = np.arange(max(int(2.0 * np.pi * top / omega), 1) + 1)
     folded = np.array([campbell.met_by(int(o)) for o in orders])
-    ax.plot(folded, orders * omega / (2.0 * np.pi), "-", color="0.6", linewidth=0.8, label="excitation", zorder=1)
+    ax.plot(
+        folded,
+        orders * omega / (2.0 * np.pi),
+        "-",
+        color="0.6",
+        linewidth=0.8,
+        label="excitation",
+        zorder=1,
+    )
     for order in campbell.engine_order.tolist():
         position = campbell.met_by(order), order * omega / (2.0 * np.pi)
         if position[1] <= top:
@@ -122,8 +147,19 @@ def plot_safe(campbell: Campbell, speed: float | None = None, ax: Axes = NEW) ->
     for m, look in enumerate(looks(free.shape[1])):
         look |= {"markersize": 4.0, "linewidth": 0.6}
         ax.plot(d, free[:, m], **{**look, "linestyle": "-"}, label=f"mode {m + 1}, free")
-        ax.plot(d, stuck[:, m], **{**look, "linestyle": STYLES[1]}, markerfacecolor="w", label=once(ax, "stuck"))
-    ax.set(xlabel="Nodal diameter", ylabel="Frequency (Hz)", xlim=(-0.5, min(half, d.max() + 5) + 0.5), ylim=(0.0, top))
+        ax.plot(
+            d,
+            stuck[:, m],
+            **{**look, "linestyle": STYLES[1]},
+            markerfacecolor="w",
+            label=once(ax, "stuck"),
+        )
+    ax.set(
+        xlabel="Nodal diameter",
+        ylabel="Frequency (Hz)",
+        xlim=(-0.5, min(half, d.max() + 5) + 0.5),
+        ylim=(0.0, top),
+    )
     ax.set_title(f"{omega * RPM:.0f} rpm")
 
 
@@ -143,9 +179,15 @@ def plot_crossings(found: Crossings, ax: Axes = NEW, *, quantity: str = "amplitu
         raise SettingError("quantity: these crossings have no margin; compute them with margin=...")
     for omega, height, masses, look in zip(speed, value, mass, looks(len(value))):
         if np.isfinite(masses).any():
-            look |= {"linestyle": "", "markersize": 5.0, "label": f"damper {1e3 * np.nanmax(masses):.3g} g"}
+            look |= {
+                "linestyle": "",
+                "markersize": 5.0,
+                "label": f"damper {1e3 * np.nanmax(masses):.3g} g",
+            }
             ax.plot(omega * RPM, height, **look)
-    ax.plot(speed * RPM, value, color="0.7", linewidth=0.6, zorder=1)  # joins the masses of one engine order
+    ax.plot(
+        speed * RPM, value, color="0.7", linewidth=0.6, zorder=1
+    )  # joins the masses of one engine order
     for point, omega, height in zip(found.points, speed[-1], value[-1]):
         if np.isfinite(omega):
             name_point(ax, f"EO {point['engine_order']}", (omega * RPM, height))
@@ -176,16 +218,32 @@ def plot_stress(cycle: StressCycle, point: int | None = None, ax: Axes = NEW) ->
     point : int, optional
         The critical point by default.
     """
-    i = cycle.critical if point is None else validation.integer("point", point, least=0, most=len(cycle) - 1)
+    i = (
+        cycle.critical
+        if point is None
+        else validation.integer("point", point, least=0, most=len(cycle) - 1)
+    )
     theta = np.linspace(0.0, 2.0 * np.pi, 721)
     stress = MEGA * cycle.over_cycle(theta)[i]
     large = np.abs(stress).max(axis=1) > 0.02 * np.abs(stress).max()
     for name, values, look, plotted in zip(COMPONENTS, stress, looks(6), large):
         if plotted:
-            ax.plot(np.degrees(theta), values, **look, markevery=90, zorder=3, label=rf"$\sigma_{{{name}}}$")
+            ax.plot(
+                np.degrees(theta),
+                values,
+                **look,
+                markevery=90,
+                zorder=3,
+                label=rf"$\sigma_{{{name}}}$",
+            )
     ax.plot(np.degrees(theta), von_mises(stress.T), color="0.75", linewidth=3.0, label="von Mises")
     title = f"{cycle.names[i]}, {cycle.frequency:.5g} Hz, preload {amount(cycle.preload, 'N')}"
-    ax.set(xlabel="Angle of the excitation (degrees)", ylabel="Stress (MPa)", title=title, xlim=(0.0, 360.0))
+    ax.set(
+        xlabel="Angle of the excitation (degrees)",
+        ylabel="Stress (MPa)",
+        title=title,
+        xlim=(0.0, 360.0),
+    )
     ax.set_xticks(np.arange(0, 361, 60))
 
 
@@ -208,9 +266,20 @@ def plot_haigh(margins: Margins, ax: Axes = NEW) -> None:
     points = MEGA * np.array([margins.mean, margins.amplitude])
     ax.plot(*points[:, counted], "o", color="0.3", markersize=4, label="points")
     if not counted.all():
-        ax.plot(*points[:, ~counted], "o", color="0.3", markerfacecolor="none", markersize=4, label="next to contact")
+        ax.plot(
+            *points[:, ~counted],
+            "o",
+            color="0.3",
+            markerfacecolor="none",
+            markersize=4,
+            label="next to contact",
+        )
     _star(ax, points[0, i], points[1, i], "critical")
-    name_point(ax, f"{margins.names[i]}: {points[0, i]:.3g} ± {points[1, i]:.3g} MPa", (points[0, i], points[1, i]))
+    name_point(
+        ax,
+        f"{margins.names[i]}: {points[0, i]:.3g} ± {points[1, i]:.3g} MPa",
+        (points[0, i], points[1, i]),
+    )
     top = MEGA * max(material.endurance_limit, float(margins.amplitude.max()))
     ax.set(xlabel=label_of(Margins, "mean", "MPa"), ylabel=label_of(Margins, "amplitude", "MPa"), ylim=(0.0, 1.15 * top),
            xlim=(MEGA * low, 1.02 * max(MEGA * right, float(points[0].max()))),
@@ -232,7 +301,10 @@ def plot_margin(curve: MarginCurve, ax: Axes = NEW, *, label: str = "margin") ->
         Name of the curve in the legend.
     """
     drawn = sum(line.get_gid() == "margin" for line in ax.lines)
-    ax.set(xlabel=f"{curve.over.capitalize()} ({curve.unit})", xscale="log" if curve.over == "preload" else "linear")
+    ax.set(
+        xlabel=f"{curve.over.capitalize()} ({curve.unit})",
+        xscale="log" if curve.over == "preload" else "linear",
+    )
     draw_table(ax, curve, "values", "margin", gid="margin", label=label, **looks(6)[drawn % 6])
     if not np.isfinite(curve.margin).any():
         note(ax, curve._headline())
@@ -246,11 +318,15 @@ def plot_margin(curve: MarginCurve, ax: Axes = NEW, *, label: str = "margin") ->
         ax.margins(y=0.15)
     if curve.in_time:
         preload, least = zip(*((m.preload, m.least) for m in curve.in_time))
-        ax.plot(preload, least, "D", color=IN_TIME, markerfacecolor="w", label="highest blade in time")
+        ax.plot(
+            preload, least, "D", color=IN_TIME, markerfacecolor="w", label="highest blade in time"
+        )
     if not drawn:
         ax.axhline(1.0, color="0.4", linewidth=1.0, label="limit")
         right = ax.twinx()
-        right.plot(curve.values, curve.response, color="0.55", linestyle=STYLES[1], label="response")
+        right.plot(
+            curve.values, curve.response, color="0.55", linestyle=STYLES[1], label="response"
+        )
         right.set(ylabel="Response amplitude, dash-dotted (m)", ylim=(0.0, None))
         right.grid(False)
 
@@ -276,7 +352,14 @@ def plot_critical(margins: Margins, model: Model) -> Axes:
     x, y, _ = seen(margins.points).T
     counted = margins.counted & (np.arange(len(margins)) != i)
     factor = np.log10(np.maximum(margins.factor[counted], 1e-3))
-    look: dict[str, Any] = {"cmap": "gray", "vmin": 0.0, "vmax": 1.5, "s": 14, "zorder": 10, "edgecolors": "black"}
+    look: dict[str, Any] = {
+        "cmap": "gray",
+        "vmin": 0.0,
+        "vmax": 1.5,
+        "s": 14,
+        "zorder": 10,
+        "edgecolors": "black",
+    }
     with plt.rc_context(STYLE):
         dots = axes.scatter(x[counted], y[counted], c=factor, **look)
         axes.scatter(x[i], y[i], c=OPTIMUM, marker="*", s=90, zorder=11, edgecolors="black")

@@ -67,7 +67,9 @@ def evaluation_budget(system: Equations) -> int:
     It corresponds to OPERATIONS for the size of the problem, between FEWEST_EVALUATIONS and MOST_EVALUATIONS.  An ordinary
     curve of some 100 points takes 300 to 700.
     """
-    return int(min(max(OPERATIONS / float(system.work[:3].sum()), FEWEST_EVALUATIONS), MOST_EVALUATIONS))
+    return int(
+        min(max(OPERATIONS / float(system.work[:3].sum()), FEWEST_EVALUATIONS), MOST_EVALUATIONS)
+    )
 
 
 class LeftOut(NamedTuple):
@@ -86,7 +88,11 @@ class LeftOut(NamedTuple):
     why: str
 
     def __str__(self) -> str:
-        where = f"{self.low:.6g} Hz" if self.high == self.low else f"{self.low:.6g} to {self.high:.6g} Hz"
+        where = (
+            f"{self.low:.6g} Hz"
+            if self.high == self.low
+            else f"{self.low:.6g} to {self.high:.6g} Hz"
+        )
         return f"{where}: {self.why}"
 
     @property
@@ -128,7 +134,12 @@ def in_order(pieces: Sequence[Piece]) -> list[tuple[Correction, Piece]]:
     out: list[tuple[Correction, Piece]] = []
     for before, piece in zip([None, *pieces], pieces):
         points = [(p, piece) for p in piece.path.points]
-        if before is None or not before.path.points or not piece.inside or before.branch != piece.branch:
+        if (
+            before is None
+            or not before.path.points
+            or not piece.inside
+            or before.branch != piece.branch
+        ):
             out += points
             continue
         first = len(out) - len(before.path.points)
@@ -153,7 +164,9 @@ def uncovered(pieces: Sequence[Piece], low: float, high: float) -> list[tuple[fl
     return [gap for gap in _gaps(pieces, low, high) if gap[1] - gap[0] > GAP * (high - low)]
 
 
-def ending(pieces: Sequence[Piece], low: float, high: float) -> tuple[str, str, tuple[LeftOut, ...]]:
+def ending(
+    pieces: Sequence[Piece], low: float, high: float
+) -> tuple[str, str, tuple[LeftOut, ...]]:
     """Return status and reason of a curve from its pieces, and its omissions.
 
     "complete" means solutions at every frequency of the interval, except for gaps below a thousandth of its width.  The
@@ -164,23 +177,42 @@ def ending(pieces: Sequence[Piece], low: float, high: float) -> tuple[str, str, 
     for piece in pieces:
         if piece.path.status == "interrupted":
             return INTERRUPTED, piece.path.reason, left
-    reasons = "; ".join(dict.fromkeys(f"{piece.path.status} ({piece.path.reason})" for piece in pieces))
+    reasons = "; ".join(
+        dict.fromkeys(f"{piece.path.status} ({piece.path.reason})" for piece in pieces)
+    )
     if not any(piece.path.points for piece in pieces):
         return NOT_FOUND, reasons, left
     if gaps:
         a, b = max(gaps, key=lambda gap: gap[1] - gap[0])
-        return INCOMPLETE, f"{NO_SOLUTION} from {a / TWO_PI:.6g} to {b / TWO_PI:.6g} Hz: {reasons}", left
-    through = (piece.path.reason for piece in pieces if piece.path.status == "complete" and not piece.inside)
+        return (
+            INCOMPLETE,
+            f"{NO_SOLUTION} from {a / TWO_PI:.6g} to {b / TWO_PI:.6g} Hz: {reasons}",
+            left,
+        )
+    through = (
+        piece.path.reason
+        for piece in pieces
+        if piece.path.status == "complete" and not piece.inside
+    )
     return COMPLETE, next(through, "separate branches cover the interval"), left
 
 
 def _left_out(pieces: Sequence[Piece], low: float, high: float) -> tuple[LeftOut, ...]:
-    out = [LeftOut(float(a) / TWO_PI, float(b) / TWO_PI, NO_SOLUTION) for a, b in _gaps(pieces, low, high)]
+    out = [
+        LeftOut(float(a) / TWO_PI, float(b) / TWO_PI, NO_SOLUTION)
+        for a, b in _gaps(pieces, low, high)
+    ]
     for piece in pieces:
         path = piece.path
         if path.points and path.status not in ("complete", "turned back", "closed"):
             ends = path.tangle or (path.points[-1].y[-1],) * 2
-            out.append(LeftOut(float(ends[0]) / TWO_PI, float(ends[1]) / TWO_PI, f"{path.status}: {path.reason}"))
+            out.append(
+                LeftOut(
+                    float(ends[0]) / TWO_PI,
+                    float(ends[1]) / TWO_PI,
+                    f"{path.status}: {path.reason}",
+                )
+            )
     return tuple(sorted(set(out)))
 
 
@@ -240,9 +272,14 @@ class Coverage:
                 break
         self.fill(find_start)
 
-    def follow(self, start: NDArray, up: bool, branch: int | None = None, inside: bool = False) -> Path:
+    def follow(
+        self, start: NDArray, up: bool, branch: int | None = None, inside: bool = False
+    ) -> Path:
         """Follow one branch and add it, even if interrupted."""
-        stop, follower = None, Follower(self.system.with_share(SHARE), self.limits, self.options, self.on_point)
+        stop, follower = (
+            None,
+            Follower(self.system.with_share(SHARE), self.limits, self.options, self.on_point),
+        )
         try:
             path = follower.run(start, up)
         except KeyboardInterrupt as interrupt:
@@ -292,12 +329,21 @@ class Coverage:
         """
         low, high = self.limits
         bottom, top = self.outside
-        outside = replace(self.options, locate=False, max_points=SIDE_POINTS, step=0.5, max_step=1.0)
+        outside = replace(
+            self.options, locate=False, max_points=SIDE_POINTS, step=0.5, max_step=1.0
+        )
         seen: list[Correction] = []
         while not self.system.spent:
             paths = [piece.path.points for piece in self.pieces if piece.path.status in ARRIVED]
             ends = (p for points in paths for p in (points[0], points[-1]))
-            end = next((p for p in ends if p.y[-1] in self.limits and not any(_same(p.y, q) for q in seen)), None)
+            end = next(
+                (
+                    p
+                    for p in ends
+                    if p.y[-1] in self.limits and not any(_same(p.y, q) for q in seen)
+                ),
+                None,
+            )
             if end is None:
                 return
             seen.append(end)
@@ -308,12 +354,19 @@ class Coverage:
             back = path.points[-1] if path.points else end
             if path.status not in ARRIVED:
                 at = float(back.y[-1]) / TWO_PI
-                self.lost.append(LeftOut(at, at, f"outside the interval, {path.status}: {path.reason}"))
+                self.lost.append(
+                    LeftOut(at, at, f"outside the interval, {path.status}: {path.reason}")
+                )
             if path.status != "turned back" or any(_same(back.y, q) for q in seen):
                 continue
             seen.append(back)
             self.note(back.y[-1], "the branch turns outside the interval and comes back")
-            forward = next((p.tangent[-1] > 0.0) == q.up for q in self.pieces for p in q.path.points if p is end)
+            forward = next(
+                (p.tangent[-1] > 0.0) == q.up
+                for q in self.pieces
+                for p in q.path.points
+                if p is end
+            )
             self.follow(back.y, not up)
             self.pieces[-1] = replace(self.pieces[-1], up=up == forward)
 
@@ -347,7 +400,9 @@ class Coverage:
         positions = [a + part * (b - a) for part in POSITIONS]
         for omega in positions:
             for point in sorted(points, key=lambda p: abs(p.y[-1] - omega))[:40:8]:
-                c = self.system.correct_at(point.y[:-1], omega, point.scale, self.options.tolerance, 30, True)
+                c = self.system.correct_at(
+                    point.y[:-1], omega, point.scale, self.options.tolerance, 30, True
+                )
                 self.meter.count(c.iterations)
                 if c.status == OK:
                     return c.y
@@ -400,21 +455,30 @@ def first_point(
     last : (n_unknowns + 1,) float
         Last Newton iterate.
     """
-    log = [f"static state: converged in {state.iterations} iterations, residual {state.residual:.1e}"]
+    log = [
+        f"static state: converged in {state.iterations} iterations, residual {state.residual:.1e}"
+    ]
     mean, stuck = state.q[: system.n_mean], system.structure.linear.response(omega, springs)
     start = system.layout.pack(mean, stuck)
     last = np.append(start, omega)
     scale = system.units(last, omega)
-    for name, line_search, iterations in (("Newton", False, 20), ("Newton with line search", True, 60)):
+    for name, line_search, iterations in (
+        ("Newton", False, 20),
+        ("Newton with line search", True, 60),
+    ):
         if system.spent:
             break
         c = system.correct_at(start, omega, scale, options.tolerance, iterations, line_search)
         meter.count(c.iterations)
-        log.append(f"{name} from the stuck response: {STATUS_TEXT[c.status]}, {c.iterations} iterations")
+        log.append(
+            f"{name} from the stuck response: {STATUS_TEXT[c.status]}, {c.iterations} iterations"
+        )
         last = c.y
         if c.status == OK:
             return c.y, log, last
-    solution = None if system.spent else _by_homotopy(system, omega, options, meter, log, mean, stuck)
+    solution = (
+        None if system.spent else _by_homotopy(system, omega, options, meter, log, mean, stuck)
+    )
     if solution is None and system.spent:
         log.append("the budget of evaluations is used up")
     return solution, log, last
@@ -456,13 +520,19 @@ def _by_homotopy(
         log.append(f"fading supports: removed after {counted(len(path.points), 'step')}")
         return np.append(path.points[-1].y[:-1], omega)
     why = "the bodies drift away" if path.status == "drifted off" else path.status
-    log.append(f"fading supports: not removed after {len(path.points)} of {SIDE_POINTS} points ({why})")
+    log.append(
+        f"fading supports: not removed after {len(path.points)} of {SIDE_POINTS} points ({why})"
+    )
     return None
 
 
-def _homotopy(system: Equations[Sector], start: NDArray, options: ContinuationOptions, meter: CostMeter) -> Path:
+def _homotopy(
+    system: Equations[Sector], start: NDArray, options: ContinuationOptions, meter: CostMeter
+) -> Path:
     """Follow the curve in the last unknown, from its initial value to 1."""
     limits = 0.5 * float(start[-1]), 1.0
-    path = follow(system, start, limits, options=replace(options, locate=False, max_points=SIDE_POINTS))
+    path = follow(
+        system, start, limits, options=replace(options, locate=False, max_points=SIDE_POINTS)
+    )
     meter.count(path.iterations, path.failed_steps)
     return path

@@ -90,7 +90,14 @@ class Follower:
 
     def path(self, status: str, reason: str) -> Path:
         """Return the path computed so far."""
-        return Path(tuple(self.points), status, reason, self.iterations + self.events.iterations, self.failed, self.tangle)
+        return Path(
+            tuple(self.points),
+            status,
+            reason,
+            self.iterations + self.events.iterations,
+            self.failed,
+            self.tangle,
+        )
 
     # ---- steps ----
 
@@ -101,7 +108,9 @@ class Follower:
         if not predicted[-1] > 0.0:
             return Correction(1, predicted, tangent, scale, 0, np.inf, 0), "frequency not positive"
         options = self.options
-        c = self.system.solve(predicted, Plane(tangent), scale, options.tolerance, options.max_iterations, reach=step)
+        c = self.system.solve(
+            predicted, Plane(tangent), scale, options.tolerance, options.max_iterations, reach=step
+        )
         self.iterations += c.iterations
         if c.status != OK:
             return c, STATUS_TEXT[c.status]
@@ -148,14 +157,20 @@ class Follower:
 
     def longer(self, step: float, turn: float, iterations: int) -> float:
         """Return the length of the next step from the turn of the tangent and the iterations of the last step."""
-        growth = min(2.0, 0.6 * self.options.max_turn / max(turn, 1e-9), 2.0 * (3.0 / max(iterations, 1)) ** 1.5)
+        growth = min(
+            2.0,
+            0.6 * self.options.max_turn / max(turn, 1e-9),
+            2.0 * (3.0 / max(iterations, 1)) ** 1.5,
+        )
         return min(self.options.max_step, step * max(0.5, growth))
 
     def end_at(self, last: Correction, beyond: NDArray, omega: float) -> Correction | None:
         """Return the end of the path at a bound of the interval that a step crosses; None if the corrector fails."""
         guess = last.y + (omega - last.y[-1]) / (beyond[-1] - last.y[-1]) * (beyond - last.y)
         scale = last.scale
-        c = self.system.correct_at(guess[:-1], omega, scale, self.options.tolerance, 2 * self.options.max_iterations)
+        c = self.system.correct_at(
+            guess[:-1], omega, scale, self.options.tolerance, 2 * self.options.max_iterations
+        )
         self.iterations += c.iterations
         if c.status != OK or norm2((c.y - guess) / scale) >= 1.0:
             return None
@@ -184,12 +199,17 @@ class Follower:
         omega = [float(p.y[-1]) for p in self.points[since:]]
         self.tangle = min(omega), max(omega)
         low, high = map(self.place, self.tangle)
-        return self.path(MANY_FOLDS, f"{self.options.patience} points of folds from {low} to {high} without progress")
+        return self.path(
+            MANY_FOLDS,
+            f"{self.options.patience} points of folds from {low} to {high} without progress",
+        )
 
     def _stopped(self, y: NDArray, tangent: NDArray, start: NDArray, refused: str) -> Path:
         """Return the path if no step is possible."""
         if self.system.spent:
-            return self.path(OUT_OF_BUDGET, f"its share of the evaluations is used up at {self.place(y[-1])}")
+            return self.path(
+                OUT_OF_BUDGET, f"its share of the evaluations is used up at {self.place(y[-1])}"
+            )
         if self.drifts(tangent) and self._far(y, start, 1e3):
             return self.path("drifted off", DRIFTED_OFF)
         return self.path("stalled", f"at {self.place(y[-1])}: {refused} at the smallest step")
@@ -206,7 +226,9 @@ class Follower:
         """Follow the curve from a point near it; see :func:`follow`."""
         options = self.options
         scale = self.scale_at(start)
-        c = self.system.correct_at(start[:-1], start[-1], scale, options.tolerance, 4 * options.max_iterations)
+        c = self.system.correct_at(
+            start[:-1], start[-1], scale, options.tolerance, 4 * options.max_iterations
+        )
         self.iterations += c.iterations
         if c.status != OK:
             return self.path("stalled", f"no solution at the start: {STATUS_TEXT[c.status]}")
@@ -219,7 +241,11 @@ class Follower:
         while len(self.points) < options.max_points:
             y = point.y
             if max(lowest - y[-1], y[-1] - highest) > 1e-4 * (self.high - self.low):
-                lowest, highest, front_at = min(lowest, y[-1]), max(highest, y[-1]), len(self.points)
+                lowest, highest, front_at = (
+                    min(lowest, y[-1]),
+                    max(highest, y[-1]),
+                    len(self.points),
+                )
             elif len(self.points) - front_at > options.patience:
                 return self._tangled(front_at)
             scale = self.scale_at(y)
@@ -234,7 +260,9 @@ class Follower:
                 bound = self.high if new.y[-1] > self.high else self.low
                 end = self.end_at(here, new.y, bound)
                 if end is not None:
-                    for event in self.events.between(Step(here, end, norm2((end.y - y) / scale)))[0]:
+                    for event in self.events.between(Step(here, end, norm2((end.y - y) / scale)))[
+                        0
+                    ]:
                         self.record(event)
                     self.record(replace(end, kind="end"))
                     return self._arrived(bound, up, start[-1])
@@ -245,13 +273,17 @@ class Follower:
                 continue
             self.sign = new.orientation or self.sign
             if len(self.points) > 10 and self._closes(y, new):
-                return self.path("closed", f"the branch closes on itself at {self.place(new.y[-1])}")
+                return self.path(
+                    "closed", f"the branch closes on itself at {self.place(new.y[-1])}"
+                )
             located, kind = self.events.between(Step(here, new, reach))
             for event in located:
                 self.record(event)
             point = self.record(replace(new, kind=kind))
             drifting = self.drifts(new.tangent) and self.drifts(tangent)
-            if (self.system.supported and self._far(new.y, start, 1e2)) or (drifting and self._far(new.y, start, 1e6)):
+            if (self.system.supported and self._far(new.y, start, 1e2)) or (
+                drifting and self._far(new.y, start, 1e6)
+            ):
                 return self.path("drifted off", DRIFTED_OFF)
             if drifting:
                 # straight and at constant frequency: long steps until a step fails near the next contact
@@ -259,7 +291,9 @@ class Follower:
             else:
                 turn = float(np.arccos(np.clip(new.tangent @ tangent, -1.0, 1.0)))
                 step = self.longer(step, turn, new.iterations)
-        return self.path("too many points", f"{options.max_points} points before the end of the interval")
+        return self.path(
+            "too many points", f"{options.max_points} points before the end of the interval"
+        )
 
 
 def follow(

@@ -82,7 +82,9 @@ class ContinuationOptions:
     def __post_init__(self) -> None:
         validation.check_fields(self)
         steps = self.min_step, self.step, self.max_step
-        validation.check_value(sorted(steps) == list(steps), "steps", "0 < min_step <= step <= max_step", steps)
+        validation.check_value(
+            sorted(steps) == list(steps), "steps", "0 < min_step <= step <= max_step", steps
+        )
 
 
 @short_repr
@@ -156,7 +158,10 @@ def _on_cubic(near: StepPoint, far: StepPoint, s: float, a: Correction) -> NDArr
     t = (s - near[0]) / h
     first, last = (h * a.scale * point[2] / cosine for point, cosine in zip((near, far), along))
     rise = far[1] - near[1]
-    return np.asarray(near[1] + t * (first + t * (3.0 * rise - 2.0 * first - last + t * (first + last - 2.0 * rise))))
+    return np.asarray(
+        near[1]
+        + t * (first + t * (3.0 * rise - 2.0 * first - last + t * (first + last - 2.0 * rise)))
+    )
 
 
 class Step(NamedTuple):
@@ -217,9 +222,15 @@ class Events:
         length = norm2((c.y - y) / scale)
         if turns_twice(length * tangent[-1], length * c.tangent[-1], (c.y[-1] - y[-1]) / scale[-1]):
             return True
-        (g_before, before), (g_after, after) = (self.system.rows.squared_gradient(p) for p in (y, c.y))
-        first, last = (length * float(g @ (t * scale)) for g, t in ((g_before, tangent), (g_after, c.tangent)))
-        return max(abs(first), abs(last)) > LEVEL_RISE * before and turns_twice(first, last, 0.5 * (after - before))
+        (g_before, before), (g_after, after) = (
+            self.system.rows.squared_gradient(p) for p in (y, c.y)
+        )
+        first, last = (
+            length * float(g @ (t * scale)) for g, t in ((g_before, tangent), (g_after, c.tangent))
+        )
+        return max(abs(first), abs(last)) > LEVEL_RISE * before and turns_twice(
+            first, last, 0.5 * (after - before)
+        )
 
     # ---- folds and maxima ----
 
@@ -261,7 +272,11 @@ class Events:
 
     def _value(self, kind: str, y: NDArray, tangent: NDArray, scale: NDArray) -> float:
         """Return the quantity that changes sign at a fold or a maximum."""
-        return float(tangent[-1] if kind == "fold" else self.system.rows.squared_gradient(y)[0] @ (tangent * scale))
+        return float(
+            tangent[-1]
+            if kind == "fold"
+            else self.system.rows.squared_gradient(y)[0] @ (tangent * scale)
+        )
 
     def locate(self, step: Step, kind: str, tolerance: float) -> Correction | None:
         """Locate a fold or maximum within a step, by Newton's method on a smooth step, otherwise by bracketing.
@@ -280,7 +295,10 @@ class Events:
             Fold or maximum, with the slope and curvature of its condition; None if no corrector converges.
         """
         a, b, end = step
-        values = self._value(kind, a.y, a.tangent, a.scale), self._value(kind, b.y, b.tangent, a.scale)
+        values = (
+            self._value(kind, a.y, a.tangent, a.scale),
+            self._value(kind, b.y, b.tangent, a.scale),
+        )
         chord, ahead = (b.y - a.y) / a.scale, a.tangent + b.tangent
         # difference of chord and mean tangent, relative to the difference of the tangents, below which a step counts as
         # smooth.  Of 129 folds and maxima of curves with friction, 47 of 73 smooth ones are below, and 9 of 56 at
@@ -290,17 +308,23 @@ class Events:
         if bend < even * norm2(b.tangent - a.tangent):
             part = values[0] / (values[0] - values[1])
             tangent = a.tangent + part * (b.tangent - a.tangent)
-            condition, weight = (Fold, 1.0) if kind == "fold" else (Peak, self.system.rows.squared_gradient(a.y)[1])
+            condition, weight = (
+                (Fold, 1.0) if kind == "fold" else (Peak, self.system.rows.squared_gradient(a.y)[1])
+            )
             curvature = (values[1] - values[0]) / (end * weight)
             target = condition(tangent / norm2(tangent), curvature, tolerance, 0.5 * end)
             guess = _on_cubic((0.0, a.y, a.tangent), (end, b.y, b.tangent), part * end, a)
-            c = self.system.solve(guess, target, a.scale, self.options.tolerance, self.options.max_iterations)
+            c = self.system.solve(
+                guess, target, a.scale, self.options.tolerance, self.options.max_iterations
+            )
             self.iterations += c.iterations
             if c.status == OK and 0.0 <= float(a.tangent @ ((c.y - a.y) / a.scale)) <= end:
                 return c
         return self._bracketed(step, values, kind, tolerance)
 
-    def _bracketed(self, step: Step, values: tuple[float, float], kind: str, tolerance: float) -> Correction | None:
+    def _bracketed(
+        self, step: Step, values: tuple[float, float], kind: str, tolerance: float
+    ) -> Correction | None:
         """Locate a fold or a maximum within a step as the root of a function whose values at both ends differ in sign.
 
         A trial is the point of the curve in a plane normal to the tangent at the start of the step; Newton's method starts
@@ -315,7 +339,9 @@ class Events:
         try:
             while True:
                 guess = _on_cubic(near, far, s, a)
-                c = self.system.solve(guess, Plane(a.tangent), a.scale, self.options.tolerance, most)
+                c = self.system.solve(
+                    guess, Plane(a.tangent), a.scale, self.options.tolerance, most
+                )
                 self.iterations += c.iterations
                 value = last
                 if c.status == OK and norm2((c.y - a.y) / a.scale) <= 2.0 * s:
@@ -324,7 +350,9 @@ class Events:
                     across = around[not beyond]
                     weight = 1.0 if kind == "fold" else self.system.rows.squared_gradient(c.y)[1]
                     around[beyond] = s, value
-                    near, far = (near, (s, c.y, c.tangent)) if beyond else ((s, c.y, c.tangent), far)
+                    near, far = (
+                        (near, (s, c.y, c.tangent)) if beyond else ((s, c.y, c.tangent), far)
+                    )
                     curvature = (value - across[1]) / (s - across[0])
                     event = replace(c, slope=value / weight, curvature=curvature / weight)
                 else:  # beyond a corner: assume the curve as close to the last point as the plane
@@ -343,7 +371,9 @@ class Events:
             return None
         return c.orientation * sign * c.tangent if sign else c.tangent
 
-    def around_corner(self, here: Correction, step: float, sign: int) -> tuple[Correction, float] | None:
+    def around_corner(
+        self, here: Correction, step: float, sign: int
+    ) -> tuple[Correction, float] | None:
         """Return the first point beyond a corner within a step, and the length of the part beyond the corner.
 
         Bisection finds the jump of the null vector of the Jacobian.  On a smooth curve the vectors at both ends of the
@@ -389,7 +419,9 @@ class Events:
                     return c, part * step
         return None
 
-    def _solution_near(self, guess: NDArray, direction: NDArray, scale: NDArray, reach: float) -> Correction | None:
+    def _solution_near(
+        self, guess: NDArray, direction: NDArray, scale: NDArray, reach: float
+    ) -> Correction | None:
         """Return a solution near a guess, in the plane normal to a direction, or None.
 
         Its distance from the guess is at most ``reach``, and its tangent is close to the direction.
@@ -397,7 +429,12 @@ class Events:
         if not guess[-1] > 0.0:
             return None
         c = self.system.solve(
-            guess, Plane(direction), scale, self.options.tolerance, self.options.max_iterations, reach=2.0 * reach
+            guess,
+            Plane(direction),
+            scale,
+            self.options.tolerance,
+            self.options.max_iterations,
+            reach=2.0 * reach,
         )
         self.iterations += c.iterations
         near = c.status == OK and norm2((c.y - guess) / scale) <= reach

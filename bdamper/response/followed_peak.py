@@ -37,7 +37,12 @@ def drops(lower: float, higher: float) -> bool:
 
 
 def follow_upward(
-    problem: Problem, peak: Peak, preload: float, *, above: float = 0.0, options: PeakOptions | None = None
+    problem: Problem,
+    peak: Peak,
+    preload: float,
+    *,
+    above: float = 0.0,
+    options: PeakOptions | None = None,
 ) -> Peak | None:
     """Follow a smooth peak from its preload to a higher preload.
 
@@ -64,10 +69,18 @@ def follow_upward(
         at = min(here.parameter * np.exp(step), preload)
         guess = here.y
         if before is not None:
-            guess = here.y + (here.y - before.y) * np.log(at / here.parameter) / np.log(here.parameter / before.parameter)
-        shape: dict[str, Any] = {"tangent": here.tangent, "scale": here.scale, "curvature": here.curvature}
+            guess = here.y + (here.y - before.y) * np.log(at / here.parameter) / np.log(
+                here.parameter / before.parameter
+            )
+        shape: dict[str, Any] = {
+            "tangent": here.tangent,
+            "scale": here.scale,
+            "curvature": here.curvature,
+        }
         shape = shape if here.tangent.any() else {}
-        new = find_peak(problem.system(at), guess, options=options, parameter=at, reach=REACH, **shape)
+        new = find_peak(
+            problem.system(at), guess, options=options, parameter=at, reach=REACH, **shape
+        )
         if new.converged and abs(np.log(new.amplitude / here.amplitude)) < CHANGE:
             if new.amplitude <= above:
                 return None
@@ -126,10 +139,18 @@ def followed_peaks(
             continue
         if not np.isfinite(heights[preload]):
             continue
-        if below is not None and known(preload) and (below in found or drops(heights[below], heights[preload])):
+        if (
+            below is not None
+            and known(preload)
+            and (below in found or drops(heights[below], heights[preload]))
+        ):
             start = found[below].peak if below in found else peak_at(below)
             limit = (1.0 + NEAR) * heights[preload]
-            peak = None if start is None else follow_upward(problem, start, preload, above=limit, options=options)
+            peak = (
+                None
+                if start is None
+                else follow_upward(problem, start, preload, above=limit, options=options)
+            )
             if peak is not None:
                 found[preload] = Followed(peak, below)
         below = preload
@@ -148,7 +169,11 @@ def without_lost_peaks(
         top = known[preload].top
         return top.peak if top is not None and top.kind == "peak" else None
 
-    before = {p: Followed(there.top.peak, p) for p, there in known.items() if there.followed and there.top is not None}
+    before = {
+        p: Followed(there.top.peak, p)
+        for p, there in known.items()
+        if there.followed and there.top is not None
+    }
     heights = {p: there.height for p, there in known.items()}  # also where the damper rattles
     steady = {p for p, there in known.items() if there.known and not there.rattles}
     found = followed_peaks(problem, heights, steady.__contains__, peak_at, before, options)

@@ -108,7 +108,9 @@ def _beyond(curve: OptimalCurve) -> str:
 
 def failed(curve: OptimalCurve) -> list[Check]:
     """Return the failed checks; none if the preload does not matter."""
-    return [check for check in checks(curve) if check.colour == "red" and curve.optimum.kind != "flat"]
+    return [
+        check for check in checks(curve) if check.colour == "red" and curve.optimum.kind != "flat"
+    ]
 
 
 def _in_time(curve: OptimalCurve) -> Check:
@@ -136,17 +138,25 @@ def _more_harmonics(curve: OptimalCurve) -> Check:
         return Check("white", "More harmonics", "not run", rule)
     first, *others = more.peaks
     change = max((abs(p.amplitude / first.amplitude - 1.0) for p in others), default=np.inf)
-    enough = more.settled[0].harmonics if len(more.settled) > 1 and more.status == COMPLETE else first.harmonics
+    enough = (
+        more.settled[0].harmonics
+        if len(more.settled) > 1 and more.status == COMPLETE
+        else first.harmonics
+    )
     failure = f"more harmonics may be needed, {more.verdict}"
     colour = "green" if more.converged else graded(change, 0.0, FAIR)
-    remedy = f"use harmonics={enough}" if enough > first.harmonics else "rely on the amplitude in time"
+    remedy = (
+        f"use harmonics={enough}" if enough > first.harmonics else "rely on the amplitude in time"
+    )
     return Check(colour, "More harmonics", more.note, rule, failure, remedy)
 
 
 def _other_friction(curve: OptimalCurve) -> Check:
     """Compare the peaks at the recommended preload with lower and higher friction coefficients."""
     name = "Other friction coefficients"
-    rule = f"green up to {NEAR_BEST:g} times the amplitude, red above {MUCH:g} times, white if not run"
+    rule = (
+        f"green up to {NEAR_BEST:g} times the amplitude, red above {MUCH:g} times, white if not run"
+    )
     if not _friction_tried(curve):
         return Check("white", name, f"not run at {amount(curve.recommended_preload, 'N')}", rule)
     own, *others = curve.other_friction
@@ -170,7 +180,9 @@ def _friction_range(curve: OptimalCurve) -> Check:
     near = [limit for limit in found.limits if limit.near]
     colour = "red" if any(limit.known for limit in near) else "amber" if near else "green"
     preload = amount(curve.other_friction[0].preload, "N")
-    return Check(colour, name, found.text, rule, f"at {preload} {found.text}", _friction_remedy(curve))
+    return Check(
+        colour, name, found.text, rule, f"at {preload} {found.text}", _friction_remedy(curve)
+    )
 
 
 def _friction_remedy(curve: OptimalCurve) -> str:
@@ -219,7 +231,9 @@ def headline(curve: OptimalCurve, further: Sequence[Check] = ()) -> str:
     o = curve.optimum
     if not np.isfinite(o.preload):
         gone = [
-            f"; at {amount(p, 'N')} {why}" for p, why in zip(curve.preload, curve.status) if status_word(why) != COMPLETE
+            f"; at {amount(p, 'N')} {why}"
+            for p, why in zip(curve.preload, curve.status)
+            if status_word(why) != COMPLETE
         ]
         if o.kind == "flat":
             return f"The preload does not matter: {peak_text(o.amplitude, o.frequency)}."
@@ -242,7 +256,13 @@ def _preload(curve: OptimalCurve) -> str:
     o, least, best = curve.optimum, curve.optimum_in_time, curve.recommended_preload
     force = curve.settings.get("excitation", {}).get("amplitude", 0.0)
     shares = loads_text(curve.settings.get("load_per_preload"))
-    per = " per newton of excitation" if force == 1.0 else f" at {amount(force, 'N')} of excitation" if force else ""
+    per = (
+        " per newton of excitation"
+        if force == 1.0
+        else f" at {amount(force, 'N')} of excitation"
+        if force
+        else ""
+    )
     where = f"Preload: {amount(best, 'N')}{f' ({shares})' if shares else ''}{per}"
     if o.uncertainty > GOOD and o.known_to:
         where += f" ({o.known_to})"
@@ -254,7 +274,9 @@ def _preload(curve: OptimalCurve) -> str:
     within = f"by harmonic balance the amplitude is within {percent(NEAR_BEST - 1.0)} of the minimum from"
     low, high = curve.near_best
     ends = f"; {_range_in_time(curve)}" if curve.range_in_time else ""
-    return f"{where}; {within} {span(low, high, 'N')}{_steeper(curve)}{ends}.{_of_damper(curve, best)}"
+    return (
+        f"{where}; {within} {span(low, high, 'N')}{_steeper(curve)}{ends}.{_of_damper(curve, best)}"
+    )
 
 
 def _rises_in_time(curve: OptimalCurve) -> list[float]:
@@ -262,7 +284,9 @@ def _rises_in_time(curve: OptimalCurve) -> list[float]:
     least = curve.optimum_in_time
     if least is None:
         return [np.nan for _ in curve.range_in_time]
-    return [end.largest / least.largest if known_in_time(end) else np.nan for end in curve.range_in_time]
+    return [
+        end.largest / least.largest if known_in_time(end) else np.nan for end in curve.range_in_time
+    ]
 
 
 def _range_in_time(curve: OptimalCurve) -> str:
@@ -286,8 +310,14 @@ def _ends_of_range(curve: OptimalCurve) -> list[Check]:
 def _of_damper(curve: OptimalCurve, preload: float) -> str:
     """Compare a preload with the centrifugal load of the damper at the rotor speed of the resonance."""
     order, speed = curve.settings.get("engine_order", 0), curve.settings.get("speed")
-    normalised = curve.settings.get("excitation", {}).get("amplitude") == 1.0  # the preload is one per newton
-    if normalised or curve.settings.get("load_per_preload") or not (order and curve.mass_radius > 0.0):
+    normalised = (
+        curve.settings.get("excitation", {}).get("amplitude") == 1.0
+    )  # the preload is one per newton
+    if (
+        normalised
+        or curve.settings.get("load_per_preload")
+        or not (order and curve.mass_radius > 0.0)
+    ):
         return ""
     speed = speed or 2.0 * np.pi * curve.optimum.frequency / order
     load = curve.mass_radius * speed**2
@@ -325,8 +355,16 @@ def _amplitude(curve: OptimalCurve, any_failed: bool) -> str:
     """Return the design amplitude, unless a check has failed, and the amplitudes by each method."""
     o, response = curve.optimum, curve.recommended_response
     free = curve.free.amplitude
-    gain = f", {free / o.amplitude:.3g} times below the free blade ({amount(free, 'm')})" if np.isfinite(free) else ""
-    more = curve.convergence if curve.convergence is not None and len(curve.convergence.peaks) > 1 else None
+    gain = (
+        f", {free / o.amplitude:.3g} times below the free blade ({amount(free, 'm')})"
+        if np.isfinite(free)
+        else ""
+    )
+    more = (
+        curve.convergence
+        if curve.convergence is not None and len(curve.convergence.peaks) > 1
+        else None
+    )
     low, high = more.range if more is not None else (o.amplitude, o.amplitude)
     ends = f" ({span(low, high, 'm')} with more harmonics)" if more is not None else ""
     if response is None or not known_in_time(response):
@@ -346,10 +384,16 @@ def _amplitude(curve: OptimalCurve, any_failed: bool) -> str:
 def _range(curve: OptimalCurve) -> str:
     """Return half of the range of motion where other harmonics than the first add to it."""
     best, response = curve.optimum, curve.recommended_response
-    parts = [f"by harmonic balance {amount(best.half_range, 'm')}"] * exceeds(best.half_range, best.amplitude)
+    parts = [f"by harmonic balance {amount(best.half_range, 'm')}"] * exceeds(
+        best.half_range, best.amplitude
+    )
     if response is not None and exceeds(response.half_range, response.mean):
         parts.append(f"in time {amount(response.half_range, 'm')}")
-    return f"The amplitudes are of the first harmonic; half of the range of motion is {', '.join(parts)}." if parts else ""
+    return (
+        f"The amplitudes are of the first harmonic; half of the range of motion is {', '.join(parts)}."
+        if parts
+        else ""
+    )
 
 
 def _locked(curve: OptimalCurve) -> str:
@@ -381,14 +425,21 @@ def _doubts(curve: OptimalCurve) -> str:
     broken = [part for k in there for part in k.missing_ranges if part.why != NO_SOLUTION]
     if broken:
         places = " and ".join(f"{(part.low + part.high) / 2.0:.4g} Hz" for part in broken[:2])
-        doubts.append(f"a path of the response curve broke off near {places}, so that a higher branch may be missing")
+        doubts.append(
+            f"a path of the response curve broke off near {places}, so that a higher branch may be missing"
+        )
     return f"Doubt at {amount(best, 'N')}: {'; '.join(doubts)}." if doubts else ""
 
 
 def _not_covered(curve: OptimalCurve) -> str:
     """Return the effects that the amplitude does not contain."""
     friction = curve.settings.get("friction_coefficient", 0.0)
-    every = np.concatenate([np.ravel(mu) for mu in (friction.values() if isinstance(friction, Mapping) else [friction])])
+    every = np.concatenate(
+        [
+            np.ravel(mu)
+            for mu in (friction.values() if isinstance(friction, Mapping) else [friction])
+        ]
+    )
     values = ", ".join(f"{mu:g}" for mu in np.unique(every[every > 0.0]))
     ends = [k.factor for k in curve.other_friction if k.status == COMPLETE]
     checked = len(ends) > 1 and _other_friction(curve).colour != "white"
@@ -399,5 +450,7 @@ def _not_covered(curve: OptimalCurve) -> str:
     time = [] if in_time else ["motion in time", "more blade modes"]
     stiffness = curve.settings.get("contact_stiffness", "")
     joints = stiffness == "model" or "values" in stiffness  # each point is a joint
-    points = ["more contact points"] * (not joints or curve.settings.get("contact_points") is not None)
+    points = ["more contact points"] * (
+        not joints or curve.settings.get("contact_points") is not None
+    )
     return f"Not covered: {', '.join([*time, 'mistuning', 'wear', *points, *other])}."

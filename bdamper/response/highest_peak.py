@@ -27,11 +27,27 @@ from bdamper.response.continuation import MANY_FOLDS
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.linear_limits import peak_interval
 from bdamper.response.motion_range import half_range
-from bdamper.response.peak import AT_END, LOOSEST, Peak, PeakOptions, amplitude_at, coarse_options, find_peak, same_peak
+from bdamper.response.peak import (
+    AT_END,
+    LOOSEST,
+    Peak,
+    PeakOptions,
+    amplitude_at,
+    coarse_options,
+    find_peak,
+    same_peak,
+)
 from bdamper.response.response_curve import frequency_response
 from bdamper.response.response_curve_result import ResponseCurve, uninterrupted
 from bdamper.util import validation
-from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, BdamperError, status_word, with_reason
+from bdamper.util.errors import (
+    COMPLETE,
+    INCOMPLETE,
+    NOT_FOUND,
+    BdamperError,
+    status_word,
+    with_reason,
+)
 from bdamper.util.formatting import peak_text
 from bdamper.util.progress import Cost, CostMeter, one_thread
 from bdamper.util.records import from_json
@@ -90,7 +106,9 @@ class Highest:
         return self.peak.status
 
 
-def highest_of_curve(system: Equations, curve: ResponseCurve, *, options: PeakOptions | None = None) -> Highest:
+def highest_of_curve(
+    system: Equations, curve: ResponseCurve, *, options: PeakOptions | None = None
+) -> Highest:
     """Return the highest point of a curve, as defined at the head of this module.
 
     Parameters
@@ -111,7 +129,9 @@ def highest_of_curve(system: Equations, curve: ResponseCurve, *, options: PeakOp
     apart = curve.apart
     counted = [i for i in tops if not apart[i]]
     if not counted:
-        raise BdamperError("the response curve has no point that is connected with an end of the interval")
+        raise BdamperError(
+            "the response curve has no point that is connected with an end of the interval"
+        )
     within = [i for i in counted if not search.at_end(i)]
     first, *others = within or counted[:1]
     best = search.at(first)
@@ -121,12 +141,18 @@ def highest_of_curve(system: Equations, curve: ResponseCurve, *, options: PeakOp
         best = max(best, search.at(i), key=lambda found: found.peak.amplitude)
     notes, top = [], counted[0]
     if search.at_end(top) and amplitude[top] > best.peak.amplitude and best.kind != "end":
-        notes.append(f"higher at an end of the interval: {peak_text(amplitude[top], curve.frequency[top], 4)}")
+        notes.append(
+            f"higher at an end of the interval: {peak_text(amplitude[top], curve.frequency[top], 4)}"
+        )
     if higher := curve.higher(best.peak.amplitude):
         notes.append(higher)
     # between points of the curve the range may be larger at the refined peak
     at_peak = float(half_range(system.response(best.peak.y[:-1])))
-    return replace(best, note="; ".join(notes), peak=replace(best.peak, half_range=max(curve.half_range, at_peak)))
+    return replace(
+        best,
+        note="; ".join(notes),
+        peak=replace(best.peak, half_range=max(curve.half_range, at_peak)),
+    )
 
 
 def maxima(system: Equations, curve: ResponseCurve, share: float = 0.0) -> tuple[Peak, ...]:
@@ -177,7 +203,12 @@ class _Refined:
         """
         omega, branch = self.y[:, -1], self.curve.branch
         on = np.flatnonzero(branch == branch[i])[[0, -1]]
-        leaves = [j for j in on if omega[j] - omega.min() <= LEVEL * omega[j] or omega.max() - omega[j] <= LEVEL * omega[j]]
+        leaves = [
+            j
+            for j in on
+            if omega[j] - omega.min() <= LEVEL * omega[j]
+            or omega.max() - omega[j] <= LEVEL * omega[j]
+        ]
         return any(abs(omega[j] - omega[i]) <= LEVEL * omega[i] for j in leaves)
 
     def at(self, i: int) -> Highest:
@@ -189,7 +220,10 @@ class _Refined:
             return Highest(self._point(y, np.eye(len(y))[-1], scale), "end", i)
         if self.curve.point_kind[i] == "drift":
             return Highest(self._point(y, tangent, scale), "drift", i)
-        for options in (self.options, replace(self.options, tolerance=max(self.options.tolerance, LOOSEST))):
+        for options in (
+            self.options,
+            replace(self.options, tolerance=max(self.options.tolerance, LOOSEST)),
+        ):
             peak = find_peak(
                 self.system, y, tangent=tangent, scale=scale, options=options, parameter=self.curve.preload, reach=REACH
             )  # fmt: skip
@@ -214,8 +248,17 @@ class _Refined:
 
         The point is corrected to the tolerance in the plane normal to ``normal``, if the corrector converges.
         """
-        c = self.system.solve(y, Plane(normal), scale, max(self.options.tolerance, LOOSEST), self.options.max_iterations)
-        good = c.status == OK and float(np.linalg.norm(((c.y - y) / scale)[self.system.n_mean :])) < REACH
+        c = self.system.solve(
+            y,
+            Plane(normal),
+            scale,
+            max(self.options.tolerance, LOOSEST),
+            self.options.max_iterations,
+        )
+        good = (
+            c.status == OK
+            and float(np.linalg.norm(((c.y - y) / scale)[self.system.n_mean :])) < REACH
+        )
         at = c.y if good else y
         nothing, frequency = np.zeros(len(y)), float(at[-1] / (2.0 * np.pi))
         return Peak(
@@ -226,7 +269,11 @@ class _Refined:
 
 def given_up(curve: ResponseCurve) -> str:
     """Return a note if a path of the curve ended in a tangle of folds, so that its branch may be higher; otherwise ""."""
-    parts = (f"{part.low:.6g} to {part.high:.6g} Hz" for part in curve.missing_ranges if part.why.startswith(MANY_FOLDS))
+    parts = (
+        f"{part.low:.6g} to {part.high:.6g} Hz"
+        for part in curve.missing_ranges
+        if part.why.startswith(MANY_FOLDS)
+    )
     where = " and ".join(parts)
     return f"a branch was given up among many folds from {where}" if where else ""
 
@@ -286,11 +333,17 @@ class AtPreload:
         """Status "complete", "incomplete" or "not found", with the reason."""
         if self.top is None or not self.curve.complete:
             status = NOT_FOUND if self.top is None else INCOMPLETE
-            return with_reason(status, f"{self.curve.status}: {self.curve.reason}".removeprefix(f"{status}: "))
+            return with_reason(
+                status, f"{self.curve.status}: {self.curve.reason}".removeprefix(f"{status}: ")
+            )
         if status_word(self.top.status) == INCOMPLETE:
             return self.top.status
         why = given_up(self.curve)
-        return with_reason(INCOMPLETE, f"{why}, where the response could be higher") if why else COMPLETE
+        return (
+            with_reason(INCOMPLETE, f"{why}, where the response could be higher")
+            if why
+            else COMPLETE
+        )
 
     def record(self) -> dict[str, Any]:
         """Return all data as numbers, texts, lists and arrays."""
@@ -302,7 +355,10 @@ class AtPreload:
         made: AtPreload = from_json(AtPreload, record)
         curve, n = made.curve, len(made.curve)
         harmonics, shares = curve.harmonics.reshape(n, 2), curve.shares.reshape(n, 3)
-        return replace(made, curve=replace(curve, unknowns=np.zeros((n, 0)), harmonics=harmonics, shares=shares))
+        return replace(
+            made,
+            curve=replace(curve, unknowns=np.zeros((n, 0)), harmonics=harmonics, shares=shares),
+        )
 
 
 def found_at(
@@ -357,7 +413,9 @@ def found_at(
         height = (1.0 + LEVEL) * top.peak.amplitude if curve.complete and top is not None else 0.0
         if before is not None and before[1].peak.amplitude > height:
             curve, top = before
-        spent = budget is not None and curve.cost.evaluations >= budget  # default steps are shorter and would cover less
+        spent = (
+            budget is not None and curve.cost.evaluations >= budget
+        )  # default steps are shorter and would cover less
         # shorter steps do not make a resonance less sharp
         hopeless = spent or curve.without_amplitude is not None
         if hopeless or (curve.complete and top is not None and top.exact and not given_up(curve)):

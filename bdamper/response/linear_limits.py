@@ -32,7 +32,9 @@ def free(problem: Problem, frequency: tuple[float, float]) -> ResponseCurve:
 
 
 @one_thread
-def stuck(problem: Problem, frequency: tuple[float, float], preload: float | None = None) -> ResponseCurve:
+def stuck(
+    problem: Problem, frequency: tuple[float, float], preload: float | None = None
+) -> ResponseCurve:
     """See :meth:`bdamper.Study.stuck`."""
     if preload is None:
         speed = problem.settings.speed
@@ -41,7 +43,9 @@ def stuck(problem: Problem, frequency: tuple[float, float], preload: float | Non
     return _linear(case, "stuck", frequency, case.stuck_springs(touching=True))
 
 
-def _linear(case: LoadCase, kind: str, frequency: tuple[float, float], springs: NDArray | None) -> ResponseCurve:
+def _linear(
+    case: LoadCase, kind: str, frequency: tuple[float, float], springs: NDArray | None
+) -> ResponseCurve:
     """Compute the linear response over an interval (Hz), with springs (n_points, 3) in N/m in place of the contact."""
     watch = CostMeter()
     low, high = (2.0 * np.pi * f for f in validation.interval("frequency", frequency))
@@ -53,12 +57,17 @@ def _linear(case: LoadCase, kind: str, frequency: tuple[float, float], springs: 
         at, amplitude = linear.maximum(system.response_rows[1], springs, w, width)
         if np.isinf(amplitude):
             unbounded.append(w)
-            omega = np.concatenate([omega, w * (1.0 + np.outer((-1.0, 1.0), np.geomspace(NEAREST, 1e-2, 40)).ravel())])
+            omega = np.concatenate(
+                [omega, w * (1.0 + np.outer((-1.0, 1.0), np.geomspace(NEAREST, 1e-2, 40)).ravel())]
+            )
         else:
             # equal steps of phase around each resonance
             omega = np.concatenate([omega, w + width * np.tan(np.linspace(-1.56, 1.56, 161)), [at]])
     infinite = [w / (2.0 * np.pi) for w in unbounded if low < w < high]
-    left_out = tuple(LeftOut(f * (1.0 - NEAREST), f * (1.0 + NEAREST), f"{UNBOUNDED}: no damping") for f in infinite)
+    left_out = tuple(
+        LeftOut(f * (1.0 - NEAREST), f * (1.0 + NEAREST), f"{UNBOUNDED}: no damping")
+        for f in infinite
+    )
     for w in unbounded:
         omega = omega[np.abs(omega - w) >= 0.5 * NEAREST * w]
     omega = np.unique(omega[(omega >= low) & (omega <= high)])
@@ -66,12 +75,19 @@ def _linear(case: LoadCase, kind: str, frequency: tuple[float, float], springs: 
     def height(w: float) -> float:
         return float(abs(linear.response(w, springs) @ system.response_rows[1]))
 
-    tops = [w for w in _maxima(height, omega) if all(abs(w - pole) >= 2.0 * NEAREST * pole for pole in unbounded)]
+    tops = [
+        w
+        for w in _maxima(height, omega)
+        if all(abs(w - pole) >= 2.0 * NEAREST * pole for pole in unbounded)
+    ]
     omega = np.unique(np.concatenate([omega, tops]))
     n = len(omega)
     u, error, largest = np.zeros((n, system.n_unknowns)), np.zeros(n), 1e-300
     for l in problem.settings.excited:
-        force, (cosine, sine) = system.layout.amplitudes(system.structure.force, l), system.layout.slices(l)
+        force, (cosine, sine) = (
+            system.layout.amplitudes(system.structure.force, l),
+            system.layout.slices(l),
+        )
         q = np.array([linear.response(w, springs, l) for w in omega])
         u[:, cosine], u[:, sine] = q.real, -q.imag
         wrong = [np.abs(linear.matrix(w, springs, l) @ a - force).max() for w, a in zip(omega, q)]
@@ -112,7 +128,9 @@ def _maxima(height: Callable[[float], float], omega: NDArray) -> list[float]:
     for i in found[(found > 0) & (found < len(a) - 1)].tolist():
         ends = (float(omega[i - 1]), float(omega[i + 1]))
         exact = {"xatol": 1e-9 * ends[1]}
-        best = scipy.optimize.minimize_scalar(lambda w: -height(w), bounds=ends, method="bounded", options=exact)
+        best = scipy.optimize.minimize_scalar(
+            lambda w: -height(w), bounds=ends, method="bounded", options=exact
+        )
         out.append(float(best.x) if -best.fun > a[i] else float(omega[i]))
     return out
 
@@ -198,13 +216,17 @@ def linear_peak(case: LoadCase, frequency: tuple[float, float], *, stuck: bool) 
     springs = case.stuck_springs(touching=True) if stuck else None
     low, high = (2.0 * np.pi * f for f in frequency)
     poles = sector.linear.resonances((springs,), *around(low, high))
-    tops = [sector.linear.maximum(sector.response_rows[1], springs, w, width) for w, width, _ in poles]
+    tops = [
+        sector.linear.maximum(sector.response_rows[1], springs, w, width) for w, width, _ in poles
+    ]
     within = [top for top in tops if low <= top[0] <= high]
     omega, amplitude = max(within, key=lambda top: top[1], default=(np.nan, np.nan))
     return Limit(omega / (2.0 * np.pi), amplitude)
 
 
-def peak_interval(case: LoadCase, frequency: tuple[float, float] | None, mode: int = 1) -> tuple[float, float]:
+def peak_interval(
+    case: LoadCase, frequency: tuple[float, float] | None, mode: int = 1
+) -> tuple[float, float]:
     """Return the given interval (Hz), or the interval around the resonances of a mode."""
     mode = validation.integer("mode", mode, least=1)
     if frequency is None:

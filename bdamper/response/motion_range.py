@@ -39,11 +39,15 @@ def half_range(harmonics: NDArray) -> NDArray:
 def _highest(x: NDArray) -> NDArray:
     """Return the maxima (...,) of periodic samples (..., n), from the parabola through the highest three."""
     top = x.argmax(axis=-1, keepdims=True)
-    before, at, after = (np.take_along_axis(x, (top + k) % x.shape[-1], axis=-1)[..., 0] for k in (-1, 0, 1))
+    before, at, after = (
+        np.take_along_axis(x, (top + k) % x.shape[-1], axis=-1)[..., 0] for k in (-1, 0, 1)
+    )
     bend = before - 2.0 * at + after
     # a constant has no parabola
     flat = bend == 0.0
-    return np.asarray(at - np.where(flat, 0.0, (after - before) ** 2 / (8.0 * np.where(flat, 1.0, bend))))
+    return np.asarray(
+        at - np.where(flat, 0.0, (after - before) ** 2 / (8.0 * np.where(flat, 1.0, bend)))
+    )
 
 
 def exceeds(half: float, amplitude: float) -> bool:

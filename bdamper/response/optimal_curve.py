@@ -53,7 +53,14 @@ from bdamper.util.errors import (
     with_reason,
 )
 from bdamper.util.formatting import counted
-from bdamper.util.progress import Cost, LongWork, executor_errors, one_thread, progress_stages, stopped_by
+from bdamper.util.progress import (
+    Cost,
+    LongWork,
+    executor_errors,
+    one_thread,
+    progress_stages,
+    stopped_by,
+)
 from bdamper.util.storage import INSTALLED, ResultsFile, json_line
 
 # ---- response at one preload ----
@@ -91,7 +98,11 @@ def at_preload(
         with stopped_by(stop or Event()):
             try:
                 response = found_at(problem, preload, frequency, options=options, budget=most)
-                why = rattles(response.curve, open_at_rest(problem.at(preload))) if response.top else ""
+                why = (
+                    rattles(response.curve, open_at_rest(problem.at(preload)))
+                    if response.top
+                    else ""
+                )
             # InterruptedCurve is a KeyboardInterrupt, which ends the search with its results
             except (*LOST, BdamperError) as error:
                 failure, why = f"failed: {type(error).__name__}: {error}", ""
@@ -109,7 +120,9 @@ def at_preload(
 
 def _light(curve: ResponseCurve) -> ResponseCurve:
     """Return a response curve without its unknowns, higher harmonics and log."""
-    return replace(curve, unknowns=np.zeros((len(curve), 0)), harmonics=curve.harmonics[:, :2], start_log=())
+    return replace(
+        curve, unknowns=np.zeros((len(curve), 0)), harmonics=curve.harmonics[:, :2], start_log=()
+    )
 
 
 NOT_FOLLOWED = "no curve was followed"
@@ -179,7 +192,12 @@ def optimal_curve(
     validation.flag("progress", progress)
     check_options(options)
     why = problem.why_no_load
-    validation.check(problem.carries_load, "optimal_curve", "a model with a body that carries a load", f"that {why}")
+    validation.check(
+        problem.carries_load,
+        "optimal_curve",
+        "a model with a body that carries a load",
+        f"that {why}",
+    )
     highest = problem.at(float(values[-1]))
     frequency = curve_interval(problem, values, frequency, mode)
     free, stuck = (linear_peak(highest, frequency, stuck=stuck) for stuck in (False, True))
@@ -191,7 +209,9 @@ def optimal_curve(
         optimum = _interrupted_optimum(curves)
     if not any(there.top for there in known.values()):
         if curves.interrupted:
-            validation.check(not curves.work.reason, "executor", "one that takes tasks", curves.work.reason)
+            validation.check(
+                not curves.work.reason, "executor", "one that takes tasks", curves.work.reason
+            )
             raise KeyboardInterrupt
         ends = ", ".join(dict.fromkeys(there.status for there in known.values()))
         raise BdamperError(
@@ -262,14 +282,20 @@ class Curves:
         self.stack, self.work = ExitStack(), LongWork()
         self.file, self.stored = None, dict[int | str, dict[str, Any]]()
         if self.resume is not None:
-            header = {"format": "bdamper-optimal-search", "version": 3, "study": study_fingerprint(self.problem)}
+            header = {
+                "format": "bdamper-optimal-search",
+                "version": 3,
+                "study": study_fingerprint(self.problem),
+            }
             header |= INSTALLED.attributes() | {"frequency": self.frequency} | self.asked
             self.file = ResultsFile(self.resume, header, "search for an optimal curve")
             self.stack.enter_context(closing(self.file))
             self.stored = {record["index"]: record for record in self.file.finished()}
         if self.executor is None:
             self.executor = self.stack.enter_context(ThreadPoolExecutor(os.cpu_count() or 1))
-        self.report = self.stack.enter_context(progress_stages(self.progress, "optimal curve", "curve"))
+        self.report = self.stack.enter_context(
+            progress_stages(self.progress, "optimal curve", "curve")
+        )
         _ = self.problem.at(0.0).equations  # shared quantities, before the threads start
         self.work.__enter__()
         return self
@@ -280,7 +306,9 @@ class Curves:
         self.stack.close()
         return quiet
 
-    def follow(self, preloads: Sequence[float], budget: int | None = None, row: int = 0) -> list[AtPreload]:
+    def follow(
+        self, preloads: Sequence[float], budget: int | None = None, row: int = 0
+    ) -> list[AtPreload]:
         """Compute the response curves at preloads (N) in parallel, and return them in the given order.
 
         If ``row`` is not 0, the computation stops after this number of consecutive preloads at which the damper rattles.
@@ -295,9 +323,19 @@ class Curves:
                     self.known[p] = AtPreload.of(self.stored[repr(p)])
                 elif p not in self.known:
                     threads = isinstance(self.executor, ThreadPoolExecutor)
-                    job = at_preload, self.problem, p, self.frequency, self.options, budget, stop if threads else None
+                    job = (
+                        at_preload,
+                        self.problem,
+                        p,
+                        self.frequency,
+                        self.options,
+                        budget,
+                        stop if threads else None,
+                    )
                     with executor_errors(RuntimeError):  # raised by an executor that was shut down
-                        running[p] = self.executor.submit(*((copy_context().run, *job) if threads else job))
+                        running[p] = self.executor.submit(
+                            *((copy_context().run, *job) if threads else job)
+                        )
             for i, p in enumerate(preloads):
                 if row and len(out) >= row and all(there.rattles for there in out[-row:]):
                     break
@@ -333,7 +371,10 @@ class Curves:
 
     def cost(self, start: float) -> Cost:
         """Return the cost of all curves on all threads, with the elapsed time since the start."""
-        return replace(sum((there.cost for there in self.known.values()), Cost()), seconds=time.perf_counter() - start)
+        return replace(
+            sum((there.cost for there in self.known.values()), Cost()),
+            seconds=time.perf_counter() - start,
+        )
 
 
 def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
@@ -341,8 +382,12 @@ def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
     curves.follow([float(p) for p in values[::-1]], BUDGET, row=MAX_RATTLING)
     known = curves.known
     edge = rattling_below(known)
-    by_log = {float(np.log(p)): known[p] for p in known if p >= edge}  # with the edge: the minimum may lie just above it
-    with_value = [item for item in by_log.values() if np.isfinite(item.value) and item.preload > edge]
+    by_log = {
+        float(np.log(p)): known[p] for p in known if p >= edge
+    }  # with the edge: the minimum may lie just above it
+    with_value = [
+        item for item in by_log.values() if np.isfinite(item.value) and item.preload > edge
+    ]
     if not with_value:
         reason = "no preload has a value"
         noted = [item for item in by_log.values() if item.top is not None and item.top.note]
@@ -355,7 +400,9 @@ def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
     if len(with_value) > 1 and max(height) - min(height) <= FLAT:
         peak = with_value[int(np.argmin(height))].top.peak  # type: ignore[union-attr]
         flat = with_reason(NOT_FOUND, "the preload does not matter")
-        return OptimumPoint(np.nan, peak.amplitude, peak.frequency, "flat", np.inf, flat, peak.half_range)
+        return OptimumPoint(
+            np.nan, peak.amplitude, peak.frequency, "flat", np.inf, flat, peak.half_range
+        )
 
     def sample(x: float) -> Sample:
         steady = by_log[x].preload > rattling_below(known)
@@ -371,22 +418,39 @@ def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
         return smooth_minimum(curves.problem.system, ends, a, b, curves.options)
 
     samples, best = find_minimum([sample(x) for x in by_log], evaluate, refine)
-    if best.kind not in ("end", "unknown"):  # the ends of the range of acceptable preloads are computed
+    if best.kind not in (
+        "end",
+        "unknown",
+    ):  # the ends of the range of acceptable preloads are computed
         evaluate(_near_best(samples, best.index))
     at, edge, kind = by_log[samples[best.index].x], rattling_below(known), best.kind
     assert at.top is not None
-    if kind == "unknown" and not at.slope < 0.0 and by_log[samples[best.index - 1].x].preload <= edge:
+    if (
+        kind == "unknown"
+        and not at.slope < 0.0
+        and by_log[samples[best.index - 1].x].preload <= edge
+    ):
         kind = "edge"
     status = COMPLETE
-    lower = [p for p in sorted(known) if p > edge and not known[p].known and not known[p].height >= at.top.peak.amplitude]
+    lower = [
+        p
+        for p in sorted(known)
+        if p > edge and not known[p].known and not known[p].height >= at.top.peak.amplitude
+    ]
     if lower:
         unknown = counted(len(lower), "preload")
-        status = with_reason(INCOMPLETE, f"{unknown} without a value could be lower, first {lower[0]:.6g} N")
+        status = with_reason(
+            INCOMPLETE, f"{unknown} without a value could be lower, first {lower[0]:.6g} N"
+        )
     elif best.open is not None:
         low, high = np.exp(best.open)
-        status = with_reason(INCOMPLETE, f"the highest peak could be lower between {low:.6g} and {high:.6g} N")
+        status = with_reason(
+            INCOMPLETE, f"the highest peak could be lower between {low:.6g} and {high:.6g} N"
+        )
     peak = at.top.peak
-    return OptimumPoint(at.preload, peak.amplitude, peak.frequency, kind, best.uncertainty, status, peak.half_range)
+    return OptimumPoint(
+        at.preload, peak.amplitude, peak.frequency, kind, best.uncertainty, status, peak.half_range
+    )
 
 
 def _near_best(samples: Sequence[Sample], best: int) -> list[float]:
@@ -395,7 +459,9 @@ def _near_best(samples: Sequence[Sample], best: int) -> list[float]:
     for side in (samples[best::-1], samples[best:]):
         for a, b in zip(side, side[1:]):
             if not b.value <= limit:
-                ends += [a.x + (b.x - a.x) * (limit - a.value) / (b.value - a.value)] * bool(np.isfinite(b.value))
+                ends += [a.x + (b.x - a.x) * (limit - a.value) / (b.value - a.value)] * bool(
+                    np.isfinite(b.value)
+                )
                 break
     return ends
 
@@ -410,7 +476,11 @@ def smooth_minimum(
     near = dict(zip((a.x, b.x), ends))
 
     def slope(x: float) -> float:
-        p, low, high = float(np.exp(x)), max(k for k in near if k <= x), min(k for k in near if k >= x)
+        p, low, high = (
+            float(np.exp(x)),
+            max(k for k in near if k <= x),
+            min(k for k in near if k >= x),
+        )
         first, last = near[low], near[high]
         share = (x - low) / (high - low) if high > low else 0.0
         guess = first.y + share * (last.y - first.y)
@@ -435,12 +505,18 @@ def smooth_minimum(
 def _interrupted_optimum(curves: Curves) -> OptimumPoint:
     """Return the smallest value known when the search was interrupted."""
     edge = rattling_below(curves.known)
-    with_value = [(at.value, p, at.top.peak) for p, at in curves.known.items() if p > edge and at.known and at.top]
+    with_value = [
+        (at.value, p, at.top.peak)
+        for p, at in curves.known.items()
+        if p > edge and at.known and at.top
+    ]
     status = with_reason(INTERRUPTED, curves.work.reason or "by the user")
     if not with_value:
         return OptimumPoint(np.nan, np.nan, np.nan, "none", np.inf, status)
     _, p, peak = min(with_value, key=lambda item: item[0])
-    return OptimumPoint(p, peak.amplitude, peak.frequency, "unknown", np.inf, status, peak.half_range)
+    return OptimumPoint(
+        p, peak.amplitude, peak.frequency, "unknown", np.inf, status, peak.half_range
+    )
 
 
 def rattling_below(known: dict[float, AtPreload]) -> float:
@@ -460,18 +536,25 @@ def _status(row: AtPreload | None, preload: float, edge: float, why: str) -> str
     return with_reason(NOT_FOUND, NOT_FOLLOWED) if row is None else row.status
 
 
-def _columns(problem: Problem, known: dict[float, AtPreload], values: NDArray, edge: float) -> dict[str, Any]:
+def _columns(
+    problem: Problem, known: dict[float, AtPreload], values: NDArray, edge: float
+) -> dict[str, Any]:
     """Return the fields of an optimal curve with one entry for each requested or computed preload."""
     preloads = np.array(sorted({*values.tolist(), *known}))
     rows, why = [known.get(float(p)) for p in preloads], known[edge].rattles if edge else ""
-    tops = [None if row is None or row.preload <= edge or not row.known else row.top for row in rows]
+    tops = [
+        None if row is None or row.preload <= edge or not row.known else row.top for row in rows
+    ]
 
     def column(name: str, fill: Any) -> NDArray:
         return np.array([fill if top is None else getattr(top.peak, name) for top in tops])
 
     samples = [Sample(np.log(p), np.inf if row is None else row.value, np.nan if row is None else row.slope)
                for p, row in zip(preloads, rows)]  # fmt: skip
-    onward = [bool(np.isfinite(a.value + b.value)) and on_one_branch(a, b) for a, b in zip(samples, samples[1:])]
+    onward = [
+        bool(np.isfinite(a.value + b.value)) and on_one_branch(a, b)
+        for a, b in zip(samples, samples[1:])
+    ]
     return {
         "preload": preloads,
         "requested": np.isin(preloads, values),
@@ -497,9 +580,16 @@ def preload_values(preload: Any, n: int) -> NDArray:
     SettingError
         If the preloads are not positive and increasing.
     """
-    validation.check_value(np.ndim(n) == 0, "n", "a whole number, and an interval by its name as frequency=(low, high)", n)
+    validation.check_value(
+        np.ndim(n) == 0,
+        "n",
+        "a whole number, and an interval by its name as frequency=(low, high)",
+        n,
+    )
     values = validation.numbers("preload", preload, above=0.0, unit="N")
     if len(values) < 2 or np.any(np.diff(values) <= 0.0):
-        raise validation.invalid("preload", "(low, high) or a longer sequence of increasing values", preload)
+        raise validation.invalid(
+            "preload", "(low, high) or a longer sequence of increasing values", preload
+        )
     n = validation.integer("n", n, least=2)
     return values if len(values) > 2 else np.geomspace(values[0], values[1], n)

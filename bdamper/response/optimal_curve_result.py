@@ -12,7 +12,14 @@ from numpy.typing import NDArray
 from bdamper.fatigue.margin import MarginCurve
 from bdamper.harmonic_balance.checks import Asking
 from bdamper.harmonic_balance.problem import Problem
-from bdamper.response.headline import ENDS, NEAR_BEST, checked_amplitudes, failed, headline, known_in_time
+from bdamper.response.headline import (
+    ENDS,
+    NEAR_BEST,
+    checked_amplitudes,
+    failed,
+    headline,
+    known_in_time,
+)
 from bdamper.response.linear_limits import Limit
 from bdamper.response.motion_range import exceeds
 from bdamper.response.response_curve_result import ResponseCurve
@@ -24,7 +31,18 @@ from bdamper.util.formatting import percent, short_repr
 from bdamper.util.progress import Cost
 from bdamper.util.records import Data
 from bdamper.util.storage import FilePath, Recorded, Storable
-from bdamper.util.tables import Hertz, Kinds, Metres, Newtons, Numbers, PerRow, Quantity, Resonance, Shares, Tabular
+from bdamper.util.tables import (
+    Hertz,
+    Kinds,
+    Metres,
+    Newtons,
+    Numbers,
+    PerRow,
+    Quantity,
+    Resonance,
+    Shares,
+    Tabular,
+)
 
 KINDS = {
     "smooth": "smooth minimum", "crossing": "two peaks of equal height", "jump": "on one side of it there is a higher peak",
@@ -83,17 +101,25 @@ class OptimumPoint:
     @property
     def known_to(self) -> str:
         """Uncertainty of the preload in words; "" if it is negligible or unknown."""
-        return f"preload known to {percent(self.uncertainty)}" if 1e-5 < self.uncertainty < np.inf else ""
+        return (
+            f"preload known to {percent(self.uncertainty)}"
+            if 1e-5 < self.uncertainty < np.inf
+            else ""
+        )
 
     @property
     def text(self) -> str:
         """Kind, uncertainty of the preload if it is not negligible, and status unless it is complete."""
-        return ", ".join(filter(None, [KINDS[self.kind], self.known_to, "" if self.verified else self.status]))
+        return ", ".join(
+            filter(None, [KINDS[self.kind], self.known_to, "" if self.verified else self.status])
+        )
 
 
 @short_repr
 @dataclass(frozen=True)
-class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-optimal", row="preload"):
+class OptimalCurve(
+    InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-optimal", row="preload"
+):
     """Resonance over preload.
 
     The table has all preloads that were requested or computed, in ascending order.  The optimum is one of them.
@@ -170,7 +196,9 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
     kind: Kinds
     convergence: Convergence | None = None
     curves: tuple[ResponseCurve, ...] = ()
-    requested: Annotated[NDArray, Data(derived=True), Quantity()] = field(default_factory=lambda: np.zeros(0, bool))
+    requested: Annotated[NDArray, Data(derived=True), Quantity()] = field(
+        default_factory=lambda: np.zeros(0, bool)
+    )
     lowest_steady_preload: float = 0.0
     margins: tuple[MarginCurve, ...] = ()
     time_response: tuple[TimeResponse, ...] = ()
@@ -207,7 +235,12 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
         statuses += [] if self.convergence is None else [self.convergence.status]
         in_range = self.friction_range is not None and self.friction_range.interrupted
         in_search = INTERRUPTED in self.optimum.status  # files of version 0.6 have it in the reason
-        return in_search or in_range or self.margins_interrupted or INTERRUPTED in map(status_word, statuses)
+        return (
+            in_search
+            or in_range
+            or self.margins_interrupted
+            or INTERRUPTED in map(status_word, statuses)
+        )
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -252,7 +285,10 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
         """Time responses at the two ends of :attr:`near_best`; empty unless both ends were integrated."""
         if not np.isfinite(self.optimum.preload):
             return ()
-        ends = ([k for k in self.time_response if np.isclose(k.preload, p, rtol=1e-6, atol=0.0)] for p in self.near_best)
+        ends = (
+            [k for k in self.time_response if np.isclose(k.preload, p, rtol=1e-6, atol=0.0)]
+            for p in self.near_best
+        )
         low, high = (found[0] if found else None for found in ends)
         return (low, high) if low is not None and high is not None else ()
 
@@ -267,13 +303,17 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
             If the curve has no optimum, or if its amplitude is higher.
         """
         best = self.optimum
-        validation.check(np.isfinite(best.preload), "preloads_within", "a curve with an optimum", best)
+        validation.check(
+            np.isfinite(best.preload), "preloads_within", "a curve with an optimum", best
+        )
         limit = validation.number("amplitude", amplitude, least=best.amplitude, unit="m")
         computed = dict(zip(self.preload.tolist(), self.amplitude.tolist()))
         ends = []
         for step in (-1, 1):
             preload, before = best.preload, best.amplitude
-            for p in sorted((p for p in computed if step * (p - best.preload) > 0.0), reverse=step < 0):
+            for p in sorted(
+                (p for p in computed if step * (p - best.preload) > 0.0), reverse=step < 0
+            ):
                 a = computed[p]
                 if not a <= limit:  # also if unknown
                     share = np.log(limit / before) / np.log(a / before) if a > before else 0.0
@@ -299,7 +339,11 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
         preload = self.recommended_preload
         if not np.isfinite(preload):
             return None
-        return min(self.time_response, key=lambda response: abs(np.log(response.preload / preload)), default=None)
+        return min(
+            self.time_response,
+            key=lambda response: abs(np.log(response.preload / preload)),
+            default=None,
+        )
 
     @property
     def design_amplitude(self) -> float:
@@ -322,7 +366,9 @@ class OptimalCurve(InContact, Comparable, Tabular, Recorded, Storable, kind="bda
     def detached(self) -> tuple[str, ...]:
         """Highest points on closed branches of the curves, with their preloads; they do not count."""
         return tuple(
-            f"at {curve.preload:.6g} N {curve.point_text(i, 'detached')}" for curve in self.curves for i in curve.detached
+            f"at {curve.preload:.6g} N {curve.point_text(i, 'detached')}"
+            for curve in self.curves
+            for i in curve.detached
         )
 
     def report(

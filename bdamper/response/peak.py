@@ -25,7 +25,14 @@ from numpy.typing import NDArray
 
 from bdamper.harmonic_balance import equations
 from bdamper.harmonic_balance.checks import check_result, check_solution
-from bdamper.harmonic_balance.equations import NOT_CONVERGED, OK, STATUS_TEXT, Correction, Equations, norm2
+from bdamper.harmonic_balance.equations import (
+    NOT_CONVERGED,
+    OK,
+    STATUS_TEXT,
+    Correction,
+    Equations,
+    norm2,
+)
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response.continuation import Follower
 from bdamper.response.events import AtLeastTwo, ContinuationOptions, Step
@@ -150,7 +157,14 @@ class Peak(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
     lower_bound: Metre = float("nan")
     half_range: Annotated[float, Quantity("m"), Data(derived=True)] = float("nan")
     notes: tuple[str, ...] = ()
-    _summary_fields = ("parameter", "amplitude", "lower_bound", "frequency", "shares", "search_status")
+    _summary_fields = (
+        "parameter",
+        "amplitude",
+        "lower_bound",
+        "frequency",
+        "shares",
+        "search_status",
+    )
 
     @property
     def converged(self) -> bool:
@@ -179,7 +193,11 @@ class Peak(InContact, Comparable, Tabular, Recorded, Storable, kind="bdamper-pea
         depends = np.isfinite(self.parameter) and not limit
         load = f" under {preload_text(self.parameter, self.settings)}" if depends else ""
         certain = self.search_status in ("", "complete")
-        open_ = "" if certain else f" There may be a higher one, the curve ended as: {self.search_status}."
+        open_ = (
+            ""
+            if certain
+            else f" There may be a higher one, the curve ended as: {self.search_status}."
+        )
         peak = peak_and_range(self.amplitude, self.frequency, self.half_range)
         what = f"{limit} resonance".strip().capitalize()
         return f"{what} of {peak}{load}.{'' if limit else f' {NOT_IN_TIME}'}{open_}{notes}"
@@ -216,7 +234,9 @@ def slope_along(system: Equations, y: NDArray, tangent: NDArray, scale: NDArray)
 class _Search:
     """Search for the maximum along one response curve."""
 
-    def __init__(self, system: Equations, scale: NDArray, options: PeakOptions, reach: float) -> None:
+    def __init__(
+        self, system: Equations, scale: NDArray, options: PeakOptions, reach: float
+    ) -> None:
         self.system = system
         self.scale = scale
         self.options = options
@@ -225,11 +245,15 @@ class _Search:
         self.trials = 0
         self.reason = ""
 
-    def solve(self, y: NDArray, condition: equations.Condition, tolerance: float = 0.0) -> Correction | None:
+    def solve(
+        self, y: NDArray, condition: equations.Condition, tolerance: float = 0.0
+    ) -> Correction | None:
         """Run Newton's method to the tolerance of the options or a larger one; None if it fails."""
         self.trials += 1
         options = self.options
-        c = self.system.solve(y, condition, self.scale, max(options.tolerance, tolerance), options.max_iterations)
+        c = self.system.solve(
+            y, condition, self.scale, max(options.tolerance, tolerance), options.max_iterations
+        )
         self.iterations += c.iterations
         self.reason = STATUS_TEXT[c.status]
         return c if c.status == OK else None
@@ -242,7 +266,9 @@ class _Search:
     def newton(self, y: NDArray, tangent: NDArray, curvature: float) -> Correction | None:
         """Return the peak by Newton's method from a close guess, or None."""
         options = self.options
-        peak = equations.Peak(tangent, curvature, options.position_tolerance, 0.5 * options.max_step)
+        peak = equations.Peak(
+            tangent, curvature, options.position_tolerance, 0.5 * options.max_step
+        )
         c = self.solve(y, peak)
         if c is None:
             return None
@@ -261,26 +287,36 @@ class _Search:
             return None
         slope = slope_along(self.system, c.y, c.tangent, self.scale)
         near = abs(slope / c.curvature) <= options.position_tolerance
-        return c if near else self.solve(c.y, replace(peak, tangent=c.tangent, curvature=c.curvature))
+        return (
+            c if near else self.solve(c.y, replace(peak, tangent=c.tangent, curvature=c.curvature))
+        )
 
     def first(self, y: NDArray, tangent: NDArray | None) -> Correction | None:
         """Return a point of the curve near a guess."""
         nearby = 1e-6  # sufficient residual of a first point
-        return self.solve(y, equations.Fixed() if tangent is None else equations.Plane(tangent), nearby)
+        return self.solve(
+            y, equations.Fixed() if tangent is None else equations.Plane(tangent), nearby
+        )
 
     def in_local_units(self, c: Correction) -> Correction:
         """Return the same point with the unit of frequency from the direction of the curve."""
         raw = c.tangent * self.scale
-        self.scale = self.system.units(c.y, vibration_width(c.y, c.tangent, self.scale, self.system.n_mean))
+        self.scale = self.system.units(
+            c.y, vibration_width(c.y, c.tangent, self.scale, self.system.n_mean)
+        )
         t = raw / self.scale
         return replace(c, tangent=t / norm2(t), scale=self.scale)
 
     def uphill(self, start: Correction) -> Correction | None:
         """Follow the curve uphill until the slope changes sign, and locate the maximum within the last step."""
         options = self.options
-        sense = float(np.copysign(1.0, slope_along(self.system, start.y, start.tangent, self.scale)))
+        sense = float(
+            np.copysign(1.0, slope_along(self.system, start.y, start.tangent, self.scale))
+        )
         follower = Follower(
-            self.system, (0.0, np.inf), ContinuationOptions(tolerance=options.tolerance, max_step=options.max_step)
+            self.system,
+            (0.0, np.inf),
+            ContinuationOptions(tolerance=options.tolerance, max_step=options.max_step),
         )
         follower.sign = int(sense) * start.orientation
         here, step = replace(start, tangent=sense * start.tangent), follower.options.step
@@ -295,7 +331,9 @@ class _Search:
                 self.reason = FAR
                 return None
             if slope_along(self.system, new.y, new.tangent, self.scale) <= 0.0:
-                top = follower.events.locate(Step(here, new, end), "maximum", options.position_tolerance)
+                top = follower.events.locate(
+                    Step(here, new, end), "maximum", options.position_tolerance
+                )
                 self.iterations += follower.events.iterations
                 self.reason = "the maximum of a step could not be located"
                 return top
@@ -349,7 +387,9 @@ def find_peak(
     """
     options = options or PeakOptions()
     guess = np.asarray(guess, float)
-    search = _Search(system, system.units(guess, 0.01 * guess[-1]) if scale is None else scale, options, reach)
+    search = _Search(
+        system, system.units(guess, 0.01 * guess[-1]) if scale is None else scale, options, reach
+    )
     top = start = None
     if tangent is not None and scale is not None and curvature < 0.0:
         top = search.newton(guess, tangent, curvature)
@@ -359,16 +399,26 @@ def find_peak(
         start = search.first(guess, tangent)
         if start is not None:
             start = search.in_local_units(start) if scale is None else start
-            top = search.newton(start.y, start.tangent, min(curvature, curved)) or search.uphill(start)
+            top = search.newton(start.y, start.tangent, min(curvature, curved)) or search.uphill(
+                start
+            )
         else:
             search.reason = f"no solution near the guess: {search.reason}"
     exact = top is None and start is not None and options.tolerance < LOOSEST
-    if exact and start is not None and options.tolerance < (floor := min(rounding(system, start.y), LOOSEST)):
+    if (
+        exact
+        and start is not None
+        and options.tolerance < (floor := min(rounding(system, start.y), LOOSEST))
+    ):
         return find_peak(
             system, guess, tangent=tangent, scale=scale, curvature=curvature, options=replace(options, tolerance=floor),
             parameter=parameter, reach=reach,
         )  # fmt: skip
-    at = top or start or Correction(NOT_CONVERGED, guess, np.zeros(len(guess)), search.scale, 0, np.nan, 0)
+    at = (
+        top
+        or start
+        or Correction(NOT_CONVERGED, guess, np.zeros(len(guess)), search.scale, 0, np.nan, 0)
+    )
     return Peak(
         parameter, float(at.y[-1] / (2.0 * np.pi)), amplitude_at(system, at.y), at.y, at.tangent, search.scale, at.slope,
         at.curvature, np.array(at.shares), at.residual, search.iterations, search.trials, at.rank_deficiency,
@@ -388,7 +438,9 @@ def with_tangent(system: Equations, peak: Peak) -> Peak:
 
 def check_peak(problem: Problem, peak: Peak, name: str = "peak") -> None:
     """Raise SettingError unless the argument is a converged peak of this problem."""
-    validation.instance(name, peak, Peak, "a Peak, as Study.peak returns it or ResponseCurve.peak is")
+    validation.instance(
+        name, peak, Peak, "a Peak, as Study.peak returns it or ResponseCurve.peak is"
+    )
     validation.check(peak.converged, name, "a converged one", f"status '{peak.status}'")
     if peak.model_hash:
         check_result(problem, peak, name)
@@ -408,7 +460,13 @@ def phase_row(system: Equations, y: NDArray) -> tuple[NDArray, NDArray]:
 
 
 def peak_of_sign(
-    system: Equations, guess: NDArray, sign: int, *, options: PeakOptions, parameter: float = np.nan, patient: bool = True
+    system: Equations,
+    guess: NDArray,
+    sign: int,
+    *,
+    options: PeakOptions,
+    parameter: float = np.nan,
+    patient: bool = True,
 ) -> tuple[Peak | str, int]:
     """Compute a peak from a distant guess by Newton's method, first at the phase of the guess, then at its frequency.
 
@@ -452,7 +510,9 @@ def coarse_options() -> ContinuationOptions:
     With steps of 0.5 instead of 0.15 and turns of 0.6 instead of 0.45 a curve takes 2 to 32 % fewer evaluations and has the
     same highest points to 1e-6 at 40 preloads of five studies.  Turns of 0.8 take up to 40 % more among many folds.
     """
-    return ContinuationOptions(tolerance=1e-7, step=0.1, max_step=0.5, max_turn=0.6, locate_tolerance=0.05)
+    return ContinuationOptions(
+        tolerance=1e-7, step=0.1, max_step=0.5, max_turn=0.6, locate_tolerance=0.05
+    )
 
 
 def same_peak(a: Peak, b: Peak) -> bool:

@@ -17,10 +17,14 @@ from bdamper.response.branches import NO_DIGITS, UNBOUNDED, LeftOut
 from bdamper.response.peak import LOOSEST
 
 EXCEEDS_FRICTION = f"{UNBOUNDED}: no damping, and the excitation exceeds the friction"
-TOO_SHARP = f"{NO_DIGITS}: rounding of the frequency exceeds the tolerance of the equations, add damping"
+TOO_SHARP = (
+    f"{NO_DIGITS}: rounding of the frequency exceeds the tolerance of the equations, add damping"
+)
 
 
-def unresolved_resonance(system: Equations, basis: HarmonicBasis, y: NDArray, branch: NDArray) -> LeftOut | None:
+def unresolved_resonance(
+    system: Equations, basis: HarmonicBasis, y: NDArray, branch: NDArray
+) -> LeftOut | None:
     """Return the range around the highest point of a curve if its amplitude is unbounded or has no digits.
 
     Parameters

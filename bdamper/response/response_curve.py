@@ -42,12 +42,26 @@ from bdamper.harmonic_balance.problem import LoadCase, Problem
 from bdamper.harmonic_balance.sector import Sector, reach
 from bdamper.model.kinematics import Coordinate
 from bdamper.model.structure import Model
-from bdamper.response.branches import Coverage, LeftOut, Piece, ending, evaluation_budget, first_point, in_order
+from bdamper.response.branches import (
+    Coverage,
+    LeftOut,
+    Piece,
+    ending,
+    evaluation_budget,
+    first_point,
+    in_order,
+)
 from bdamper.response.continuation import OUT_OF_BUDGET, TWO_PI
 from bdamper.response.events import ContinuationOptions, Path
 from bdamper.response.linear_limits import free
 from bdamper.response.resolution import unresolved_resonance
-from bdamper.response.response_curve_result import LOCKED, NO_STEADY, ResponseCurve, crossed, unstable_points
+from bdamper.response.response_curve_result import (
+    LOCKED,
+    NO_STEADY,
+    ResponseCurve,
+    crossed,
+    unstable_points,
+)
 from bdamper.util import validation
 from bdamper.util.errors import COMPLETE, INCOMPLETE, NOT_FOUND, SettingError
 from bdamper.util.progress import Cost, CostMeter, is_part_of_work, progress_bar, single_thread
@@ -63,11 +77,17 @@ def _displacement(model: Model, coordinate: Coordinate, q: float) -> str:
 
 
 def notes(
-    system: Equations[Sector], model: Model, coordinates: Sequence[Coordinate], points: Sequence[Correction]
+    system: Equations[Sector],
+    model: Model,
+    coordinates: Sequence[Coordinate],
+    points: Sequence[Correction],
 ) -> tuple[str, ...]:
     """Describe the ranges in which the mean position drifts, and mean positions that only least norm determines."""
     out = []
-    stretches = ((kind, list(pairs)) for kind, pairs in groupby(enumerate(points), key=lambda pair: pair[1].kind))
+    stretches = (
+        (kind, list(pairs))
+        for kind, pairs in groupby(enumerate(points), key=lambda pair: pair[1].kind)
+    )
     for stretch in (pairs for kind, pairs in stretches if kind == "drift"):
         (first, point), (_, last) = stretch[0], stretch[-1]
         a, b = points[max(first - 1, 0)].y, last.y
@@ -80,12 +100,18 @@ def notes(
     free = [p for p in points if p.rank_deficiency > 0]
     if free:
         some = free[:: max(1, len(free) // 20)]
-        names = sorted({name for p in some for name in neutral_directions(system, coordinates, p.y)})
-        out.append(f"nothing determines the mean along {', '.join(names)} at {len(free)} points: held by least norm")
+        names = sorted(
+            {name for p in some for name in neutral_directions(system, coordinates, p.y)}
+        )
+        out.append(
+            f"nothing determines the mean along {', '.join(names)} at {len(free)} points: held by least norm"
+        )
     return tuple(out)
 
 
-def neutral_directions(system: Equations[Sector], coordinates: Sequence[Coordinate], y: NDArray) -> list[str]:
+def neutral_directions(
+    system: Equations[Sector], coordinates: Sequence[Coordinate], y: NDArray
+) -> list[str]:
     """Return the names of the mean coordinates that dominate the null space of the mean part of the Jacobian."""
     n = system.n_mean
     columns = system.evaluate_at(y)[1][:, :n]
@@ -100,7 +126,9 @@ def neutral_directions(system: Equations[Sector], coordinates: Sequence[Coordina
     return names
 
 
-def why_no_solution(system: Equations[Sector], model: Model, coordinates: Sequence[Coordinate], y: NDArray) -> str:
+def why_no_solution(
+    system: Equations[Sector], model: Model, coordinates: Sequence[Coordinate], y: NDArray
+) -> str:
     """Describe the unbalanced mean force if a free body has no equilibrium at the last Newton iterate; otherwise ""."""
     try:
         r, J, _ = system.evaluate(y[:-1], y[-1])
@@ -174,7 +202,9 @@ def rattles(curve: ResponseCurve, at_rest: float = 0.0) -> str:
 NOTE = "without a preload nothing holds the damper: this is the free response (study.free), with the damper off its seat"
 
 
-def free_of_contact(problem: Problem, frequency: tuple[float, float], options: Any) -> ResponseCurve | None:
+def free_of_contact(
+    problem: Problem, frequency: tuple[float, float], options: Any
+) -> ResponseCurve | None:
     """Return the free response as a response curve at zero preload, with the dampers out of contact.
 
     Parameters
@@ -198,12 +228,17 @@ def free_of_contact(problem: Problem, frequency: tuple[float, float], options: A
     curve = free(problem, frequency)
     swing = 0.0
     for l in problem.settings.excited:
-        G, amplitude = problem.bases[l].G[problem.friction_points, 2], system.layout.amplitudes(curve.unknowns, l)
+        G, amplitude = (
+            problem.bases[l].G[problem.friction_points, 2],
+            system.layout.amplitudes(curve.unknowns, l),
+        )
         swing += np.abs(G @ amplitude.T).max(initial=0.0)
     overlap = max(0.0, -float(problem.point_gaps[problem.friction_points].min()))
     unknowns = curve.unknowns.copy()
     unknowns[:, : len(away)] += (2.0 * swing + overlap) / opening.min() * away
-    residual = np.array([system.error(y) for y in np.column_stack([unknowns, 2.0 * np.pi * curve.frequency])])
+    residual = np.array(
+        [system.error(y) for y in np.column_stack([unknowns, 2.0 * np.pi * curve.frequency])]
+    )
     if not len(curve) or residual.max() > options.tolerance:
         return None
     reason = curve.reason.replace("linear", "the free response", 1)
@@ -250,7 +285,11 @@ def frequency_response(
     case = problem.at(preload)
     frequency = validation.interval("frequency", frequency)
     validation.flag("progress", progress)
-    options = ContinuationOptions() if options is None else validation.instance("options", options, ContinuationOptions)
+    options = (
+        ContinuationOptions()
+        if options is None
+        else validation.instance("options", options, ContinuationOptions)
+    )
     with single_thread():
         if not case.static.converged:
             reason = f"static state: {case.static.note}"
@@ -268,7 +307,13 @@ def frequency_response(
                 raise
             if not any(piece.path.status == "interrupted" for piece in search.pieces):
                 search.pieces.append(Piece(Path((), "interrupted", "by the user", 0, 0), True))
-        curve = as_curve(problem, search, ending(search.pieces, *search.limits), kind="response", preload=case.preload)
+        curve = as_curve(
+            problem,
+            search,
+            ending(search.pieces, *search.limits),
+            kind="response",
+            preload=case.preload,
+        )
         if problem.own_laws is not None and len(curve):
             problem.own_laws.warn_below(search.system.contact(curve.peak.y[:-1])[0])
         locked = (f"{name} {LOCKED}" for name in self_locking(problem))
@@ -276,13 +321,17 @@ def frequency_response(
         return replace(curve, reason=reason, missing_ranges=left_out, notes=(*curve.notes, *locked))
 
 
-def _search(case: LoadCase, frequency: tuple[float, float], options: ContinuationOptions) -> Coverage:
+def _search(
+    case: LoadCase, frequency: tuple[float, float], options: ContinuationOptions
+) -> Coverage:
     """Return the search for the branches, with its budget."""
     low, high = TWO_PI * frequency[0], TWO_PI * frequency[1]
     system = case.equations
     budget = options.budget or evaluation_budget(system)
     linear = case.sector.linear
-    free, stuck = (linear.resonances((k,), ELASTIC * low, np.inf) for k in (None, case.stuck_springs()))
+    free, stuck = (
+        linear.resonances((k,), ELASTIC * low, np.inf) for k in (None, case.stuck_springs())
+    )
     watched = [there for there in (*free, *stuck) if low < there[0] < high]
     system = replace(system.within(budget), watched=watched)
     search = Coverage(system, (low, high), replace(options, budget=budget), CostMeter())
@@ -298,7 +347,9 @@ def _start(case: LoadCase, search: Coverage, omega: float) -> NDArray | None:
         search.system, case.static, case.stuck_springs(), omega, search.options, search.meter
     )
     if solution is None and not search.system.spent:
-        why = why_no_solution(search.system, problem.coupling.model, problem.bases[0].coordinates, last)
+        why = why_no_solution(
+            search.system, problem.coupling.model, problem.bases[0].coordinates, last
+        )
     for line in [*attempts, why] if why else attempts:
         search.note(omega, line)
     return solution
@@ -310,13 +361,17 @@ def _reason(case: LoadCase, search: Coverage, curve: ResponseCurve) -> str:
     if curve.complete:
         bottom, top = (w / TWO_PI for w in search.outside)
         broken = ", where a path broke off (missing_ranges)" if search.lost else ""
-        reason += f"; folds looked for from {bottom:.4g} to {top:.4g} Hz{broken}, closed branches not"
+        reason += (
+            f"; folds looked for from {bottom:.4g} to {top:.4g} Hz{broken}, closed branches not"
+        )
     if why := rattles(curve, open_at_rest(case)):
         reason += f"; {NO_STEADY} is expected at this preload: {why}"
     if curve.status not in (INCOMPLETE, NOT_FOUND) or curve.without_amplitude is not None:
         return reason
     if search.system.spent or any(piece.path.status == OUT_OF_BUDGET for piece in search.pieces):
-        reason += f"; the budget was {search.options.budget} evaluations (ContinuationOptions.budget)"
+        reason += (
+            f"; the budget was {search.options.budget} evaluations (ContinuationOptions.budget)"
+        )
     if problem.own_laws is not None and STATUS_TEXT[NOT_FINITE] in reason:
         reason += f"; forces of {problem.own_laws.names} may not be finite there, or not settle"
     force = problem.settings.excitation.amplitude
@@ -350,7 +405,9 @@ def without_points(
     )
 
 
-def as_curve(problem: Problem, search: Coverage, ended: tuple[str, str, tuple[LeftOut, ...]], **more: Any) -> ResponseCurve:
+def as_curve(
+    problem: Problem, search: Coverage, ended: tuple[str, str, tuple[LeftOut, ...]], **more: Any
+) -> ResponseCurve:
     """Assemble a response curve from the pieces of a search.
 
     Parameters
@@ -383,14 +440,18 @@ def as_curve(problem: Problem, search: Coverage, ended: tuple[str, str, tuple[Le
         backward=backward,
         rank_deficiency=np.array([p.rank_deficiency for p in points], int),
         branch=branch,
-        closed=tuple(sorted({piece.branch for piece in search.pieces if piece.path.status == "closed"})),
+        closed=tuple(
+            sorted({piece.branch for piece in search.pieces if piece.path.status == "closed"})
+        ),
         point_kind=tuple(p.kind for p in points),
         status=status,
         reason=reason,
         missing_ranges=left_out,
         cost=search.meter.read(),
         start_log=tuple(search.log),
-        notes=() if "blades" in more else notes(system, problem.coupling.model, problem.bases[0].coordinates, points),
+        notes=()
+        if "blades" in more
+        else notes(system, problem.coupling.model, problem.bases[0].coordinates, points),
         **more,
         **problem.recorded(search.options),
     )
@@ -401,7 +462,12 @@ def check_curve(problem: Problem, curve: ResponseCurve, name: str = "curve") -> 
     validation.instance(name, curve, ResponseCurve, "a response curve")
     expected = "a response curve (study.frequency_response)"
     validation.check(curve.kind == "response", name, expected, f"a {curve.kind} curve")
-    validation.check(curve.model_hash == problem.model.hash, name, "a curve of this model", "a curve of another model")
+    validation.check(
+        curve.model_hash == problem.model.hash,
+        name,
+        "a curve of this model",
+        "a curve of another model",
+    )
     if len(curve):
         check_solution(problem, curve.preload, curve.peak.y, curve.peak.residual, name)
 
@@ -417,9 +483,15 @@ def self_locking(problem: Problem) -> tuple[str, ...]:
         return ()
     faces = [name for name, high in zip(bounds.interfaces, bounds.highest) if np.isinf(high)]
     holders = {problem.coupling.model.interfaces[name].body_a for name in faces}
-    springs = {name for name, law in problem.settings.law_by_interface().items() if law == LAW_BONDED}
+    springs = {
+        name for name, law in problem.settings.law_by_interface().items() if law == LAW_BONDED
+    }
     holders -= {problem.coupling.model.interfaces[name].body_a for name in springs}
-    return tuple(body.name for body in problem.model.bodies.values() if body.load is not None and body.name in holders)
+    return tuple(
+        body.name
+        for body in problem.model.bodies.values()
+        if body.load is not None and body.name in holders
+    )
 
 
 # ---- slow sweep of frequency ----
@@ -500,7 +572,9 @@ class _Sweep:
         points, heights = crossed(self.x, self.amplitude, x, self.joined)
         for i, height in zip(points.tolist(), heights.tolist()):
             way = 1 if self.x[i + 1] > self.x[i] else -1
-            if max(self.x[i], self.x[i + 1]) > x and all(abs(height - s.amplitude) > same * height for s in solutions):
+            if max(self.x[i], self.x[i + 1]) > x and all(
+                abs(height - s.amplitude) > same * height for s in solutions
+            ):
                 solutions.append(_Landing(height, i + 1 if way > 0 else i, way))
         return sorted(solutions)
 

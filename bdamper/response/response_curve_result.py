@@ -48,7 +48,9 @@ LOCKED = "is self-locking: its static normal load is not unique"
 
 @short_repr
 @dataclass(frozen=True)
-class ResponseCurve(InContact, Comparable, FrequencySeries, Tabular, Recorded, Storable, kind="bdamper-curve"):
+class ResponseCurve(
+    InContact, Comparable, FrequencySeries, Tabular, Recorded, Storable, kind="bdamper-curve"
+):
     """Response curve; every point is a converged solution.
 
     ``plot`` draws amplitude over frequency, with backward branches dashed (:func:`bdamper.plot.plot_curve`).
@@ -185,7 +187,9 @@ class ResponseCurve(InContact, Comparable, FrequencySeries, Tabular, Recorded, S
     @property
     def without_amplitude(self) -> LeftOut | None:
         """Part with the resonance if its amplitude is unbounded, or has no digits in double precision; otherwise None."""
-        parts = (part for part in self.missing_ranges if part.why.startswith((UNBOUNDED, NO_DIGITS)))
+        parts = (
+            part for part in self.missing_ranges if part.why.startswith((UNBOUNDED, NO_DIGITS))
+        )
         return next(parts, None)
 
     def _jump(self, fold: int, reached: NDArray) -> tuple[float, float]:
@@ -195,7 +199,9 @@ class ResponseCurve(InContact, Comparable, FrequencySeries, Tabular, Recorded, S
         away = np.abs(np.arange(len(self) - 1) - fold + 0.5) > 1.0
         joined = away & (np.diff(self.branch) == 0) & reached[1:]
         _, met = crossed(self.frequency, self.amplitude, self.frequency[fold], joined)
-        return float(min(np.abs(met - self.amplitude[fold]), default=0.0)), float(self.frequency[fold])
+        return float(min(np.abs(met - self.amplitude[fold]), default=0.0)), float(
+            self.frequency[fold]
+        )
 
     def _tops(self, numbers: Iterable[int]) -> NDArray:
         """Return the index of the largest response of each branch with a given number."""
@@ -273,11 +279,17 @@ class ResponseCurve(InContact, Comparable, FrequencySeries, Tabular, Recorded, S
         i = self.peak_index
         frequency = float(self.frequency[i])
         y = np.append(self.unknowns[i], 2.0 * np.pi * frequency)
-        ends = [*self.frequency, *(f for part in self.missing_ranges for f in (part.low, part.high))]
+        ends = [
+            *self.frequency,
+            *(f for part in self.missing_ranges for f in (part.low, part.high)),
+        ]
         why = self.reason if self.status == INCOMPLETE else f"{self.status}: {self.reason}"
         search = COMPLETE if self.complete else with_reason(INCOMPLETE, why)
         limit = {"limit": self.kind} if self.is_limit else {}
-        amplitude, status = float(self.amplitude[i]), with_reason(INCOMPLETE, AT_END) if self.peak_at_end else search
+        amplitude, status = (
+            float(self.amplitude[i]),
+            with_reason(INCOMPLETE, AT_END) if self.peak_at_end else search,
+        )
         if self.without_amplitude is not None:
             amplitude = self.without_amplitude.amplitude
             status = with_reason(INCOMPLETE, self.without_amplitude.at_middle)
@@ -314,7 +326,12 @@ class ResponseCurve(InContact, Comparable, FrequencySeries, Tabular, Recorded, S
         i = self.peak_index
         if self.kind in ("response", "run-up") and self.point_kind[i] in ("maximum", "fold"):
             return False
-        gaps = [f for part in self.missing_ranges if part.why == NO_SOLUTION for f in (part.low, part.high)]
+        gaps = [
+            f
+            for part in self.missing_ranges
+            if part.why == NO_SOLUTION
+            for f in (part.low, part.high)
+        ]
         ends = self.frequency.min(), self.frequency.max(), *gaps
         return bool(np.isclose(self.frequency[i], ends, rtol=1e-6, atol=0.0).any())
 
@@ -326,11 +343,16 @@ class ResponseCurve(InContact, Comparable, FrequencySeries, Tabular, Recorded, S
         if self.unstable is None:
             return np.full(len(self), "", object)
         n = len(self.settings.get("harmonics", range(1, self.harmonics.shape[1])))
-        stays, leaves = f"stable as far as {n} harmonic{'s' if n > 1 else ''} tell{'s' if n == 1 else ''}", "unstable"
+        stays, leaves = (
+            f"stable as far as {n} harmonic{'s' if n > 1 else ''} tell{'s' if n == 1 else ''}",
+            "unstable",
+        )
         if "sign of det J: " in self.stability_note:
             signs = "undecided (det J >= 0)", "unstable (det J < 0)"
             stays, leaves = (f"{sign} with {n} harmonic{'s' if n > 1 else ''}" for sign in signs)
-        proven = np.isfinite(self.in_time) if self.in_time is not None else np.zeros(len(self), bool)
+        proven = (
+            np.isfinite(self.in_time) if self.in_time is not None else np.zeros(len(self), bool)
+        )
         in_time = np.where(self.unstable, "unstable", "stable")
         return np.where(proven, in_time, np.where(self.unstable, leaves, stays))
 
@@ -342,7 +364,9 @@ class ResponseCurve(InContact, Comparable, FrequencySeries, Tabular, Recorded, S
     @property
     def at_peak(self) -> dict[str, float]:
         """Fractions of the cycle in stick, slip and separation at the peak, in per cent."""
-        shares = zip(("stick", "slip", "open"), np.round(100.0 * self.shares[self.peak_index], 1).tolist())
+        shares = zip(
+            ("stick", "slip", "open"), np.round(100.0 * self.shares[self.peak_index], 1).tolist()
+        )
         return {f"{name} (%)": share for name, share in shares if np.isfinite(share)}
 
     def _facts(self) -> tuple[Fact, ...]:
@@ -363,8 +387,12 @@ class ResponseCurve(InContact, Comparable, FrequencySeries, Tabular, Recorded, S
             linear = f"{self.kind} " if self.is_limit else ""
             return f"No amplitude of the {linear}resonance: {self.without_amplitude.at_middle}."
         i, low, high = self.peak_index, float(self.frequency.min()), float(self.frequency.max())
-        what = {"response": "Resonance", "free": "Free resonance", "stuck": "Stuck resonance"}.get(self.kind, HIGHEST)
-        load = f" under {preload_text(self.preload, self.settings)}" if self.kind == "response" else ""
+        what = {"response": "Resonance", "free": "Free resonance", "stuck": "Stuck resonance"}.get(
+            self.kind, HIGHEST
+        )
+        load = (
+            f" under {preload_text(self.preload, self.settings)}" if self.kind == "response" else ""
+        )
         if self.speed is not None:
             speed = float(self.speed[i])
             turning = f"{speed * 30.0 / np.pi:.5g} rpm ({speed:.5g} rad/s)"
@@ -372,19 +400,31 @@ class ResponseCurve(InContact, Comparable, FrequencySeries, Tabular, Recorded, S
         if self.blades is not None:
             load += f", blade {np.argmax(np.abs(self.blades[i, :, 1]))}"
         peak = peak_and_range(self.amplitude[i], self.frequency[i], self.half_range)
-        what = HIGHEST if self.peak_at_end else "Lower bound of the resonance" if self.may_be_higher else what
+        what = (
+            HIGHEST
+            if self.peak_at_end
+            else "Lower bound of the resonance"
+            if self.may_be_higher
+            else what
+        )
         out = [f"{what} of {peak}{load}."]
         if self.peak_at_end:
-            out.append(f"It lies at an end of the curve ({amount(low, 'Hz')} to {amount(high, 'Hz')}) and is not a peak.")
+            out.append(
+                f"It lies at an end of the curve ({amount(low, 'Hz')} to {amount(high, 'Hz')}) and is not a peak."
+            )
         if higher := self.higher(self.amplitude[i]):
             out.append(f"The response is {higher}.")
         if self.kind in ("response", "run-up"):
             checked = self.in_time is not None and np.isfinite(self.in_time[i])
             out.append(f"In time it is {self.labels[i]}." if checked else NOT_IN_TIME)
         reached = ~self.out_of_reach
-        size, at = max((self._jump(fold, reached) for fold in self.folds if reached[fold]), default=(0.0, 0.0))
+        size, at = max(
+            (self._jump(fold, reached) for fold in self.folds if reached[fold]), default=(0.0, 0.0)
+        )
         if size > 0.01 * self.amplitude[i]:  # smaller jumps are invisible in a plot
-            out.append(f"A slow sweep of frequency jumps by up to {amount(size, 'm')}, at {amount(at, 'Hz')}.")
+            out.append(
+                f"A slow sweep of frequency jumps by up to {amount(size, 'm')}, at {amount(at, 'Hz')}."
+            )
         out += [f"{note[:1].upper()}{note[1:]}." for note in self.self_locking]
         if not self.complete:
             out.append(f"The curve is {self.status}, there may be a higher one: {self.reason}.")
@@ -404,7 +444,9 @@ def crossed(x: NDArray, height: NDArray, at: float, joined: NDArray) -> tuple[ND
     """
     f = x - at
     across = np.flatnonzero((f[:-1] * f[1:] <= 0.0) & (f[:-1] != f[1:]) & joined)
-    return across, height[across] + f[across] / (f[across] - f[across + 1]) * (height[across + 1] - height[across])
+    return across, height[across] + f[across] / (f[across] - f[across + 1]) * (
+        height[across + 1] - height[across]
+    )
 
 
 class InterruptedCurve(KeyboardInterrupt):

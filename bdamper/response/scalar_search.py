@@ -101,19 +101,29 @@ def lower_bound(a: Sample, b: Sample) -> LowerBound | None:
     if np.isfinite(a.value) != np.isfinite(b.value):  # the known branch may decrease further
         drop = h * (fall if np.isfinite(a.value) else rise)
         drop = drop if np.isfinite(drop) else 2.0 * GAIN
-        return LowerBound(min(a.value, b.value) - drop, a.x + 0.5 * h, False) if drop > 0.0 and h > CORNER else None
+        return (
+            LowerBound(min(a.value, b.value) - drop, a.x + 0.5 * h, False)
+            if drop > 0.0 and h > CORNER
+            else None
+        )
     narrow = 1e-3  # smallest distance worth searching: at a slope of 1 the gain is half of GAIN
     if not (np.isfinite(a.value + b.value) and h > narrow):
         return None
     if not np.isfinite(fall + rise):
-        return LowerBound(min(a.value, b.value) - 2.0 * GAIN, a.x + 0.5 * h, False) if h > CORNER else None
+        return (
+            LowerBound(min(a.value, b.value) - 2.0 * GAIN, a.x + 0.5 * h, False)
+            if h > CORNER
+            else None
+        )
     if h <= MAX_DISTANCE and on_one_branch(a, b):
         if not fall * rise > 0.0:
             return None
         rise_between = b.value - a.value
         t = _minimum_of_cubic(h * a.slope, h * b.slope, rise_between)
         bend = t * (1.0 - t) * h * ((1.0 - t) * a.slope - t * b.slope)
-        return LowerBound(a.value + bend + t * t * (3.0 - 2.0 * t) * rise_between, a.x + t * h, True)
+        return LowerBound(
+            a.value + bend + t * t * (3.0 - 2.0 * t) * rise_between, a.x + t * h, True
+        )
     if fall * rise > 0.0 and h <= MAX_DISTANCE:  # two branches may cross
         t = (a.value - b.value + rise * h) / ((fall + rise) * h)
         if 0.0 < t < 1.0:
@@ -137,7 +147,9 @@ Refine = Callable[[Sample, Sample, float], float | None]
 """Callable that returns the minimum of the smooth branch between two samples from a guess; None if it fails."""
 
 
-def find_minimum(known: Sequence[Sample], evaluate: Evaluate, refine: Refine) -> tuple[list[Sample], Minimum]:
+def find_minimum(
+    known: Sequence[Sample], evaluate: Evaluate, refine: Refine
+) -> tuple[list[Sample], Minimum]:
     """Find the minimum from known samples and further evaluations.
 
     The optimal curve calls it with ln(amplitude) as a function of ln(preload).
@@ -161,7 +173,9 @@ def find_minimum(known: Sequence[Sample], evaluate: Evaluate, refine: Refine) ->
     samples, refined, tried = sorted(known), set[float](), set[tuple[float, float]]()
     # two concurrent evaluations use two cores; the number is fixed so that the result does not depend on the machine
     at_once = 2
-    while len(samples) < len(known) + MAX_EVALUATIONS and (candidates := _candidates(samples, tried)):
+    while len(samples) < len(known) + MAX_EVALUATIONS and (
+        candidates := _candidates(samples, tried)
+    ):
         new_x, lowest = [], min(p.value for p in samples)
         for (a, b), bound in candidates[:at_once]:
             minimum = None
@@ -201,7 +215,9 @@ def _candidates(samples: Sequence[Sample], tried: set[tuple[float, float]]) -> l
     return sorted(out, key=lambda item: item[1].value)
 
 
-def _classified(samples: Sequence[Sample], refined: set[float], candidates: Sequence[Candidate]) -> Minimum:
+def _classified(
+    samples: Sequence[Sample], refined: set[float], candidates: Sequence[Candidate]
+) -> Minimum:
     """Classify the smallest sample and estimate its uncertainty."""
     k = min(range(len(samples)), key=lambda i: samples[i].value)
     here = samples[k]
@@ -220,7 +236,9 @@ def _classified(samples: Sequence[Sample], refined: set[float], candidates: Sequ
         width = max(abs(p.x - here.x) for p in neighbours)
         kind = "jump" if max(p.value - here.value for p in neighbours) > 2.0 * width else "crossing"
         return Minimum(k, kind if width <= CORNER else "unknown", width, where)
-    reached = other.value + other.slope * (here.x - other.x)  # branch of the neighbour, extrapolated
+    reached = other.value + other.slope * (
+        here.x - other.x
+    )  # branch of the neighbour, extrapolated
     meets = other.slope * here.slope < 0.0 and abs(reached - here.value) <= GAIN
     return Minimum(k, "crossing" if meets else "jump", width, where)
 
@@ -288,7 +306,9 @@ def root_trials(
     """
     (a, f_a), (b, f_b) = low, high
     if f_a * f_b > 0.0:
-        raise ValueError(f"a bracket needs values of different signs at its ends, found {f_a:g} and {f_b:g}")
+        raise ValueError(
+            f"a bracket needs values of different signs at its ends, found {f_a:g} and {f_b:g}"
+        )
     sign = 1.0 if f_b > f_a else -1.0
     true_a, true_b = f_a, f_b  # f_a and f_b may be reduced for the secant
     fixed = ""  # end of the bracket that did not move in the previous trial
@@ -333,5 +353,8 @@ def _zero_of_inverse(known: list[tuple[float, float]]) -> float:
     if not ((rises > 0.0).all() or (rises < 0.0).all()):
         return np.nan
     for width in range(1, len(x)):
-        x = [(f[i + width] * x[i] - f[i] * x[i + 1]) / (f[i + width] - f[i]) for i in range(len(x) - 1)]
+        x = [
+            (f[i + width] * x[i] - f[i] * x[i + 1]) / (f[i + width] - f[i])
+            for i in range(len(x) - 1)
+        ]
     return float(x[0])

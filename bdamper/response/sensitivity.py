@@ -28,7 +28,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.harmonic_balance.equations import Correction, Equations, Fixed, Plane, norm2
-from bdamper.harmonic_balance.parameters import FACTORS, INERTIA, MASS, OF_LOAD, OF_MASS, like, setting_names, vary
+from bdamper.harmonic_balance.parameters import (
+    FACTORS,
+    INERTIA,
+    MASS,
+    OF_LOAD,
+    OF_MASS,
+    like,
+    setting_names,
+    vary,
+)
 from bdamper.harmonic_balance.problem import Problem
 from bdamper.response.events import ContinuationOptions
 from bdamper.response.peak import DIFFERENCE, Family, Peak, check_peak, slope_along, with_tangent
@@ -94,19 +103,26 @@ class Sensitivities(Plottable, dict[str, PeakSensitivity]):
         The peak.
     """
 
-    def __init__(self, found: Mapping[str, PeakSensitivity], amplitude: float, frequency: float) -> None:
+    def __init__(
+        self, found: Mapping[str, PeakSensitivity], amplitude: float, frequency: float
+    ) -> None:
         super().__init__(found)
         self.amplitude, self.frequency = amplitude, frequency
 
     def changes(self) -> dict[str, tuple[float, float]]:
         """Return the relative change of amplitude and frequency for one per cent of each parameter; NaN if unknown."""
         a, f = 0.01 / self.amplitude, 0.01 / self.frequency
-        return {name: (a * s.value * s.amplitude, f * s.value * s.frequency) for name, s in self.items()}
+        return {
+            name: (a * s.value * s.amplitude, f * s.value * s.frequency) for name, s in self.items()
+        }
 
     def _headline(self) -> str:
         known = {name: a for name, (a, _) in self.changes().items() if np.isfinite(a)}
         order = sorted(known, key=lambda name: -abs(known[name]))
-        most = ", ".join(f"{spaced(name)} {percent(known[name], True)}" for name in order[:3]) or "none is known"
+        most = (
+            ", ".join(f"{spaced(name)} {percent(known[name], True)}" for name in order[:3])
+            or "none is known"
+        )
         lost = "; ".join(f"{spaced(name)}: {s.reason}" for name, s in self.items() if s.reason)
         unknown = f" Unknown: {lost}." if lost else ""
         top = peak_text(self.amplitude, self.frequency)
@@ -114,7 +130,10 @@ class Sensitivities(Plottable, dict[str, PeakSensitivity]):
 
     def _rows(self) -> list[tuple[str, ...]]:
         changes = self.changes().items()
-        rows = [(spaced(n), f"{self[n].value:.6g}", percent(a, True), percent(f, True)) for n, (a, f) in changes]
+        rows = [
+            (spaced(n), f"{self[n].value:.6g}", percent(a, True), percent(f, True))
+            for n, (a, f) in changes
+        ]
         return [("parameter", "value", "amplitude for +1 %", "frequency for +1 %"), *rows]
 
     def summary(self) -> str:
@@ -189,13 +208,20 @@ def across(
     for i, (point, unit) in enumerate(zip(points, scale)):
         y, first = point.y, system.rows.value(point.y)
         dy = np.zeros((len(sides), len(y)))
-        for _ in range(2):  # the second pass at the ends of the first: changing modes do not cross a contact event
-            ends = [(y + high.step * d * unit, y + low.step * d * unit) for (high, low), d in zip(sides, dy)]
+        for _ in range(
+            2
+        ):  # the second pass at the ends of the first: changing modes do not cross a contact event
+            ends = [
+                (y + high.step * d * unit, y + low.step * d * unit)
+                for (high, low), d in zip(sides, dy)
+            ]
             right = [
                 _rate(h, l, h.residual(a) - excess[i] * up, l.residual(b) - excess[i] * down)
                 for (h, l), (a, b), (up, down) in zip(sides, ends, loads)
             ]
-            dy = dy + system.solve_linear(y, point.tangent, unit, np.pad(-np.array(right), ((0, 0), (0, 1))))
+            dy = dy + system.solve_linear(
+                y, point.tangent, unit, np.pad(-np.array(right), ((0, 0), (0, 1)))
+            )
         for j, ((high, low), d) in enumerate(zip(sides, dy * unit)):
             explicit = _rate(high, low, high.first(y), low.first(y))
             moves[j, i] = d[-1] / (2.0 * np.pi), explicit + system.rows.value(y + d) - first
@@ -208,7 +234,9 @@ def across(
     }
 
 
-def sensitivities(peak: Peak, families: dict[str, tuple[Family, float]]) -> dict[str, PeakSensitivity]:
+def sensitivities(
+    peak: Peak, families: dict[str, tuple[Family, float]]
+) -> dict[str, PeakSensitivity]:
     """Compute the derivatives of amplitude and frequency of a peak.
 
     One adjoint solution serves the amplitude for all parameters.  The frequency needs the derivative of the solution with
@@ -239,7 +267,9 @@ def sensitivities(peak: Peak, families: dict[str, tuple[Family, float]]) -> dict
             y, reason = linear.derivatives(family, value), ""
         except (SettingError, ArithmeticError, np.linalg.LinAlgError) as error:
             y, reason = np.full(len(peak.y) + 1, np.nan), str(error)
-        out[name] = PeakSensitivity(name, value, float(y[-1]), float(y[-2]) / (2.0 * np.pi), y[:-1], reason)
+        out[name] = PeakSensitivity(
+            name, value, float(y[-1]), float(y[-2]) / (2.0 * np.pi), y[:-1], reason
+        )
     return out
 
 
@@ -252,7 +282,9 @@ class _Linear:
         self.row, self.nu = system.slope_gradient(peak.y, peak.tangent, peak.scale, DIFFERENCE)
         self.curvature = float(self.row @ peak.tangent)
         if self.curvature == 0.0:
-            raise NoDerivative(f"sensitivities: expected a curved peak, found a flat one at {peak.frequency:.6g} Hz")
+            raise NoDerivative(
+                f"sensitivities: expected a curved peak, found a flat one at {peak.frequency:.6g} Hz"
+            )
 
     def move(self, r_p: NDArray) -> NDArray:
         """Return the derivative of the solution with respect to the parameter, in scaled unknowns, normal to the tangent.
@@ -260,7 +292,9 @@ class _Linear:
         ``r_p`` (n_unknowns,) is the derivative of the residual with respect to the parameter.
         """
         peak = self.peak
-        return self.system.solve_linear(peak.y, peak.tangent, peak.scale, np.append(-r_p, 0.0)[None])[0]
+        return self.system.solve_linear(
+            peak.y, peak.tangent, peak.scale, np.append(-r_p, 0.0)[None]
+        )[0]
 
     def derivatives(self, family: Family, value: float) -> NDArray:
         """Return the derivatives (n_unknowns + 2,) of position and amplitude of the peak.
@@ -277,11 +311,15 @@ class _Linear:
         _finite(float(whole.sum()), self.peak)
         if low.step < 0.0:
             here = _Neighbour(self.system, 0.0, np.ones_like(y))
-            sizes = np.array([self.peak.frequency * 2.0 * np.pi, self.peak.amplitude]) / max(abs(value), high.step)
+            sizes = np.array([self.peak.frequency * 2.0 * np.pi, self.peak.amplitude]) / max(
+                abs(value), high.step
+            )
             sides = [self.along(move, *ends)[-2:] for ends in ((high, here), (here, low))]
             if (np.abs(sides[0] - sides[1]) > SIDES * np.abs(whole[-2:]) + NOISE * sizes).any():
                 found = " and ".join(f"{a:.3g} m, {w / (2.0 * np.pi):.3g} Hz" for w, a in sides)
-                raise NoDerivative(f"sensitivities: expected the same from above and below, found {found} per unit")
+                raise NoDerivative(
+                    f"sensitivities: expected the same from above and below, found {found} per unit"
+                )
         return whole
 
     def along(self, move: NDArray, high: _Neighbour, low: _Neighbour) -> NDArray:
@@ -353,7 +391,9 @@ def _neighbours(family: Family, value: float, system: Equations) -> tuple[_Neigh
     return high, _Neighbour(below, -step, _factors(below, system))
 
 
-def _rate(high: _Neighbour, low: _Neighbour, above: NDArray | complex, below: NDArray | complex) -> Any:
+def _rate(
+    high: _Neighbour, low: _Neighbour, above: NDArray | complex, below: NDArray | complex
+) -> Any:
     """Return the difference quotient of two values."""
     return (above - below) / (high.step - low.step)
 
@@ -367,15 +407,23 @@ def _factors(system: Equations, reference: Equations) -> NDArray:
         If the equations have different unknowns.
     """
     if not np.array_equal(system.layout.n_mode, reference.layout.n_mode):
-        raise NoDerivative("sensitivities: the residual modes change next to the peak, so its unknowns cannot be compared")
+        raise NoDerivative(
+            "sensitivities: the residual modes change next to the peak, so its unknowns cannot be compared"
+        )
     out = np.ones(system.n_unknowns + 1)
-    parallel = 1e-8  # largest 1 - cos^2 between the contact motions of two modes that count as the same
+    parallel = (
+        1e-8  # largest 1 - cos^2 between the contact motions of two modes that count as the same
+    )
     for l, (basis, other) in enumerate(zip(system.structure.bases, reference.structure.bases)):
         if not basis.n_modes:
             continue
         G, G_0 = (b.G.reshape(-1, b.n_modes) for b in (basis, other))
-        norm, shared, reference_norm = (np.einsum("pm,pm->m", a.conj(), b) for a, b in ((G, G), (G, G_0), (G_0, G_0)))
-        same = (np.abs(shared) ** 2 > (1.0 - parallel) * norm.real * reference_norm.real) & (norm.real > 0.0)
+        norm, shared, reference_norm = (
+            np.einsum("pm,pm->m", a.conj(), b) for a, b in ((G, G), (G, G_0), (G_0, G_0))
+        )
+        same = (np.abs(shared) ** 2 > (1.0 - parallel) * norm.real * reference_norm.real) & (
+            norm.real > 0.0
+        )
         for places in system.layout.slices(l)[: 1 + (l > 0)]:
             out[places] = np.where(same, shared.real / np.where(same, norm.real, 1.0), 1.0)
     return out
@@ -387,7 +435,9 @@ def _adjoint(system: Equations, peak: Peak) -> NDArray:
     """
     gradient, square = system.rows.squared_gradient(peak.y)
     gradient /= np.sqrt(square)
-    return system.solve_linear(peak.y, peak.tangent, peak.scale, (gradient * peak.scale)[None], transposed=True)[0, :-1]
+    return system.solve_linear(
+        peak.y, peak.tangent, peak.scale, (gradient * peak.scale)[None], transposed=True
+    )[0, :-1]
 
 
 def amplitude_sensitivity(peak: Peak, family: Family, value: float) -> float:
@@ -417,13 +467,20 @@ def amplitude_sensitivity(peak: Peak, family: Family, value: float) -> float:
 def _finite(value: float, peak: Peak) -> float:
     """Return the derivative; raise NoDerivative if it is not finite."""
     if not np.isfinite(value):
-        raise NoDerivative(f"sensitivities: expected finite ones, found {value} at {peak.frequency:.6g} Hz")
+        raise NoDerivative(
+            f"sensitivities: expected finite ones, found {value} at {peak.frequency:.6g} Hz"
+        )
     return value
 
 
 def _check(peak: Peak) -> None:
     validation.check(peak.converged, "sensitivities", "a converged peak", f"status '{peak.status}'")
-    validation.check(not peak.corner, "sensitivities", "a smooth peak", "a peak at a corner of the response curve")
+    validation.check(
+        not peak.corner,
+        "sensitivities",
+        "a smooth peak",
+        "a peak at a corner of the response curve",
+    )
 
 
 # ---- derivatives with respect to the preload and to settings ----
@@ -436,7 +493,9 @@ PARAMETERS = (
 
 
 @one_thread
-def peak_sensitivities(problem: Problem, peak: Peak, parameters: Sequence[str] = PARAMETERS) -> Sensitivities:
+def peak_sensitivities(
+    problem: Problem, peak: Peak, parameters: Sequence[str] = PARAMETERS
+) -> Sensitivities:
     """See :meth:`bdamper.Study.peak_sensitivities`."""
     check_peak(problem, peak)
     found = families(problem, parameters, peak.parameter)
@@ -457,10 +516,22 @@ def curve_sensitivities(
     points = []
     for i, (p, unit) in enumerate(zip(y, scale)):
         adjacent = [k for k in (i - 1, i + 1) if 0 <= k < n and curve.branch[k] == curve.branch[i]]
-        chord = (y[adjacent[-1]] - y[adjacent[0] if len(adjacent) > 1 else i]) / unit if adjacent else np.zeros(len(p))
+        chord = (
+            (y[adjacent[-1]] - y[adjacent[0] if len(adjacent) > 1 else i]) / unit
+            if adjacent
+            else np.zeros(len(p))
+        )
         chord = chord * (-1.0 if adjacent == [i - 1] else 1.0)
         border = Plane(chord / norm2(chord)) if chord.any() else Fixed()
-        points.append(system.solve(p, border, unit, ContinuationOptions().tolerance, ContinuationOptions().max_iterations))
+        points.append(
+            system.solve(
+                p,
+                border,
+                unit,
+                ContinuationOptions().tolerance,
+                ContinuationOptions().max_iterations,
+            )
+        )
     return across(system, points, scale, families(problem, parameters, curve.preload))
 
 
@@ -491,7 +562,10 @@ def band(
     high = curve.amplitude >= 0.5 * curve.amplitude.max()
     width = max(float(np.ptp(np.log(f[high]))), 1e-6)
     sensitivities = [(found[name], value) for name, value in deviations.items()]
-    moves = [d * np.array([s.frequency / f / width, (s.response / response).real]) for s, d in sensitivities]
+    moves = [
+        d * np.array([s.frequency / f / width, (s.response / response).real])
+        for s, d in sensitivities
+    ]
     along = next(iter(found.values())).tangent
     normal = np.array([-(along[:, 1] / response).real, along[:, 0].real / f / width])
     with np.errstate(invalid="ignore"):  # no normal direction exists where only the mean drifts
@@ -501,12 +575,16 @@ def band(
     return deviation, f[:, None] * np.exp(width * way[0]), curve.amplitude[:, None] * np.exp(way[1])
 
 
-def families(problem: Problem, parameters: Sequence[str], preload: float) -> dict[str, tuple[Family, float]]:
+def families(
+    problem: Problem, parameters: Sequence[str], preload: float
+) -> dict[str, tuple[Family, float]]:
     """Return the equations at one preload as functions of each parameter, with its value; parameters without effect are
     omitted.
     """
     if (given := problem.settings.contact_forces) != "event_driven":
-        raise SettingError(f'sensitivities: expected contact_forces="event_driven", found {given}: the peak has ripples')
+        raise SettingError(
+            f'sensitivities: expected contact_forces="event_driven", found {given}: the peak has ripples'
+        )
     out: dict[str, tuple[Family, float]] = {}
     for name in validation.names("parameters", parameters, ("preload", *setting_names(problem))):
         if name == "preload":
@@ -515,7 +593,9 @@ def families(problem: Problem, parameters: Sequence[str], preload: float) -> dic
             continue
         if name == "contact_stiffness_factor" and problem.settings.holds_preload:
             continue
-        if name.partition(".")[0] in OF_MASS and not any(b.kind == "free" for b in problem.model.bodies.values()):
+        if name.partition(".")[0] in OF_MASS and not any(
+            b.kind == "free" for b in problem.model.bodies.values()
+        ):
             continue
         out[name] = (setting_family(problem, name, preload), setting_value(problem, name))
     return out
@@ -529,12 +609,18 @@ def setting_value(problem: Problem, name: str) -> float:
     value: Any = problem.settings
     if name == "friction_coefficient":  # a stored study has it by interface
         interfaces = problem.model.interfaces
-        own = {str(mu): mu for face, mu in value.friction_by_interface().items() if interfaces[face].kind == "friction"}
+        own = {
+            str(mu): mu
+            for face, mu in value.friction_by_interface().items()
+            if interfaces[face].kind == "friction"
+        }
         if len(own) == 1 and np.ndim(mu := own.popitem()[1]) == 0:
             return float(mu)
     if of_part := part and head in ("friction_coefficient", *OF_LOAD):
         of_face = head == "friction_coefficient"
-        value = (value.friction_by_interface() if of_face else value.given_loads(head)).get(part, 0.0)
+        value = (value.friction_by_interface() if of_face else value.given_loads(head)).get(
+            part, 0.0
+        )
     for part in () if of_part else name.split("."):
         value = getattr(value, part if part != "response" else "response_location")
     if isinstance(value, bool) or not isinstance(value, (int, float)):

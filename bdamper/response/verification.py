@@ -100,12 +100,18 @@ class AllBlades(Summarised):
         out = [Fact("blade", self.blade)] * bool(unequal) + list(super()._facts())
         if self.energy:
             supplied, shares = energy_shares(self.energy)
-            listed = [f"{name} {percent(x)}" for name, x in zip(("damping", "contacts", "rise", "numerical"), shares)]
+            listed = [
+                f"{name} {percent(x)}"
+                for name, x in zip(("damping", "contacts", "rise", "numerical"), shares)
+            ]
             out.append(Fact("energy of a period", f"{amount(supplied, 'J')}: {', '.join(listed)}"))
         if len(self.waves) > 1:
             out.append(Fact("lowest to highest blade", span(*self.spread, "m")))
             high = [(d, a) for d, a in self.waves if a > ALIKE * self.waves[0, 1]]
-            ways = [f"{abs(d):.0f} {'backward' if d < 0 else 'forward'} {amount(float(a), 'm')}" for d, a in high]
+            ways = [
+                f"{abs(d):.0f} {'backward' if d < 0 else 'forward'} {amount(float(a), 'm')}"
+                for d, a in high
+            ]
             out.append(Fact("waves, nodal diameters", ", ".join(ways)))
         return tuple(out)
 
@@ -236,7 +242,9 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
         if self.highest_period > (1.0 + BEATS) * self.mean:
             head = f"{head} Single periods reach {amount(self.highest_period, 'm')}."
         if exceeds(self.half_range, self.mean):
-            head = f"{head} These are amplitudes of the first harmonic; {range_text(self.half_range)}."
+            head = (
+                f"{head} These are amplitudes of the first harmonic; {range_text(self.half_range)}."
+            )
         head += self._unlike()
         if self.starts:
             head = f"{head} {self.elsewhere} of {len(self.starts)} other starts came to another motion."
@@ -246,7 +254,9 @@ class TimeResponse(AllBlades, Plottable, Recorded, Storable, kind="bdamper-time-
 
 @short_repr
 @dataclass(frozen=True)
-class MotionInTime(AllBlades, Plottable, Tabular, Recorded, Storable, kind="bdamper-motion-in-time", row="period"):
+class MotionInTime(
+    AllBlades, Plottable, Tabular, Recorded, Storable, kind="bdamper-motion-in-time", row="period"
+):
     """One motion in time from a solution of the harmonic balance, period by period.
 
     ``plot`` draws the amplitude over the periods (:func:`bdamper.plot.plot_periods`).
@@ -313,7 +323,9 @@ class MotionInTime(AllBlades, Plottable, Tabular, Recorded, Storable, kind="bdam
         return {name: columns[name] for name in ("period", "amplitude", "harmonics")}
 
     def _headline(self) -> str:
-        kind = {None: "irregular", 1: "periodic"}.get(self.repeats_after, f"{self.repeats_after}-periodic")
+        kind = {None: "irregular", 1: "periodic"}.get(
+            self.repeats_after, f"{self.repeats_after}-periodic"
+        )
         ends = span(self.lowest, self.highest, "m", near=self.mean).rpartition(" ")[0]
         comes = (
             f"the highest blade comes to {amount(self.mean, 'm')} ({ends}) in time at {amount(self.frequency, 'Hz', 6)}, "
@@ -327,7 +339,11 @@ class MotionInTime(AllBlades, Plottable, Tabular, Recorded, Storable, kind="bdam
             f"it is undecided whether time integration agrees with {solution}" if self.verdict == "undecided"
             else f"time integration {self.verdict} with {solution}"
         )  # fmt: skip
-        doubt = f" Status: {self.status}." if self.status != COMPLETE and self.verdict not in self.status else ""
+        doubt = (
+            f" Status: {self.status}."
+            if self.status != COMPLETE and self.verdict not in self.status
+            else ""
+        )
         return f"{at} {verdict}: {comes} ({self.reason}).{self._unlike()}{doubt}"
 
 
@@ -493,7 +509,11 @@ class FrictionRange(Record):
             return "it is unknown with which friction the amplitude doubles"
         below, above = self.limits
         tolerated = f"from {below.inside:.2g} to {above.inside:.2g} times"
-        doubled = [f"{limit.outside:.2g}" for limit in self.limits if limit.known and np.isfinite(limit.outside)]
+        doubled = [
+            f"{limit.outside:.2g}"
+            for limit in self.limits
+            if limit.known and np.isfinite(limit.outside)
+        ]
         unknown = [f"{limit.outside:.2g}" for limit in self.limits if not limit.known]
         if doubled:
             text = f"the amplitude doubles with {' and '.join(doubled)} times the friction, not {tolerated}"
@@ -596,7 +616,9 @@ class Convergence(Plottable, Tabular):
     @property
     def converged(self) -> bool:
         """Whether the peak agrees with all peaks with more harmonics, at least two."""
-        return self.status == COMPLETE and len(self.peaks) > 2 and len(self.settled) == len(self.peaks)
+        return (
+            self.status == COMPLETE and len(self.peaks) > 2 and len(self.settled) == len(self.peaks)
+        )
 
     @property
     def verdict(self) -> str:
@@ -655,16 +677,25 @@ class SourceError:
     def known(self) -> bool:
         """Whether there is an estimate that is larger than its uncertainty."""
         change = np.abs([self.amplitude, self.frequency])
-        return bool(np.isfinite(change).all() and (self.uncertainty == 0.0 or self.uncertainty < change.max()))
+        return bool(
+            np.isfinite(change).all()
+            and (self.uncertainty == 0.0 or self.uncertainty < change.max())
+        )
 
     @property
     def size(self) -> float:
         """Larger of both relative changes; NaN if unknown."""
-        return float(np.fmax(abs(self.amplitude), abs(self.frequency))) if self.known else float("nan")
+        return (
+            float(np.fmax(abs(self.amplitude), abs(self.frequency))) if self.known else float("nan")
+        )
 
     def __str__(self) -> str:
-        change = f"amplitude {percent(self.amplitude, True)}, frequency {percent(self.frequency, True)}"
-        miss = f", may miss {percent(self.uncertainty)}" if self.uncertainty > 0.05 * self.size else ""
+        change = (
+            f"amplitude {percent(self.amplitude, True)}, frequency {percent(self.frequency, True)}"
+        )
+        miss = (
+            f", may miss {percent(self.uncertainty)}" if self.uncertainty > 0.05 * self.size else ""
+        )
         return f"{self.source}: {f'{change}{miss} ({self.against})' if self.known else f'not estimated: {self.against}'}"
 
 
@@ -708,9 +739,13 @@ class ErrorEstimates(Summarised):
         known = sorted((s for s in self.sources if s.known), key=lambda s: -s.size)
         if not known:
             return "error not estimated"
-        named = ", ".join(f"{s.source} {percent(s.size)[:-2]}" for s in known if s.size > 0.01 * self.total)
+        named = ", ".join(
+            f"{s.source} {percent(s.size)[:-2]}" for s in known if s.size > 0.01 * self.total
+        )
         text = f"{percent(self.total)} ({named})" if self.total > 1e-5 else "below 0.001 %"
-        return f"estimated error {text}" + (f", not estimated: {', '.join(self.unknown)}" if self.unknown else "")
+        return f"estimated error {text}" + (
+            f", not estimated: {', '.join(self.unknown)}" if self.unknown else ""
+        )
 
     def _headline(self) -> str:
         peak = f"{peak_text(self.amplitude, self.frequency)}, preload {amount(self.preload, 'N')}"

@@ -79,11 +79,16 @@ def real_basis(system: Equations[Sector]) -> HarmonicBasis | None:
     size = 1e-12 * np.abs(G).max(initial=0.0)
     if massless or np.abs(G.imag).max(initial=0.0) > size:
         return None
-    same = (np.array_equal(b.omega2, first.omega2) and np.abs(b.G - G).max(initial=0.0) <= size for b in others)
+    same = (
+        np.array_equal(b.omega2, first.omega2) and np.abs(b.G - G).max(initial=0.0) <= size
+        for b in others
+    )
     return first if all(same) else None
 
 
-def cycles(system: Equations[Sector], x: NDArray) -> tuple[tuple[NDArray, ...], tuple[NDArray, ...]]:
+def cycles(
+    system: Equations[Sector], x: NDArray
+) -> tuple[tuple[NDArray, ...], tuple[NDArray, ...]]:
     """Return the contact states over the cycle.
 
     Returns
@@ -103,13 +108,17 @@ def cycles(system: Equations[Sector], x: NDArray) -> tuple[tuple[NDArray, ...], 
         if law == LAW_BONDED:
             parts = [[(0.0, TWO_PI, STICK)]] * 2
         elif mu > 0.0:
-            parts = segments(x[i], p.kt[i], kn, mu, n0, p.slider[i], law, "event_driven", float(load[i]))
+            parts = segments(
+                x[i], p.kt[i], kn, mu, n0, p.slider[i], law, "event_driven", float(load[i])
+            )
         axes = [d for d in range(2) if p.kt[i, d] > 0.0]
         if law in (LAW_BONDED, LAW_CONSTANT):
             pieces.append((i, 0, 0.0, TWO_PI, kn))
         else:
             seen = next((parts[d] for d in axes if parts[d]), [])
-            if not seen and kn > 0.0:  # without friction: separation from a slider with negligible friction
+            if (
+                not seen and kn > 0.0
+            ):  # without friction: separation from a slider with negligible friction
                 seen = segments(x[i], np.full(2, kn), kn, 1e-12, n0, np.zeros(2))[0]
             pieces += [(i, 0, a, b, kn) for a, b, state in seen if state != OPEN]
         reach = 0.0 if law == LAW_CONSTANT else mu * kn
@@ -126,7 +135,9 @@ def cycles(system: Equations[Sector], x: NDArray) -> tuple[tuple[NDArray, ...], 
                     if (before := parts[d][k - 1][2]) in slip:
                         factor = -slip[before] / kt
                     else:
-                        slope = x[i, :, 2::2] @ (l * np.cos(l * a)) - x[i, :, 1::2] @ (l * np.sin(l * a))
+                        slope = x[i, :, 2::2] @ (l * np.cos(l * a)) - x[i, :, 1::2] @ (
+                            l * np.sin(l * a)
+                        )
                         factor = -slope[d] / slope[2] if slope[2] != 0.0 else 0.0
                     events.append((i, d, a, b - a, factor))
     return _columns(pieces), _columns(events)
@@ -168,10 +179,14 @@ def monodromy(system: Equations[Sector], u: NDArray, omega: float) -> NDArray:
     basis = real_basis(system)
     assert basis is not None
     G, n = np.asarray(basis.G).real, len(basis.omega2)
-    (point, kind, a, b, weight), (at, axis, begin, length, factor) = cycles(system, system.contact(np.asarray(u))[0])
+    (point, kind, a, b, weight), (at, axis, begin, length, factor) = cycles(
+        system, system.contact(np.asarray(u))[0]
+    )
     force, motion = (G[point, np.array(axes)[kind]] for axes in ((2, 0, 1, 0, 1), (2, 0, 1, 2, 2)))
     hold, m = system.structure.points.kt[at, axis, None] * G[at, axis], len(at)
-    angles = np.unique(np.concatenate([[0.0], *(x % TWO_PI for x in (a, b, begin, begin + length))]))
+    angles = np.unique(
+        np.concatenate([[0.0], *(x % TWO_PI for x in (a, b, begin, begin + length))])
+    )
     angles = angles[np.append(True, np.diff(angles) > 1e-13)]  # events within rounding coincide
     first = np.abs(angles[:, None] - begin % TWO_PI).argmin(axis=0)
     M = np.eye(2 * n + m)
@@ -183,10 +198,14 @@ def monodromy(system: Equations[Sector], u: NDArray, omega: float) -> NDArray:
         K = np.diag(basis.omega2) + (force[now] * weight[now, None]).T @ motion[now]
         A = np.zeros((2 * n + sticks.sum(),) * 2)
         A[:n, n : 2 * n] = np.eye(n)
-        A[n : 2 * n] = np.hstack([-K, -np.diag(basis.damping), hold[sticks].T]) / basis.mass[:, None]
+        A[n : 2 * n] = (
+            np.hstack([-K, -np.diag(basis.damping), hold[sticks].T]) / basis.mass[:, None]
+        )
         keep = np.append(np.arange(2 * n), 2 * n + np.flatnonzero(sticks))
         M[keep] = expm(A * ((end - theta) / omega)) @ M[keep]
-    M[2 * n + np.flatnonzero(~sticks)] = 0.0  # only sliders in stick at the end of the period are state variables
+    M[2 * n + np.flatnonzero(~sticks)] = (
+        0.0  # only sliders in stick at the end of the period are state variables
+    )
     return M
 
 
@@ -196,7 +215,9 @@ def multipliers(system: Equations[Sector], u: NDArray, omega: float) -> NDArray:
     return np.asarray(values[np.argsort(-np.abs(values))])
 
 
-def unstable_solutions(system: Equations[Sector], unknowns: NDArray, omega: NDArray) -> tuple[NDArray, str]:
+def unstable_solutions(
+    system: Equations[Sector], unknowns: NDArray, omega: NDArray
+) -> tuple[NDArray, str]:
     """Determine which of several solutions of one system are unstable.
 
     Parameters
@@ -212,7 +233,9 @@ def unstable_solutions(system: Equations[Sector], unknowns: NDArray, omega: NDAr
         Criterion and disturbances considered.
     """
     refuse(system.structure.points.own, "stability")
-    without_events = np.isin(system.structure.arrays["law"], (LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC)).any()
+    without_events = np.isin(
+        system.structure.arrays["law"], (LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC)
+    ).any()
     if real_basis(system) is not None and not without_events:
         grows, note = _multiplier_outside, "all disturbances, multipliers of motion and sliders"
     else:
@@ -257,7 +280,9 @@ def judged_in_time(ring: Ring, curve: ResponseCurve, progress: bool) -> Response
     unstable[~moving] = False
     ratios = np.where(moving, np.nan, 1.0)
     with LongWork() as work:
-        for i in with_progress(np.flatnonzero(moving).tolist(), progress, "motion in time", "point"):
+        for i in with_progress(
+            np.flatnonzero(moving).tolist(), progress, "motion in time", "point"
+        ):
             verdict, ratio = judged_at(ring, curve.unknowns[i], TWO_PI * float(curve.frequency[i]))
             judged += 1
             if verdict != UNDECIDED:

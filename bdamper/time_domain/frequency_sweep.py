@@ -24,7 +24,14 @@ from bdamper.util import validation
 from bdamper.util.display import Fact, Plottable
 from bdamper.util.errors import COMPLETE, INCOMPLETE, INTERRUPTED, BdamperError, SettingError
 from bdamper.util.formatting import amount, peak_text, percent, short_repr
-from bdamper.util.progress import Cost, CostMeter, LongWork, one_thread, progress_counter, shows_progress
+from bdamper.util.progress import (
+    Cost,
+    CostMeter,
+    LongWork,
+    one_thread,
+    progress_counter,
+    shows_progress,
+)
 from bdamper.util.storage import Recorded, Storable
 from bdamper.util.tables import ROW, FrequencySeries, Hertz, Metres, Quantity, Tabular
 
@@ -42,7 +49,9 @@ NEAR = 1e-4
 
 @short_repr
 @dataclass(frozen=True)
-class TimeSweep(Plottable, FrequencySeries, Tabular, Recorded, Storable, kind="bdamper-time-sweep", row="turn"):
+class TimeSweep(
+    Plottable, FrequencySeries, Tabular, Recorded, Storable, kind="bdamper-time-sweep", row="turn"
+):
     """Response in a slow sweep of frequency in time, period by period.
 
     ``plot`` draws amplitude over frequency, also over response curves (:func:`bdamper.plot.plot_frequency_sweep`).
@@ -119,12 +128,19 @@ class TimeSweep(Plottable, FrequencySeries, Tabular, Recorded, Storable, kind="b
     def _headline(self) -> str:
         f, a = self.highest
         way = f"from {amount(self.frequency[0], 'Hz')} to {amount(self.frequency[-1], 'Hz')}"
-        jumps = f"; it jumps at {', '.join(amount(j.frequency, 'Hz') for j in self.jumps)}" if self.jumps else ""
+        jumps = (
+            f"; it jumps at {', '.join(amount(j.frequency, 'Hz') for j in self.jumps)}"
+            if self.jumps
+            else ""
+        )
         return f"Sweep in time {way}, preload {amount(self.preload, 'N')}: highest {peak_text(a, f)}{jumps}."
 
     def _facts(self) -> tuple[Fact, ...]:
         """Return rate and jumps."""
-        return (Fact("rate", abs(self.rate), "Hz/s"), *(Fact("jump", str(jump)) for jump in self.jumps))
+        return (
+            Fact("rate", abs(self.rate), "Hz/s"),
+            *(Fact("jump", str(jump)) for jump in self.jumps),
+        )
 
 
 @one_thread
@@ -139,7 +155,10 @@ def frequency_sweep(
     progress: bool | None = None,
 ) -> TimeSweep:
     """See :meth:`bdamper.Study.frequency_sweep`."""
-    preload, (low, high) = problem.check_preload(preload), validation.interval("frequency", frequency)
+    preload, (low, high) = (
+        problem.check_preload(preload),
+        validation.interval("frequency", frequency),
+    )
     progress = shows_progress(progress)
     validation.flag("up", up)
     rate = None if rate is None else validation.number("rate", rate, above=0.0, unit="Hz/s")
@@ -150,7 +169,9 @@ def frequency_sweep(
     transient = Transient(ring, TWO_PI * begin, u, steps_per_period)
     least = ring.least_damping
     if not 0.0 < least < np.inf:
-        raise SettingError("frequency_sweep: expected damping in every mode of the structure, found a mode without")
+        raise SettingError(
+            "frequency_sweep: expected damping in every mode of the structure, found a mode without"
+        )
     memory, usual = 2.0 / least, RATE * least**2 / (8.0 * np.pi)
     rate = usual if rate is None else rate
     turns = max(1, round(0.5 * (low + high) * (high - low) / rate))
@@ -178,16 +199,23 @@ def _start(problem: Problem, preload: float, first: float) -> tuple[NDArray, flo
     """Return the initial solution and its frequency (Hz)."""
     start = frequency_response(problem, preload, (first * (1.0 - NEAR), first * (1.0 + NEAR)))
     if not len(start):
-        raise BdamperError(f"no solution to start from at {first:g} Hz ({start.status}: {start.reason})")
+        raise BdamperError(
+            f"no solution to start from at {first:g} Hz ({start.status}: {start.reason})"
+        )
     i = int(np.where(start.backward, np.inf, start.amplitude).argmin())
     return start.unknowns[i], float(start.frequency[i])
 
 
-def _integrated(transient: Transient, ends: tuple[float, float], settling: int, turns: int, progress: bool) -> Transient:
+def _integrated(
+    transient: Transient, ends: tuple[float, float], settling: int, turns: int, progress: bool
+) -> Transient:
     """Let the motion settle at the first frequency, then sweep; return the sweep."""
     first, last = TWO_PI * ends[0], TWO_PI * ends[1]
     sweep = Transient(transient.ring, first, transient.motion, transient.steps)
-    with LongWork(), progress_counter(progress, settling + turns, 0, "time integration", "period") as count:
+    with (
+        LongWork(),
+        progress_counter(progress, settling + turns, 0, "time integration", "period") as count,
+    ):
         transient.omega = first
         transient.sweep(first, settling, count)
         sweep = Transient(transient.ring, first, transient.motion, transient.steps)

@@ -169,10 +169,18 @@ class Ring:
         self.cost = Cost()
         across = engine_order if wide_order is None else wide_order
         self.n = n_blades // gcd(n_blades, across) if across else 1
-        self.step = n_blades // self.n  # ratio of nodal diameters of the disk to nodal diameters of self.n sectors
-        self.wave = engine_order // self.step if engine_order else 0  # nodal diameter on self.n sectors
-        self.families: dict[int, int] = {}  # signed nodal diameter on self.n sectors -> harmonic that describes it
-        self._turns: dict[int, NDArray] = {}  # harmonic -> matrix from its coordinates to the coordinates of its family
+        self.step = (
+            n_blades // self.n
+        )  # ratio of nodal diameters of the disk to nodal diameters of self.n sectors
+        self.wave = (
+            engine_order // self.step if engine_order else 0
+        )  # nodal diameter on self.n sectors
+        self.families: dict[
+            int, int
+        ] = {}  # signed nodal diameter on self.n sectors -> harmonic that describes it
+        self._turns: dict[
+            int, NDArray
+        ] = {}  # harmonic -> matrix from its coordinates to the coordinates of its family
         for l, basis in enumerate(self.wide.structure.bases):
             if len(basis.omega2):
                 d = (l * (across // self.step if across else 0)) % self.n
@@ -197,13 +205,18 @@ class Ring:
         for d, l in self.families.items():
             m = len(self.wide.structure.bases[l].omega2)
             factor = 1.0 if d == 0 or 2 * d == self.n else 2.0
-            self.blocks.append((l, slice(start, start + m), np.exp(2j * np.pi * k * d / self.n), factor))
+            self.blocks.append(
+                (l, slice(start, start + m), np.exp(2j * np.pi * k * d / self.n), factor)
+            )
             start += m
         self.n_coordinates = start
-        self.real = np.concatenate([np.full(s.stop - s.start, factor == 1.0) for _, s, _, factor in self.blocks])
+        self.real = np.concatenate(
+            [np.full(s.stop - s.start, factor == 1.0) for _, s, _, factor in self.blocks]
+        )
         bases = [self.wide.structure.bases[l] for l, *_ in self.blocks]
         self.stiffness, self.mass, damping = (
-            np.concatenate([np.asarray(getattr(b, name)) for b in bases]) for name in ("omega2", "mass", "damping")
+            np.concatenate([np.asarray(getattr(b, name)) for b in bases])
+            for name in ("omega2", "mass", "damping")
         )
         heavy = self.mass > 0.0
         weight = np.where(heavy, self.mass, 1.0)
@@ -211,7 +224,9 @@ class Ring:
         self.damping = np.where(heavy, damping / weight, 0.0)
         self.least_damping = float(self.damping[self.omega2 > 0.0].min(initial=np.inf))
         """Full bandwidth (rad/s) of the least damped mode; infinite if no mode has stiffness."""
-        self.radius = radius if radius is not None else RADIUS if heavy.all() else RADIUS_WITHOUT_MASS
+        self.radius = (
+            radius if radius is not None else RADIUS if heavy.all() else RADIUS_WITHOUT_MASS
+        )
         self.rows = self._rows() if rows is None else rows
         self.core = self._core()
         self.effort = np.zeros(2, int)
@@ -221,7 +236,10 @@ class Ring:
         """Return the core object with modes, points, excitation and response."""
         bases = [self.wide.structure.bases[l] for l, *_ in self.blocks]
         orders, force = self.forcing()
-        points = {name: self.wide.structure.arrays[name] for name in ("kt", "kn", "mu", "n0", "load", "shift", "law")}
+        points = {
+            name: self.wide.structure.arrays[name]
+            for name in ("kt", "kn", "mu", "n0", "load", "shift", "law")
+        }
         return _core.Ring(
             self.n,
             np.array([len(b.omega2) for b in bases], np.intc),
@@ -244,7 +262,10 @@ class Ring:
         for harmonic, basis in enumerate(self.system.structure.bases):
             if len(basis.omega2):
                 l, reversed_ = self._family(harmonic)
-                out, a = np.zeros(self.n_coordinates, complex), self.system.layout.amplitudes(np.asarray(u), harmonic)
+                out, a = (
+                    np.zeros(self.n_coordinates, complex),
+                    self.system.layout.amplitudes(np.asarray(u), harmonic),
+                )
                 out[where[l]] = self._turns[harmonic] @ (a.conj() if reversed_ else a)
                 yield -harmonic if reversed_ else harmonic, out
 
@@ -259,7 +280,9 @@ class Ring:
             if e.any():
                 orders.append(abs(harmonic))
                 factors.append(np.concatenate([e.real, e.imag], axis=1))
-        return np.array(orders, np.intc), np.array(factors).reshape(len(orders), 2, 2 * self.n_coordinates)
+        return np.array(orders, np.intc), np.array(factors).reshape(
+            len(orders), 2, 2 * self.n_coordinates
+        )
 
     def _family(self, harmonic: int) -> tuple[int, bool]:
         """Return the harmonic whose modes describe this one, and whether it travels in the opposite direction."""
@@ -285,17 +308,24 @@ class Ring:
     def initial_slider(self, u: NDArray, omega: float, n_steps: int) -> NDArray:
         """Return the sliders of a solution at t = 0, from its motion over periods until they are periodic."""
         points = self.system.structure.points
-        initial = points.slider if points.memory is None else np.hstack([points.slider, points.memory])
+        initial = (
+            points.slider if points.memory is None else np.hstack([points.slider, points.memory])
+        )
         w = np.tile(initial, (self.n, 1, 1)).astype(float)
         x, _, _ = self.system.contact(np.asarray(u))
         size = max(2.0 * float(np.abs(x[:, :2, 1:]).sum(axis=2).max(initial=0.0)), 1e-300)
-        q = np.array([self.state(u, omega, k * TWO_PI / omega / n_steps)[0] for k in range(n_steps)])
+        q = np.array(
+            [self.state(u, omega, k * TWO_PI / omega / n_steps)[0] for k in range(n_steps)]
+        )
         for _ in range(MOST_PERIODS):
             before = w.copy()
             self.core.follow(q, w)
             scale = np.maximum(np.abs(w[..., 2:]).max(axis=(0, 1)), 1e-300)  # user-defined units
             moved = np.abs(w - before)
-            if moved[..., :2].max(initial=0.0) <= 1e-9 * size and (moved[..., 2:] <= 1e-9 * scale).all():
+            if (
+                moved[..., :2].max(initial=0.0) <= 1e-9 * size
+                and (moved[..., 2:] <= 1e-9 * scale).all()
+            ):
                 break
         self.core.follow(q[:1], w)
         return w
@@ -347,8 +377,12 @@ class Ring:
         count = n_steps * periods if steps is None else steps
         started = time.thread_time()
         given = (*motion[:3], np.zeros_like(motion.q) if motion.a is None else motion.a)
-        q, v, w, a = (np.array(x[None], float, order="C") for x in given)  # the core takes several states
-        harmonics = np.zeros((1, count // n_steps, len(self.rows), self.system.n_harmonics + 1), complex)
+        q, v, w, a = (
+            np.array(x[None], float, order="C") for x in given
+        )  # the core takes several states
+        harmonics = np.zeros(
+            (1, count // n_steps, len(self.rows), self.system.n_harmonics + 1), complex
+        )
         energy = np.zeros((1, count // n_steps, 4))
         path = np.zeros((1, count, q.shape[1])) if trace else None
         status, *effort = self.core.integrate(
@@ -368,15 +402,26 @@ class Ring:
                 f"1/{n_steps} of a period, nor in parts of it; raise steps_per_period"
             )
         trace_ = np.zeros((0, q.shape[1])) if path is None else path[0]
-        return Trajectory(Motion(q[0], v[0], w[0], a[0]), harmonics[0], energy[0], trace_, (first + count) % n_steps)
+        return Trajectory(
+            Motion(q[0], v[0], w[0], a[0]),
+            harmonics[0],
+            energy[0],
+            trace_,
+            (first + count) % n_steps,
+        )
 
     def energy(self, motion: Motion) -> float:
         """Return kinetic and strain energy of a motion (J), with the energy stored in its contact springs.
 
         It is infinite for user-defined contact laws, whose energy is unknown.
         """
-        share = np.concatenate([np.full(s.stop - s.start, 0.5 * self.n / factor) for _, s, _, factor in self.blocks])
-        modes = (np.tile(k * share, 2) @ y**2 for k, y in ((self.mass, motion.v), (self.stiffness, motion.q)))
+        share = np.concatenate(
+            [np.full(s.stop - s.start, 0.5 * self.n / factor) for _, s, _, factor in self.blocks]
+        )
+        modes = (
+            np.tile(k * share, 2) @ y**2
+            for k, y in ((self.mass, motion.v), (self.stiffness, motion.q))
+        )
         return float(sum(modes) + self.contact_energy(motion))
 
     def contact_energy(self, motion: Motion) -> float:
@@ -394,9 +439,13 @@ class Ring:
         normal_force = np.where(separates, np.maximum(force, 0.0), force)
         pressed = normal_force**2 / np.where(a["kn"] > 0.0, a["kn"], np.inf)
         limit = a["mu"] * np.maximum(np.abs(normal_force), a["load"])
-        reach = np.where(self.held, np.inf, limit[..., None] / np.where(a["kt"] > 0.0, a["kt"], np.inf))
+        reach = np.where(
+            self.held, np.inf, limit[..., None] / np.where(a["kt"] > 0.0, a["kt"], np.inf)
+        )
         stretched = np.minimum(np.abs(x[..., :2] - motion.w[..., :2]), reach)
-        stretched = np.where((a["law"] == LAW_CUBIC)[:, None], x[..., :2] ** 2 / np.sqrt(2.0), stretched)
+        stretched = np.where(
+            (a["law"] == LAW_CUBIC)[:, None], x[..., :2] ** 2 / np.sqrt(2.0), stretched
+        )
         return float(0.5 * ((a["kt"] * stretched**2).sum() + pressed.sum()))
 
     def vibration_energy(self, motion: Motion, omega: float) -> float:
@@ -404,7 +453,9 @@ class Ring:
 
         In a harmonic motion velocities and accelerations give the same energy at every instant.
         """
-        share = np.concatenate([np.full(s.stop - s.start, 0.5 * self.n / factor) for _, s, _, factor in self.blocks])
+        share = np.concatenate(
+            [np.full(s.stop - s.start, 0.5 * self.n / factor) for _, s, _, factor in self.blocks]
+        )
         acceleration = np.zeros_like(motion.v) if motion.a is None else motion.a
         return float(np.tile(self.mass * share, 2) @ (motion.v**2 + (acceleration / omega) ** 2))
 
@@ -430,7 +481,9 @@ class Ring:
 
         def scaled(x: NDArray) -> NDArray:
             undamped = np.where(x > 0.0, np.inf, 0.0)
-            return np.where(damping > 0.0, x / np.sqrt(np.where(damping > 0.0, damping, 1.0)), undamped)
+            return np.where(
+                damping > 0.0, x / np.sqrt(np.where(damping > 0.0, damping, 1.0)), undamped
+            )
 
         # equal blades respond most to a force in one wave; the wave with the least damping bounds all of them
         waves = [np.linalg.norm(scaled(response)[:, s], axis=1).max() for _, s, *_ in self.blocks]
@@ -439,7 +492,9 @@ class Ring:
     @property
     def nodal_diameters(self) -> tuple[int, ...]:
         """Nodal diameters of the time integration."""
-        return tuple(sorted({self.wide.structure.bases[l].nodal_diameter for l in self.families.values()}))
+        return tuple(
+            sorted({self.wide.structure.bases[l].nodal_diameter for l in self.families.values()})
+        )
 
     def _rows(self) -> NDArray:
         out = np.zeros((self.n, 2 * self.n_coordinates))
@@ -466,7 +521,11 @@ class Ring:
             self.core.follow(motion.q[None], w)
             ends.append(w)
         middle = 0.5 * (ends[0] + ends[1])
-        return {"no traction": middle, "limit of friction": ends[0], "limit of friction backward": ends[1]}
+        return {
+            "no traction": middle,
+            "limit of friction": ends[0],
+            "limit of friction backward": ends[1],
+        }
 
     def waves(self, response: NDArray) -> NDArray:
         """Decompose the responses of all blades into travelling waves, by discrete Fourier transform.
@@ -525,12 +584,18 @@ def _turn(family: HarmonicBasis, basis: HarmonicBasis, conjugate: bool) -> NDArr
         return np.eye(len(basis.omega2))
     to, modes = (np.asarray(b.G).reshape(-1, len(b.omega2)) for b in (family, basis))
     modes = modes.conj() if conjugate else modes
-    left, right = (np.array([c.body == RESIDUAL for c in b.coordinates], bool) for b in (family, basis))
-    left, right = (x if x.any() else np.zeros(len(b.omega2), bool) for x, b in ((left, family), (right, basis)))
+    left, right = (
+        np.array([c.body == RESIDUAL for c in b.coordinates], bool) for b in (family, basis)
+    )
+    left, right = (
+        x if x.any() else np.zeros(len(b.omega2), bool) for x, b in ((left, family), (right, basis))
+    )
     if (~left).sum() != (~right).sum() or not np.allclose(
         to[:, ~left], modes[:, ~right], rtol=1e-12, atol=1e-12 * np.abs(to).max(initial=0.0)
     ):
-        raise SettingError("time integration: expected the modes of one nodal diameter in a harmonic, found others")
+        raise SettingError(
+            "time integration: expected the modes of one nodal diameter in a harmonic, found others"
+        )
     out = np.zeros((to.shape[1], modes.shape[1]), complex)
     out[np.flatnonzero(~left), np.flatnonzero(~right)] = 1.0
     if left.any() and right.any():
@@ -552,7 +617,10 @@ def transfer(source: Ring, motion: Motion, target: Ring) -> Motion:
             if d not in blocks:
                 continue
             harmonic, known = blocks[d]
-            column = {(c.body, c.index): i for i, c in enumerate(source.wide.structure.bases[harmonic].coordinates)}
+            column = {
+                (c.body, c.index): i
+                for i, c in enumerate(source.wide.structure.bases[harmonic].coordinates)
+            }
             for i, c in enumerate(target.wide.structure.bases[l].coordinates):
                 if c.body != RESIDUAL and (k := column.get((c.body, c.index))) is not None:
                     y[s.start + i] = z[known.start + k]
@@ -572,12 +640,18 @@ def every_diameter(problem: Problem) -> Problem:
     if problem.settings.fundamental_modes_only or not more:
         return problem
 
-    contact_forces = "event_driven" if isinstance(problem.settings.contact_forces, str) else AFT(8 * max(base | more) + 128)
+    contact_forces = (
+        "event_driven"
+        if isinstance(problem.settings.contact_forces, str)
+        else AFT(8 * max(base | more) + 128)
+    )
 
     def carried(harmonics: set[int]) -> Problem | None:
         try:
             with quiet():  # about methods that replace residual modes
-                wide = problem.replace(harmonics=tuple(sorted(harmonics)), contact_forces=contact_forces)
+                wide = problem.replace(
+                    harmonics=tuple(sorted(harmonics)), contact_forces=contact_forces
+                )
                 _ = wide.bases
                 return wide if wide.contact.note == problem.contact.note else None
         except BdamperError:
@@ -611,12 +685,25 @@ def ring_of(problem: Problem, preload: float, blades: int | None = None) -> Ring
     if not order or N % blades or blades % least:
         sizes = [n for n in range(least, N + 1, least) if N % n == 0]
         raise validation.invalid(
-            "blades", f"one of {sizes}, rings that repeat on {N} blades at engine order {order}", blades
+            "blades",
+            f"one of {sizes}, rings that repeat on {N} blades at engine order {order}",
+            blades,
         )
     across = N // blades
-    contact_forces = "event_driven" if isinstance(problem.settings.contact_forces, str) else AFT(8 * blades + 128)
-    wide = problem.replace(engine_order=across, harmonics=tuple(range(1, blades // 2 + 1)), contact_forces=contact_forces)
-    contact, others = problem.contact, wide.contact.residual  # with the point springs of the study's first harmonic
+    contact_forces = (
+        "event_driven"
+        if isinstance(problem.settings.contact_forces, str)
+        else AFT(8 * blades + 128)
+    )
+    wide = problem.replace(
+        engine_order=across,
+        harmonics=tuple(range(1, blades // 2 + 1)),
+        contact_forces=contact_forces,
+    )
+    contact, others = (
+        problem.contact,
+        wide.contact.residual,
+    )  # with the point springs of the study's first harmonic
     if contact.residual is not None and others is not None:
         others = replace(others, flexibility=contact.residual.flexibility, _bases={})
     wide = wide.given(contact=replace(contact, residual=others))

@@ -44,7 +44,8 @@ class BalanceCurve:
     def __init__(self, curve: ResponseCurve) -> None:
         points = np.flatnonzero(~curve.out_of_reach)
         self.frequency, self.amplitude, self.branch, self.unknowns = (
-            np.asarray(x)[points] for x in (curve.frequency, curve.amplitude, curve.branch, curve.unknowns)
+            np.asarray(x)[points]
+            for x in (curve.frequency, curve.amplitude, curve.branch, curve.unknowns)
         )
         self.top = int(np.argmax(self.amplitude))
         self.sides = {sign: self._side(sign) for sign in (1.0, -1.0)}
@@ -56,7 +57,9 @@ class BalanceCurve:
 
     def at(self, frequency: float) -> NDArray:
         """Return the amplitudes of all solutions at a frequency, in descending order."""
-        return np.sort(crossed(self.frequency, self.amplitude, frequency, np.diff(self.branch) == 0)[1])[::-1]
+        return np.sort(
+            crossed(self.frequency, self.amplitude, frequency, np.diff(self.branch) == 0)[1]
+        )[::-1]
 
     def solution(self, frequency: float) -> NDArray:
         """Return the unknowns of the highest solution closest to a frequency, of any solution in a gap of the curve."""
@@ -93,7 +96,9 @@ class BalanceCurve:
                 width = f - tip
                 break
         apart = sign * APART * tip if np.isnan(width) else 0.5 * width
-        away = np.linspace(tip + apart, end, 400)[:-1] if abs(end - tip) > abs(apart) else np.zeros(0)
+        away = (
+            np.linspace(tip + apart, end, 400)[:-1] if abs(end - tip) > abs(apart) else np.zeros(0)
+        )
         alone = (x for x in away if len(a := self.at(x)) and a[-1] >= CRITERIA.low * a[0])
         start = float(next(alone, np.nan))
         return 2.0 * (start - tip) if np.isnan(width) else width, start
@@ -166,13 +171,21 @@ class SteadySearch:
         best = self.best
         if best is None:
             return min(self.fell, key=lambda f: abs(f - self.balance.tip), default=float("nan"))
-        other = [f for f in self.fell if any(p.mean < CRITERIA.low * best.mean for p in self.between(f))]
-        return min(set(self.fell) - set(other), key=lambda f: abs(f - best.frequency), default=float("nan"))
+        other = [
+            f for f in self.fell if any(p.mean < CRITERIA.low * best.mean for p in self.between(f))
+        ]
+        return min(
+            set(self.fell) - set(other), key=lambda f: abs(f - best.frequency), default=float("nan")
+        )
 
     def between(self, fall: float) -> list[SteadyPoint]:
         """Return the steady motions at frequencies between the highest motion and ``fall`` (Hz), excluding ``fall``."""
         best = self.best
-        side = (p for p in self.points if best is not None and (p.frequency - fall) * (best.frequency - p.frequency) > 0.0)
+        side = (
+            p
+            for p in self.points
+            if best is not None and (p.frequency - fall) * (best.frequency - p.frequency) > 0.0
+        )
         return [p for p in side if abs(p.frequency - fall) > CRITERIA.fine * fall]
 
     def run(self) -> None:
@@ -183,15 +196,25 @@ class SteadySearch:
         if _top(sweeps[0]) <= 1:  # the motion is higher on the other side
             sweeps.append(self.sweep(sweeps[0][0].motion, flank, -way))
         along = max(place.mean for places in sweeps for place in places)
-        nearest = min((place for places in sweeps for place in places), key=lambda place: abs(place.frequency - tip))
+        nearest = min(
+            (place for places in sweeps for place in places),
+            key=lambda place: abs(place.frequency - tip),
+        )
         here = Transient(self.ring, TWO_PI * tip, self.start(tip), self.steps)
         here.advance(CRITERIA.fewest)
         self.periods += CRITERIA.fewest
-        start = Place(tip, float(here.amplitude[-CRITERIA.stride:].mean()), here.motion)
+        start = Place(tip, float(here.amplitude[-CRITERIA.stride :].mean()), here.motion)
         higher = 1.0 + CRITERIA.tolerance
-        from_tip = [self.sweep(start.motion, tip, sign) for sign in (1.0, -1.0) if start.mean > higher * nearest.mean]
+        from_tip = [
+            self.sweep(start.motion, tip, sign)
+            for sign in (1.0, -1.0)
+            if start.mean > higher * nearest.mean
+        ]
         ordered = sorted((*sweeps, *from_tip), key=lambda places: -places[_top(places)].mean)
-        for parting in (False, True):  # if no steady motion lasts, the second time each has to last at once
+        for parting in (
+            False,
+            True,
+        ):  # if no steady motion lasts, the second time each has to last at once
             for places in ordered:
                 best = self.best
                 if best is None or places[_top(places)].mean > higher * best.mean:
@@ -202,7 +225,9 @@ class SteadySearch:
             parted: list[SteadyPoint] = []
             while (best := self.best) is not None and best not in parted:
                 self.points.remove(best)
-                parted.append(self.settle(best.frequency, best.transient.motion, best.mean, parting=True))
+                parted.append(
+                    self.settle(best.frequency, best.transient.motion, best.mean, parting=True)
+                )
             if self.points:
                 return
 
@@ -235,12 +260,15 @@ class SteadySearch:
         """Sweep slowly from a frequency (Hz), upward if ``way`` is 1 or downward if it is -1; return the stored motions."""
         here = Transient(self.ring, TWO_PI * frequency, motion, self.steps)
         here.advance(CRITERIA.fewest)
-        places = [Place(frequency, float(here.amplitude[-CRITERIA.stride:].mean()), here.motion)]
+        places = [Place(frequency, float(here.amplitude[-CRITERIA.stride :].mean()), here.motion)]
         while True:
             self.on_frequency(frequency)
             frequency += way * CRITERIA.stride * self.pace
-            latest, top = places[-CRITERIA.low_places:], max(p.mean for p in places)
-            if all(p.mean < CRITERIA.low * top for p in latest) or not self.ends[0] <= frequency <= self.ends[1]:
+            latest, top = places[-CRITERIA.low_places :], max(p.mean for p in places)
+            if (
+                all(p.mean < CRITERIA.low * top for p in latest)
+                or not self.ends[0] <= frequency <= self.ends[1]
+            ):
                 self.periods += CRITERIA.fewest + CRITERIA.stride * (len(places) - 1)
                 return places
             here = Transient(self.ring, here.omega, here.motion, self.steps)
@@ -261,7 +289,9 @@ class SteadySearch:
             point = self.settle(place.frequency, motion, place.mean, parting=parting)
             if point.stays:
                 self.failure = ""
-                self.look_around(point, float(np.sign(places[-1].frequency - places[0].frequency)) or 1.0)
+                self.look_around(
+                    point, float(np.sign(places[-1].frequency - places[0].frequency)) or 1.0
+                )
                 return
             k, back = (k - back if k > back else k - 1), 2 * back
         if not self.points:
@@ -325,11 +355,17 @@ class SteadySearch:
 
     def _next(self, best: SteadyPoint, way: float) -> float | None:
         """Return the next frequency (Hz) to settle at, or None if the highest motion is known."""
-        f, step, near = best.frequency, 0.25 * self.balance.half_width, CRITERIA.fine * best.frequency
+        f, step, near = (
+            best.frequency,
+            0.25 * self.balance.half_width,
+            CRITERIA.fine * best.frequency,
+        )
         sides: list[SteadyPoint] = []
         for sign in (way, -way):
             steady = min(
-                (p for p in self.points if (p.frequency - f) * sign > 0.0), key=lambda p: abs(p.frequency - f), default=None
+                (p for p in self.points if (p.frequency - f) * sign > 0.0),
+                key=lambda p: abs(p.frequency - f),
+                default=None,
             )
             gap = abs(steady.frequency - f) if steady else np.inf
             fall = min((abs(x - f) for x in self.fell if (x - f) * sign > 0.0), default=np.inf)

@@ -35,7 +35,14 @@ from bdamper.response.peak import Peak
 from bdamper.response.response_curve import check_curve, frequency_response
 from bdamper.response.response_curve_result import ResponseCurve, uninterrupted
 from bdamper.response.verification import MotionInTime, TimeResponse, energy_change
-from bdamper.time_domain.integration import STEPS, EnergyGained, IntegrationFailed, Ring, ring_of, transfer
+from bdamper.time_domain.integration import (
+    STEPS,
+    EnergyGained,
+    IntegrationFailed,
+    Ring,
+    ring_of,
+    transfer,
+)
 from bdamper.time_domain.steady_amplitude import BalanceCurve, SteadySearch
 from bdamper.time_domain.transient import (
     CRITERIA,
@@ -63,7 +70,14 @@ from bdamper.util.errors import (
     with_reason,
 )
 from bdamper.util.formatting import amount, counted, peak_text
-from bdamper.util.progress import Cost, CostMeter, LongWork, one_thread, progress_stages, shows_progress
+from bdamper.util.progress import (
+    Cost,
+    CostMeter,
+    LongWork,
+    one_thread,
+    progress_stages,
+    shows_progress,
+)
 
 NEIGHBOUR = 1.35
 """Ratio of the preloads at which an optimum is checked in time: the amplitude rises steeply below it and slowly above."""
@@ -80,7 +94,9 @@ def structure_in_time(problem: Problem, frequency: float) -> tuple[Problem, str]
     s = problem.settings
     blade, curve = s.most_modes("constrained"), min(s.blade_modes, s.most_modes("constrained"))
     ratios = _first_elastic(problem, frequency * max(problem.harmonic_numbers, default=1))
-    elastic = {name: n for name, n in _all_elastic(problem).items() if n and ratios[name] <= RIGID_BEYOND}
+    elastic = {
+        name: n for name, n in _all_elastic(problem).items() if n and ratios[name] <= RIGID_BEYOND
+    }
     damper = {name: max(n, elastic.get(name, 0)) for name, n in s.by_body("damper_modes").items()}
     texts = [f"{curve} of {blade} blade modes in the curve, {blade} in time"] * (blade > 0)
     texts += [
@@ -110,17 +126,27 @@ def _residual_method(problem: Problem) -> ResidualModes | None:
     """Return the settings of residual modes with fewer vectors than in the richer structure; None if there are none."""
     method = problem.stiffness_method
     method = ResidualModes() if method == "residual_modes" else method
-    fewer = isinstance(method, ResidualModes) and method.n_vectors != "all" and method.n_vectors < VECTORS
+    fewer = (
+        isinstance(method, ResidualModes)
+        and method.n_vectors != "all"
+        and method.n_vectors < VECTORS
+    )
     return method if fewer else None
 
 
-def _with_modes(problem: Problem, blade: int, damper: Mapping[str, int], stiffness: Any) -> Problem | None:
+def _with_modes(
+    problem: Problem, blade: int, damper: Mapping[str, int], stiffness: Any
+) -> Problem | None:
     """Return the problem with these numbers of modes and contact stiffness; None if the model does not allow it."""
     modes: Any = dict(damper) if len(set(damper.values())) > 1 else max(damper.values(), default=0)
     changes = {"blade_modes": blade, "damper_modes": modes, "contact_stiffness": stiffness}
     now = {"blade_modes": problem.settings.blade_modes, "damper_modes": problem.settings.damper_modes,
            "contact_stiffness": problem.settings.contact_stiffness}  # fmt: skip
-    changes = {name: value for name, value in changes.items() if value is not now[name] and value != now[name]}
+    changes = {
+        name: value
+        for name, value in changes.items()
+        if value is not now[name] and value != now[name]
+    }
     if not changes:
         return problem
     try:
@@ -134,7 +160,10 @@ def _with_modes(problem: Problem, blade: int, damper: Mapping[str, int], stiffne
 
 def _all_elastic(problem: Problem) -> dict[str, int]:
     bodies = problem.model.bodies
-    return {name: bodies[name].bases[0].n_natural - len(RIGID_NAMES) for name in problem.settings.free_bodies}
+    return {
+        name: bodies[name].bases[0].n_natural - len(RIGID_NAMES)
+        for name in problem.settings.free_bodies
+    }
 
 
 def _first_elastic(problem: Problem, frequency: float) -> dict[str, float]:
@@ -142,7 +171,11 @@ def _first_elastic(problem: Problem, frequency: float) -> dict[str, float]:
     out = {}
     for name, n in _all_elastic(problem).items():
         omega2 = np.sort(problem.model.bodies[name].bases[0].omega2)
-        out[name] = float(np.sqrt(omega2[len(RIGID_NAMES)]) / (TWO_PI * frequency)) if n > 0 else float("inf")
+        out[name] = (
+            float(np.sqrt(omega2[len(RIGID_NAMES)]) / (TWO_PI * frequency))
+            if n > 0
+            else float("inf")
+        )
     return out
 
 
@@ -156,16 +189,24 @@ def time_response(
 ) -> TimeResponse:  # fmt: skip
     """See :meth:`bdamper.Study.time_response`."""
     starts = validation.integer("starts", starts, least=1)
-    steps = STEPS if steps_per_period is None else validation.integer("steps_per_period", steps_per_period, least=16)
+    steps = (
+        STEPS
+        if steps_per_period is None
+        else validation.integer("steps_per_period", steps_per_period, least=16)
+    )
     if isinstance(result, Peak):
         result = _curve_of_peak(problem, result)
     check_curve(problem, result)
     if result.peak_at_end:
         highest = peak_text(result.peak.amplitude, result.peak.frequency, 6)
-        raise SettingError(f"curve: expected a curve with a peak, found its highest amplitude at its end, {highest}")
+        raise SettingError(
+            f"curve: expected a curve with a peak, found its highest amplitude at its end, {highest}"
+        )
     watch, balance, top, preload = CostMeter(), BalanceCurve(result), result.peak, result.preload
     structure, text = structure_in_time(problem, top.frequency)
-    none = TimeResponse(*(np.nan,) * 4, preload, top.amplitude, structure=text, **problem.recorded())
+    none = TimeResponse(
+        *(np.nan,) * 4, preload, top.amplitude, structure=text, **problem.recorded()
+    )
     if not np.isfinite(balance.flank):
         why = "next to the tip there are several solutions at all frequencies; widen the interval"
         return replace(none, status=with_reason(NOT_FOUND, why))
@@ -180,11 +221,21 @@ def time_response(
         found.search.periods += first.search.periods
         found = replace(found, cost=first.cost + found.cost)
     search = found.search
-    if search.best is None and search.failure and structure.settings.blade_modes != problem.settings.blade_modes:
-        search.failure += f"; try a response curve with blade_modes={structure.settings.blade_modes}, as in time"
+    if (
+        search.best is None
+        and search.failure
+        and structure.settings.blade_modes != problem.settings.blade_modes
+    ):
+        search.failure += (
+            f"; try a response curve with blade_modes={structure.settings.blade_modes}, as in time"
+        )
     cost = watch.read(ring.cost + found.cost)
-    none = replace(none, periods=search.periods, diameters=ring.nodal_diameters, cost=cost, fall=search.fall)
-    omitted = "" if result.complete else f"there may be a higher peak, as the curve is {result.status}"
+    none = replace(
+        none, periods=search.periods, diameters=ring.nodal_diameters, cost=cost, fall=search.fall
+    )
+    omitted = (
+        "" if result.complete else f"there may be a higher peak, as the curve is {result.status}"
+    )
     return _stated(none, found, omitted)
 
 
@@ -215,7 +266,12 @@ class _Integrations:
 
 
 def _integrate(
-    search: SteadySearch, structure: Problem, preload: float, blades: int | None, starts: int, progress: bool
+    search: SteadySearch,
+    structure: Problem,
+    preload: float,
+    blades: int | None,
+    starts: int,
+    progress: bool,
 ) -> _Integrations:
     """Search for the highest motion, and refine it."""
     ring, steps = search.ring, search.steps
@@ -229,7 +285,9 @@ def _integrate(
             search.run()
             if (best := search.best) is not None and not (error := step_error(best.transient)):
                 runs[f"{steps} steps"] = best
-                points = sorted(search.points, key=lambda p: -p.mean)[:3]  # refinements are tried from three motions
+                points = sorted(search.points, key=lambda p: -p.mean)[
+                    :3
+                ]  # refinements are tried from three motions
                 shorter = runs[f"{2 * steps} steps"] = _refine(search, points, ring, 2)
                 runs[f"{4 * steps} steps"] = _refine(search, [shorter, *points], ring, 4)
                 if (richer := richer_structure(structure)) is not None:
@@ -254,7 +312,9 @@ def _curve_of_peak(problem: Problem, peak: Peak) -> ResponseCurve:
         raise validation.invalid("result", what, "a peak of another model")
     curve = frequency_response(problem, peak.parameter, tuple(peak.settings["frequency"]))
     if not (len(curve) and np.isclose(curve.peak.amplitude, peak.amplitude, rtol=1e-3, atol=0.0)):
-        raise validation.invalid("result", what, f"{amount(peak.amplitude, 'm')} at {peak.frequency:.6g} Hz")
+        raise validation.invalid(
+            "result", what, f"{amount(peak.amplitude, 'm')} at {peak.frequency:.6g} Hz"
+        )
     return curve
 
 
@@ -281,7 +341,9 @@ def _balanced(point: SteadyPoint) -> SteadyPoint:
     return point
 
 
-def _with_steps(search: SteadySearch, points: list[SteadyPoint], ring: Ring, finer: int) -> SteadyPoint:
+def _with_steps(
+    search: SteadySearch, points: list[SteadyPoint], ring: Ring, finer: int
+) -> SteadyPoint:
     """Return the highest motion that stays with ``finer`` times the steps, tried from ``points`` in this order."""
     for point in points:
         if not point.stays:
@@ -319,8 +381,12 @@ def _other_starts(search: SteadySearch, best: SteadyPoint, starts: int) -> dict[
     tractions, out = search.ring.tractions(best.transient.motion), {}
     for k in range(1, starts):
         name = list(tractions)[(k - 1) % len(tractions)]
-        motion = search.ring.seeded(best.transient.motion._replace(w=tractions[name]), CRITERIA.seed, k)
-        out[f"start {k}, {name}"] = _balanced(search.settle_apart(search.ring, best.frequency, motion, best.mean)).mean
+        motion = search.ring.seeded(
+            best.transient.motion._replace(w=tractions[name]), CRITERIA.seed, k
+        )
+        out[f"start {k}, {name}"] = _balanced(
+            search.settle_apart(search.ring, best.frequency, motion, best.mean)
+        ).mean
     return out
 
 
@@ -332,7 +398,9 @@ def _stated(none: TimeResponse, found: _Integrations, omitted: str) -> TimeRespo
     search, best, interrupted = found.search, found.search.best, found.interrupted
     # an amplitude with energy that the time steps supply is no bound either
     if found.step_error:
-        return replace(none, status=INTERRUPTED if interrupted else with_reason(NOT_FOUND, found.step_error))
+        return replace(
+            none, status=INTERRUPTED if interrupted else with_reason(NOT_FOUND, found.step_error)
+        )
     if best is None:
         why = search.failure or "no motion stays near the peak"
         return replace(none, status=INTERRUPTED if interrupted else with_reason(NOT_FOUND, why))
@@ -342,7 +410,9 @@ def _stated(none: TimeResponse, found: _Integrations, omitted: str) -> TimeRespo
         answers["at the fall"] = _at_fall(search)
     higher = {name: mean for name, mean in others.items() if mean > best.mean}
     lowest, highest, doubt = error_range(answers | higher, runs.values())
-    end = "the curve ends before the motion falls; widen the interval" if search.at_end(best) else ""
+    end = (
+        "the curve ends before the motion falls; widen the interval" if search.at_end(best) else ""
+    )
     left = "; ".join(filter(None, (doubt, search.failure, end, omitted)))
     carried, all_ = len(search.ring.nodal_diameters), search.ring.n // 2 + 1
     said = "; ".join(filter(None, (
@@ -364,7 +434,9 @@ def highest_period(runs: Iterable[SteadyPoint]) -> float:
     return max(float(run.amplitude.max()) for run in runs if run.stays)
 
 
-def error_range(answers: Mapping[str, float], runs: Collection[SteadyPoint]) -> tuple[float, float, str]:
+def error_range(
+    answers: Mapping[str, float], runs: Collection[SteadyPoint]
+) -> tuple[float, float, str]:
     """Return the range (m) of the answers and the reason if it is wide, or "".
 
     The range is widened by the uncertainty of the means and by the standard deviation of single periods: the mean of a
@@ -395,13 +467,18 @@ def of_blades(transient: Transient, periods: int) -> dict[str, Any]:
 
 @one_thread
 def with_time_response(
-    problem: Problem, curve: OptimalCurve, preload: Sequence[float] | NDArray | None = None, *,
+    problem: Problem,
+    curve: OptimalCurve,
+    preload: Sequence[float] | NDArray | None = None,
+    *,
     progress: bool | None = None,
 ) -> OptimalCurve:
     """See :meth:`bdamper.Study.with_time_response`."""
     validation.instance("curve", curve, OptimalCurve)
     if curve.model_hash != problem.model.hash:
-        raise validation.invalid("curve", "an optimal curve of this study", "a curve of another model")
+        raise validation.invalid(
+            "curve", "an optimal curve of this study", "a curve of another model"
+        )
     progress = shows_progress(progress)
     if preload is None:
         best = curve.optimum.preload
@@ -471,21 +548,31 @@ def motion_in_time(
 ) -> MotionInTime:
     """See :meth:`bdamper.Study.motion_in_time`."""
     check_curve(problem, curve)
-    validation.check_value(len(curve), "curve", "a curve with points", f"no points ({curve.status}: {curve.reason})")
+    validation.check_value(
+        len(curve), "curve", "a curve with points", f"no points ({curve.status}: {curve.reason})"
+    )
     tolerance, n = validation.number("tolerance", tolerance, above=0.0, most=1.0), len(curve)
     free, progress = frequency is not None, shows_progress(progress)
     if frequency is not None:
         frequency = validation.number("frequency", frequency, above=0.0, unit="Hz")
         low, high = curve.frequency.min(), curve.frequency.max()
         if not low <= frequency <= high:
-            warn_implausible("frequency", f"{low:g} to {high:g} Hz, within the curve", f"{frequency:g}")
+            warn_implausible(
+                "frequency", f"{low:g} to {high:g} Hz, within the curve", f"{frequency:g}"
+            )
         if index is not None:
             raise validation.invalid("index", "none, since a frequency is given", index)
         i = int(np.abs(curve.frequency - frequency).argmin())
     else:
-        i = curve.peak_index if index is None else validation.integer("index of a point", index, -n, n - 1)
+        i = (
+            curve.peak_index
+            if index is None
+            else validation.integer("index of a point", index, -n, n - 1)
+        )
         frequency = float(curve.frequency[i])
-    least, default, steps = (CRITERIA.look, 200, STEPS) if free else (1, CRITERIA.longest, CRITERIA.steps)
+    least, default, steps = (
+        (CRITERIA.look, 200, STEPS) if free else (1, CRITERIA.longest, CRITERIA.steps)
+    )
     periods = default if periods is None else validation.integer("periods", periods, least=least)
     steps = steps if steps_per_period is None else steps_per_period
     watch, ring = CostMeter(), ring_of(problem, curve.preload)
@@ -524,11 +611,15 @@ def _with_energy(status: str, result: Mapping[str, Any]) -> str:
 
     A motion with a verdict has settled, and only exchanges energy with the loads at rest.
     """
-    reason = status.partition(": ")[2] or ("" if "verdict" in result else energy_change(result["energy"]))
+    reason = status.partition(": ")[2] or (
+        "" if "verdict" in result else energy_change(result["energy"])
+    )
     return with_reason(INCOMPLETE, reason) if reason and status != INTERRUPTED else status
 
 
-def _without_decision(transient: Transient, periods: int, progress: bool) -> tuple[str, dict[str, Any]]:
+def _without_decision(
+    transient: Transient, periods: int, progress: bool
+) -> tuple[str, dict[str, Any]]:
     """Integrate a number of periods and return the status, incomplete while the mean changes, without further fields."""
     interrupted = transient.run(periods, progress)
     if interrupted and len(transient.harmonics) < CRITERIA.look:
@@ -536,16 +627,33 @@ def _without_decision(transient: Transient, periods: int, progress: bool) -> tup
     change = to_come(transient.amplitude, transient.memory)
     moving = f"the mean changes by another {100.0 * change:+.2g} % by estimate; use more periods"
     reason = moving if abs(change) > CRITERIA.drift else ""
-    return INTERRUPTED if interrupted else with_reason(INCOMPLETE, reason) if reason else COMPLETE, {}
+    return INTERRUPTED if interrupted else with_reason(
+        INCOMPLETE, reason
+    ) if reason else COMPLETE, {}
 
 
 def _with_decision(
     transient: Transient, expected: NDArray, tolerance: float, periods: int, progress: bool
 ) -> tuple[str, dict[str, Any], int]:
     """Integrate until a decision and return the status, the fields of the result on it, and the number of its periods."""
-    (verdict, reason, last), interrupted = compare_with_solution(transient, expected, tolerance, periods, progress)
-    apart, size = (float(np.linalg.norm(x[1:])) for x in (transient.response[-1] - expected, expected))
-    status = INTERRUPTED if interrupted else with_reason(INCOMPLETE, UNDECIDED) if verdict == UNDECIDED else COMPLETE
+    (verdict, reason, last), interrupted = compare_with_solution(
+        transient, expected, tolerance, periods, progress
+    )
+    apart, size = (
+        float(np.linalg.norm(x[1:])) for x in (transient.response[-1] - expected, expected)
+    )
+    status = (
+        INTERRUPTED
+        if interrupted
+        else with_reason(INCOMPLETE, UNDECIDED)
+        if verdict == UNDECIDED
+        else COMPLETE
+    )
     distance = apart / max(size, 1e-300)
-    decided = {"balance": float(abs(expected[1])), "distance": distance, "verdict": verdict, "reason": reason}
+    decided = {
+        "balance": float(abs(expected[1])),
+        "distance": distance,
+        "verdict": verdict,
+        "reason": reason,
+    }
     return status, decided, last

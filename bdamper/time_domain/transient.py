@@ -174,9 +174,16 @@ class Transient:
     """
 
     def __init__(
-        self, ring: Ring, omega: float, start: NDArray | Motion, steps: int | None = None, blade: int | None = None
+        self,
+        ring: Ring,
+        omega: float,
+        start: NDArray | Motion,
+        steps: int | None = None,
+        blade: int | None = None,
     ) -> None:
-        self.steps = STEPS if steps is None else validation.integer("steps_per_period", steps, least=16)
+        self.steps = (
+            STEPS if steps is None else validation.integer("steps_per_period", steps, least=16)
+        )
         self.ring, self.omega, self._blade = ring, omega, blade
         if isinstance(start, Motion):
             laws = ring.system.structure.points.own
@@ -243,7 +250,9 @@ class Transient:
                     f"raise steps_per_period, {self.steps} now"
                 )
 
-    def run(self, periods: int, progress: bool = False, decided: Callable[[], bool] | None = None) -> bool:
+    def run(
+        self, periods: int, progress: bool = False, decided: Callable[[], bool] | None = None
+    ) -> bool:
         """Integrate up to a total number of periods, or until ``decided`` returns true at a check.
 
         Returns
@@ -251,7 +260,10 @@ class Transient:
         bool
             Whether Ctrl-C ended it.
         """
-        with LongWork() as work, progress_counter(progress, periods, 0, "time integration", "period") as count:
+        with (
+            LongWork() as work,
+            progress_counter(progress, periods, 0, "time integration", "period") as count,
+        ):
             while len(self.harmonics) < periods:
                 self.advance()
                 count()
@@ -264,7 +276,9 @@ class Transient:
         square = np.linspace(self.omega**2, end**2, periods + 1)
         for first in range(0, periods, CRITERIA.look):
             last = min(first + CRITERIA.look, periods)
-            self.advance(last - first, (float(np.sqrt(square[first])), float(np.sqrt(square[last]))))
+            self.advance(
+                last - first, (float(np.sqrt(square[first])), float(np.sqrt(square[last])))
+            )
             for _ in range(last - first):
                 count()
         self.omega = end
@@ -352,7 +366,9 @@ def _change(transient: Transient, over: bool) -> tuple[float, NDArray]:
     slowest = np.exp(-k / transient.memory)
     ratio = max(d2 / d1, 0.0) if d1 else 0.0
     p = 0.0 if over and ratio >= 1.0 else min(ratio, slowest)
-    ahead = d2 * (p / (1.0 - p) + 0.5 * (over and p > 0.0))  # at the end from the mean of the last two quarters
+    ahead = d2 * (
+        p / (1.0 - p) + 0.5 * (over and p > 0.0)
+    )  # at the end from the mean of the last two quarters
     return float(max(d1, d2, ahead, key=abs)), m[1:]
 
 
@@ -438,7 +454,9 @@ def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float)
         return Verdict(UNDECIDED, few, min(n, look))
     away = np.abs(off[-2 * look :])
     if (away > 2.0 * tolerance).all() and abs(last) >= abs(float(off[-2 * look : -look].mean())):
-        return Verdict(DIFFERS, f"{100.0 * last:+.2g} %, and no way back within {look} periods", look)
+        return Verdict(
+            DIFFERS, f"{100.0 * last:+.2g} %, and no way back within {look} periods", look
+        )
     if n < span + look:
         few = f"{100.0 * last:+.2g} % so far; {span + look} periods show whether it has settled"
         return Verdict(UNDECIDED, few, look)
@@ -456,7 +474,11 @@ def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float)
         text = f"{100.0 * float(recent.mean()):+.2g} % in the mean of {span} periods{shown}"
         return Verdict(AGREES if stays and within else DIFFERS, text, span)
     sizes, before = (np.array([np.abs(x).max(), np.ptp(x)]) for x in (recent, earlier))
-    if n >= 2 * span and not stays and (sizes > min(1.0, 1.1 * np.exp(-span / memory)) * before).all():
+    if (
+        n >= 2 * span
+        and not stays
+        and (sizes > min(1.0, 1.1 * np.exp(-span / memory)) * before).all()
+    ):
         return Verdict(DIFFERS, f"wanders, {spread} within {span} periods", span)
     changing = (
         f"{100.0 * last:+.2g} %, changed by {100.0 * drift:+.2g} % within {span} periods; a transient takes "
@@ -511,6 +533,9 @@ def repeats_after(harmonics: NDArray) -> int | None:
     last = np.arange(len(x) - max(1, len(x) // 4), len(x))
     size = max(float(np.linalg.norm(x[last], axis=1).max()), 1e-300)
     for n in range(1, CRITERIA.most_repeated + 1):
-        if last[0] >= n and np.linalg.norm(x[last] - x[last - n], axis=1).max() <= CRITERIA.repeats * size:
+        if (
+            last[0] >= n
+            and np.linalg.norm(x[last] - x[last - n], axis=1).max() <= CRITERIA.repeats * size
+        ):
             return n
     return None

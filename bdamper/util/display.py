@@ -21,7 +21,17 @@ import numpy as np
 
 from bdamper.util import validation
 from bdamper.util.errors import COMPLETE, FAILED, BdamperError, not_run_lines, status_word
-from bdamper.util.formatting import UNITS, aligned, amount, counted, percent, short_repr, spaced, table_lines, text_of
+from bdamper.util.formatting import (
+    UNITS,
+    aligned,
+    amount,
+    counted,
+    percent,
+    short_repr,
+    spaced,
+    table_lines,
+    text_of,
+)
 from bdamper.util.progress import Cost
 from bdamper.util.records import names_of
 from bdamper.util.tables import FEW_ROWS, Quantity, Tabular, quantities
@@ -48,7 +58,9 @@ def register_plot(shown: type, picture: str = "plot") -> Callable[[Drawing], Dra
     def enter(function: Drawing) -> Drawing:
         @wraps(function)
         def drawing(subject: Any, *arguments: Any, **options: Any) -> Any:
-            return function(validation.instance(function.__name__, subject, shown), *arguments, **options)
+            return function(
+                validation.instance(function.__name__, subject, shown), *arguments, **options
+            )
 
         _DRAWINGS[shown, picture] = drawing
         return cast(Drawing, drawing)
@@ -61,7 +73,9 @@ def _load_pictures() -> None:
     """Import the modules with pictures, which entry points name so that no lower module imports :mod:`bdamper.plot`."""
     modules = metadata.entry_points(group="bdamper_pictures")
     if not modules:
-        raise BdamperError("the installed bdamper does not name its pictures; install it again with 'pip install .'")
+        raise BdamperError(
+            "the installed bdamper does not name its pictures; install it again with 'pip install .'"
+        )
     for module in modules:
         module.load()
 
@@ -101,7 +115,11 @@ class Fact(NamedTuple):
     def to_digits(self, digits: int) -> str:
         """Return the value with the given number of digits and its unit."""
         value = self.value
-        return amount(value, self.unit, digits) if isinstance(value, float) else f"{value} {self.unit}".rstrip()
+        return (
+            amount(value, self.unit, digits)
+            if isinstance(value, float)
+            else f"{value} {self.unit}".rstrip()
+        )
 
 
 class Summarised:
@@ -132,9 +150,13 @@ class Summarised:
         Arrays and None give no row, unless ``several``.
         """
         mark = quantities(cast(Any, type(self))).get(name, Quantity())
-        value = reduce(lambda whole, part: getattr(whole, part, None), name.split("."), cast(Any, self))
+        value = reduce(
+            lambda whole, part: getattr(whole, part, None), name.split("."), cast(Any, self)
+        )
         if mark.parts and np.ndim(value) == 1:
-            return (Fact(part, round(100.0 * float(x), 1), "%") for part, x in zip(mark.parts, value))
+            return (
+                Fact(part, round(100.0 * float(x), 1), "%") for part, x in zip(mark.parts, value)
+            )
         unit = mark.unit or UNITS.get(name.rpartition(".")[2], "")
         return _facts_of(spaced(mark.name or name), value, unit, several=several)
 
@@ -152,26 +174,45 @@ class Summarised:
             f.name
             for f in fields(cast(Any, self))
             if f.name not in self._unprinted()
-            and not (isinstance(f.default, plain) and getattr(self, f.name) == f.default and f.name != "status")
+            and not (
+                isinstance(f.default, plain)
+                and getattr(self, f.name) == f.default
+                and f.name != "status"
+            )
         )
         single = [fact for name in field_names for fact in self._facts_of_field(name)]
         facts += [fact for fact in single if fact.known and fact.name not in names]
-        texts = list(dict.fromkeys(text for name in ("notes", "warnings") for text in getattr(self, name, ()) if text))
-        texts = texts[:FEW_ROWS] + [f"{counted(len(texts) - FEW_ROWS, 'further remark')}"] * (len(texts) > FEW_ROWS)
+        texts = list(
+            dict.fromkeys(
+                text for name in ("notes", "warnings") for text in getattr(self, name, ()) if text
+            )
+        )
+        texts = texts[:FEW_ROWS] + [f"{counted(len(texts) - FEW_ROWS, 'further remark')}"] * (
+            len(texts) > FEW_ROWS
+        )
         status, cost = getattr(self, "status", ""), getattr(self, "cost", "")
         if isinstance(status, tuple):
-            texts += not_run_lines(status, "parts") + [s for s in dict.fromkeys(status) if status_word(s) == FAILED]
+            texts += not_run_lines(status, "parts") + [
+                s for s in dict.fromkeys(status) if status_word(s) == FAILED
+            ]
         table = table_lines(self._rows(), "  ", whole=True)
         if isinstance(cost, np.ndarray):  # one cost for each part
             cost = Cost(**{name: sum(cost[name].tolist()) for name in names_of(cost)})
         texts += [str(cost or "").strip()]
-        lines = [self._headline(), *aligned([(fact.name, fact.to_digits(6)) for fact in facts], "  "), *table, *texts]
+        lines = [
+            self._headline(),
+            *aligned([(fact.name, fact.to_digits(6)) for fact in facts], "  "),
+            *table,
+            *texts,
+        ]
         return "\n".join(line for line in lines if line)
 
     def __str__(self) -> str:
         rows = [row for row in self._table() if row]
         shown = table_lines(rows) if rows and len(rows[0]) > 2 else aligned(rows)
-        lines = shown or [t for t in self.summary().split("\n")[1:] if " of the processor: " not in t]
+        lines = shown or [
+            t for t in self.summary().split("\n")[1:] if " of the processor: " not in t
+        ]
         # no line break between a number and its unit
         sentences = re.sub(r"(\d) (?=(?:\S{1,2}|[kMG]Pa|rad/s)\b)", "\\1\0", self._headline())
         first = textwrap.fill(sentences, width=100).replace("\0", " ").split("\n")
@@ -200,7 +241,13 @@ class Summarised:
 
     def _repr_html_(self) -> str:
         head, *rows = self._table()
-        text = _html_table(head, rows) if rows else "" if self._headline() else f"<pre>{html.escape(str(self))}</pre>"
+        text = (
+            _html_table(head, rows)
+            if rows
+            else ""
+            if self._headline()
+            else f"<pre>{html.escape(str(self))}</pre>"
+        )
         shown = self._shown()
         try:
             image = b"" if shown is None else draw(shown, "image")
@@ -209,7 +256,11 @@ class Summarised:
         source = base64.b64encode(image).decode()
         picture = f'<img src="data:image/png;base64,{source}">' if image else ""
         first = f"<p><b>{html.escape(self._headline())}</b></p>" if self._headline() else ""
-        rest = f"<details><summary>details</summary><pre>{html.escape(self.summary())}</pre></details>" if first else ""
+        rest = (
+            f"<details><summary>details</summary><pre>{html.escape(self.summary())}</pre></details>"
+            if first
+            else ""
+        )
         return f"<div>{first}{text}{picture}{rest}</div>"
 
 
@@ -256,14 +307,26 @@ def _facts_of(label: str, value: Any, unit: str, several: bool) -> Iterator[Fact
     elif several and isinstance(value, tuple | list):
         texts = [item._headline() if isinstance(item, Summarised) else str(item) for item in value]
         texts = [", ".join(texts)] if all(isinstance(item, int) for item in value) else texts
-        yield from (Fact(f"{label} {i}" if len(texts) > 1 else label, text) for i, text in enumerate(texts, 1))
+        yield from (
+            Fact(f"{label} {i}" if len(texts) > 1 else label, text)
+            for i, text in enumerate(texts, 1)
+        )
 
 
 def _html_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     def line(cells: Sequence[str], kind: str) -> str:
-        return "<tr>" + "".join(f'<{kind} style="text-align:left">{html.escape(c)}</{kind}>' for c in cells) + "</tr>"
+        return (
+            "<tr>"
+            + "".join(f'<{kind} style="text-align:left">{html.escape(c)}</{kind}>' for c in cells)
+            + "</tr>"
+        )
 
-    return "<table>" + (line(head, "th") if head else "") + "".join(line(row, "td") for row in rows) + "</table>"
+    return (
+        "<table>"
+        + (line(head, "th") if head else "")
+        + "".join(line(row, "td") for row in rows)
+        + "</table>"
+    )
 
 
 class Plottable(Summarised):
@@ -293,7 +356,9 @@ class Plottable(Summarised):
 class InContact(Plottable):
     """Mixin of solutions with contact states."""
 
-    def plot_contacts(self, study: object = None, path: str | PathLike[str] | None = None, **options: Any) -> Any:
+    def plot_contacts(
+        self, study: object = None, path: str | PathLike[str] | None = None, **options: Any
+    ) -> Any:
         """Draw the state of every contact face over the cycle (:func:`bdamper.plot.plot_contacts`).
 
         Parameters
@@ -345,12 +410,17 @@ class Differences(Summarised):
 
     def _rows(self) -> list[tuple[str, ...]]:
         rows = [(name, text_of(a), text_of(b), _change(a, b)) for name, a, b in self.settings]
-        rows += [(a.name, a.to_digits(6), b.to_digits(6), _change(a.value, b.value)) for a, b in self.outcomes]
+        rows += [
+            (a.name, a.to_digits(6), b.to_digits(6), _change(a.value, b.value))
+            for a, b in self.outcomes
+        ]
         return [("", "first", "second", "change"), *rows] if rows else []
 
 
 def _change(a: Any, b: Any) -> str:
-    numbers = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in (a, b))
+    numbers = all(
+        isinstance(value, (int, float)) and not isinstance(value, bool) for value in (a, b)
+    )
     return percent(b / a - 1.0, True) if numbers and a and np.isfinite([a, b]).all() else ""
 
 
@@ -382,7 +452,9 @@ class Comparable(Summarised):
         mine, theirs = (one._asked() for one in (self, other))
         # results of different types also contain the arguments of their analyses
         names = mine.keys() | theirs.keys() if same else mine.keys() & theirs.keys()
-        first, second = (_flat({k: v for k, v in one.items() if k in names}) for one in (mine, theirs))
+        first, second = (
+            _flat({k: v for k, v in one.items() if k in names}) for one in (mine, theirs)
+        )
         settings = tuple(
             (name, first.get(name, MISSING), second.get(name, MISSING))
             for name in dict.fromkeys([*first, *second])
@@ -408,5 +480,9 @@ def _flat(settings: Mapping[str, Any], before: str = "") -> dict[str, Any]:
     """Return nested settings as one mapping, with dots in the names."""
     out: dict[str, Any] = {}
     for name, value in settings.items():
-        out |= _flat(value, f"{before}{name}.") if isinstance(value, Mapping) else {f"{before}{name}": value}
+        out |= (
+            _flat(value, f"{before}{name}.")
+            if isinstance(value, Mapping)
+            else {f"{before}{name}": value}
+        )
     return out

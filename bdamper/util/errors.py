@@ -91,7 +91,9 @@ def import_extra(module: str, asked: str, extra: str) -> Any:
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        raise BdamperError(f"{asked} needs {module.partition('.')[0]}: install the extra bdamper[{extra}]") from error
+        raise BdamperError(
+            f"{asked} needs {module.partition('.')[0]}: install the extra bdamper[{extra}]"
+        ) from error
 
 
 # ---- Warnings ----

@@ -28,7 +28,15 @@ UNITS = {
     "force": "N", "displacement": "m", "by_interface": "J", "design_amplitude": "m",
 }  # fmt: skip
 """Units of settings and results; a name that is not listed is a plain number or a text."""
-FITTING = {"m": "nµm ", "N": "m kM", "N/m": " kM", "J": "nµm k", "Pa": " kMG", "s": "µm ", "g": "m k"}
+FITTING = {
+    "m": "nµm ",
+    "N": "m kM",
+    "N/m": " kM",
+    "J": "nµm k",
+    "Pa": " kMG",
+    "s": "µm ",
+    "g": "m k",
+}
 """Allowed prefixes of each unit; kg is formatted in multiples of g."""
 PREFIXES = {"n": 1e-9, "µ": 1e-6, "m": 1e-3, " ": 1.0, "k": 1e3, "M": 1e6, "G": 1e9}
 
@@ -165,15 +173,29 @@ def text_of(value: object) -> str:
 def short_text(value: Any) -> str:
     """Return a short text of a value: arrays by shape, mappings by keys, long sequences by length."""
     if isinstance(value, np.ndarray):
-        return repr(value.item()) if value.ndim == 0 else f"<{' x '.join(map(str, value.shape))} {value.dtype}>"
+        return (
+            repr(value.item())
+            if value.ndim == 0
+            else f"<{' x '.join(map(str, value.shape))} {value.dtype}>"
+        )
     longest = 60  # characters of one item
     if isinstance(value, Mapping):
         text = "{" + ", ".join(f"{key!r}: {short_text(item)}" for key, item in value.items()) + "}"
-        return text if len(text) <= longest else f"<{len(value)} by name: {truncate(', '.join(map(str, value)), longest)}>"
+        return (
+            text
+            if len(text) <= longest
+            else f"<{len(value)} by name: {truncate(', '.join(map(str, value)), longest)}>"
+        )
     if isinstance(value, (list, tuple)):
-        text = ("[{}]" if isinstance(value, list) else "({})").format(", ".join(short_text(item) for item in value))
+        text = ("[{}]" if isinstance(value, list) else "({})").format(
+            ", ".join(short_text(item) for item in value)
+        )
         return text if len(text) <= longest else f"<{len(value)} items>"
     if is_dataclass(value) and not isinstance(value, type):
         text = repr(value)
         return text if len(text) <= longest and "\n" not in text else f"{type(value).__name__}(...)"
-    return truncate(repr(value), longest) if not isinstance(value, (int, float, complex, np.generic)) else repr(value)
+    return (
+        truncate(repr(value), longest)
+        if not isinstance(value, (int, float, complex, np.generic))
+        else repr(value)
+    )

@@ -74,15 +74,24 @@ class Range:
         """
         if sizes is None and (callable(self.low) or callable(self.high)):
             return
-        low, high = (bound(sizes, key) if callable(bound) else bound for bound in (self.low, self.high))
+        low, high = (
+            bound(sizes, key) if callable(bound) else bound for bound in (self.low, self.high)
+        )
         if low >= 0.0 and self.compared is not largest:
             values = values[values >= 0.0]  # the function itself rejects negative values
         least, most = self.compared(values) if len(values) else (np.inf, -np.inf)
         if least >= low and most <= high:
             return
         found, mistake = (least, self.below) if least < low else (most, self.above)
-        shown = [f"{x:.2g}" if callable(bound) else f"{x:g}" for x, bound in ((low, self.low), (high, self.high))]
-        text = f"{shown[0]} to {shown[1]}" if low and np.isfinite([low, high]).all() else f"at most {shown[1]}"
+        shown = [
+            f"{x:.2g}" if callable(bound) else f"{x:g}"
+            for x, bound in ((low, self.low), (high, self.high))
+        ]
+        text = (
+            f"{shown[0]} to {shown[1]}"
+            if low and np.isfinite([low, high]).all()
+            else f"at most {shown[1]}"
+        )
         text = f"{shown[0]} or more" if np.isinf(high) else text
         text = f"{text} {self.unit}".rstrip() + (f", {self.by}" if self.by else "")
         several = self.compared is some and values.min() < values.max()
@@ -128,7 +137,9 @@ PRELOAD = Range(
     lambda s, _: s.amplitude, lambda s, _: 1e6 * s.amplitude or np.inf, "N", "mN suspected, or nothing that slips",
     "kN suspected, or a damper that does not stay in its seat", "1 to 1e+06 times the excitation amplitude", some,
 )  # fmt: skip
-DEVIATION = Range(-0.5, 0.5, "of the frequency", "per cent or Hz suspected", "per cent or Hz suspected")
+DEVIATION = Range(
+    -0.5, 0.5, "of the frequency", "per cent or Hz suspected", "per cent or Hz suspected"
+)
 FACTOR = "a value with a unit suspected, where a factor is expected"
 
 WITHOUT_RANGE = {
@@ -313,7 +324,12 @@ def entry(owner: str, name: str) -> Range | Names | tuple[Range, ...] | str | No
 
 
 def check(
-    owner: str, name: str, value: object, sizes: Rotating | None = None, item: str = "", function: str | None = None
+    owner: str,
+    name: str,
+    value: object,
+    sizes: Rotating | None = None,
+    item: str = "",
+    function: str | None = None,
 ) -> None:
     """Warn of an implausible value.
 
@@ -370,7 +386,9 @@ def _numbers(value: object, key: object = None) -> Iterator[tuple[object, NDArra
         return
     if array.dtype.kind not in "fiuc" or not array.size or not np.isfinite(array).all():
         return
-    if array.ndim == 2 and array.shape[0] == array.shape[1] > 1:  # of a matrix, the diagonal has the magnitudes
+    if (
+        array.ndim == 2 and array.shape[0] == array.shape[1] > 1
+    ):  # of a matrix, the diagonal has the magnitudes
         array = np.diagonal(array)
     array = np.abs(array) if array.dtype.kind == "c" else array
     yield key, array.astype(float).ravel()

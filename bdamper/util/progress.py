@@ -69,7 +69,9 @@ class LongWork:
         self.outer = _passed_on.set(True)
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, *_: object) -> bool:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, *_: object
+    ) -> bool:
         _passed_on.reset(self.outer)
         self.interrupted = kind is not None and issubclass(kind, KeyboardInterrupt)
         self.reason = str(error) if isinstance(error, ExecutorEnded) else ""
@@ -100,12 +102,16 @@ def raise_if_stopped() -> None:
 def shows_progress(progress: bool | None) -> bool:
     """Return whether to show progress; by default in a terminal and a notebook, outside of longer work."""
     if progress is None:
-        return (sys.stderr.isatty() or "ipykernel.kernelapp" in sys.modules) and not is_part_of_work()
+        return (
+            sys.stderr.isatty() or "ipykernel.kernelapp" in sys.modules
+        ) and not is_part_of_work()
     return validation.flag("progress", progress)
 
 
 @contextmanager
-def progress_counter(show: bool, total: int, done: int, what: str, unit: str) -> Iterator[Callable[[], Any]]:
+def progress_counter(
+    show: bool, total: int, done: int, what: str, unit: str
+) -> Iterator[Callable[[], Any]]:
     """Yield a function that counts one more part, shown in a progress bar if ``show``."""
     if not show:
         yield lambda: None
@@ -149,14 +155,20 @@ def with_progress(items: Sequence[T], show: bool, what: str, unit: str) -> Itera
 
 
 @contextmanager
-def progress_bar(show: bool, low: float, high: float, what: str) -> Iterator[Callable[[Any], None] | None]:
+def progress_bar(
+    show: bool, low: float, high: float, what: str
+) -> Iterator[Callable[[Any], None] | None]:
     """Yield a function that shows the progress of a path over an interval of its parameter, or None if not ``show``.
 
     The bar does not decrease if the path turns back.
     """
     with progress_stages(show, what, "%") as report:
         share = 100.0 / (high - low)
-        yield (lambda point: report("", int(min(100.0, share * (point.y[-1] - low))), 100)) if show else None
+        yield (
+            (lambda point: report("", int(min(100.0, share * (point.y[-1] - low))), 100))
+            if show
+            else None
+        )
 
 
 def _bar(*items: Any, **given: Any) -> Any:
@@ -250,7 +262,9 @@ class Cost:
 
     def __add__(self, other: Cost) -> Cost:
         """Return the sum of two costs."""
-        return Cost(**{f.name: getattr(self, f.name) + getattr(other, f.name) for f in fields(self)})
+        return Cost(
+            **{f.name: getattr(self, f.name) + getattr(other, f.name) for f in fields(self)}
+        )
 
     def __str__(self) -> str:
         processor = f", {self.processor:.3f} s of the processor" if self.processor > 0.0 else ""
@@ -299,20 +313,34 @@ class CostMeter:
         """Work so far in million operations."""
         total = sum(part.work for part in self.parts)
         for system, before in self.systems:
-            total += float(system.work @ [getattr(system.core.cost, name) - getattr(before, name) for name in WEIGHED])
+            total += float(
+                system.work
+                @ [getattr(system.core.cost, name) - getattr(before, name) for name in WEIGHED]
+            )
         return float(total)
 
     def read(self, *parts: Cost) -> Cost:
         """Return the cost so far, including the parts of :meth:`add`."""
         own: dict[str, Any] = {
-            name: sum((getattr(system.core.cost, name) - getattr(before, name) for system, before in self.systems), zero)
+            name: sum(
+                (
+                    getattr(system.core.cost, name) - getattr(before, name)
+                    for system, before in self.systems
+                ),
+                zero,
+            )
             for names, zero in ((("contact", "assembly", "algebra"), 0.0), (WEIGHED, 0))
             for name in names
         }
         mine = Cost(**own, iterations=self.iterations, failed_steps=self.failed_steps)
-        seconds, processor = time.perf_counter() - self.start, time.thread_time() - self.processor_start
+        seconds, processor = (
+            time.perf_counter() - self.start,
+            time.thread_time() - self.processor_start,
+        )
         work = self.work + sum(part.work for part in parts)
-        return replace(sum((*self.parts, *parts), mine), seconds=seconds, processor=processor, work=work)
+        return replace(
+            sum((*self.parts, *parts), mine), seconds=seconds, processor=processor, work=work
+        )
 
 
 # ---- Threads of linear algebra ----

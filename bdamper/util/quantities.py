@@ -75,7 +75,9 @@ def in_unit(name: str, value: Quantity, unit: str) -> Any:
     try:
         return _converted(value, unit)
     except Exception as error:  # each reason has another class of error
-        raise SettingError(f"{name}: expected {unit or 'a plain number'}, found {one_line(value)}") from error
+        raise SettingError(
+            f"{name}: expected {unit or 'a plain number'}, found {one_line(value)}"
+        ) from error
 
 
 def _converted(value: Quantity, unit: str) -> Any:

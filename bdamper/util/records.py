@@ -18,7 +18,17 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, InitVar, asdict, dataclass, fields, is_dataclass
 from functools import cache
 from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, NamedTuple, Union, cast, get_args, get_origin, get_type_hints
+from typing import (
+    Annotated,
+    Any,
+    Literal,
+    NamedTuple,
+    Union,
+    cast,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import h5py
 import numpy as np
@@ -128,7 +138,9 @@ class Item(NamedTuple):
     @property
     def pattern(self) -> str:
         """Path in a file, with "nd000" for any nodal diameter, and "@" for a group of attributes."""
-        return self.file.replace("*", "nd000" if self.keys is int else "@" if self.is_attribute else "*")
+        return self.file.replace(
+            "*", "nd000" if self.keys is int else "@" if self.is_attribute else "*"
+        )
 
     @property
     def is_record(self) -> bool:
@@ -137,7 +149,10 @@ class Item(NamedTuple):
     @property
     def is_attribute(self) -> bool:
         """Whether it is an attribute in a file: a number, a text, or names with dots."""
-        plain = self.kind in (int, float, str, tuple[tuple[str, str], ...]) or get_origin(self.kind) is Literal
+        plain = (
+            self.kind in (int, float, str, tuple[tuple[str, str], ...])
+            or get_origin(self.kind) is Literal
+        )
         return plain and not self.data.units
 
     def place(self, key: object = "") -> str:
@@ -169,7 +184,9 @@ def _item(cls: Kind, field: Any) -> Item:
     data = declared.mark(Data) or Data()
     optional = optional or kind is Any
     default = field.default is not MISSING or field.default_factory is not MISSING
-    return Item(field.name, kind, keys, optional, not (optional or data.derived or (default and keys)), data)
+    return Item(
+        field.name, kind, keys, optional, not (optional or data.derived or (default and keys)), data
+    )
 
 
 # ---- Writing ----
@@ -183,7 +200,13 @@ def write_record(group: h5py.Group, record: object) -> None:
             continue
         if item.keys:
             new_group(group, item.file.rpartition("*")[0])
-        parts = enumerate(value) if item.keys is tuple else value.items() if item.keys else [("", value)]
+        parts = (
+            enumerate(value)
+            if item.keys is tuple
+            else value.items()
+            if item.keys
+            else [("", value)]
+        )
         for key, part in parts:
             _write(group, item.place(key), part, item)
 
@@ -199,7 +222,9 @@ def _write(group: h5py.Group, path: str, value: Any, item: Item) -> None:
     elif item.kind in (int, float):
         owner.attrs[name] = item.kind(value)
     elif item.is_attribute:
-        write_text(owner, name, value if isinstance(value, str) else [".".join(names) for names in value])
+        write_text(
+            owner, name, value if isinstance(value, str) else [".".join(names) for names in value]
+        )
     else:
         plain: Any = asdict  # also of a dataclass in a tuple; in mappings it becomes its text
         if isinstance(value, tuple):
@@ -218,7 +243,9 @@ def _write_array(group: h5py.Group, name: str, array: NDArray, data: Data) -> No
     array = array.astype(_SINGLE[array.dtype.kind]) if data.kind == "picture" else array
     array = _texts_of_objects(array) if array.dtype.kind == "V" else array
     large = {"compression": "gzip", "compression_opts": 4, "shuffle": True}
-    dataset = group.create_dataset(name, data=array, **large if array.nbytes > COMPRESS_FROM else {})
+    dataset = group.create_dataset(
+        name, data=array, **large if array.nbytes > COMPRESS_FROM else {}
+    )
     if data.units:
         write_text(dataset, "units", data.units)
 
@@ -229,7 +256,9 @@ def write_text(owner: h5py.Group | h5py.Dataset, name: str, text: str | list[str
     C, Fortran and MATLAB read fixed lengths easily.  HDF5 stores texts of variable length in a heap; with a damaged byte
     reading it may not terminate.
     """
-    encoded = np.array(text.encode() if isinstance(text, str) else [part.encode() for part in text], dtype="S")
+    encoded = np.array(
+        text.encode() if isinstance(text, str) else [part.encode() for part in text], dtype="S"
+    )
     owner.attrs.create(name, encoded, dtype=h5py.string_dtype(length=encoded.dtype.itemsize or 1))
 
 
@@ -287,7 +316,11 @@ def _read(group: h5py.Group, path: str, item: Item) -> Any:
         return read_attribute(owner, name, item.kind)
     if name not in owner:
         return None
-    return read_record(subgroup(owner, name), item.kind) if item.is_record else _read_dataset(owner, name, item)
+    return (
+        read_record(subgroup(owner, name), item.kind)
+        if item.is_record
+        else _read_dataset(owner, name, item)
+    )
 
 
 def _check_names(group: h5py.Group, paths: Iterable[str]) -> None:
@@ -295,9 +328,18 @@ def _check_names(group: h5py.Group, paths: Iterable[str]) -> None:
     known = [path.partition("/")[::2] for path in paths]
     for name in group:
         check_link(group, name)
-        below = [rest for head, rest in known if head in (name, "*") or (head == "nd000" and _DIAMETER.fullmatch(name))]
+        below = [
+            rest
+            for head, rest in known
+            if head in (name, "*") or (head == "nd000" and _DIAMETER.fullmatch(name))
+        ]
         names = list(dict.fromkeys(head for head, _ in known))
-        check(below, place(group, name), f"no other names than {names}", f"this one{suggest_name(name, names)}")
+        check(
+            below,
+            place(group, name),
+            f"no other names than {names}",
+            f"this one{suggest_name(name, names)}",
+        )
         if any(below):
             _check_names(subgroup(group, name), below)
 
@@ -311,7 +353,12 @@ def check_link(group: h5py.Group, name: str) -> None:
 def subgroup(group: h5py.Group, name: str) -> h5py.Group:
     check_link(group, name)
     member = group[name]
-    check(isinstance(member, h5py.Group), place(group, name), "a group", f"a {type(member).__name__.lower()}")
+    check(
+        isinstance(member, h5py.Group),
+        place(group, name),
+        "a group",
+        f"a {type(member).__name__.lower()}",
+    )
     return member
 
 
@@ -395,7 +442,11 @@ def _narrowed(column: Sequence[Any] | NDArray) -> NDArray:
         return column
     values, kinds = list(column), {*map(type, column)}
     narrow = kinds in ({int}, {bool}, {float}, {float, NoneType})
-    return np.array(values, float if float in kinds else None) if narrow else np.fromiter(values, object, len(values))
+    return (
+        np.array(values, float if float in kinds else None)
+        if narrow
+        else np.fromiter(values, object, len(values))
+    )
 
 
 def names_of(rows: NDArray) -> tuple[str, ...]:
@@ -418,7 +469,9 @@ def _texts_of_objects(rows: NDArray) -> NDArray:
     kinds = [(name, h5py.string_dtype() if objects[name] else rows.dtype[name]) for name in objects]
     out = np.zeros(len(rows), kinds or "V1")
     for name in objects:
-        out[name] = [json.dumps(v, default=to_json) for v in rows[name]] if objects[name] else rows[name]
+        out[name] = (
+            [json.dumps(v, default=to_json) for v in rows[name]] if objects[name] else rows[name]
+        )
     return out
 
 
@@ -426,7 +479,9 @@ def _objects_of_texts(stored: NDArray) -> NDArray:
     columns: dict[str, Any] = {name: stored[name] for name in names_of(stored)}
     for name, column in columns.items():
         if column.dtype == object:
-            known = {text: json.loads(text) for text in set(column)}  # equal values share their memory
+            known = {
+                text: json.loads(text) for text in set(column)
+            }  # equal values share their memory
             columns[name] = [known[text] for text in column]
     return named_fields(columns, len(stored))
 
@@ -444,7 +499,11 @@ def _from_json(hint: Any, value: Any) -> Any:
     if value is None or hint is Any or origin in (dict, Mapping):
         return value
     if is_array(hint):
-        return value["real"] + 1j * np.array(value["imag"]) if isinstance(value, Mapping) else np.array(value)
+        return (
+            value["real"] + 1j * np.array(value["imag"])
+            if isinstance(value, Mapping)
+            else np.array(value)
+        )
     if origin is tuple:
         kinds = inner[:1] * len(value) if inner[-1] is ... else inner
         return tuple(_from_json(kind, item) for kind, item in zip(kinds, value))
@@ -457,7 +516,9 @@ def _from_json(hint: Any, value: Any) -> Any:
         return tuple(value) if isinstance(value, list) else value  # such as int | tuple[int, ...]
     if is_dataclass(hint):
         hints = get_type_hints(hint)
-        known = {name: _from_json(hints[name], item) for name, item in value.items() if name in hints}
+        known = {
+            name: _from_json(hints[name], item) for name, item in value.items() if name in hints
+        }
         return hint(**known)  # type: ignore[operator]
     if isinstance(hint, type) and issubclass(hint, tuple):  # named tuple
         return hint(*value)
@@ -467,7 +528,11 @@ def _from_json(hint: Any, value: Any) -> Any:
 def to_json(value: Any) -> Any:
     """Convert arrays and numbers of NumPy, mappings and small dataclasses for JSON."""
     if isinstance(value, np.ndarray):
-        return {"real": value.real.tolist(), "imag": value.imag.tolist()} if np.iscomplexobj(value) else value.tolist()
+        return (
+            {"real": value.real.tolist(), "imag": value.imag.tolist()}
+            if np.iscomplexobj(value)
+            else value.tolist()
+        )
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, Mapping):
@@ -496,7 +561,9 @@ def check_record(record: object, kind: Kind, item: str, sizes: Sizes | None = No
     check_type(record, cast(type, kind), item)
     known = dict(sizes or {})
     # vectors show the named sizes
-    for field in sorted(layout(kind), key=lambda field: (len(field.data.shape) > 1, field.keys is not None)):
+    for field in sorted(
+        layout(kind), key=lambda field: (len(field.data.shape) > 1, field.keys is not None)
+    ):
         value = getattr(record, field.name)
         if field.is_record or (value is None and field.optional):
             continue
@@ -514,7 +581,11 @@ def _check_value(value: Any, field: Item, item: str, sizes: Sizes) -> None:
     elif kind is int:
         check_integer(value, item)
     elif kind is float:
-        good = isinstance(value, int | float | np.floating) and np.isfinite(value) and limits.hold(float(value))
+        good = (
+            isinstance(value, int | float | np.floating)
+            and np.isfinite(value)
+            and limits.hold(float(value))
+        )
         check(good, item, f"a finite number {limits}", repr(value))
     elif kind is str:
         check(isinstance(value, str), item, "a text", repr(value))
@@ -530,7 +601,9 @@ def _check_array(array: Any, data: Data, item: str, sizes: Sizes) -> None:
     expected = f"{words} in double precision" if "f" in letters else words
     check(double and array.dtype.kind in letters, item, expected, f"dtype {array.dtype}")
     shape = [sizes.get(n) if isinstance(n, str) else n for n in data.shape]  # None is any size
-    fits = len(shape) == array.ndim and all(n in (None, found) for n, found in zip(shape, array.shape))
+    fits = len(shape) == array.ndim and all(
+        n in (None, found) for n, found in zip(shape, array.shape)
+    )
     text = ", ".join("any" if n is None else str(n) for n in shape)
     check(fits, item, f"shape ({text},)" if len(shape) == 1 else f"shape ({text})", array.shape)
     for name, size in zip(data.shape, array.shape):
@@ -546,7 +619,12 @@ def _check_array(array: Any, data: Data, item: str, sizes: Sizes) -> None:
 
 
 def check_integer(value: object, item: str) -> None:
-    check(isinstance(value, int | np.integer) and not isinstance(value, bool), item, "an integer", repr(value))
+    check(
+        isinstance(value, int | np.integer) and not isinstance(value, bool),
+        item,
+        "an integer",
+        repr(value),
+    )
 
 
 def check_type(value: object, expected: type, item: str) -> None:
@@ -558,7 +636,11 @@ def check_all(good: NDArray, array: NDArray, expected: str, item: str) -> None:
     wrong = np.argwhere(~good)
     if len(wrong):
         at = tuple(int(i) for i in wrong[0])
-        raise mismatch(item, expected, f"{array[at]!s} at {at if len(at) > 1 else at[0]}, one of {len(wrong)} wrong values")
+        raise mismatch(
+            item,
+            expected,
+            f"{array[at]!s} at {at if len(at) > 1 else at[0]}, one of {len(wrong)} wrong values",
+        )
 
 
 def check_hermitian(matrix: NDArray, item: str, word: str = "Hermitian") -> None:
@@ -567,7 +649,9 @@ def check_hermitian(matrix: NDArray, item: str, word: str = "Hermitian") -> None
     size = np.abs(matrix).max(initial=0.0)
     if not error.max(initial=0.0) <= ROUNDING * size:
         at = tuple(int(i) for i in np.unravel_index(np.argmax(error), error.shape))
-        raise mismatch(item, f"a {word} matrix", f"a difference of {error[at]:.3g} at {at}, size {size:.3g}")
+        raise mismatch(
+            item, f"a {word} matrix", f"a difference of {error[at]:.3g} at {at}, size {size:.3g}"
+        )
 
 
 def is_positive_definite(matrix: NDArray) -> bool:

@@ -34,7 +34,15 @@ import h5py
 from bdamper.util import validation
 from bdamper.util.errors import BdamperError, TooLittleMemory, one_line, too_little_memory, warn
 from bdamper.util.formatting import truncate
-from bdamper.util.records import Record, read_attribute, read_record, subgroup, to_json, write_record, write_text
+from bdamper.util.records import (
+    Record,
+    read_attribute,
+    read_record,
+    subgroup,
+    to_json,
+    write_record,
+    write_text,
+)
 
 # ---- Versions ----
 
@@ -142,16 +150,24 @@ def load(path: FilePath) -> Any:
     """
     with read_hdf5(path, "a file written by bdamper") as file:
         kind = read_attribute(file, "format") if "format" in file.attrs else "none"
-        since = f", {_written_by(file)}, which this version cannot read" if kind.startswith("bdamper-") else ""
+        since = (
+            f", {_written_by(file)}, which this version cannot read"
+            if kind.startswith("bdamper-")
+            else ""
+        )
     if kind in FORMATS:
         import_module(FORMATS[kind])
     if kind not in _READERS:
-        raise BdamperError(f"{path}: expected a file written by bdamper, found the format '{kind}'{since}")
+        raise BdamperError(
+            f"{path}: expected a file written by bdamper, found the format '{kind}'{since}"
+        )
     return _READERS[kind](path)
 
 
 def _written_by(file: h5py.File) -> str:
-    made_with = read_record(subgroup(file, "made_with"), Versions) if "made_with" in file else Versions()
+    made_with = (
+        read_record(subgroup(file, "made_with"), Versions) if "made_with" in file else Versions()
+    )
     return f"written by {made_with}"
 
 
@@ -262,7 +278,9 @@ def file_errors(path: object) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise BdamperError(f"{path}: expected a file that can be written, found {one_line(error)}") from error
+        raise BdamperError(
+            f"{path}: expected a file that can be written, found {one_line(error)}"
+        ) from error
 
 
 @contextmanager
@@ -301,7 +319,14 @@ def write_hdf5(path: FilePath) -> Iterator[h5py.File]:
         If the file cannot be written.
     """
     check_regular(path)
-    with h5py.File(Path(path).name, "w", driver="core", backing_store=False, block_size=1 << 20, track_order=True) as file:
+    with h5py.File(
+        Path(path).name,
+        "w",
+        driver="core",
+        backing_store=False,
+        block_size=1 << 20,
+        track_order=True,
+    ) as file:
         yield file
         file.flush()
         content = file.id.get_file_image()
@@ -310,7 +335,9 @@ def write_hdf5(path: FilePath) -> Iterator[h5py.File]:
 
 
 @contextmanager
-def read_hdf5(path: FilePath, expected: str, kind: type[BdamperError] = BdamperError) -> Iterator[h5py.File]:
+def read_hdf5(
+    path: FilePath, expected: str, kind: type[BdamperError] = BdamperError
+) -> Iterator[h5py.File]:
     """Open an HDF5 file for reading; raise one error of type ``kind`` if it is damaged or not HDF5."""
     if existing(path, kind).is_dir():
         raise kind(f"{path}: expected {expected}, found a folder")
@@ -367,14 +394,18 @@ def _read(cls: type[Storable], path: FilePath) -> Any:
         found = read_attribute(file, "version", int)
         if not OLDEST <= found <= VERSION:
             expected = f"version {OLDEST} or {VERSION} of the format '{cls._format}'"
-            raise BdamperError(f"{path}: expected {expected}, found version {found}, {_written_by(file)}; compute it again")
+            raise BdamperError(
+                f"{path}: expected {expected}, found version {found}, {_written_by(file)}; compute it again"
+            )
         try:
             result = read_record(file, cls)
             return result if found == VERSION else result.with_present_names()
         except MemoryError:
             raise
         except Exception as error:  # invalid fields, or those of another version of bdamper
-            raise ValueError(f"{_written_by(file)}: {one_line(error) or type(error).__name__}") from error
+            raise ValueError(
+                f"{_written_by(file)}: {one_line(error) or type(error).__name__}"
+            ) from error
 
 
 # ---- Finished parts of long work ----
@@ -421,7 +452,9 @@ class ResultsFile:
         try:
             fcntl.flock(self.file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            raise self._mismatch("a results file that no other run uses", "a locked file") from error
+            raise self._mismatch(
+                "a results file that no other run uses", "a locked file"
+            ) from error
 
     def _mismatch(self, expected: str, found: str) -> BdamperError:
         return BdamperError(f"{self.path}: expected {expected}, found {found}")
@@ -452,7 +485,9 @@ class ResultsFile:
                     record = from_line(line)
                     _ = record["index"]
                 except (ValueError, KeyError, TypeError) as error:
-                    raise self._mismatch(f"one finished part in line {number}", repr(line[:60])) from error
+                    raise self._mismatch(
+                        f"one finished part in line {number}", repr(line[:60])
+                    ) from error
                 yield record
 
     def _compare(self, found: Any) -> None:
@@ -465,13 +500,17 @@ class ResultsFile:
         for name, expected in json.loads(json_line(self.header)).items():
             if name not in INSTALLED.attributes() and found.get(name) != expected:
                 values = f"{truncate(json.dumps(found.get(name)), 100)}, here {truncate(json.dumps(expected), 100)}"
-                raise self._mismatch(f"results of this {self.work}", f"results of other settings: {name} is {values}")
+                raise self._mismatch(
+                    f"results of this {self.work}", f"results of other settings: {name} is {values}"
+                )
 
     def _write(self, *lines: bytes) -> None:
         self.waiting += b"".join(lines)
         while self.waiting:
             self.waiting = self.waiting[os.write(self.file, self.waiting) :]
-        if not lines or time.monotonic() > self.synced + 1.0:  # on a disk 4 ms, as long as a small point
+        if (
+            not lines or time.monotonic() > self.synced + 1.0
+        ):  # on a disk 4 ms, as long as a small point
             os.fsync(self.file)
             self.synced = time.monotonic()
 
@@ -483,7 +522,9 @@ class ResultsFile:
         try:
             self._write(*lines)
         except OSError as error:
-            warn(f"{self.path}: expected free disk space, found {one_line(error)}; finished parts remain in memory")
+            warn(
+                f"{self.path}: expected free disk space, found {one_line(error)}; finished parts remain in memory"
+            )
 
     def close(self) -> None:
         """Write parts that were delayed by a full disk, if possible, and close the file."""
@@ -513,5 +554,7 @@ def json_line(record: Mapping[str, Any]) -> bytes:
 
 def from_line(line: bytes) -> dict[str, Any]:
     """Return the record of a line of JSON; equal keys of all records share their memory."""
-    record: dict[str, Any] = json.loads(line, object_pairs_hook=lambda pairs: {sys.intern(k): v for k, v in pairs})
+    record: dict[str, Any] = json.loads(
+        line, object_pairs_hook=lambda pairs: {sys.intern(k): v for k, v in pairs}
+    )
     return record

@@ -119,10 +119,18 @@ Kinds = Annotated[tuple[str, ...], Quantity(name="kind")]
 def quantities(cls: Any) -> dict[str, Quantity]:
     """Return the columns of a type by name: its first field, the properties, then the other fields."""
     own = declarations(cls)
-    of_fields = {f.name: mark for f in fields(cls) if (mark := own[f.name].mark(Quantity)) is not None}
+    of_fields = {
+        f.name: mark for f in fields(cls) if (mark := own[f.name].mark(Quantity)) is not None
+    }
     derived: dict[str, Quantity] = {}
     for name, item in (pair for base in reversed(cls.__mro__) for pair in vars(base).items()):
-        getter = item.fget if isinstance(item, property) else item.func if isinstance(item, cached_property) else None
+        getter = (
+            item.fget
+            if isinstance(item, property)
+            else item.func
+            if isinstance(item, cached_property)
+            else None
+        )
         returned = None if getter is None else declarations(getter).get("return")
         if returned is not None and (mark := returned.mark(Quantity)) is not None:
             derived[name] = mark
@@ -133,7 +141,10 @@ def quantities(cls: Any) -> dict[str, Quantity]:
 def _columns_of(name: str, mark: Quantity, value: Any, row: str) -> Iterator[tuple[str, Column]]:
     values = np.atleast_1d(value)
     if mark.parts:
-        yield from ((part, Column(np.atleast_2d(values)[:, k], mark.unit)) for k, part in enumerate(mark.parts))
+        yield from (
+            (part, Column(np.atleast_2d(values)[:, k], mark.unit))
+            for k, part in enumerate(mark.parts)
+        )
     else:
         yield mark.name or name, Column(values, mark.unit, tuple(dim or row for dim in mark.dims))
 
@@ -172,23 +183,37 @@ class Tabular:
         cls: Any = type(self)
         found = ((name, mark, getattr(self, name)) for name, mark in quantities(cls).items())
         row, grid = self._dimension(), self._grid()
-        out = dict(c for name, mark, value in found if value is not None for c in _columns_of(name, mark, value, row))
+        out = dict(
+            c
+            for name, mark, value in found
+            if value is not None
+            for c in _columns_of(name, mark, value, row)
+        )
         if not grid:
             return out
         places = zip(grid, np.meshgrid(*grid.values(), indexing="ij"))
-        across = {name: Column(values.ravel(), out[name].unit if name in out else "") for name, values in places}
-        flat = {name: c if c.dims else c._replace(values=c.values.ravel()) for name, c in out.items()}
+        across = {
+            name: Column(values.ravel(), out[name].unit if name in out else "")
+            for name, values in places
+        }
+        flat = {
+            name: c if c.dims else c._replace(values=c.values.ravel()) for name, c in out.items()
+        }
         return across | flat | across
 
     def check_rows(self) -> None:
         """Raise ValueError if two fields differ in the size of a common dimension."""
         cls: Any = type(self)
         names, found = {f.name for f in fields(cls)}, dict[str, tuple[int, str]]()
-        entries = {name: mark for name, own in declarations(cls).items() if (mark := own.mark(EachRow))}
+        entries = {
+            name: mark for name, own in declarations(cls).items() if (mark := own.mark(EachRow))
+        }
         per_row = set(entries)
         marked = {name: mark for name, mark in quantities(cls).items() if name in names}
         marked |= dict.fromkeys(per_row, Quantity(dims=(ROW,)))
-        shapes = {name: np.shape(value) for name in marked if (value := getattr(self, name)) is not None}
+        shapes = {
+            name: np.shape(value) for name in marked if (value := getattr(self, name)) is not None
+        }
         for name, shape in shapes.items():
             self._check_width(name, shape, marked[name], entries.get(name))
         shapes |= {name: shape[:1] for name, shape in shapes.items() if name in per_row}
@@ -201,13 +226,17 @@ class Tabular:
             dims = marked[name].dims or (ROW, *marked[name].parts[:1])[: len(shape)]
             if len(dims) < len(shape):
                 raise ValueError(f"'{name}' has the shape {shape}")
-            for dim, size in zip(dims[::-1], shape[::-1]):  # a single solution lacks the first dimension
+            for dim, size in zip(
+                dims[::-1], shape[::-1]
+            ):  # a single solution lacks the first dimension
                 other, first = found.setdefault(dim or self._dimension(), (size, name))
                 if size != other:
                     raise ValueError(f"'{name}' has {size} values, '{first}' has {other}")
 
     @staticmethod
-    def _check_width(name: str, shape: tuple[int, ...], mark: Quantity, entry: EachRow | None) -> None:
+    def _check_width(
+        name: str, shape: tuple[int, ...], mark: Quantity, entry: EachRow | None
+    ) -> None:
         """Raise ValueError if each row of a field has another number of values than its mark says."""
         if mark.parts and shape[-1:] != (len(mark.parts),):
             raise ValueError(f"'{name}' has the shape {shape}, without {len(mark.parts)} columns")
@@ -215,7 +244,9 @@ class Tabular:
         if mark.dims[-1:] == ("harmonic",) and shape[-1] < 2:
             raise ValueError(f"'{name}' has the shape {shape}, without two harmonics or more")
         if entry is not None and entry.shape is not None and shape[1:] != entry.shape:
-            raise ValueError(f"'{name}' has the shape {shape}, without {entry.shape} values in each row")
+            raise ValueError(
+                f"'{name}' has the shape {shape}, without {entry.shape} values in each row"
+            )
 
     def _dimension(self) -> str:
         """Return the name of the dimension of the rows."""
@@ -241,25 +272,52 @@ class Tabular:
         values = [np.asarray(column.values).tolist() for column in table.values()]
         if not values or not values[0]:
             return []
-        largest = [max((abs(v) for v in column if isinstance(v, float) and v == v), default=0.0) for column in values]
-        scale = [unit_prefix(most, column.unit) if most < np.inf else " " for most, column in zip(largest, table.values())]
+        largest = [
+            max((abs(v) for v in column if isinstance(v, float) and v == v), default=0.0)
+            for column in values
+        ]
+        scale = [
+            unit_prefix(most, column.unit) if most < np.inf else " "
+            for most, column in zip(largest, table.values())
+        ]
         texts = {"nan": ""}  # not found
-        cells = [[f"{v / PREFIXES[s]:.5g}" if isinstance(v, float) else str(v) for v in c] for c, s in zip(values, scale)]
+        cells = [
+            [f"{v / PREFIXES[s]:.5g}" if isinstance(v, float) else str(v) for v in c]
+            for c, s in zip(values, scale)
+        ]
         cells = [[texts.get(text, text) for text in column] for column in cells]
-        head = [f"{spaced(n)} ({s.strip()}{c.unit})" if c.unit else spaced(n) for (n, c), s in zip(table.items(), scale)]
+        head = [
+            f"{spaced(n)} ({s.strip()}{c.unit})" if c.unit else spaced(n)
+            for (n, c), s in zip(table.items(), scale)
+        ]
         if len(values[0]) <= FEW_ROWS:
             rows = list(zip(*cells))
             return [tuple(head), *(rows[i] for i in self._order())]
         known = [[v for v in column if isinstance(v, float) and v == v] for column in values]
-        ends = [(h, v.index(min(k)), v.index(max(k)), c) for h, v, k, c in zip(head, values, known, cells) if k]
+        ends = [
+            (h, v.index(min(k)), v.index(max(k)), c)
+            for h, v, k, c in zip(head, values, known, cells)
+            if k
+        ]
         first = f"{spaced(self._dimension())}: {len(values[0])}", "least", "largest"
         return [first, *((h, c[i], c[j]) for h, i, j, c in ends)]
 
     def _attributes(self) -> dict[str, Any]:
         """Return the metadata of the table: type of result, settings, model hash, version."""
-        found = {name: getattr(self, name, None) for name in ("preload", "status", "model_hash", "settings")}
-        texts = {name: value for name, value in found.items() if isinstance(value, str | float | int) and value != ""}
-        settings = {"settings": json.dumps(found["settings"], default=to_json)} if found["settings"] else {}
+        found = {
+            name: getattr(self, name, None)
+            for name in ("preload", "status", "model_hash", "settings")
+        }
+        texts = {
+            name: value
+            for name, value in found.items()
+            if isinstance(value, str | float | int) and value != ""
+        }
+        settings = (
+            {"settings": json.dumps(found["settings"], default=to_json)}
+            if found["settings"]
+            else {}
+        )
         version = getattr(self, "made_with", INSTALLED).bdamper
         return {"result": type(self).__name__, **texts, **settings, "bdamper": version}
 
@@ -279,12 +337,16 @@ class Tabular:
         if Path(path).resolve().is_fifo():
             raise BdamperError(f"{path}: expected a regular file, found a pipe")
         table = self._flat()
-        head = [f"{name} ({column.unit})" if column.unit else name for name, column in table.items()]
+        head = [
+            f"{name} ({column.unit})" if column.unit else name for name, column in table.items()
+        ]
         with file_errors(path), _text_file(path) as file:
             file.writelines(f"# {name}: {value}\n" for name, value in self._attributes().items())
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(head)
-            writer.writerows(zip(*(np.asarray(column.values).tolist() for column in table.values())))
+            writer.writerows(
+                zip(*(np.asarray(column.values).tolist() for column in table.values()))
+            )
 
     def to_pandas(self) -> Any:
         """Return a pandas.DataFrame with one row for each point; ``attrs["units"]`` contains the units.
@@ -296,8 +358,13 @@ class Tabular:
         """
         pandas = import_extra("pandas", "to_pandas", "table")
         table = self._flat()
-        frame = pandas.DataFrame({name: np.asarray(column.values) for name, column in table.items()})
-        frame.attrs = {**self._attributes(), "units": {name: column.unit for name, column in table.items()}}
+        frame = pandas.DataFrame(
+            {name: np.asarray(column.values) for name, column in table.items()}
+        )
+        frame.attrs = {
+            **self._attributes(),
+            "units": {name: column.unit for name, column in table.items()},
+        }
         return frame
 
     def to_xarray(self) -> Any:

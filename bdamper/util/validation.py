@@ -45,7 +45,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.util import plausible_ranges, quantities
-from bdamper.util.errors import BdamperError, SettingError, inside_package, one_line, too_little_memory
+from bdamper.util.errors import (
+    BdamperError,
+    SettingError,
+    inside_package,
+    one_line,
+    too_little_memory,
+)
 
 # ---- Annotated types of fields ----
 
@@ -88,7 +94,10 @@ def declared(hint: object) -> Declared:
 @cache
 def declarations(of: object) -> dict[str, Declared]:
     """Return type, marks and optionality of each field of a class or parameter of a function, from its type hints."""
-    return {name: declared(hint) for name, hint in get_type_hints(cast(Any, of), include_extras=True).items()}
+    return {
+        name: declared(hint)
+        for name, hint in get_type_hints(cast(Any, of), include_extras=True).items()
+    }
 
 
 # ---- Checks of arguments ----
@@ -124,7 +133,11 @@ def _shown(value: Any) -> str:
         return repr(value)
     if isinstance(value, np.ndarray):
         return f"an array of shape {value.shape}" if value.size > 6 else repr(value.tolist())
-    return f"the class {value.__name__}" if isinstance(value, type) else with_article(type(value).__name__)
+    return (
+        f"the class {value.__name__}"
+        if isinstance(value, type)
+        else with_article(type(value).__name__)
+    )
 
 
 def with_article(name: str) -> str:
@@ -161,7 +174,9 @@ class Limits:
     def hold(self, values: float | NDArray) -> Any:
         """Return whether a number, or each number of an array, is within the bounds."""
         limits = ((gt, self.above), (ge, self.least), (lt, self.below), (le, self.most))
-        return reduce(and_, (holds(values, limit) for holds, limit in limits if limit is not None), True)
+        return reduce(
+            and_, (holds(values, limit) for holds, limit in limits if limit is not None), True
+        )
 
     def __call__(self, name: str, value: object) -> float:
         """Check and return a finite number within the bounds."""
@@ -182,7 +197,11 @@ def number(name: str, value: Any, **limits: Any) -> float:
         value = quantities.in_unit(name, value, within.unit)
     out = _plain_number(value)
     if out is None or not within.hold(out):
-        kind = "a number" if within.above is not None and within.below is not None else "a finite number"
+        kind = (
+            "a number"
+            if within.above is not None and within.below is not None
+            else "a finite number"
+        )
         raise invalid(name, f"{kind} {within}".strip(), value)
     return out
 
@@ -191,7 +210,11 @@ def integer(name: str, value: Any, least: int = 0, most: int | None = None) -> i
     """Check and return an integer from ``least`` to ``most``."""
     out = _plain_number(value)
     if out is None or out != int(out) or out < least or (most is not None and out > most):
-        raise invalid(name, f"a whole number {f'>= {least}' if most is None else f'from {least} to {most}'}", value)
+        raise invalid(
+            name,
+            f"a whole number {f'>= {least}' if most is None else f'from {least} to {most}'}",
+            value,
+        )
     return int(out)
 
 
@@ -218,7 +241,9 @@ def choice(name: str, value: Any, choices: Iterable[str]) -> str:
     choices = tuple(choices)
     if not isinstance(value, str) or value not in choices:
         near = suggest_name(value, choices)
-        expected = f"one of {len(choices)} names" if near and len(choices) > 8 else f"one of {choices}"
+        expected = (
+            f"one of {len(choices)} names" if near and len(choices) > 8 else f"one of {choices}"
+        )
         raise SettingError(f"{invalid(name, expected, value)}{near}")
     return value
 
@@ -249,9 +274,14 @@ def check_arguments(called: T, also: Iterable[str] = (), name: str = "", warns: 
     function: Callable[..., Any] = called  # type: ignore[assignment]
     signature = inspect.signature(function)
     takes_any = not also and any(p.kind is p.VAR_KEYWORD for p in signature.parameters.values())
-    name, known = name or function.__qualname__.removesuffix(".__init__"), [*signature.parameters, *also]
+    name, known = (
+        name or function.__qualname__.removesuffix(".__init__"),
+        [*signature.parameters, *also],
+    )
     needed = [
-        n for n, p in signature.parameters.items() if n not in OWNERS and p.default is p.empty and p.kind != p.VAR_KEYWORD
+        n
+        for n, p in signature.parameters.items()
+        if n not in OWNERS and p.default is p.empty and p.kind != p.VAR_KEYWORD
     ]
 
     @wraps(function)
@@ -263,7 +293,9 @@ def check_arguments(called: T, also: Iterable[str] = (), name: str = "", warns: 
         try:
             bound = signature.bind(*given, **keywords)
         except TypeError as error:
-            raise SettingError(f"{name}: {error}; the required arguments are {', '.join(needed)}") from None
+            raise SettingError(
+                f"{name}: {error}; the required arguments are {', '.join(needed)}"
+            ) from None
         _convert(name, bound)
         given, keywords = bound.args, bound.kwargs
         with inside_package() as enclosing:
@@ -300,7 +332,9 @@ def _doubt(name: str, bound: inspect.BoundArguments) -> None:
     """
     bound.apply_defaults()
     first = next(iter(bound.args), None)
-    function = getattr(first, "doubts", "") if callable(first) and not isinstance(first, type) else None
+    function = (
+        getattr(first, "doubts", "") if callable(first) and not isinstance(first, type) else None
+    )
     sizes = getattr(getattr(first, "problem", first), "sizes", None)
     for parameter, value in bound.arguments.items():
         further = bound.signature.parameters[parameter].kind is inspect.Parameter.VAR_KEYWORD
@@ -314,7 +348,12 @@ def names(name: str, value: Any, choices: Iterable[str], least: int = 0) -> tupl
     several = isinstance(value, Iterable) and not isinstance(value, str | bytes)
     given = tuple(choice(name, item, choices) for item in value) if several else ()
     good = several and least <= len(given) == len(set(given))
-    check_value(good, name, f"{f'at least {least}' if least else 'a sequence'} of {choices}, each at most once", value)
+    check_value(
+        good,
+        name,
+        f"{f'at least {least}' if least else 'a sequence'} of {choices}, each at most once",
+        value,
+    )
     return given
 
 
@@ -330,10 +369,17 @@ def instance(name: str, value: T, kind: type | tuple[type, ...], words: str = ""
 def mapping(name: str, value: Any, keys: Iterable[str], words: str) -> Mapping[str, Any]:
     """Check and return a mapping whose keys are among ``keys``; ``words`` describes the keys in the error."""
     keys = tuple(keys)
-    check_value(isinstance(value, Mapping), name, f"a mapping of {words} out of {list(keys)} to values", value)
+    check_value(
+        isinstance(value, Mapping),
+        name,
+        f"a mapping of {words} out of {list(keys)} to values",
+        value,
+    )
     unknown = [key for key in value if key not in keys]
     if unknown:
-        raise SettingError(f"{invalid(name, f'{words} out of {list(keys)}', unknown)}{suggest_name(unknown[0], keys)}")
+        raise SettingError(
+            f"{invalid(name, f'{words} out of {list(keys)}', unknown)}{suggest_name(unknown[0], keys)}"
+        )
     return value
 
 
@@ -376,14 +422,20 @@ def interval(name: str, value: Any, unit: str = "Hz") -> tuple[float, float]:
     """Check an interval with 0 < low < high, and return its ends."""
     value = quantities.in_lists(name, value, unit)
     given = value.tolist() if isinstance(value, np.ndarray) else value
-    ends = [_plain_number(end) for end in given] if isinstance(given, Sequence) and len(given) == 2 else [None, None]
+    ends = (
+        [_plain_number(end) for end in given]
+        if isinstance(given, Sequence) and len(given) == 2
+        else [None, None]
+    )
     low, high = ends
     if low is None or high is None or not 0.0 < low < high:
         raise invalid(name, f"(low, high) in {unit} with 0 < low < high", value)
     return low, high
 
 
-def check_attributes(record: Any, check: Callable[..., Any], *attributes: str, prefix: str = "", **limits: Any) -> None:
+def check_attributes(
+    record: Any, check: Callable[..., Any], *attributes: str, prefix: str = "", **limits: Any
+) -> None:
     """Check attributes of a frozen dataclass and store the converted values."""
     for name in attributes:
         object.__setattr__(record, name, check(f"{prefix}{name}", getattr(record, name), **limits))
@@ -412,7 +464,9 @@ class UnknownAttribute(AttributeError):
         Returns a text for a name without similar attributes of the owner.
     """
 
-    def __init__(self, owner: object, name: str, elsewhere: Callable[[str], str] = lambda name: "") -> None:
+    def __init__(
+        self, owner: object, name: str, elsewhere: Callable[[str], str] = lambda name: ""
+    ) -> None:
         super().__init__(name=name, obj=owner)
         self.attribute = name
         self.elsewhere = elsewhere
@@ -451,7 +505,11 @@ class Checked(Answering):
 def _checks(cls: Callable[..., Any]) -> dict[str, Callable[[str, Any], Any]]:
     """Return the check of each field of a class, by name."""
     found = {name: (_check_of(field), field.optional) for name, field in declarations(cls).items()}
-    return {name: partial(_given, check, optional) for name, (check, optional) in found.items() if check is not None}
+    return {
+        name: partial(_given, check, optional)
+        for name, (check, optional) in found.items()
+        if check is not None
+    }
 
 
 def _check_of(field: Declared) -> Callable[[str, Any], Any] | None:

@@ -39,7 +39,12 @@ PROBLEMS: dict[str, dict[str, Any]] = {
 def ours(problem: dict[str, Any], there: np.ndarray) -> tuple[float, bd.ResponseCurve, np.ndarray]:
     """Processor seconds of a curve, the curve, and the amplitudes at other frequencies (rad/s)."""
     contacts = [
-        bd.Contact(tuple(j["nodes"]) if len(j["nodes"]) == 2 else j["nodes"][0], kt=j["kt"], mu=1.0, preload=j["limit"])
+        bd.Contact(
+            tuple(j["nodes"]) if len(j["nodes"]) == 2 else j["nodes"][0],
+            kt=j["kt"],
+            mu=1.0,
+            preload=j["limit"],
+        )
         for j in problem["jenkins"]
     ]
     study = bd.lumped(
@@ -68,7 +73,14 @@ def theirs(python: str, problem: dict[str, Any]) -> dict[str, Any]:
     quiet = {**os.environ, "JAX_PLATFORMS": "cpu"}
     command = [os.path.abspath(python), str(script)]
     with tempfile.TemporaryDirectory() as folder:  # it writes where it runs
-        run = subprocess.run(command, input=json.dumps(problem), capture_output=True, text=True, env=quiet, cwd=folder)
+        run = subprocess.run(
+            command,
+            input=json.dumps(problem),
+            capture_output=True,
+            text=True,
+            env=quiet,
+            cwd=folder,
+        )
     if run.returncode:
         sys.exit(f"peers: pyHarm failed\n{run.stderr[-2000:]}")
     out: dict[str, Any] = json.loads(run.stdout.splitlines()[-1])
@@ -78,7 +90,9 @@ def theirs(python: str, problem: dict[str, Any]) -> dict[str, Any]:
 def main() -> None:
     """Print the table; ends with an error where the answers differ."""
     if len(sys.argv) != 2 or not Path(sys.argv[1]).exists():
-        sys.exit("peers: expected the interpreter of an environment with pyHarm-os; `make peers` makes it")
+        sys.exit(
+            "peers: expected the interpreter of an environment with pyHarm-os; `make peers` makes it"
+        )
     print("| problem | points | highest amplitude | s | pyHarm: points | highest amplitude | s | first run, s |"
           " ratio of times | largest difference of amplitudes |\n|---|---|---|---|---|---|---|---|---|---|")  # fmt: skip
     differ = []
@@ -89,8 +103,20 @@ def main() -> None:
         inside = (omega > problem["band"][0]) & (omega < problem["band"][1])
         seconds, curve, amplitude = ours(problem, omega[inside])
         off = float(np.abs(np.hypot(c, s)[inside] - amplitude).max() / amplitude.max())
-        row = [name, len(curve), f"{curve.peak.amplitude:.6f}", f"{seconds:.4f}", len(omega), f"{np.hypot(c, s).max():.6f}"]
-        row += [f"{peer['seconds']:.2f}", f"{peer['first']:.1f}", f"{peer['seconds'] / seconds:.0f}", f"{off:.0e}"]
+        row = [
+            name,
+            len(curve),
+            f"{curve.peak.amplitude:.6f}",
+            f"{seconds:.4f}",
+            len(omega),
+            f"{np.hypot(c, s).max():.6f}",
+        ]
+        row += [
+            f"{peer['seconds']:.2f}",
+            f"{peer['first']:.1f}",
+            f"{peer['seconds'] / seconds:.0f}",
+            f"{off:.0e}",
+        ]
         print("| " + " | ".join(map(str, row)) + " |", flush=True)
         if not off <= SAME or not curve.complete:
             differ.append(name)

@@ -54,7 +54,16 @@ def main():
         started = time.process_time()
         points = curve(problem)
         seconds.append(time.process_time() - started)
-    print(json.dumps({"version": version("pyHarm-os"), "first": seconds[0], "seconds": min(seconds[1:]), "points": points}))
+    print(
+        json.dumps(
+            {
+                "version": version("pyHarm-os"),
+                "first": seconds[0],
+                "seconds": min(seconds[1:]),
+                "points": points,
+            }
+        )
+    )
 
 
 if __name__ == "__main__":

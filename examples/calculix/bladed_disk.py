@@ -49,7 +49,12 @@ def import_model(folder: Path, fe: SectorFE, points: int = 9, n_modes: int = 20)
             ContactFaces("right", "RIGHT", "LEFT_UNDERSIDE", points=points),
             *(
                 ContactFaces(
-                    name, name.upper(), body_b="ground", kind="constraint", gap=g.end_gap, patches=end_patches(g, name)
+                    name,
+                    name.upper(),
+                    body_b="ground",
+                    kind="constraint",
+                    gap=g.end_gap,
+                    patches=end_patches(g, name),
                 )
                 for name in ("front", "back")
             ),

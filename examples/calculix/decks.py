@@ -31,7 +31,9 @@ def deck_of(body: Discretisation) -> str:
     # The map from scikit-fem's cube may be a reflection, which CalculiX refuses; then turn the elements over.
     corner = body.nodes[elements[0, :8] - 1]
     if np.linalg.det([corner[1] - corner[0], corner[3] - corner[0], corner[4] - corner[0]]) < 0.0:
-        elements = elements[:, [4, 5, 6, 7, 0, 1, 2, 3, 12, 13, 14, 15, 8, 9, 10, 11, 16, 17, 18, 19]]
+        elements = elements[
+            :, [4, 5, 6, 7, 0, 1, 2, 3, 12, 13, 14, 15, 8, 9, 10, 11, 16, 17, 18, 19]
+        ]
     lines = ["*NODE, NSET=ALL"]
     lines += [f"{k + 1}, {x:.12e}, {y:.12e}, {z:.12e}" for k, (x, y, z) in enumerate(body.nodes)]
     lines.append("*ELEMENT, TYPE=C3D20, ELSET=BODY")
@@ -61,7 +63,9 @@ def sector_input(
     brings stress stiffening and spin softening, as a perturbation step does in CalculiX.
     """
     # A degree of freedom of a clamped node must not be tied as well.
-    left, right = (np.setdiff1d(nodes, fe.clamped) for nodes in (fe.faces.independent, fe.faces.dependent))
+    left, right = (
+        np.setdiff1d(nodes, fe.clamped) for nodes in (fe.faces.independent, fe.faces.dependent)
+    )
     return "\n".join(
         [
             deck_of(fe.blade),
@@ -103,7 +107,9 @@ def _steps(omega: float) -> list[str]:
     ]  # fmt: skip
 
 
-def matrix_input(body: Discretisation, sets: Mapping[str, NDArray], clamped: str | None = None) -> str:
+def matrix_input(
+    body: Discretisation, sets: Mapping[str, NDArray], clamped: str | None = None
+) -> str:
     """Input file that makes CalculiX write its stiffness and mass matrix (``.sti``, ``.mas`` and ``.dof``).
 
     Parameters
@@ -165,7 +171,9 @@ def run_job(text: str, folder: Path, job: str) -> str:
         If it fails; the message ends with its last lines of output.
     """
     (folder / f"{job}.inp").write_text(text)
-    done = subprocess.run(["ccx", "-i", job], cwd=folder, capture_output=True, text=True, timeout=600.0, check=False)
+    done = subprocess.run(
+        ["ccx", "-i", job], cwd=folder, capture_output=True, text=True, timeout=600.0, check=False
+    )
     if done.returncode:
         raise RuntimeError(f"CalculiX failed on {job}.inp:\n{done.stdout[-1500:]}")
     return done.stdout

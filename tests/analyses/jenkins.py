@@ -52,7 +52,9 @@ def exact(amplitude):
 
     omega, zeta = closed_form(amplitude)
     end = np.arccos(1.0 - 2.0 * LIMIT / CONTACT / amplitude) / omega
-    found, _, ok, text = fsolve(residual, [amplitude, np.pi / omega, 2.0 * omega * zeta, end], xtol=1e-13, full_output=True)
+    found, _, ok, text = fsolve(
+        residual, [amplitude, np.pi / omega, 2.0 * omega * zeta, end], xtol=1e-13, full_output=True
+    )
     assert ok == 1 or np.abs(residual(found)).max() < 1e-11, text
     return np.pi / found[1], found[2] * found[1] / (2.0 * np.pi)
 
@@ -70,7 +72,14 @@ def integrated(matrices, contacts, load, omega, x, v, slider, periods, swing=0.0
     def rate(x, v, t):
         n = np.maximum(constant + kn * (close @ x), 0.0)
         friction = np.clip(kt * (slide @ x - w), -mu * n, mu * n)
-        return v, (load + swing * np.cos(omega * t) - damping * v - stiffness @ x - slide.T @ friction - close.T @ n) / mass
+        return v, (
+            load
+            + swing * np.cos(omega * t)
+            - damping * v
+            - stiffness @ x
+            - slide.T @ friction
+            - close.T @ n
+        ) / mass
 
     w = slider
     for t in h * np.arange(periods * steps):

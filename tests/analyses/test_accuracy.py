@@ -8,7 +8,14 @@ import pytest
 import bdamper as bd
 from bdamper.analyses import error_estimates as richer_module
 from bdamper.analyses.accuracy import make_ladders, varied
-from bdamper.analyses.error_estimates import SOURCES, Tops, compare, missing_harmonics, richer_study, with_stand_ins
+from bdamper.analyses.error_estimates import (
+    SOURCES,
+    Tops,
+    compare,
+    missing_harmonics,
+    richer_study,
+    with_stand_ins,
+)
 from bdamper.contact.residual_flexibility import ResidualModes
 from bdamper.response.verification import ErrorEstimates, SourceError
 from bdamper.util.errors import SettingError
@@ -42,7 +49,9 @@ def test_all_sources_of_a_peak(study, place, peak):
     assert errors["contact points"].against == "the model has no more contact points"
     assert errors.total >= max(s.size for s in errors.sources if s.known)
     text = errors.summary()
-    told = [line.split(maxsplit=2)[2] for line in text.splitlines() if line.startswith("  sources ")]
+    told = [
+        line.split(maxsplit=2)[2] for line in text.splitlines() if line.startswith("  sources ")
+    ]
     assert [line.split(":")[0] for line in told] == told_of
     assert errors.line.endswith("), not estimated: contact points") and "\n" not in errors.line
     with pytest.raises(SettingError, match=r"source: expected one of .* found 'friction'"):
@@ -63,12 +72,17 @@ def test_a_model_that_has_nothing_richer_gives_no_number(study, place, peak):
 
 @pytest.mark.parametrize("source", ["harmonics", "contact points", "modes", "contact_forces"])
 def test_estimate_is_the_change_to_the_richer_study(study, place, source):
-    changes = {"contact points": {"contact_points": 6}, "contact_forces": {"contact_forces": bd.AFT(64)}}.get(source, {})
+    changes = {
+        "contact points": {"contact_points": 6},
+        "contact_forces": {"contact_forces": bd.AFT(64)},
+    }.get(source, {})
     own = study.replace(**changes)
     curve = own.frequency_response(*place)
     estimated = own.estimate_errors(curve, sources=[source])[source]
     true = own._with_problem(richer_study(own.problem, source)[0]).peak(*place)
-    error = np.array([true.amplitude / curve.peak.amplitude - 1.0, true.frequency / curve.peak.frequency - 1.0])
+    error = np.array(
+        [true.amplitude / curve.peak.amplitude - 1.0, true.frequency / curve.peak.frequency - 1.0]
+    )
     assert np.abs(error).max() > 1e-6
     size = max(abs(estimated.amplitude), abs(estimated.frequency))
     assert 0.5 < size / np.abs(error).max() < 2.0, (estimated, error)
@@ -85,12 +99,18 @@ def test_harmonics_that_newton_does_not_reach_are_those_of_a_whole_curve(study, 
 
 
 def test_one_line_says_what_is_known():
-    modes, harmonics = SourceError("modes", 0.004, 0.001, 0.0, ""), SourceError("harmonics", -0.011, 0.0, 0.001, "")
+    modes, harmonics = (
+        SourceError("modes", 0.004, 0.001, 0.0, ""),
+        SourceError("harmonics", -0.011, 0.0, 0.001, ""),
+    )
     unknown, vague = (
         SourceError("contact points", np.nan, np.nan, np.inf, "why"),
         SourceError("solver", 0.02, 0.0, 0.02, ""),
     )
-    assert ErrorEstimates(1.0, 1.0, 1.0, (modes, harmonics)).line == "estimated error 1.5 % (harmonics 1.1, modes 0.4)"
+    assert (
+        ErrorEstimates(1.0, 1.0, 1.0, (modes, harmonics)).line
+        == "estimated error 1.5 % (harmonics 1.1, modes 0.4)"
+    )
     errors = ErrorEstimates(1.0, 1.0, 1.0, (modes, unknown, vague))
     assert errors.line == "estimated error 0.4 % (modes 0.4), not estimated: contact points, solver"
     assert not vague.known and errors.total == 0.004 and "solver: not estimated" in errors.summary()
@@ -100,13 +120,20 @@ def test_one_line_says_what_is_known():
 def test_top_at_an_end_of_the_interval_is_estimated_at_its_frequency(study, place):
     curve = study.frequency_response(place[0], (350.0, 354.5))  # the response still rises
     estimated = study.estimate_errors(curve, sources=["harmonics"])["harmonics"]
-    true = study._with_problem(richer_study(study.problem, "harmonics")[0]).frequency_response(place[0],
-        (350.0, 354.5)).peak
+    true = (
+        study._with_problem(richer_study(study.problem, "harmonics")[0])
+        .frequency_response(place[0], (350.0, 354.5))
+        .peak
+    )
     assert estimated.frequency == 0.0 and "solved at the end" in estimated.against
-    assert estimated.amplitude == pytest.approx(true.amplitude / curve.peak.amplitude - 1.0, rel=1e-5)
+    assert estimated.amplitude == pytest.approx(
+        true.amplitude / curve.peak.amplitude - 1.0, rel=1e-5
+    )
 
 
-@pytest.mark.parametrize("number", [1023, *(pytest.param(n, marks=pytest.mark.slow) for n in (1047, 1070)), 1253])
+@pytest.mark.parametrize(
+    "number", [1023, *(pytest.param(n, marks=pytest.mark.slow) for n in (1047, 1070)), 1253]
+)
 def test_resonance_that_comes_into_the_interval_is_found(number):
     """More modes or points bring another resonance in, or leave a top that is no maximum."""
     compared = accuracy_cases.compare(number)
@@ -114,7 +141,9 @@ def test_resonance_that_comes_into_the_interval_is_found(number):
     assert np.abs(compared.true).max() > 0.05
 
 
-@pytest.mark.parametrize("number", [*(pytest.param(n, marks=pytest.mark.slow) for n in (61, 173)), 29, 69])
+@pytest.mark.parametrize(
+    "number", [*(pytest.param(n, marks=pytest.mark.slow) for n in (61, 173)), 29, 69]
+)
 def test_resonance_that_leaves_the_interval_is_followed(number):
     """With more points the response is highest at an end."""
     compared = accuracy_cases.compare(number)
@@ -141,8 +170,12 @@ def test_a_lower_peak_that_becomes_the_highest_is_found(study, place, peak):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(richer_module, "peak_of_sign", higher)
         for peaks in ((peak, other), (other, peak)):
-            changes = compare(study.problem, richer.problem, place[0], Tops(peaks, place[1]), by_newton=True)
-            assert changes.amplitude == pytest.approx(1.02 * peak.amplitude / peaks[0].amplitude - 1.0)
+            changes = compare(
+                study.problem, richer.problem, place[0], Tops(peaks, place[1]), by_newton=True
+            )
+            assert changes.amplitude == pytest.approx(
+                1.02 * peak.amplitude / peaks[0].amplitude - 1.0
+            )
             assert changes.how == "solved"
 
 
@@ -184,7 +217,11 @@ def result(study, place):
 
 def test_errors_are_those_of_the_curves(study, place, result):
     top = study.replace(harmonics=4).frequency_response(*place).peak
-    assert (result.richest.values, result.richest.part, result.richest.difference) == (("4", "9"), "richest", 0.0)
+    assert (result.richest.values, result.richest.part, result.richest.difference) == (
+        ("4", "9"),
+        "richest",
+        0.0,
+    )
     assert result.richest.amplitude == pytest.approx(top.amplitude, rel=1e-9)
     poorer = {r.values: r for r in result.runs}
     own = study.replace(harmonics=4, contact_points=6).frequency_response(*place).peak
@@ -198,7 +235,9 @@ def test_each_setting_goes_down_until_it_misses_the_tolerance(study, place, resu
     down = [r for r in result.runs if r.part == "harmonics"]
     assert [r.values[0] for r in down] == ["3", "2", "1"][: len(down)]
     assert all(r.difference <= 0.06 for r in down[:-1])
-    strict = bd.accuracy_cost(study, *place, vary={"harmonics": [1, 2, 3, 4]}, tolerance=1e-9, sources=())
+    strict = bd.accuracy_cost(
+        study, *place, vary={"harmonics": [1, 2, 3, 4]}, tolerance=1e-9, sources=()
+    )
     assert [r.values for r in strict.runs] == [("4",), ("3",)]
     assert strict.recommended is strict.richest and "Not reached: 1e-07 %." in strict.summary()
 
@@ -207,7 +246,9 @@ def scene(errors):
     """Amplitudes that differ from one by given errors of each harmonics and contact points, and of their combination."""
 
     def ask(study, preload, interval):
-        return 1.0 + errors[study.settings.harmonic_numbers[-1], study.settings.contact_points or 9], 300.0
+        return 1.0 + errors[
+            study.settings.harmonic_numbers[-1], study.settings.contact_points or 9
+        ], 300.0
 
     return ask
 
@@ -222,7 +263,9 @@ def test_combination_that_misses_takes_the_next_richer_value_of_the_worst(study,
     assert all(r.difference == pytest.approx(errors[tuple(map(int, r.values))]) for r in found.runs)
     assert found.uncertainty == pytest.approx(0.01 + 0.03)
     within = [r for r in found.runs[1:] if (1.0 + r.difference) * 1.04 <= 1.09]
-    assert found.recommended.seconds == min(r.seconds for r in within) and found.recommended in within
+    assert (
+        found.recommended.seconds == min(r.seconds for r in within) and found.recommended in within
+    )
 
 
 def test_interrupted_runs_are_kept(study, place, tmp_path):
@@ -244,10 +287,17 @@ def test_interrupted_runs_are_kept(study, place, tmp_path):
 def test_unknown_answers_are_not_recommended(study, place):
     errors = {(3, 9): 0.0, (2, 9): float("nan")}
     vary = {"harmonics": [1, 2, 3]}
-    found = bd.accuracy_cost(study, *place, vary=vary, quantity=scene(errors), tolerance=0.5, sources=())
-    assert found.recommended is found.richest and "It is not known which settings meet 50 %." in found.summary()
+    found = bd.accuracy_cost(
+        study, *place, vary=vary, quantity=scene(errors), tolerance=0.5, sources=()
+    )
+    assert (
+        found.recommended is found.richest
+        and "It is not known which settings meet 50 %." in found.summary()
+    )
     assert np.isnan(found.uncertainty) and not found.reached
-    with pytest.raises(bd.BdamperError, match="no peak with the most detailed settings, harmonics 2"):
+    with pytest.raises(
+        bd.BdamperError, match="no peak with the most detailed settings, harmonics 2"
+    ):
         bd.accuracy_cost(study, *place, vary={"harmonics": [1, 2]}, quantity=scene(errors))
 
 
@@ -259,17 +309,27 @@ def test_runs_that_fail_leave_the_others(study, place, tmp_path):
             raise bd.BdamperError("no answer with one harmonic")
         return 1.0, 300.0
 
-    vary = {"harmonics": [1, 2, 3], "contact_forces": [bd.AFT(8), "event_driven"], "rigid_modes": [("TX",), bd.RIGID_NAMES]}
+    vary = {
+        "harmonics": [1, 2, 3],
+        "contact_forces": [bd.AFT(8), "event_driven"],
+        "rigid_modes": [("TX",), bd.RIGID_NAMES],
+    }
     found = bd.accuracy_cost(study, *place, vary=vary, quantity=ask, sources=["harmonics"])
     reasons = {r.part: r.reason for r in found.runs if r.reason}
     assert reasons["harmonics"] == "no answer with one harmonic"
-    assert reasons["contact_forces"].startswith("contact_forces: expected") and "rigid" in reasons["rigid_modes"]
+    assert (
+        reasons["contact_forces"].startswith("contact_forces: expected")
+        and "rigid" in reasons["rigid_modes"]
+    )
     assert found.recommended.values == ("2", "event_driven", " ".join(study.settings.rigid_modes))
     assert all(reason in found.summary() for reason in reasons.values())
     found.plot()
     found.save(tmp_path / "cost.h5")
     assert [r.reason for r in bd.load(tmp_path / "cost.h5").runs] == [r.reason for r in found.runs]
-    with pytest.raises(bd.BdamperError, match=r"no peak with the most detailed settings.*no answer with one harmonic"):
+    with pytest.raises(
+        bd.BdamperError,
+        match=r"no peak with the most detailed settings.*no answer with one harmonic",
+    ):
         bd.accuracy_cost(study, *place, vary={"harmonics": [1]}, quantity=ask)
 
 
@@ -289,7 +349,9 @@ def convergent(study, preload, interval):
 def shipped():
     """A study with residual modes, whose model has more blade modes than it uses."""
     wave = bd.Excitation("tip", direction="tangential")
-    return bd.Study(bd.reference_model("turbine_blade"), wave, engine_order=5, friction_coefficient=0.35)
+    return bd.Study(
+        bd.reference_model("turbine_blade"), wave, engine_order=5, friction_coefficient=0.35
+    )
 
 
 def error_against_limit(run):
@@ -299,7 +361,9 @@ def error_against_limit(run):
 def test_errors_contain_the_error_of_the_reference():
     """Against the limit of the quantity: residual modes, which are not varied, leave 5.6 %."""
     vary = {"harmonics": [1, 3, 5], "blade_modes": [5, 10, 20]}
-    found = bd.accuracy_cost(shipped(), 200.0, (610.0, 740.0), quantity=convergent, vary=vary, tolerance=0.05)
+    found = bd.accuracy_cost(
+        shipped(), 200.0, (610.0, 740.0), quantity=convergent, vary=vary, tolerance=0.05
+    )
     # 0.02 of harmonics, 0.001 of blade modes, 0.056 of residual modes
     assert error_against_limit(found.richest) == pytest.approx(0.0766, abs=1e-4)
     # twice the detail removes three quarters of an error of the second power
@@ -308,18 +372,24 @@ def test_errors_contain_the_error_of_the_reference():
     assert "Not reached: 5 %." in found._headline()
     unvaried = {error.source: error.size for error in found.sources}["residual flexibility"]
     removed = 0.75 * (2.0 / 36)
-    assert unvaried == pytest.approx(removed / (1.0 + error_against_limit(found.richest) - removed), rel=1e-6)
+    assert unvaried == pytest.approx(
+        removed / (1.0 + error_against_limit(found.richest) - removed), rel=1e-6
+    )
 
 
 def test_settings_within_the_tolerance_have_the_error_of_the_reference_too():
     vary = {"harmonics": [1, 3, 5, 10, 20], "blade_modes": [5, 10, 20]}
     study = shipped().replace(contact_stiffness=ResidualModes(24))
-    found = bd.accuracy_cost(study, 200.0, (610.0, 740.0), quantity=convergent, vary=vary, tolerance=0.03)
+    found = bd.accuracy_cost(
+        study, 200.0, (610.0, 740.0), quantity=convergent, vary=vary, tolerance=0.03
+    )
     assert found.reached and found.forecast is None
     assert found.recommended is not found.richest
     assert error_against_limit(found.recommended) < 0.03
     for run in found.runs:
-        assert 1.0 + found.error(run) == pytest.approx((1.0 + run.difference) * (1.0 + found.uncertainty))
+        assert 1.0 + found.error(run) == pytest.approx(
+            (1.0 + run.difference) * (1.0 + found.uncertainty)
+        )
         assert found.columns()["error"].values[found.runs.index(run)] == found.error(run)
 
 
@@ -327,7 +397,9 @@ def test_forecast_meets_a_tolerance_that_was_not_reached():
     """Its settings, computed, are within the tolerance of the limit."""
     vary = {"harmonics": [1, 3, 5], "blade_modes": [5, 10, 20]}
     study = shipped()
-    found = bd.accuracy_cost(study, 200.0, (610.0, 740.0), quantity=convergent, vary=vary, tolerance=0.04)
+    found = bd.accuracy_cost(
+        study, 200.0, (610.0, 740.0), quantity=convergent, vary=vary, tolerance=0.04
+    )
     forecast = found.forecast
     assert forecast.settings == "12 residual modes" and forecast.error < 0.04
     richer = study.replace(harmonics=5, blade_modes=20, contact_stiffness=ResidualModes(12))
@@ -346,10 +418,15 @@ def test_no_forecast_if_the_model_has_no_more_detail(study, place):
         return 1.0 + (0.1 if study.settings.contact_points == 6 else 0.0), 300.0
 
     vary = {"contact_points": [6, 9]}
-    found = bd.accuracy_cost(study, *place, vary=vary, quantity=ask, tolerance=0.05, sources=["contact points"])
+    found = bd.accuracy_cost(
+        study, *place, vary=vary, quantity=ask, tolerance=0.05, sources=["contact points"]
+    )
     (error,) = found.sources
     assert error.size == pytest.approx(0.1)
-    assert error.against == "the model has no more contact points; last refinement, from contact points 6"
+    assert (
+        error.against
+        == "the model has no more contact points; last refinement, from contact points 6"
+    )
     assert not found.reached and found.forecast is None
     assert "No more detailed settings of this model are expected to reach it." in found._headline()
 
@@ -360,7 +437,9 @@ def test_a_source_without_a_peak_leaves_the_error_unknown():
             raise bd.BdamperError("no answer with more harmonics")
         return 1.0, 300.0
 
-    found = bd.accuracy_cost(shipped(), 200.0, (610.0, 740.0), quantity=ask, vary={"blade_modes": [10, 20]})
+    found = bd.accuracy_cost(
+        shipped(), 200.0, (610.0, 740.0), quantity=ask, vary={"blade_modes": [10, 20]}
+    )
     assert np.isnan(found.uncertainty) and not found.reached and found.forecast is None
     assert found._headline().startswith("It is not known which settings meet 5 %.")
     assert "no answer with more harmonics" in found.summary()
@@ -371,7 +450,9 @@ def test_uncertainty_of_the_turbine_blade():
     """Truth: the complete curve with 12 harmonics, 20 blade modes and 24 residual modes (90 s)."""
     true = 100.88e-6
     study = shipped().replace(blade_modes=20)
-    found = bd.accuracy_cost(study, 200.0, (610.0, 740.0), vary={"harmonics": [1, 3, 5]}, tolerance=0.05)
+    found = bd.accuracy_cost(
+        study, 200.0, (610.0, 740.0), vary={"harmonics": [1, 3, 5]}, tolerance=0.05
+    )
     assert abs(found.richest.amplitude / true - 1.0) > 0.05 and not found.reached
     for run in found.runs:
         assert abs(run.amplitude / true - 1.0) < found.error(run)
@@ -379,25 +460,35 @@ def test_uncertainty_of_the_turbine_blade():
     assert found.forecast.settings == "harmonics 1 to 10"
     change = next(error for error in found.sources if error.source == "harmonics")
     curve = study.replace(harmonics=10).frequency_response(200.0, (610.0, 740.0))
-    assert change.size == pytest.approx(abs(found.richest.amplitude / curve.peak.amplitude - 1.0), rel=1e-3)
+    assert change.size == pytest.approx(
+        abs(found.richest.amplitude / curve.peak.amplitude - 1.0), rel=1e-3
+    )
     assert abs(curve.peak.amplitude / true - 1.0) < 0.05
 
 
 @pytest.mark.parametrize("name", models.ALL_MODELS)
 def test_default_ladders_suit_every_model(name):
-    study = plain_study(models.ALL_MODELS[name](0), bd.Excitation("tip"), 1 if name == "acyclic" else 2)
+    study = plain_study(
+        models.ALL_MODELS[name](0), bd.Excitation("tip"), 1 if name == "acyclic" else 2
+    )
     ladders = make_ladders(study.problem, None)
     assert list(ladders) == ["harmonics", "contact_points", "blade_modes"]
     for name, values in ladders.items():
-        sizes = [varied(study.problem, {name: value}).system(0.0).n_unknowns for value in values.values()]
+        sizes = [
+            varied(study.problem, {name: value}).system(0.0).n_unknowns for value in values.values()
+        ]
         assert sizes == sorted(sizes)
-    assert list(make_ladders(oscillator(1).problem, None)) == ["harmonics", "contact_points"], "masses have no modes"
+    assert list(make_ladders(oscillator(1).problem, None)) == ["harmonics", "contact_points"], (
+        "masses have no modes"
+    )
 
 
 # ---- effectivity ----
 
 
-@pytest.mark.parametrize("number", [2, 4, 8, *(pytest.param(n, marks=pytest.mark.slow) for n in (12, 20))])
+@pytest.mark.parametrize(
+    "number", [2, 4, 8, *(pytest.param(n, marks=pytest.mark.slow) for n in (12, 20))]
+)
 def test_effectivity_on_a_sample(number):
     compared = accuracy_cases.compare(number)
     assert compared is not None

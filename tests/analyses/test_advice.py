@@ -24,13 +24,21 @@ TOLERANCE = 0.03
 def full():
     model = models.wedge_model(1, n_points=6, harmonics=5)
     return plain_study(
-        model, bd.Excitation("tip"), engine_order=2, friction_coefficient=0.4, harmonics=3, damper_modes=1, blade_modes=4
+        model,
+        bd.Excitation("tip"),
+        engine_order=2,
+        friction_coefficient=0.4,
+        harmonics=3,
+        damper_modes=1,
+        blade_modes=4,
     )
 
 
 @pytest.fixture(scope="module")
 def advice(full):
-    return full.effect_significance(PRELOAD, INTERVAL, against=Effects.of(full), tolerance=TOLERANCE)
+    return full.effect_significance(
+        PRELOAD, INTERVAL, against=Effects.of(full), tolerance=TOLERANCE
+    )
 
 
 def changes(study, effects, advice):
@@ -43,9 +51,14 @@ def changes(study, effects, advice):
 def test_every_effect_that_is_on_has_a_row(full, advice):
     assert {e.name for e in advice.effects} == set(parts(full.problem, Effects.of(full)))
     assert all(e.on for e in advice.effects)
-    assert {"bias", "separation", "harmonics beyond 1", "rotation X", "translation Z", "constraint planes"} <= {
-        e.name for e in advice.effects
-    }
+    assert {
+        "bias",
+        "separation",
+        "harmonics beyond 1",
+        "rotation X",
+        "translation Z",
+        "constraint planes",
+    } <= {e.name for e in advice.effects}
     assert "translation Y" not in {e.name for e in advice.effects}  # the preload acts along it
     sizes = [e.size for e in advice.effects]
     assert sizes == sorted(sizes, reverse=True)
@@ -85,10 +98,14 @@ def test_what_is_left_out_changes_no_more_than_the_tolerance(full, advice):
 
 def test_effects_that_the_study_lacks_are_judged_against_what_the_model_can_do(full, advice):
     cheap = full.replace(harmonics=1, rigid_modes=("TX", "TY", "TZ", "RX"), separation=False)
-    other = cheap.effect_significance(PRELOAD, INTERVAL, against=Effects.of(full), tolerance=TOLERANCE)
+    other = cheap.effect_significance(
+        PRELOAD, INTERVAL, against=Effects.of(full), tolerance=TOLERANCE
+    )
     off = {e.name for e in other.effects if not e.on}
     assert off == {"harmonics beyond 1", "rotation Y", "rotation Z", "separation"}
-    assert {e.name: e.size for e in other.effects} == pytest.approx({e.name: e.size for e in advice.effects})
+    assert {e.name: e.size for e in other.effects} == pytest.approx(
+        {e.name: e.size for e in advice.effects}
+    )
     assert {e.verdict for e in other.effects if not e.on} <= {"switch on", "stays off"}
     assert any(e.verdict == "switch on" for e in other.effects)
     true = changes(full, other.significant, other)
@@ -100,7 +117,9 @@ DEFAULT = Effects({f.name: f.default for f in fields(Settings) if f.name in ASSU
 
 
 def rows(*given):
-    return [EffectRow(name, on, change, 0.0, 0.0, "computed", work) for name, on, change, work in given]
+    return [
+        EffectRow(name, on, change, 0.0, 0.0, "computed", work) for name, on, change, work in given
+    ]
 
 
 class Reference:
@@ -118,16 +137,28 @@ class Reference:
 
 
 def test_effects_that_save_most_are_left_out_within_the_sum():
-    given = rows(("rotation X", True, 0.006, 0.9), ("bias", True, -0.006, 0.8), ("constraint planes", True, 0.004, 0.85))
+    given = rows(
+        ("rotation X", True, 0.006, 0.9),
+        ("bias", True, -0.006, 0.8),
+        ("constraint planes", True, 0.004, 0.85),
+    )
     found, change = module._chosen(Reference(DEFAULT, lambda e: 0.0), given, 0.01)
-    assert {e.name for e in found if not e.significant} == {"bias", "constraint planes"} and change == (0.0, 0.0)
-    assert next(e for e in found if e.name == "rotation X").reason == "the sum would exceed the tolerance"
+    assert {e.name for e in found if not e.significant} == {
+        "bias",
+        "constraint planes",
+    } and change == (0.0, 0.0)
+    assert (
+        next(e for e in found if e.name == "rotation X").reason
+        == "the sum would exceed the tolerance"
+    )
 
 
 def test_what_saves_nothing_stays_on_and_what_is_off_may_stay_off():
     given = rows(("separation", True, 0.001, 1.2), ("bias", False, 0.001, 1.0))
     found, _ = module._chosen(Reference(DEFAULT, lambda e: 0.0), given, 0.01)
-    assert [e.verdict for e in found] == ["keep", "stays off"] and found[0].reason == "saves nothing"
+    assert [e.verdict for e in found] == ["keep", "stays off"] and found[
+        0
+    ].reason == "saves nothing"
 
 
 def test_effects_that_change_more_together_are_taken_back():
@@ -141,7 +172,11 @@ def test_effects_that_change_more_together_are_taken_back():
             raise bd.BdamperError("no peak")
         return 0.004
 
-    given = rows(("bias", True, 0.003, 0.8), ("constraint planes", True, 0.002, 0.9), ("rotation X", True, 0.001, 0.9))
+    given = rows(
+        ("bias", True, 0.003, 0.8),
+        ("constraint planes", True, 0.002, 0.9),
+        ("rotation X", True, 0.001, 0.9),
+    )
     reference = Reference(effects, joint)
     found, change = module._chosen(reference, given, 0.01)
     assert [e.significant for e in found] == [True, True, False] and change == (0.004, 0.0)
@@ -153,12 +188,18 @@ def test_effects_that_change_more_together_are_taken_back():
     ]
 
 
-def test_an_effect_without_which_no_peak_or_no_whole_curve_is_found_is_called_for(full, monkeypatch):
+def test_an_effect_without_which_no_peak_or_no_whole_curve_is_found_is_called_for(
+    full, monkeypatch
+):
     def none(problem, *scene, **named):
         if not problem.settings.separation:
             raise bd.BdamperError("no peak there")
         curve = frequency_response(problem, *scene, **named)
-        return curve if problem.settings.constraint_planes else replace(curve, status="incomplete", reason="lost")
+        return (
+            curve
+            if problem.settings.constraint_planes
+            else replace(curve, status="incomplete", reason="lost")
+        )
 
     frequency_response = error_estimates.frequency_response
     monkeypatch.setattr(error_estimates, "frequency_response", none)
@@ -169,7 +210,10 @@ def test_an_effect_without_which_no_peak_or_no_whole_curve_is_found_is_called_fo
     assert (row.source, row.verdict, row.size) == ("unknown", "keep", np.inf)
     assert row.reason == "no complete response curve: no peak there"
     partial = reference.row("constraint planes", Effects.of(full), TOLERANCE)
-    assert partial.source == "unknown" and partial.reason == "no complete response curve: incomplete: lost"
+    assert (
+        partial.source == "unknown"
+        and partial.reason == "no complete response curve: incomplete: lost"
+    )
     assert reference.row("rotation X", Effects.of(full), TOLERANCE).source == "computed"
 
 
@@ -182,8 +226,12 @@ def test_a_peak_that_changes_little_needs_no_whole_curve(full, monkeypatch):
     monkeypatch.setattr(module, "estimate_change", lambda system, y: Change(np.nan, np.nan, np.inf))
     small = reference.row("harmonics beyond 1", Effects.of(full), TOLERANCE)
     assert small.source == "computed" and small.frequency_change == pytest.approx(0.00393, rel=1e-3)
-    assert reference.row("translation X", Effects.of(full), TOLERANCE).source == "unknown"  # falls to less than half
-    assert reference.row("blade modes beyond 2", Effects.of(full), TOLERANCE).source == "unknown"  # leaves the interval
+    assert (
+        reference.row("translation X", Effects.of(full), TOLERANCE).source == "unknown"
+    )  # falls to less than half
+    assert (
+        reference.row("blade modes beyond 2", Effects.of(full), TOLERANCE).source == "unknown"
+    )  # leaves the interval
 
 
 def test_effects_that_cancel_by_chance_are_not_left_out_together():
@@ -206,18 +254,34 @@ def test_a_corner_is_compared_by_whole_curves_alone(full, monkeypatch):
 
 def test_the_reference_is_what_the_model_has(full):
     rich = fullest(full.problem)
-    expected = {"harmonics": 3, "damper_modes": 2, "blade_modes": 4, "friction_law": "uncoupled", "bias": True}
+    expected = {
+        "harmonics": 3,
+        "damper_modes": 2,
+        "blade_modes": 4,
+        "friction_law": "uncoupled",
+        "bias": True,
+    }
     assert rich == rich | expected and not rich["fundamental_modes_only"]
     bare = full.replace(rigid_modes=("TX", "TY", "TZ"), bias=False, harmonics=(1, 7))
-    assert fullest(bare.problem) == fullest(bare.problem) | {"harmonics": (1, 2, 3, 7), "rigid_modes": bd.RIGID_NAMES}
+    assert fullest(bare.problem) == fullest(bare.problem) | {
+        "harmonics": (1, 2, 3, 7),
+        "rigid_modes": bd.RIGID_NAMES,
+    }
 
 
 def test_a_harmonic_with_a_force_of_its_own_stays(full):
-    several = full.replace(excitation=bd.Excitation("tip") + bd.Excitation("tip", amplitude=0.2, engine_order=4))
+    several = full.replace(
+        excitation=bd.Excitation("tip") + bd.Excitation("tip", amplitude=0.2, engine_order=4)
+    )
     names = parts(several.problem, Effects.of(several))
-    assert "harmonics beyond 1" not in names and "harmonics beyond 1" in parts(full.problem, Effects.of(full))
+    assert "harmonics beyond 1" not in names and "harmonics beyond 1" in parts(
+        full.problem, Effects.of(full)
+    )
     for name in names:
-        assert several.replace(**Effects.of(several).without(name)).settings.excited.keys() == {1, 2}
+        assert several.replace(**Effects.of(several).without(name)).settings.excited.keys() == {
+            1,
+            2,
+        }
 
 
 def test_no_peak_no_advice(full):
@@ -249,7 +313,9 @@ def test_an_effect_that_holds_the_damper_is_judged_by_the_complete_curve_without
     preload, interval = 104.0, (600.0, 740.0)
     effects = module.fullest(study.problem)
     study = study.replace(**effects)
-    row = module._Reference(study.problem, effects, preload, interval).row("constraint planes", effects, 0.01)
+    row = module._Reference(study.problem, effects, preload, interval).row(
+        "constraint planes", effects, 0.01
+    )
     without = study.replace(constraint_planes=False).frequency_response(preload, interval)
     assert not without.complete
     low, high = without.gap

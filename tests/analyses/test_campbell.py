@@ -18,12 +18,20 @@ from tests.turning import turning_disk
 def spinning_oscillator(stiffening):
     """One mass of 2 kg on 8e5 N/m with a contact of 3e5 N/m, whose frequency rises with speed by hand."""
     study = bd.lumped(
-        2.0, 10.0, 8e5, contacts=[bd.Contact(tangential=0, kt=3e5, mu=0.3, preload=100.0)], forces={0: 1.0}
+        2.0,
+        10.0,
+        8e5,
+        contacts=[bd.Contact(tangential=0, kt=3e5, mu=0.3, preload=100.0)],
+        forces={0: 1.0},
     )
     body = study.model.bodies["masses"]
     speed = SpeedBasis(0.0, np.diag(body.bases[0].omega2), np.array([[stiffening]]))
     bases = {0: replace(body.bases[0], speed=speed)}
-    return study.replace(model=replace(study.model, bodies={**study.model.bodies, "masses": replace(body, bases=bases)}))
+    return study.replace(
+        model=replace(
+            study.model, bodies={**study.model.bodies, "masses": replace(body, bases=bases)}
+        )
+    )
 
 
 def test_a_spinning_oscillator_in_closed_form():
@@ -31,9 +39,15 @@ def test_a_spinning_oscillator_in_closed_form():
     study = spinning_oscillator(3.5)
     speeds = np.linspace(100.0, 500.0, 9)
     found = study.campbell(speeds, [2, 3], modes=1)
-    np.testing.assert_allclose(2.0 * np.pi * found.free[0, :, 0], np.sqrt(4e5 + 3.5 * speeds**2), rtol=1e-12)
-    np.testing.assert_allclose(2.0 * np.pi * found.stuck[0, :, 0], np.sqrt(5.5e5 + 3.5 * speeds**2), rtol=1e-12)
-    np.testing.assert_allclose(found.met[:, 2], np.sqrt(4e5 / (np.array([4.0, 9.0]) - 3.5))[[1, 1]] * [np.nan, 1.0])
+    np.testing.assert_allclose(
+        2.0 * np.pi * found.free[0, :, 0], np.sqrt(4e5 + 3.5 * speeds**2), rtol=1e-12
+    )
+    np.testing.assert_allclose(
+        2.0 * np.pi * found.stuck[0, :, 0], np.sqrt(5.5e5 + 3.5 * speeds**2), rtol=1e-12
+    )
+    np.testing.assert_allclose(
+        found.met[:, 2], np.sqrt(4e5 / (np.array([4.0, 9.0]) - 3.5))[[1, 1]] * [np.nan, 1.0]
+    )
     np.testing.assert_allclose(found.met[1, 3], np.sqrt(5.5e5 / (9.0 - 3.5)), rtol=1e-12)
     assert "order 3, mode 1  free at 269.68 rad/s (2575 rpm)" in found.summary()
 
@@ -48,12 +62,16 @@ def test_orders_meet_the_modes_of_their_nodal_diameter_alone(tmp_path):
         assert found.row(d) == k
     at = study.at_speed(500.0)
     np.testing.assert_allclose(
-        found.free[1, 1], np.sqrt(np.sort(at.model.bodies["blade"].bases[5].omega2)[:2]) / (2.0 * np.pi), rtol=1e-12
+        found.free[1, 1],
+        np.sqrt(np.sort(at.model.bodies["blade"].bases[5].omega2)[:2]) / (2.0 * np.pi),
+        rtol=1e-12,
     )
     found.save(tmp_path / "campbell.h5")
     assert str(bd.load(tmp_path / "campbell.h5")) == str(found)
     assert len(found.columns()["free"].values) == 18
-    with pytest.raises(bd.SettingError, match="engine_orders: expected orders that excite nodal diameters"):
+    with pytest.raises(
+        bd.SettingError, match="engine_orders: expected orders that excite nodal diameters"
+    ):
         study.campbell((200.0, 500.0), [7])
     with pytest.raises(bd.SettingError, match="mode: expected 1 to"):
         study.campbell((200.0, 500.0), [5], modes=41)
@@ -63,7 +81,9 @@ def test_orders_meet_the_modes_of_their_nodal_diameter_alone(tmp_path):
 def test_the_static_state_of_a_speed_serves_all_nodal_diameters(monkeypatch):
     """It is the mean, which has none; stuck frequencies are those of the studies of each order."""
     solved = []
-    monkeypatch.setattr(problem, "static_state", lambda *a, **b: solved.append(a[1]) or static_state(*a, **b))
+    monkeypatch.setattr(
+        problem, "static_state", lambda *a, **b: solved.append(a[1]) or static_state(*a, **b)
+    )
     study = plain_study(turning_disk((0, 5, 10)), bd.Excitation("tip"), 5, friction_coefficient=0.3)
     found = study.campbell((200.0, 500.0, 600.0), modes=2)
     assert [load for load in solved if load > 0.0] == [1.0] * 3
@@ -77,8 +97,13 @@ def test_nodal_diameters_of_one_speed_are_left_out():
     """Beside others that stiffen with speed they would show the frequencies of standstill."""
     study = plain_study(turning_disk((0, 5, 10)), bd.Excitation("tip"), 5, friction_coefficient=0.3)
     blade = study.model.bodies["blade"]
-    bases = {d: replace(basis, speed=None if d == 10 else basis.speed) for d, basis in blade.bases.items()}
-    model = replace(study.model, bodies={**study.model.bodies, "blade": replace(blade, bases=bases)})
+    bases = {
+        d: replace(basis, speed=None if d == 10 else basis.speed)
+        for d, basis in blade.bases.items()
+    }
+    model = replace(
+        study.model, bodies={**study.model.bodies, "blade": replace(blade, bases=bases)}
+    )
     found = study.replace(model=model).campbell((200.0, 300.0, 400.0), [5], modes=1)
     assert found.nodal_diameter.tolist() == [0, 5]
     assert "nodal diameters 10: modes of one rotor speed" in found.summary()

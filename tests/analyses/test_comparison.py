@@ -56,14 +56,25 @@ def test_on_the_same_axes(study, found):
     names = [text.get_text() for text in ax.get_legend().get_texts()]
     assert {"as it is", "smooth", "heavier", "rig"} <= set(names)
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("Frequency (Hz)", "Tip amplitude (µm)")
-    losses = plot_together({name: study.dissipation(curve) for name, curve in list(found.results.items())[:1]})
+    losses = plot_together(
+        {name: study.dissipation(curve) for name, curve in list(found.results.items())[:1]}
+    )
     assert losses.get_ylabel() == "Equivalent damping ratio (%)"
-    loops = plot_together({"a": study.hysteresis(found.curves[0]), "b": study.hysteresis(found.curves[0], 0)})
-    assert loops.get_ylabel() == "Equivalent force of\nall contacts (N)" and len(loops.get_lines()) == 2
+    loops = plot_together(
+        {"a": study.hysteresis(found.curves[0]), "b": study.hysteresis(found.curves[0], 0)}
+    )
+    assert (
+        loops.get_ylabel() == "Equivalent force of\nall contacts (N)"
+        and len(loops.get_lines()) == 2
+    )
     assert loops.get_xlabel() == "Response (µm)"
-    mass = bd.lumped(1.0, 0.02, 1.0, contacts=[bd.Contact(0, kt=1.0, mu=1.0, preload=1.0)], forces={0: 1.0})
+    mass = bd.lumped(
+        1.0, 0.02, 1.0, contacts=[bd.Contact(0, kt=1.0, mu=1.0, preload=1.0)], forces={0: 1.0}
+    )
     far = plot_together({"a mass": mass.hysteresis(mass.peak(0.0, (0.1, 0.3)))})
-    assert far.get_xlabel() == "Response (m)" and np.abs(far.get_lines()[0].get_xdata()).max() < 10.0
+    assert (
+        far.get_xlabel() == "Response (m)" and np.abs(far.get_lines()[0].get_xdata()).max() < 10.0
+    )
     plt.close("all")
 
 
@@ -71,8 +82,14 @@ def test_optimal_curves(study):
     curve = study.optimal_curve((6e3, 8e3), 2, frequency=(340.0, 370.0), check=False)
     found = bd.compare({"rough": study, "smooth": {"friction_coefficient": 0.39}}, lambda _: curve)
     assert found.names == ("rough", "smooth") and not found.curves and len(found.optimal) == 2
-    failures = [f"'{name}': {_failed(curve)[0]}" for name, curve in found.results.items() if _failed(curve)]
-    assert failures and f"Not for design: {failures[0]}" in found._headline() and failures[0].split(": ")[1] in str(found)
+    failures = [
+        f"'{name}': {_failed(curve)[0]}" for name, curve in found.results.items() if _failed(curve)
+    ]
+    assert (
+        failures
+        and f"Not for design: {failures[0]}" in found._headline()
+        and failures[0].split(": ")[1] in str(found)
+    )
     ax = found.plot(quantity="shift").axes[0]
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("Preload (N)", "Frequency shift (%)")
     assert found.plot().axes[0].get_ylabel() == "Resonance amplitude (µm)"
@@ -92,12 +109,17 @@ def test_interrupted_work_keeps_what_there_is(study, found):
         ([], "studies: expected a mapping of one or more names to studies or settings"),
         ({"as it is": {"friction_coefficient": 0.2}}, "study: expected a Study"),
         ({"as it is": bd.Study, "a": 3}, "study: expected a Study"),
-        ({"a": 3}, "study 'a': expected a mapping of one or more names to studies or settings, found 3"),
+        (
+            {"a": 3},
+            "study 'a': expected a mapping of one or more names to studies or settings, found 3",
+        ),
         ({"a": {"frictoin": 3}}, "frictoin"),
     ],
 )
 def test_what_does_not_fit_is_refused_before_any_work(study, designs, message):
-    given = {"now": study, **designs} if designs and "a" in designs and len(designs) == 1 else designs
+    given = (
+        {"now": study, **designs} if designs and "a" in designs and len(designs) == 1 else designs
+    )
     with pytest.raises(bd.SettingError, match=message):
         bd.compare(given, None)
 
@@ -105,9 +127,13 @@ def test_what_does_not_fit_is_refused_before_any_work(study, designs, message):
 def test_answers_are_curves_of_one_kind(study, found):
     optimal = study.optimal_curve((6e3, 8e3), 2, frequency=(340.0, 370.0), check=False)
     answers = iter([found.curves[0], optimal])
-    with pytest.raises(bd.SettingError, match="answer: expected the same kind of result from every study"):
+    with pytest.raises(
+        bd.SettingError, match="answer: expected the same kind of result from every study"
+    ):
         bd.compare({"a": study, "b": study}, lambda _: next(answers))
-    with pytest.raises(bd.SettingError, match="answer: expected a ResponseCurve or an OptimalCurve, found 3"):
+    with pytest.raises(
+        bd.SettingError, match="answer: expected a ResponseCurve or an OptimalCurve, found 3"
+    ):
         bd.compare({"a": study}, lambda _: 3)
 
 
@@ -121,7 +147,11 @@ def test_changes_are_those_from_the_first(found):
 
 
 def test_results_of_several_kinds_are_refused(study, found):
-    with pytest.raises(bd.SettingError, match="results: expected response curves, optimal curves or hysteresis"):
+    with pytest.raises(
+        bd.SettingError, match="results: expected response curves, optimal curves or hysteresis"
+    ):
         plot_together({"a": found.curves[0], "b": study.dissipation(found.curves[0])})
-    with pytest.raises(bd.SettingError, match=r"quantity: expected one of \('amplitude',\), found 'shift'"):
+    with pytest.raises(
+        bd.SettingError, match=r"quantity: expected one of \('amplitude',\), found 'shift'"
+    ):
         found.plot(quantity="shift")

@@ -21,7 +21,9 @@ BAND = (0.1, 0.3)
 
 def jenkins(**settings):
     """A mass with a Jenkins element under a constant normal load, in resonance near 0.18 Hz."""
-    return lumped(1, 0.02, 1, contacts=[Contact(0, kt=1, mu=1, preload=1)], forces={0: 1.0}, **settings)
+    return lumped(
+        1, 0.02, 1, contacts=[Contact(0, kt=1, mu=1, preload=1)], forces={0: 1.0}, **settings
+    )
 
 
 def with_absorber(ratio):
@@ -40,7 +42,9 @@ def study():
 
 @pytest.fixture(scope="module")
 def blade():
-    return bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5, friction_coefficient=0.3)
+    return bd.Study(
+        bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5, friction_coefficient=0.3
+    )
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +64,9 @@ class TestPeaks:
         assert [p.harmonics for p in found.peaks] == [1, 3, 5, 7] and found.status == "complete"
         for p in found.peaks:
             own = study.replace(harmonics=p.harmonics).peak(5000.0, INTERVAL)
-            assert (p.amplitude, p.frequency) == pytest.approx((own.amplitude, own.frequency), rel=1e-6)
+            assert (p.amplitude, p.frequency) == pytest.approx(
+                (own.amplitude, own.frequency), rel=1e-6
+            )
         assert found.cost.iterations > 0
         assert all(p.seconds > 0.0 for p in found.peaks[1:]) and found.cost.processor > 0.0
 
@@ -91,7 +97,10 @@ class TestPeaks:
         monkeypatch.setattr(room, "_richer_peak", recorded)
         peak = study.peak(5000.0, INTERVAL)
         study.harmonic_convergence(peak, harmonics=(3, 5))
-        signs = [np.linalg.slogdet(at.system(5000.0).evaluate(top.y[:-1], top.y[-1])[1])[0] for at, top in seen]
+        signs = [
+            np.linalg.slogdet(at.system(5000.0).evaluate(top.y[:-1], top.y[-1])[1])[0]
+            for at, top in seen
+        ]
         system = study.problem.system(5000.0)
         own = np.linalg.slogdet(system.evaluate(peak.y[:-1], peak.y[-1])[1])[0]
         assert len(seen) == 2 and set(signs) == {own} and sign_of_jacobian(system, peak.y) == own
@@ -103,7 +112,10 @@ class TestPeaks:
         beside, asked = peak_of_sign, []
 
         def near_only(system, y, sign, **ways):
-            missing = sum(not np.any(system.layout.amplitudes(y[:-1], l)) for l in range(2, system.n_harmonics + 1))
+            missing = sum(
+                not np.any(system.layout.amplitudes(y[:-1], l))
+                for l in range(2, system.n_harmonics + 1)
+            )
             asked.append((system.n_harmonics, missing))
             return ("too far", 0) if missing > 2 else beside(system, y, sign, **ways)
 
@@ -124,7 +136,11 @@ class TestPeaks:
         broken = study.harmonic_convergence(peak, harmonics=(6,))
         start = "incomplete: no peak was found near this one with 6 harmonics (too far; near it the response curve is "
         assert broken.status.startswith(f"{start}incomplete:")
-        assert len(broken.peaks) == 1 and not broken.converged and "not known with more harmonics" in broken.note
+        assert (
+            len(broken.peaks) == 1
+            and not broken.converged
+            and "not known with more harmonics" in broken.note
+        )
 
     def test_after_ctrl_c_with_what_is_known(self, study, monkeypatch):
         to = room._richer_peak
@@ -165,7 +181,10 @@ class TestEnd:
         found = study.harmonic_convergence(peak, harmonics=(3, 26))
         assert 4 < first < 26 and [p.harmonics for p in found.peaks] == [1, 3, first - 1]
         end = f"{1e-3 * top[first]:.3g} kHz"
-        assert f"the equations have no modes above {end}, harmonic {int(top[first] / peak.frequency)}" in found.note
+        assert (
+            f"the equations have no modes above {end}, harmonic {int(top[first] / peak.frequency)}"
+            in found.note
+        )
 
     def test_of_the_nodal_diameters(self):
         model = models.wedge_model(0, n_blades=24, engine_order=2, harmonics=3)
@@ -178,7 +197,9 @@ class TestEnd:
         sampled = study.replace(contact_forces=bd.AFT(24))
         found = sampled.harmonic_convergence(sampled.peak(5000.0, INTERVAL), harmonics=(3, 5, 7))
         assert [p.harmonics for p in found.peaks] == [1, 3, 5]
-        assert found.highest_harmonic.startswith("7 harmonics are not possible with the same settings (contact_forces: ")
+        assert found.highest_harmonic.startswith(
+            "7 harmonics are not possible with the same settings (contact_forces: "
+        )
 
     def test_early_where_no_later_harmonic_meets_a_mode(self):
         study = jenkins(harmonics=1)
@@ -203,17 +224,27 @@ class TestMeetings:
         peak = study.peak(0.0, BAND)
         found = study.harmonic_convergence(peak, harmonics=(2, 3, 5, 7, 9))
         (met,) = (m for m in found.internal_resonances if m.harmonic == ratio)
-        K = np.array([[2.0, 0.0], [0.0, 0.0]]) + 0.01 * (2.0 * np.pi * 0.1763 * ratio) ** 2 * np.array([[1, -1], [-1, 1]])
+        K = np.array([[2.0, 0.0], [0.0, 0.0]]) + 0.01 * (
+            2.0 * np.pi * 0.1763 * ratio
+        ) ** 2 * np.array([[1, -1], [-1, 1]])
         modes = np.sqrt(np.linalg.eigvals(np.diag([1.0, 100.0]) @ K)) / (2.0 * np.pi)
-        assert (met.mode, met.nodal_diameter) == (2, -1) and met.frequency == pytest.approx(modes.max(), rel=1e-9)
+        assert (met.mode, met.nodal_diameter) == (2, -1) and met.frequency == pytest.approx(
+            modes.max(), rel=1e-9
+        )
         assert met.distance == pytest.approx(ratio * peak.frequency / modes.max() - 1.0, rel=1e-9)
-        assert re.match(rf"harmonic {ratio} is within .* % of mode 2 of the stuck structure \(", str(met))
+        assert re.match(
+            rf"harmonic {ratio} is within .* % of mode 2 of the stuck structure \(", str(met)
+        )
 
     def test_at_the_nodal_diameter_of_the_harmonic(self, blade):
         """Harmonic 16 of engine order 5 has nodal diameter 20 of 60 sectors."""
         found = list(room._meetings(blade.replace(harmonics=16).problem, blade.peak(103.6)))
         met = {m.harmonic: m for m in found}
-        assert met[16].nodal_diameter == 20 and met[16].mode == 7 and met[16].distance == pytest.approx(0.016, abs=2e-3)
+        assert (
+            met[16].nodal_diameter == 20
+            and met[16].mode == 7
+            and met[16].distance == pytest.approx(0.016, abs=2e-3)
+        )
         assert all(abs(m.distance) <= room.NEAR_MODE for m in found) and 14 not in met
 
 
@@ -228,24 +259,39 @@ class TestClaims:
     def test_the_largest_value_is_not_hidden(self):
         """The peaks with more harmonics agree from the fourth on, and the second is higher than all."""
         found = series(92e-6, 97.5e-6, 93e-6, 91.1e-6, 93e-6, 95.2e-6, tolerance=0.045)
-        assert [p.harmonics for p in found.settled] == [5, 7, 9, 11] and found.range == (91.1e-6, 97.5e-6)
-        assert "91.1 to 97.5 µm with 3 to 11, 91.1 to 95.2 µm from 5 on: not converged with 1" in found.note
+        assert [p.harmonics for p in found.settled] == [5, 7, 9, 11] and found.range == (
+            91.1e-6,
+            97.5e-6,
+        )
+        assert (
+            "91.1 to 97.5 µm with 3 to 11, 91.1 to 95.2 µm from 5 on: not converged with 1"
+            in found.note
+        )
 
     def test_meetings_are_named(self):
         found = series(
-            1.0, 1.0, 0.8, 0.8, internal_resonances=(Meeting(4, 4, 10, 9e3, -0.03), Meeting(5, 4, 10, 9e3, 0.01))
+            1.0,
+            1.0,
+            0.8,
+            0.8,
+            internal_resonances=(Meeting(4, 4, 10, 9e3, -0.03), Meeting(5, 4, 10, 9e3, 0.01)),
         )
         where = "harmonic 5 is within 1 % of mode 4 of the stuck structure at nodal diameter 10 (9000 Hz)"
         assert where in str(found)
 
     def test_all_agree_up_to_the_end(self):
-        assert series(1.0, 1.01, 0.99).converged and "converged to 5 %" in series(1.0, 1.01, 0.99).note
+        assert (
+            series(1.0, 1.01, 0.99).converged and "converged to 5 %" in series(1.0, 1.01, 0.99).note
+        )
         assert not series(1.0, 1.0).converged and "agrees so far" in series(1.0, 1.0).note
         assert not series(1.0, 1.0, 1.0, status="incomplete: why").converged
 
     def test_nothing_settles(self):
         found = series(1.0, 0.8, 0.6)
-        assert found.range == (0.6, 1.0) and "600 to 800 mm with 3 to 5: not converged with 1" in found.note
+        assert (
+            found.range == (0.6, 1.0)
+            and "600 to 800 mm with 3 to 5: not converged with 1" in found.note
+        )
 
 
 class TestOptimalCurve:
@@ -253,26 +299,47 @@ class TestOptimalCurve:
         found = room.with_convergence(study.problem, curve, lambda: curve, progress=True)
         assert "harmonic convergence: 7 harmonics: " in capsys.readouterr().err
         more = found.convergence
-        assert [p.harmonics for p in more.peaks][:3] == [1, 5, 7] and max(p.harmonics for p in more.peaks) <= 16
+        assert [p.harmonics for p in more.peaks][:3] == [1, 5, 7] and max(
+            p.harmonics for p in more.peaks
+        ) <= 16
         assert more.peaks[0].amplitude == pytest.approx(curve.optimum.amplitude, rel=1e-4)
-        alone = study.harmonic_convergence(study.peak(curve.optimum.preload, INTERVAL), harmonics=(5, 7, 9, 12, 16))
+        alone = study.harmonic_convergence(
+            study.peak(curve.optimum.preload, INTERVAL), harmonics=(5, 7, 9, 12, 16)
+        )
         assert found.cost.evaluations == curve.cost.evaluations + more.cost.evaluations
-        assert more.cost.evaluations > alone.cost.evaluations and found.cost.seconds > curve.cost.seconds
-        assert f"({span(*more.range, 'm')} with more harmonics)" in found._headline() and more.note in found.summary()
+        assert (
+            more.cost.evaluations > alone.cost.evaluations
+            and found.cost.seconds > curve.cost.seconds
+        )
+        assert (
+            f"({span(*more.range, 'm')} with more harmonics)" in found._headline()
+            and more.note in found.summary()
+        )
         found.save(tmp_path / "optimal.h5")
         assert bd.load(tmp_path / "optimal.h5").convergence == more
 
     def test_shows_its_progress_if_the_curve_does(self, study, curve, monkeypatch):
         shown = []
-        monkeypatch.setattr(room, "with_convergence", lambda _, plain, work, progress: shown.append(progress) or plain)
-        monkeypatch.setattr("bdamper.analyses.robust_optimum.with_other_friction", lambda problem, plain, progress: plain)
+        monkeypatch.setattr(
+            room,
+            "with_convergence",
+            lambda _, plain, work, progress: shown.append(progress) or plain,
+        )
+        monkeypatch.setattr(
+            "bdamper.analyses.robust_optimum.with_other_friction",
+            lambda problem, plain, progress: plain,
+        )
         for progress in (True, False):
             study.optimal_curve(curve.preload[-2:], frequency=INTERVAL, progress=progress)
         assert shown == [True, False]
 
     def test_says_why_there_is_none(self, study, curve):
-        wrong = replace(curve, optimum=replace(curve.optimum, amplitude=0.5 * curve.optimum.amplitude))
-        assert room.at_optimum(study.problem, wrong).status.startswith("not found: the highest peak there is ")
+        wrong = replace(
+            curve, optimum=replace(curve.optimum, amplitude=0.5 * curve.optimum.amplitude)
+        )
+        assert room.at_optimum(study.problem, wrong).status.startswith(
+            "not found: the highest peak there is "
+        )
         none = replace(curve, optimum=replace(curve.optimum, preload=np.nan))
         assert room.at_optimum(study.problem, none) is None
 
@@ -281,7 +348,10 @@ class TestOptimalCurve:
             raise KeyboardInterrupt
 
         monkeypatch.setattr(room, "highest_peak", stops)
-        assert room.with_convergence(study.problem, curve, lambda: curve).convergence.status == "interrupted"
+        assert (
+            room.with_convergence(study.problem, curve, lambda: curve).convergence.status
+            == "interrupted"
+        )
         with pytest.raises(KeyboardInterrupt):
             room.with_convergence(study.problem, curve, stops)
 
@@ -293,6 +363,8 @@ def test_the_turbine_blade(blade):
     amplitude = {p.harmonics: 1e6 * p.amplitude for p in found.peaks}
     expected = {3: 75.29, 5: 74.95, 7: 74.96, 9: 75.16, 12: 74.19, 16: 69.41, 20: 70.67, 26: 69.19}
     assert amplitude == pytest.approx(expected, rel=1e-3) and found.status == "complete"
-    assert found.note.startswith("75.3 µm with 3 harmonics, 69.2 to 75.2 µm with 5 to 26, 69.2 to 70.7 µm from 16 on: not")
+    assert found.note.startswith(
+        "75.3 µm with 3 harmonics, 69.2 to 75.2 µm with 5 to 26, 69.2 to 70.7 µm from 16 on: not"
+    )
     far = blade.harmonic_convergence(blade.peak(518.0))
     assert far.converged and far.peaks[-1].amplitude == pytest.approx(188.36e-6, rel=1e-3)

@@ -11,7 +11,13 @@ import pytest
 import bdamper as bd
 from bdamper.analyses import crossings, engine_order_line
 from bdamper.analyses.campbell import run_up
-from bdamper.analyses.engine_order_line import SpeedFamily, exact, exact_at_fixed_speed, follow_line, follow_mode
+from bdamper.analyses.engine_order_line import (
+    SpeedFamily,
+    exact,
+    exact_at_fixed_speed,
+    follow_line,
+    follow_mode,
+)
 from bdamper.harmonic_balance.rotor_speed import RPM, Conditions
 from bdamper.plot import plot_crossings
 from bdamper.response.linear_limits import free_and_stuck, resonance_interval
@@ -29,7 +35,9 @@ OVER_SPEED = {"friction": {300.0: 0.3, 600.0: 0.4}, "excitation": lambda omega, 
 
 @pytest.fixture(scope="module")
 def study():
-    return plain_study(turning_disk((0, 5)), bd.Excitation("tip", amplitude=20.0), 5, friction_coefficient=0.3)
+    return plain_study(
+        turning_disk((0, 5)), bd.Excitation("tip", amplitude=20.0), 5, friction_coefficient=0.3
+    )
 
 
 @pytest.fixture(scope="module")
@@ -40,8 +48,15 @@ def found(study):
 def test_an_order_that_the_model_has_no_modes_for_fails_alone(study, found):
     """The other crossings are there, and what the model neglects is told of them."""
     both = study.resonance_crossings(SPEEDS, [4, 5])
-    assert both.status[0].startswith("failed") and "nodal diameter" in both.status[0] and not both.complete
-    assert both.values[1]["kind"] == "complete" and both.values[1]["amplitude"] == found.values[1]["amplitude"]
+    assert (
+        both.status[0].startswith("failed")
+        and "nodal diameter" in both.status[0]
+        and not both.complete
+    )
+    assert (
+        both.values[1]["kind"] == "complete"
+        and both.values[1]["amplitude"] == found.values[1]["amplitude"]
+    )
     assert both.warnings == ("", "")
 
 
@@ -56,14 +71,26 @@ def test_the_headline_is_the_highest_crossing_or_says_that_there_is_none(study, 
         f"({top['speed'] * RPM:.0f} rpm), damper mass factor {mass:g}, engine order 5, "
         f"under a preload of {amount(top['preload'], 'N')}."
     )
-    single = replace(found, points=found.points[[i]], values=found.values[[i]], status=("complete",), shape=(1, 1))
+    single = replace(
+        found,
+        points=found.points[[i]],
+        values=found.values[[i]],
+        status=("complete",),
+        shape=(1, 1),
+    )
     assert single._headline() == f"{highest} {NOT_CHECKED}"
-    rows = [{**top, "kind": "incomplete", "warning": "why", "margin": 1.25}, *(row_of(found.values, k) for k in (0, 1))]
+    rows = [
+        {**top, "kind": "incomplete", "warning": "why", "margin": 1.25},
+        *(row_of(found.values, k) for k in (0, 1)),
+    ]
     doubted = {name: [row.get(name) for row in rows] for name in rows[0]}
     one_mass = np.array([(1.0, order) for order in (5, 6, 7)], found.points.dtype)
     doubtful = replace(found, points=one_mass)
     said = replace(doubtful, values=named_fields(doubted, 3))._headline()
-    noted = {name: ["complete" if name == "kind" else x for x in column] for name, column in doubted.items()}
+    noted = {
+        name: ["complete" if name == "kind" else x for x in column]
+        for name, column in doubted.items()
+    }
     assert " Note: why. Least" in replace(doubtful, values=named_fields(noted, 3))._headline()
     least = "Least margin against fatigue 1.25 (damper mass factor 1, engine order 5)."
     assert said.endswith(f" There may be a higher point: why. {least} {NOT_CHECKED}")
@@ -73,7 +100,9 @@ def test_the_headline_is_the_highest_crossing_or_says_that_there_is_none(study, 
                         r"give a range wider than 95.493 to 190.99 rpm", why)  # fmt: skip
     assert none._headline() == f"No crossing: {why}." and " nan" not in str(none)
     rows = [*(row_of(found.values, k) for k in (0, 1)), row_of(none.values, 0)]
-    mixed = replace(found, values=named_fields({name: [r.get(name) for r in rows] for name in rows[0]}, 3))._headline()
+    mixed = replace(
+        found, values=named_fields({name: [r.get(name) for r in rows] for name in rows[0]}, 3)
+    )._headline()
     assert mixed.endswith(f" No crossing at 1 of 3 points: {why}.")
     none.save(tmp_path / "none.h5")
     assert type(bd.load(tmp_path / "none.h5")) is type(none)
@@ -81,9 +110,24 @@ def test_the_headline_is_the_highest_crossing_or_says_that_there_is_none(study, 
 
 NAN = float("nan")
 BY_MASS = {
-    "a value everywhere": ([(3.0, 1.0), (2.0, 2.5), (1.0, 4.0)], "2", "2.5 mm", "of the other masses: 3 mm to 4 mm"),
-    "a missing value": ([(3.0, 1.0), (2.0, NAN), (1.0, 4.0)], "1", "3 mm", "crossing of the other masses: 4 mm"),
-    "an order without values": ([(3.0, NAN), (2.0, NAN), (1.0, NAN)], "3", "1 mm", "other masses: 2 mm to 3 mm"),
+    "a value everywhere": (
+        [(3.0, 1.0), (2.0, 2.5), (1.0, 4.0)],
+        "2",
+        "2.5 mm",
+        "of the other masses: 3 mm to 4 mm",
+    ),
+    "a missing value": (
+        [(3.0, 1.0), (2.0, NAN), (1.0, 4.0)],
+        "1",
+        "3 mm",
+        "crossing of the other masses: 4 mm",
+    ),
+    "an order without values": (
+        [(3.0, NAN), (2.0, NAN), (1.0, NAN)],
+        "3",
+        "1 mm",
+        "other masses: 2 mm to 3 mm",
+    ),
     "one mass with values": ([(3.0, 1.0), (NAN, NAN), (NAN, 4.0)], "", "4 mm", ""),
 }
 
@@ -98,7 +142,14 @@ def test_a_study_over_the_mass_names_the_best_mass(found, name):
     for height in (1e-3 * height for pair in heights for height in pair):
         known = np.isfinite(height)
         why = "" if known else "why"
-        rows.append({**top, "amplitude": height, "kind": "complete" if known else "not found", "warning": why})
+        rows.append(
+            {
+                **top,
+                "amplitude": height,
+                "kind": "complete" if known else "not found",
+                "warning": why,
+            }
+        )
     columns = {name: [row[name] for row in rows] for name in rows[0]}
     made = replace(
         found, points=np.array(points, found.points.dtype), values=named_fields(columns, 6), status=("complete",) * 6,
@@ -114,7 +165,9 @@ def test_the_best_mass_has_the_lower_of_two_crossings(study):
     heights = dict(zip((0.5, 1.0), found.array("amplitude")[:, 0].tolist()))
     best = min(heights, key=heights.get)
     amplitude = amount(heights[best], "m")
-    assert found._headline().startswith(f"Best damper mass factor: {best:g}. Highest crossing: {amplitude} ")
+    assert found._headline().startswith(
+        f"Best damper mass factor: {best:g}. Highest crossing: {amplitude} "
+    )
 
 
 def test_crossings_of_an_earlier_version_have_the_present_names(found, tmp_path):
@@ -155,7 +208,9 @@ def test_a_crossing_is_the_highest_point_of_the_line(study, found):
         assert c.status == 0
         lower.append(1.0 - amplitude_at(family.system(speed), c.y) / top.amplitude)
     assert min(lower) > 0.0
-    assert lower[0] / lower[1] == pytest.approx(4.0, rel=0.1) and lower[3] / lower[2] == pytest.approx(4.0, rel=0.1)
+    assert lower[0] / lower[1] == pytest.approx(4.0, rel=0.1) and lower[3] / lower[
+        2
+    ] == pytest.approx(4.0, rel=0.1)
 
 
 def test_the_peak_at_fixed_speed_is_that_of_the_study_there(study, found):
@@ -171,7 +226,9 @@ def test_derivatives_by_the_mass_are_those_of_crossings_at_other_masses(found):
     """Load and inertia together; the inertia alone changes a hundredth as much."""
     low, middle, high = found.values
     for name in ("amplitude", "speed"):
-        assert middle[f"{name}_by_mass"] == pytest.approx((high[name] - low[name]) / 0.002, rel=1e-4)
+        assert middle[f"{name}_by_mass"] == pytest.approx(
+            (high[name] - low[name]) / 0.002, rel=1e-4
+        )
     assert high["mass"] / low["mass"] == pytest.approx(1.001 / 0.999, rel=1e-12)
 
 
@@ -189,13 +246,17 @@ def test_a_run_up_is_a_curve_over_speed(study, found, tmp_path):
     assert f"above the peak at fixed speed, {fixed}" in run.summary()
     assert "interpolation over speed leaves a residual of" in run.summary()
     assert "along engine order 5, at 4208.3 rpm (440.69 rad/s)" in run._headline()
-    assert run.plot().axes[0].get_xlabel() == "Rotor speed (rpm)" and run.columns()["speed"].unit == "rad/s"
+    assert (
+        run.plot().axes[0].get_xlabel() == "Rotor speed (rpm)"
+        and run.columns()["speed"].unit == "rad/s"
+    )
     run.save(tmp_path / "run.h5")
     again = bd.load(tmp_path / "run.h5")
     np.testing.assert_array_equal(again.speed, run.speed)
     assert again.summary() == run.summary()
     with pytest.raises(
-        bd.SettingError, match=r"curve: expected a response curve .study.frequency_response., found a run-up curve"
+        bd.SettingError,
+        match=r"curve: expected a response curve .study.frequency_response., found a run-up curve",
     ):
         study.hysteresis(run)
 
@@ -216,7 +277,9 @@ def test_a_missing_peak_at_fixed_speed_has_its_reason(study, monkeypatch):
 def test_where_faces_open_the_highest_point_is_the_end_of_a_plateau(mass, highest, fixed):
     """It meets the line at a higher speed than the highest peak at fixed speed does, under more load, and is higher."""
     shipped = bd.reference_model("bladed_disk", 9)
-    study = bd.Study(shipped, bd.Excitation("tip", amplitude=20.0), 5, friction_coefficient=0.3, harmonics=1)
+    study = bd.Study(
+        shipped, bd.Excitation("tip", amplitude=20.0), 5, friction_coefficient=0.3, harmonics=1
+    )
     found = study.resonance_crossings((400.0, 600.0), [5], damper_mass_factor=(mass,))
     (value,) = found.values
     assert value["kind"] == "complete", str(found)
@@ -227,29 +290,41 @@ def test_where_faces_open_the_highest_point_is_the_end_of_a_plateau(mass, highes
 def test_a_range_that_ends_higher_than_its_maximum_is_told(study):
     """The same line up to just before its highest maximum: a maximum of its own is no more its highest point."""
     run = study.run_up((420.0, 465.0))
-    higher = replace(run, harmonics=np.vstack([run.harmonics[:-1], 1.01 * run.harmonics[[run.peak_index]]]))
+    higher = replace(
+        run, harmonics=np.vstack([run.harmonics[:-1], 1.01 * run.harmonics[[run.peak_index]]])
+    )
     assert not run.peak_at_end and higher.peak_at_end
     assert "lies at an end of the curve" in higher._headline()
 
 
 def test_pictures_of_crossings(study, found):
     ax = plot_crossings(found)
-    assert [text.get_text() for text in ax.texts] == ["EO 5"] and ax.get_ylabel() == "Resonance amplitude (mm)"
+    assert [text.get_text() for text in ax.texts] == [
+        "EO 5"
+    ] and ax.get_ylabel() == "Resonance amplitude (mm)"
     with pytest.raises(bd.SettingError, match="quantity: these crossings have no margin"):
         plot_crossings(found, quantity="margin")
     campbell = study.campbell(SPEEDS, [5], modes=1, damped=found)
     labels = campbell.plot().axes[0].get_legend_handles_labels()[1]
     assert labels[:2] == ["free, nodal diameter 5", "stuck"] and labels[-1].startswith("damped, ")
     assert campbell.plot_safe(500.0).axes[0].get_title() == "4775 rpm"
-    with pytest.raises(bd.SettingError, match=r"damped: expected crossings, as Study\.resonance_crossings"):
-        study.campbell(SPEEDS, [5], damped=bd.sweep(study, {"preload": [2e3]}, frequency=(340.0, 350.0)))
+    with pytest.raises(
+        bd.SettingError, match=r"damped: expected crossings, as Study\.resonance_crossings"
+    ):
+        study.campbell(
+            SPEEDS, [5], damped=bd.sweep(study, {"preload": [2e3]}, frequency=(340.0, 350.0))
+        )
 
 
 @pytest.fixture(scope="module")
 def line(study):
     """A family and its line, with residual modes, friction and excitation that change with speed."""
     turning = plain_study(
-        turning_disk((0, 5), spin=True), study.excitation, 5, friction_coefficient=0.3, contact_stiffness="residual_modes"
+        turning_disk((0, 5), spin=True),
+        study.excitation,
+        5,
+        friction_coefficient=0.3,
+        contact_stiffness="residual_modes",
     )
     family = SpeedFamily(turning.problem, Conditions(**OVER_SPEED))
     return family, follow_line(family, (440.0, 500.0), 1, CostMeter())
@@ -258,7 +333,10 @@ def line(study):
 def test_the_highest_point_of_a_run_up_is_made_at_its_own_speed(line):
     """Not that of the interpolated equations."""
     family, (_, curve, highest) = line
-    run, own = run_up(family.whole, (440.0, 500.0), conditions=Conditions(**OVER_SPEED)), exact(family, highest.peak)[0]
+    run, own = (
+        run_up(family.whole, (440.0, 500.0), conditions=Conditions(**OVER_SPEED)),
+        exact(family, highest.peak)[0],
+    )
     assert len(run) == len(curve) and run.peak_index == highest.index
     assert run.peak.amplitude == pytest.approx(own.amplitude, rel=1e-12)
     assert abs(highest.peak.amplitude / own.amplitude - 1.0) > 1e-11
@@ -286,7 +364,9 @@ def test_the_equations_along_the_line_are_those_of_each_speed(line):
 
     errors = [float(np.abs(difference(h, residual) - by_line).max()) for h in (0.05, 0.15, 0.5)]
     assert min(errors) <= 1e-8 * np.abs(by_line).max(), errors
-    assert not np.allclose(by_line, there.evaluate_at(y)[2], rtol=1e-2, atol=0.0), "speed changes more than frequency"
+    assert not np.allclose(by_line, there.evaluate_at(y)[2], rtol=1e-2, atol=0.0), (
+        "speed changes more than frequency"
+    )
     gradient, square = equations.rows.squared_gradient(y)
     assert square == pytest.approx(2.0 * height(y[-1]), rel=1e-12)
     assert gradient[-1] == pytest.approx(difference(0.5, height), rel=1e-6) and gradient[-1] != 0.0
@@ -297,16 +377,28 @@ def test_corners_of_tables_over_speed_take_a_shorter_range(study):
     table = {300.0: 0.3, 435.0: 0.3, 600.0: 0.6}
     found = study.resonance_crossings((400.0, 500.0), [5], friction=table)
     run = study.run_up((400.0, 500.0), friction=table)
-    assert "incomplete" in str(run) and run.reason.endswith("at the highest point; give a shorter range of speeds")
+    assert "incomplete" in str(run) and run.reason.endswith(
+        "at the highest point; give a shorter range of speeds"
+    )
     assert run.peak.amplitude == pytest.approx(found.values[0]["amplitude"], rel=1e-9)
     beyond = study.run_up((436.5, 470.0), friction=table)
     words = r"interpolation over the range leaves a residual of \S+; give a shorter one"
     assert found.values[0]["kind"] == "incomplete" and re.search(words, found.warnings[0])
     assert found.values[0]["amplitude"] == pytest.approx(beyond.peak.amplitude, rel=1e-6)
-    falling = {300.0: 0.5, 420.0: 0.5, 445.0: 0.1, 600.0: 0.1}  # another point of the interpolated line is higher
-    with pytest.raises(bd.SettingError, match="speeds: expected a range in which the equations change smoothly"):
+    falling = {
+        300.0: 0.5,
+        420.0: 0.5,
+        445.0: 0.1,
+        600.0: 0.1,
+    }  # another point of the interpolated line is higher
+    with pytest.raises(
+        bd.SettingError, match="speeds: expected a range in which the equations change smoothly"
+    ):
         study.run_up((400.0, 500.0), friction=falling)
-    assert study.resonance_crossings((400.0, 500.0), [5], friction=falling).values[0]["kind"] == "incomplete"
+    assert (
+        study.resonance_crossings((400.0, 500.0), [5], friction=falling).values[0]["kind"]
+        == "incomplete"
+    )
 
 
 def test_answers_of_another_function_are_not_taken_up(study, tmp_path):
@@ -315,18 +407,33 @@ def test_answers_of_another_function_are_not_taken_up(study, tmp_path):
         where = tmp_path / "time_response"
         if mu == 0.4:
             with pytest.raises(bd.BdamperError, match="found results of other settings"):
-                study.resonance_crossings((100.0, 200.0), [5], resume=where, friction=lambda omega, mu=mu: mu)
+                study.resonance_crossings(
+                    (100.0, 200.0), [5], resume=where, friction=lambda omega, mu=mu: mu
+                )
         else:
-            study.resonance_crossings((100.0, 200.0), [5], resume=where, friction=lambda omega, mu=mu: mu)
+            study.resonance_crossings(
+                (100.0, 200.0), [5], resume=where, friction=lambda omega, mu=mu: mu
+            )
 
 
 def test_nodal_diameters_without_data_over_speed_are_told():
-    study = plain_study(turning_disk((0, 5, 10)), bd.Excitation("tip"), 5, harmonics=2, friction_coefficient=0.3)
+    study = plain_study(
+        turning_disk((0, 5, 10)), bd.Excitation("tip"), 5, harmonics=2, friction_coefficient=0.3
+    )
     blade = study.model.bodies["blade"]
-    bases = {d: replace(basis, speed=None if d == 10 else basis.speed) for d, basis in blade.bases.items()}
-    study = study.replace(model=replace(study.model, bodies={**study.model.bodies, "blade": replace(blade, bases=bases)}))
+    bases = {
+        d: replace(basis, speed=None if d == 10 else basis.speed)
+        for d, basis in blade.bases.items()
+    }
+    study = study.replace(
+        model=replace(
+            study.model, bodies={**study.model.bodies, "blade": replace(blade, bases=bases)}
+        )
+    )
     told = "nodal diameters 10: modes of one rotor speed"
-    assert told in study.resonance_crossings((100.0, 200.0), [5]).summary() and told in str(study.at_speed(400.0))
+    assert told in study.resonance_crossings((100.0, 200.0), [5]).summary() and told in str(
+        study.at_speed(400.0)
+    )
     assert "neglected" not in str(study.replace(harmonics=1).at_speed(400.0))
 
 
@@ -351,14 +458,18 @@ def test_a_resonance_above_the_stuck_one_is_found(study, found, monkeypatch):
     first, followed = engine_order_line.interval, []
     monkeypatch.setattr(engine_order_line, "interval", lambda *args: (first(*args)[0], 425.0))
     follow = engine_order_line.follow_line
-    monkeypatch.setattr(engine_order_line, "follow_line", lambda *args: followed.append(args[1]) or follow(*args))
+    monkeypatch.setattr(
+        engine_order_line, "follow_line", lambda *args: followed.append(args[1]) or follow(*args)
+    )
     wide = study.resonance_crossings(SPEEDS, [5])
     assert followed == [(400.0, 425.0), (400.0, 560.0)] and wide.values[0]["kind"] == "complete"
     assert wide.values[0]["amplitude"] == pytest.approx(found.values[1]["amplitude"], rel=1e-6)
     followed.clear()
     monkeypatch.setattr(SpeedFamily, "following", lambda self, omega, mode: 5 * 430.0)
     below = study.resonance_crossings(SPEEDS, [5])
-    assert followed == [(400.0, 425.0), (400.0, 430.0)] and below.values[0]["kind"] == "not found", "up to the next mode"
+    assert (
+        followed == [(400.0, 425.0), (400.0, 430.0)] and below.values[0]["kind"] == "not found"
+    ), "up to the next mode"
 
 
 def test_a_wider_run_up_without_a_maximum_does_not_replace_one_with_a_maximum(study, monkeypatch):
@@ -367,20 +478,29 @@ def test_a_wider_run_up_without_a_maximum_does_not_replace_one_with_a_maximum(st
     runs = iter([("equations", at_end, "peak"), ("other equations", at_end, None)])
     monkeypatch.setattr(engine_order_line, "interval", lambda *_: (400.0, 425.0))
     monkeypatch.setattr(engine_order_line, "follow_line", lambda *_: next(runs))
-    assert follow_mode(SpeedFamily(study.problem, Conditions()), (400.0, 560.0), 1, CostMeter())[2] == "peak"
+    assert (
+        follow_mode(SpeedFamily(study.problem, Conditions()), (400.0, 560.0), 1, CostMeter())[2]
+        == "peak"
+    )
     assert not [*runs], "both were followed"
 
 
 @pytest.mark.parametrize("speed", [300.0, 500.0, 900.0])
 def test_the_exact_search_reaches_beyond_the_line_but_not_the_next_mode(study, monkeypatch, speed):
     family, asked = SpeedFamily(study.problem, Conditions()), []
-    monkeypatch.setattr(engine_order_line, "highest_peak", lambda problem, preload, band, mode: asked.append(band) or lost)
+    monkeypatch.setattr(
+        engine_order_line,
+        "highest_peak",
+        lambda problem, preload, band, mode: asked.append(band) or lost,
+    )
     lost = replace(study.peak(5800.0), status="not found: tried", y=np.array([0.0, 5.0 * speed]))
     exact_at_fixed_speed(family, (200.0, 1000.0), 1, lost, CostMeter())
     case = family.problem(speed).at(family.preload(speed))
     low, high = resonance_interval(case, 1)
     following = free_and_stuck(case, 2)[0][1]
-    assert asked[0] == pytest.approx((low, max(high, min(1.1 * 5.0 * speed / (2.0 * np.pi), following))), rel=1e-12)
+    assert asked[0] == pytest.approx(
+        (low, max(high, min(1.1 * 5.0 * speed / (2.0 * np.pi), following))), rel=1e-12
+    )
 
 
 @pytest.mark.parametrize(("resonances", "where"), [
@@ -392,10 +512,16 @@ def test_a_line_without_a_maximum_is_told(study, resonances, where, monkeypatch)
     monkeypatch.setattr(SpeedFamily, "resonances", lambda *_: resonances)
     monkeypatch.setattr(crossings, "follow_mode", lambda *_: (None, None, None))
     found = study.resonance_crossings((400.0, 425.0), [5])
-    assert (found.values[0]["kind"], *found.warnings) == ("not found", f"engine order 5 meets mode 1 {where}")
+    assert (found.values[0]["kind"], *found.warnings) == (
+        "not found",
+        f"engine order 5 meets mode 1 {where}",
+    )
     monkeypatch.setattr(crossings, "follow_mode", lambda *_: None)
     found = study.resonance_crossings((400.0, 425.0), [5])
-    assert (found.values[0]["kind"], *found.warnings) == ("none", f"engine order 5 meets mode 1 {where}")
+    assert (found.values[0]["kind"], *found.warnings) == (
+        "none",
+        f"engine order 5 meets mode 1 {where}",
+    )
 
 
 @pytest.mark.parametrize(("speeds", "where"), [
@@ -403,9 +529,13 @@ def test_a_line_without_a_maximum_is_told(study, resonances, where, monkeypatch)
 ])  # fmt: skip
 def test_no_crossing_in_the_range(study, speeds, where):
     found = study.resonance_crossings(speeds, [5])
-    assert found.values[0]["kind"] == "none" and np.isnan(found.values[0]["speed"]) and found.complete
+    assert (
+        found.values[0]["kind"] == "none" and np.isnan(found.values[0]["speed"]) and found.complete
+    )
     assert re.fullmatch(LIMITS + where, found.warnings[0])
-    with pytest.raises(bd.BdamperError, match="run-up: expected a maximum of mode 1, found none: " + LIMITS):
+    with pytest.raises(
+        bd.BdamperError, match="run-up: expected a maximum of mode 1, found none: " + LIMITS
+    ):
         study.run_up(speeds)
 
 
@@ -422,10 +552,16 @@ def test_edge_contact_at_a_crossing_is_noted(study, found, monkeypatch):
     monkeypatch.setattr("bdamper.contact.preload_state.EDGE", 1.1)
     noted = study.resonance_crossings(SPEEDS, [5])
     words = f"edge contact, more blade modes may change it: {at.static(at.preload).edges}"
-    assert noted.values[0]["kind"] == "complete" and noted.warnings == (words,) and f"Note: {words}." in noted._headline()
+    assert (
+        noted.values[0]["kind"] == "complete"
+        and noted.warnings == (words,)
+        and f"Note: {words}." in noted._headline()
+    )
 
 
-def test_where_interpolation_fails_the_peak_at_fixed_speed_is_found_exactly(study, found, monkeypatch):
+def test_where_interpolation_fails_the_peak_at_fixed_speed_is_found_exactly(
+    study, found, monkeypatch
+):
     """No value of the interpolated equations is shown, no derivative, and no run-up."""
     exact = engine_order_line.exact
     monkeypatch.setattr(engine_order_line, "exact", lambda *args: (exact(*args)[0], 0.1))
@@ -433,14 +569,22 @@ def test_where_interpolation_fails_the_peak_at_fixed_speed_is_found_exactly(stud
     words = "interpolation over speed leaves a residual of 0.1 times the excitation at the highest point"
     assert value["warning"] == f"{words}; this is the peak at fixed speed, to 0.3 % in speed"
     assert value["kind"] == "incomplete" and np.isnan(value["amplitude_by_mass"])
-    assert value["speed"] == value["fixed_speed"] == pytest.approx(found.values[1]["fixed_speed"], rel=3e-3)
+    assert (
+        value["speed"]
+        == value["fixed_speed"]
+        == pytest.approx(found.values[1]["fixed_speed"], rel=3e-3)
+    )
     assert value["amplitude"] == pytest.approx(found.values[1]["fixed_speed_amplitude"], rel=1e-3)
     assert value["preload"] == study.at_speed(value["speed"]).preload
-    with pytest.raises(bd.BdamperError, match="speeds: expected a range in which the equations change smoothly"):
+    with pytest.raises(
+        bd.BdamperError, match="speeds: expected a range in which the equations change smoothly"
+    ):
         study.run_up(SPEEDS)
 
     searched = engine_order_line.highest_peak
-    cut = lambda *args, **given: replace(searched(*args, **given), status="incomplete: out of budget")  # noqa: E731
+    cut = lambda *args, **given: replace(
+        searched(*args, **given), status="incomplete: out of budget"
+    )
     monkeypatch.setattr(engine_order_line, "highest_peak", cut)
     doubted = study.resonance_crossings(SPEEDS, [5]).values[0]
     assert "no peak at fixed speed" in doubted["warning"] and np.isnan(doubted["amplitude"])
@@ -459,7 +603,10 @@ def test_where_interpolation_fails_the_peak_at_fixed_speed_is_found_exactly(stud
     ("asked", "words"),
     [
         (((500.0, 400.0), [5]), r"speeds: expected \(low, high\) in rad/s"),
-        (((0.0, 400.0), [5]), "speeds: expected a sequence of one or more finite numbers > 0 rad/s"),
+        (
+            ((0.0, 400.0), [5]),
+            "speeds: expected a sequence of one or more finite numbers > 0 rad/s",
+        ),
         (((400.0, 500.0), []), "engine_orders: expected at least one"),
         (((400.0, 500.0), [0]), "engine_orders: expected a whole number >= 1"),
     ],

@@ -28,7 +28,13 @@ def model():
 @pytest.fixture(scope="module")
 def full(model):
     return plain_study(
-        model, bd.Excitation("tip"), engine_order=2, friction_coefficient=0.4, harmonics=3, damper_modes=1, blade_modes=4
+        model,
+        bd.Excitation("tip"),
+        engine_order=2,
+        friction_coefficient=0.4,
+        harmonics=3,
+        damper_modes=1,
+        blade_modes=4,
     )
 
 
@@ -48,9 +54,14 @@ COUNTS = [
     ({"fundamental_modes_only": True}, 11 * 7, 18),
     (
         {
-            "harmonics": 1, "bias": False, "rigid_modes": bd.RIGID_NAMES[:3], "damper_modes": 0, "constraint_planes": False
+            "harmonics": 1,
+            "bias": False,
+            "rigid_modes": bd.RIGID_NAMES[:3],
+            "damper_modes": 0,
+            "constraint_planes": False,
         },
-        14, 12,
+        14,
+        12,
     ),
 ]
 
@@ -91,7 +102,9 @@ def embedded(cheap, rich, u, study):
     return out
 
 
-@pytest.mark.parametrize("changes", [{"harmonics": (1, 3)}, {"harmonics": 2}, {"bias": False}], ids=str)
+@pytest.mark.parametrize(
+    "changes", [{"harmonics": (1, 3)}, {"harmonics": 2}, {"bias": False}], ids=str
+)
 def test_equations_that_remain_are_those_of_the_full_system(full, changes):
     rng = np.random.default_rng(1)
     study = full.replace(**changes)
@@ -119,7 +132,9 @@ def test_without_separation_the_normal_spring_is_two_sided(full):
     held = np.flatnonzero(closed & friction)
     assert system.n_points == n + len(held)
     both = F[: len(held), 2] - F[n:, 2]
-    assert (study.problem.point_gaps[held] > 0.0).any(), "no closed point has a gap: the test saw nothing"
+    assert (study.problem.point_gaps[held] > 0.0).any(), (
+        "no closed point has a gap: the test saw nothing"
+    )
     expected = study.problem.point_stiffness[held, 2, None] * X[: len(held), 2]
     expected[:, 0] -= study.problem.point_stiffness[held, 2] * study.problem.point_gaps[held]
     np.testing.assert_allclose(both, expected, atol=1e-9 * np.abs(expected).max())
@@ -173,7 +188,9 @@ def test_groups_of_patches_are_a_symmetric_grid_with_three_rows(side, points, mo
     np.testing.assert_array_equal(count[turned], count)
 
 
-@pytest.mark.parametrize("inside", [lambda x, y: x + y < 1.0, lambda x, y: (2 * x - 1) ** 2 + (2 * y - 1) ** 2 < 1.0])
+@pytest.mark.parametrize(
+    "inside", [lambda x, y: x + y < 1.0, lambda x, y: (2 * x - 1) ** 2 + (2 * y - 1) ** 2 < 1.0]
+)
 def test_groups_on_a_face_without_rows(inside):
     """Centres and areas of a grid of 4 by 12 patches that a triangle and an ellipse clip, in any order of the points."""
     x, y = (np.arange(80.0).reshape(-1, 1) + 0.5) / 80.0, (np.arange(240.0) + 0.5) / 240.0
@@ -185,8 +202,13 @@ def test_groups_on_a_face_without_rows(inside):
     centre = [[12.0 * (x + 0.0 * y)[parts[k]][covered[k]].mean(), 36.0 * (y + 0.0 * x)[parts[k]][covered[k]].mean(), 0.0]
               for k in kept]  # fmt: skip
     whole = bd.reference_model("bladed_disk", 9).interfaces["left"]
-    frame, order = np.broadcast_to(np.eye(3), (len(kept), 3, 3)), np.random.default_rng(5).permutation(len(kept))
-    face = replace(whole, points=np.array(centre), area=9.0 * area, frame=frame, gap=np.zeros(len(kept)))
+    frame, order = (
+        np.broadcast_to(np.eye(3), (len(kept), 3, 3)),
+        np.random.default_rng(5).permutation(len(kept)),
+    )
+    face = replace(
+        whole, points=np.array(centre), area=9.0 * area, frame=frame, gap=np.zeros(len(kept))
+    )
     mixed = replace(face, points=face.points[order], area=face.area[order])
     for most in (4, 6, 9, 12, 16, 24):
         label = group_patches(face, most)
@@ -200,14 +222,22 @@ def test_groups_on_a_face_without_rows(inside):
 def test_any_number_of_groups_is_possible(points, most):
     face = bd.reference_model("bladed_disk", points).interfaces["left"]
     label = group_patches(face, most)
-    assert sorted(np.unique(label)) == list(range(label.max() + 1)) and 0.7 * most < label.max() + 1 <= most
+    assert (
+        sorted(np.unique(label)) == list(range(label.max() + 1))
+        and 0.7 * most < label.max() + 1 <= most
+    )
 
 
 @each(("points", "most"), [(48, 24), (48, 12), (48, 9), (24, 12), (24, 9)])
 def test_united_points_have_the_peak_of_a_model_with_as_many(points, most):
     """Two rows of groups along t1 let the damper roll: 0.84 to 1.1 mm where models of 9, 24 and 48 points have 16 um."""
-    whole, settings = [bd.reference_model("bladed_disk", n) for n in (points, 9)], {"engine_order": 5, "harmonics": 1}
-    studies = [bd.Study(m, bd.Excitation("tip"), friction_coefficient=0.3, **settings) for m in whole]
+    whole, settings = (
+        [bd.reference_model("bladed_disk", n) for n in (points, 9)],
+        {"engine_order": 5, "harmonics": 1},
+    )
+    studies = [
+        bd.Study(m, bd.Excitation("tip"), friction_coefficient=0.3, **settings) for m in whole
+    ]
     peak, other = studies[0].replace(contact_points=most).peak(34.0), studies[1].peak(34.0)
     assert peak.status == other.status == "complete"
     assert peak.amplitude == pytest.approx(other.amplitude, rel=0.07)
@@ -229,7 +259,9 @@ def test_united_points_keep_rigid_motion_area_and_energy(model):
     f = rng.standard_normal(united.flexibility.shape[0])
     assert (f @ united.flexibility @ f).real > 0.0
     residual = united.flexibility - (
-        united.contact_modes.reshape(len(f), -1) / blade.omega2 @ united.contact_modes.reshape(len(f), -1).conj().T
+        united.contact_modes.reshape(len(f), -1)
+        / blade.omega2
+        @ united.contact_modes.reshape(len(f), -1).conj().T
     )
     assert np.linalg.eigvalsh(residual).min() > -1e-12 * np.abs(united.flexibility).max()
 
@@ -240,7 +272,9 @@ def test_given_stiffness_is_that_of_the_points_of_the_model(full):
     np.testing.assert_allclose(united.problem.point_stiffness[:2], 6e7)
     total = whole.problem.point_stiffness[:12].sum(axis=0)
     np.testing.assert_allclose(united.problem.point_stiffness[:4].sum(axis=0), total)
-    by_name = united.replace(contact_stiffness={n: np.array([1e7, 2e7, 3e7]) for n in whole.problem.coupling.interfaces})
+    by_name = united.replace(
+        contact_stiffness={n: np.array([1e7, 2e7, 3e7]) for n in whole.problem.coupling.interfaces}
+    )
     np.testing.assert_allclose(by_name.problem.point_stiffness[0], [3e7, 6e7, 9e7])
 
 
@@ -289,9 +323,23 @@ def test_a_set_without_one_effect(full, name, changed):
 def test_what_is_off_or_fewer_already_remains(full):
     whole = bd.Effects.of(full)
     for harmonics in ((1, 3), (1, 3, 5)):
-        assert bd.Effects(whole | {"harmonics": harmonics}).without("harmonics beyond 3")["harmonics"] == (1, 3)
-    assert bd.Effects(whole | {"contact_points": 3}).without("contact points beyond 4")["contact_points"] == 3
-    for name in ("gravity", "rotation", "rotation W", "harmonics beyond", "harmonics beyond all", "stability"):
+        assert bd.Effects(whole | {"harmonics": harmonics}).without("harmonics beyond 3")[
+            "harmonics"
+        ] == (1, 3)
+    assert (
+        bd.Effects(whole | {"contact_points": 3}).without("contact points beyond 4")[
+            "contact_points"
+        ]
+        == 3
+    )
+    for name in (
+        "gravity",
+        "rotation",
+        "rotation W",
+        "harmonics beyond",
+        "harmonics beyond all",
+        "stability",
+    ):
         with pytest.raises(bd.SettingError, match=r"effect: expected .* found"):
             whole.without(name)
 
@@ -307,7 +355,10 @@ def test_coupled_friction_brings_a_sampled_evaluation(full):
     assert full.settings.contact_forces == "event_driven"
     assert isinstance(full.replace(friction_law="coupled").settings.contact_forces, bd.AFT)
     coupled = full.replace(friction_law="coupled")
-    assert isinstance(coupled.settings.contact_forces, bd.AFT) and coupled.settings.friction_law == "coupled"
+    assert (
+        isinstance(coupled.settings.contact_forces, bd.AFT)
+        and coupled.settings.friction_law == "coupled"
+    )
     kept = full.replace(contact_forces=bd.AFT(256), friction_law="coupled")
     assert kept.settings.contact_forces == bd.AFT(256)
 
@@ -315,7 +366,9 @@ def test_coupled_friction_brings_a_sampled_evaluation(full):
 # ---- settings together ----
 
 
-@pytest.mark.parametrize("changes", [{"separation": False}, {"variable_normal_load": False}], ids=str)
+@pytest.mark.parametrize(
+    "changes", [{"separation": False}, {"variable_normal_load": False}], ids=str
+)
 def test_bonded_points_do_not_know_of_separation(full, changes):
     """They pull as well as they push (and have no gaps, which would be refused)."""
     bonded = full.replace(friction_law="bonded", constraint_planes=False)
@@ -332,7 +385,9 @@ def test_modes_of_a_system_are_those_of_its_points(full):
     X, _, _ = system.contact(u)
     for l in range(1, 4):
         motion = np.einsum("pim,m->pi", system.structure.bases[l].G, system.layout.amplitudes(u, l))
-        np.testing.assert_allclose(X[..., 2 * l - 1] - 1j * X[..., 2 * l], motion, rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(
+            X[..., 2 * l - 1] - 1j * X[..., 2 * l], motion, rtol=1e-9, atol=1e-12
+        )
 
 
 def test_studies_can_be_keys_and_be_sent_elsewhere(full):
@@ -340,7 +395,9 @@ def test_studies_can_be_keys_and_be_sent_elsewhere(full):
     assert len({full, full, full._with_problem(full.problem.replace()), again}) == 3
     assert again.model.hash == full.model.hash
     # to rounding, which depends on where arrays lie in memory
-    np.testing.assert_allclose(again.static(PRELOAD).force, full.static(PRELOAD).force, rtol=0.0, atol=1e-12 * PRELOAD)
+    np.testing.assert_allclose(
+        again.static(PRELOAD).force, full.static(PRELOAD).force, rtol=0.0, atol=1e-12 * PRELOAD
+    )
 
 
 def test_a_curve_of_other_settings_is_refused(full):

@@ -5,7 +5,13 @@ import json
 import os
 import tempfile
 import threading
-from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import (
+    BrokenExecutor,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+)
 from contextlib import nullcontext
 from functools import partial
 from types import SimpleNamespace
@@ -38,7 +44,9 @@ class Ends(Executor):
             future.set_exception(BrokenExecutor("the workers\nare gone"))
         elif self.how == "killed":  # Dask, where a task has ended four workers
             killed = pytest.importorskip("distributed").KilledWorker
-            future.set_exception(type("Killed", (killed,), {"__str__": lambda self: REASONS["killed"]})("", None, 3))
+            future.set_exception(
+                type("Killed", (killed,), {"__str__": lambda self: REASONS["killed"]})("", None, 3)
+            )
         else:
             future.cancel()
             future.set_running_or_notify_cancel()
@@ -76,7 +84,9 @@ def test_curves_that_were_finished_are_returned(how, tmp_path):
     assert len(path.read_text().splitlines()) == 1 + 4
     again = optimal_curve(pressed().problem, **ASKED, resume=path)
     np.testing.assert_array_equal(again.amplitude, whole.amplitude)
-    with pytest.raises(bd.BdamperError, match=f"^executor: expected one that takes tasks, found {REASONS[how]}$"):
+    with pytest.raises(
+        bd.BdamperError, match=f"^executor: expected one that takes tasks, found {REASONS[how]}$"
+    ):
         optimal_curve(pressed().problem, **ASKED, executor=Ends(0, how))
 
 
@@ -84,15 +94,22 @@ def test_pools_that_have_ended():
     over = {"preload": [1.0, 2.0]}
     with ThreadPoolExecutor(1) as pool:
         pass
-    assert bd.sweep(pressed(), over, question, executor=pool).status == (f"not run: {REASONS['shut down']}",) * 2
-    with pytest.raises(bd.BdamperError, match="executor: expected one that takes tasks, found cannot schedule"):
+    assert (
+        bd.sweep(pressed(), over, question, executor=pool).status
+        == (f"not run: {REASONS['shut down']}",) * 2
+    )
+    with pytest.raises(
+        bd.BdamperError, match="executor: expected one that takes tasks, found cannot schedule"
+    ):
         optimal_curve(pressed().problem, **ASKED, executor=pool)
     with ProcessPoolExecutor(1) as pool:
         with pytest.raises(BrokenExecutor):
             pool.submit(partial(exec, "import os; os._exit(1)")).result()
         status = bd.sweep(pressed(), over, question, executor=pool).status
         assert all(text.startswith("not run: ") and "process" in text for text in status)
-        with pytest.raises(bd.BdamperError, match="executor: expected one that takes tasks, found "):
+        with pytest.raises(
+            bd.BdamperError, match="executor: expected one that takes tasks, found "
+        ):
             optimal_curve(pressed().problem, **ASKED, executor=pool)
 
 
@@ -107,13 +124,17 @@ def test_an_error_of_the_question_itself_is_not_that_of_the_executor():
 def of_a_pool_that_has_ended(study, preload):
     with ThreadPoolExecutor(1) as pool:
         pass
-    return {"value": bd.sweep(study, {"preload": [preload]}, question, executor=pool).array("value")[0]}
+    return {
+        "value": bd.sweep(study, {"preload": [preload]}, question, executor=pool).array("value")[0]
+    }
 
 
 def test_an_executor_that_ends_within_a_question_fails_its_point_alone():
     with ThreadPoolExecutor(1) as pool:
         for executor in (None, pool):
-            result = bd.sweep(pressed(), {"preload": [1.0, 2.0]}, of_a_pool_that_has_ended, executor=executor)
+            result = bd.sweep(
+                pressed(), {"preload": [1.0, 2.0]}, of_a_pool_that_has_ended, executor=executor
+            )
             assert result.status == (f"failed: {REASONS['shut down']}",) * 2
 
 
@@ -142,7 +163,9 @@ def test_a_process_reads_each_job_once(folder, monkeypatch, tmp_path):
         monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / folder))
         for k in (1, 2):
             result = bd.sweep(pressed(), over, Read(float(k)), executor=pool)
-            assert set(result.array("read")) == {k} and result.array("value").tolist() == [k * p for p in over["preload"]]
+            assert set(result.array("read")) == {k} and result.array("value").tolist() == [
+                k * p for p in over["preload"]
+            ]
     assert Read.read == 0, "a job of this process is never read"
 
 
@@ -153,7 +176,10 @@ class Window(Executor):
         self.pool, self._max_workers, self.tasks, self.most = pool, 2, [], 0
 
     def submit(self, function, *arguments):
-        self.tasks = [*(task for task in self.tasks if not task.done()), self.pool.submit(function, *arguments)]
+        self.tasks = [
+            *(task for task in self.tasks if not task.done()),
+            self.pool.submit(function, *arguments),
+        ]
         self.most = max(self.most, len(self.tasks))
         return self.tasks[-1]
 
@@ -200,17 +226,32 @@ def test_small_points_share_tasks_and_writes(tmp_path, monkeypatch):
     """Each task has twice as many as the one before it, until they fill its time; all of a task are one write."""
     monkeypatch.setattr(executors, "SECONDS", 1e9)
     writes, write = [], os.write
-    monkeypatch.setattr(os, "write", lambda file, content: writes.append(content.count(b"\n")) or write(file, content))
+    monkeypatch.setattr(
+        os,
+        "write",
+        lambda file, content: writes.append(content.count(b"\n")) or write(file, content),
+    )
     over, pool = {"preload": [float(k) for k in range(1, 101)]}, Inline()
     result = bd.sweep(pressed(), over, question, executor=pool, resume=tmp_path / "r.jsonl")
     assert result.complete and result.array("value").tolist() == [2.0 * p for p in over["preload"]]
-    assert executors.TASKS == 4 and pool.sizes == [1] * 4 + [2] * 4 + [4] * 4 + [8] * 4 + [16, 16, 8]
-    assert sorted(writes) == sorted([1, *pool.sizes]), "the header, and the tasks in the order of completion"
+    assert executors.TASKS == 4 and pool.sizes == [1] * 4 + [2] * 4 + [4] * 4 + [8] * 4 + [
+        16,
+        16,
+        8,
+    ]
+    assert sorted(writes) == sorted([1, *pool.sizes]), (
+        "the header, and the tasks in the order of completion"
+    )
     again = Inline()
-    assert bd.sweep(pressed(), over, question, executor=again, resume=tmp_path / "r.jsonl").complete and not again.sizes
+    assert (
+        bd.sweep(pressed(), over, question, executor=again, resume=tmp_path / "r.jsonl").complete
+        and not again.sizes
+    )
 
 
-@pytest.mark.parametrize(("seconds", "size"), [(0.0, 20), (0.004, 20), (0.007, 14), (0.013, 7), (0.04, 2), (0.11, 1)])
+@pytest.mark.parametrize(
+    ("seconds", "size"), [(0.0, 20), (0.004, 20), (0.007, 14), (0.013, 7), (0.04, 2), (0.11, 1)]
+)
 def test_a_task_has_as_many_points_as_fill_its_time(seconds, size):
     assert executors.SECONDS == 0.1 and executors._fitting([{"seconds": seconds}] * 10) == size
 
@@ -221,7 +262,9 @@ def test_a_task_ends_after_its_time_and_leaves_the_rest(monkeypatch):
     monkeypatch.setattr(executors, "SECONDS", 1e9)
     monkeypatch.setattr(executors, "time", SimpleNamespace(monotonic=lambda: 1e10 * next(ticks)))
     over = {"preload": [float(k) for k in range(1, 21)]}
-    result = bd.sweep(pressed(), over, lambda study, p: asked.append(p) or question(study, p), executor=pool)
+    result = bd.sweep(
+        pressed(), over, lambda study, p: asked.append(p) or question(study, p), executor=pool
+    )
     assert result.complete and result.array("value").tolist() == [2.0 * p for p in over["preload"]]
     assert sorted(asked) == over["preload"], "each is computed once"
     assert set(pool.sizes) == {1, 2} and pool.done == [1] * 20
@@ -267,7 +310,11 @@ class Meeting:
 
 def test_sweeps_side_by_side_keep_their_own_jobs():
     factors = 2.0, 3.0
-    over, questions, found = {"preload": [float(k) for k in range(1, 21)]}, [Meeting(f) for f in factors], [None, None]
+    over, questions, found = (
+        {"preload": [float(k) for k in range(1, 21)]},
+        [Meeting(f) for f in factors],
+        [None, None],
+    )
 
     def ask(k):
         with ThreadPoolExecutor(1) as pool:
@@ -279,5 +326,7 @@ def test_sweeps_side_by_side_keep_their_own_jobs():
     for thread in threads:
         thread.join(60.0)
     for result, factor in zip(found, factors, strict=True):
-        assert result.complete and result.array("value").tolist() == [factor * p for p in over["preload"]]
+        assert result.complete and result.array("value").tolist() == [
+            factor * p for p in over["preload"]
+        ]
     assert [q.calls for q in questions] == [20, 20]

@@ -10,7 +10,17 @@ import pytest
 
 import bdamper as bd
 from bdamper.analyses import response_residuals
-from bdamper.analyses.fit import UNLOADED, Objective, _predictions, _profile, _stage, covariance, fit, left_out, repetitions
+from bdamper.analyses.fit import (
+    UNLOADED,
+    Objective,
+    _predictions,
+    _profile,
+    _stage,
+    covariance,
+    fit,
+    left_out,
+    repetitions,
+)
 from bdamper.analyses.response_residuals import Separation, Variations, _Swept
 from bdamper.harmonic_balance.parameters import vary
 from bdamper.importers.measured_modes import MeasuredMode
@@ -28,14 +38,22 @@ def jenkins():
     """One mass with an elastic friction element, whose normal load is that of a second mass."""
     contact = bd.Contact(tangential=0, normal=1, kt=1.0, kn=20.0, mu=0.5)
     return bd.lumped(
-        [1.0, 1.0], [0.02, 0.02], [2.0, 1.0], contacts=[contact], forces={0: 1.0}, load_per_preload={1: 1.0}, harmonics=1
+        [1.0, 1.0],
+        [0.02, 0.02],
+        [2.0, 1.0],
+        contacts=[contact],
+        forces={0: 1.0},
+        load_per_preload={1: 1.0},
+        harmonics=1,
     )
 
 
 def measured(study, test, noise=0.0, seed=0):
     """A test with the response of a study at its frequencies, found by the equations alone, and noise."""
     f = test.data.frequency
-    swept = _Swept(Variations(lambda _: study.problem, {}), test, (f[0] * (1.0 - 1e-6), f[-1] * (1.0 + 1e-6)))
+    swept = _Swept(
+        Variations(lambda _: study.problem, {}), test, (f[0] * (1.0 - 1e-6), f[-1] * (1.0 + 1e-6))
+    )
     noise_of = np.random.default_rng(seed).standard_normal((2, len(f))) * noise
     exact = np.array([swept.first(swept.at(at, factor)) for at, factor in zip(f, test.factors)])
     response = exact * np.exp(noise_of[0] + 1j * noise_of[1])
@@ -45,7 +63,9 @@ def measured(study, test, noise=0.0, seed=0):
 
 def blank(preload, band, n=20, phase=True, **how):
     unit = np.ones(n) * (1j if phase else 1.0)
-    return bd.MeasuredResponse(bd.importers.Measurement(f"{preload:g} N", np.linspace(*band, n), unit), preload, **how)
+    return bd.MeasuredResponse(
+        bd.importers.Measurement(f"{preload:g} N", np.linspace(*band, n), unit), preload, **how
+    )
 
 
 @pytest.fixture(scope="module")
@@ -59,11 +79,15 @@ def test_a_jenkins_oscillator_is_recovered_without_noise(jenkins, tests):
     assert found.values == pytest.approx(list(TRUE.values()), rel=1e-6)
     assert found.misfit < 1e-6 and found.status == "complete"
     assert found.information.sum(axis=1) == pytest.approx([1.0, 1.0])
-    assert found.information[0].argmax() == 1 and found.information[1].argmax() == 2  # slip tells friction, stick stiffness
+    assert (
+        found.information[0].argmax() == 1 and found.information[1].argmax() == 2
+    )  # slip tells friction, stick stiffness
 
 
 def test_derivatives_of_residuals(jenkins, tests):
-    objective = Objective(jenkins, tests, RANGES | {"damping_factor": (0.1, 10.0), "force_factor": (0.5, 2.0)}, 0.02)
+    objective = Objective(
+        jenkins, tests, RANGES | {"damping_factor": (0.1, 10.0), "force_factor": (0.5, 2.0)}, 0.02
+    )
     x = np.log([0.45, 1.1, 1.2, 1.1])
     exact, step = objective.jacobian(x), 1e-5
     for j, away in enumerate(step * np.eye(4)):
@@ -77,7 +101,9 @@ def test_derivatives_of_distances_at_a_jump():
     curve = study.frequency_response(0.0, (0.12, 0.28))
     (jump,) = sweep_of(curve, "up").jumps
     test = measured(study, blank(0.0, (0.97 * jump.frequency, 1.03 * jump.frequency), 25))
-    objective = Objective(study, [test], {"force_factor": (0.5, 2.0), "damping_factor": (0.5, 2.0)}, 0.02)
+    objective = Objective(
+        study, [test], {"force_factor": (0.5, 2.0), "damping_factor": (0.5, 2.0)}, 0.02
+    )
     assert np.abs(objective.residual(np.zeros(2))).max() < 1e-5
     x, step = np.log([1.01, 0.99]), 1e-6
     exact = objective.jacobian(x)
@@ -86,28 +112,46 @@ def test_derivatives_of_distances_at_a_jump():
     for j, away in enumerate(step * np.eye(2)):
         difference = np.abs(objective.residual(x + away)) - np.abs(objective.residual(x - away))
         signed = exact[:, j] * np.sign(objective.residual(x))
-        assert np.allclose(signed, difference / (2.0 * step), rtol=1e-3, atol=1e-3 * np.abs(exact[:, j]).max())
+        assert np.allclose(
+            signed, difference / (2.0 * step), rtol=1e-3, atol=1e-3 * np.abs(exact[:, j]).max()
+        )
 
 
 @pytest.mark.slow
 def test_stages_and_resonances():
     """Damping, frequency and force gain from the response without damper; friction from resonances over load."""
     study = bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5, harmonics=1)
-    truth = vary(study, {"friction_coefficient": 0.4, "damping_factor": 1.3, "frequency_factor": 1.01})
+    truth = vary(
+        study, {"friction_coefficient": 0.4, "damping_factor": 1.3, "frequency_factor": 1.01}
+    )
     limit = truth.free((500.0, 700.0)).peak
     width = 0.01 * limit.frequency
     plan = blank(0.0, (limit.frequency - width, limit.frequency + width), 20, force=1.05)
     free = bd.MeasuredResponse(measured(truth, plan).data, 0.0)  # the cell has shown 1 N of 1.05 N
     loads = np.array([0.0, 20.0, 60.0, 200.0])
     peaks = [limit, *(truth.peak(load) for load in loads[1:])]
-    data = Measured(loads, np.array([p.amplitude for p in peaks]), np.array([p.frequency for p in peaks]), "resonances")
+    data = Measured(
+        loads,
+        np.array([p.amplitude for p in peaks]),
+        np.array([p.frequency for p in peaks]),
+        "resonances",
+    )
     found = fit(study, data, {"friction_coefficient": (0.2, 0.8)}, free=free)
-    assert found.names == ("damping_factor", "frequency_factor", "force_factor", "friction_coefficient")
+    assert found.names == (
+        "damping_factor",
+        "frequency_factor",
+        "force_factor",
+        "friction_coefficient",
+    )
     assert found.values[:3] == pytest.approx([1.3, 1.01, 1.05], rel=1e-4)
     assert np.isfinite(found.low).all() and (found.low <= found.values).all()
-    resonances = found.test == 1  # in Hz and m, as the swept response is, so that one picture shows both
+    resonances = (
+        found.test == 1
+    )  # in Hz and m, as the swept response is, so that one picture shows both
     assert found.place[resonances] == pytest.approx(data.frequency[1:], rel=1e-4)
-    assert np.abs(found.measured[resonances]) == pytest.approx(data.amplitude[1:] * found["force_factor"], rel=1e-3)
+    assert np.abs(found.measured[resonances]) == pytest.approx(
+        data.amplitude[1:] * found["force_factor"], rel=1e-3
+    )
     assert found.apply(study).settings.friction_coefficient == found["friction_coefficient"]
 
 
@@ -116,11 +160,18 @@ def test_intervals_beside_a_richer_fit(jenkins, tests):
     found = fit(jenkins, tests[1], {"friction_coefficient": (0.1, 0.9)})
     for factor in (0.8, 1.3):
         richer = replace(
-            found, values=factor * found.values, low=0.98 * factor * found.low, high=1.02 * factor * found.high
+            found,
+            values=factor * found.values,
+            low=0.98 * factor * found.low,
+            high=1.02 * factor * found.high,
         )
         both = found.widen(richer)
-        assert both.low[0] <= min(found.low[0] / max(factor, 1 / factor), richer.low[0]) * (1.0 + 1e-12)
-        assert both.high[0] >= max(found.high[0] * max(factor, 1 / factor), richer.high[0]) * (1.0 - 1e-12)
+        assert both.low[0] <= min(found.low[0] / max(factor, 1 / factor), richer.low[0]) * (
+            1.0 + 1e-12
+        )
+        assert both.high[0] >= max(found.high[0] * max(factor, 1 / factor), richer.high[0]) * (
+            1.0 - 1e-12
+        )
         assert both.values == found.values and "harmonics 1" in both.notes[-1]
     with pytest.raises(bd.SettingError, match="richer: expected a fit of"):
         found.widen(replace(found, names=("damping_factor",)))
@@ -137,14 +188,24 @@ def test_a_joint_is_recovered_from_forces_that_differ_between_points():
     for k, level in enumerate((0.02, 0.06, 0.2)):
         plan = blank(0.0, (0.17, 0.23), 12)
         force = level * (1.0 + 0.4 * np.sin(np.arange(12.0) + k))
-        runs.append(measured(oscillator(**true), replace(plan, data=replace(plan.data, force=force))))
+        runs.append(
+            measured(oscillator(**true), replace(plan, data=replace(plan.data, force=force)))
+        )
     ranges = {"frequency": (0.15, 0.25), "stiffness": (0.1, 1.0), "friction": (0.1, 1.5)}
     found = fit(oscillator, runs, ranges)
     assert found.values == pytest.approx(list(true.values()), rel=1e-5) and found.misfit < 1e-3
-    assert found.apply(oscillator).problem.model.hash == oscillator(**dict(zip(found.names, found.values))).model.hash
+    assert (
+        found.apply(oscillator).problem.model.hash
+        == oscillator(**dict(zip(found.names, found.values))).model.hash
+    )
     at, factor = runs[0].data.frequency[3], runs[0].factors[3]
-    alone = measured(oscillator(**true), blank(0.0, (0.17, 0.23), 12, force=factor * runs[0].nominal))
-    assert runs[0].data.response[3] == pytest.approx(alone.data.response[3], rel=1e-8) and at == alone.data.frequency[3]
+    alone = measured(
+        oscillator(**true), blank(0.0, (0.17, 0.23), 12, force=factor * runs[0].nominal)
+    )
+    assert (
+        runs[0].data.response[3] == pytest.approx(alone.data.response[3], rel=1e-8)
+        and at == alone.data.frequency[3]
+    )
 
 
 JOINT = {"frequency": 0.204, "stiffness": 0.4, "friction": 1.3}
@@ -152,7 +213,9 @@ WIDE = {"frequency": (0.15, 0.25), "stiffness": (0.1, 1.0), "friction": (0.1, 5.
 
 
 def controlled(control, frequency, response, force):
-    data = bd.importers.Measurement(control, np.array(frequency), np.array(response) + 0j, force=np.array(force))
+    data = bd.importers.Measurement(
+        control, np.array(frequency), np.array(response) + 0j, force=np.array(force)
+    )
     return bd.MeasuredResponse(data, control=control)
 
 
@@ -160,23 +223,35 @@ def by_differences(objective, x, step=1e-5):
     """Largest relative error of the derivatives with respect to each parameter."""
     exact = objective.jacobian(x)
     ways = (objective.residual(x + d) - objective.residual(x - d) for d in step * np.eye(len(x)))
-    return [np.abs(exact[:, j] - way / (2.0 * step)).max() / np.abs(exact[:, j]).max() for j, way in enumerate(ways)]
+    return [
+        np.abs(exact[:, j] - way / (2.0 * step)).max() / np.abs(exact[:, j]).max()
+        for j, way in enumerate(ways)
+    ]
 
 
 def test_a_joint_is_recovered_from_its_nonlinear_mode():
     """Amplitude, frequency and damping of free vibration, some of them not measured; force and damping ratio balance."""
     mode = oscillator(**JOINT).nonlinear_mode(0.0, 1, (0.1, 3.0))
     rows = np.arange(0, len(mode), len(mode) // 8)
-    data = MeasuredMode(mode.amplitude[rows], mode.frequency[rows].copy(), mode.damping_ratio[rows].copy())
+    data = MeasuredMode(
+        mode.amplitude[rows], mode.frequency[rows].copy(), mode.damping_ratio[rows].copy()
+    )
     data.frequency[1], data.damping_ratio[2] = np.nan, np.nan
     objective = Objective(oscillator, [data], WIDE, 0.02)
     assert np.abs(objective.residual(np.log(list(JOINT.values())))).max() < 1e-4
     assert max(by_differences(objective, np.log([0.201, 0.45, 1.1]))) < 1e-5
     found = fit(oscillator, data, WIDE, intervals="linear")
-    assert found.values == pytest.approx(list(JOINT.values()), rel=1e-5) and found.status == "complete"
+    assert (
+        found.values == pytest.approx(list(JOINT.values()), rel=1e-5) and found.status == "complete"
+    )
     wrong = MeasuredMode(data.amplitude, 1.01 * data.frequency, data.damping_ratio, noise=0.01)
-    residual = Objective(oscillator, [wrong], WIDE, 0.02).parts(np.log(list(JOINT.values())))[0].residual
-    assert residual[0] == pytest.approx([0.0, -np.log(1.01) / 0.01], abs=1e-4) and residual[1, 1] == residual[2, 0] == 0.0
+    residual = (
+        Objective(oscillator, [wrong], WIDE, 0.02).parts(np.log(list(JOINT.values())))[0].residual
+    )
+    assert (
+        residual[0] == pytest.approx([0.0, -np.log(1.01) / 0.01], abs=1e-4)
+        and residual[1, 1] == residual[2, 0] == 0.0
+    )
 
 
 def test_response_control_has_one_force_where_the_curve_has_three_responses():
@@ -194,7 +269,9 @@ def test_response_control_has_one_force_where_the_curve_has_three_responses():
         objective = Objective(duffing, [test], ranges, 0.02)
         assert np.abs(objective.residual(np.log([0.04, 0.05, 1.0]))).max() < 1e-9
         assert max(by_differences(objective, np.log([0.03, 0.06, 1.1]))) < 1e-6
-    found = fit(duffing, test, {name: ranges[name] for name in ("damping", "cubic")}, intervals="linear")
+    found = fit(
+        duffing, test, {name: ranges[name] for name in ("damping", "cubic")}, intervals="linear"
+    )
     assert found.values == pytest.approx([0.04, 0.05], rel=1e-6)
 
 
@@ -208,7 +285,9 @@ def test_phase_control_of_a_joint():
     objective = Objective(oscillator, [test], WIDE | {"force_factor": (0.5, 2.0)}, 0.02)
     assert np.abs(objective.residual(np.log([*JOINT.values(), 1.0]))).max() < 1e-4
     assert max(by_differences(objective, np.log([0.202, 0.45, 1.1, 1.05]))) < 1e-6
-    assert objective.residual(np.log([*JOINT.values(), 1.1]))[::2] == pytest.approx(np.full(len(f), np.log(1.1) / 0.02))
+    assert objective.residual(np.log([*JOINT.values(), 1.1]))[::2] == pytest.approx(
+        np.full(len(f), np.log(1.1) / 0.02)
+    )
     found = fit(oscillator, test, WIDE, intervals="linear")
     assert found.values == pytest.approx(list(JOINT.values()), rel=1e-5)
 
@@ -219,22 +298,36 @@ def test_repeated_tests_give_the_noise_and_are_left_out_together(jenkins):
     runs = [measured(truth, plan, 0.03, i) for i, plan in enumerate(plans)]
     groups, scatter = repetitions(runs)
     logs = np.log([np.abs(run.data.response) for run in runs[1:]])
-    assert groups == [0, 1, 1, 1] and scatter == pytest.approx(np.sqrt(logs.var(axis=0, ddof=1).mean()), rel=1e-9)
+    assert groups == [0, 1, 1, 1] and scatter == pytest.approx(
+        np.sqrt(logs.var(axis=0, ddof=1).mean()), rel=1e-9
+    )
     assert scatter == pytest.approx(0.03, rel=0.2)
     found = fit(jenkins, runs, {"friction_coefficient": (0.1, 0.9)})
     assert found.noise == scatter and "the scatter of repeated tests" in found.notes[0]
     alone = fit(jenkins, runs[:1], {"friction_coefficient": (0.1, 0.9)}, noise=scatter)
-    new = Objective(jenkins, runs, {"friction_coefficient": (0.1, 0.9)}, scatter).parts(np.log(alone.values))
+    new = Objective(jenkins, runs, {"friction_coefficient": (0.1, 0.9)}, scatter).parts(
+        np.log(alone.values)
+    )
     expected = [np.sqrt((part.residual[:, 0] ** 2).mean()) for part in new]
     assert found.predictions[1:] == pytest.approx(expected[1:], rel=2e-3)
     objective = Objective(jenkins, runs, {"friction_coefficient": (0.1, 0.9)}, scatter)
     x, half = np.log(found.values), 2 * len(runs[0].data.frequency)
     r, J = objective.residual(x), objective.jacobian(x)
-    assert found.left_out == pytest.approx(left_out(r, J, [slice(half), slice(half, None)]), rel=1e-6)
+    assert found.left_out == pytest.approx(
+        left_out(r, J, [slice(half), slice(half, None)]), rel=1e-6
+    )
     assert fit(jenkins, runs[0], {"friction_coefficient": (0.1, 0.9)}).noise == 0.02
-    apart = [replace(runs[1], preload=3.0), replace(runs[1], sweep="down"), replace(runs[1], force=2.0), runs[1]]
+    apart = [
+        replace(runs[1], preload=3.0),
+        replace(runs[1], sweep="down"),
+        replace(runs[1], force=2.0),
+        runs[1],
+    ]
     assert repetitions(apart) == ([0, 1, 2, 3], 0.0)
-    parts = [measured(truth, blank(2.0, band, 10, phase=False), 0.0, 0) for band in ((0.2, 0.25), (0.26, 0.32))]
+    parts = [
+        measured(truth, blank(2.0, band, 10, phase=False), 0.0, 0)
+        for band in ((0.2, 0.25), (0.26, 0.32))
+    ]
     assert repetitions(parts) == ([0, 1], 0.0), "two parts of one test have no frequency in common"
 
 
@@ -243,7 +336,9 @@ def test_predictions_are_those_of_fits_without_a_test(jenkins):
     found, _ = _stage(linear(jenkins, tests))
     for i, (A, b) in enumerate(tests):
         rest = [test for j, test in enumerate(tests) if j != i]
-        x = np.linalg.lstsq(np.concatenate([A for A, _ in rest]), np.concatenate([b for _, b in rest]), rcond=None)[0]
+        x = np.linalg.lstsq(
+            np.concatenate([A for A, _ in rest]), np.concatenate([b for _, b in rest]), rcond=None
+        )[0]
         assert found.predictions[i] == pytest.approx(np.sqrt(((A @ x - b) ** 2).mean()), rel=1e-6)
     assert "Tests left out of the fit are predicted within" in found._headline().replace("\n", " ")
     only, _ = _stage(linear(jenkins, tests[:1]))
@@ -259,7 +354,10 @@ def test_priors_are_measurements_of_the_parameters(jenkins):
     A, b = np.concatenate([A for A, _ in tests]), np.concatenate([b for _, b in tests])
     other = A[:, 1] @ (b - A[:, 0] * np.log(1.2)) / (A[:, 1] @ A[:, 1])
     assert found.values == pytest.approx([1.2, np.exp(other)], rel=1e-4)
-    assert found.deviation[0] == pytest.approx(1e-5 / 1.2, rel=1e-2) and found.information[0].sum() < 1e-6
+    assert (
+        found.deviation[0] == pytest.approx(1e-5 / 1.2, rel=1e-2)
+        and found.information[0].sum() < 1e-6
+    )
     x = np.array([0.1, 0.2])
     assert objective.residual(x)[-1] == pytest.approx((np.exp(0.1) - 1.2) / 1e-5)
     assert max(by_differences(objective, x)) < 1e-6
@@ -270,13 +368,19 @@ def test_priors_that_the_data_contradict_are_named(jenkins):
     tests = drawn_tests(np.random.default_rng(8), 2, 8, 0.5)
     objective = linear(jenkins, tests)
     A, b = np.concatenate([A for A, _ in tests]), np.concatenate([b for _, b in tests])
-    alone, deviation = np.linalg.lstsq(A, b, rcond=None)[0][0], np.sqrt(np.linalg.inv(A.T @ A)[0, 0])
+    alone, deviation = (
+        np.linalg.lstsq(A, b, rcond=None)[0][0],
+        np.sqrt(np.linalg.inv(A.T @ A)[0, 0]),
+    )
     for away in (-48.0, 5.0, 2.0):
         mean = float(np.exp(alone + away * deviation))
         objective.priors = {"friction_coefficient": (mean, 1e-6)}
         objective.ranges = dict.fromkeys(objective.ranges, (1e-9, 1e9))
         status = _stage(objective)[0].status
-        prior, distance = f"the prior of friction coefficient ({mean:g} with 1e-06)", f"{abs(away):.2g} standard deviations"
+        prior, distance = (
+            f"the prior of friction coefficient ({mean:g} with 1e-06)",
+            f"{abs(away):.2g} standard deviations",
+        )
         assert (f"{prior} is {distance} from the data" in status) == (abs(away) > 3.0)
 
 
@@ -298,21 +402,37 @@ def test_a_fit_to_a_force_of_wrong_gain_says_that_the_model_is_wrong():
     curve = oscillator().frequency_response(0.0, (0.15, 0.25))
     rows = np.linspace(1, len(curve) - 2, 15).astype(int)
     for times in (3.0, 10.0):
-        data = controlled("response", curve.frequency[rows], curve.amplitude[rows], np.full(15, times))
+        data = controlled(
+            "response", curve.frequency[rows], curve.amplitude[rows], np.full(15, times)
+        )
         found = fit(oscillator, data, {"friction": (0.1, 10.0)}, noise=0.02, intervals="linear")
         assert found.status.startswith("incomplete: the model does not describe these data")
 
 
 def test_a_preload_without_response_curve_is_refused_in_one_line():
     blade = bd.reference_model("turbine_blade")
-    study = bd.Study(blade, bd.Excitation("tip", amplitude=1.0), engine_order=5, friction_coefficient=0.3, harmonics=1)
+    study = bd.Study(
+        blade,
+        bd.Excitation("tip", amplitude=1.0),
+        engine_order=5,
+        friction_coefficient=0.3,
+        harmonics=1,
+    )
     data = controlled("response", [650.0, 660.0, 670.0], np.full(3, 1e-5), np.ones(3))
-    with pytest.raises(bd.BdamperError, match=r"no response could be computed .* does not keep the damper") as caught:
+    with pytest.raises(
+        bd.BdamperError, match=r"no response could be computed .* does not keep the damper"
+    ) as caught:
         fit(study, replace(data, preload=1e-6), {"friction_coefficient": (0.1, 1.0)})
     assert "\n" not in str(caught.value)
 
 
-BEAM = Path(__file__).resolve().parents[3] / "shared" / "fixtures" / "measured" / "brb_force_controlled.csv"
+BEAM = (
+    Path(__file__).resolve().parents[3]
+    / "shared"
+    / "fixtures"
+    / "measured"
+    / "brb_force_controlled.csv"
+)
 
 
 @pytest.mark.slow
@@ -321,7 +441,10 @@ def test_a_measured_joint_is_fitted_and_predicts_the_damping_of_a_sweep_left_out
     def beam(frequency=80.4, damping_ratio=1.5e-3, stiffness=2e4, friction=5.0, exponent=1.0):
         return bd.joint(frequency, damping_ratio, stiffness, friction, exponent, mass=1.9505)
 
-    runs = [bd.MeasuredResponse(each) for each in bd.importers.read_responses(BEAM, "level", phase_of="none")]
+    runs = [
+        bd.MeasuredResponse(each)
+        for each in bd.importers.read_responses(BEAM, "level", phase_of="none")
+    ]
     ranges = {"frequency": (79.0, 82.0), "damping_ratio": (1e-4, 1e-2), "stiffness": (1e3, 4e5)}
     ranges |= {"friction": (0.1, 500.0), "exponent": (0.1, 4.0)}
     for left in (None, 0, 1, 2, 3):
@@ -332,8 +455,12 @@ def test_a_measured_joint_is_fitted_and_predicts_the_damping_of_a_sweep_left_out
             continue
         data = runs[left].data
         k, amplitude = int(data.amplitude.argmax()), np.abs(data.displacement)
-        mode = found.apply(beam).nonlinear_mode(0.0, 1, (0.5 * amplitude.min(), 1.3 * amplitude.max()))
-        assert mode.at(amplitude[k])[0][1] == pytest.approx(data.force[k] / (2.0 * 1.9505 * data.amplitude[k]), rel=0.3)
+        mode = found.apply(beam).nonlinear_mode(
+            0.0, 1, (0.5 * amplitude.min(), 1.3 * amplitude.max())
+        )
+        assert mode.at(amplitude[k])[0][1] == pytest.approx(
+            data.force[k] / (2.0 * 1.9505 * data.amplitude[k]), rel=0.3
+        )
 
 
 class Linear(Objective):
@@ -345,7 +472,16 @@ class Linear(Objective):
             residual = np.column_stack([A @ x - b, np.zeros(len(b))])
             slopes = np.stack([A, 0.0 * A], axis=1) / np.exp(x)
             empty = np.ones(len(b))
-            out.append(Separation(empty, empty + 0j, empty + 0j, residual, lambda slopes=slopes: slopes, empty < 0.0))
+            out.append(
+                Separation(
+                    empty,
+                    empty + 0j,
+                    empty + 0j,
+                    residual,
+                    lambda slopes=slopes: slopes,
+                    empty < 0.0,
+                )
+            )
         return out
 
 
@@ -357,7 +493,9 @@ def linear(jenkins, tests):
 
 def drawn_tests(rng, n_tests, size, spread=1.0):
     """Draw tests whose best parameters are near 0."""
-    return [(rng.standard_normal((size, 2)), spread * rng.standard_normal(size)) for _ in range(n_tests)]
+    return [
+        (rng.standard_normal((size, 2)), spread * rng.standard_normal(size)) for _ in range(n_tests)
+    ]
 
 
 @pytest.mark.parametrize("spread", [0.5, 5.0])
@@ -369,22 +507,33 @@ def test_deviations_and_intervals_count_a_misfit_beyond_the_noise(jenkins, sprea
     expected = np.sqrt(max(square / (len(b) - 2), 1.0) * np.diag(np.linalg.inv(A.T @ A)))
     found, C = _stage(linear(jenkins, tests))
     assert np.log(found.values) == pytest.approx(best, abs=1e-6)
-    assert found.deviation == pytest.approx(expected, rel=1e-6) and np.sqrt(np.diag(C)) == pytest.approx(expected, rel=1e-6)
+    assert found.deviation == pytest.approx(expected, rel=1e-6) and np.sqrt(
+        np.diag(C)
+    ) == pytest.approx(expected, rel=1e-6)
     half = np.log(found.high / found.low) / 2.0
     if spread < 1.0:
-        assert half == pytest.approx(2.0739 * expected, rel=0.06)  # t distribution, 22 degrees of freedom
+        assert half == pytest.approx(
+            2.0739 * expected, rel=0.06
+        )  # t distribution, 22 degrees of freedom
     else:
-        assert (half > 2.0 * 2.0739 * expected).all()  # the sum of squares rises by three times its excess
+        assert (
+            half > 2.0 * 2.0739 * expected
+        ).all()  # the sum of squares rises by three times its excess
 
 
 def test_tests_left_out_are_those_of_a_jackknife_by_new_fits(jenkins):
     tests = drawn_tests(np.random.default_rng(5), 4, 6, 3.0)
     kept = [[test for j, test in enumerate(tests) if j != i] for i in range(4)]
-    ways = [(np.concatenate([A for A, _ in some]), np.concatenate([b for _, b in some])) for some in kept]
+    ways = [
+        (np.concatenate([A for A, _ in some]), np.concatenate([b for _, b in some]))
+        for some in kept
+    ]
     each = np.array([np.linalg.lstsq(A, b, rcond=None)[0] for A, b in ways])
     found, _ = _stage(linear(jenkins, tests))
     assert found.left_out == pytest.approx(np.sqrt(3.0 * each.var(axis=0)), rel=1e-5)
-    assert (np.log(found.high / found.low) / 2.0 >= 3.18 * found.left_out).all()  # t distribution, 3 degrees of freedom
+    assert (
+        np.log(found.high / found.low) / 2.0 >= 3.18 * found.left_out
+    ).all()  # t distribution, 3 degrees of freedom
 
 
 def test_a_profile_follows_a_curved_valley(jenkins):
@@ -411,7 +560,9 @@ def test_coverage_of_linear_fits(jenkins):
     """Of 200 drawn linear fits with the right noise (seed 65) 90 to 99 % of the intervals contain the truth."""
     rng, inside = np.random.default_rng(65), []
     for _ in range(200):
-        found, _ = _stage(linear(jenkins, drawn_tests(rng, int(rng.integers(1, 4)), int(rng.integers(8, 17)))))
+        found, _ = _stage(
+            linear(jenkins, drawn_tests(rng, int(rng.integers(1, 4)), int(rng.integers(8, 17))))
+        )
         inside.append((found.low <= 1.0) & (found.high >= 1.0))
     print(np.mean(inside))
     assert 0.9 <= np.mean(inside) <= 0.99
@@ -433,15 +584,24 @@ def test_errors_of_held_parameters_move_the_others(jenkins, tests):
     assert C[0, 0] - own[0, 0] == pytest.approx(moves @ spread @ moves, rel=0.05)
     widths = np.log([found.high[0] / found.low[0], alone.high[0] / alone.low[0]])
     quantile = 2.0930  # t distribution, 19 degrees of freedom: 20 amplitudes less one parameter
-    assert widths[0] == pytest.approx(np.hypot(widths[1], 2.0 * quantile * np.sqrt(moves @ spread @ moves)), rel=0.05)
+    assert widths[0] == pytest.approx(
+        np.hypot(widths[1], 2.0 * quantile * np.sqrt(moves @ spread @ moves)), rel=0.05
+    )
 
 
 def drawn_fit(jenkins, seed):
     """Fit drawn synthetic tests, every fourth time with a drawn response without load; return the result and the truth."""
     rng = np.random.default_rng(seed)
     unloaded = seed % 4 == 0
-    true = {"friction_coefficient": rng.uniform(0.25, 0.7), "contact_stiffness_factor": np.exp(rng.uniform(-0.5, 0.7))}
-    rig = {"damping_factor": rng.uniform(0.7, 1.5), "frequency_factor": rng.uniform(0.98, 1.02)} if unloaded else {}
+    true = {
+        "friction_coefficient": rng.uniform(0.25, 0.7),
+        "contact_stiffness_factor": np.exp(rng.uniform(-0.5, 0.7)),
+    }
+    rig = (
+        {"damping_factor": rng.uniform(0.7, 1.5), "frequency_factor": rng.uniform(0.98, 1.02)}
+        if unloaded
+        else {}
+    )
     gain = rng.uniform(0.9, 1.1) if unloaded else 1.0
     truth = vary(jenkins, true | rig | {"excitation.amplitude": gain})
     noise = np.exp(rng.uniform(*np.log([0.005, 0.05])))
@@ -477,15 +637,24 @@ class TestMistakes:
             fit(jenkins, tests, {"friction_coefficient": (0.5, 0.1)})
         with pytest.raises(bd.SettingError, match="data: expected one test or more"):
             fit(jenkins, [], RANGES, free=tests[0])
-        with pytest.raises(bd.SettingError, match="a measured force at each point under response control"):
+        with pytest.raises(
+            bd.SettingError, match="a measured force at each point under response control"
+        ):
             replace(tests[0], control="response")
         with pytest.raises(bd.BdamperError, match="amplitudes above 0, found 0"):
-            bd.MeasuredResponse(bd.importers.Measurement("rig", np.array([1.0, 2.0, 3.0]), np.array([1.0, 0.0, 1.0])), 1.0)
+            bd.MeasuredResponse(
+                bd.importers.Measurement(
+                    "rig", np.array([1.0, 2.0, 3.0]), np.array([1.0, 0.0, 1.0])
+                ),
+                1.0,
+            )
 
     def test_mistakes_of_the_settings_are_raised(self, tests):
         """The model carries no load, so its preload is 0; formerly each point counted as lost and friction was "0.5"."""
         contact = bd.Contact(tangential=0, normal=1, kt=1.0, kn=20.0, mu=0.5)
-        study = bd.lumped([1.0, 1.0], [0.02, 0.02], [2.0, 1.0], contacts=[contact], forces={0: 1.0}, harmonics=1)
+        study = bd.lumped(
+            [1.0, 1.0], [0.02, 0.02], [2.0, 1.0], contacts=[contact], forces={0: 1.0}, harmonics=1
+        )
         with pytest.raises(bd.SettingError, match=r"preload: expected 0.*found 0.5 N"):
             fit(study, tests[0], {"friction_coefficient": (0.1, 0.9)})
 
@@ -495,7 +664,9 @@ class TestMistakes:
         free = measured(vary(jenkins, {"damping_factor": 1.2}), plan, 0.02)
         ranges = {"friction_coefficient": (0.1, 0.9), "damping_factor": (0.5, 2.0)}
         found = fit(jenkins, free, ranges)
-        assert [found.low[0], found.high[0]] == pytest.approx([0.1, 0.9]) and np.isinf(found.deviation[0])
+        assert [found.low[0], found.high[0]] == pytest.approx([0.1, 0.9]) and np.isinf(
+            found.deviation[0]
+        )
         assert "riction coefficient not determined by these data (0.1 to 0.9)" in found._headline()
         assert "friction coefficient not determined by these data" in found.status
         assert 1.1 < found.low[1] < 1.2 < found.high[1] < 1.3  # damping is known
@@ -511,13 +682,20 @@ class TestMistakes:
         monkeypatch.setattr(response_residuals, "frequency_response", fails)
         found = fit(jenkins, tests[:2], {"friction_coefficient": (0.1, 0.9)})
         assert found["friction_coefficient"] == pytest.approx(0.4, rel=0.2)
-        assert "no response was found at 20 points of 0.5 N (0.5 N, up) (no static state)" in found.status
-        with pytest.raises(bd.BdamperError, match=r"no response could be computed .*no static state"):
+        assert (
+            "no response was found at 20 points of 0.5 N (0.5 N, up) (no static state)"
+            in found.status
+        )
+        with pytest.raises(
+            bd.BdamperError, match=r"no response could be computed .*no static state"
+        ):
             fit(jenkins, tests[0], {"friction_coefficient": (0.1, 0.9)})
 
     @pytest.mark.parametrize("factor", [1e3, 1e-6])
     def test_wrong_units_are_named_first(self, jenkins, tests, factor):
-        data = bd.importers.Measurement("rig", tests[1].data.frequency, factor * tests[1].data.response)
+        data = bd.importers.Measurement(
+            "rig", tests[1].data.frequency, factor * tests[1].data.response
+        )
         found = fit(jenkins, bd.MeasuredResponse(data, 2.0), {"friction_coefficient": (0.1, 0.9)})
         line = found._headline().partition(".  ")[0]
         assert line.startswith("The model does not describe these data (misfit ")
@@ -548,14 +726,19 @@ def test_a_rich_truth_fitted_with_a_coarse_model():
     Three loads are fitted, the test without damper first; three others are predicted.
     """
     rig, whole = bd.reference_model("test_rig"), {"contact_stiffness": "unit_traction"}
-    rich = bd.Study(rig, bd.Excitation("tip"), friction_coefficient=0.45, harmonics=5, blade_modes=10, **whole)
+    rich = bd.Study(
+        rig, bd.Excitation("tip"), friction_coefficient=0.45, harmonics=5, blade_modes=10, **whole
+    )
     constants = {"contact_stiffness_factor": 0.6, "frequency_factor": 1.01, "damping_ratio": 0.003}
     truth = vary(rich, constants)
     loaded = vary(truth, {"excitation.amplitude": 1.05})  # the load cell has shown 1 N
     top = truth.free((240.0, 320.0)).peak.frequency
     peaks = {load: loaded.peak(load) for load in (60.0, 120.0, 250.0, 500.0, 2000.0, 4000.0)}
     plans = [blank(0.0, (0.976 * top, 1.024 * top), 40)]
-    plans += [blank(p, (0.93 * peaks[p].frequency, 1.07 * peaks[p].frequency), 40) for p in (60.0, 500.0, 4000.0)]
+    plans += [
+        blank(p, (0.93 * peaks[p].frequency, 1.07 * peaks[p].frequency), 40)
+        for p in (60.0, 500.0, 4000.0)
+    ]
     runs = [measured(loaded, plan, 0.02, seed) for seed, plan in enumerate(plans)]
     coarse = bd.Study(
         rig, bd.Excitation("tip"), harmonics=1, blade_modes=4, contact_points=9, damping_ratio=0.005, **whole
@@ -576,19 +759,30 @@ def test_a_rich_truth_fitted_with_a_coarse_model():
     with pytest.raises(bd.SettingError, match="contact points 9"):
         found.apply(rich)
     best = vary(found.apply(coarse), {"excitation.amplitude": found["force_factor"]})
-    misses = {load: best.peak(load).amplitude / peaks[load].amplitude - 1.0 for load in (120.0, 250.0, 2000.0)}
-    true = vary(vary(coarse, {"friction_coefficient": 0.45, **constants}), {"excitation.amplitude": 1.05})
+    misses = {
+        load: best.peak(load).amplitude / peaks[load].amplitude - 1.0
+        for load in (120.0, 250.0, 2000.0)
+    }
+    true = vary(
+        vary(coarse, {"friction_coefficient": 0.45, **constants}), {"excitation.amplitude": 1.05}
+    )
     others = {load: true.peak(load).amplitude / peaks[load].amplitude - 1.0 for load in misses}
     print(misses, others)
-    assert max(map(abs, misses.values())) < max(map(abs, others.values())), "better than the true constants"
+    assert max(map(abs, misses.values())) < max(map(abs, others.values())), (
+        "better than the true constants"
+    )
     assert max(abs(misses[load]) for load in (120.0, 250.0)) < 0.15, misses
 
 
 def test_a_fit_to_a_part_leads_out_of_a_local_minimum():
     """One parameter, two tests: a line through 2, and a bump at 0 on the way from -1.5."""
     valley = SimpleNamespace(bounds=np.array([[-3.0], [3.0]]))
-    valley.residual = lambda x: np.array([0.3 * (x[0] - 2.0), 0.0, 3.0 * np.exp(-4.0 * x[0] ** 2), 0.0])
-    valley.jacobian = lambda x: np.array([[0.3], [0.0], [-24.0 * x[0] * np.exp(-4.0 * x[0] ** 2)], [0.0]])
+    valley.residual = lambda x: np.array(
+        [0.3 * (x[0] - 2.0), 0.0, 3.0 * np.exp(-4.0 * x[0] ** 2), 0.0]
+    )
+    valley.jacobian = lambda x: np.array(
+        [[0.3], [0.0], [-24.0 * x[0] * np.exp(-4.0 * x[0] ** 2)], [0.0]]
+    )
     valley.least = partial(Objective.least, valley)
     group, every = np.array([0, 0, 1, 1]), np.ones(1, bool)
     low = valley.least(np.array([-1.5]), every)
@@ -596,12 +790,19 @@ def test_a_fit_to_a_part_leads_out_of_a_local_minimum():
     prediction, other = _predictions(valley, low, group)
     assert other[0] > 1.5 and prediction[1, 0] == pytest.approx(valley.residual(other)[2])
     lowest = valley.least(other, every)
-    assert lowest == pytest.approx([2.0], abs=1e-4) and _predictions(valley, lowest, group)[1] is None
+    assert (
+        lowest == pytest.approx([2.0], abs=1e-4) and _predictions(valley, lowest, group)[1] is None
+    )
 
 
 def several(sliders, spread, harmonics):
     """The oscillator with sliders side by side that share its normal load unequally."""
     share = np.exp(spread * np.linspace(-1.0, 1.0, sliders))
-    contacts = [bd.Contact(tangential=0, normal=1, kt=1.0 / sliders, kn=20.0 * s / share.sum(), mu=0.5) for s in share]
+    contacts = [
+        bd.Contact(tangential=0, normal=1, kt=1.0 / sliders, kn=20.0 * s / share.sum(), mu=0.5)
+        for s in share
+    ]
     forced = {"forces": {0: 1.0}, "load_per_preload": {1: 1.0}}
-    return bd.lumped([1.0, 1.0], [0.02, 0.02], [2.0, 1.0], contacts=contacts, harmonics=harmonics, **forced)
+    return bd.lumped(
+        [1.0, 1.0], [0.02, 0.02], [2.0, 1.0], contacts=contacts, harmonics=harmonics, **forced
+    )

@@ -14,7 +14,7 @@ EXCITES = -0.1
 
 def closed_cycles():
     """The amplitudes at which the closed form has this damping: it rises, then falls."""
-    gap = lambda a: jenkins.closed_form(a)[1] + EXCITES  # noqa: E731
+    gap = lambda a: jenkins.closed_form(a)[1] + EXCITES
     return brentq(gap, 1.01, 2.5, xtol=1e-14), brentq(gap, 2.7, 20.0, xtol=1e-14)
 
 
@@ -22,7 +22,9 @@ def test_limit_cycles_are_those_of_the_closed_form(tmp_path):
     """One of friction that rises, stable, and one of friction that falls, beyond which the motion grows."""
     found = oscillator(1).flutter(0.0, EXCITES, amplitude=(0.01, 30.0))
     assert found.amplitude == pytest.approx([0.0, *closed_cycles()], rel=1e-9)
-    assert TWO_PI * found.frequency[1:] == pytest.approx([jenkins.closed_form(a)[0] for a in closed_cycles()], rel=1e-9)
+    assert TWO_PI * found.frequency[1:] == pytest.approx(
+        [jenkins.closed_form(a)[0] for a in closed_cycles()], rel=1e-9
+    )
     assert found.stable.tolist() == [False, True, False]
     assert found.safe == pytest.approx(closed_cycles()[1], rel=1e-9)
     assert found._headline().startswith(f"Flutter above {closed_cycles()[1]:.3g} m")
@@ -35,7 +37,9 @@ def test_limit_cycles_are_those_of_the_closed_form(tmp_path):
     assert bd.load(tmp_path / "flutter.h5").summary() == found.summary()
 
 
-@pytest.mark.parametrize(("cycle", "ends"), [(1, (1, 1)), pytest.param(2, (1, np.inf), marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("cycle", "ends"), [(1, (1, 1)), pytest.param(2, (1, np.inf), marks=pytest.mark.slow)]
+)
 def test_motions_go_to_stable_cycles_and_away_from_unstable_ones(cycle, ends):
     """One mass: from 0.9 and 1.1 of each cycle."""
     found = oscillator((1, 3, 5, 7)).flutter(0.0, EXCITES, amplitude=(0.1, 30.0))
@@ -45,7 +49,9 @@ def test_motions_go_to_stable_cycles_and_away_from_unstable_ones(cycle, ends):
     for factor, end in zip((0.9, 1.1), ends):
         start = np.array([factor * a])
         contacts = one, 0.0 * one, 1.0, 0.0, 1.0, 1.0
-        height = jenkins.integrated(matrices, contacts, np.zeros(1), omega, start, np.zeros(1), start - 1.0, 40)
+        height = jenkins.integrated(
+            matrices, contacts, np.zeros(1), omega, start, np.zeros(1), start - 1.0, 40
+        )
         if end == cycle:
             assert height[-5:] == pytest.approx(a, rel=0.01)
         elif np.isinf(end):
@@ -58,8 +64,19 @@ def test_motions_go_to_stable_cycles_and_away_from_unstable_ones(cycle, ends):
 def test_cycles_with_a_free_mass_are_those_in_time():
     """A mass between the blade and the ground, held by friction alone; its own mode is damped enough for the flow."""
     mass, damping, flow = np.array([1.0, 0.1]), np.array([0.02, 0.1]), -0.08
-    faces = [bd.Contact((1, 0), kt=1.0, mu=1.0, preload=1.0), bd.Contact(1, kt=2.0, mu=1.0, preload=1.3)]
-    study = bd.lumped(mass, damping, [1.0, 0.0], contacts=faces, forces={0: 1.0}, harmonics=(1, 3, 5, 7), bias=False)
+    faces = [
+        bd.Contact((1, 0), kt=1.0, mu=1.0, preload=1.0),
+        bd.Contact(1, kt=2.0, mu=1.0, preload=1.3),
+    ]
+    study = bd.lumped(
+        mass,
+        damping,
+        [1.0, 0.0],
+        contacts=faces,
+        forces={0: 1.0},
+        harmonics=(1, 3, 5, 7),
+        bias=False,
+    )
     found = study.flutter(0.0, flow, amplitude=(0.1, 20.0))
     assert found.stable.tolist() == [False, True, False]
     a, omega = found.amplitude[1], TWO_PI * found.frequency[1]
@@ -68,7 +85,9 @@ def test_cycles_with_a_free_mass_are_those_in_time():
     contacts = slide, np.zeros((2, 2)), np.array([1.0, 2.0]), 0.0, 1.0, np.array([1.0, 1.3])
     for factor in (0.9, 1.1):
         x = factor * a * np.array([1.0, 0.3])
-        height = jenkins.integrated(matrices, contacts, np.zeros(2), omega, x, np.zeros(2), slide @ x * 0.5, 40)
+        height = jenkins.integrated(
+            matrices, contacts, np.zeros(2), omega, x, np.zeros(2), slide @ x * 0.5, 40
+        )
         assert height[-5:] == pytest.approx(a, rel=0.01)
 
 

@@ -56,7 +56,10 @@ def test_a_cliff_between_two_factors():
     found = find_range(peaks_of(lambda f: float(np.interp(f, *known)))[0])
     low, high = found.limits
     assert low.outside < 0.64 < low.inside <= 0.7 and np.isnan(high.outside) and high.inside == 4.0
-    assert found.text == f"the amplitude doubles with {low.outside:.2g} times the friction, not from 0.67 to 4 times"
+    assert (
+        found.text
+        == f"the amplitude doubles with {low.outside:.2g} times the friction, not from 0.67 to 4 times"
+    )
 
 
 def test_no_steady_response_is_high_and_an_unknown_one_is_not():
@@ -69,9 +72,14 @@ def test_no_steady_response_is_high_and_an_unknown_one_is_not():
             return FrictionPeak(f, 10.0, *end) if f < 0.69 else 1.0
 
         found = find_range(peaks_of(amplitude)[0])
-        assert found.limits[0].outside == pytest.approx(1.0 / 1.5) and found.limits[0].known == (kind != "unknown")
+        assert found.limits[0].outside == pytest.approx(1.0 / 1.5) and found.limits[0].known == (
+            kind != "unknown"
+        )
         assert np.isnan(found.doubles[0]) == (kind == "unknown")
-    assert found.text == "the amplitude does not double from 0.7 to 4 times the friction; it is unknown with 0.67 times"
+    assert (
+        found.text
+        == "the amplitude does not double from 0.7 to 4 times the friction; it is unknown with 0.67 times"
+    )
     assert find_range(peaks_of(lambda f: np.nan)[0]).limits is None
 
 
@@ -107,7 +115,9 @@ def test_the_check(curve, below, above, colour):
     assert (check.failure in line) == (colour == "red")
     assert (f"T{check.found[1:]}." in line) == (colour == "green")
     remedied = with_range(curve, power_law(below, above), remedy=3.0)._headline()
-    assert ("hoose 3 N, where the amplitude does not double with 0.67 and 1.5 times" in remedied) == (colour == "red")
+    assert (
+        "hoose 3 N, where the amplitude does not double with 0.67 and 1.5 times" in remedied
+    ) == (colour == "red")
 
 
 def test_unknown_within_the_spread_is_amber(curve):
@@ -129,12 +139,18 @@ def test_the_remedy_is_the_nearest_tolerant_preload(monkeypatch):
             return {"amplitude": size, "known": True, "search": "complete", "cost": curve.cost}
 
     monkeypatch.setattr(robust_optimum, "SteadyPeak", Law)
-    flat = replace(curve, amplitude=np.ones(len(curve)), optimum=replace(curve.optimum, preload=1.2, kind="smooth"))
+    flat = replace(
+        curve,
+        amplitude=np.ones(len(curve)),
+        optimum=replace(curve.optimum, preload=1.2, kind="smooth"),
+    )
     found = robust_optimum.with_other_friction(STUDY.problem, flat)
     nearest = min(p for p in curve.preload if p >= 1.5 * limit)
     assert found.friction_range.limits[0].near and found.friction_range.remedy == nearest
     assert f"hoose {amount(nearest, 'N')}" in found._headline()
-    easy = robust_optimum.with_other_friction(STUDY.problem, replace(flat, optimum=replace(flat.optimum, preload=1.9)))
+    easy = robust_optimum.with_other_friction(
+        STUDY.problem, replace(flat, optimum=replace(flat.optimum, preload=1.9))
+    )
     assert not easy.friction_range.limits[0].near and np.isnan(easy.friction_range.remedy)
 
 

@@ -52,7 +52,9 @@ def test_points_that_never_slip_or_are_left_out(study):
     bonded = study.replace(friction_law="bonded")
     found = bonded.hysteresis(bonded.frequency_response(500.0, (352.0, 354.0)))
     assert abs(found.lost) < 1e-9 * found.excitation and abs(found.imbalance) < 2e-9
-    part = study.replace(separation=False, gap={"left": np.r_[1e-3, np.zeros(8)], "right": np.zeros(9)})
+    part = study.replace(
+        separation=False, gap={"left": np.r_[1e-3, np.zeros(8)], "right": np.zeros(9)}
+    )
     found = part.hysteresis(part.frequency_response(500.0, (353.0, 353.5)))
     assert abs(found.imbalance) < 2e-9 and found.lost > 0.1 * found.excitation
     v, n = found.displacement[1:18, 2], found.force[1:18, 2]
@@ -79,7 +81,9 @@ def test_areas_of_loops_are_the_energies(cycle):
 
 def test_forces_lie_in_the_cone_and_the_gap_is_open_without_pressure(study, cycle):
     t, n = cycle.force[:, :2], cycle.force[:, 2]
-    assert (np.abs(t) <= study.problem.friction[:, None, None] * n[:, None] * (1.0 + 1e-9) + 1e-9).all()
+    assert (
+        np.abs(t) <= study.problem.friction[:, None, None] * n[:, None] * (1.0 + 1e-9) + 1e-9
+    ).all()
     assert (cycle.gap[n > 0.0] == 0.0).all() and (n[cycle.gap > 0.0] == 0.0).all()
     assert (cycle.gap > 0.0).any() and (n > 0.0).any()
 
@@ -90,18 +94,29 @@ def test_residual_modes_are_in_series_with_the_contact_elements(study):
     for method in ("unit_traction", bd.ResidualModes(n_vectors=2)):
         other = study.replace(contact_stiffness=method, blade_modes=4, constraint_planes=False)
         system, static = other.problem.system(2e4), other.static(2e4)
-        stuck = system.structure.linear.response(2.0 * np.pi * 300.0, other.problem.at(2e4).stuck_springs())
+        stuck = system.structure.linear.response(
+            2.0 * np.pi * 300.0, other.problem.at(2e4).stuck_springs()
+        )
         u = system.layout.pack(static.q, 0.05 * stuck)
         found.append(energies(system, u, 2.0 * np.pi * 300.0)["stiffness"])
     assert found[0].imag == pytest.approx(0.0, abs=1e-9 * found[0].real)
-    assert found[1].real == pytest.approx(found[0].real, rel=0.3)  # a ninth of it without the residual modes
+    assert found[1].real == pytest.approx(
+        found[0].real, rel=0.3
+    )  # a ninth of it without the residual modes
 
 
 def test_springs_of_the_bodies_are_no_contacts():
     """Damping that is not proportional stands in springs between coordinates; a cubic spring is shown, not counted."""
     K = np.array([[2.0, -1.0], [-1.0, 1.0]])
     contact = bd.Contact(0, kt=0.5, mu=1.0, preload=9.0)
-    chain = bd.lumped(np.eye(2), [[0.1, 0.0], [0.0, 0.0]], K, contacts=[contact], forces={0: 0.1}, cubic={(1, 0): 0.5})
+    chain = bd.lumped(
+        np.eye(2),
+        [[0.1, 0.0], [0.0, 0.0]],
+        K,
+        contacts=[contact],
+        forces={0: 0.1},
+        cubic={(1, 0): 0.5},
+    )
     found = chain.hysteresis(chain.frequency_response(0.0, (0.10, 0.11)))
     assert found.interfaces == ("contact 1", "cubic 1") and abs(found.imbalance) < 2e-9
     assert found.stiffness == pytest.approx(0.5, rel=1e-9), "stuck, at the response itself"
@@ -130,7 +145,10 @@ def test_of_an_optimal_curve(study):
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        (lambda s, c: s.hysteresis(s.model), "result: expected a response curve, a peak or an optimal curve of this study"),
+        (
+            lambda s, c: s.hysteresis(s.model),
+            "result: expected a response curve, a peak or an optimal curve of this study",
+        ),
         (
             lambda s, c: s.dissipation(s.free(INTERVAL)),
             "expected a response curve .study.frequency_response., found a free curve",
@@ -138,8 +156,10 @@ def test_of_an_optimal_curve(study):
         (lambda s, c: s.replace(friction_coefficient=0.3).dissipation(c), "other settings"),
         (lambda s, c: s.hysteresis(c, 10**6), "index of a point: expected"),
         (lambda s, c: s.hysteresis(c).loop("top"), "where: expected one of"),
-        (lambda s, c: s.hysteresis(c).plot(where=["whole", "left"]),
-         'where: expected contact points and faces, or "whole"'),
+        (
+            lambda s, c: s.hysteresis(c).plot(where=["whole", "left"]),
+            'where: expected contact points and faces, or "whole"',
+        ),
     ],
 )
 def test_what_does_not_fit_is_refused(study, curve, wrong, message):
@@ -155,7 +175,21 @@ def test_pictures(study, curve, cycle):
         *cycle.plot_energy().axes[:1], *found.plot().axes, *found.plot(over="frequency").axes,
     ]  # fmt: skip
     for ax in axes:
-        units = "(N)", "(mN)", "(mJ)", "(µJ)", "(nm)", "(µm)", "(m)", "(mm)", "(kN/m)", "(%)", "(J)", "(Hz)", "(periods)"
+        units = (
+            "(N)",
+            "(mN)",
+            "(mJ)",
+            "(µJ)",
+            "(nm)",
+            "(µm)",
+            "(m)",
+            "(mm)",
+            "(kN/m)",
+            "(%)",
+            "(J)",
+            "(Hz)",
+            "(periods)",
+        )
         assert ax.get_ylabel().endswith(units), ax.get_ylabel()
         assert ax.get_xlabel().endswith(units) or not ax.get_xlabel()
     texts = [t.get_text().split(",")[0] for t in axes[1].get_legend().get_texts()]

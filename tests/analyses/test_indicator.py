@@ -1,6 +1,5 @@
 """The estimated change of a peak from one study to another, and the embedding that it rests on."""
 
-
 import numpy as np
 import pytest
 
@@ -18,7 +17,13 @@ INTERVAL = (720.0, 880.0)
 def full():
     model = models.wedge_model(1, n_points=6, harmonics=5)
     return plain_study(
-        model, bd.Excitation("tip"), engine_order=2, friction_coefficient=0.4, harmonics=3, damper_modes=1, blade_modes=4
+        model,
+        bd.Excitation("tip"),
+        engine_order=2,
+        friction_coefficient=0.4,
+        harmonics=3,
+        damper_modes=1,
+        blade_modes=4,
     )
 
 
@@ -57,8 +62,12 @@ def test_a_solution_of_the_system_itself_has_no_change(full, peak):
 @pytest.mark.parametrize(
     "changes",
     [
-        {"harmonics": 1}, {"rigid_modes": ("TX", "TY", "TZ", "RX", "RZ")}, {"damper_modes": 0}, {"blade_modes": 2},
-        {"bias": False}, {"contact_points": 3},
+        {"harmonics": 1},
+        {"rigid_modes": ("TX", "TY", "TZ", "RX", "RZ")},
+        {"damper_modes": 0},
+        {"blade_modes": 2},
+        {"bias": False},
+        {"contact_points": 3},
     ],
     ids=str,
 )
@@ -77,7 +86,9 @@ def test_embedding_keeps_what_both_have(full, changes):
     mean = z[: b.n_mean] - full.static(40.0).q
     if a.n_mean:
         moved = dict(zip(a.structure.bases[0].coordinates, y[: a.n_mean] - cheap.static(40.0).q))
-        np.testing.assert_allclose(mean, [moved.get(c, 0.0) for c in b.structure.bases[0].coordinates], atol=1e-18)
+        np.testing.assert_allclose(
+            mean, [moved.get(c, 0.0) for c in b.structure.bases[0].coordinates], atol=1e-18
+        )
     else:
         np.testing.assert_array_equal(mean, 0.0)
 

@@ -38,16 +38,25 @@ def test_spread_sliders_are_found_again(slip):
     found = bd.fit_loop(x, force + noise + 3.0, normal=NORMAL)
     assert found.kt == pytest.approx(KT, rel=0.02) and found.mu == pytest.approx(MU, rel=0.02)
     assert found.spread == pytest.approx(0.6, abs=0.1) and found.status == "complete"
-    assert abs(found.mu - MU) < 4.0 * found.deviation[1] and abs(found.kt - KT) < 4.0 * found.deviation[0]
+    assert (
+        abs(found.mu - MU) < 4.0 * found.deviation[1]
+        and abs(found.kt - KT) < 4.0 * found.deviation[0]
+    )
     alone = bd.fit_loop(x, force + noise, normal=NORMAL, sliders=1)
-    assert alone.kt < 0.97 * KT and alone.misfit > 1.5 * found.misfit  # one slider makes the contact too soft
+    assert (
+        alone.kt < 0.97 * KT and alone.misfit > 1.5 * found.misfit
+    )  # one slider makes the contact too soft
 
 
 def test_noise_on_the_displacement_is_no_friction():
     """Noise of 2 % of the swing, 1,000 points; sliders driven by the noisy displacement give mu 6.9 % too high."""
     x, force = loop(0.3, 9e-6, 1000, 1e7, 0.3)
     rng = np.random.default_rng(1)
-    found = bd.fit_loop(x + 0.02 * 9e-6 * rng.standard_normal(1000), force + 0.6 * rng.standard_normal(1000), normal=NORMAL)
+    found = bd.fit_loop(
+        x + 0.02 * 9e-6 * rng.standard_normal(1000),
+        force + 0.6 * rng.standard_normal(1000),
+        normal=NORMAL,
+    )
     assert found.noise == pytest.approx([1.8e-7, 0.6], rel=0.15)
     assert found.mu == pytest.approx(0.3, rel=0.005) and found.kt == pytest.approx(1e7, rel=0.03)
     assert found.deviation[1] < 0.005 * 0.3 and found.status == "complete" and found.misfit < 0.01
@@ -79,10 +88,17 @@ def test_backlash_and_drift_are_found_again(drift):
     rng, share = np.random.default_rng(4), np.linspace(-1.0, 1.0, 5 * n)
     force = with_backlash(x, 0.5, play) + 0.02 * MU * NORMAL * rng.standard_normal(5 * n)
     x = x + 0.005 * REACH * rng.standard_normal(5 * n)
-    found = bd.fit_loop(x + drift[0] * REACH * share, force + drift[1] * MU * NORMAL * share, normal=NORMAL, backlash=True)
+    found = bd.fit_loop(
+        x + drift[0] * REACH * share,
+        force + drift[1] * MU * NORMAL * share,
+        normal=NORMAL,
+        backlash=True,
+    )
     errors = np.array([found.kt - KT, found.mu - MU, found.spread - 0.5, found.backlash - play])
     assert (np.abs(errors) < 2.0 * found.deviation).all(), errors / found.deviation
-    assert (found.deviation < [0.1 * KT, 0.02 * MU, 0.2, 0.05 * play]).all() and found.status == "complete"
+    assert (
+        found.deviation < [0.1 * KT, 0.02 * MU, 0.2, 0.05 * play]
+    ).all() and found.status == "complete"
     assert sum("drift of the" in note for note in found.notes) == 2 * bool(drift[0])
     assert bd.fit_loop(x, force, normal=NORMAL).misfit > 2.0 * POOR
 
@@ -93,17 +109,28 @@ def test_cycles():
     x, force = swing * turns, parallel_sliders(swing * turns, 0.0)
     found = bd.fit_loop(x, force + 0.1 * MU * NORMAL, normal=NORMAL)
     area = 4.0 * MU * NORMAL * (swing - REACH)
-    assert found.energy == pytest.approx(np.full(3, area), rel=2e-3) and found.notes[0].startswith("fitted to")
+    assert found.energy == pytest.approx(np.full(3, area), rel=2e-3) and found.notes[0].startswith(
+        "fitted to"
+    )
     assert found.friction == pytest.approx(MU * NORMAL * np.tile([0.9, 1.1], (3, 1)), rel=1e-6)
     assert found.stiffness == pytest.approx(np.full((3, 2), KT), rel=1e-3)
     grown = bd.fit_loop(x, force * np.linspace(1.0, 1.3, 1200), normal=NORMAL)
-    assert any(re.match(r"the energy differs by 1\d % between cycles: no steady state", note) for note in grown.notes)
+    assert any(
+        re.match(r"the energy differs by 1\d % between cycles: no steady state", note)
+        for note in grown.notes
+    )
 
 
 @pytest.mark.filterwarnings("ignore::bdamper.PlausibilityWarning")
 def test_a_band_damper():
     """A measured loop: its ringing limits every law whose branches are monotonic to a misfit of 18 %."""
-    path = Path(__file__).resolve().parents[3] / "shared" / "fixtures" / "measured" / "band_damper_2Hz_36lb_0.5in.json"
+    path = (
+        Path(__file__).resolve().parents[3]
+        / "shared"
+        / "fixtures"
+        / "measured"
+        / "band_damper_2Hz_36lb_0.5in.json"
+    )
     if not path.is_file():
         pytest.skip("without the measured data in ../shared")
     record = np.array(json.loads(path.read_text())["data"])[1059:1571]
@@ -113,7 +140,9 @@ def test_a_band_damper():
     for branch in np.split(np.arange(len(best)), [np.argmin(found.displacement)]):
         best[branch] = isotonic_regression(best[branch], increasing=branch[0] > 0).x
     assert 0.17 < np.std(found.force - best) / np.std(found.force) < 0.19
-    assert found.misfit < rigid.misfit - 0.03 and found.status.startswith("incomplete: the model does not describe")
+    assert found.misfit < rigid.misfit - 0.03 and found.status.startswith(
+        "incomplete: the model does not describe"
+    )
     assert found.backlash == pytest.approx(3.9e-3, rel=0.1) and found.friction[0] == pytest.approx(
         [16.7e3, 7.8e3], rel=0.02
     )
@@ -132,10 +161,15 @@ def test_deviations_of_drawn_loops():
         x, force = loop(spread, swing, n, kt, mu)
         found = []
         for _ in range(12):
-            noisy = x + nx * swing * rng.standard_normal(n), force + ny * mu * NORMAL * rng.standard_normal(n)
+            noisy = (
+                x + nx * swing * rng.standard_normal(n),
+                force + ny * mu * NORMAL * rng.standard_normal(n),
+            )
             found.append(bd.fit_loop(*noisy, normal=NORMAL))
         errors = np.array([[f.kt - kt, f.mu - mu, f.spread - spread] for f in found])
-        ratios.append(np.sqrt((errors**2).mean(axis=0)) / np.median([f.deviation[:3] for f in found], axis=0))
+        ratios.append(
+            np.sqrt((errors**2).mean(axis=0)) / np.median([f.deviation[:3] for f in found], axis=0)
+        )
         print(seed, ratios[-1])
     assert np.max(ratios) < 2.0
 
@@ -152,7 +186,10 @@ class TestRecords:
         found = bd.fit_loop(x, parallel_sliders(x, 0.3), normal=NORMAL)
         assert [found.kt, found.mu, found.spread] == pytest.approx([KT, MU, 0.3], rel=0.02)
         assert found.status == "complete" and len(found.force) < 2000
-        assert re.match(rf"fitted to {len(found.force)} of 3000 points, those of periods of full", found.notes[0])
+        assert re.match(
+            rf"fitted to {len(found.force)} of 3000 points, those of periods of full",
+            found.notes[0],
+        )
         x = 3.0 * REACH * np.sin(np.linspace(0.0, 6.0 * np.pi, 600))
         found = bd.fit_loop(x, parallel_sliders(x, 0.3), normal=NORMAL)
         assert [found.kt, found.mu, found.spread] == pytest.approx([KT, MU, 0.3], rel=0.01)
@@ -170,11 +207,15 @@ class TestRecords:
 
     @pytest.mark.parametrize("signs", [(-1.0, 1.0), (1.0, -1.0)])
     def test_signs(self, signs):
-        with pytest.raises(bd.SettingError, match="energy that is supplied; change the sign of the force"):
+        with pytest.raises(
+            bd.SettingError, match="energy that is supplied; change the sign of the force"
+        ):
             bd.fit_loop(signs[0] * self.x, signs[1] * self.force, normal=NORMAL)
 
     def test_direction(self):
-        with pytest.raises(bd.SettingError, match="energy that is supplied; reverse the order of the points"):
+        with pytest.raises(
+            bd.SettingError, match="energy that is supplied; reverse the order of the points"
+        ):
             bd.fit_loop(self.x[::-1], self.force[::-1], normal=NORMAL)
         both = "negative stiffness; change the sign of the force and reverse the order"
         with pytest.raises(bd.SettingError, match=both):
@@ -182,9 +223,13 @@ class TestRecords:
 
     def test_drift(self):
         drift = np.linspace(0.0, 1.0, len(self.x))
-        with pytest.raises(bd.SettingError, match=r"displacement: expected a closed period .*remove drift"):
+        with pytest.raises(
+            bd.SettingError, match=r"displacement: expected a closed period .*remove drift"
+        ):
             bd.fit_loop(self.x + 3.0 * REACH * drift, self.force, normal=NORMAL)
-        with pytest.raises(bd.SettingError, match=r"force: expected a closed period .*remove drift"):
+        with pytest.raises(
+            bd.SettingError, match=r"force: expected a closed period .*remove drift"
+        ):
             bd.fit_loop(self.x, self.force + MU * NORMAL * drift, normal=NORMAL)
 
     def test_a_part_of_a_period_and_first_loading(self):
@@ -206,5 +251,7 @@ def test_another_law_is_not_described():
     """A loop whose friction limit follows the displacement, as under a varying normal load."""
     x, force = loop(0.0, 3.0 * REACH)
     found = bd.fit_loop(x, force * (1.0 + 0.5 * x / x.max()), normal=NORMAL)
-    assert found.misfit > 0.05 and found.status.startswith("incomplete: the model does not describe this loop (misfit ")
+    assert found.misfit > 0.05 and found.status.startswith(
+        "incomplete: the model does not describe this loop (misfit "
+    )
     assert found._headline().startswith("The model does not describe this loop")

@@ -13,7 +13,14 @@ FORCES = np.array([20.0, 60.0, 120.0, 200.0, 260.0, 280.0, 300.0])
 
 def study(contact, **settings):
     model = bd.reference_model("bladed_disk", 9)
-    return plain_study(model, bd.Excitation("tip"), 5, contact_stiffness=contact, constraint_planes=False, **settings)
+    return plain_study(
+        model,
+        bd.Excitation("tip"),
+        5,
+        contact_stiffness=contact,
+        constraint_planes=False,
+        **settings,
+    )
 
 
 def chords(curve):
@@ -25,7 +32,9 @@ def chords(curve):
 
 @pytest.fixture(scope="module")
 def curves():
-    choices = {n: bd.ResidualModes(n) for n in (5, 8, 12, "all")} | {"unit_traction": "unit_traction"}
+    choices = {n: bd.ResidualModes(n) for n in (5, 8, 12, "all")} | {
+        "unit_traction": "unit_traction"
+    }
     return {name: microslip(study(choice), LOAD, FORCES) for name, choice in choices.items()}
 
 

@@ -15,7 +15,9 @@ FINE = bd.ContinuationOptions(tolerance=1e-12)
 
 def oscillator(harmonics, **settings):
     contact = bd.Contact(0, kt=1.0, mu=1.0, preload=1.0)
-    return bd.lumped(1.0, 0.02, 1.0, contacts=[contact], forces={0: 1.0}, harmonics=harmonics, **settings)
+    return bd.lumped(
+        1.0, 0.02, 1.0, contacts=[contact], forces={0: 1.0}, harmonics=harmonics, **settings
+    )
 
 
 def test_one_harmonic_is_the_closed_form():
@@ -37,7 +39,9 @@ def test_values_at_an_amplitude_are_interpolated_over_its_logarithm():
     i = mode.point_kind.index("maximum")
     f, zeta = mode.frequency[i : i + 2], mode.damping_ratio[i : i + 2]
     (between,) = mode.at(mode.amplitude[i] ** 0.75 * mode.amplitude[i + 1] ** 0.25)
-    assert between == pytest.approx((0.75 * f[0] + 0.25 * f[1], 0.75 * zeta[0] + 0.25 * zeta[1]), rel=1e-9)
+    assert between == pytest.approx(
+        (0.75 * f[0] + 0.25 * f[1], 0.75 * zeta[0] + 0.25 * zeta[1]), rel=1e-9
+    )
     assert mode.at(200.0) == []
 
 
@@ -64,7 +68,10 @@ def test_all_losses_are_balanced():
         friction = np.pi * (l * (F[..., 1::2] * X[..., 2::2] - F[..., 2::2] * X[..., 1::2])).sum()
         omega, power = TWO_PI * mode.frequency[i], np.zeros(2)
         for k in l:
-            basis, a = system.structure.bases[k], np.abs(system.layout.amplitudes(mode.unknowns[i], k)) ** 2
+            basis, a = (
+                system.structure.bases[k],
+                np.abs(system.layout.amplitudes(mode.unknowns[i], k)) ** 2,
+            )
             power += np.pi * k**2 * omega * np.array([a @ basis.mass, a @ basis.damping])
         given = 2.0 * omega * mode.damping_ratio[i] * power[0]
         assert friction + power[1] == pytest.approx(given, rel=1e-9), i
@@ -77,15 +84,24 @@ def test_one_curve_serves_all_preloads():
     scaled = one.at_preload(30.0)
     assert len(scaled) == len(other) and scaled.preload == 30.0
     for name in ("amplitude", "frequency", "damping_ratio"):
-        np.testing.assert_allclose(getattr(scaled, name), getattr(other, name), rtol=1e-6, err_msg=name)
+        np.testing.assert_allclose(
+            getattr(scaled, name), getattr(other, name), rtol=1e-6, err_msg=name
+        )
     residual = [
-        np.abs(study.problem.system(30.0).evaluate(u, TWO_PI * f)[0][: study.problem.system(30.0).n_mean]).max()
+        np.abs(
+            study.problem.system(30.0).evaluate(u, TWO_PI * f)[0][
+                : study.problem.system(30.0).n_mean
+            ]
+        ).max()
         for u, f in zip(scaled.unknowns, scaled.frequency)
     ]
     assert max(residual) < 1e-6 * 30.0
     # gaps count once they close
     study = bd.Study(
-        bd.reference_model("turbine_blade"), bd.Excitation("tip", "tangential"), engine_order=5, friction_coefficient=0.3
+        bd.reference_model("turbine_blade"),
+        bd.Excitation("tip", "tangential"),
+        engine_order=5,
+        friction_coefficient=0.3,
     )
     assert study.problem.static_system(1.0).n0.min() < 0.0
     mode = study.nonlinear_mode(100.0, 1, (2e-5, 3e-5))
@@ -103,7 +119,9 @@ def test_a_constant_force_keeps_a_mode_at_its_preload():
     study = wedge.study(0.5, 1)
     name, body = next(iter(study.model.bodies.items()))
     force = 1e-3 * np.arange(1.0, 1.0 + body.bases[0].n_modes)
-    model = replace(study.model, bodies=study.model.bodies | {name: replace(body, constant_force=force)})
+    model = replace(
+        study.model, bodies=study.model.bodies | {name: replace(body, constant_force=force)}
+    )
     pushed = study.replace(model=model)
     assert pushed.problem.static_system(1.0).constant_force.any()
     assert study.nonlinear_mode(wedge.LOAD, 2, (1e-7, 1e-6)).scales_to == np.inf
@@ -112,7 +130,14 @@ def test_a_constant_force_keeps_a_mode_at_its_preload():
 
 def test_motions_that_damping_ends_at_once_are_named():
     """A damping ratio of 0.6 without friction: no mode vibrates so."""
-    mode = bd.lumped(1.0, 1.2, 1.0, contacts=[bd.Contact(0, kt=1.0, mu=1.0, preload=1.0)], forces={0: 1.0}, harmonics=1)
+    mode = bd.lumped(
+        1.0,
+        1.2,
+        1.0,
+        contacts=[bd.Contact(0, kt=1.0, mu=1.0, preload=1.0)],
+        forces={0: 1.0},
+        harmonics=1,
+    )
     found = mode.nonlinear_mode(0.0, 1, (2.0, 100.0))
     assert not found.complete and found.damping_ratio.max() > 0.5
     a = found.amplitude[np.argmax(found.damping_ratio > 0.5)]
@@ -145,10 +170,19 @@ def polished(study, mode, amplitude):
     system, _ = mode_system(study.problem, mode.preload, mode.mode, float(mode.amplitude.min()))
     a, found = np.log(mode.amplitude / amplitude), []
     for i in np.flatnonzero(a[:-1] * a[1:] <= 0.0):
-        near = ((mode.unknowns[j], TWO_PI * mode.frequency[j], mode.damping_ratio[j]) for j in (i, i + 1))
+        near = (
+            (mode.unknowns[j], TWO_PI * mode.frequency[j], mode.damping_ratio[j])
+            for j in (i, i + 1)
+        )
         ends = [system.structure.point(*one) for one in near]
         guess = ends[0] + a[i] / (a[i] - a[i + 1]) * (ends[1] - ends[0])
-        c = system.correct_at(guess[:-1], np.log(amplitude / system.structure.reference), np.abs(guess) + 1e-9, 1e-11, 20)
+        c = system.correct_at(
+            guess[:-1],
+            np.log(amplitude / system.structure.reference),
+            np.abs(guess) + 1e-9,
+            1e-11,
+            20,
+        )
         assert c.status == 0
         found.append((c.y[-3] / TWO_PI, c.y[-2]))
     return found
@@ -164,7 +198,9 @@ def test_the_planar_wedge_as_an_independent_program_has_it(mu, harmonics):
     assert len(mode.folds) == 2
     for amplitude in (5e-5, 1.3e-4, 2e-4, 2.7e-4, 3.8e-4):
         one, other = at(amplitude), polished(study, mode, amplitude)
-        assert len(one) == len(other) and (len(one) == 3 or not 1.2e-4 < amplitude < 2.8e-4), amplitude
+        assert len(one) == len(other) and (len(one) == 3 or not 1.2e-4 < amplitude < 2.8e-4), (
+            amplitude
+        )
         np.testing.assert_allclose(other, one, rtol=1e-6, err_msg=str(amplitude))
 
 
@@ -183,7 +219,12 @@ def test_what_does_not_fit_is_named():
     with pytest.raises(bd.SettingError, match=r"amplitude: expected \(low, high\) in m"):
         study.nonlinear_mode(wedge.LOAD, 1, (1e-4, 1e-6))
     two = bd.lumped(
-        [1.0, 1.0], 0.0, [1.0, 4.0], contacts=[bd.Contact(0, kt=1, mu=1, preload=1)], forces={0: 1.0}, response=0
+        [1.0, 1.0],
+        0.0,
+        [1.0, 4.0],
+        contacts=[bd.Contact(0, kt=1, mu=1, preload=1)],
+        forces={0: 1.0},
+        response=0,
     )
     with pytest.raises(bd.SettingError, match="mode 2 does not move"):
         two.nonlinear_mode(0.0, 2, (0.1, 1.0))

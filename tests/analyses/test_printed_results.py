@@ -11,7 +11,11 @@ TEXTS = Path(__file__).parents[1] / "golden" / "printed.txt"
 def printed():
     """Return all texts, without times and rounding errors, which vary."""
     text = "\n\n".join(f"[{type(one).__name__}]\n{one}" for one in map(result, RESULTS)) + "\n"
-    for varies, shown in ((r"[-+]?\d[\d.]*e-\d+|[-+]0(?= )", "0"), (r"(?<=  )\d[\d.]* m?s(?= )", "time"), (r" {2,}", "  ")):
+    for varies, shown in (
+        (r"[-+]?\d[\d.]*e-\d+|[-+]0(?= )", "0"),
+        (r"(?<=  )\d[\d.]* m?s(?= )", "time"),
+        (r" {2,}", "  "),
+    ):
         text = re.sub(varies, shown, text)
     return text
 

@@ -17,7 +17,12 @@ BAND = (0.1, 0.35)
 @pytest.fixture(scope="module")
 def study():
     return bd.lumped(
-        [[1.0]], [[0.05]], [[1.0]], contacts=[bd.Contact(normal=0, kn=0.5, gap=1.0)], forces={0: 0.1}, harmonics=3
+        [[1.0]],
+        [[0.05]],
+        [[1.0]],
+        contacts=[bd.Contact(normal=0, kn=0.5, gap=1.0)],
+        forces={0: 0.1},
+        harmonics=3,
     )
 
 
@@ -37,8 +42,13 @@ def test_curve_peak_and_numbers_are_read_alike(study):
     assert curve.amplitude == curve.result.peak.amplitude == pytest.approx(peak.amplitude, rel=1e-6)
     assert evaluate_peak(study.problem, lambda p: (peak.amplitude, peak.frequency))[:3] == peak[:3]
     # an end of the interval is no peak, and says so
-    assert "highest at an end" in evaluate_peak(study.problem, lambda p: highest_peak(p, 0.0, (0.1, 0.12))).reason
-    with pytest.raises(bd.BdamperError, match=r"no peak at 0 N between 0\.1 and 0\.12 Hz: the response"):
+    assert (
+        "highest at an end"
+        in evaluate_peak(study.problem, lambda p: highest_peak(p, 0.0, (0.1, 0.12))).reason
+    )
+    with pytest.raises(
+        bd.BdamperError, match=r"no peak at 0 N between 0\.1 and 0\.12 Hz: the response"
+    ):
         whole_curve(study.problem, 0.0, (0.1, 0.12))
     assert len(whole_curve(study.problem, 0.0, (0.1, 0.12), at_end=True))
 
@@ -49,11 +59,18 @@ def test_a_maximum_counts_where_an_end_is_higher():
     band = resonance_interval(study.problem.at(1.0))[0], 1610.0
     found = evaluate_peak(study.problem, lambda p: whole_curve(p, 30e3, band))
     assert found.result.peak_at_end and found.reason == ""
-    assert found.amplitude == pytest.approx(study.peak(30e3, band).lower_bound, rel=1e-8) != found.result.peak.amplitude
+    assert (
+        found.amplitude
+        == pytest.approx(study.peak(30e3, band).lower_bound, rel=1e-8)
+        != found.result.peak.amplitude
+    )
 
 
 def test_a_list_of_two_numbers_is_an_answer_and_others_are_named(study):
     assert evaluate_peak(study.problem, lambda p: [0.1, np.float64(0.2)])[:3] == (0.1, 0.2, "")
     for wrong in ([0.1], "ab", None, [0.1, "x"]):
         found = evaluate_peak(study.problem, lambda p, answer=wrong: answer)
-        assert "expected a ResponseCurve, a Peak, or amplitude (m) and frequency (Hz), found" in found.reason
+        assert (
+            "expected a ResponseCurve, a Peak, or amplitude (m) and frequency (Hz), found"
+            in found.reason
+        )

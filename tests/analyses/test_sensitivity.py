@@ -8,7 +8,13 @@ import pytest
 import bdamper as bd
 from bdamper.harmonic_balance.equations import Plane
 from bdamper.response.peak import find_peak
-from bdamper.response.sensitivity import PARAMETERS, band, sensitivities, setting_family, setting_value
+from bdamper.response.sensitivity import (
+    PARAMETERS,
+    band,
+    sensitivities,
+    setting_family,
+    setting_value,
+)
 
 STEPS = (1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6)
 """Relative; peaks that differ by them are of one maximum where two of the steps, one after the other, agree."""
@@ -21,7 +27,12 @@ SHIPPED = {
 }
 """Location of the excitation, further settings, and preloads; of the blade on the ground the prescribed normal load."""
 FULL = bool(int(os.environ.get("BDAMPER_HARD", "0")))
-CASES = [(name, preload) for name, (_, _, loads) in SHIPPED.items() for preload in loads if FULL or name == "paper_disk"]
+CASES = [
+    (name, preload)
+    for name, (_, _, loads) in SHIPPED.items()
+    for preload in loads
+    if FULL or name == "paper_disk"
+]
 """All with ``make hard``: those with three harmonics take minutes each."""
 
 
@@ -55,15 +66,25 @@ def differences(study, name, family, value, peak, steps=STEPS):
             return None
         sides = [
             find_peak(
-                system, guess(study, name, 1 + s, peak.y), tangent=peak.tangent, scale=peak.scale, curvature=peak.curvature
+                system,
+                guess(study, name, 1 + s, peak.y),
+                tangent=peak.tangent,
+                scale=peak.scale,
+                curvature=peak.curvature,
             )
             for s, system in systems.items()
         ]
         found = None
         if all(side.converged and not side.corner for side in sides):
             high, low = sides
-            found = np.array([high.amplitude - low.amplitude, high.frequency - low.frequency]) / (2.0 * step * value)
-        if found is not None and before is not None and np.allclose(found, before, rtol=5e-3, atol=0.0):
+            found = np.array([high.amplitude - low.amplitude, high.frequency - low.frequency]) / (
+                2.0 * step * value
+            )
+        if (
+            found is not None
+            and before is not None
+            and np.allclose(found, before, rtol=5e-3, atol=0.0)
+        ):
             return found
         before = found
     return None
@@ -75,7 +96,11 @@ def compare(study, preload, parameters):
     assert peak.converged
     wrong, compared = {}, 0
     for name, found in study.peak_sensitivities(peak, parameters).items():
-        family = study.problem.system if name == "preload" else setting_family(study.problem, name, preload)
+        family = (
+            study.problem.system
+            if name == "preload"
+            else setting_family(study.problem, name, preload)
+        )
         value = preload if name == "preload" else setting_value(study.problem, name)
         expected = differences(study, name, family, value, peak)
         own = np.array([found.amplitude, found.frequency])
@@ -97,7 +122,9 @@ def test_mass_of_the_damper_on_a_flat_peak():
     peak = study.peak(200.0, (330.0, 370.0))  # both ends of the branch
     found = study.peak_sensitivities(peak, ["damper_inertia_factor"])["damper_inertia_factor"]
     family = setting_family(study.problem, "damper_inertia_factor", 200.0)
-    amplitude, frequency = differences(study, "damper_inertia_factor", family, 1.0, peak, (1e-4, 3e-5))
+    amplitude, frequency = differences(
+        study, "damper_inertia_factor", family, 1.0, peak, (1e-4, 3e-5)
+    )
     assert found.amplitude == pytest.approx(amplitude, rel=1e-3)
     assert found.frequency == pytest.approx(frequency, rel=1e-3) == pytest.approx(-5.942, rel=1e-3)
 
@@ -110,7 +137,9 @@ def test_a_kink_has_no_derivative(above, below):
     peak = study.peak(1000.0, (340.0, 370.0))
 
     def family(value):
-        return study.problem.system(1000.0 * (1.0 + (above if value > 1.0 else below) * (value - 1.0)))
+        return study.problem.system(
+            1000.0 * (1.0 + (above if value > 1.0 else below) * (value - 1.0))
+        )
 
     found = sensitivities(peak, {"kink": (family, 1.0)})["kink"]
     assert np.isnan([found.amplitude, found.frequency]).all()
@@ -122,7 +151,11 @@ def test_a_kink_has_no_derivative(above, below):
 def test_every_default_parameter_of_shipped_models(name, preload):
     study, least = shipped(name), 4
     if name == "blade_to_ground":  # nothing but excitation and damping can be varied
-        study, preload, least = study.replace(constant_loads={"platform": np.full(24, preload / 24.0)}), 0.0, 2
+        study, preload, least = (
+            study.replace(constant_loads={"platform": np.full(24, preload / 24.0)}),
+            0.0,
+            2,
+        )
     wrong, compared = compare(study, preload, PARAMETERS)
     assert wrong == {}
     assert compared >= least
@@ -144,7 +177,9 @@ class TestCurve:
     @pytest.mark.parametrize("name", PARAMETERS)
     def test_at_fixed_frequencies(self, study, curve, name):
         found = study.curve_sensitivities(curve, [name])[name]
-        family = study.problem.system if name == "preload" else setting_family(study.problem, name, 60.0)
+        family = (
+            study.problem.system if name == "preload" else setting_family(study.problem, name, 60.0)
+        )
         step = 1e-5 * found.value
         beside, compared = (family(found.value + step), family(found.value - step)), []
         for i in range(2, len(curve), 5):
@@ -157,7 +192,9 @@ class TestCurve:
             if len(ends) == 2:  # near a fold there may be no solution beside
                 difference = (ends[0] - ends[1]) / (2.0 * step)
                 compared.append(abs(found.at_frequency[i] / difference - 1.0))
-        assert len(compared) > 12 and np.median(compared) < 1e-5  # of which solutions to 1e-10 leave the larger part
+        assert (
+            len(compared) > 12 and np.median(compared) < 1e-5
+        )  # of which solutions to 1e-10 leave the larger part
         assert np.sort(compared)[-3] < 1e-3  # differences of solutions are rough next to folds
 
     @pytest.fixture(scope="class")
@@ -168,18 +205,30 @@ class TestCurve:
         assert len(curve.folds) >= 1
         system, solved = study.problem.system(200.0), {}
         for i in range(1, len(curve) - 1):
-            y, before, after = (np.append(curve.unknowns[k], 2.0 * np.pi * curve.frequency[k]) for k in (i, i - 1, i + 1))
+            y, before, after = (
+                np.append(curve.unknowns[k], 2.0 * np.pi * curve.frequency[k])
+                for k in (i, i - 1, i + 1)
+            )
             scale = system.units(y, np.pi * np.ptp(curve.frequency))
             chord = (after - before) / scale
-            solved[i] = system.solve(y, Plane(chord / np.linalg.norm(chord)), scale, 1e-10, 12), scale
+            solved[i] = (
+                system.solve(y, Plane(chord / np.linalg.norm(chord)), scale, 1e-10, 12),
+                scale,
+            )
         return study, curve, solved
 
-    @pytest.mark.parametrize("name", ["preload", "friction_coefficient", "contact_stiffness_factor", "damping_factor"])
+    @pytest.mark.parametrize(
+        "name", ["preload", "friction_coefficient", "contact_stiffness_factor", "damping_factor"]
+    )
     def test_across_the_curve_at_every_point(self, across, name):
         """Solutions in the plane across the curve, also at folds."""
         study, curve, solved = across
         found = study.curve_sensitivities(curve, [name])[name]
-        family = study.problem.system if name == "preload" else setting_family(study.problem, name, 200.0)
+        family = (
+            study.problem.system
+            if name == "preload"
+            else setting_family(study.problem, name, 200.0)
+        )
         system, step = study.problem.system(200.0), 1e-5 * found.value
         high, low = family(found.value + step), family(found.value - step)
         compared = {}
@@ -188,7 +237,9 @@ class TestCurve:
             if all(end.status == 0 for end in ends):
                 moved = (ends[0].y - ends[1].y) / (2.0 * step)
                 expected = np.array([moved[-1] / (2.0 * np.pi), system.rows.value(moved)])
-                error = np.abs(np.array([found.frequency[i], found.response[i]]) - expected) / np.abs(expected)
+                error = np.abs(
+                    np.array([found.frequency[i], found.response[i]]) - expected
+                ) / np.abs(expected)
                 compared[i] = error.max()
         assert len(compared) > 0.9 * len(curve) and np.median(list(compared.values())) < 1e-5
         at_folds = [compared[i] for i in curve.folds if i in compared]
@@ -207,7 +258,9 @@ class TestCurve:
                 for f, a in zip(frequency[i], amplitude[i]):
                     y = np.append(curve.unknowns[i], 2.0 * np.pi * f)
                     c = system.correct_at(y[:-1], y[-1], system.units(y, 100.0), 1e-10, 12)
-                    edges.append(abs(abs(system.rows.value(c.y)) / a - 1.0) if c.status == 0 else np.inf)
+                    edges.append(
+                        abs(abs(system.rows.value(c.y)) / a - 1.0) if c.status == 0 else np.inf
+                    )
                 miss.append(min(edges))
             misses.append(np.median(miss))
         assert misses[1] < misses[0] / 8.0

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_NORMAL
+from bdamper.contact.laws import (
+    LAW_BONDED,
+    LAW_CONSTANT,
+    LAW_COUPLED,
+    LAW_COUPLED_CONSTANT,
+    LAW_NORMAL,
+)
 from bdamper.contact.preload_state import STICK
 from bdamper.response.response_curve import self_locking
 from tests.models import acyclic_model, wedge_model
@@ -31,7 +37,14 @@ def test_law_of_each_point(study):
         ({"friction_law": "coupled", "contact_forces": bd.AFT(64)}, LAW_COUPLED),
         ({"friction_law": "bonded"}, LAW_BONDED),
         ({"variable_normal_load": False}, LAW_CONSTANT),
-        ({"friction_law": "coupled", "contact_forces": bd.AFT(64), "variable_normal_load": False}, LAW_COUPLED_CONSTANT),
+        (
+            {
+                "friction_law": "coupled",
+                "contact_forces": bd.AFT(64),
+                "variable_normal_load": False,
+            },
+            LAW_COUPLED_CONSTANT,
+        ),
     ):
         points = study.replace(**settings).problem.system(200.0).structure.points
         assert set(points.law[: friction.sum()]) == {law}
@@ -50,14 +63,22 @@ def test_a_law_for_each_interface(study):
 def test_bonded_points_have_no_gap(study):
     face = next(name for name, face in study.model.interfaces.items() if face.kind == "friction")
     gap = {face: np.where(np.arange(9) == 3, 2e-6, 0.0)}
-    with pytest.raises(bd.SettingError, match=rf"^gap of '{face}': a bonded interface cannot have a gap, found 2e-06 m"):
+    with pytest.raises(
+        bd.SettingError,
+        match=rf"^gap of '{face}': a bonded interface cannot have a gap, found 2e-06 m",
+    ):
         study.replace(friction_law="bonded", gap=gap)
     assert study.replace(gap=gap).problem.point_gaps[3] == 2e-6
-    assert study.replace(friction_law="bonded", gap={face: np.zeros(9)}).problem.point_gaps[3] == 0.0
+    assert (
+        study.replace(friction_law="bonded", gap={face: np.zeros(9)}).problem.point_gaps[3] == 0.0
+    )
 
 
 def test_bonded_points_give_the_stuck_response(study):
-    bonded, stuck = study.replace(friction_law="bonded").frequency_response(50.0, INTERVAL), study.stuck(INTERVAL)
+    bonded, stuck = (
+        study.replace(friction_law="bonded").frequency_response(50.0, INTERVAL),
+        study.stuck(INTERVAL),
+    )
     assert bonded.complete
     assert bonded.shares[:, 0].min() > 0.999
     assert bonded.peak.amplitude == pytest.approx(stuck.peak.amplitude, rel=1e-4)
@@ -66,7 +87,12 @@ def test_bonded_points_give_the_stuck_response(study):
 
 @pytest.mark.parametrize(
     "model",
-    [acyclic_model(4), acyclic_model(1, n_points=4, n_blade_modes=2, n_damper_modes=0), wedge_model(3), wedge_model(9)],
+    [
+        acyclic_model(4),
+        acyclic_model(1, n_points=4, n_blade_modes=2, n_damper_modes=0),
+        wedge_model(3),
+        wedge_model(9),
+    ],
     ids=["damper modes", "acyclic", "wedge 3", "wedge 9"],
 )
 def test_the_static_state_of_bonded_points_is_that_of_linear_springs(model):
@@ -85,7 +111,9 @@ def test_the_static_state_of_bonded_points_is_that_of_linear_springs(model):
     assert state.converged
     basis, (force, shift) = study.problem.static_basis, study.problem.damper_load
     G = basis.G.real.reshape(-1, basis.n_modes)
-    k = np.concatenate([study.problem.tangential_stiffness, study.problem.point_stiffness[:, 2:]], axis=1).ravel()
+    k = np.concatenate(
+        [study.problem.tangential_stiffness, study.problem.point_stiffness[:, 2:]], axis=1
+    ).ravel()
     K = np.diag(basis.omega2) + G.T @ (k[:, None] * G)
     q = np.linalg.solve(K, load * (force - G.T @ (k * shift.ravel())))
     springs = (k * (G @ q + load * shift.ravel())).reshape(-1, 3)
@@ -114,9 +142,20 @@ def test_comparison_of_laws(study, tmp_path):
     assert "coupled" in low.summary()
     low.save(tmp_path / "laws.h5")
     again = bd.load(tmp_path / "laws.h5")
-    assert str(again) == str(low) and again.names == laws and {curve.preload for curve in again.curves} == {200.0}
-    assert [curve.settings["friction_law"] for curve in again.curves] == ["coupled", "uncoupled", "uncoupled"]
+    assert (
+        str(again) == str(low)
+        and again.names == laws
+        and {curve.preload for curve in again.curves} == {200.0}
+    )
+    assert [curve.settings["friction_law"] for curve in again.curves] == [
+        "coupled",
+        "uncoupled",
+        "uncoupled",
+    ]
     assert [curve.settings["variable_normal_load"] for curve in again.curves] == [True, True, False]
-    high = bd.compare(under(study.replace(damping_ratio=0.02)), lambda one: one.frequency_response(50000.0, INTERVAL))
+    high = bd.compare(
+        under(study.replace(damping_ratio=0.02)),
+        lambda one: one.frequency_response(50000.0, INTERVAL),
+    )
     for law in ("uncoupled", "constant_normal_load"):
         assert abs(high.change(law)) < 1e-3

@@ -43,7 +43,11 @@ INTERVAL = (250.0, 400.0)
 @pytest.fixture(scope="module")
 def study():
     model = bd.reference_model(contact_points=9)
-    return plain_study(model, excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
+    return plain_study(
+        model, excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3
+    )
+
+
 OVER = {"friction_coefficient": [0.2, 0.3, 0.5], "preload": [800.0, 2000.0]}
 
 
@@ -121,7 +125,9 @@ class Logged:
 def dask_executor():
     distributed = pytest.importorskip("distributed", reason="dask.distributed is not installed")
     with (
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50) as cluster,
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
+        ) as cluster,
         distributed.Client(cluster) as client,
     ):
         yield client.get_executor()
@@ -144,9 +150,13 @@ class TestAnswers:
 
     def test_threads_and_processes_give_the_same(self, study, serial):
         with ThreadPoolExecutor(2) as pool:
-            assert answers(bd.sweep(study, over=OVER, frequency=INTERVAL, executor=pool)) == answers(serial)
+            assert answers(
+                bd.sweep(study, over=OVER, frequency=INTERVAL, executor=pool)
+            ) == answers(serial)
         with ProcessPoolExecutor(2) as pool:
-            assert answers(bd.sweep(study, over=OVER, frequency=INTERVAL, executor=pool)) == answers(serial)
+            assert answers(
+                bd.sweep(study, over=OVER, frequency=INTERVAL, executor=pool)
+            ) == answers(serial)
 
     @pytest.mark.slow
     def test_dask_gives_the_same(self, study, serial):
@@ -155,7 +165,11 @@ class TestAnswers:
         assert answers(result) == answers(serial)
 
     def test_a_question_of_ones_own_and_factors(self, study):
-        over = {"friction_coefficient": [0.3, 0.4], "damper_inertia_factor": [1.0, 2.0], "preload": [100.0]}
+        over = {
+            "friction_coefficient": [0.3, 0.4],
+            "damper_inertia_factor": [1.0, 2.0],
+            "preload": [100.0],
+        }
         result = bd.sweep(study, over=over, evaluate=residual_norm)
         assert result.complete, result.status
         direct = study.replace(friction_coefficient=0.3)
@@ -180,9 +194,14 @@ class TestAnswers:
             ({"over": {"colour": [1]}}, "expected one of .* found 'colour'"),
             ({"over": {"friction_coefficient": [0.1]}}, "preload: expected a number"),
             ({"over": {"preload": [1.0]}, "combine": "all"}, "combine"),
-            ({"over": {"preload": [1.0], "friction_coefficient": [0.1, 0.2]}, "combine": "zip"}, "as many values"),
-            ({"over": {"preload": [1.0]}, "evaluate": residual_norm, "frequency": INTERVAL},
-             "omit them if evaluate is given"),
+            (
+                {"over": {"preload": [1.0], "friction_coefficient": [0.1, 0.2]}, "combine": "zip"},
+                "as many values",
+            ),
+            (
+                {"over": {"preload": [1.0]}, "evaluate": residual_norm, "frequency": INTERVAL},
+                "omit them if evaluate is given",
+            ),
         ],
     )
     def test_bad_input(self, study, arguments, message):
@@ -193,12 +212,15 @@ class TestAnswers:
 class TestInterrupted:
     """Ctrl-C keeps the points that are finished."""
 
-    over = {"preload": [100.0, 200.0, 300.0, 400.0]}  # noqa: RUF012
+    over = {"preload": [100.0, 200.0, 300.0, 400.0]}
 
     def test_points_left_out_are_not_run(self, study, tmp_path):
         result = bd.sweep(study, self.over, stopping_question, resume=tmp_path / "r.jsonl")
         assert result.status == ("complete", "complete", "not run", "not run")
-        assert result.array("value")[:2].tolist() == [100.0, 200.0] and np.isnan(result.array("value")[2:]).all()
+        assert (
+            result.array("value")[:2].tolist() == [100.0, 200.0]
+            and np.isnan(result.array("value")[2:]).all()
+        )
         assert not result.complete
         assert result.summary().count("interrupted: 2 of 4 parts were not run") == 1
         assert " points over preload, 2 not run." in result._headline()
@@ -210,7 +232,9 @@ class TestInterrupted:
     def test_a_part_interrupted_on_a_worker_alone_is_no_answer(self, study, tmp_path):
         with ProcessPoolExecutor(1) as pool:
             pool.submit(os.getpid).result()  # begins the worker outside of the sweep
-            result = bd.sweep(study, self.over, part_so_far, executor=pool, resume=tmp_path / "r.jsonl")
+            result = bd.sweep(
+                study, self.over, part_so_far, executor=pool, resume=tmp_path / "r.jsonl"
+            )
         assert result.status[:3] == ("complete", "complete", "not run")
         lines = (tmp_path / "r.jsonl").read_text().splitlines()[1:]
         assert not {json.loads(line)["index"] for line in lines} & {2}
@@ -218,8 +242,13 @@ class TestInterrupted:
     def test_the_end_of_a_worker_keeps_what_is_finished(self, study):
         with ProcessPoolExecutor(1) as pool:
             result = bd.sweep(study, self.over, deadly_question, executor=pool)
-        assert result.status[:2] == ("complete", "complete") and result.array("value")[:2].tolist() == [100.0, 200.0]
-        assert all(s.startswith("not run: A process in the process pool was terminated") for s in result.status[2:])
+        assert result.status[:2] == ("complete", "complete") and result.array("value")[
+            :2
+        ].tolist() == [100.0, 200.0]
+        assert all(
+            s.startswith("not run: A process in the process pool was terminated")
+            for s in result.status[2:]
+        )
         assert "2 of 4 parts were not run: A process" in result.summary()
 
     @pytest.mark.slow
@@ -239,7 +268,9 @@ class TestInterrupted:
         arguments = study, {"preload": np.arange(1.0, 1001.0)}, question, path
         client = multiprocessing.get_context("spawn").Process(target=sweep_on_dask, args=arguments)
         client.start()
-        while not path.exists() or path.read_bytes().count(b"\n") < 200:  # of which one is the header
+        while (
+            not path.exists() or path.read_bytes().count(b"\n") < 200
+        ):  # of which one is the header
             assert client.is_alive()
             time.sleep(0.01)
         client.kill()
@@ -252,7 +283,9 @@ class TestInterrupted:
         again = {preload for preload, calls in question.calls().items() if calls > 1}
         assert again <= set(before) - stored, "no stored point is computed again"
         assert len(again) <= 4 * 20, "points of at most two tasks on each worker"
-        assert result.complete and answers(result) == answers(bd.sweep(study, arguments[1], residual_norm))
+        assert result.complete and answers(result) == answers(
+            bd.sweep(study, arguments[1], residual_norm)
+        )
 
     def test_points_finished_while_one_is_written_are_kept(self, study, tmp_path, monkeypatch):
         """Ctrl-C while the first line after the header is written; all four points are finished by then."""
@@ -265,7 +298,9 @@ class TestInterrupted:
             return write(file, content)
 
         monkeypatch.setattr(os, "write", stop)
-        result = bd.sweep(study, self.over, residual_norm, executor=Ends(4, "broken"), resume=tmp_path / "r.jsonl")
+        result = bd.sweep(
+            study, self.over, residual_norm, executor=Ends(4, "broken"), resume=tmp_path / "r.jsonl"
+        )
         assert result.complete
         lines = (tmp_path / "r.jsonl").read_text().splitlines()
         assert sorted(json.loads(line)["index"] for line in lines[1:]) == [0, 1, 2, 3]
@@ -315,7 +350,10 @@ class TestInterrupted:
         curve = bd.optimal_curve_uncertainty(study, four, (1e3, 2e3), 3, frequency=INTERVAL)
         assert curve.status == ("complete", "complete", "complete", "not run")
         assert np.array_equal(curve.percentile(100.0), curve.amplitude[:3].max(axis=0))
-        assert "interrupted: 1 of 4 parts were not run" in curve.summary() and "without a peak" not in curve.summary()
+        assert (
+            "interrupted: 1 of 4 parts were not run" in curve.summary()
+            and "without a peak" not in curve.summary()
+        )
 
     def test_of_a_robust_optimum(self, study, monkeypatch):
         """It is never taken over a part of the draws."""
@@ -328,7 +366,10 @@ class TestInterrupted:
             return found_at_all(1.0)
 
         monkeypatch.setattr(robust_optimum, "at_preload", stopped)
-        samples, ways = {"friction_coefficient": [0.25, 0.3]}, {"n": 5, "tolerance": 1e-3, "frequency": INTERVAL}
+        samples, ways = (
+            {"friction_coefficient": [0.25, 0.3]},
+            {"n": 5, "tolerance": 1e-3, "frequency": INTERVAL},
+        )
         assert bd.robust_optimum(study, samples, (1e3, 2e3), **ways).status == "interrupted"
         with pytest.raises(KeyboardInterrupt):
             bd.robust_optimum(study, samples, (1e3, 2e3), **ways)
@@ -345,7 +386,11 @@ class TestInterrupted:
         script = tmp_path / "pool.py"
         script.write_text(POOL_SCRIPT)
         child = subprocess.Popen(
-            [sys.executable, script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+            [sys.executable, script],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
         )
         assert child.stdout.readline() == "begins\n"
         time.sleep(2.0)
@@ -374,7 +419,7 @@ if __name__ == "__main__":
 
 
 class TestResultsFile:
-    over = {"friction_coefficient": np.linspace(0.1, 0.6, 10), "preload": [100.0, 200.0, 300.0]}  # noqa: RUF012
+    over = {"friction_coefficient": np.linspace(0.1, 0.6, 10), "preload": [100.0, 200.0, 300.0]}
 
     def run(self, study, path, evaluate=quick_question, **more):
         return bd.sweep(study, over=self.over, evaluate=evaluate, resume=path, **more)
@@ -416,10 +461,21 @@ class TestResultsFile:
         full = self.run(study, path)
         content = path.read_bytes()
         starts = [0, *[i + 1 for i, c in enumerate(content) if c == 10]]
-        for cut in [0, 5, starts[1] - 1, starts[1], starts[1] + 1, starts[2] - 1, len(content) - 1, len(content) - 30]:
+        for cut in [
+            0,
+            5,
+            starts[1] - 1,
+            starts[1],
+            starts[1] + 1,
+            starts[2] - 1,
+            len(content) - 1,
+            len(content) - 30,
+        ]:
             path.write_bytes(content[:cut])
             assert answers(self.run(study, path)) == answers(full), cut
-            assert answers(self.run(study, path)) == answers(full), cut  # and the mended file reads well
+            assert answers(self.run(study, path)) == answers(full), (
+                cut
+            )  # and the mended file reads well
             assert path.read_bytes().startswith(content[: starts[1]])
 
     def test_a_point_takes_little_memory_also_when_it_is_read(self, study, tmp_path, monkeypatch):
@@ -435,7 +491,10 @@ class TestResultsFile:
         again = bd.sweep(study, over, many_numbers, resume=tmp_path / "r.jsonl")
         peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
-        assert again.values.tolist() == first.values.tolist() and again.cost.tolist() == first.cost.tolist()
+        assert (
+            again.values.tolist() == first.values.tolist()
+            and again.cost.tolist() == first.cost.tolist()
+        )
         assert len(read) == n and peak - sum(map(len, read)) < 1000 * n
 
     def test_file_of_another_study_is_refused(self, study, tmp_path):
@@ -481,7 +540,10 @@ class TestResultsFile:
         assert study_fingerprint(study._with_problem(study.problem.replace()).problem) == base
 
 
-DISTRIBUTIONS = {"friction_coefficient": stats.uniform(0.2, 0.2), "damping_factor": stats.lognorm(0.1)}
+DISTRIBUTIONS = {
+    "friction_coefficient": stats.uniform(0.2, 0.2),
+    "damping_factor": stats.lognorm(0.1),
+}
 
 
 @pytest.fixture(scope="module")
@@ -512,7 +574,10 @@ class TestWarnings:
         assert not result.complete and result.status == (peak.status,)
         assert result.array("search_status").tolist() == [peak.search_status]
         assert result.warnings == (f"scan {peak.search_status}",)
-        assert "failed" not in result._headline() and result.summary().count(f"\nscan {peak.search_status}") == 1
+        assert (
+            "failed" not in result._headline()
+            and result.summary().count(f"\nscan {peak.search_status}") == 1
+        )
 
     def test_optimal_curves_and_what_is_made_of_them(self, study, monkeypatch, tmp_path):
         whole = optimal_curve
@@ -520,7 +585,9 @@ class TestWarnings:
         def coarse(*args, **options):
             curve = whole(*args, **options)
             coarse_optimum = replace(curve.optimum, status="incomplete: lost", uncertainty=0.1)
-            return replace(curve, optimum=coarse_optimum, status=("scan incomplete (lost)", *curve.status[1:]))
+            return replace(
+                curve, optimum=coarse_optimum, status=("scan incomplete (lost)", *curve.status[1:])
+            )
 
         monkeypatch.setattr(sys.modules["bdamper.analyses.sweep"], "optimal_curve", coarse)
         samples = {"friction_coefficient": [0.3]}
@@ -543,11 +610,12 @@ class TestWarnings:
 def found_at_all(height, known=True, rattles=""):
     """What the search at one preload comes to."""
     status = "complete" if known else "incomplete: why"
-    return SimpleNamespace(height=height, known=known, rattles=rattles, status=status, cost=Cost(), top=None)
+    return SimpleNamespace(
+        height=height, known=known, rattles=rattles, status=status, cost=Cost(), top=None
+    )
 
 
 class TestUncertainty:
-
     def test_every_draw_is_its_own_optimal_curve(self, study, samples, curve):
         from bdamper.harmonic_balance.parameters import vary
 
@@ -590,7 +658,9 @@ class TestUncertainty:
 
             monkeypatch.setattr(robust_optimum, "at_preload", stands_in)
             ways = {"percentile": 100.0, "frequency": INTERVAL} | ways
-            return bd.robust_optimum(study, {"friction_coefficient": [0.2, 0.3, 0.4]}, preload, **ways)
+            return bd.robust_optimum(
+                study, {"friction_coefficient": [0.2, 0.3, 0.4]}, preload, **ways
+            )
 
         return answer
 
@@ -601,10 +671,15 @@ class TestUncertainty:
         assert (whole.preload, whole.amplitude) == pytest.approx((self.BEST, self.HEIGHT), rel=1e-5)
         assert (whole.status, whole.kind, whole.warnings) == ("complete", "interior", 0)
         middle = robust(percentile=50.0, tolerance=1e-6)
-        expected = np.sqrt(750.0 * 1000.0), 1.0 + 0.5 * np.log(4.0 / 3.0)  # between the p0 of 0.4 and of 0.3
+        expected = (
+            np.sqrt(750.0 * 1000.0),
+            1.0 + 0.5 * np.log(4.0 / 3.0),
+        )  # between the p0 of 0.4 and of 0.3
         assert (middle.preload, middle.amplitude) == pytest.approx(expected, rel=1e-5)
         end = robust(preload=(2e3, 1e4))
-        assert (end.preload, end.kind) == (2000.0, "end") and end.amplitude == pytest.approx(1.0 + np.log(8.0 / 3.0))
+        assert (end.preload, end.kind) == (2000.0, "end") and end.amplitude == pytest.approx(
+            1.0 + np.log(8.0 / 3.0)
+        )
 
     def test_lower_bounds_are_no_candidates(self, robust):
         """They leave a doubt where they are lower than the answer, also if only the first grid has met them."""
@@ -614,18 +689,24 @@ class TestUncertainty:
 
         part = robust(bound(0.0, 1.2 * self.BEST))
         assert 1.2 * self.BEST <= part.preload < 1.25 * self.BEST and part.warnings > 0
-        assert re.fullmatch(r"incomplete: \d+ preloads without a peak in every draw could be lower", part.status)
+        assert re.fullmatch(
+            r"incomplete: \d+ preloads without a peak in every draw could be lower", part.status
+        )
         far = robust(lambda mu, p, own: found_at_all(own if p > 150.0 else 0.1, known=p > 150.0))
         assert far.preload == pytest.approx(self.BEST, rel=0.03) and far.warnings == 0
         assert far.status == "incomplete: 1 preload without a peak in every draw could be lower"
         higher = robust(lambda mu, p, own: found_at_all(own, known=p > 150.0))
         assert higher.preload == pytest.approx(self.BEST, rel=0.03) and higher.status == "complete"
-        with pytest.raises(bd.BdamperError, match="no preload from 100 to 10000 N has a steady peak in all 3 draws"):
+        with pytest.raises(
+            bd.BdamperError, match="no preload from 100 to 10000 N has a steady peak in all 3 draws"
+        ):
             robust(bound(0.0, 1e5))
 
     def test_preloads_at_which_a_damper_rattles_are_no_candidates(self, robust):
         def below(mu, p, own):
-            return found_at_all(own if p > 2e3 else 0.1, rattles="why" if p < 2e3 and mu == 0.2 else "")
+            return found_at_all(
+                own if p > 2e3 else 0.1, rattles="why" if p < 2e3 and mu == 0.2 else ""
+            )
 
         found = robust(below)
         assert 2e3 < found.preload < 2.1e3 and found.status == "complete"
@@ -634,7 +715,9 @@ class TestUncertainty:
     def test_the_best_so_far_is_kept(self, robust, n):
         """One preload alone has a peak in every draw; the finer grids find no other."""
         alone = float(np.geomspace(100.0, 1e4, n)[3])
-        found = robust(lambda mu, p, own: found_at_all(own if p == alone else 0.0, known=p == alone), n=n)
+        found = robust(
+            lambda mu, p, own: found_at_all(own if p == alone else 0.0, known=p == alone), n=n
+        )
         assert found.preload == alone and found.status.startswith("incomplete: ")
 
     def test_an_unknown_draw_counts_as_infinite(self, robust):
@@ -660,7 +743,11 @@ class TestUncertainty:
 
     def test_a_draw_that_fails_is_named(self, study, monkeypatch):
         """It does not count, and the other draws give the optimum that they give alone."""
-        monkeypatch.setattr(robust_optimum, "at_preload", lambda problem, p, frequency: found_at_all(1.0 + abs(p - 1500.0)))
+        monkeypatch.setattr(
+            robust_optimum,
+            "at_preload",
+            lambda problem, p, frequency: found_at_all(1.0 + abs(p - 1500.0)),
+        )
         ways = {"preload": (1e3, 2e3), "n": 5, "frequency": INTERVAL}
         found = bd.robust_optimum(study, {"friction_coefficient": [0.2, -0.1, 0.3]}, **ways)
         alone = bd.robust_optimum(study, {"friction_coefficient": [0.2, 0.3]}, **ways)
@@ -674,19 +761,34 @@ class TestUncertainty:
         """Seven draws of eight unknown: no amplitude bounds half of them."""
         size = np.arange(1.0, 9.0)[:, None] * np.ones(2)
         size[1:, 1] = np.nan
-        names = {"preload": np.array([1.0, 2.0]), "frequency": size, "status": ("complete",) * 8, "warnings": ()}
-        found = replace(curve, amplitude=size, samples={"friction_coefficient": np.ones(8)}, **names)
+        names = {
+            "preload": np.array([1.0, 2.0]),
+            "frequency": size,
+            "status": ("complete",) * 8,
+            "warnings": (),
+        }
+        found = replace(
+            curve, amplitude=size, samples={"friction_coefficient": np.ones(8)}, **names
+        )
         assert found.percentile(0.0).tolist() == [1.0, 1.0]
         assert found.percentile([50.0, 95.0]).tolist() == [[5.0, np.inf], [8.0, np.inf]]
         # any sequence of 4 unknown frequencies could be lower or higher than the others
-        assert found.percentile(50.0, "frequency").tolist() == pytest.approx([5.0, np.nan], nan_ok=True)
+        assert found.percentile(50.0, "frequency").tolist() == pytest.approx(
+            [5.0, np.nan], nan_ok=True
+        )
         assert not found.complete
         text = " ".join(str(found).split())
-        assert text.startswith("At a preload of 1 N all 8 draws of friction coefficient reach at most 8 m (95 % needs 21")
-        assert "half at most 5 m" in text and "Infinite where they have no peak: 7 of 8 draws." in text
+        assert text.startswith(
+            "At a preload of 1 N all 8 draws of friction coefficient reach at most 8 m (95 % needs 21"
+        )
+        assert (
+            "half at most 5 m" in text and "Infinite where they have no peak: 7 of 8 draws." in text
+        )
         failed = replace(found, status=("failed: why", *found.status[1:]))
         assert failed.percentile(0.0).tolist() == [2.0, np.inf]
-        assert str(failed).startswith("1 of 8 draws failed and does not count, first draw 0: why. At a preload of 1 N all")
+        assert str(failed).startswith(
+            "1 of 8 draws failed and does not count, first draw 0: why. At a preload of 1 N all"
+        )
         assert failed.plot().axes[0].get_legend_handles_labels()[1][-1] == "95 %: no value"
 
     def test_percentiles_of_many_draws(self, curve):
@@ -712,7 +814,9 @@ class TestUncertainty:
         draws = {"friction_coefficient": [-0.1, 0.3, 0.25]}
         found = bd.optimal_curve_uncertainty(study, draws, (1e3, 2e3), 2, frequency=INTERVAL)
         assert [s.partition(":")[0] for s in found.status] == ["failed", "complete", "not found"]
-        assert np.isinf(found.percentile(100.0)).all() and np.array_equal(found.percentile(0.0), found.amplitude[1])
+        assert np.isinf(found.percentile(100.0)).all() and np.array_equal(
+            found.percentile(0.0), found.amplitude[1]
+        )
 
     def test_the_mode_sets_the_interval(self, study, monkeypatch):
         seen = set()
@@ -723,40 +827,71 @@ class TestUncertainty:
 
         monkeypatch.setattr(robust_optimum, "at_preload", at)
         bd.robust_optimum(study, {"friction_coefficient": [0.3]}, (1e3, 1.01e3), n=5, mode=2)
-        assert seen <= {peak_interval(study.problem.at(p), None, 2) for p in np.geomspace(1e3, 1.01e3, 5)}
+        assert seen <= {
+            peak_interval(study.problem.at(p), None, 2) for p in np.geomspace(1e3, 1.01e3, 5)
+        }
 
     def test_other_friction_is_that_of_other_studies(self, study, monkeypatch, tmp_path):
         curve = study.optimal_curve((500.0, 3000.0), 3, frequency=INTERVAL, check=False)
         found = robust_optimum.with_other_friction(study.problem, curve)
         best = curve.optimum
         own, *others = found.other_friction
-        assert (own.factor, own.preload) == (1.0, best.preload) and own.amplitude == pytest.approx(best.amplitude, rel=1e-6)
+        assert (own.factor, own.preload) == (1.0, best.preload) and own.amplitude == pytest.approx(
+            best.amplitude, rel=1e-6
+        )
         for k, factor in zip(others, (0.7, 1.3), strict=True):
             peak = study.replace(friction_coefficient=factor * 0.3).peak(best.preload, INTERVAL)
             assert (k.factor, k.preload, k.status) == (factor, best.preload, peak.search_status)
-            assert k.amplitude == pytest.approx(peak.amplitude, rel=1e-9) != pytest.approx(best.amplitude, rel=1e-3)
-        assert found.cost.evaluations > curve.cost.evaluations and found.cost.seconds > curve.cost.seconds
+            assert (
+                k.amplitude
+                == pytest.approx(peak.amplitude, rel=1e-9)
+                != pytest.approx(best.amplitude, rel=1e-3)
+            )
+        assert (
+            found.cost.evaluations > curve.cost.evaluations
+            and found.cost.seconds > curve.cost.seconds
+        )
         high = [k for k in others if k.amplitude > 1.2 * own.amplitude]
-        worse = replace(found, other_friction=(own, others[0], replace(others[1], amplitude=3.0 * own.amplitude)))
-        for shown, names in ((found, high), (worse, [*[k for k in high if k.factor < 1.0], worse.other_friction[2]])):
+        worse = replace(
+            found,
+            other_friction=(own, others[0], replace(others[1], amplitude=3.0 * own.amplitude)),
+        )
+        for shown, names in (
+            (found, high),
+            (worse, [*[k for k in high if k.factor < 1.0], worse.other_friction[2]]),
+        ):
             labels = shown.plot().axes[0].get_legend_handles_labels()[1]
             drawn = [label for label in labels if "times the friction" in label]
             assert drawn == [f"{k.factor:g} times the friction" for k in names]
         found.save(tmp_path / "found.h5")
         stored = bd.load(tmp_path / "found.h5")
-        assert stored.other_friction == found.other_friction and stored.mass_radius == found.mass_radius
+        assert (
+            stored.other_friction == found.other_friction
+            and stored.mass_radius == found.mass_radius
+        )
         with h5py.File(tmp_path / "found.h5", "a") as file:  # as a file of an earlier version
             del file["other_friction"], file.attrs["mass_radius"]
-        assert bd.load(tmp_path / "found.h5").other_friction == () and np.isnan(bd.load(tmp_path / "found.h5").mass_radius)
+        assert bd.load(tmp_path / "found.h5").other_friction == () and np.isnan(
+            bd.load(tmp_path / "found.h5").mass_radius
+        )
         assert "other friction 3" in str(found.diff(worse))
         own_law = bd.ContactLaw.jenkins([1e7], 0.0, 0.3, kn=1e7)
-        for other in ({"friction_coefficient": 0.0}, {"friction_law": "bonded"}, {"friction_law": own_law}):
-            assert robust_optimum.with_other_friction(study.replace(**other).problem, curve) is curve
+        for other in (
+            {"friction_coefficient": 0.0},
+            {"friction_law": "bonded"},
+            {"friction_law": own_law},
+        ):
+            assert (
+                robust_optimum.with_other_friction(study.replace(**other).problem, curve) is curve
+            )
 
     def test_other_friction_is_asked_for_at_the_recommended_preload(self, study, monkeypatch):
         """What fails, rattles or is interrupted is not known, and the first line does not call it covered."""
         curve = study.optimal_curve((500.0, 3000.0), 3, frequency=INTERVAL, check=False)
-        times = [TimeResponse(a, a, a, 1.0, p, a) for p, a in ((curve.optimum.preload, 2.0), (900.0, 1.0))]
+        times = [
+            TimeResponse(a, a, a, 1.0, p, a)
+            for p, a in ((curve.optimum.preload, 2.0), (900.0, 1.0))
+        ]
         asked = []
 
         def stands_in(*answers):
@@ -770,17 +905,27 @@ class TestUncertainty:
                 return answer
 
             monkeypatch.setattr(robust_optimum, "at_preload", at)
-            return robust_optimum.with_other_friction(study.problem, replace(curve, time_response=tuple(times)))
+            return robust_optimum.with_other_friction(
+                study.problem, replace(curve, time_response=tuple(times))
+            )
 
         peak, rattling = found_at_all(1.0), found_at_all(1.0, rattles="why")
         found = stands_in(peak, peak, peak)
         assert asked[:3] == [(mu, 900.0, INTERVAL) for mu in (0.3, 0.21, 0.39)]
-        assert found.friction_range.text == "the amplitude does not double from 0.25 to 4 times the friction"
+        assert (
+            found.friction_range.text
+            == "the amplitude does not double from 0.25 to 4 times the friction"
+        )
         assert found._headline().endswith("friction coefficients beyond 0.7 to 1.3 times 0.3.")
         moved = replace(found, time_response=tuple(times[:1]))._headline()
-        assert "Other friction" not in moved and moved.endswith("friction coefficients other than 0.3.")
+        assert "Other friction" not in moved and moved.endswith(
+            "friction coefficients other than 0.3."
+        )
         lost = stands_in(peak, bd.BdamperError("why"), rattling).other_friction
-        assert [k.status for k in lost[1:]] == ["not found: why", "not found: no steady periodic response: why"]
+        assert [k.status for k in lost[1:]] == [
+            "not found: why",
+            "not found: no steady periodic response: why",
+        ]
         assert np.isnan(lost[1].amplitude) and lost[2].amplitude == np.inf
         part = stands_in(peak, peak, KeyboardInterrupt())
         assert [k.status for k in part.other_friction] == ["complete", "complete", "interrupted"]
@@ -788,13 +933,19 @@ class TestUncertainty:
         assert "beyond 0." not in stands_in(peak, bd.BdamperError("why"), rattling)._headline()
 
     def test_a_factor_on_all_friction_coefficients(self, study):
-        assert study.replace(friction_factor=1.5).settings.friction_coefficient == pytest.approx(0.45)
+        assert study.replace(friction_factor=1.5).settings.friction_coefficient == pytest.approx(
+            0.45
+        )
         points = study.model.interfaces["left"].n_points
-        each_one = study.replace(friction_coefficient={"left": np.linspace(0.1, 0.5, points), "right": 0.2})
+        each_one = study.replace(
+            friction_coefficient={"left": np.linspace(0.1, 0.5, points), "right": 0.2}
+        )
         scaled = each_one.replace(friction_factor=0.5).settings.friction_coefficient
         np.testing.assert_allclose(scaled["left"], np.linspace(0.05, 0.25, points))
         assert scaled["right"] == pytest.approx(0.1)
-        listed = study.replace(friction_coefficient={"left": [0.3] * points, "right": 0.2}).replace(friction_factor=0.5)
+        listed = study.replace(friction_coefficient={"left": [0.3] * points, "right": 0.2}).replace(
+            friction_factor=0.5
+        )
         np.testing.assert_allclose(listed.settings.friction_coefficient["left"], 0.15)
 
     @pytest.mark.parametrize(
@@ -803,13 +954,30 @@ class TestUncertainty:
             (lambda s: bd.sample({}, 8), "distributions: expected"),
             (lambda s: bd.robust_optimum(s, {"preload": [1.0]}), "other than the preload"),
             (lambda s: bd.robust_optimum(s, {}), "other than the preload, found none"),
-            (lambda s: bd.robust_optimum(s, {"friction_factor": [1.0, 2.0], "gap_factor": [1.0]}), r"found \[2, 1\]"),
-            (lambda s: s.replace(friction_law="bonded").replace(friction_factor=2.0), "friction_factor: expected a fric"),
-            (lambda s: bd.robust_optimum(s, {"friction_factor": 0.7}), "'friction_factor': expected a sequence of values"),
+            (
+                lambda s: bd.robust_optimum(
+                    s, {"friction_factor": [1.0, 2.0], "gap_factor": [1.0]}
+                ),
+                r"found \[2, 1\]",
+            ),
+            (
+                lambda s: s.replace(friction_law="bonded").replace(friction_factor=2.0),
+                "friction_factor: expected a fric",
+            ),
+            (
+                lambda s: bd.robust_optimum(s, {"friction_factor": 0.7}),
+                "'friction_factor': expected a sequence of values",
+            ),
             (lambda s: bd.sample({"x": 3}, 8), "one of scipy.stats"),
             (lambda s: bd.sample({"x": stats.norm()}, 7), "power of two"),
-            (lambda s: bd.optimal_curve_uncertainty(s, {"preload": [1.0]}), "other than the preload"),
-            (lambda s: bd.robust_optimum(s, {"friction_coefficient": [0.3]}, percentile=101), "percentile"),
+            (
+                lambda s: bd.optimal_curve_uncertainty(s, {"preload": [1.0]}),
+                "other than the preload",
+            ),
+            (
+                lambda s: bd.robust_optimum(s, {"friction_coefficient": [0.3]}, percentile=101),
+                "percentile",
+            ),
         ],
     )
     def test_bad_input(self, study, call, message):
@@ -818,12 +986,16 @@ class TestUncertainty:
 
 
 def test_models_without_a_loaded_body_say_so():
-    study = plain_study(ground_model(), excitation=bd.Excitation("tip"), engine_order=2, contact_stiffness=1e6)
+    study = plain_study(
+        ground_model(), excitation=bd.Excitation("tip"), engine_order=2, contact_stiffness=1e6
+    )
     with pytest.raises(bd.SettingError, match="carries a load"):
         study.optimal_curve(check=False)
     assert PeakTask(0.0) == PeakTask(0.0)
     result = bd.sweep(study, over={"friction_coefficient": [0.1]}, evaluate=OptimalTask())
-    assert result.status[0].startswith("failed: optimal_curve: expected a model with a body that carries a load")
+    assert result.status[0].startswith(
+        "failed: optimal_curve: expected a model with a body that carries a load"
+    )
 
 
 def test_answers_do_not_depend_on_order(study):
@@ -831,5 +1003,11 @@ def test_answers_do_not_depend_on_order(study):
     loads = [5000.0, 700.0, 1500.0]
     fresh = study._with_problem(study.problem.replace())
     first = bd.sweep(fresh, over={"preload": loads}, frequency=INTERVAL)
-    again = bd.sweep(study._with_problem(study.problem.replace()), over={"preload": loads[::-1]}, frequency=INTERVAL)
-    assert repr(first.values.tolist()) == repr(again.values[::-1].tolist()), "NaN is not equal to itself"
+    again = bd.sweep(
+        study._with_problem(study.problem.replace()),
+        over={"preload": loads[::-1]},
+        frequency=INTERVAL,
+    )
+    assert repr(first.values.tolist()) == repr(again.values[::-1].tolist()), (
+        "NaN is not equal to itself"
+    )

@@ -35,11 +35,22 @@ def rows():
 
 def study(mu, harmonics):
     contacts = [
-        bd.Contact(*({i: x for i, x in enumerate(row) if x} for row in one), kt=STIFFNESS, kn=STIFFNESS, mu=mu)
+        bd.Contact(
+            *({i: x for i, x in enumerate(row) if x} for row in one),
+            kt=STIFFNESS,
+            kn=STIFFNESS,
+            mu=mu,
+        )
         for one in rows()
     ]
     return bd.lumped(
-        MASS, DAMPING, stiffness(), contacts=contacts, forces={0: 1.0}, load_per_preload={5: 1.0}, harmonics=harmonics
+        MASS,
+        DAMPING,
+        stiffness(),
+        contacts=contacts,
+        forces={0: 1.0},
+        load_per_preload={5: 1.0},
+        harmonics=harmonics,
     )
 
 
@@ -66,11 +77,17 @@ class Program:
             u, v = (self.G @ q).T
             n = STIFFNESS * np.maximum(v, 0.0)
             t = np.clip(STIFFNESS * (u - self.slider), -self.mu * n, self.mu * n)
-            return self.K @ q + np.einsum("pdi,pd->i", self.G, np.stack([t, n], axis=1)) - load * np.eye(6)[5]
+            return (
+                self.K @ q
+                + np.einsum("pdi,pd->i", self.G, np.stack([t, n], axis=1))
+                - load * np.eye(6)[5]
+            )
 
         for _ in range(60):
             r = residual(q)
-            J = np.array([(residual(q + 1e-9 * e) - residual(q - 1e-9 * e)) / 2e-9 for e in np.eye(6)]).T
+            J = np.array(
+                [(residual(q + 1e-9 * e) - residual(q - 1e-9 * e)) / 2e-9 for e in np.eye(6)]
+            ).T
             q = q - np.linalg.lstsq(J, r, rcond=1e-12)[0]
         assert np.abs(residual(q)).max() < 1e-9 * LOAD
         return q
@@ -87,12 +104,16 @@ class Program:
         both = np.stack([seen[:, :, 0], np.zeros_like(seen[:, :, 0]), seen[:, :, 1]], axis=2)
         k, w = np.full((2, 2), STIFFNESS), np.stack([self.slider, np.zeros(2)], axis=1)
         force = oracle.contacts(both, k, k[:, 0], np.full(2, self.mu), np.zeros(2), w)
-        r = np.einsum("ij,sjm->sim", self.K, x) + np.einsum("pdi,spdm->sim", self.G, force[:, :, [0, 2]])
+        r = np.einsum("ij,sjm->sim", self.K, x) + np.einsum(
+            "pdi,spdm->sim", self.G, force[:, :, [0, 2]]
+        )
         r[:, 5, 0] -= LOAD
         speed = omega[:, None] * self.l
         r[:, :, 1:] -= MASS[:, None] * (speed**2)[:, None, :] * x[:, :, 1:]
         losses = DAMPING[:, None] - (2.0 * omega * z[:, -2])[:, None, None] * MASS[:, None]
-        turned = np.stack([x[:, :, 2::2], -x[:, :, 1::2]], axis=3).reshape(*x.shape[:2], -1)  # i q: cosines get the sines
+        turned = np.stack([x[:, :, 2::2], -x[:, :, 1::2]], axis=3).reshape(
+            *x.shape[:2], -1
+        )  # i q: cosines get the sines
         r[:, :, 1:] += losses * speed[:, None, :] * turned
         r[:, :, 1:] /= a[:, None, None]
         out = np.hstack([r[:, :, 0] / LOAD, r[:, :, 1:].reshape(len(z), -1) / STIFFNESS])
@@ -106,8 +127,14 @@ class Program:
             B = np.vstack([(ends[1:] - ends[0]).T, row * h])  # by steps h
             if not (np.isfinite(B).all() and np.linalg.cond(B) < 1e15):
                 return None
-            both = np.linalg.solve(B, np.array([-np.append(ends[0], row @ (z - start)), np.eye(len(z))[-1]]).T)
-            z, before, length = z + h * both[:, 0], length, np.abs(h * both[:, 0] / self.units(z)).max()
+            both = np.linalg.solve(
+                B, np.array([-np.append(ends[0], row @ (z - start)), np.eye(len(z))[-1]]).T
+            )
+            z, before, length = (
+                z + h * both[:, 0],
+                length,
+                np.abs(h * both[:, 0] / self.units(z)).max(),
+            )
             if length < 1e-10:
                 return z, h * both[:, 1]
             if length > max(0.5 * before, 1e-7) and before < np.inf:
@@ -157,7 +184,9 @@ class Program:
     def forced(self, omega, force):
         """(6, 2 H + 1) motion under a force on the first mass along x, from the linear response."""
         K = self.K + STIFFNESS * np.einsum("pdi,pdj->ij", self.G, self.G)
-        linear = np.linalg.solve(K - omega**2 * np.diag(MASS) + 1j * omega * np.diag(DAMPING), force * np.eye(6)[0])
+        linear = np.linalg.solve(
+            K - omega**2 * np.diag(MASS) + 1j * omega * np.diag(DAMPING), force * np.eye(6)[0]
+        )
         x = np.zeros((6, self.n_coef))
         x[:, 0], x[:, 1], x[:, 2] = self.q, linear.real, -linear.imag
         x, h = x.ravel(), 1e-11

@@ -52,7 +52,9 @@ def whole_disk():
 def disk_model():
     """The blade tips touch those of the next sector, all motion along t1."""
     frame = np.eye(3)[None]
-    face = Interface("tip", "friction", "blade", 0, "blade", 1, np.zeros((1, 3)), np.ones(1), frame, np.zeros(1))
+    face = Interface(
+        "tip", "friction", "blade", 0, "blade", 1, np.zeros((1, 3)), np.ones(1), frame, np.zeros(1)
+    )
     bases = {}
     for d in range(N // 2 + 1):
         omega2, modes = wave_modes(d)
@@ -97,5 +99,7 @@ def test_each_harmonic_meets_its_nodal_diameter(engine_order):
         phase = np.exp(2j * np.pi * wave * np.arange(N) / N)
         for j in range(3):
             x = np.kron(phase, modes[:, j])
-            np.testing.assert_allclose(K @ x, basis.omega2[j] * mass * x, rtol=0, atol=1e-5 * np.abs(K @ x).max() + 1e-3)
+            np.testing.assert_allclose(
+                K @ x, basis.omega2[j] * mass * x, rtol=0, atol=1e-5 * np.abs(K @ x).max() + 1e-3
+            )
             assert basis.G[0, 0, j] == pytest.approx(x[5] - x[2], abs=1e-12)

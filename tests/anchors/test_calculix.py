@@ -62,7 +62,9 @@ def test_acyclic_structures(structure, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not SHIPPED.exists(), reason=f"the shipped model {SHIPPED.name} has not been made")
+@pytest.mark.skipif(
+    not SHIPPED.exists(), reason=f"the shipped model {SHIPPED.name} has not been made"
+)
 def test_shipped_reference_model(tmp_path):
     """The frequencies in the shipped file, at nodal diameter 5, from CalculiX on the reference mesh."""
     from bdamper.model.model_file import load_model

@@ -18,7 +18,15 @@ from skfem import MeshHex
 from bdamper.contact.preload_state import OPEN
 from bdamper.contact.static_contact import StaticContactProblem, solve_static_contact
 from bdamper.fem.generated_models import averaging_matrix, wedge_patches
-from bdamper.fem.meshes import Geometry, Material, MeshDensity, damper_mesh, discretise, join_blocks, turn
+from bdamper.fem.meshes import (
+    Geometry,
+    Material,
+    MeshDensity,
+    damper_mesh,
+    discretise,
+    join_blocks,
+    turn,
+)
 from bdamper.fem.reduced_bodies import FreeBody
 from examples.calculix.decks import deck_of
 from tests.certificate import certify
@@ -44,7 +52,9 @@ def platform(patches, g, thickness=0.006):
 def parts():
     g = Geometry()
     patches = {side: wedge_patches(g, side, (3, 8)) for side in ("left", "right")}
-    meshes = [damper_mesh(g, MeshDensity.preset("coarse"))] + [platform(p, g) for p in patches.values()]
+    meshes = [damper_mesh(g, MeshDensity.preset("coarse"))] + [
+        platform(p, g) for p in patches.values()
+    ]
     return g, patches, meshes
 
 
@@ -88,7 +98,12 @@ def facets(text, nodes, centre, normal, level):
     rows = np.array([int(v) for v in re.findall(r"\d+", body.split("\n", 1)[1])]).reshape(-1, 21)
     distance = np.abs((nodes - centre) @ normal - level)
     inside = distance < 0.2 * OVERLAP
-    return [f"{row[0]}, {name}" for row in rows for name, c in FACES.items() if inside[row[1:][list(c)] - 1].all()]
+    return [
+        f"{row[0]}, {name}"
+        for row in rows
+        for name, c in FACES.items()
+        if inside[row[1:][list(c)] - 1].all()
+    ]
 
 
 def calculix(g, patches, meshes, force, folder):
@@ -128,10 +143,15 @@ def calculix(g, patches, meshes, force, folder):
         k = place[tuple(np.round(x / 1e-9).astype(np.int64))] + 1
         lines += [f"{k}, {d + 1}, {v:.9e}" for d, v in enumerate(f) if v]
     for side in patches:
-        lines += [f"*CONTACT PRINT, SLAVE=D{side.upper()}, MASTER=P{side.upper()}, FREQUENCY=1000", "CF"]
+        lines += [
+            f"*CONTACT PRINT, SLAVE=D{side.upper()}, MASTER=P{side.upper()}, FREQUENCY=1000",
+            "CF",
+        ]
     lines += ["*END STEP", ""]
     (folder / "wedge.inp").write_text("\n".join(lines))
-    done = subprocess.run(["ccx", "-i", "wedge"], cwd=folder, capture_output=True, text=True, timeout=300, check=False)
+    done = subprocess.run(
+        ["ccx", "-i", "wedge"], cwd=folder, capture_output=True, text=True, timeout=300, check=False
+    )
     data = folder / "wedge.dat"
     return done.stdout, data.read_text() if data.exists() else ""
 

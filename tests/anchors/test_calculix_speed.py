@@ -31,8 +31,12 @@ def deck(fe, omega, n_modes=6, d=D):
 
 @pytest.mark.slow
 def test_model_at_a_speed_that_it_does_not_know(fe, tmp_path):
-    model = bladed_disk(4, n_modes=12, n_damper_modes=6, nodal_diameters=(D,), rotation=fe.rotation(), fe=fe)
-    ours = np.sqrt(np.sort(model.at_speed(LEFT_OUT).bodies["blade"].bases[D].omega2)[:6]) / (2.0 * np.pi)
+    model = bladed_disk(
+        4, n_modes=12, n_damper_modes=6, nodal_diameters=(D,), rotation=fe.rotation(), fe=fe
+    )
+    ours = np.sqrt(np.sort(model.at_speed(LEFT_OUT).bodies["blade"].bases[D].omega2)[:6]) / (
+        2.0 * np.pi
+    )
     theirs = run(deck(fe, LEFT_OUT), tmp_path).reshape(-1, 2)[:, 0]
     assert ours == pytest.approx(theirs, rel=3e-4)
     assert ours[0] == pytest.approx(theirs[0], rel=3e-5)
@@ -50,7 +54,14 @@ def test_modes_of_two_perturbation_steps(fe, tmp_path):
             modes += read_frd(tmp_path / f"job{omega:.0f}_{d}.frd").modes
         modes = tuple(replace(m, numbers=m.numbers + blade.numbers[0] - 1) for m in modes)
         bodies[omega] = replace(blade, stiffness=None, mass=None, modes=modes)
-    settings = {"faces": ("LOW", "HIGH"), "contacts": contacts(4), "n_modes": 8, "n_damper_modes": 6}
+    settings = {
+        "faces": ("LOW", "HIGH"),
+        "contacts": contacts(4),
+        "n_modes": 8,
+        "n_damper_modes": 6,
+    }
     built = build(over_speed(bodies), damper, n_blades=65, nodal_diameters=(D,), **settings)
-    found = np.sqrt(np.sort(built.model.at_speed(LEFT_OUT).bodies["blade"].bases[D].omega2)[:6]) / (2.0 * np.pi)
+    found = np.sqrt(np.sort(built.model.at_speed(LEFT_OUT).bodies["blade"].bases[D].omega2)[:6]) / (
+        2.0 * np.pi
+    )
     assert found == pytest.approx(run(deck(fe, LEFT_OUT), tmp_path).reshape(-1, 2)[:, 0], rel=1e-4)

@@ -12,7 +12,9 @@ import pytest
 from tests.cases import MINUS, OPEN, PLAIN, PLUS, STICK, Point, evaluate
 
 
-@pytest.mark.parametrize(("A", "kt", "S"), [(2.3, 1.7, 0.9), (1.001, 1.0, 1.0), (40.0, 3.0, 0.5), (1.0, 1.0, 0.999)])
+@pytest.mark.parametrize(
+    ("A", "kt", "S"), [(2.3, 1.7, 0.9), (1.001, 1.0, 1.0), (40.0, 3.0, 0.5), (1.0, 1.0, 0.999)]
+)
 def test_harmonics_of_a_jenkins_element(A, kt, S):
     """A5: u = A cos(theta) in the first direction, A sin(theta) in the second."""
     n_harm = 31
@@ -20,8 +22,15 @@ def test_harmonics_of_a_jenkins_element(A, kt, S):
     c, s = np.zeros(n_harm + 1), np.zeros(n_harm + 1)
     c[1], s[1] = kt * A / np.pi * (T - np.sin(2 * T) / 2), -kt * A / np.pi * np.sin(T) ** 2
     for n in range(3, n_harm + 1, 2):
-        c[n] = kt * A / (n * np.pi) * (np.sin((n - 1) * T) / (n - 1) - np.sin((n + 1) * T) / (n + 1))
-        s[n] = kt * A / (n * np.pi) * ((1 - np.cos((n - 1) * T)) / (n - 1) - (1 - np.cos((n + 1) * T)) / (n + 1))
+        c[n] = (
+            kt * A / (n * np.pi) * (np.sin((n - 1) * T) / (n - 1) - np.sin((n + 1) * T) / (n + 1))
+        )
+        s[n] = (
+            kt
+            * A
+            / (n * np.pi)
+            * ((1 - np.cos((n - 1) * T)) / (n - 1) - (1 - np.cos((n + 1) * T)) / (n + 1))
+        )
     x = np.zeros((3, 2 * n_harm + 1))
     x[0, 1] = x[1, 2] = A
     result = evaluate(x, Point(np.array([kt, kt]), 0.0, 0.4, S / 0.4, np.zeros(2)))
@@ -31,14 +40,18 @@ def test_harmonics_of_a_jenkins_element(A, kt, S):
     np.testing.assert_allclose(result.force[:, 0], [0.0, 0.0, S / 0.4], **tolerance)
     # sin(theta) = cos(theta - pi/2): harmonic n turns by n quarter periods
     turned = (c - 1j * s) * np.exp(-0.5j * np.pi * np.arange(n_harm + 1))
-    np.testing.assert_allclose(result.force[1, 1::2] - 1j * result.force[1, 2::2], turned[1:], **tolerance)
+    np.testing.assert_allclose(
+        result.force[1, 1::2] - 1j * result.force[1, 2::2], turned[1:], **tolerance
+    )
     energy = -np.pi * A * result.force[0, 2]
     assert energy == pytest.approx(4 * S * (A - S / kt), rel=1e-9)
 
 
 def test_sampled_numbers():
     """A6, without interpolated closing."""
-    x = np.array([4.29653115, 4.29165565, 2.8307871, 4.17186848, 3.37441948, 0.80543152, 3.55638299])
+    x = np.array(
+        [4.29653115, 4.29165565, 2.8307871, 4.17186848, 3.37441948, 0.80543152, 3.55638299]
+    )
     y = x * [2, 2, 2, 3, -1, -1, 2]
     n = np.array([-0.2, 0.2, 0.4, 0, -0.03, 1, -1])
     point = Point(np.array([2.0, 2.0]), 2.5, 0.75, 0.0, np.zeros(2))

@@ -5,7 +5,6 @@ one scalar equation; its peaks over the slip limit were computed with two indepe
 parallel with a spring; ``S_opt``, ``A_min`` and, without viscous damping, ``A(S)`` in closed form.
 """
 
-
 from dataclasses import replace
 
 import numpy as np
@@ -62,7 +61,11 @@ def optimum(family, start, values):
 
     def place(x):
         q = there[x]
-        return Sample(x, np.log(q.amplitude), amplitude_sensitivity(q, family, q.parameter) * q.parameter / q.amplitude)
+        return Sample(
+            x,
+            np.log(q.amplitude),
+            amplitude_sensitivity(q, family, q.parameter) * q.parameter / q.amplitude,
+        )
 
     def ask(places):
         for x in places:
@@ -121,7 +124,13 @@ class TestJenkins:
             assert peak.curvature < 0.0
             system = jenkins(peak.parameter)
             for s in (-1e-3, 1e-3):
-                c = system.solve(peak.y + s * peak.tangent * peak.scale, Plane(peak.tangent), peak.scale, 1e-12, 20)
+                c = system.solve(
+                    peak.y + s * peak.tangent * peak.scale,
+                    Plane(peak.tangent),
+                    peak.scale,
+                    1e-12,
+                    20,
+                )
                 assert abs(system.response(c.y[:-1])[1]) < peak.amplitude
 
     def test_optimum(self, branch):
@@ -150,14 +159,20 @@ class TestJenkins:
         h = 1e-4 * value
         at = Peak(**(start.__dict__ | {"parameter": value}))
         high, low = (follow_peak(family, at, [value + s]).peaks[0] for s in (h, -h))
-        assert found.amplitude == pytest.approx((high.amplitude - low.amplitude) / (2 * h), rel=1e-5)
-        assert found.frequency == pytest.approx((high.frequency - low.frequency) / (2 * h), rel=1e-5)
+        assert found.amplitude == pytest.approx(
+            (high.amplitude - low.amplitude) / (2 * h), rel=1e-5
+        )
+        assert found.frequency == pytest.approx(
+            (high.frequency - low.frequency) / (2 * h), rel=1e-5
+        )
         assert abs(found.amplitude) > 1e-3
 
     def test_more_harmonics(self, branch):
         """A1, 31 harmonics, F = 1: 3.536132 at 1.10864."""
         system = jenkins(1.0, n_harm=31)
-        one = follow_peak(jenkins, next(p for p in branch.peaks if p.parameter == 0.9), [1.0]).peaks[0]
+        one = follow_peak(
+            jenkins, next(p for p in branch.peaks if p.parameter == 0.9), [1.0]
+        ).peaks[0]
         from bdamper.response.peak import find_peak
 
         guess = np.concatenate([one.y[:2], np.zeros(system.n_unknowns - 2), one.y[-1:]])
@@ -236,7 +251,9 @@ class TestMacroslip:
         """A(S) = 4 S^2 / (kd (4 S - pi F)) for S > pi F/4, to 1e-8."""
         family = self.family(1e-14)
         start = first_peak(self.family(0.01)(1.5), (0.8, 1.4), 0.01)
-        start = follow_peak(lambda c: jenkins(1.5, c=c, kd=self.kd), start, [0.001, 1e-4, 1e-5, 1e-6, 1e-14]).peaks[-1]
+        start = follow_peak(
+            lambda c: jenkins(1.5, c=c, kd=self.kd), start, [0.001, 1e-4, 1e-5, 1e-6, 1e-14]
+        ).peaks[-1]
         assert start.converged
         start = Peak(**(start.__dict__ | {"parameter": 1.5}))
         for values in ([1.3, 1.1, 1.0, 0.9], [1.7, 2.0, 3.0, 5.0]):
@@ -244,14 +261,18 @@ class TestMacroslip:
             assert branch.status == "complete"
             for peak in branch.peaks:
                 S = peak.parameter
-                assert peak.amplitude == pytest.approx(4 * S**2 / (self.kd * (4 * S - np.pi)), rel=1e-8)
+                assert peak.amplitude == pytest.approx(
+                    4 * S**2 / (self.kd * (4 * S - np.pi)), rel=1e-8
+                )
 
     def test_seven_harmonics(self):
         """S = 1.2: 16.2792; 1.5: 15.2076; 1.8: 15.5854; 2.2: 16.8010."""
         family = self.family(0.002, 7)
         start = first_peak(family(2.2), (0.9, 1.2), 2.2)
         branch = follow_peak(family, start, [2.2, 1.8, 1.5, 1.2])
-        assert [p.amplitude for p in branch.peaks] == pytest.approx([16.8010, 15.5854, 15.2076, 16.2792], abs=6e-5)
+        assert [p.amplitude for p in branch.peaks] == pytest.approx(
+            [16.8010, 15.5854, 15.2076, 16.2792], abs=6e-5
+        )
 
 
 def test_least_peak_agrees_with_a_search_on_values(branch):

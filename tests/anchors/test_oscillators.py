@@ -22,7 +22,20 @@ def amplitude(system, y):
 
 
 def jenkins(force, n_harm):
-    return oscillator(1.0, 0.02, 1.0, [[1], [0], [0]], [force], [1.0], n_harm, kt=1.0, kn=0.0, mu=0.5, n0=2.0, mean=False)
+    return oscillator(
+        1.0,
+        0.02,
+        1.0,
+        [[1], [0], [0]],
+        [force],
+        [1.0],
+        n_harm,
+        kt=1.0,
+        kn=0.0,
+        mu=0.5,
+        n0=2.0,
+        mean=False,
+    )
 
 
 def frequency_response(system, low, high, guess, options=FINE):
@@ -38,8 +51,12 @@ def frequency_response(system, low, high, guess, options=FINE):
 class TestJenkinsMass:
     """A1: m = k = kt = 1, c = 0.02, slip limit 1."""
 
-    peaks = {0.5: (1.5647077515, 1.29318256), 1.0: (3.6062644009, 1.10617065), 2.0: (37.8867508557, 1.00334229)}  # noqa: RUF012
-    converged = {1.0: (3.536132, 1.10864), 2.0: (37.818381, 1.003265)}  # noqa: RUF012
+    peaks = {
+        0.5: (1.5647077515, 1.29318256),
+        1.0: (3.6062644009, 1.10617065),
+        2.0: (37.8867508557, 1.00334229),
+    }
+    converged = {1.0: (3.536132, 1.10864), 2.0: (37.818381, 1.003265)}
 
     @staticmethod
     def follow(force, n_harm):
@@ -48,7 +65,9 @@ class TestJenkinsMass:
         guess[0] = force / (2.0 - 0.64)
         # the interval around the peak; from below, where the response is small and stuck or nearly so
         path = frequency_response(system, 0.8, 1.6, guess)
-        top = max((p for p in path.points if p.kind == "maximum"), key=lambda p: amplitude(system, p.y))
+        top = max(
+            (p for p in path.points if p.kind == "maximum"), key=lambda p: amplitude(system, p.y)
+        )
         return system, path, top
 
     @pytest.mark.parametrize("force", peaks)
@@ -69,8 +88,13 @@ class TestJenkinsMass:
             if X > 1.0:
                 slipped += 1
                 theta = np.arccos(1 - 2 / X)
-                stiffness, loss = (theta - np.sin(2 * theta) / 2) / np.pi, 4 / (np.pi * X) * (1 - 1 / X)
-            assert np.hypot(1 + stiffness - w**2, 0.02 * w + loss) * X == pytest.approx(force, rel=1e-10)
+                stiffness, loss = (
+                    (theta - np.sin(2 * theta) / 2) / np.pi,
+                    4 / (np.pi * X) * (1 - 1 / X),
+                )
+            assert np.hypot(1 + stiffness - w**2, 0.02 * w + loss) * X == pytest.approx(
+                force, rel=1e-10
+            )
         assert slipped > 10
 
     @pytest.mark.parametrize("force", converged)
@@ -85,7 +109,7 @@ class TestJenkinsMass:
 class TestTwoFolds:
     """A7: m = 1, c = 0.05, kx = 1, ky = 2, kxy = 0.3, kt = 0.6, kn = 6, mu = 0.4, n0 = 0.35, F = (0.1, 0.12)."""
 
-    folds = {13: (2.441122, 1.962464), 1: (2.435580, 1.934680)}  # noqa: RUF012
+    folds = {13: (2.441122, 1.962464), 1: (2.435580, 1.934680)}
 
     @staticmethod
     def system(n_harm):
@@ -164,4 +188,6 @@ def test_closed_form_of_the_peak_is_reproduced():
         # at the peak amplitude the frequency is a double root: just above it there is none
         grid = np.linspace(0.5 * w, 1.5 * w, 4001)
         assert min(excess(g, X * (1 + 1e-6), F) for g in grid) > 0
-        assert brentq(lambda x: min(excess(g, x, F) for g in grid), 0.9 * X, 1.05 * X) == pytest.approx(X, rel=1e-6)  # noqa: B023
+        assert brentq(
+            lambda x: min(excess(g, x, F) for g in grid), 0.9 * X, 1.05 * X
+        ) == pytest.approx(X, rel=1e-6)

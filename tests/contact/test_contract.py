@@ -18,7 +18,9 @@ AT = "law 'mine' of interface 'contact 1'"
 
 def joint(function, parameters=(0.0,)):
     law = bd.ContactLaw(function, 2, parameters, [1.0, 1.0, 0.0], "mine")
-    return bd.lumped(1.0, 0.02, 1.0, contacts=[CONTACT], forces={0: 0.4}, harmonics=1, friction_law=law)
+    return bd.lumped(
+        1.0, 0.02, 1.0, contacts=[CONTACT], forces={0: 0.4}, harmonics=1, friction_law=law
+    )
 
 
 def slider(change=lambda x, out: None, fades=0.0):
@@ -29,7 +31,11 @@ def slider(change=lambda x, out: None, fades=0.0):
         out["s1"] = np.clip(start, x[:2] - 1.0, x[:2] + 1.0)
         rests = out["s1"] == start
         out["F"] = np.append(x[:2] - out["s1"], 0.0)
-        out["Fx"], out["Fs"], out["sx"] = np.diag([1.0, 1.0, 0.0]), -np.eye(3)[:, :2], np.zeros((2, 6))
+        out["Fx"], out["Fs"], out["sx"] = (
+            np.diag([1.0, 1.0, 0.0]),
+            -np.eye(3)[:, :2],
+            np.zeros((2, 6)),
+        )
         out["sx"][[0, 1], [0, 1]] = ~rests
         out["ss"] = np.diag((1.0 - fades) * rests)
         change(x, out)
@@ -51,14 +57,18 @@ ANALYSES = [lambda s: s.static(0.0), lambda s: s.frequency_response(0.0, (0.1, 0
 
 @pytest.mark.parametrize("analysis", ANALYSES)
 def test_what_is_not_finite(analysis):
-    with pytest.raises(bd.SettingError, match=f"friction_law: {AT}: expected finite forces, states and derivatives"):
+    with pytest.raises(
+        bd.SettingError, match=f"friction_law: {AT}: expected finite forces, states and derivatives"
+    ):
         analysis(joint(slider(spoils("F", np.nan))))
 
 
 @pytest.mark.parametrize("analysis", ANALYSES)
 @pytest.mark.parametrize("fades", [1e-3, 1e-6])
 def test_a_state_that_changes_at_rest(analysis, fades):
-    with pytest.raises(bd.SettingError, match=f"{AT}: expected a state that a step without motion leaves as it is"):
+    with pytest.raises(
+        bd.SettingError, match=f"{AT}: expected a state that a step without motion leaves as it is"
+    ):
         analysis(joint(slider(fades=fades)))
 
 
@@ -89,7 +99,9 @@ def test_every_row_of_parameters_is_tested():
         return own.step(np.ones((3, 3)), np.zeros((3, 3)))[0][:, 0]
 
     np.testing.assert_array_equal(static([1.0, 0.5, 0.2]), [1.0, 0.5, 0.2])
-    with pytest.raises(bd.SettingError, match=r"law 'mine' of interface 'left': expected derivatives .*, found 1"):
+    with pytest.raises(
+        bd.SettingError, match=r"law 'mine' of interface 'left': expected derivatives .*, found 1"
+    ):
         static([1.0, 0.5, 2.0])
 
 
@@ -114,16 +126,31 @@ def test_values_that_end_at_larger_motions(tmp_path):
     if compiler is None:
         pytest.skip("no C compiler")
     (tmp_path / "ends.c").write_text(ENDS)
-    command = [compiler, "-shared", "-fPIC", str(tmp_path / "ends.c"), "-o", str(tmp_path / "ends.so"), "-lm"]
+    command = [
+        compiler,
+        "-shared",
+        "-fPIC",
+        str(tmp_path / "ends.c"),
+        "-o",
+        str(tmp_path / "ends.so"),
+        "-lm",
+    ]
     subprocess.run(command, check=True, timeout=60)
     function = ctypes.CDLL(str(tmp_path / "ends.so")).ends
-    function.restype, function.argtypes = None, [ctypes.POINTER(ctypes.c_double)] * 10 + [ctypes.c_void_p]
+    function.restype, function.argtypes = (
+        None,
+        [ctypes.POINTER(ctypes.c_double)] * 10 + [ctypes.c_void_p],
+    )
     law = bd.ContactLaw(LowLevelCallable(function), 0, [1.2], [1.0, 1.0, 0.0], "mine")
-    study = bd.lumped(1.0, 0.02, 1.0, contacts=[CONTACT], forces={0: 0.4}, harmonics=1, friction_law=law)
+    study = bd.lumped(
+        1.0, 0.02, 1.0, contacts=[CONTACT], forces={0: 0.4}, harmonics=1, friction_law=law
+    )
     curve = study.frequency_response(0.0, (0.14, 0.25))
     assert curve.status == "incomplete"
     assert f"forces of {AT} may not be finite there" in curve.reason
-    with pytest.raises(bd.SettingError, match=rf"{AT}: expected finite .*, found others at the motion \[1.3"):
+    with pytest.raises(
+        bd.SettingError, match=rf"{AT}: expected finite .*, found others at the motion \[1.3"
+    ):
         study.problem.own_laws.step(np.array([[1.3, 0.0, 0.0]]), np.zeros((1, 3)))
 
 

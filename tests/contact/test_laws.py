@@ -53,7 +53,10 @@ def test_tangent_is_the_derivative_on_random_states(law, contact_forces):
         nonlinear += shares[1] > 0.0 or shares[3] > 0.0 or 0.0 < shares[4] < 1.0
         exact = np.einsum("aibj,bj->ai", tangent, d)
         for step, tolerance in ((1e-6, 1e-5), (1e-8, 1e-3), (1e-9, 1e-2)):
-            plus, minus = (evaluate(x + s * d, law=law, contact_forces=contact_forces, **p)[0] for s in (step, -step))
+            plus, minus = (
+                evaluate(x + s * d, law=law, contact_forces=contact_forces, **p)[0]
+                for s in (step, -step)
+            )
             error = np.abs((plus - minus) / (2 * step) - exact).max() / (1.0 + np.abs(exact).max())
             if error < tolerance:
                 break
@@ -64,7 +67,6 @@ def test_tangent_is_the_derivative_on_random_states(law, contact_forces):
 
 
 class TestConstantLoad:
-
     @pytest.mark.parametrize("harmonics", [1, 2, 4])
     def test_is_the_separable_law_without_normal_stiffness(self, harmonics):
         rng = np.random.default_rng(3)
@@ -80,7 +82,9 @@ class TestConstantLoad:
     def test_no_load_no_friction(self):
         x, p = random_state(np.random.default_rng(5), 2)
         for evaluation in (EXACT, SAMPLED):
-            force, tangent, _, _ = evaluate(x, **{**p, "load": -1.0}, law=CONSTANT, contact_forces=evaluation)
+            force, tangent, _, _ = evaluate(
+                x, **{**p, "load": -1.0}, law=CONSTANT, contact_forces=evaluation
+            )
             assert not force[:2].any()
             assert not tangent[:2].any()
 
@@ -123,19 +127,30 @@ class TestCoupled:
         rng = np.random.default_rng(9)
         n, harmonics = 40, 2
         x = rng.normal(size=(n, 3, 5)) / np.array([1, 1, 1, 2, 2])
-        kt, kn, mu = np.exp(0.3 * rng.normal(size=n)), np.exp(0.3 * rng.normal(size=n)), rng.uniform(0.2, 0.8, n)
+        kt, kn, mu = (
+            np.exp(0.3 * rng.normal(size=n)),
+            np.exp(0.3 * rng.normal(size=n)),
+            rng.uniform(0.2, 0.8, n),
+        )
         swing = np.abs(oracle.basis(np.linspace(0, 7, 200), harmonics) @ x[:, 2].T).max(axis=0) * kn
         n0 = swing * (rng.uniform(-0.3, 0.7, n) if separation else rng.uniform(1.05, 1.3, n))
 
         def load(theta):
-            return np.maximum(n0[:, None] + kn[:, None] * (x[:, 2] @ oracle.basis(theta, harmonics).T), 0.0)
+            return np.maximum(
+                n0[:, None] + kn[:, None] * (x[:, 2] @ oracle.basis(theta, harmonics).T), 0.0
+            )
 
-        coarse, fine = (oracle.coupled(x[:, :2], kt, mu, load, np.zeros((n, 2)), k, 16) for k in (512, 1024))
+        coarse, fine = (
+            oracle.coupled(x[:, :2], kt, mu, load, np.zeros((n, 2)), k, 16) for k in (512, 1024)
+        )
         expected = 2.0 * fine - coarse
         results = [
-            evaluate(x[i], [kt[i]] * 2, kn[i], mu[i], n0[i], [0, 0], COUPLED, n_time=1024) for i in range(n)
+            evaluate(x[i], [kt[i]] * 2, kn[i], mu[i], n0[i], [0, 0], COUPLED, n_time=1024)
+            for i in range(n)
         ]
-        slipping = [i for i in range(n) if results[i][2][1] > 0.15]  # sixteen periods settle those that slip much
+        slipping = [
+            i for i in range(n) if results[i][2][1] > 0.15
+        ]  # sixteen periods settle those that slip much
         assert len(slipping) > 20
         opened = np.mean([results[i][2][4] > 0 for i in slipping])
         assert (opened > 0.5) == separation
@@ -169,7 +184,9 @@ class TestCoupled:
             np.testing.assert_allclose(double, 2 * force, rtol=0, atol=2 * atol)
             l = np.array([1, 2])
             force, _, shares, _ = evaluate(x, **p, law=COUPLED, n_time=2048)
-            work = np.pi * (l * (force[:2, 1::2] * x[:2, 2::2] - force[:2, 2::2] * x[:2, 1::2])).sum()
+            work = (
+                np.pi * (l * (force[:2, 1::2] * x[:2, 2::2] - force[:2, 2::2] * x[:2, 1::2])).sum()
+            )
             size = np.abs(force[:2]).max() * np.abs(x[:2]).max() + 1e-300
             assert work > -1e-4 * size
             assert work > 1e-3 * size or shares[1] < 0.2
@@ -185,13 +202,17 @@ class TestCoupled:
         for w in ([3.0, 0.0], [0.5, 2.0], [-1.0, 1.0]):
             force, _, shares, _ = evaluate(x, *point, w, COUPLED, n_time=256)
             slider = -force[:2, 0]
-            np.testing.assert_allclose(slider / np.hypot(*slider), np.array(w) / np.hypot(*w), atol=1e-12)
+            np.testing.assert_allclose(
+                slider / np.hypot(*slider), np.array(w) / np.hypot(*w), atol=1e-12
+            )
             u = oracle.basis(2 * np.pi * np.arange(256) / 256, 1) @ x[:2].T
             assert np.hypot(*(u - slider).T).max() == pytest.approx(1.0, abs=1e-12)
             assert shares[0] == 1.0
             np.testing.assert_allclose(force[:2, 1:], x[:2, 1:], atol=1e-14)
         force = evaluate(x, *point, [3.0, 0.0], COUPLED, n_time=256)[0]
-        np.testing.assert_allclose(force[:2, 0], [-0.7, 0.0], atol=1e-12)  # |u - w| = 1 where u = -0.3
+        np.testing.assert_allclose(
+            force[:2, 0], [-0.7, 0.0], atol=1e-12
+        )  # |u - w| = 1 where u = -0.3
 
     @pytest.mark.parametrize("law", [COUPLED, COUPLED_CONSTANT])
     def test_onset_of_slip(self, law):
@@ -225,15 +246,21 @@ class TestCoupled:
             for e in (1e-4, 1e-6, 1e-8):
                 for side in (-e, e):
                     near = min(results, key=lambda k: abs(k - side))
-                    assert np.abs(results[near][0][:2] - there).max() < 1e3 * e * (1 + np.abs(there).max())
-            limit, beyond = (results[min(results, key=lambda k: abs(k + e))][1] for e in (1e-10, 1e-7))
+                    assert np.abs(results[near][0][:2] - there).max() < 1e3 * e * (
+                        1 + np.abs(there).max()
+                    )
+            limit, beyond = (
+                results[min(results, key=lambda k: abs(k + e))][1] for e in (1e-10, 1e-7)
+            )
             jumps.append(np.abs(limit - beyond).max() / (1 + np.abs(beyond).max()))
             for e in (-1e-4, 1e-4):
                 near = min(results, key=lambda k: abs(k - e))
                 n, h = rests * (1 + near), 1e-8
                 plus, minus = (evaluate(x + s * d, **{**p, name: n}, law=law)[0] for s in (h, -h))
                 exact = np.einsum("aibj,bj->ai", results[near][1], d)
-                np.testing.assert_allclose((plus - minus) / (2 * h), exact, rtol=0, atol=1e-4 * (1 + np.abs(exact).max()))
+                np.testing.assert_allclose(
+                    (plus - minus) / (2 * h), exact, rtol=0, atol=1e-4 * (1 + np.abs(exact).max())
+                )
         assert len(jumps) > 15
         assert np.quantile(jumps, 0.8) < 1e-4
 
@@ -285,7 +312,9 @@ class TestRefusals:
     def test_coupled_laws_have_no_exact_evaluation(self):
         x, p = random_state(np.random.default_rng(0), 1)
         for law in (COUPLED, COUPLED_CONSTANT):
-            with pytest.raises(ValueError, match=r"^law: the coupled laws .* have no exact evaluation"):
+            with pytest.raises(
+                ValueError, match=r"^law: the coupled laws .* have no exact evaluation"
+            ):
                 evaluate(x, **p, law=law, contact_forces=EXACT)
 
     @pytest.mark.parametrize("law", [NORMAL, COUPLED, COUPLED_CONSTANT, BONDED])

@@ -55,7 +55,9 @@ class TestIwan:
         k, f = np.array([0.3, 0.4, 0.2, 0.1]), np.array([0.05, 0.2, 0.3, 1.0])
         sampled = bd.AFT(128)
         contacts = [bd.Contact(0, kt=k_, mu=1.0, preload=f_) for k_, f_ in zip(k, f)]
-        many = bd.lumped(1.0, 0.02, 1.0, contacts=contacts, forces={0: 0.4}, harmonics=3, contact_forces=sampled)
+        many = bd.lumped(
+            1.0, 0.02, 1.0, contacts=contacts, forces={0: 0.4}, harmonics=3, contact_forces=sampled
+        )
         one = joint(bd.ContactLaw.jenkins(k, f))
         expected, found = (study.frequency_response(0.0, (0.12, 0.25)) for study in (many, one))
         np.testing.assert_allclose(found.amplitude, expected.amplitude, rtol=1e-10)
@@ -65,7 +67,6 @@ class TestIwan:
 
 
 class TestBoucWen:
-
     def test_balance_and_time_agree(self):
         """The integration is of second order in its step, and finds the motion of nine harmonics."""
         law = bd.ContactLaw.bouc_wen(1.0, 0.1, 2.0, 0.5)
@@ -80,7 +81,9 @@ class TestBoucWen:
         last = ring.integrate(motion, omega, 512, 30)
         assert abs(last.harmonics[-1, 0, 1]) == pytest.approx(curve.amplitude[top], rel=5e-4)
         lost = energies(system, u, omega)
-        assert lost["contact"].sum() + lost["damping"] == pytest.approx(lost["excitation"], rel=1e-8)
+        assert lost["contact"].sum() + lost["damping"] == pytest.approx(
+            lost["excitation"], rel=1e-8
+        )
 
 
 def test_a_sweep_in_time_is_that_of_our_friction():
@@ -108,7 +111,9 @@ class TestOurFriction:
         states = [s.static(300.0) for s in (ours, own)]
         assert states[1].converged and "slip" in states[1].state
         assert states[1].state == states[0].state
-        np.testing.assert_allclose(states[1].force, states[0].force, atol=1e-9 * np.abs(states[0].force).max())
+        np.testing.assert_allclose(
+            states[1].force, states[0].force, atol=1e-9 * np.abs(states[0].force).max()
+        )
         band = (715.0, 750.0)
         expected, found = (s.frequency_response(300.0, band) for s in (ours, own))
         np.testing.assert_allclose(found.amplitude, expected.amplitude, rtol=1e-8)
@@ -130,10 +135,14 @@ class TestFiles:
         assert kept["contact_law"] == "iwan" and kept["parameters"] == law.parameters.tolist()
 
     def test_a_function_is_not_in_a_file(self, tmp_path):
-        law = bd.ContactLaw(_core.bouc_wen, 2, [0.0, 1.0, 0.1, 2.0, 0.5, 1.0], [1.0, 1.0, 0.0], "of my own")
+        law = bd.ContactLaw(
+            _core.bouc_wen, 2, [0.0, 1.0, 0.1, 2.0, 0.5, 1.0], [1.0, 1.0, 0.0], "of my own"
+        )
         study = joint(law)
         study.save(tmp_path / "study.h5")
-        with pytest.raises(bd.SettingError, match="found 'of my own', of which a file has no function"):
+        with pytest.raises(
+            bd.SettingError, match="found 'of my own', of which a file has no function"
+        ):
             bd.load_study(tmp_path / "study.h5")
         with pytest.raises(bd.SettingError, match="of my own"):
             pickle.loads(pickle.dumps(law))
@@ -160,7 +169,11 @@ class TestRefused:
         ],
     )  # fmt: skip
     def test_numbers(self, change):
-        given = {"n_state": 2, "parameters": [0.0, 1.0, 0.1, 2.0, 0.5, 1.0], "stick": [1.0, 1.0, 0.0]} | change
+        given = {
+            "n_state": 2,
+            "parameters": [0.0, 1.0, 0.1, 2.0, 0.5, 1.0],
+            "stick": [1.0, 1.0, 0.0],
+        } | change
         with pytest.raises(bd.SettingError, match=f"{next(iter(change))}: expected"):
             bd.ContactLaw(_core.bouc_wen, **given)
 
@@ -189,13 +202,18 @@ class TestRefused:
 
     def test_rows_that_do_not_fit_the_points(self):
         law = bd.ContactLaw(_core.bouc_wen, 2, np.ones((3, 6)), [1.0, 1.0, 0.0], "bouc_wen")
-        with pytest.raises(bd.SettingError, match="parameters of law 'bouc_wen': expected 1 rows for 'contact 1', found 3"):
+        with pytest.raises(
+            bd.SettingError,
+            match="parameters of law 'bouc_wen': expected 1 rows for 'contact 1', found 3",
+        ):
             joint(law).static(0.0)
 
     def test_analyses_that_know_events(self):
         study = joint(bd.ContactLaw.jenkins([1.0], [0.5]))
         curve = study.frequency_response(0.0, (0.14, 0.2))
-        with pytest.raises(bd.SettingError, match=r"friction_law: stability expected laws .* found jenkins"):
+        with pytest.raises(
+            bd.SettingError, match=r"friction_law: stability expected laws .* found jenkins"
+        ):
             study.with_stability(curve)
 
     def test_wheels(self):
@@ -211,25 +229,35 @@ class TestPerPoint:
         model = bd.reference_model("bladed_disk")
         n = model.interfaces["left"].n_points
         same = {"left": np.full(n, 0.3), "right": 0.3}
-        make = lambda mu, **s: bd.Study(model, bd.Excitation("tip", "axial"), engine_order=3, friction_coefficient=mu, **s)  # noqa: E731
+        make = lambda mu, **s: bd.Study(
+            model, bd.Excitation("tip", "axial"), engine_order=3, friction_coefficient=mu, **s
+        )
         np.testing.assert_array_equal(make(same).problem.friction, make(0.3).problem.friction)
         rising = {"left": np.linspace(0.1, 0.5, n), "right": 0.0}
         study = make(rising)
-        np.testing.assert_array_equal(study.problem.friction[study.problem.coupling.rows("left")], rising["left"])
+        np.testing.assert_array_equal(
+            study.problem.friction[study.problem.coupling.rows("left")], rising["left"]
+        )
         assert study.problem.record()["friction_coefficient"]["left"] == rising["left"].tolist()
         assert study.settings.friction_values() == rising["left"].tolist()
         area = model.interfaces["left"].area
         united = make(rising, contact_points=1).problem.friction[0]
         assert united == pytest.approx(area @ rising["left"] / area.sum())
         for wrong in (np.full(n - 1, 0.3), np.full(n, -0.1)):
-            with pytest.raises(bd.SettingError, match=f"friction_coefficient of 'left': expected {n} finite numbers"):
+            with pytest.raises(
+                bd.SettingError,
+                match=f"friction_coefficient of 'left': expected {n} finite numbers",
+            ):
                 make({"left": wrong, "right": 0.3})
 
 
 def own_curve(law):
     """Of the law of the page, and of separable friction whose closings are not interpolated."""
     ours = ground(contact_forces=bd.AFT(128, interpolate=False))
-    return [study.frequency_response(0.0, (0.25, 0.54)) for study in (ours, ours.replace(friction_law=law))]
+    return [
+        study.frequency_response(0.0, (0.25, 0.54))
+        for study in (ours, ours.replace(friction_law=law))
+    ]
 
 
 def test_the_example_in_c(tmp_path):
@@ -239,11 +267,22 @@ def test_the_example_in_c(tmp_path):
     (code,) = [block for block in re.findall(r"```c\n(.*?)```", PAGE, re.S) if "#include" in block]
     (tmp_path / "coulomb.c").write_text(code)
     library = tmp_path / "coulomb.so"
-    command = [compiler, "-O2", "-shared", "-fPIC", str(tmp_path / "coulomb.c"), "-o", str(library), "-lm"]
+    command = [
+        compiler,
+        "-O2",
+        "-shared",
+        "-fPIC",
+        str(tmp_path / "coulomb.c"),
+        "-o",
+        str(library),
+        "-lm",
+    ]
     subprocess.run(command, check=True, timeout=60)
     function = ctypes.CDLL(str(library)).coulomb
     function.restype, function.argtypes = None, [NUMBER] * 10 + [ctypes.c_void_p]
-    law = bd.ContactLaw(LowLevelCallable(function), n_state=2, parameters=[0.6, 6.0, 0.4], stick=[0.6, 0.6, 6.0])
+    law = bd.ContactLaw(
+        LowLevelCallable(function), n_state=2, parameters=[0.6, 6.0, 0.4], stick=[0.6, 0.6, 6.0]
+    )
     assert law.name == "coulomb"
     expected, found = own_curve(law)
     np.testing.assert_allclose(found.amplitude, expected.amplitude, rtol=1e-9)
@@ -274,19 +313,26 @@ def test_the_jacobian_of_states_that_depend_on_each_other():
                 Fs[i], sx[6 * i], sx[6 * i + 3] = c[i], rate[i], -rate[i]
                 ss[2 * i], ss[2 * i + 1] = change[i]
 
-    law = bd.ContactLaw(LowLevelCallable(function), n_state=2, parameters=[0.0], stick=[1.0, 0.0, 0.0])
+    law = bd.ContactLaw(
+        LowLevelCallable(function), n_state=2, parameters=[0.0], stick=[1.0, 0.0, 0.0]
+    )
     system = joint(law, harmonics=2, contact_forces=bd.AFT(32)).problem.system(0.0)
     y = np.append(np.random.default_rng(5).normal(size=system.n_unknowns), 1.3)
     jacobian, h = system.evaluate_at(y)[1], 1e-6
     for k in range(system.n_unknowns):
         step = h * np.eye(len(y))[k]
         expected = (system.residual(y + step) - system.residual(y - step)) / (2.0 * h)
-        np.testing.assert_allclose(jacobian[:, k], expected, rtol=0.0, atol=1e-7 * np.abs(jacobian).max())
+        np.testing.assert_allclose(
+            jacobian[:, k], expected, rtol=0.0, atol=1e-7 * np.abs(jacobian).max()
+        )
 
 
 def two_joints(**settings):
     """Two joints on one mass: the first has a law of its own, the second friction."""
-    contacts = [bd.Contact(0, kt=0.5, mu=1.0, preload=1.0), bd.Contact(0, kt=0.5, mu=0.5, preload=1.0)]
+    contacts = [
+        bd.Contact(0, kt=0.5, mu=1.0, preload=1.0),
+        bd.Contact(0, kt=0.5, mu=0.5, preload=1.0),
+    ]
     law = {"contact 1": bd.ContactLaw.jenkins([0.5], 0.4), "contact 2": "uncoupled"}
     settings = {"harmonics": 1, "friction_law": law, **settings}
     return bd.lumped(1.0, 0.02, 1.0, contacts=contacts, forces={0: 0.4}, **settings)

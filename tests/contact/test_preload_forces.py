@@ -8,7 +8,11 @@ import pytest
 import bdamper as bd
 from bdamper.contact import static_contact, static_state
 from bdamper.contact.preload_state import OPEN
-from bdamper.contact.static_contact import StaticContactProblem, solve_static_contact, static_contact_problem
+from bdamper.contact.static_contact import (
+    StaticContactProblem,
+    solve_static_contact,
+    static_contact_problem,
+)
 from bdamper.model.kinematics import Coupling, retained_modes
 from bdamper.util.errors import ModelError
 from tests.certificate import certify, worst
@@ -19,7 +23,9 @@ from tests.plain import plain_study
 
 def coupling_of(model, engine_order):
     faces = tuple(name for name, face in model.interfaces.items() if face.kind == "friction")
-    return Coupling(model, faces, retained_modes(model, 2, dict.fromkeys(model.bodies, 0)), engine_order)
+    return Coupling(
+        model, faces, retained_modes(model, 2, dict.fromkeys(model.bodies, 0)), engine_order
+    )
 
 
 @pytest.fixture(scope="module", params=(9, 24, 48))
@@ -47,13 +53,19 @@ def test_frictionless_force_is_that_of_statics(coupling):
 def test_random_wedges(mu, own):
     """A damper that deforms under its own load as one does (2 % of the synthetic one), and far more."""
     for seed in range(12):
-        coupling = coupling_of(wedge_model(seed, n_points=6, alpha=0.6 + 0.1 * (seed % 6), beta=0.9), 2)
+        coupling = coupling_of(
+            wedge_model(seed, n_points=6, alpha=0.6 + 0.1 * (seed % 6), beta=0.9), 2
+        )
         n = coupling.n_points
         problem = static_contact_problem(coupling, np.full(n, mu))
         problem = replace(problem, offset=own * problem.offset)
         state = solve_static_contact(problem)
         assert worst(problem, state) < 1e-10
-        motion = problem.rigid @ state.rigid - problem.flexibility @ state.force.ravel() + problem.offset.ravel()
+        motion = (
+            problem.rigid @ state.rigid
+            - problem.flexibility @ state.force.ravel()
+            + problem.offset.ravel()
+        )
         np.testing.assert_allclose(state.motion.ravel(), motion, atol=1e-12 * np.abs(motion).max())
 
 
@@ -87,7 +99,9 @@ def test_several_states_are_found():
     )
     found = distinct_states(problem)
     assert sorted(found) == [0, 1, 3]
-    np.testing.assert_allclose(found[1][0], [mu * -1.0 / (b + c * mu), 0.0, -1.0 / (b + c * mu)], rtol=1e-12)
+    np.testing.assert_allclose(
+        found[1][0], [mu * -1.0 / (b + c * mu), 0.0, -1.0 / (b + c * mu)], rtol=1e-12
+    )
     np.testing.assert_allclose(found[3], 0.0, atol=1e-15)
     stuck = np.linalg.solve([[a, c], [c, b]], [8.0, -1.0])
     np.testing.assert_allclose(found[0][0, [0, 2]], stuck, rtol=1e-12)
@@ -124,7 +138,9 @@ def test_one_point_pressed_and_dragged():
         np.testing.assert_allclose(s.motion[0], 0.0, atol=1e-19)
         assert s.status[0].tolist() == states
     # N = 1, T up to 0.3
-    with pytest.raises(ModelError, match=r"in equilibrium with the load, found none: the body slides away"):
+    with pytest.raises(
+        ModelError, match=r"in equilibrium with the load, found none: the body slides away"
+    ):
         solve_static_contact(replace(problem, load=np.array([0.4, 1.0])))
 
 
@@ -168,7 +184,12 @@ def test_what_goes_round_in_circles_is_given_up(monkeypatch):
     def state(seed, stalls):
         monkeypatch.setattr(static_state, "STALLS", stalls)
         solved.setdefault(stalls, 0)
-        study = plain_study(wedge_model(seed, n_points=6), bd.Excitation("tip"), engine_order=2, friction_coefficient=0.5)
+        study = plain_study(
+            wedge_model(seed, n_points=6),
+            bd.Excitation("tip"),
+            engine_order=2,
+            friction_coefficient=0.5,
+        )
         return study.static(100.0)
 
     usual, never = static_state.STALLS, 10**9
@@ -183,15 +204,25 @@ def test_several_motions_at_once_are_each_alone():
     rng = np.random.default_rng(0)
     n, m = 5, 4
     stiffness, G = rng.uniform(1.0, 2.0, m), rng.normal(size=(n, 3, m))
-    kt, kn, mu, n0 = rng.uniform(1.0, 2.0, (n, 2)), rng.uniform(1.0, 2.0, n), np.full(n, 0.3), rng.normal(size=n)
+    kt, kn, mu, n0 = (
+        rng.uniform(1.0, 2.0, (n, 2)),
+        rng.uniform(1.0, 2.0, n),
+        np.full(n, 0.3),
+        rng.normal(size=n),
+    )
     bonded = np.arange(n) == 2
     force, shift = rng.normal(size=m), rng.normal(size=(n, 3))
-    system = static_state.StaticSystem(stiffness, G, kt, kn, mu, n0, force, shift, np.zeros(m), bonded)
+    system = static_state.StaticSystem(
+        stiffness, G, kt, kn, mu, n0, force, shift, np.zeros(m), bonded
+    )
     x, w = rng.normal(size=(7, n, 3)), rng.normal(size=(n, 2))
     forces, states = static_state._forces(system, x, w)
-    assert {static_state.OPEN, static_state.STICK, static_state.SLIP_PLUS, static_state.SLIP_MINUS} <= set(
-        np.unique(states)
-    )
+    assert {
+        static_state.OPEN,
+        static_state.STICK,
+        static_state.SLIP_PLUS,
+        static_state.SLIP_MINUS,
+    } <= set(np.unique(states))
     for one, f, s in zip(x, forces, states):
         alone = static_state._forces(system, one, w)
         assert np.array_equal(alone[0], f) and np.array_equal(alone[1], s)
@@ -200,15 +231,25 @@ def test_several_motions_at_once_are_each_alone():
             level = n0[p] + kn[p] * one[p, 2]
             trial = kt[p] * (one[p, :2] - w[p])
             limit = np.inf if bonded[p] else 0.3 * max(level, 0.0)
-            np.testing.assert_allclose(f[p, :2], np.clip(trial, -limit, limit), rtol=1e-14, atol=1e-15)
-            assert f[p, 2] == pytest.approx(level if bonded[p] else max(level, 0.0), rel=1e-14, abs=1e-15)
+            np.testing.assert_allclose(
+                f[p, :2], np.clip(trial, -limit, limit), rtol=1e-14, atol=1e-15
+            )
+            assert f[p, 2] == pytest.approx(
+                level if bonded[p] else max(level, 0.0), rel=1e-14, abs=1e-15
+            )
 
 
 def test_points_of_axial_stops_are_no_friction_points(tmp_path):
     """The blade has 18 points on its faces with friction and 8 on the axial stops, which are open at rest."""
-    study = plain_study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5, friction_coefficient=0.3)
+    study = plain_study(
+        bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5, friction_coefficient=0.3
+    )
     state = study.static(200.0)
-    on_faces = [kind for kind, face in zip(state.state, state.interface) if study.model.interfaces[face].kind == "friction"]
+    on_faces = [
+        kind
+        for kind, face in zip(state.state, state.interface)
+        if study.model.interfaces[face].kind == "friction"
+    ]
     counts = tuple(on_faces.count(name) for name in ("stick", "slip", "open"))
     assert len(on_faces) == 18 < len(state.state) == 26
     expected = "of 18 friction points: {} in stick, {} in slip, {} open;".format(*counts)

@@ -8,7 +8,13 @@ import pytest
 import scipy.linalg
 
 import bdamper as bd
-from bdamper.contact.residual_flexibility import ResidualModes, ResidualSet, active_components, joined, stuck_modes
+from bdamper.contact.residual_flexibility import (
+    ResidualModes,
+    ResidualSet,
+    active_components,
+    joined,
+    stuck_modes,
+)
 from bdamper.model.kinematics import Coupling, retained_modes
 from bdamper.util.errors import ModelError, SettingError
 from tests.each import each
@@ -25,7 +31,9 @@ def reference(request):
 
 def bonded_in_full(model):
     """Frequencies of the full finite element model with the damper bonded at the patches, kept with the model."""
-    return np.array([float(t) for t in re.findall(r"[\d.]+", model.provenance[SOURCE].replace("Hz", ""))])
+    return np.array(
+        [float(t) for t in re.findall(r"[\d.]+", model.provenance[SOURCE].replace("Hz", ""))]
+    )
 
 
 def bonded(model, blade_modes, damper_modes, contact):
@@ -39,7 +47,9 @@ def bonded(model, blade_modes, damper_modes, contact):
         constraint_planes=False,
         contact_stiffness=contact,
     )
-    springs = np.concatenate([study.problem.stiffness[name].stiffness for name in study.problem.coupling.interfaces])
+    springs = np.concatenate(
+        [study.problem.stiffness[name].stiffness for name in study.problem.coupling.interfaces]
+    )
     return study.problem.system(0.0).structure.linear.modes(springs)[0][:5] / (2 * np.pi)
 
 
@@ -60,7 +70,9 @@ def test_diagonal_stiffness_alone_is_percents_off(reference):
 
 def test_without_inertia_the_fifth_frequency_is_not_good_enough(reference):
     """The massless ones are exact for the static residual flexibility: 0.23 % at mode 5 with ten blade modes."""
-    error = bonded(reference, 10, 0, ResidualModes(8, inertia=False)) / bonded_in_full(reference) - 1.0
+    error = (
+        bonded(reference, 10, 0, ResidualModes(8, inertia=False)) / bonded_in_full(reference) - 1.0
+    )
     assert 2e-3 < error[4] < 2.6e-3
     assert np.abs(error[:4]).max() < 5e-4
 
@@ -95,7 +107,9 @@ def test_projection_is_exact_for_its_patterns_and_positive(name):
             np.testing.assert_allclose(approximate @ W, R @ W, atol=1e-8 * np.abs(R @ W).max())
             assert np.abs(approximate - R).max() > 1e-3 * np.abs(R).max()
         K = np.diag(b.omega2) + b.G.conj().T @ np.linalg.solve(R, b.G)
-        np.testing.assert_allclose(pole**2, np.linalg.eigvalsh(K), rtol=1e-5, atol=1e-6 * pole[-1] ** 2)
+        np.testing.assert_allclose(
+            pole**2, np.linalg.eigvalsh(K), rtol=1e-5, atol=1e-6 * pole[-1] ** 2
+        )
 
 
 def test_residual_modes_are_damped_as_the_modes_left_out():
@@ -107,7 +121,9 @@ def test_residual_modes_are_damped_as_the_modes_left_out():
         assert len(basis.damping_ratio) == len(basis.omega2) == 4
         np.testing.assert_allclose(basis.damping_ratio, expected, rtol=1e-12)
         assert (basis.mass > 0.0).any() == inertia
-        np.testing.assert_allclose(joined(coupling.basis(1), basis).damping_ratio[-4:], expected, rtol=1e-12)
+        np.testing.assert_allclose(
+            joined(coupling.basis(1), basis).damping_ratio[-4:], expected, rtol=1e-12
+        )
 
 
 def test_all_patterns_are_the_whole_flexibility():
@@ -129,7 +145,11 @@ def points_alike(apart=0.0):
     bodies = {}
     for name, body in model.bodies.items():
         n = 3 * len(body.bases[0].contact_modes) if body.bases else 0
-        first = np.kron(np.eye(n // 6), np.kron([[1.0, 0.0], [1.0 - apart, apart]], np.eye(3))) if n else None
+        first = (
+            np.kron(np.eye(n // 6), np.kron([[1.0, 0.0], [1.0 - apart, apart]], np.eye(3)))
+            if n
+            else None
+        )
         bases = {
             d: replace(
                 b, contact_modes=(first @ b.contact_modes.reshape(n, -1)).reshape(b.contact_modes.shape),
@@ -144,7 +164,9 @@ def points_alike(apart=0.0):
 def test_forces_that_the_mesh_hardly_resolves_do_not_stiffen_the_contact():
     """Points almost alike, as on a mesh with fewer nodes than points, have the contact stiffness of equal points."""
     friction = np.full(points_alike().n_points, 0.3)
-    equal, almost = (ResidualSet.make(points_alike(e), friction, ResidualModes()) for e in (0.0, 1e-4))
+    equal, almost = (
+        ResidualSet.make(points_alike(e), friction, ResidualModes()) for e in (0.0, 1e-4)
+    )
     assert almost.share == pytest.approx(equal.share, rel=1e-2) and equal.share > 0.05
     np.testing.assert_allclose(almost.flexibility, equal.flexibility, rtol=1e-2)
     for harmonic in (0, 1, 2):
@@ -163,7 +185,9 @@ def test_forces_that_50_points_on_15_nodes_do_not_resolve_leave_the_share():
     part = np.linalg.eigvalsh(flexibility / size[:, None] / size)
     assert part[len(part) // 2 - 1] == pytest.approx(1.4e-3, rel=0.05)
     friction = np.full(equal.n_points, 0.3)
-    shares = [ResidualSet.make(coupling, friction, ResidualModes()).share for coupling in (equal, apart)]
+    shares = [
+        ResidualSet.make(coupling, friction, ResidualModes()).share for coupling in (equal, apart)
+    ]
     assert shares[1] == pytest.approx(shares[0], rel=1e-2)
 
 
@@ -174,11 +198,22 @@ def test_all_patterns_of_points_that_share_nodes():
     made = ResidualSet.make(coupling, friction, ResidualModes("all", inertia=False))
     active = active_components(coupling, friction).ravel()
     for harmonic in (0, 1):
-        R, basis = coupling.residual_flexibility(harmonic)[np.ix_(active, active)], made.basis(harmonic)
+        R, basis = (
+            coupling.residual_flexibility(harmonic)[np.ix_(active, active)],
+            made.basis(harmonic),
+        )
         columns = basis.G.reshape(len(active), -1)[active]
-        assert columns.shape[1] == np.linalg.matrix_rank(R, 1e-9 * np.abs(R).max(), hermitian=True) == len(R) // 2
-        approximate = np.diag(made.flexibility.ravel()[active]) + (columns / basis.omega2) @ columns.conj().T
-        equal = np.kron(np.eye(len(R) // 6), np.kron(np.full((2, 2), 0.5), np.eye(3)))  # the same force on both points
+        assert (
+            columns.shape[1]
+            == np.linalg.matrix_rank(R, 1e-9 * np.abs(R).max(), hermitian=True)
+            == len(R) // 2
+        )
+        approximate = (
+            np.diag(made.flexibility.ravel()[active]) + (columns / basis.omega2) @ columns.conj().T
+        )
+        equal = np.kron(
+            np.eye(len(R) // 6), np.kron(np.full((2, 2), 0.5), np.eye(3))
+        )  # the same force on both points
         np.testing.assert_allclose(approximate @ equal, R @ equal, atol=1e-6 * np.abs(R).max())
 
 
@@ -190,16 +225,19 @@ def test_mass_is_the_curvature_of_the_left_out_modes():
     D, bases = made.flexibility, [made.basis(l) for l in range(2)]
     active = active_components(coupling, friction).ravel()
     G, pole, _ = coupling.left_out_modes(1)
-    assert (bases[1].mass > 0.0).sum() == len(pole) < len(bases[1].mass)  # no more have a mass, be it of rounding
+    assert (
+        (bases[1].mass > 0.0).sum() == len(pole) < len(bases[1].mass)
+    )  # no more have a mass, be it of rounding
     G = G[active]
     R = coupling.residual_flexibility(1)[np.ix_(active, active)]
     columns = bases[1].G.reshape(len(active), -1)[active]
     error = []
     for omega in (200.0, 400.0):
         exact = R + (G * (1.0 / (pole - omega**2) - 1.0 / pole)) @ G.conj().T
-        ours = np.diag(D.ravel()[active]) + (
-            columns / (bases[1].omega2 - omega**2 * bases[1].mass)
-        ) @ columns.conj().T
+        ours = (
+            np.diag(D.ravel()[active])
+            + (columns / (bases[1].omega2 - omega**2 * bases[1].mass)) @ columns.conj().T
+        )
         error.append(np.abs(ours - exact).max())
     assert np.log2(error[1] / error[0]) == pytest.approx(4.0, abs=0.1)
 
@@ -220,8 +258,14 @@ def test_indefinite_flexibility_is_refused_with_its_eigenvalue():
     model = wedge_model()
     blade = model.bodies["blade"]
     basis = blade.bases[2]
-    shift = 1.02 * np.linalg.eigvalsh(coupling_of(model).residual_flexibility(1)).max() * np.eye(len(basis.flexibility))
-    bad = replace(blade, bases={**blade.bases, 2: replace(basis, flexibility=basis.flexibility - shift)})
+    shift = (
+        1.02
+        * np.linalg.eigvalsh(coupling_of(model).residual_flexibility(1)).max()
+        * np.eye(len(basis.flexibility))
+    )
+    bad = replace(
+        blade, bases={**blade.bases, 2: replace(basis, flexibility=basis.flexibility - shift)}
+    )
     coupling = coupling_of(replace(model, bodies={**model.bodies, "blade": bad}))
     with pytest.raises(ModelError, match=r"expected a positive.*found -?\d.*"):
         ResidualSet.make(coupling, np.full(coupling.n_points, 0.3), ResidualModes())
@@ -230,7 +274,9 @@ def test_indefinite_flexibility_is_refused_with_its_eigenvalue():
 def test_missing_nodal_diameter_is_named():
     model = wedge_model(harmonics=1)
     with pytest.raises(SettingError, match="needs nodal diameter 4"):
-        ResidualSet.make(coupling_of(model), np.full(coupling_of(model).n_points, 0.3), ResidualModes()).basis(2)
+        ResidualSet.make(
+            coupling_of(model), np.full(coupling_of(model).n_points, 0.3), ResidualModes()
+        ).basis(2)
 
 
 def test_stuck_modes_against_the_saddle_point_problem():
@@ -244,7 +290,11 @@ def test_stuck_modes_against_the_saddle_point_problem():
     m = b.G.shape[1]
     for k in range(3):
         A = np.block([[np.diag(b.omega2 - pole[k] ** 2), b.G.conj().T], [b.G, -R]])
-        size = np.concatenate([np.sqrt(np.maximum(b.omega2, pole[k] ** 2)), 1.0 / np.sqrt(np.diag(R).real)])
+        size = np.concatenate(
+            [np.sqrt(np.maximum(b.omega2, pole[k] ** 2)), 1.0 / np.sqrt(np.diag(R).real)]
+        )
         size[m:] = np.sqrt(np.diag(R).real)
-        scaled = A / np.concatenate([size[:m], size[m:]])[:, None] / np.concatenate([size[:m], size[m:]])
+        scaled = (
+            A / np.concatenate([size[:m], size[m:]])[:, None] / np.concatenate([size[:m], size[m:]])
+        )
         assert scipy.linalg.svdvals(scaled)[-1] < 1e-6

@@ -17,7 +17,11 @@ from tests.each import each
 
 def along(law, path):
     """(n, 3) forces along motions (n, 3), from rest."""
-    own, memory, out = OwnLaws(law.of_points(1, "joint"), np.zeros(1)), np.zeros((1, 3 + law.n_state)), []
+    own, memory, out = (
+        OwnLaws(law.of_points(1, "joint"), np.zeros(1)),
+        np.zeros((1, 3 + law.n_state)),
+        [],
+    )
     for x in path:
         F, _, memory = own.step(x[None], memory)
         out.append(F[0])
@@ -65,7 +69,9 @@ class TestIwan:
         R = K * (chi + 1) / (1 + beta) / last ** (chi + 1)
         u = last * np.geomspace(1e-6, 0.999, 25)
         found = [loss(law, x, 2.0 * f / k) for x in u]
-        np.testing.assert_allclose(found, 4 * R * u ** (chi + 3) / ((chi + 3) * (chi + 2)), rtol=0.02)
+        np.testing.assert_allclose(
+            found, 4 * R * u ** (chi + 3) / ((chi + 3) * (chi + 2)), rtol=0.02
+        )
 
     def test_default_spans_two_decades(self):
         law = bd.ContactLaw.iwan(1.0, 1.0, -0.5, 0.0)
@@ -80,7 +86,11 @@ class TestIwan:
         law = bd.ContactLaw.iwan(1.0, 1.0, -0.5, 0.2, decades=4.0)
         assert str(law).startswith("iwan (")
         again = pickle.loads(pickle.dumps(law))
-        assert again.record() == law.record() and again.name == "iwan" and again.resolution == law.resolution
+        assert (
+            again.record() == law.record()
+            and again.name == "iwan"
+            and again.resolution == law.resolution
+        )
 
     @pytest.mark.parametrize("chi", [-1.0, -1.5, 1e-9, 0.5])
     def test_exponents_that_are_refused(self, chi):
@@ -93,10 +103,14 @@ class TestIwan:
         def tracked(decades):
             law = bd.ContactLaw.iwan(1.0, 1.0, -0.5, 0.2, decades=decades)
             contact = bd.Contact(0, kt=1.0, mu=1.0, preload=1.0)
-            study = bd.lumped(1.0, 0.02, 1.0, contacts=[contact], forces={0: 1e-5}, harmonics=1, friction_law=law)
+            study = bd.lumped(
+                1.0, 0.02, 1.0, contacts=[contact], forces={0: 1e-5}, harmonics=1, friction_law=law
+            )
             return study.frequency_response(0.0, (0.2, 0.25))
 
-        with pytest.warns(BdamperWarning, match="law 'iwan' of interface 'contact 1' moves by at most .* resolves"):
+        with pytest.warns(
+            BdamperWarning, match="law 'iwan' of interface 'contact 1' moves by at most .* resolves"
+        ):
             tracked(3.0)
         with warnings.catch_warnings():
             warnings.simplefilter("error")
@@ -145,7 +159,9 @@ class TestBoucWen:
         k, alpha = 2.0, 0.1
         law = bd.ContactLaw.bouc_wen(k, alpha, 1.0, gamma, n)
         turns = np.random.default_rng(3).normal(size=12)
-        u = np.concatenate([np.linspace(a, b, 200)[1:] for a, b in zip(np.append(0.0, turns), turns)])
+        u = np.concatenate(
+            [np.linspace(a, b, 200)[1:] for a, b in zip(np.append(0.0, turns), turns)]
+        )
         T = along(law, tangential(u))[:, 0]
         u, T = np.append(0.0, u), np.append(0.0, T)
         z = (T - alpha * k * u) / ((1 - alpha) * k)
@@ -162,7 +178,9 @@ class TestBoucWen:
         with pytest.raises(bd.SettingError, match="gamma from -beta to beta"):
             bd.ContactLaw(_core.bouc_wen, 2, p, [1.0, 1.0, 0.0])
         with pytest.raises(bd.SettingError, match="gamma from -beta to beta"):
-            bd.ContactLaw.of_record(bd.ContactLaw.bouc_wen(1.0, 0.1, 1.0, 0.5).record() | {"parameters": p})
+            bd.ContactLaw.of_record(
+                bd.ContactLaw.bouc_wen(1.0, 0.1, 1.0, 0.5).record() | {"parameters": p}
+            )
         with pytest.raises(ValueError, match="gamma from -beta to beta"):
             _core.check_laws(((_core.bouc_wen, np.array(p), np.zeros(5)),))
 
@@ -192,20 +210,28 @@ class TestCountsOfOthers:
     """Counts that come with the numbers are those of the function, or nothing is read or written."""
 
     def record(self, name, change):
-        law = bd.ContactLaw.jenkins([1.0], [0.5]) if name == "jenkins" else bd.ContactLaw.bouc_wen(1.0, 0.1, 2.0, 0.5)
+        law = (
+            bd.ContactLaw.jenkins([1.0], [0.5])
+            if name == "jenkins"
+            else bd.ContactLaw.bouc_wen(1.0, 0.1, 2.0, 0.5)
+        )
         return law.record() | change
 
     def test_files_and_pickles(self, name, change, tmp_path):
         record = self.record(name, change)
         contact = bd.Contact(0, kt=1.0, mu=1.0, preload=1.0)
         law = bd.ContactLaw.jenkins([1.0], [0.5])
-        study = bd.lumped(1.0, 0.02, 1.0, contacts=[contact], forces={0: 0.4}, harmonics=1, friction_law=law)
+        study = bd.lumped(
+            1.0, 0.02, 1.0, contacts=[contact], forces={0: 0.4}, harmonics=1, friction_law=law
+        )
         study.save(tmp_path / "study.h5")
         with h5py.File(tmp_path / "study.h5", "r+") as f:
             settings = json.loads(f["settings"][()]) | {"friction_law": record}
             del f["settings"]
             f["settings"] = json.dumps(settings)
-        with pytest.raises(bd.SettingError, match=f"{record['contact_law']}: expected the parameters"):
+        with pytest.raises(
+            bd.SettingError, match=f"{record['contact_law']}: expected the parameters"
+        ):
             bd.load_study(tmp_path / "study.h5")
         with pytest.raises(bd.SettingError, match="expected the parameters"):
             pickle.loads(pickle.dumps(Pickled(record)))
@@ -218,7 +244,9 @@ class TestCountsOfOthers:
         p, memory = np.atleast_2d(record["parameters"])[-1], np.zeros((1, 3 + record["n_state"]))
         laws = ((function, np.array(p, float), memory[0].copy()),)
         with pytest.raises(ValueError, match="expected the parameters"):
-            _core.step_laws(laws, np.ones((1, 3)), memory, memory.copy(), np.zeros((1, 3)), np.zeros((1, 3, 3)))
+            _core.step_laws(
+                laws, np.ones((1, 3)), memory, memory.copy(), np.zeros((1, 3)), np.zeros((1, 3, 3))
+            )
         with pytest.raises(ValueError, match="expected the parameters"):
             _core.evaluate_contact(
                 np.zeros((3, 3)), np.zeros(2), 0.0, 0.0, 0.0, np.zeros(2), np.empty((3, 3)), np.empty((3, 3, 3, 3)), 7, 1,

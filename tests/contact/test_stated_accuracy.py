@@ -36,7 +36,9 @@ def test_the_iwan_law_holds_over_one_decade_less_than_it_has(decades):
     page = " ".join((DOCS / "lumped.md").read_text().split())
     docstring = " ".join(getdoc(bd.ContactLaw.iwan).split())
     for text in (page, docstring):
-        stated_within = 0.01 * float(re.search(r"is within ([\d.]+) % of (?:Segalman's|the) power law", text)[1])
+        stated_within = 0.01 * float(
+            re.search(r"is within ([\d.]+) % of (?:Segalman's|the) power law", text)[1]
+        )
         stated_below = 0.01 * float(re.search(r"wrong by up to ([\d.]+) %", text)[1])
         assert within == pytest.approx(stated_within, rel=0.05)
         assert below == pytest.approx(stated_below, rel=0.01)
@@ -49,7 +51,12 @@ def oscillator(force):
 
 
 def blade():
-    return bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
+    return bd.Study(
+        bd.reference_model("turbine_blade"),
+        bd.Excitation("tip"),
+        engine_order=5,
+        friction_coefficient=0.3,
+    )
 
 
 PEAKS = {
@@ -66,7 +73,9 @@ def test_sampled_peaks_differ_from_exact_ones_as_stated(row):
     stated = re.search(rf"\| {re.escape(row)}[^|]*\|([^\n]*)\|\n", page)[1].split("|")
     study, preload, interval = PEAKS[row]()
     exact = study.peak(preload, interval).amplitude
-    sampled = [study.replace(contact_forces=bd.AFT(n)).peak(preload, interval).amplitude for n in SAMPLES]
+    sampled = [
+        study.replace(contact_forces=bd.AFT(n)).peak(preload, interval).amplitude for n in SAMPLES
+    ]
     errors = np.abs(np.array(sampled) / exact - 1.0)
     # a sampled peak lies between two corners of its curve; their distance decides the last digit
     assert errors[0] == pytest.approx(float(stated[0]), rel=0.1)

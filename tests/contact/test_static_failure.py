@@ -25,12 +25,17 @@ def study(monkeypatch):
     def failing(system, load, **options):
         if load <= LAST:
             return found(system, load, **options)
-        return replace(found(system, LAST, **options), converged=False, note="no equilibrium beyond 500 N")
+        return replace(
+            found(system, LAST, **options), converged=False, note="no equilibrium beyond 500 N"
+        )
 
     monkeypatch.setattr(problem_module, "static_state", failing)
     monkeypatch.setattr(problem_module, "scaled_state", lambda *args, **options: None)
     return plain_study(
-        bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3
+        bd.reference_model("bladed_disk", 9),
+        bd.Excitation("tip"),
+        engine_order=5,
+        friction_coefficient=0.3,
     )
 
 
@@ -40,14 +45,20 @@ def test_the_equations_are_not_those_of_another_load(study):
         study.problem.system,
         lambda load: study.stuck(INTERVAL, load),
     ):
-        with pytest.raises(StaticError, match="under 800 N, found none: no equilibrium beyond 500 N"):
+        with pytest.raises(
+            StaticError, match="under 800 N, found none: no equilibrium beyond 500 N"
+        ):
             ask(800.0)
 
 
 @pytest.mark.parametrize("options", [{}, {"stability": True}])
 def test_a_curve_has_no_start(study, options):
     curve = study.frequency_response(800.0, INTERVAL, **options)
-    assert (curve.status, curve.reason, len(curve)) == ("not found", "static state: no equilibrium beyond 500 N", 0)
+    assert (curve.status, curve.reason, len(curve)) == (
+        "not found",
+        "static state: no equilibrium beyond 500 N",
+        0,
+    )
     assert curve.unknowns.shape == (0, study.problem.n_unknowns)
     assert study.frequency_response(LAST, INTERVAL).complete
 
@@ -58,7 +69,9 @@ def test_a_peak_is_not_that_of_another_load(study):
     assert peak.status.startswith("not found: ") and "no equilibrium beyond 500 N" in peak.summary()
     done = bd.sweep(study, {"preload": [400.0, 800.0]}, frequency=INTERVAL)
     assert done.status[0] == "complete"
-    assert done.status[1].startswith("not found: ") and "no equilibrium beyond 500 N" in done.status[1]
+    assert (
+        done.status[1].startswith("not found: ") and "no equilibrium beyond 500 N" in done.status[1]
+    )
 
 
 def test_an_optimal_curve_has_no_peak_there(study):
@@ -71,5 +84,7 @@ def test_an_optimal_curve_has_no_peak_there(study):
     assert np.isnan(curve.stuck.amplitude)
     free = study.free((250.0, 350.0)).peak.amplitude
     assert linear_peak(study.problem.at(800.0), (250.0, 350.0), stuck=False).amplitude == free
-    with pytest.raises(bd.BdamperError, match=r"no peak found at any of 3 preloads .* no equilibrium beyond 500 N"):
+    with pytest.raises(
+        bd.BdamperError, match=r"no peak found at any of 3 preloads .* no equilibrium beyond 500 N"
+    ):
         study.optimal_curve(np.array([600.0, 800.0, 1000.0]), frequency=INTERVAL, check=False)

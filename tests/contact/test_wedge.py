@@ -34,7 +34,11 @@ def test_interval_of_a_symmetric_wedge(alpha, mu):
     found = s.wedge_friction(3.0)
     np.testing.assert_allclose(found.angle, alpha, rtol=1e-9)
     r = np.arctan(mu)
-    force = [3.0 * np.cos(alpha + a * r) * np.cos(r) / np.sin(2 * alpha + (a + b) * r) for a in (-1, 1) for b in (-1, 1)]
+    force = [
+        3.0 * np.cos(alpha + a * r) * np.cos(r) / np.sin(2 * alpha + (a + b) * r)
+        for a in (-1, 1)
+        for b in (-1, 1)
+    ]
     np.testing.assert_allclose(found.lowest, min(force), rtol=1e-7)
     np.testing.assert_allclose(found.highest, max(force), rtol=1e-7)
     assert not found.self_locking
@@ -43,7 +47,9 @@ def test_interval_of_a_symmetric_wedge(alpha, mu):
 def test_self_locking_is_named():
     model = wedge_model(n_points=6, alpha=0.4, beta=0.4)
     made = [
-        plain_study(model, bd.Excitation("tip"), 2, friction_coefficient=mu, contact_stiffness=1e7).wedge_friction()
+        plain_study(
+            model, bd.Excitation("tip"), 2, friction_coefficient=mu, contact_stiffness=1e7
+        ).wedge_friction()
         for mu in (0.99 * np.tan(0.4), 1.01 * np.tan(0.4))
     ]
     assert [m.self_locking for m in made] == [False, True]
@@ -78,7 +84,14 @@ def test_history_of_loads():
 def test_unloading_to_nothing(mu, locks):
     """A steep wedge that slid in under load and locks itself keeps its normal force, one that does not lets go."""
     model = wedge_model(n_points=6, alpha=0.25, beta=0.25)
-    s = plain_study(model, bd.Excitation("tip"), 2, friction_coefficient=mu, contact_stiffness=1e7, constraint_planes=False)
+    s = plain_study(
+        model,
+        bd.Excitation("tip"),
+        2,
+        friction_coefficient=mu,
+        contact_stiffness=1e7,
+        constraint_planes=False,
+    )
     assert s.wedge_friction().self_locking == locks
     found = s.static(1000.0, history=(1.0, 0.0))
     assert found.converged
@@ -147,8 +160,12 @@ def test_a_misfit_shrinks_the_contact_and_closes_under_load():
 def test_answers_warn_of_edge_contact(ask, monkeypatch):
     """Every face counts as one that touches at an edge."""
     monkeypatch.setattr("bdamper.contact.preload_state.EDGE", 1.1)
-    s = plain_study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), 5, friction_coefficient=0.4)
-    with pytest.warns(PlausibilityWarning, match="faces that touch over their area, found 'left' touches with"):
+    s = plain_study(
+        bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), 5, friction_coefficient=0.4
+    )
+    with pytest.warns(
+        PlausibilityWarning, match="faces that touch over their area, found 'left' touches with"
+    ):
         ask(s)
 
 
@@ -156,7 +173,9 @@ def test_a_state_that_has_not_converged_is_warned_of(monkeypatch):
     s = study()
     lost = replace(s.static(20.0), converged=False, note="found no equilibrium")
     monkeypatch.setattr(type(s.problem), "static", lambda *_: lost)
-    with pytest.warns(BdamperWarning, match="found no equilibrium; the result is the last state that was found") as caught:
+    with pytest.warns(
+        BdamperWarning, match="found no equilibrium; the result is the last state that was found"
+    ) as caught:
         s.static(20.0)
     assert caught[0].filename == __file__
 
@@ -169,22 +188,35 @@ def test_edge_contact_is_named_with_its_pressure_once(recwarn):
     part = state.contact_area["left"] / model.interfaces["left"].area.sum()
     pressure = state.normal_force["left"] / state.contact_area["left"]
     words = f"'left' touches with {100.0 * part:.2g} % of its area, where the mean pressure is {amount(pressure, 'Pa')}"
-    assert 0.0 < part < 0.3 and state.edges == words and f"Edge contact: {words}." in str(" ".join(str(state).split()))
+    assert (
+        0.0 < part < 0.3
+        and state.edges == words
+        and f"Edge contact: {words}." in str(" ".join(str(state).split()))
+    )
     assert not replace(state, converged=False).edges, "a state at a smaller load"
-    assert not replace(state, friction=0.0 * state.friction).edges, "an axial stop may touch at one point"
+    assert not replace(state, friction=0.0 * state.friction).edges, (
+        "an axial stop may touch at one point"
+    )
     assert not study().static(20.0).edges and "Edge" not in str(study().static(20.0))
     recwarn.clear()
     for load in (20.0, 21.0):
         s.problem.sizes.check_faces(load)
     told = [str(w.message) for w in recwarn]
-    assert told == [f"contact at rest: plausible faces that touch over their area, found {words} under 20 N"]
+    assert told == [
+        f"contact at rest: plausible faces that touch over their area, found {words} under 20 N"
+    ]
 
 
-@pytest.mark.parametrize("kind", [{"crowning": 1e-5}, {"crowning": 1e-5, "axial_crowning": 1e-5}, {"angle": 2e-4}])
+@pytest.mark.parametrize(
+    "kind", [{"crowning": 1e-5}, {"crowning": 1e-5, "axial_crowning": 1e-5}, {"angle": 2e-4}]
+)
 def test_line_contact_of_the_reduced_model(kind):
     """Both faces crowned: the damper can turn about the line on which it sits until others touch."""
     faces = bd.reference_model("bladed_disk", 9).interfaces
-    s = study(gap={name: bd.face_gap(faces[name], **kind) for name in ("left", "right")}, constraint_planes=False)
+    s = study(
+        gap={name: bd.face_gap(faces[name], **kind) for name in ("left", "right")},
+        constraint_planes=False,
+    )
     for history in ((1.0,), (0.1, 1.0, 0.2, 1.5)):
         found = s.static(1000.0, history=history)
         assert found.converged
@@ -220,14 +252,24 @@ class TestForcesOfTheUser:
         static = {}
         for name in s.problem.coupling.interfaces:
             rows = s.problem.coupling.rows(name)
-            static[name] = StaticContact(solution.force[rows] * turn, np.zeros((9, 3)), solution.motion[rows] * turn)
+            static[name] = StaticContact(
+                solution.force[rows] * turn, np.zeros((9, 3)), solution.motion[rows] * turn
+            )
         return s, solution, static
 
     def test_gives_what_the_condensed_problem_gives(self, parts):
         s, solution, static = parts
         model = replace(s.model, static=static)
-        given = plain_study(model, bd.Excitation("tip"), 5, constraint_planes=False, contact_stiffness="cigeroglu2009")
-        left_out = (s.problem.coupling.residual_flexibility(0).real @ solution.force.ravel()).reshape(-1, 3)
+        given = plain_study(
+            model,
+            bd.Excitation("tip"),
+            5,
+            constraint_planes=False,
+            contact_stiffness="cigeroglu2009",
+        )
+        left_out = (
+            s.problem.coupling.residual_flexibility(0).real @ solution.force.ravel()
+        ).reshape(-1, 3)
         for name, contact in given.problem.stiffness.items():
             rows = given.problem.coupling.rows(name)
             sure = ~contact.fallback
@@ -249,7 +291,9 @@ class TestForcesOfTheUser:
 
     def test_displacements_of_another_model_are_refused(self, parts):
         s, _, static = parts
-        bad = {name: replace(c, displacement_b=-4.0 * c.displacement_b) for name, c in static.items()}
+        bad = {
+            name: replace(c, displacement_b=-4.0 * c.displacement_b) for name, c in static.items()
+        }
         with pytest.raises(ModelError, match="displacements of the model"):
             plain_study(
                 replace(s.model, static=bad),
@@ -263,10 +307,14 @@ class TestForcesOfTheUser:
 def test_stiffness_per_area():
     s = study(contact_stiffness=bd.PerArea((1e12, 2e12, 3e12)))
     face = s.model.interfaces["left"]
-    np.testing.assert_allclose(s.problem.stiffness["left"].stiffness, face.area[:, None] * [1e12, 2e12, 3e12])
+    np.testing.assert_allclose(
+        s.problem.stiffness["left"].stiffness, face.area[:, None] * [1e12, 2e12, 3e12]
+    )
     given = {n: bd.PerArea(1e12) for n in s.problem.coupling.interfaces}
     same = contact_stiffness(s.problem.coupling, given, s.problem.friction)
-    np.testing.assert_allclose(same.stiffness["right"].stiffness[:, 2], 1e12 * s.model.interfaces["right"].area)
+    np.testing.assert_allclose(
+        same.stiffness["right"].stiffness[:, 2], 1e12 * s.model.interfaces["right"].area
+    )
 
 
 @pytest.mark.parametrize(("angle", "locks"), [(20.0, False), (15.0, True)])

@@ -34,13 +34,18 @@ def support(rng, **options):
 
 def family(rng, **options):
     arrays = random_arrays(rng, (2, 3), 4)
-    nodes = tuple(_core.Sector(**{**arrays, "stiffness": arrays["stiffness"] * (1.0 + 0.1 * k)}) for k in range(3))
+    nodes = tuple(
+        _core.Sector(**{**arrays, "stiffness": arrays["stiffness"] * (1.0 + 0.1 * k)})
+        for k in range(3)
+    )
     squares = np.array([0.04, 0.25, 0.64])
     return _core.Sector(**arrays, nodes=nodes, squares=squares, order=1.0, **options)
 
 
 def modes(rng, **options):
-    return _core.Modes(_core.Sector(**random_arrays(rng, (2, 2), 4)), *rng.normal(size=(2, 6)), 0.8, **options)
+    return _core.Modes(
+        _core.Sector(**random_arrays(rng, (2, 2), 4)), *rng.normal(size=(2, 6)), 0.8, **options
+    )
 
 
 def wheel(rng, **options):
@@ -77,7 +82,14 @@ def wheel_arrays(rng, sectors=3, harmonics=1):
     }  # fmt: skip
 
 
-KINDS = {"sector": sector, "ramp": ramp, "support": support, "family": family, "modes": modes, "wheel": wheel}
+KINDS = {
+    "sector": sector,
+    "ramp": ramp,
+    "support": support,
+    "family": family,
+    "modes": modes,
+    "wheel": wheel,
+}
 DENSE = [name for name in KINDS if name != "wheel"]
 
 
@@ -152,7 +164,12 @@ def test_bordered_solutions_are_those_of_dense_algebra(kind, transposed):
     rng, N = default_rng(13), size(kind)
     orientations = set()
     for _ in range(12):
-        equations, y, row, scale = kind(rng), point(rng, N), rng.normal(size=N + 1), rng.uniform(0.1, 10.0, N + 1)
+        equations, y, row, scale = (
+            kind(rng),
+            point(rng, N),
+            rng.normal(size=N + 1),
+            rng.uniform(0.1, 10.0, N + 1),
+        )
         B = bordered_matrix(equations, y, row, scale)
         if np.linalg.cond(B) > 1e6:
             continue
@@ -208,7 +225,9 @@ def test_gradients_are_differences_along_the_curve(kind, peak):
     row, nu = np.full(N + 1, np.nan), np.full(N, np.nan)
     assert equations.gradient(y, t, scale, row, nu, 1e-5, *((re, im) if peak else ())) == OK
     h = 1e-5
-    expected = [(slope(y + h * e * scale) - slope(y - h * e * scale)) / (2.0 * h) for e in np.eye(N + 1)]
+    expected = [
+        (slope(y + h * e * scale) - slope(y - h * e * scale)) / (2.0 * h) for e in np.eye(N + 1)
+    ]
     assert_close(row, expected, 1e-5)
     # multipliers: another derivative by the parameter
     a = np.append(np.zeros(N), 1.0)
@@ -228,8 +247,16 @@ def test_a_number_that_is_none_gives_a_status(kind, place, value):
     bad[place] = value
     ones, row, right = np.ones(N + 1), np.append(np.zeros(N), 1.0), np.ones((1, N + 1))
     points = SIZES.get(kind.__name__, (8, 4))[1]
-    for given, status in ((bad, NOT_FINITE), (y, OK), (bad, NOT_FINITE)):  # before any other call, and after one
-        X, F, share = np.full((points, 3, 3), 7.0), np.full((points, 3, 3), 7.0), np.full((points, 5), 7.0)
+    for given, status in (
+        (bad, NOT_FINITE),
+        (y, OK),
+        (bad, NOT_FINITE),
+    ):  # before any other call, and after one
+        X, F, share = (
+            np.full((points, 3, 3), 7.0),
+            np.full((points, 3, 3), 7.0),
+            np.full((points, 5), 7.0),
+        )
         assert equations.contact(given, X, F, share) == status
         assert all((np.isnan(x) if status else np.isfinite(x)).all() for x in (X, F, share))
     r = np.full(N, 7.0)
@@ -251,15 +278,24 @@ def test_a_number_that_is_none_gives_a_status(kind, place, value):
 def test_nothing_depends_on_the_call_before(kind):
     rng, N = default_rng(16), size(kind)
     points = SIZES.get(kind.__name__, (8, 4))[1]
-    equations, y, scale, row = kind(rng), point(rng, N), rng.uniform(0.1, 10.0, N + 1), rng.normal(size=N + 1)
+    equations, y, scale, row = (
+        kind(rng),
+        point(rng, N),
+        rng.uniform(0.1, 10.0, N + 1),
+        rng.normal(size=N + 1),
+    )
     elsewhere = [point(rng, N) for _ in range(4)]
     unrelated = (
         lambda: None,
         lambda: equations.evaluate(elsewhere[0], np.empty(N)),
-        lambda: equations.solve(elsewhere[1], np.zeros(N + 1), np.ones(N + 1), 1e-12, 5, True, row=row),
+        lambda: equations.solve(
+            elsewhere[1], np.zeros(N + 1), np.ones(N + 1), 1e-12, 5, True, row=row
+        ),
         lambda: equations.bordered(elsewhere[2], np.zeros(N + 1), scale, np.ones((1, N + 1))),
         lambda: equations.evaluate(np.full(N + 1, np.nan), np.empty(N)),
-        lambda: equations.contact(elsewhere[3], np.empty((points, 3, 3)), np.empty((points, 3, 3)), np.empty((points, 5))),
+        lambda: equations.contact(
+            elsewhere[3], np.empty((points, 3, 3)), np.empty((points, 3, 3)), np.empty((points, 5))
+        ),
     )
     results = []
     for other in unrelated:
@@ -270,7 +306,9 @@ def test_nothing_depends_on_the_call_before(kind):
         other()
         start, tangent = y.copy(), np.zeros(N + 1)
         found = equations.solve(start, tangent, scale, 1e-10, 30, True, row=row)
-        results.append([*out, start, tangent, np.array([found.status, found.residual, *found.shares])])
+        results.append(
+            [*out, start, tangent, np.array([found.status, found.residual, *found.shares])]
+        )
     for result in results[1:]:
         for one, expected in zip(result, results[0]):
             assert_array_equal(one, expected)
@@ -284,9 +322,15 @@ def test_units_of_unknowns_and_residuals_change_nothing(kind):
         y, row = point(default_rng(seed), N), np.append(np.zeros(N), 1.0)
         found = []
         for scale, row_scale in ((np.ones(N + 1), np.ones(N)), (units, np.full(N, 2.0**-20))):
-            equations, start, tangent = kind(default_rng(seed), row_scale=row_scale), y.copy(), np.zeros(N + 1)
+            equations, start, tangent = (
+                kind(default_rng(seed), row_scale=row_scale),
+                y.copy(),
+                np.zeros(N + 1),
+            )
             out = equations.solve(start, tangent, scale, 1e-11 * row_scale[0], 60, True, row=row)
-            found.append((out, start, tangent * scale / (tangent * scale)[-1] if tangent[-1] else tangent))
+            found.append(
+                (out, start, tangent * scale / (tangent * scale)[-1] if tangent[-1] else tangent)
+            )
         if found[0][0].status != OK or found[1][0].status != OK:
             continue
         (one, y_one, t_one), (other, y_other, t_other) = found

@@ -48,7 +48,8 @@ DELTAS = [0.0, np.pi / 2, np.pi, 1.0]
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 @pytest.mark.parametrize("delta", DELTAS)
 @pytest.mark.parametrize(
-    ("axis", "wave", "kn", "n0"), [(2, [0.0, 0.0, -1.0, -1.0, 0.0], 1.0, 0.0), (0, [0.0, 0.0, -1.0, 0.0, 0.5], 0.0, 0.6)]
+    ("axis", "wave", "kn", "n0"),
+    [(2, [0.0, 0.0, -1.0, -1.0, 0.0], 1.0, 0.0), (0, [0.0, 0.0, -1.0, 0.0, 0.5], 0.0, 0.6)],
 )
 def test_double_roots(axis, wave, kn, n0, delta, sign):
     """A contact that only touches: n0 + kn v = ±(2 s + 1)(s - 1), s = sin(theta - delta), also on a sample of the
@@ -58,7 +59,9 @@ def test_double_roots(axis, wave, kn, n0, delta, sign):
     x[0] = [0.0, 0.4, 0.3, 0.0, 0.2]
     x[axis] = sign * oracle.shift(np.array(wave), -delta)
     point = Point(np.ones(2), kn, 0.5, n0, np.zeros(2))
-    assert_near(evaluate(x, point).force, oracle.contact_sampled(x, *point.arguments, 1 << 14, True), 1e-6)
+    assert_near(
+        evaluate(x, point).force, oracle.contact_sampled(x, *point.arguments, 1 << 14, True), 1e-6
+    )
 
 
 @pytest.mark.parametrize("delta", DELTAS)
@@ -78,7 +81,9 @@ def test_events_that_coincide(n_harm):
     for _ in range(120):
         x = np.round(2 * rng.normal(size=(3, 2 * n_harm + 1))) / 2
         kt, w = rng.integers(1, 7, 2) / 2, rng.integers(-2, 3, 2) / 2
-        point = Point(kt, rng.integers(1, 7) / 2, rng.integers(1, 5) / 4, rng.integers(-3, 7) / 2, w)
+        point = Point(
+            kt, rng.integers(1, 7) / 2, rng.integers(1, 5) / 4, rng.integers(-3, 7) / 2, w
+        )
         exact, sampled = evaluate(x, point), evaluate(x, point, SAMPLED, 4096)
         size = max(np.abs(sampled.force).max(), 0.02)
         assert_near(exact.force, sampled.force, 1e-3 * size)
@@ -144,10 +149,10 @@ def test_tangent_is_the_derivative(n_harm, evaluation):
         if not result.shares[1] + result.shares[3] > 0.0 or not far_from_events(x, point, rng):
             continue
         h = 1e-5 if evaluation == EXACT else 1e-7
-        numeric = difference(lambda z: evaluate(z, point, evaluation, n_time).force, x, h)  # noqa: B023
+        numeric = difference(lambda z: evaluate(z, point, evaluation, n_time).force, x, h)
         if evaluation != EXACT:
             # a sample may change its state within the step: then the two one-sided differences disagree
-            other = difference(lambda z: evaluate(z, point, evaluation, n_time).force, x, 3e-7)  # noqa: B023
+            other = difference(lambda z: evaluate(z, point, evaluation, n_time).force, x, 3e-7)
             if np.abs(numeric - other).max() > 1e-6:
                 continue
         assert np.abs(result.tangent).max() > 0.1
@@ -194,18 +199,27 @@ def test_sampled_tangent_converges_only_with_interpolated_closing():
 
     def wanted(point, x):
         exact = evaluate(x, point)
-        closes = any(a[2] == OPEN and b[2] == 0 for parts in exact.parts for a, b in zip(parts, parts[1:] + parts[:1]))
+        closes = any(
+            a[2] == OPEN and b[2] == 0
+            for parts in exact.parts
+            for a, b in zip(parts, parts[1:] + parts[:1])
+        )
         return (point, x, exact) if closes else None
 
     orders = errors_of_sampling(
-        400, 2, [128, 512, 2048], 120, wanted, lambda found, exact: np.abs((found.tangent - exact.tangent)[:2, :, 2]).mean()
+        400,
+        2,
+        [128, 512, 2048],
+        120,
+        wanted,
+        lambda found, exact: np.abs((found.tangent - exact.tangent)[:2, :, 2]).mean(),
     )
     assert orders[SAMPLED] > 0.7
     assert abs(orders[PLAIN]) < 0.35
 
 
 class TestArguments:
-    good = {  # noqa: RUF012
+    good = {
         "x": np.zeros((3, 3)),
         "kt": np.ones(2),
         "kn": 1.0,

@@ -81,7 +81,9 @@ def test_no_friction_and_no_stiffness():
             assert_array_equal(other.force[2], normal)
             assert not other.force[:2].any()
             assert not other.tangent[:2].any()
-        one = evaluate(x, Point(np.array([0.0, point.kt[1]]), point.kn, point.mu, point.n0, point.w))
+        one = evaluate(
+            x, Point(np.array([0.0, point.kt[1]]), point.kn, point.mu, point.n0, point.w)
+        )
         assert not one.force[0].any()
         assert one.force[1].any() == evaluate(x, point).force[1].any()
 
@@ -90,7 +92,9 @@ def test_no_friction_and_no_stiffness():
 def test_the_limits_of_contact(evaluation):
     x = np.zeros((3, 3))
     at_rest = Point(np.ones(2), 1.0, 0.5, 0.0, np.zeros(2))
-    result = evaluate(x, at_rest, evaluation, 128)  # no preload, no motion: open, with a defined tangent
+    result = evaluate(
+        x, at_rest, evaluation, 128
+    )  # no preload, no motion: open, with a defined tangent
     assert not result.force.any()
     assert np.isfinite(result.tangent).all()
     grazing = x.copy()
@@ -118,7 +122,9 @@ def test_a_contact_shorter_than_the_bracketing_grid_is_caught():
     cell = 2 * np.pi / (16 * h + 16)
     for at in np.linspace(0.0, 2 * np.pi, 23):
         v = oracle.shift(np.array([0.0, 1.0, 0, 0, 0, 0.3, 0.0]), -at)
-        top = np.cos(0.05 * cell) + 0.3 * np.cos(3 * 0.05 * cell)  # the level that is exceeded for a tenth of a cell
+        top = np.cos(0.05 * cell) + 0.3 * np.cos(
+            3 * 0.05 * cell
+        )  # the level that is exceeded for a tenth of a cell
         x = np.zeros((3, 7))
         x[2] = v
         shares, _ = _core.evaluate_contact(

@@ -41,7 +41,8 @@ def test_an_unknown_one_is_named(monkeypatch):
 
 @each("name", KERNELS)
 @each(
-    ("law", "evaluation"), [(0, EXACT), (0, SAMPLED), (0, PLAIN), (2, EXACT), (3, SAMPLED), (3, PLAIN), (4, SAMPLED)]
+    ("law", "evaluation"),
+    [(0, EXACT), (0, SAMPLED), (0, PLAIN), (2, EXACT), (3, SAMPLED), (3, PLAIN), (4, SAMPLED)],
 )
 def test_all_give_the_same_residual_and_jacobian(monkeypatch, name, law, evaluation):
     if name not in _core.kernels():

@@ -35,7 +35,9 @@ def pointer(law, n_state):
 
     def call(x, before, p, s0, s1, F, Fx, Fs, sx, ss, data):
         given = [np.ctypeslib.as_array(a, (3,)) for a in (x, before)]
-        found = law(*given, np.ctypeslib.as_array(s0, (n_state,)).copy() if n_state else np.zeros(0))
+        found = law(
+            *given, np.ctypeslib.as_array(s0, (n_state,)).copy() if n_state else np.zeros(0)
+        )
         shapes = ((n_state,), (3,), (3, 3), (3, n_state), (n_state, 6), (n_state, n_state))
         for to, shape, value in zip((s1, F, Fx, Fs, sx, ss), shapes, found):
             if to and np.prod(shape):
@@ -50,7 +52,6 @@ def close(found, expected, tolerance, size=None):
 
 
 class TestOursAsAFunction:
-
     def test_one_jenkins_element_is_ours(self):
         """A slider that the first period moves and that then rests has the derivative of its settling."""
         rng = default_rng(8)
@@ -58,9 +59,17 @@ class TestOursAsAFunction:
         for _ in range(200):
             point, x = random_point(rng), random_motion(rng, 2)
             k = point.kt[0]
-            ours = evaluate(x, Point(np.full(2, k), point.kn, point.mu, point.n0, point.w), SAMPLED, 64)
+            ours = evaluate(
+                x, Point(np.full(2, k), point.kn, point.mu, point.n0, point.w), SAMPLED, 64
+            )
             force, tangent, _ = own(
-                x, _core.jenkins, [1, point.kn, k, 0, point.mu], [0, 0, 0, *point.w], n_time=64, kn=point.kn, n0=point.n0
+                x,
+                _core.jenkins,
+                [1, point.kn, k, 0, point.mu],
+                [0, 0, 0, *point.w],
+                n_time=64,
+                kn=point.kn,
+                n0=point.n0,
             )
             size = max(k, point.kn)
             close(force, ours.force, 1e-13, size * np.abs(x).max())
@@ -179,13 +188,22 @@ def test_small_motions_of_bouc_wen_settle():
     x[0, 1] = x[1, 2] = 0.01
     p = [0.0, 1.0, 0.0, 0.02, 0.01, 1.0]
     force, tangent, _ = own(x, _core.bouc_wen, p, [0, 0, 0, 0.5, -0.3])
-    assert abs(force[0, 0]) < 1e-12 and abs(force[1, 0]) < 1e-12  # what it began with is forgotten, by symmetry
+    assert (
+        abs(force[0, 0]) < 1e-12 and abs(force[1, 0]) < 1e-12
+    )  # what it began with is forgotten, by symmetry
     assert np.isfinite(tangent).all()
 
 
 def test_what_does_not_settle_is_not_a_number():
     def drifts(x, before, s0):
-        return s0 + 1.0, np.array([s0[0], 0.0, 0.0]), np.zeros((3, 3)), np.eye(3)[:, :1], np.zeros((1, 6)), np.eye(1)
+        return (
+            s0 + 1.0,
+            np.array([s0[0], 0.0, 0.0]),
+            np.zeros((3, 3)),
+            np.eye(3)[:, :1],
+            np.zeros((1, 6)),
+            np.eye(1),
+        )
 
     force, _, _ = own(np.ones((3, 3)), pointer(drifts, 1), [], np.zeros(4), n_time=8)
     assert np.isnan(force).all()
@@ -196,7 +214,12 @@ def test_all_blocks_of_the_tangent():
     A = np.arange(1.0, 10.0).reshape(3, 3)
 
     def quadratic(x, before, s0):
-        return s0, A @ x + x[0] * x, A + x[0] * np.eye(3) + np.outer(x, [1, 0, 0]), *[np.zeros((3, 0))] * 3
+        return (
+            s0,
+            A @ x + x[0] * x,
+            A + x[0] * np.eye(3) + np.outer(x, [1, 0, 0]),
+            *[np.zeros((3, 0))] * 3,
+        )
 
     x = random_motion(default_rng(1), 1)
     law = pointer(quadratic, 0)
@@ -220,7 +243,18 @@ def test_what_is_no_law_is_refused(laws, message):
     x = np.zeros((3, 3))
     with pytest.raises((TypeError, ValueError), match=message):
         _core.evaluate_contact(
-            x, np.ones(2), 1.0, 0.0, 0.0, np.zeros(2), np.empty_like(x), np.empty((3, 3, 3, 3)), USER, SAMPLED, 16, own=laws
+            x,
+            np.ones(2),
+            1.0,
+            0.0,
+            0.0,
+            np.zeros(2),
+            np.empty_like(x),
+            np.empty((3, 3, 3, 3)),
+            USER,
+            SAMPLED,
+            16,
+            own=laws,
         )
 
 
@@ -229,5 +263,16 @@ def test_the_exact_evaluation_has_none():
     law = ((_core.bouc_wen, np.ones(6), np.zeros(5)),)
     with pytest.raises(ValueError, match="law: expected 0 to 6"):
         _core.evaluate_contact(
-            x, np.ones(2), 1.0, 0.0, 0.0, np.zeros(2), np.empty_like(x), np.empty((3, 3, 3, 3)), USER, 0, 0, own=law
+            x,
+            np.ones(2),
+            1.0,
+            0.0,
+            0.0,
+            np.zeros(2),
+            np.empty_like(x),
+            np.empty((3, 3, 3, 3)),
+            USER,
+            0,
+            0,
+            own=law,
         )

@@ -12,7 +12,9 @@ from tests.compare import assert_near
 CONVERGED, NOT_CONVERGED, DIVERGED, SINGULAR, NOT_FINITE = range(5)
 
 
-def solve(system, y, normal=None, scale=None, tolerance=1e-11, iterations=60, line_search=True, **options):
+def solve(
+    system, y, normal=None, scale=None, tolerance=1e-11, iterations=60, line_search=True, **options
+):
     n = system.n_unknown
     y = np.array(y, float)
     tangent = np.full(n + 1, np.nan)
@@ -27,7 +29,9 @@ def solved_systems(count=8):
     found = 0
     while found < count:
         system = _core.Sector(**random_arrays(rng, (2, 3, 2), 4, constraint_points=1))
-        out, y, tangent = solve(system, np.append(0.3 * rng.normal(size=system.n_unknown), rng.uniform(0.4, 2.0)))
+        out, y, tangent = solve(
+            system, np.append(0.3 * rng.normal(size=system.n_unknown), rng.uniform(0.4, 2.0))
+        )
         if out.status == CONVERGED:
             found += 1
             yield system, out, y, tangent
@@ -48,14 +52,24 @@ def test_mean_shares_are_those_of_the_points_with_friction():
     for _ in range(12):
         arrays = random_arrays(rng, (2, 3, 2), 4, constraint_points=1)
         system = _core.Sector(**arrays)
-        out, y, _ = solve(system, np.append(0.3 * rng.normal(size=system.n_unknown), rng.uniform(0.4, 2.0)))
+        out, y, _ = solve(
+            system, np.append(0.3 * rng.normal(size=system.n_unknown), rng.uniform(0.4, 2.0))
+        )
         if out.status != CONVERGED:
             continue
         X, F, each = np.empty((4, 3, 5)), np.empty((4, 3, 5)), np.empty((4, 5))
         assert system.contact(y, X, F, each) == 0
         mean = np.array(out.shares)
         rubs = arrays["mu"] > 0.0
-        basis = np.array([np.ones_like(theta), np.cos(theta), np.sin(theta), np.cos(2 * theta), np.sin(2 * theta)])
+        basis = np.array(
+            [
+                np.ones_like(theta),
+                np.cos(theta),
+                np.sin(theta),
+                np.cos(2 * theta),
+                np.sin(2 * theta),
+            ]
+        )
         load = arrays["n0"][:, None] + arrays["kn"][:, None] * (X[:, 2] @ basis)
         assert mean[2] == pytest.approx((load[rubs] <= 0.0).mean(), abs=2e-3)
         assert mean[0] == pytest.approx(each[rubs][:, [0, 2]].mean(), abs=1e-12)
@@ -202,7 +216,9 @@ def test_failures_are_statuses():
     assert out.status == NOT_FINITE
     assert np.isinf(out.residual)
     # infinitely many times no support
-    out, _, _ = solve(_core.Eased(system, 1.0, np.ones(n), np.zeros((n, n))), np.append(start[:-1], 0.0))
+    out, _, _ = solve(
+        _core.Eased(system, 1.0, np.ones(n), np.zeros((n, n))), np.append(start[:-1], 0.0)
+    )
     assert out.status == NOT_FINITE
     assert np.isinf(out.residual)
     empty = random_arrays(rng, (0, 1), 0)

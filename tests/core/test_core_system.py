@@ -64,10 +64,12 @@ def test_derivatives(name):
         u, omega = rng.normal(size=system.n_unknown), rng.uniform(0.3, 2.0)
         _, J, r_omega = evaluate_system(system, u, omega)
         coarse, fine = (
-            difference(lambda z: evaluate_system(system, z, omega)[0], u, h) for h in (1e-5, 3e-6)  # noqa: B023
+            difference(lambda z: evaluate_system(system, z, omega)[0], u, h) for h in (1e-5, 3e-6)
         )
         assert np.abs(J).max() > 0.1
-        by_omega = difference(lambda w: evaluate_system(system, u, w[0])[0], np.array([omega]))[:, 0]  # noqa: B023
+        by_omega = difference(lambda w: evaluate_system(system, u, w[0])[0], np.array([omega]))[
+            :, 0
+        ]
         assert_near(r_omega, by_omega, 1e-8 * (1 + np.abs(by_omega).max()))
         assert arrays["n_mode"][1:].sum() == 0 or np.abs(r_omega).max() > 0
         if np.abs(coarse - fine).max() > 1e-8 * np.abs(J).max():
@@ -165,8 +167,20 @@ PEAK = {
 FOLD = {name: value for name, value in PEAK.items() if name not in ("re", "im")}
 EVALUATE = {"y": np.ones(9), "r": np.zeros(8), "J": np.zeros((8, 8)), "C": np.zeros(8)}
 BORDERED = {"y": np.ones(9), "row": np.ones(9), "scale": np.ones(9), "b": np.ones((2, 9))}
-CONTACT = {"y": np.ones(9), "X": np.zeros((3, 3, 3)), "F": np.zeros((3, 3, 3)), "share": np.zeros((3, 5))}
-CALLS = {"solve": SOLVE, "peak": PEAK, "fold": FOLD, "evaluate": EVALUATE, "bordered": BORDERED, "contact": CONTACT}
+CONTACT = {
+    "y": np.ones(9),
+    "X": np.zeros((3, 3, 3)),
+    "F": np.zeros((3, 3, 3)),
+    "share": np.zeros((3, 5)),
+}
+CALLS = {
+    "solve": SOLVE,
+    "peak": PEAK,
+    "fold": FOLD,
+    "evaluate": EVALUATE,
+    "bordered": BORDERED,
+    "contact": CONTACT,
+}
 METHODS = {name: name for name in CALLS} | {"peak": "solve", "fold": "solve"}
 OUTPUTS = dict.fromkeys(("solve", "peak", "fold"), ("y", "tangent"))
 OUTPUTS |= {"evaluate": ("r", "J", "C"), "bordered": ("b",), "contact": ("X", "F", "share")}
@@ -181,7 +195,10 @@ def call(name, arguments):
 
 
 def copies(arguments):
-    return {name: value.copy() if isinstance(value, np.ndarray) else value for name, value in arguments.items()}
+    return {
+        name: value.copy() if isinstance(value, np.ndarray) else value
+        for name, value in arguments.items()
+    }
 
 
 def sharing():
@@ -189,7 +206,11 @@ def sharing():
     for method, outputs in OUTPUTS.items():
         arrays = [name for name, value in CALLS[method].items() if isinstance(value, np.ndarray)]
         for i, first in enumerate(arrays):
-            yield from ((method, first, second) for second in arrays[i + 1 :] if first in outputs or second in outputs)
+            yield from (
+                (method, first, second)
+                for second in arrays[i + 1 :]
+                if first in outputs or second in outputs
+            )
 
 
 @each(("method", "first", "second"), list(sharing()))
@@ -204,7 +225,10 @@ def test_outputs_that_share_memory_are_refused(method, first, second):
         arguments[name] = view.reshape(shape)
         assert np.shares_memory(arguments[name], memory)
     before = memory.copy()
-    with pytest.raises(ValueError, match=rf"^{second}: expected a separate array, found memory shared with {first}$"):
+    with pytest.raises(
+        ValueError,
+        match=rf"^{second}: expected a separate array, found memory shared with {first}$",
+    ):
         call(method, arguments)
     assert_array_equal(memory, before)
 
@@ -252,11 +276,16 @@ def test_wrong_numbers_are_named(method, name, value, expected):
         call(method, {**CALLS.get(method, {}), name: value})
 
 
-@pytest.mark.parametrize(("method", "names"), [("solve", ("row", "re", "im")), ("solve", ("row", "im")), ("peak", ("im",))])
+@pytest.mark.parametrize(
+    ("method", "names"),
+    [("solve", ("row", "re", "im")), ("solve", ("row", "im")), ("peak", ("im",))],
+)
 def test_conditions_of_two_kinds_are_refused(method, names):
     given = {**CALLS[method], "row": SOLVE["row"], "re": PEAK["re"], "im": PEAK["im"]}
     chosen = {k: v for k, v in given.items() if k in names or k not in ("row", "re", "im")}
-    with pytest.raises(ValueError, match=r"^row, re, im: expected row alone, re and im, or none of them$"):
+    with pytest.raises(
+        ValueError, match=r"^row, re, im: expected row alone, re and im, or none of them$"
+    ):
         _core.Sector(**GOOD).solve(**chosen)
 
 
@@ -295,7 +324,11 @@ def test_threads_give_the_serial_results(shared):
     rng = default_rng(8)
     arrays = random_arrays(rng, (3, 4, 3), 300)  # long enough for the threads to meet
     n_threads, n_states = 4, 12
-    systems = [_core.Sector(**arrays)] * n_threads if shared else [_core.Sector(**arrays) for _ in range(n_threads)]
+    systems = (
+        [_core.Sector(**arrays)] * n_threads
+        if shared
+        else [_core.Sector(**arrays) for _ in range(n_threads)]
+    )
     states = rng.normal(size=(n_states, systems[0].n_unknown))
     serial = [evaluate_system(systems[0], u, 0.9) for u in states]
     found = [[None] * n_states for _ in range(n_threads)]

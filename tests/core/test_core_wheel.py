@@ -33,10 +33,16 @@ def test_every_number_is_finite(name, bad):
         ({"law": np.full(6, 3, np.intc)}, "law"),
         ({"rows": np.zeros((2, 3, 4))}, "^rows: expected"),
         ({"n_harm": 0}, "number of harmonics"),
-        ({"n_blade": 2**31 - 1, "n_damper": 2**31 - 1}, "^n_sector, .* at most 268435456 numbers in an array$"),
+        (
+            {"n_blade": 2**31 - 1, "n_damper": 2**31 - 1},
+            "^n_sector, .* at most 268435456 numbers in an array$",
+        ),
         ({"n_root": 2, "n_kept": 2**31 - 1, "n_damper": 2}, "n_kept <= n_root"),
         ({"n_blade": 600, "n_damper": 600}, "at most 1000 coordinates"),
-        ({"n_sector": 10000, "n_point": 100000}, "^n_sector, .* at most 268435456 numbers in an array$"),
+        (
+            {"n_sector": 10000, "n_point": 100000},
+            "^n_sector, .* at most 268435456 numbers in an array$",
+        ),
     ],
 )
 def test_sizes_fit_together(changes, why):

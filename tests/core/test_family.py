@@ -21,7 +21,20 @@ ORDER, SPEEDS = 3.0, np.array([1.0, 1.15, 1.25, 1.4])
 N_MODE = np.array([2, 3, 0, 2], np.intc)
 POINTS = 5
 UNKNOWNS = int(N_MODE[0] + 2 * N_MODE[1:].sum())
-VARYING = ("stiffness", "mass", "damping", "G", "kt", "kn", "mu", "n0", "w", "shift", "force", "load")
+VARYING = (
+    "stiffness",
+    "mass",
+    "damping",
+    "G",
+    "kt",
+    "kn",
+    "mu",
+    "n0",
+    "w",
+    "shift",
+    "force",
+    "load",
+)
 
 
 def arrays(law, spread, seed=0):
@@ -49,7 +62,9 @@ def mixed(nodes, omega):
     at = SPEEDS**2
     where = (omega / ORDER) ** 2
     weights = [np.prod([(where - b) / (a - b) for b in at if b != a]) for a in at]
-    return nodes[0] | {name: sum(w * node[name] for w, node in zip(weights, nodes)) for name in VARYING}
+    return nodes[0] | {
+        name: sum(w * node[name] for w, node in zip(weights, nodes)) for name in VARYING
+    }
 
 
 def family(nodes, **evaluation):
@@ -77,7 +92,9 @@ def test_residual_and_jacobian_are_those_of_the_arrays_at_the_speed(law, evaluat
     u = size * default_rng(1).standard_normal(UNKNOWNS)
     for omega in (3.3, 4.0):
         plain = _core.Sector(**mixed(nodes, omega), **evaluation)
-        for one, other in zip(evaluated(family(nodes, **evaluation), u, omega)[:2], evaluated(plain, u, omega)[:2]):
+        for one, other in zip(
+            evaluated(family(nodes, **evaluation), u, omega)[:2], evaluated(plain, u, omega)[:2]
+        ):
             assert_allclose(one, other, rtol=1e-10, atol=1e-11 * np.abs(other).max())
 
 
@@ -92,7 +109,10 @@ def test_the_derivative_along_the_line_is_that_of_differences(law, evaluation, a
     exact = evaluated(family(nodes, **evaluation), u, 3.7)[2]
 
     def difference(h):
-        beside = [evaluated(_core.Sector(**mixed(nodes, w), **evaluation), u, w)[0] for w in (3.7 + h, 3.7 - h)]
+        beside = [
+            evaluated(_core.Sector(**mixed(nodes, w), **evaluation), u, w)[0]
+            for w in (3.7 + h, 3.7 - h)
+        ]
         return (beside[0] - beside[1]) / (2.0 * h)
 
     errors = [float(np.abs(difference(h) - exact).max()) for h in (3e-4, 1e-4, 3e-5, 1e-5)]
@@ -102,7 +122,10 @@ def test_the_derivative_along_the_line_is_that_of_differences(law, evaluation, a
 def test_motion_and_forces_of_a_family_are_those_of_the_frequency():
     nodes = arrays(LAW_SEPARABLE, 0.1)
     u = default_rng(3).standard_normal(UNKNOWNS)
-    found, expected = ([np.empty((POINTS, 3, 7)), np.empty((POINTS, 3, 7)), np.empty((POINTS, 5))] for _ in range(2))
+    found, expected = (
+        [np.empty((POINTS, 3, 7)), np.empty((POINTS, 3, 7)), np.empty((POINTS, 5))]
+        for _ in range(2)
+    )
     assert family(nodes).contact(np.append(u, 3.9), *found) == 0
     assert _core.Sector(**mixed(nodes, 3.9)).contact(np.append(u, 3.9), *expected) == 0
     for one, other in zip(found, expected):
@@ -124,7 +147,11 @@ def test_beyond_the_nodes_there_are_no_equations():
     core = family(arrays(LAW_SEPARABLE, 0.1))
     u, r = np.zeros(UNKNOWNS), np.empty(UNKNOWNS)
     width = SPEEDS[-1] ** 2 - SPEEDS[0] ** 2
-    for square, status in ((1.0 - 0.04 * width, 0), (1.0 - 0.06 * width, 4), (1.96 + 0.06 * width, 4)):
+    for square, status in (
+        (1.0 - 0.04 * width, 0),
+        (1.0 - 0.06 * width, 4),
+        (1.96 + 0.06 * width, 4),
+    ):
         assert core.evaluate(np.append(u, ORDER * np.sqrt(square)), r) == status
 
 
@@ -133,7 +160,9 @@ def test_there_are_no_nonlinear_modes_of_a_family():
     nodes = arrays(LAW_SEPARABLE, 0.1)
     motion = np.ones((2, UNKNOWNS))
     assert _core.Modes(_core.Sector(**nodes[0]), *motion, 1.0).n_unknown == UNKNOWNS + 2
-    with pytest.raises(ValueError, match=r"^sector: expected a Sector at fixed speed, found a speed family$"):
+    with pytest.raises(
+        ValueError, match=r"^sector: expected a Sector at fixed speed, found a speed family$"
+    ):
         _core.Modes(family(nodes), *motion, 1.0)
 
 
@@ -143,7 +172,9 @@ def test_nodes_that_do_not_fit_are_refused():
     other = _core.Sector(**arrays(LAW_NORMAL, 0.1)[0])
     infinite = _core.Sector(**(nodes[0] | {"w": np.full((POINTS, 2), np.inf)}))
     for given in ((*systems[:3], other), (*systems[:3], infinite), (*systems[:3], family(nodes))):
-        with pytest.raises(ValueError, match="nodes: expected Sectors of the same sizes and contact laws"):
+        with pytest.raises(
+            ValueError, match="nodes: expected Sectors of the same sizes and contact laws"
+        ):
             _core.Sector(**nodes[0], nodes=given, squares=SPEEDS**2, order=ORDER)
     with pytest.raises(ValueError, match="at different speeds"):
         _core.Sector(**nodes[0], nodes=systems, squares=np.array([1.0, 1.0, 2.0, 3.0]), order=ORDER)

@@ -20,9 +20,14 @@ def test_pictures_are_those_of_the_demonstration(tmp_path, capsys):
     """By the numbers that they show, which stand beside them; time integration and more harmonics are left out."""
     runpy.run_path(str(ROOT / "examples" / "demo.py"))["main"](tmp_path, check=False)
     assert "13 times below the free blade" in capsys.readouterr().out.replace("\n", " ")
-    found, kept = (json.loads((folder / "optimum.json").read_text()) for folder in (tmp_path, ROOT / "docs/images"))
+    found, kept = (
+        json.loads((folder / "optimum.json").read_text())
+        for folder in (tmp_path, ROOT / "docs/images")
+    )
     assert found.keys() == kept.keys()
     for name, value in kept.items():
-        assert flat(found[name]) == pytest.approx(flat(value), rel=2e-3), f"{name}: demo.py --figures docs/images"
+        assert flat(found[name]) == pytest.approx(flat(value), rel=2e-3), (
+            f"{name}: demo.py --figures docs/images"
+        )
     for name in ("optimum.png", "response.png"):
         assert (tmp_path / name).stat().st_size > 10_000 and (ROOT / "docs/images" / name).exists()

@@ -33,18 +33,27 @@ def frequencies(basis):
 def distance_from(points, line):
     """Largest distance of points (n, 2) from a polyline (m, 2)."""
     start, along = line[:-1], np.diff(line, axis=0)
-    t = np.einsum("nmk,mk->nm", points[:, None] - start, along) / np.maximum((along**2).sum(axis=1), 1e-300)
+    t = np.einsum("nmk,mk->nm", points[:, None] - start, along) / np.maximum(
+        (along**2).sum(axis=1), 1e-300
+    )
     nearest = start + np.clip(t, 0.0, 1.0)[..., None] * along
     return np.linalg.norm(points[:, None] - nearest, axis=2).min(axis=1).max()
 
 
 def compare_curves(curve, model):
     """The response curve is that of ``model`` within half a percent: every point, both folds, the peak."""
-    study = plain_study(model, Excitation("tip", amplitude=1.0), engine_order=5, friction_coefficient=0.3)
-    own = study.frequency_response(200.0, (250.0, 400.0), options=ContinuationOptions(step=0.02, max_step=0.02))
+    study = plain_study(
+        model, Excitation("tip", amplitude=1.0), engine_order=5, friction_coefficient=0.3
+    )
+    own = study.frequency_response(
+        200.0, (250.0, 400.0), options=ContinuationOptions(step=0.02, max_step=0.02)
+    )
     assert own.complete
     assert curve.complete
-    a, b = (np.column_stack([c.frequency / own.peak.frequency, c.amplitude / own.peak.amplitude]) for c in (curve, own))
+    a, b = (
+        np.column_stack([c.frequency / own.peak.frequency, c.amplitude / own.peak.amplitude])
+        for c in (curve, own)
+    )
     assert distance_from(a, b) < 5e-3
     assert curve.peak.amplitude == pytest.approx(own.peak.amplitude, rel=5e-3)
     assert curve.peak.frequency == pytest.approx(own.peak.frequency, rel=5e-3)

@@ -21,7 +21,11 @@ def test_from_files_to_a_report(tmp_path, monkeypatch):
     assert found["force_factor"] == pytest.approx(1.05, rel=0.03)
     assert found["frequency_factor"] == pytest.approx(1.0, rel=1e-4)
     assert found["friction_coefficient"] == pytest.approx(0.42, rel=0.15)
-    assert (found.low < found.values).all() and (found.values < found.high).all() and found.status == "complete"
+    assert (
+        (found.low < found.values).all()
+        and (found.values < found.high).all()
+        and found.status == "complete"
+    )
     assert [loop.kt, loop.mu, loop.spread] == pytest.approx([1e8, 0.42, 0.5], rel=1e-3)
     assert found.misfit < 1.5 and np.nanmax(found.predictions) < 2.5
     truth = np.array([1.0, 1.0, 1.05, 0.42, 0.8])  # of the names in their order
@@ -30,7 +34,9 @@ def test_from_files_to_a_report(tmp_path, monkeypatch):
     middle, wider = 0.5 * (found.low + found.high), 3.291 / 1.960 * 0.5 * (found.high - found.low)
     assert (abs(truth - middle) < wider).all()
     optimum = space["best"].optimum
-    assert optimum.amplitude == pytest.approx(79.4e-6, rel=0.03) and optimum.preload == pytest.approx(67.2, rel=0.15)
+    assert optimum.amplitude == pytest.approx(
+        79.4e-6, rel=0.03
+    ) and optimum.preload == pytest.approx(67.2, rel=0.15)
     colours = {light.name: light.colour for light in lights(space["best"], found)}
     in_time = space["best"].optimum_in_time
     assert colours["Contact constants"] == "green"

@@ -40,7 +40,13 @@ def write_files(fe):
     """The files that the page reads, in the present folder."""
     blade, damper = sector_and_damper(fe)
     root = {"FILLET": blade_points(fe.blade, fe.geometry)[:4], "BLADE": fe.blade_part().nodes}
-    blade = replace(blade, node_sets={**blade.node_sets, **{name: FIRST_NUMBER + nodes for name, nodes in root.items()}})
+    blade = replace(
+        blade,
+        node_sets={
+            **blade.node_sets,
+            **{name: FIRST_NUMBER + nodes for name, nodes in root.items()},
+        },
+    )
     for body, name in ((blade, "sector"), (damper, "damper")):
         keep = np.arange(3 * len(body.nodes))
         if name == "sector":
@@ -51,7 +57,10 @@ def write_files(fe):
         sp.save_npz(f"{name}_K.npz", body.stiffness[keep][:, keep])
         sp.save_npz(f"{name}_M.npz", body.mass[keep][:, keep])
         np.savetxt(
-            f"{name}_nodes.csv", np.column_stack([body.numbers, body.nodes]), fmt=["%d", *3 * ["%.14e"]], delimiter=","
+            f"{name}_nodes.csv",
+            np.column_stack([body.numbers, body.nodes]),
+            fmt=["%d", *3 * ["%.14e"]],
+            delimiter=",",
         )
         np.savetxt(f"{name}_elements.csv", body.elements[0], fmt="%d", delimiter=",")
         for file, key in SETS.items():
@@ -84,18 +93,30 @@ def test_page(tmp_path, monkeypatch, capsys):
 @pytest.mark.slow
 def test_the_example_with_a_shroud_and_two_dampers(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (code,) = re.findall(r"```python\n(.*?)```", (PAGE.parent / "evidence" / "import-examples.md").read_text(), re.S)
+    (code,) = re.findall(
+        r"```python\n(.*?)```", (PAGE.parent / "evidence" / "import-examples.md").read_text(), re.S
+    )
     space = {}
     exec(compile(code, "import-examples.md", "exec"), space)
     curve, study = space["curve"], space["study"]
-    assert space["built"].failed == () and curve.complete and [*study.model.bodies] == ["blade", "front", "rear"]
+    assert (
+        space["built"].failed == ()
+        and curve.complete
+        and [*study.model.bodies] == ["blade", "front", "rear"]
+    )
     assert curve.peak.amplitude < 0.1 * study.free((1000.0, 1700.0)).peak.amplitude
     loads = study.static(300.0).normal_force
     assert loads["rear_left"] == pytest.approx(0.6 * loads["front_left"], rel=0.05)
 
 
 PLAIN = {
-    "blade": ("sector", {key: file for file, key in zip(list(SETS)[:4], ("low", "high", "under_right", "under_left"))}),
+    "blade": (
+        "sector",
+        {
+            key: file
+            for file, key in zip(list(SETS)[:4], ("low", "high", "under_right", "under_left"))
+        },
+    ),
     "damper": ("damper", {side: f"damper_{side}" for side in ("left", "right", "front", "back")}),
 }
 """Files of both bodies, and of their sets."""
@@ -126,7 +147,9 @@ def test_plain_files_give_the_reference_model(tmp_path, monkeypatch):
     assert built.failed == ()
     reference = bladed_disk(9, n_modes=20, engine_order=5, harmonics=3, fe=fe)
     tip, theirs = built.model.locations["tip"].position, reference.locations["tip"].position
-    assert np.linalg.norm(tip - theirs) < 1e-9, f"the tip is node {fe.blade.nearest_node(theirs) + 101}"
+    assert np.linalg.norm(tip - theirs) < 1e-9, (
+        f"the tip is node {fe.blade.nearest_node(theirs) + 101}"
+    )
     # the rectangles of the constraint planes differ by 3.5 mm, which residual modes tell in the fourth digit
     models = modes_alone(built.model), reference
     studies = [plain_study(m, Excitation("tip"), 5, friction_coefficient=0.3) for m in models]
@@ -151,23 +174,32 @@ def small():
 
 def triplets(matrix, name):
     upper = sp.triu(matrix).tocoo()
-    Path(name).write_text("".join(f"{i + 1} {j + 1} {v:.16e}\n" for i, j, v in zip(upper.row, upper.col, upper.data)))
+    Path(name).write_text(
+        "".join(f"{i + 1} {j + 1} {v:.16e}\n" for i, j, v in zip(upper.row, upper.col, upper.data))
+    )
 
 
 def write_calculix(body, elements):
     rows = [f"{n + 1}.{c}" for n in range(len(body.nodes)) for c in (1, 2, 3)]
     for name in ("sector", "damper"):
-        Path(f"{name}.inp").write_text(deck("C3D20", body.nodes, elements, 2.1e11, 0.3, 7850.0, {"TIP": [0, 1]}))
+        Path(f"{name}.inp").write_text(
+            deck("C3D20", body.nodes, elements, 2.1e11, 0.3, 7850.0, {"TIP": [0, 1]})
+        )
         Path(f"{name}.dof").write_text("\n".join(rows))
         triplets(body.stiffness, f"{name}.sti")
         triplets(body.mass, f"{name}.mas")
 
 
 def write_abaqus(body, elements):
-    Path("sector.inp").write_text(deck("C3D20R", body.nodes, elements, 2.1e11, 0.3, 7850.0, {"TIP": [0, 1]}))
+    Path("sector.inp").write_text(
+        deck("C3D20R", body.nodes, elements, 2.1e11, 0.3, 7850.0, {"TIP": [0, 1]})
+    )
     for name, matrix in (("STIF1", body.stiffness), ("MASS1", body.mass)):
         m = sp.triu(matrix).tocoo()
-        lines = [f"{i // 3 + 1},{i % 3 + 1},{j // 3 + 1},{j % 3 + 1},{v:.16e}" for i, j, v in zip(m.row, m.col, m.data)]
+        lines = [
+            f"{i // 3 + 1},{i % 3 + 1},{j // 3 + 1},{j % 3 + 1},{v:.16e}"
+            for i, j, v in zip(m.row, m.col, m.data)
+        ]
         Path(f"sector_{name}.mtx").write_text("\n".join(lines))
 
 
@@ -175,17 +207,27 @@ def write_ansys(body, elements):
     numbers = 10 * np.arange(1, len(body.nodes) + 1)
     write_full(Path("sector.full"), body.stiffness, body.mass, numbers)
     write_cdb(Path("sector.cdb"), numbers, body.nodes, numbers[elements], {"ENDS": numbers[[0, 1]]})
-    constants = [f"MPDATA,R5.0, 1,{name},       1, 1,  {value}    ," for name, value in (("EX  ", 2.1e11), ("NUXY", 0.3))]
+    constants = [
+        f"MPDATA,R5.0, 1,{name},       1, 1,  {value}    ,"
+        for name, value in (("EX  ", 2.1e11), ("NUXY", 0.3))
+    ]
     Path("sector.cdb").write_text("\n".join([*constants, Path("sector.cdb").read_text()]))
 
 
 def write_nastran(body, elements):
-    op4 = pytest.importorskip("pyNastran.op4.op4", reason="pyNastran is not installed (extra bdamper[nastran])")
+    op4 = pytest.importorskip(
+        "pyNastran.op4.op4", reason="pyNastran is not installed (extra bdamper[nastran])"
+    )
     numbers = np.arange(1, len(body.nodes) + 1)
     Path("sector.bdf").write_text(bulk_text(numbers, body.nodes, numbers[elements]))
     rows = (6 * np.arange(len(numbers))[:, None] + np.arange(3)).ravel()
-    pick = sp.csr_matrix((np.ones(len(rows)), (rows, np.arange(len(rows)))), shape=(6 * len(numbers), len(rows)))
-    full = {name: (6, (pick @ m @ pick.T).toarray()) for name, m in (("KNN", body.stiffness), ("MNN", body.mass))}
+    pick = sp.csr_matrix(
+        (np.ones(len(rows)), (rows, np.arange(len(rows)))), shape=(6 * len(numbers), len(rows))
+    )
+    full = {
+        name: (6, (pick @ m @ pick.T).toarray())
+        for name, m in (("KNN", body.stiffness), ("MNN", body.mass))
+    }
     op4.OP4(debug=False).write_op4("sector.op4", full, is_binary=False)
 
 
@@ -194,18 +236,30 @@ def test_recipes(program, tmp_path, monkeypatch):
     """Each reads what its program would have written: matrices, elements with their type, sets."""
     monkeypatch.chdir(tmp_path)
     body, elements = small()
-    write = {"calculix": write_calculix, "abaqus": write_abaqus, "ansys": write_ansys, "nastran": write_nastran}
+    write = {
+        "calculix": write_calculix,
+        "abaqus": write_abaqus,
+        "ansys": write_ansys,
+        "nastran": write_nastran,
+    }
     write[program](body, elements)
-    assert RECIPES[program].replace("sector", "stage" if program == "abaqus" else "sector") in PAGE.read_text()
+    assert (
+        RECIPES[program].replace("sector", "stage" if program == "abaqus" else "sector")
+        in PAGE.read_text()
+    )
     blade = eval(RECIPES[program], vars(importers))
     dofs = blade.dofs
     order = np.argsort(3 * np.searchsorted(np.sort(blade.numbers), dofs[:, 0]) + dofs[:, 1] - 1)
     np.testing.assert_allclose(
-        blade.stiffness[order][:, order].toarray(), body.stiffness.toarray(), atol=1e-8 * abs(body.stiffness).max()
+        blade.stiffness[order][:, order].toarray(),
+        body.stiffness.toarray(),
+        atol=1e-8 * abs(body.stiffness).max(),
     )
     (kind,) = blade.element_kinds
     assert kind.name == {"abaqus": "C3D20R", "ansys": "C3D20R"}.get(program, "C3D20")
-    assert set(blade.node_sets) >= {"calculix": {"TIP"}, "abaqus": {"TIP"}, "ansys": {"ENDS"}}.get(program, set())
+    assert set(blade.node_sets) >= {"calculix": {"TIP"}, "abaqus": {"TIP"}, "ansys": {"ENDS"}}.get(
+        program, set()
+    )
     assert (kind.youngs_modulus, kind.poisson_ratio) == (2.1e11, 0.3)
 
 

@@ -38,7 +38,9 @@ def test_wedges(page):
     normal = 1.0 / (2.0 * (np.sin(np.pi / 4) + 0.3 * np.cos(np.pi / 4)))
     for study, load in ((page["half"], 0.5), (page["wedge"], 1.0)):
         force = study.static(load).force
-        assert force == pytest.approx(np.tile([0.3 * normal, 0.0, normal], (len(force), 1)), rel=1e-12)
+        assert force == pytest.approx(
+            np.tile([0.3 * normal, 0.0, normal], (len(force), 1)), rel=1e-12
+        )
     half, whole = page["half_peak"], page["wedge_peak"]
     assert half.converged and whole.converged
     assert whole.amplitude == pytest.approx(half.amplitude, rel=1e-9)

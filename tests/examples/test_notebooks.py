@@ -33,7 +33,9 @@ def test_notebook_is_stored_without_outputs(path):
     nbformat.validate(notebook)
     code = [cell for cell in notebook.cells if cell.cell_type == "code"]
     assert all(not cell.outputs and cell.execution_count is None for cell in code)
-    assert len(checks(path)) >= 2 or sum("assert " in cell.source for cell in code) >= 2, "what it states is asserted"
+    assert len(checks(path)) >= 2 or sum("assert " in cell.source for cell in code) >= 2, (
+        "what it states is asserted"
+    )
 
 
 @pytest.mark.slow
@@ -42,8 +44,12 @@ def test_notebook_runs(path, tmp_path):
     notebook = nbformat.read(path, 4)
     code = [cell for cell in notebook.cells if cell.cell_type == "code"]
     for number, text in checks(path).items():
-        notebook.cells.insert(notebook.cells.index(code[number]) + 1, nbformat.v4.new_code_cell(text))
-    client = nbclient.NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(tmp_path)}})
+        notebook.cells.insert(
+            notebook.cells.index(code[number]) + 1, nbformat.v4.new_code_cell(text)
+        )
+    client = nbclient.NotebookClient(
+        notebook, timeout=300, resources={"metadata": {"path": str(tmp_path)}}
+    )
     client.execute()  # an error or a failed assertion in a cell is an error here
     code = [cell for cell in notebook.cells if cell.cell_type == "code"]
     assert any("image/png" in o.get("data", {}) for o in code[0].outputs), "a picture comes first"

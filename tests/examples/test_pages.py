@@ -27,8 +27,11 @@ def blocks(page):
     return re.findall(r"```python\n(.*?)```", page.read_text(), re.S)
 
 
-PAGES = [page for page in sorted(DOCS.rglob("*.md"))
-         if "_build" not in page.parts and page.stem not in OWN and blocks(page)]
+PAGES = [
+    page
+    for page in sorted(DOCS.rglob("*.md"))
+    if "_build" not in page.parts and page.stem not in OWN and blocks(page)
+]
 
 
 def pasted(page, folder, monkeypatch):
@@ -55,28 +58,44 @@ def how_to(seen, page, folder):
     chosen, robust, _, compared, swept, resumed = seen[1:7]
     space = seen[-1]
     assert chosen["best"].verified and chosen["low"] < chosen["best"].preload < chosen["high"]
-    assert robust["robust"].amplitude < 1.1 * chosen["best"].amplitude and robust["robust"].status == "complete"
-    assert compared["designs"].curves[1].peak.amplitude < 0.9 * compared["designs"].curves[0].peak.amplitude
+    assert (
+        robust["robust"].amplitude < 1.1 * chosen["best"].amplitude
+        and robust["robust"].status == "complete"
+    )
+    assert (
+        compared["designs"].curves[1].peak.amplitude
+        < 0.9 * compared["designs"].curves[0].peak.amplitude
+    )
     inert = bd.compare(
         {"now": space["study"], "inert": {"damper_inertia_factor": 1.5}},
         lambda s: s.frequency_response(500.0, (280.0, 380.0)),
     )
     changes = compared["designs"].change("damper 50 % heavier"), inert.change("inert")
-    assert f"({percent(changes[1], True)} instead of {percent(changes[0], True)} here)" in page.read_text()
+    assert (
+        f"({percent(changes[1], True)} instead of {percent(changes[0], True)} here)"
+        in page.read_text()
+    )
     assert swept["result"].complete and swept["result"].shape == (3, 2)
-    assert np.array_equal(resumed["result"].seconds, swept["result"].seconds), "points were computed again"
+    assert np.array_equal(resumed["result"].seconds, swept["result"].seconds), (
+        "points were computed again"
+    )
     assert not bd.load("curve.h5").diff(space["curve"])
     cycle = space["cycle"]
     assert abs(cycle.imbalance) < 1e-9 and cycle.lost > 0.5 * cycle.excitation
     assert {path.suffix for path in folder.iterdir()} >= {".png", ".csv", ".jsonl", ".h5"}
-    shown = set(re.findall(r"\(images/(\w+\.png)\)", page.read_text())) - {"designs.png", "explorer.png"}
+    shown = set(re.findall(r"\(images/(\w+\.png)\)", page.read_text())) - {
+        "designs.png",
+        "explorer.png",
+    }
     assert len(shown) == 3 and shown <= {path.name for path in folder.glob("*.png")}
 
 
 def joints(seen, page, folder):
     space = seen[-1]
     heights = {load: curve.amplitude for load, curve in space["curves"].items()}
-    assert set(heights) == {50.0, 200.0} and all(np.isfinite(a).all() and (a > 0.0).all() for a in heights.values())
+    assert set(heights) == {50.0, 200.0} and all(
+        np.isfinite(a).all() and (a > 0.0).all() for a in heights.values()
+    )
     lowest = {load: a.min() for load, a in heights.items()}
     assert lowest[space["best"]] == min(lowest.values()) and lowest[50.0] != lowest[200.0]
     left = space["own"].static(4.0).normal_force["shroud"]
@@ -94,9 +113,13 @@ def accuracy(seen, page, folder):
     assert numbers(shown.groups()) == pytest.approx(100.0 * np.array(computed), rel=0.05)
     assert not cost.reached and cost.forecast.settings in " ".join(text.split())
     row = re.compile(r"^ *(translation X|contact points beyond 4|separation) +([+-][\d.]+) %", re.M)
-    shown, found = (dict(row.findall(text)) for text in (page.read_text(), seen[-1]["advice"].summary()))
+    shown, found = (
+        dict(row.findall(text)) for text in (page.read_text(), seen[-1]["advice"].summary())
+    )
     assert len(shown) == 3
-    assert [float(found[name]) for name in shown] == pytest.approx([float(v) for v in shown.values()], rel=0.02)
+    assert [float(found[name]) for name in shown] == pytest.approx(
+        [float(v) for v in shown.values()], rel=0.02
+    )
 
 
 def index(seen, page, folder):
@@ -114,7 +137,9 @@ FITTING = re.compile(r"^\| (\d+) N \| ([\d,]+) rpm, (\d+) Hz \| ([\d,]+) N \| ([
 def first_study(excitation):
     """The study of the first page with another amplitude (N)."""
     wave = bd.Excitation("tip", direction="tangential", amplitude=excitation)
-    return bd.Study(bd.reference_model("turbine_blade"), wave, engine_order=5, friction_coefficient=0.3)
+    return bd.Study(
+        bd.reference_model("turbine_blade"), wave, engine_order=5, friction_coefficient=0.3
+    )
 
 
 @pytest.mark.parametrize("number", [0, 1])
@@ -140,7 +165,11 @@ def test_recipe_from_preload_to_mass():
     exec(blocks(page)[0] + recipe, space)
     found, lowest = space["found"], space["lowest"]
     millimetres, factor, grams, speed, preload = numbers(
-        re.search(r"# ([\d.]+) mm, with ([\d.]+) times .*?# ([\d.]+) g, ([\d.]+) rad/s, ([\d,]+) N", recipe, re.S).groups()
+        re.search(
+            r"# ([\d.]+) mm, with ([\d.]+) times .*?# ([\d.]+) g, ([\d.]+) rad/s, ([\d,]+) N",
+            recipe,
+            re.S,
+        ).groups()
     )
     assert 0 < lowest < len(found) - 1, "the mass with the lowest amplitude is between others"
     assert found.points["damper_mass_factor"][lowest] == factor
@@ -148,7 +177,9 @@ def test_recipe_from_preload_to_mass():
     names = ("amplitude", "mass", "speed", "preload")
     assert shown == pytest.approx([found.array(name).flat[lowest] for name in names], rel=5e-3)
     damper = space["study"].model.bodies["damper"]
-    load = factor * damper.mass * np.hypot(*damper.centre[:2]) * found.array("speed").flat[lowest] ** 2
+    load = (
+        factor * damper.mass * np.hypot(*damper.centre[:2]) * found.array("speed").flat[lowest] ** 2
+    )
     assert preload == pytest.approx(load, rel=1e-3)
 
 
@@ -159,13 +190,20 @@ def test_optimal_preloads_of_the_first_page():
     per_newton = {}
     for row in FITTING.findall(page):
         excitation, *_, preload = numbers(row)
-        best = first_study(excitation).at_speed(rpm=8860).optimal_curve((1000, 10000), 8, check=False).optimum
+        best = (
+            first_study(excitation)
+            .at_speed(rpm=8860)
+            .optimal_curve((1000, 10000), 8, check=False)
+            .optimum
+        )
         assert preload == pytest.approx(best.preload, rel=0.01)
         per_newton[excitation] = best.preload / excitation
     one = first_study(1.0).at_speed(rpm=8860)
     with pytest.warns(bd.PlausibilityWarning, match="preload"):
         per_newton[1.0] = one.optimal_curve((90.0, 130.0), 3, check=False).optimum.preload
-    shown = re.search(r"are (\d+) and (\d+) N per newton, less than the (\d+) N of 1 N", page).groups()
+    shown = re.search(
+        r"are (\d+) and (\d+) N per newton, less than the (\d+) N of 1 N", page
+    ).groups()
     # the minimum at 1 N is flat
     assert numbers(shown) == pytest.approx(list(per_newton.values()), rel=0.02)
 
@@ -185,14 +223,25 @@ def test_the_readme_has_one_picture_and_one_short_example():
     readme = ROOT / "README.md"
     assert readme.read_text().count("![") == 1
     (code,) = blocks(readme)
-    assert len([line for line in code.splitlines() if line]) <= 9 and code in (DOCS / "index.md").read_text()
+    assert (
+        len([line for line in code.splitlines() if line]) <= 9
+        and code in (DOCS / "index.md").read_text()
+    )
 
 
 def test_errors_of_contact_points_are_those_measured():
-    page, measured = (DOCS / "accuracy.md").read_text(), (DOCS / "evidence" / "measured.md").read_text()
-    rows = {"contact_points": "unit tractions", "contact_points_residual": "six residual modes, points united"}
+    page, measured = (
+        (DOCS / "accuracy.md").read_text(),
+        (DOCS / "evidence" / "measured.md").read_text(),
+    )
+    rows = {
+        "contact_points": "unit tractions",
+        "contact_points_residual": "six residual modes, points united",
+    }
     for name, row in rows.items():
         table = re.search(rf"<!-- {name} -->.*?<!-- end -->", measured, re.S)[0]
         errors = {n: 100 * float(e) for n, e in re.findall(r"^\| (\d+) \| (\d\S+) \|", table, re.M)}
         shown = re.search(rf"^\| {row} \|.*192 points \| (.*) \|$", page, re.M)[1].split(" | ")
-        assert [float(e) for e in shown] == pytest.approx([errors[n] for n in ("9", "24", "48", "96")], rel=0.01)
+        assert [float(e) for e in shown] == pytest.approx(
+            [errors[n] for n in ("9", "24", "48", "96")], rel=0.01
+        )

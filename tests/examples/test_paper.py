@@ -104,8 +104,12 @@ def test_tracking(tmp_path):
     paper, converged = out["paper"][1], out["converged"][1]
     assert all(len(c.folds) >= 2 and c.peak.shares[2] > 0.1 for c in paper)
     assert [len(c.folds) >= 2 for c in converged] == [c.preload <= 2000.0 for c in converged]
-    alone = paper_disk.study(1, **{**bd.CIGEROGLU_2009, "separation": False})  # it is due to separation
-    assert not any(len(alone.frequency_response(c.preload, paper_disk.MODES[1].band).folds) for c in paper)
+    alone = paper_disk.study(
+        1, **{**bd.CIGEROGLU_2009, "separation": False}
+    )  # it is due to separation
+    assert not any(
+        len(alone.frequency_response(c.preload, paper_disk.MODES[1].band).folds) for c in paper
+    )
     # an unstable branch between two stable ones: the typical fold, in the words of the paper; beside it oscillations grow
     for curve in paper[1:]:
         assert len(curve.folds) == 2 and not curve.unstable[0] and not curve.unstable[-1]
@@ -143,7 +147,9 @@ def test_optimal_curves(tmp_path):
         # high preload: completely stuck
         assert curve.amplitude[-1] == pytest.approx(curve.stuck.amplitude, rel=1e-4)
     # the paper's approximations make the damper look three times worse in mode 1
-    assert converged[1].ratio == pytest.approx(15.0, rel=0.03) and converged[2].ratio == pytest.approx(5.2, rel=0.03)
+    assert converged[1].ratio == pytest.approx(15.0, rel=0.03) and converged[
+        2
+    ].ratio == pytest.approx(5.2, rel=0.03)
     # below 92 N no steady response is expected: the least value of mode 1 is not verified, and not shown as if it were
     assert converged[2].optimum.verified and not converged[1].optimum.verified
     assert converged[1].lowest_steady_preload == pytest.approx(92.0, rel=0.01)
@@ -152,8 +158,12 @@ def test_optimal_curves(tmp_path):
     # "damping at the second mode is more effective" (stuck over optimum): with the approximations of the paper only
     assert paper[2].ratio > paper[1].ratio and converged[2].ratio < converged[1].ratio
     # "the decrease in the free response amplitude is larger at the first mode": as a ratio not with these approximations
-    gain = [[c[m].free.amplitude / c[m].optimum.amplitude for c in (paper, converged)] for m in (1, 2)]
-    assert gain[0] == pytest.approx([4.5, 16.2], rel=0.02) and gain[1] == pytest.approx([5.6, 5.1], rel=0.02)
+    gain = [
+        [c[m].free.amplitude / c[m].optimum.amplitude for c in (paper, converged)] for m in (1, 2)
+    ]
+    assert gain[0] == pytest.approx([4.5, 16.2], rel=0.02) and gain[1] == pytest.approx(
+        [5.6, 5.1], rel=0.02
+    )
     # a damper that slips as a whole is no bound: mode 2 does better with the settings of the paper
     assert paper[2].ratio > out["macroslip_ratio"](paper[2])
     assert out["macroslip_ratio"](paper[2]) == pytest.approx(4.9, rel=0.01)
@@ -164,9 +174,17 @@ def test_optimal_curves(tmp_path):
 
 def test_tables_of_the_approximations_have_what_was_stored():
     """The three tables of docs/evidence/measured.md, each number of them."""
-    page = (EXAMPLES.parent / "docs" / "evidence" / "measured.md").read_text().split("## Approximations of the paper")[1]
+    page = (
+        (EXAMPLES.parent / "docs" / "evidence" / "measured.md")
+        .read_text()
+        .split("## Approximations of the paper")[1]
+    )
     stored = json.loads((EXAMPLES.parent / "benchmarks" / "results" / "paper.json").read_text())
-    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in page.splitlines() if line.startswith("| ")]
+    rows = [
+        [cell.strip() for cell in line.strip("|").split("|")]
+        for line in page.splitlines()
+        if line.startswith("| ")
+    ]
     seen = 0
 
     def microns(found: dict[str, Any]) -> str:
@@ -180,7 +198,11 @@ def test_tables_of_the_approximations_have_what_was_stored():
                 assert text == [f"{found['ratio']:.1f}", f"{found['shift']:.1f} %", optimum], name
                 seen += 1
         elif cells[0].isdigit():
-            kind, loads = ("ladder", bench_paper.PRELOADS) if len(cells) == 5 else ("rows", (100.0, 200.0, 1000.0))
+            kind, loads = (
+                ("ladder", bench_paper.PRELOADS)
+                if len(cells) == 5
+                else ("rows", (100.0, 200.0, 1000.0))
+            )
             for load, text in zip(loads, cells[1:], strict=True):
                 found = stored[f"{kind}/{name}/{cells[0]}/{load:g}"]
                 assert found["complete"] and text == microns(found), (name, cells)
@@ -199,7 +221,10 @@ def test_motion_in_time_has_what_three_harmonics_say():
     """A slow sweep in time reaches 46 to 49 um at 300 N, by the processor, as a blade beats: near three harmonics (52) and
     seven (51), far from one (90)."""
     swept = bench_paper.sweep({**bench_paper.OWN, "harmonics": 3})
-    one, three = (bench_paper.peak(bench_paper.SWEEP[0], {**bench_paper.OWN, **more}) for more in ({}, {"harmonics": 3}))
+    one, three = (
+        bench_paper.peak(bench_paper.SWEEP[0], {**bench_paper.OWN, **more})
+        for more in ({}, {"harmonics": 3})
+    )
     assert 0.85 < swept["amplitude"] / three["amplitude"] < 1.02
     assert one["amplitude"] > 1.7 * swept["amplitude"]
 
@@ -222,13 +247,21 @@ def test_higher_modes(tmp_path):
     # mode 3: below the optimum a higher peak that has parted from the curve is a lower bound, and a curve at it agrees
     best = out["optimal"][3][0].optimum
     assert best.kind == "unknown"
-    beside = paper_disk.study(3, **bd.CIGEROGLU_2009).frequency_response(best.preload, paper_disk.MODES[3].band)
+    beside = paper_disk.study(3, **bd.CIGEROGLU_2009).frequency_response(
+        best.preload, paper_disk.MODES[3].band
+    )
     assert beside.peak.amplitude == pytest.approx(best.amplitude, rel=2e-3)
     # the sign of the shift of mode 7 depends on the approximations
-    assert [c.stuck_shift_percent for c in out["optimal"][7]] == pytest.approx([-0.6, 0.24], abs=0.05)
+    assert [c.stuck_shift_percent for c in out["optimal"][7]] == pytest.approx(
+        [-0.6, 0.24], abs=0.05
+    )
     # the amplitude of mode 3 at 100 N is a quarter less converged
     assert converged[3][1].peak.amplitude < 0.8 * paper[3][1].peak.amplitude
-    names = [f"fig{k}_{kind}_mode_{mode}.png" for k, kind in ((10, "tracking"), (11, "optimal")) for mode in (3, 7)]
+    names = [
+        f"fig{k}_{kind}_mode_{mode}.png"
+        for k, kind in ((10, "tracking"), (11, "optimal"))
+        for mode in (3, 7)
+    ]
     assert_pictures(tmp_path, *names)
 
 
@@ -249,11 +282,15 @@ def test_rigid_body_motion(tmp_path):
         bias = np.abs(motion["modal_bias"])
         # low load: X and Y translation and Z rotation are the largest, but for the axial position, which nothing holds
         assert set(np.argsort(-np.delete(bias[0], 2))[:3]) == {0, 1, 4}
-        assert 2.6e-4 < abs(motion["bias"][0, 2]) < 2.9e-4  # m: it has walked to the clearance of 0.274 mm
+        assert (
+            2.6e-4 < abs(motion["bias"][0, 2]) < 2.9e-4
+        )  # m: it has walked to the clearance of 0.274 mm
         assert np.all(np.argmax(bias[-2:], axis=1) == 1)
     # metres: the translation of a body of this mass
     mass = bd.reference_model("paper_disk").bodies["damper"].mass
-    assert paper["vibratory"][:, 0] == pytest.approx(paper["modal_vibratory"][:, 0] / np.sqrt(mass), rel=1e-9)
+    assert paper["vibratory"][:, 0] == pytest.approx(
+        paper["modal_vibratory"][:, 0] / np.sqrt(mass), rel=1e-9
+    )
     assert_pictures(tmp_path, "fig12_rigid_motion_mean.png", "fig13_rigid_motion_vibration.png")
 
 
@@ -281,7 +318,9 @@ def test_rotation(tmp_path):
     opens = [[b.shares[:, 2].max() for _, b in pairs[:3]] for pairs in (paper, converged)]
     assert np.ravel(opens) == pytest.approx([0.36, 0.11, 0.02, 0.78, 0.65, 0.25], abs=0.006)
     # the paper's approximations exaggerate what rotation does
-    factors = [[a.peak.amplitude / b.peak.amplitude for a, b in pairs[:3]] for pairs in (paper, converged)]
+    factors = [
+        [a.peak.amplitude / b.peak.amplitude for a, b in pairs[:3]] for pairs in (paper, converged)
+    ]
     assert factors[0] == pytest.approx([8.0, 4.7, 2.0], rel=0.05)
     assert factors[1] == pytest.approx([1.5, 1.1, 1.5], rel=0.05)
     assert_pictures(tmp_path, "fig14_rotation.png")
@@ -316,7 +355,12 @@ def test_contact_points(tmp_path):
             share = state.share[state.rows(side)]
             slip = share[:, :, 1].max(axis=1)
             assert (slip == 0.0).any() and slip.max() > 0.05 and (share[:, 0, 2] > 0.1).any()
-    names = ("fig15_contact_points", "fig16_status_bars_paper", "fig16_status_maps_paper", "fig16_status_bars_converged")
+    names = (
+        "fig15_contact_points",
+        "fig16_status_bars_paper",
+        "fig16_status_maps_paper",
+        "fig16_status_bars_converged",
+    )
     assert_pictures(tmp_path, *(f"{name}.png" for name in names))
 
 
@@ -331,14 +375,18 @@ def test_blade_to_ground(tmp_path):
         least, most = {"uniform tractions": (0.032, 0.177), "residual modes": (0.090, 0.208)}[name]
         assert [change[:3].min(), change[:3].max()] == pytest.approx([least, most], abs=0.004)
         assert not any(len(c.folds) for c in single[3:] + multiple[3:])
-        assert change[3] == pytest.approx({"uniform tractions": 0.019, "residual modes": 0.0077}[name], rel=0.02)
+        assert change[3] == pytest.approx(
+            {"uniform tractions": 0.019, "residual modes": 0.0077}[name], rel=0.02
+        )
         assert change[3] > change[4] > change[5] and change[5] < 2e-3
     # where no point that is closed at rest opens there is no difference
     single, multiple = out["curves"]["uniform tractions"]
     assert not out["opens"]["uniform tractions"][-1]
     assert abs(out["differences"](single, multiple)[-1]) < 1e-6
     # the blade is that of the disk: the paper's 263 Hz free, 311 Hz on the ground
-    assert np.sqrt(out["model"].bodies["blade"].bases[0].omega2[0]) / (2.0 * np.pi) == pytest.approx(263.0, rel=0.01)
+    assert np.sqrt(out["model"].bodies["blade"].bases[0].omega2[0]) / (
+        2.0 * np.pi
+    ) == pytest.approx(263.0, rel=0.01)
     assert_pictures(tmp_path, "fig17_blade_to_ground.png", "fig18_blade_to_ground.png")
 
 
@@ -354,7 +402,9 @@ def test_test_rig(tmp_path):
     assert most.optimum.amplitude == pytest.approx(0.65 * rig.optimum.amplitude, rel=0.01)
     assert most.optimum.preload == pytest.approx(38.8, rel=0.01)
     # converged no steady response is expected where these optima lie
-    assert not converged.optimum.verified and converged.lowest_steady_preload == pytest.approx(2435.0, rel=0.01)
+    assert not converged.optimum.verified and converged.lowest_steady_preload == pytest.approx(
+        2435.0, rel=0.01
+    )
     # where the bladed disk is locked, the rig slips
     ratio, slip = out["at_normalised_load"](rig, 100.0)
     assert ratio < 0.9 and slip > 0.02
@@ -363,6 +413,13 @@ def test_test_rig(tmp_path):
     assert ratio == pytest.approx(1.0, abs=1e-6) and slip == 0.0
     # the frequency rises with the load, to the stuck one
     shift = rig.shift_percent[np.isfinite(rig.shift_percent)]
-    assert np.all(np.diff(shift) > -0.3) and shift[-1] == pytest.approx(rig.stuck_shift_percent, abs=0.05)
-    names = ("fig19_test_rig", "fig20_test_rig", "fig21_frequency_shift", "fig22_normalised_optimal_curve")
+    assert np.all(np.diff(shift) > -0.3) and shift[-1] == pytest.approx(
+        rig.stuck_shift_percent, abs=0.05
+    )
+    names = (
+        "fig19_test_rig",
+        "fig20_test_rig",
+        "fig21_frequency_shift",
+        "fig22_normalised_optimal_curve",
+    )
     assert_pictures(tmp_path, *(f"{name}.png" for name in names))

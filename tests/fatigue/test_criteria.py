@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from bdamper.fatigue import AISI_1050, Material
-from bdamper.fatigue.criteria import amplitude_and_mean, angles, findley, largest_von_mises, smallest_circle, von_mises
+from bdamper.fatigue.criteria import (
+    amplitude_and_mean,
+    angles,
+    findley,
+    largest_von_mises,
+    smallest_circle,
+    von_mises,
+)
 from bdamper.util.errors import SettingError
 
 STEEL = Material(300e6, 900e6, 800e6)
@@ -19,7 +26,9 @@ def cycle(mean, *harmonics):
 
 def random_cycles(n, n_harmonics):
     rng = np.random.default_rng(3)
-    c = rng.standard_normal((n, 6, n_harmonics + 1)) + 1j * rng.standard_normal((n, 6, n_harmonics + 1))
+    c = rng.standard_normal((n, 6, n_harmonics + 1)) + 1j * rng.standard_normal(
+        (n, 6, n_harmonics + 1)
+    )
     c[..., 0] = c[..., 0].real
     return c / (1.0 + np.arange(n_harmonics + 1)) ** 2
 
@@ -62,7 +71,9 @@ def test_amplitudes_do_not_depend_on_axes():
     rotation *= np.linalg.det(rotation)
     for a, b in zip(amplitude_and_mean(c), amplitude_and_mean(turned(c, rotation))):
         np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12)
-    np.testing.assert_allclose(findley(c[:2], 0.3), findley(turned(c[:2], rotation), 0.3), rtol=1e-4)
+    np.testing.assert_allclose(
+        findley(c[:2], 0.3), findley(turned(c[:2], rotation), 0.3), rtol=1e-4
+    )
 
 
 def test_amplitudes_do_not_depend_on_when_the_cycle_starts():
@@ -76,7 +87,9 @@ def test_amplitudes_do_not_depend_on_when_the_cycle_starts():
 def test_von_mises_amplitude_is_no_less_than_of_any_two_instants():
     c = random_cycles(5, 3)
     theta = np.linspace(0.0, 2.0 * np.pi, 240, endpoint=False) + 0.01
-    path = np.einsum("nil,lt->nit", c, np.exp(1j * np.arange(4)[:, None] * theta)).real.transpose(0, 2, 1)
+    path = np.einsum("nil,lt->nit", c, np.exp(1j * np.arange(4)[:, None] * theta)).real.transpose(
+        0, 2, 1
+    )
     pairs = 0.5 * von_mises(path[:, :, None] - path[:, None]).reshape(5, -1).max(axis=1)
     amplitude = amplitude_and_mean(c).amplitude
     assert (amplitude >= pairs).all() and (amplitude < 1.001 * pairs).all()
@@ -87,14 +100,17 @@ def test_smallest_circle_of_an_obtuse_and_an_acute_triangle_and_an_ellipse():
     obtuse = np.array([[0.0, 0.0], [4.0, 0.0], [2.0, 0.5]])
     acute = np.array([[0.0, 0.0], [4.0, 0.0], [2.0, 3.0]])
     theta = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
-    np.testing.assert_allclose(smallest_circle(np.stack([obtuse, acute])), [2.0, 13.0 / 6.0], rtol=1e-12)
+    np.testing.assert_allclose(
+        smallest_circle(np.stack([obtuse, acute])), [2.0, 13.0 / 6.0], rtol=1e-12
+    )
     ellipse = np.stack([3.0 * np.cos(theta), np.sin(theta + 0.2)], axis=-1)[None]
     long = np.linalg.svd([[3.0, 0.0], [np.sin(0.2), np.cos(0.2)]])[1][0]
     np.testing.assert_allclose(smallest_circle(ellipse), long, rtol=2e-3)
 
 
 @pytest.mark.parametrize(
-    ("line", "both", "alone"), [("goodman", 1.6667, 2.5), ("soderberg", 1.5584, 2.3438), ("gerber", 2.0311, 3.3333)]
+    ("line", "both", "alone"),
+    [("goodman", 1.6667, 2.5), ("soderberg", 1.5584, 2.3438), ("gerber", 2.0311, 3.3333)],
 )
 def test_factors_are_those_of_the_closed_forms(line, both, alone):
     assert STEEL.factor(80e6, 300e6, line, "both") == pytest.approx(both, abs=5e-5)
@@ -116,7 +132,9 @@ def test_the_limit_of_findley_is_that_of_the_endurance_limit():
 
 
 def test_a_material_is_refused_where_it_cannot_be():
-    with pytest.raises(SettingError, match="yield_strength: expected at most the ultimate strength"):
+    with pytest.raises(
+        SettingError, match="yield_strength: expected at most the ultimate strength"
+    ):
         Material(100e6, 300e6, 400e6)
     with pytest.raises(SettingError, match="endurance_limit"):
         Material(0.0, 300e6, 200e6)

@@ -60,8 +60,12 @@ def test_margins_of_a_peak(study, peak):
     assert isinstance(margins, Margins) and len(margins) == 3 and margins.names[0] == "root point 1"
     np.testing.assert_allclose(margins.amplitude, cycle.amplitude_and_mean().amplitude)
     np.testing.assert_allclose(margins.factor, AISI_1050.factor(margins.amplitude, margins.mean))
-    assert margins.critical != 2 and margins.least == margins.factor[:2].min()  # the last is next to a contact
-    assert margins.speed == pytest.approx(2.0 * np.pi * peak.frequency / study.settings.engine_order)
+    assert (
+        margins.critical != 2 and margins.least == margins.factor[:2].min()
+    )  # the last is next to a contact
+    assert margins.speed == pytest.approx(
+        2.0 * np.pi * peak.frequency / study.settings.engine_order
+    )
     assert any("contact faces" in warning for warning in margins.warnings)
     again = study.margin(cycle, AISI_1050)
     np.testing.assert_array_equal(again.factor, margins.factor)
@@ -75,10 +79,14 @@ def test_a_table_that_is_cut_keeps_the_worst_points_and_counts_the_others():
     lines = str(cycle).split("\n")
     table = [line for line in lines if "root " in line and "MPa" not in line]
     high = np.argsort(-np.where(cycle.counted, cycle.amplitude, -1.0))[:8]
-    assert [line.split("root point ")[1].split()[0] for line in table] == [cycle.names[i].split()[2] for i in high]
+    assert [line.split("root point ")[1].split()[0] for line in table] == [
+        cycle.names[i].split()[2] for i in high
+    ]
     assert lines[-1] == "  2 further rows; summary() has the rest"
     factors = ten.margin(cycle, AISI_1050)
-    first = next(line for line in factors.summary().split("\n") if "root" in line and "Least" not in line)
+    first = next(
+        line for line in factors.summary().split("\n") if "root" in line and "Least" not in line
+    )
     assert f" {factors.names[factors.critical]} " in f"{first} "
 
 
@@ -88,13 +96,24 @@ def test_what_a_blade_keeps_scales_the_vibration(study, peak):
     plain, scaled = study.margin(peak, AISI_1050), study.margin(peak, AISI_1050, time_response=kept)
     np.testing.assert_allclose(scaled.amplitude, 1.2 * plain.amplitude)
     np.testing.assert_allclose(scaled.mean, plain.mean)
-    assert scaled.least == pytest.approx(plain.least / 1.2) and "Vibration scaled by 1.2" in scaled._headline()
+    assert (
+        scaled.least == pytest.approx(plain.least / 1.2)
+        and "Vibration scaled by 1.2" in scaled._headline()
+    )
     assert not any("the amplitude in time" in note for note in scaled.notes)
     cut = study.margin(peak, AISI_1050, time_response=replace(kept, status="interrupted"))
-    assert "the amplitude in time is interrupted" in cut.notes and "in time is interrupted." in cut._headline()
-    printed = study.margin(peak, AISI_1050, time_response=replace(kept, preload=199.51))  # three digits were typed
+    assert (
+        "the amplitude in time is interrupted" in cut.notes
+        and "in time is interrupted." in cut._headline()
+    )
+    printed = study.margin(
+        peak, AISI_1050, time_response=replace(kept, preload=199.51)
+    )  # three digits were typed
     assert printed.least == scaled.least
-    with pytest.raises(SettingError, match=r"^time_response: expected a time integration at 200 N, found .* at 100 N"):
+    with pytest.raises(
+        SettingError,
+        match=r"^time_response: expected a time integration at 200 N, found .* at 100 N",
+    ):
         study.margin(peak, AISI_1050, time_response=replace(kept, preload=100.0))
     with pytest.raises(SettingError, match=r"found .* at 202 N"):
         study.margin(peak, AISI_1050, time_response=replace(kept, preload=202.0))
@@ -103,7 +122,9 @@ def test_what_a_blade_keeps_scales_the_vibration(study, peak):
 def test_all_harmonics_count(study, peak):
     cycle = study.stress(peak)
     theta = np.array([0.3, 2.0])
-    expected = sum((cycle.coefficients[..., l, None] * np.exp(1j * l * theta)).real for l in range(4))
+    expected = sum(
+        (cycle.coefficients[..., l, None] * np.exp(1j * l * theta)).real for l in range(4)
+    )
     np.testing.assert_allclose(cycle.over_cycle(theta), expected, rtol=1e-12)
     assert np.abs(cycle.coefficients[..., 3]).max() > 0.0
 
@@ -112,13 +133,18 @@ def test_along_a_curve_the_margin_is_that_of_each_point_and_continuous_over_fold
     margins = study.margin(curve, AISI_1050)
     assert isinstance(margins, MarginCurve) and len(margins) == len(curve)
     for i in (0, len(curve) // 2):
-        assert study.margin(curve, AISI_1050, i).least == pytest.approx(margins.margin[i], rel=1e-12)
+        assert study.margin(curve, AISI_1050, i).least == pytest.approx(
+            margins.margin[i], rel=1e-12
+        )
     # the amplitude is a seminorm of the stress: it cannot jump where the solution does not
     cycles = np.array([study.stress(curve, i).coefficients for i in range(0, len(curve), 5)])
     change = amplitude_and_mean(np.diff(cycles, axis=0).reshape(-1, 6, 4)).amplitude.reshape(-1, 3)
     apart = np.abs(np.diff(margins.amplitude[::5], axis=0))
     assert (apart <= change * (1.0 + 1e-9)).all() and apart.max() > 0.3 * change.max()
-    assert len(curve.folds) and margins.margin[int(curve.amplitude.argmax())] < 2.0 * margins.margin.min()
+    assert (
+        len(curve.folds)
+        and margins.margin[int(curve.amplitude.argmax())] < 2.0 * margins.margin.min()
+    )
 
 
 def test_a_free_curve_has_the_stress_of_all_modes_under_the_excitation_alone(study):
@@ -128,11 +154,15 @@ def test_a_free_curve_has_the_stress_of_all_modes_under_the_excitation_alone(stu
     w, cycle = 2.0 * np.pi * free.frequency[i], study.stress(free, i)
     dynamic = basis.omega2 - w**2 + 2j * basis.damping_ratio * np.sqrt(basis.omega2) * w
     expected = root.modes[5] @ (2.0 * basis.locations["tip"][0].conj() / dynamic)
-    np.testing.assert_allclose(cycle.coefficients[..., 1], expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+    np.testing.assert_allclose(
+        cycle.coefficients[..., 1], expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max()
+    )
     np.testing.assert_allclose(cycle.coefficients[..., 0], cycle.speed**2 * root.static, rtol=1e-12)
     along, one = study.margin(free, AISI_1050), study.margin(free, AISI_1050, i)
     assert along.margin[i] == pytest.approx(one.least, rel=1e-12)
-    assert not [note for note in one.notes if "preload" in note]  # the centrifugal stress is that without dampers
+    assert not [
+        note for note in one.notes if "preload" in note
+    ]  # the centrifugal stress is that without dampers
     gauge = study.gauge_stress(free, "root point 1", (1.0, 0.0, 0.0))
     np.testing.assert_allclose(gauge[i], cycle.coefficients[0, 0], rtol=1e-12)
 
@@ -140,7 +170,10 @@ def test_a_free_curve_has_the_stress_of_all_modes_under_the_excitation_alone(stu
 def test_a_stuck_curve_has_the_stress_of_a_bonded_contact(study):
     """By the equations of that law; linear in the excitation, the same for all coefficients of friction."""
     bonded = study.replace(friction_law="bonded", constraint_planes=False)
-    limit, peak = (bonded.stress(x) for x in (bonded.stuck((200.0, 400.0), 200.0), bonded.peak(200.0, (200.0, 400.0))))
+    limit, peak = (
+        bonded.stress(x)
+        for x in (bonded.stuck((200.0, 400.0), 200.0), bonded.peak(200.0, (200.0, 400.0)))
+    )
     tiny = 1e-6 * np.abs(peak.coefficients[..., 1:]).max()
     # a maximum found from its values is known to the square root of the rounding, and the phase turns fast there
     one, other = limit.coefficients[..., 1:], peak.coefficients[..., 1:]
@@ -158,21 +191,33 @@ def test_a_stuck_curve_has_the_stress_of_a_bonded_contact(study):
         np.testing.assert_allclose(there, factor * own, rtol=1e-6, atol=1e-6 * np.abs(own).max())
     resting = study.replace(bias=False)
     still = resting.stress(resting.peak(200.0), speed=0.0).coefficients[..., 0]
-    np.testing.assert_allclose(study.stress(stuck, speed=0.0).coefficients[..., 0], still, rtol=1e-9)
+    np.testing.assert_allclose(
+        study.stress(stuck, speed=0.0).coefficients[..., 0], still, rtol=1e-9
+    )
 
 
 def test_linear_limits_are_refused_where_the_contact_law_is_evaluated(study):
     """A peak does not say that it belongs to a limit, but it does not solve the equations."""
     for limit in (study.free((200.0, 400.0)), study.stuck((200.0, 400.0))):
-        with pytest.raises(SettingError, match=rf"^plot_contacts: expected a response .*, found a {limit.kind} curve"):
+        with pytest.raises(
+            SettingError,
+            match=rf"^plot_contacts: expected a response .*, found a {limit.kind} curve",
+        ):
             limit.plot_contacts(study)
-        for refuses in (study.margin, study.stress, study.hysteresis, lambda peak, *_: peak.plot_contacts(study)):
+        for refuses in (
+            study.margin,
+            study.stress,
+            study.hysteresis,
+            lambda peak, *_: peak.plot_contacts(study),
+        ):
             with pytest.raises(SettingError, match="found a free or stuck limit"):
                 refuses(limit.peak, *([AISI_1050] if refuses == study.margin else []))
 
 
 def test_more_speed_leaves_less_margin_and_a_mean_beyond_the_strength_none(study, peak):
-    slow, fast, broken = (study.margin(peak, AISI_1050, speed=speed) for speed in (0.0, 300.0, 3000.0))
+    slow, fast, broken = (
+        study.margin(peak, AISI_1050, speed=speed) for speed in (0.0, 300.0, 3000.0)
+    )
     assert slow.least > fast.least > broken.least == 0.0 and broken.yields
     assert any("yields in the first cycle" in warning for warning in broken.warnings)
 
@@ -190,7 +235,10 @@ def test_points_beside_contact_faces_do_not_count(study):
     def with_root(**changes):
         return study.replace(model=replace(study.model, stress={"root": replace(root, **changes)}))
 
-    rows = {name: {d: scale * x for d, x in getattr(root, name).items()} for name in ("modes", "contact")}
+    rows = {
+        name: {d: scale * x for d, x in getattr(root, name).items()}
+        for name in ("modes", "contact")
+    }
     loud = with_root(**rows)
     own, louder = (of.margin(of.peak(200.0), AISI_1050) for of in (study, loud))
     assert louder.factor[2] < 0.1 * louder.least and louder.critical != 2
@@ -200,7 +248,9 @@ def test_points_beside_contact_faces_do_not_count(study):
     np.testing.assert_array_equal(along.margin, along.factor[:, :2].min(axis=1))
     beside = with_root(near_contact=np.ones(3, bool))
     for result in (beside.peak(200.0), beside.frequency_response(200.0, (285.0, 300.0))):
-        with pytest.raises(SettingError, match=r"^margin: expected points away from contact faces, found none"):
+        with pytest.raises(
+            SettingError, match=r"^margin: expected points away from contact faces, found none"
+        ):
             beside.margin(result, AISI_1050)
 
 
@@ -210,24 +260,42 @@ def test_the_headline_says_what_makes_the_least_margin_doubtful(study):
 
     def printed(**changes):
         other = one.replace(model=replace(one.model, stress={"root": replace(root, **changes)}))
-        peak, curve = other.peak(200.0, (285.0, 400.0)), other.frequency_response(200.0, (350.0, 375.0))
+        peak, curve = (
+            other.peak(200.0, (285.0, 400.0)),
+            other.frequency_response(200.0, (350.0, 375.0)),
+        )
         return [other.margin(result, AISI_1050) for result in (peak, curve)]
 
     plain = printed(near_contact=None)
     for margins in plain:
         assert "Elements" not in margins._headline() and "Left out" not in margins._headline()
     factor, critical = plain[0].factor, plain[0].critical
-    numbered = {"nodes": np.array([215, 7, 88]), "spread": np.where(np.arange(3) == critical, 0.597, 0.1)}
+    numbered = {
+        "nodes": np.array([215, 7, 88]),
+        "spread": np.where(np.arange(3) == critical, 0.597, 0.1),
+    }
     name = f"root node {numbered['nodes'][critical]}"
-    doubt = f" Elements at {name} differ by 59.7 %: its stress may not have converged with the mesh."
+    doubt = (
+        f" Elements at {name} differ by 59.7 %: its stress may not have converged with the mesh."
+    )
     for margins in printed(near_contact=None, **numbered):
-        assert doubt in margins._headline() and any(at in margins._headline() for at in (f"Least at {name}, ", f"({name})"))
+        assert doubt in margins._headline() and any(
+            at in margins._headline() for at in (f"Least at {name}, ", f"({name})")
+        )
     largest = np.arange(3) == factor.argmax()
-    for margins in printed(near_contact=largest, spread=0.9 * largest):  # neither concerns the least margin
+    for margins in printed(
+        near_contact=largest, spread=0.9 * largest
+    ):  # neither concerns the least margin
         assert "differ" not in margins._headline() and "Left out" not in margins._headline()
         assert "left out: 1 point on or next to contact faces" in margins.notes
-    in_time = replace(plain[0], notes=("vibration scaled by 1.2", doubt.strip()[:-1].replace("E", "e"), *margins.notes))
-    assert f"in time, vibration scaled by 1.2;{doubt.replace('E', 'e')}" in replace(margins, in_time=(in_time,))._headline()
+    in_time = replace(
+        plain[0],
+        notes=("vibration scaled by 1.2", doubt.strip()[:-1].replace("E", "e"), *margins.notes),
+    )
+    assert (
+        f"in time, vibration scaled by 1.2;{doubt.replace('E', 'e')}"
+        in replace(margins, in_time=(in_time,))._headline()
+    )
     for margins in printed(near_contact=np.arange(3) == critical):
         text = " Left out: 1 point on or next to contact faces, 1 of them with a smaller factor."
         assert text in margins._headline()
@@ -235,10 +303,14 @@ def test_the_headline_says_what_makes_the_least_margin_doubtful(study):
 
 def test_a_curve_without_any_margin_says_so(study, curve, tmp_path):
     none = replace(study.margin(curve, AISI_1050), margin=np.full(len(curve), np.nan))
-    assert "found at any" in str(none) and not any("margin" in fact.name for fact in none._facts() if fact.known)
+    assert "found at any" in str(none) and not any(
+        "margin" in fact.name for fact in none._facts() if fact.known
+    )
     assert none._headline().startswith("No margin against fatigue was found at any of")
     for place in ("least", "greatest"):
-        with pytest.raises(BdamperError, match=f"^no margin found at any of {len(curve)} values of frequency$"):
+        with pytest.raises(
+            BdamperError, match=f"^no margin found at any of {len(curve)} values of frequency$"
+        ):
             getattr(none, place)
     none.plot()
     none.save(tmp_path / "none.h5")
@@ -258,19 +330,30 @@ def test_what_cannot_be_asked_is_said(study, peak, curve):
         study.stress(curve, len(curve))
     with pytest.raises(SettingError, match="material"):
         study.margin(peak, 300e6)
-    with pytest.raises(SettingError, match="at the rotor speed of this study, 300 rad/s, found none"):
+    with pytest.raises(
+        SettingError, match="at the rotor speed of this study, 300 rad/s, found none"
+    ):
         study.at_speed(300.0).margin(curve, AISI_1050)
     one = study.replace(harmonics=1)
     turning = one.at_speed(300.0).peak(200.0)
     assert one.at_speed(300.0).margin(turning, AISI_1050).speed == 300.0
-    with pytest.raises(SettingError, match="at the rotor speed of this study, 310 rad/s, found 300 rad/s"):
+    with pytest.raises(
+        SettingError, match="at the rotor speed of this study, 310 rad/s, found 300 rad/s"
+    ):
         one.at_speed(310.0).margin(turning, AISI_1050)
-    with pytest.raises(SettingError, match="expected a result of this study, found friction_coefficient = "):
+    with pytest.raises(
+        SettingError, match="expected a result of this study, found friction_coefficient = "
+    ):
         study.replace(friction_coefficient=0.2).margin(peak, AISI_1050)
-    with pytest.raises(SettingError, match="expected a result of this study's model, found a result of another model"):
+    with pytest.raises(
+        SettingError,
+        match="expected a result of this study's model, found a result of another model",
+    ):
         study.replace(model=with_stress(study.model, seed=1)).margin(peak, AISI_1050)
     bare = one.replace(model=replace(one.model, stress={})).peak(200.0)
-    assert one.margin(bare, AISI_1050).least == pytest.approx(one.margin(one.peak(200.0), AISI_1050).least, rel=1e-9)
+    assert one.margin(bare, AISI_1050).least == pytest.approx(
+        one.margin(one.peak(200.0), AISI_1050).least, rel=1e-9
+    )
 
 
 @pytest.mark.parametrize("settings", [{}, {"separation": False}, {"variable_normal_load": False}])
@@ -280,4 +363,6 @@ def test_contact_forces_are_those_of_the_equations_in_the_axes_of_the_model(stud
     force = np.random.default_rng(1).standard_normal((system.n_points, 3))
     in_equations = np.einsum("pdm,pd->m", system.structure.bases[1].G.conj(), force)
     there = np.einsum("pdk,pd->k", _contact_axes(other.problem, 200.0), force).reshape(-1, 3)
-    np.testing.assert_allclose(np.einsum("pdm,pd->m", other.problem.bases[1].G.conj(), there), in_equations, rtol=1e-9)
+    np.testing.assert_allclose(
+        np.einsum("pdm,pd->m", other.problem.bases[1].G.conj(), there), in_equations, rtol=1e-9
+    )

@@ -48,7 +48,9 @@ def sector_and_faces():
     body = discretise(join_blocks(ring_block(0)), Material())
     angle = np.arctan2(body.nodes[:, 0], body.nodes[:, 1])
     on = np.hypot(body.nodes[:, 0], body.nodes[:, 1]) < 1.0 + 1e-9
-    return body, *(np.flatnonzero(on & (np.abs(angle - side * np.pi / N) < 1e-9)) for side in (-1, 1))
+    return body, *(
+        np.flatnonzero(on & (np.abs(angle - side * np.pi / N) < 1e-9)) for side in (-1, 1)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +62,9 @@ def sector():
 def test_full_ring_has_the_same_frequencies(ring, sector):
     body, free = ring
     full = scipy.linalg.eigh(
-        body.stiffness[free][:, free].toarray(), body.mass[free][:, free].toarray(), eigvals_only=True
+        body.stiffness[free][:, free].toarray(),
+        body.mass[free][:, free].toarray(),
+        eigvals_only=True,
     )
     waves = []
     for d in range(N):
@@ -145,7 +149,9 @@ def slender_sector():
     body = discretise(join_blocks([hub, *needle]), Material())
     angle = np.arctan2(body.nodes[:, 0], body.nodes[:, 1])
     on = np.hypot(body.nodes[:, 0], body.nodes[:, 1]) < 1.0 + 1e-9
-    left, right = (np.flatnonzero(on & (np.abs(angle - side * np.pi / N) < 1e-9)) for side in (-1, 1))
+    left, right = (
+        np.flatnonzero(on & (np.abs(angle - side * np.pi / N) < 1e-9)) for side in (-1, 1)
+    )
     return body, match_faces(body.nodes, left, right, N), clamped_nodes(body)
 
 

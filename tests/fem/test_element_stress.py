@@ -8,7 +8,14 @@ from scipy.sparse.linalg import spsolve
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
-from bdamper.fem.element_stress import Solids, _places, element_rows, in_reference_order, node_average, von_mises_size
+from bdamper.fem.element_stress import (
+    Solids,
+    _places,
+    element_rows,
+    in_reference_order,
+    node_average,
+    von_mises_size,
+)
 from bdamper.importers.abaqus import read_calculix, read_frd, read_frd_stress
 from bdamper.util.errors import ModelError
 from examples.calculix.decks import run_job
@@ -24,7 +31,11 @@ def block(kind):
     axes = [np.linspace(0.0, length, n + 1) for length, n in zip(SIZE, (3, 2, 4))]
     x = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
     s = np.sin(np.pi * x / SIZE)
-    bent = [s[..., 1] * s[..., 2] * np.cos(x[..., 0]), 0.5 * s[..., 0] * s[..., 2], 0.7 * s[..., 0] * s[..., 1]]
+    bent = [
+        s[..., 1] * s[..., 2] * np.cos(x[..., 0]),
+        0.5 * s[..., 0] * s[..., 2],
+        0.7 * s[..., 0] * s[..., 1],
+    ]
     x = x + 0.6 * np.stack(bent, axis=-1)
     number = np.arange(x[..., 0].size).reshape(x.shape[:3])
     ends = [(a, b, c) for c in (0, 1) for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))]
@@ -32,7 +43,9 @@ def block(kind):
     return of_kind(kind, x.reshape(-1, 3), np.stack(corners, axis=1))
 
 
-@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "C3D8I"])  # CalculiX' own fails the patch test
+@pytest.mark.parametrize(
+    "kind", [kind for kind in KINDS if kind != "C3D8I"]
+)  # CalculiX' own fails the patch test
 def test_uniform_strain_is_exact(kind):
     nodes, elements = block(kind)
     gradient = np.array([[1.0, 0.2, 0.3], [-0.1, 2.0, 0.4], [0.5, 0.6, -1.0]]) * 1e-3
@@ -41,7 +54,9 @@ def test_uniform_strain_is_exact(kind):
     stress = 2e5 * 0.3 / (1.3 * 0.4) * np.trace(strain) * np.eye(3) + 2e5 / 1.3 * strain
     expected = stress[[0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2]]
     found = (rows @ (nodes @ gradient.T).ravel()).reshape(-1, 6)
-    np.testing.assert_allclose(found, np.tile(expected, (len(owner), 1)), rtol=1e-9, atol=1e-9 * stress.max())
+    np.testing.assert_allclose(
+        found, np.tile(expected, (len(owner), 1)), rtol=1e-9, atol=1e-9 * stress.max()
+    )
     assert len(owner) == elements.size
 
 
@@ -49,8 +64,12 @@ def test_uniform_strain_is_exact(kind):
 def test_middle_nodes_are_found_in_any_order(kind):
     nodes, elements = block(kind)
     n_corner = {4: 4, 10: 4, 6: 6, 15: 6, 8: 8, 20: 8}[elements.shape[1]]
-    mixed = np.hstack([elements[:, :n_corner], np.random.default_rng(0).permuted(elements[:, n_corner:], axis=1)])
-    np.testing.assert_array_equal(in_reference_order(mixed, nodes), in_reference_order(elements, nodes))
+    mixed = np.hstack(
+        [elements[:, :n_corner], np.random.default_rng(0).permuted(elements[:, n_corner:], axis=1)]
+    )
+    np.testing.assert_array_equal(
+        in_reference_order(mixed, nodes), in_reference_order(elements, nodes)
+    )
 
 
 def test_wedge_of_second_order_has_its_own_functions():
@@ -70,17 +89,26 @@ def test_a_missing_middle_node_is_named():
     nodes, elements = block("C3D10")
     wrong = elements.copy()
     wrong[:, 4] = wrong[:, 0]
-    with pytest.raises(ValueError, match="no node between two corners of an element of second order"):
+    with pytest.raises(
+        ValueError, match="no node between two corners of an element of second order"
+    ):
         in_reference_order(wrong, nodes)
 
 
 def solved(kind, folder):
     """Displacement and nodal stress of a block in CalculiX, held at one end, pulled and bent at the other."""
     nodes, elements = block(kind)
-    ends = {name: np.flatnonzero(np.abs(nodes[:, 2] - z) < 1e-9) for name, z in (("ROOT", 0.0), ("TIP", SIZE[2]))}
+    ends = {
+        name: np.flatnonzero(np.abs(nodes[:, 2] - z) < 1e-9)
+        for name, z in (("ROOT", 0.0), ("TIP", SIZE[2]))
+    }
     steps = ["*BOUNDARY", "ROOT, 1, 3", "*STEP", "*STATIC", "*CLOAD", "TIP, 1, 10.", "TIP, 3, 25."]
     output = ["*NODE FILE", "U", "*EL FILE", "S", "*EL PRINT, ELSET=BODY", "S", "*END STEP", ""]
-    run_job("\n".join([deck(kind, nodes, elements, 2.1e5, 0.3, 7.8e-9, ends), *steps, *output]), folder, "job")
+    run_job(
+        "\n".join([deck(kind, nodes, elements, 2.1e5, 0.3, 7.8e-9, ends), *steps, *output]),
+        folder,
+        "job",
+    )
     moved = read_frd(folder / "job.frd").modes[0]
     assert np.array_equal(moved.numbers, 1 + np.arange(len(nodes)))
     return nodes, elements, moved.shapes[:, :, 0].real, read_frd_stress(folder / "job.frd")[0][1]
@@ -93,7 +121,9 @@ def test_stress_is_that_of_calculix(kind, tmp_path):
     nodes, elements, moved, theirs = solved(kind, tmp_path)
     rows, owner = element_rows([Solids(kind, elements, 2.1e5, 0.3)], nodes, np.arange(len(nodes)))
     ours = (node_average(owner, len(nodes)) @ (rows @ moved.ravel())).reshape(-1, 6)
-    assert von_mises_size(ours - theirs).max() < 5e-4 * von_mises_size(theirs).max()  # six digits of its displacements
+    assert (
+        von_mises_size(ours - theirs).max() < 5e-4 * von_mises_size(theirs).max()
+    )  # six digits of its displacements
 
 
 @pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) is not installed")
@@ -101,10 +131,14 @@ def test_stress_of_wedges_of_first_order_is_that_of_calculix_at_its_points(tmp_p
     """CalculiX 2.20 gives the values of the upper point to every second node; at the points themselves it is right."""
     nodes, elements, moved, _ = solved("C3D6", tmp_path)
     words = [line.split() for line in (tmp_path / "job.dat").read_text().splitlines()]
-    table = np.array([[float(w) for w in line[2:]] for line in words if len(line) == 8 and line[0].isdigit()])
+    table = np.array(
+        [[float(w) for w in line[2:]] for line in words if len(line) == 8 and line[0].isdigit()]
+    )
     theirs = table.reshape(len(elements), 2, 6).mean(axis=1)[:, [0, 1, 2, 3, 5, 4]]
     rows, _ = element_rows([Solids("C3D6R", elements, 2.1e5, 0.3)], nodes, np.arange(len(nodes)))
-    ours = (rows @ moved.ravel()).reshape(len(elements), 6, 6).mean(axis=1)  # over the nodes of each element
+    ours = (
+        (rows @ moved.ravel()).reshape(len(elements), 6, 6).mean(axis=1)
+    )  # over the nodes of each element
     assert von_mises_size(ours - theirs).max() < 5e-4 * von_mises_size(theirs).max()
 
 
@@ -112,16 +146,33 @@ def test_stress_of_wedges_of_first_order_is_that_of_calculix_at_its_points(tmp_p
 def test_internal_nodes_of_incompatible_elements_are_condensed(tmp_path):
     """The displacement of a static run is that of the matrices that CalculiX writes with nine more rows an element."""
     nodes, elements, moved, _ = solved("C3D8I", tmp_path)
-    ends = {name: np.flatnonzero(np.abs(nodes[:, 2] - z) < 1e-9) for name, z in (("ROOT", 0.0), ("TIP", SIZE[2]))}
-    steps = ["*BOUNDARY", "ROOT, 1, 3", "*STEP", "*FREQUENCY, SOLVER=MATRIXSTORAGE", "6,", "*END STEP", ""]
-    run_job("\n".join([deck("C3D8I", nodes, elements, 2.1e5, 0.3, 7.8e-9, ends), *steps]), tmp_path, "matrices")
+    ends = {
+        name: np.flatnonzero(np.abs(nodes[:, 2] - z) < 1e-9)
+        for name, z in (("ROOT", 0.0), ("TIP", SIZE[2]))
+    }
+    steps = [
+        "*BOUNDARY",
+        "ROOT, 1, 3",
+        "*STEP",
+        "*FREQUENCY, SOLVER=MATRIXSTORAGE",
+        "6,",
+        "*END STEP",
+        "",
+    ]
+    run_job(
+        "\n".join([deck("C3D8I", nodes, elements, 2.1e5, 0.3, 7.8e-9, ends), *steps]),
+        tmp_path,
+        "matrices",
+    )
     body = read_calculix(tmp_path / "matrices")
     assert body.stiffness.shape == (3 * (len(nodes) - len(ends["ROOT"])),) * 2
     force = np.zeros((len(nodes), 3))
     force[ends["TIP"]] = 10.0, 0.0, 25.0
     rows = 3 * (body.dofs[:, 0] - 1) + body.dofs[:, 1] - 1
     found = spsolve(body.stiffness.tocsc(), force.ravel()[rows])
-    np.testing.assert_allclose(found, moved.ravel()[rows], rtol=1e-4, atol=1e-5 * np.abs(moved).max())
+    np.testing.assert_allclose(
+        found, moved.ravel()[rows], rtol=1e-4, atol=1e-5 * np.abs(moved).max()
+    )
     fewer = (tmp_path / "matrices.dof").read_text().splitlines()[:-1]
     (tmp_path / "matrices.dof").write_text("\n".join(fewer))
     with pytest.raises(ModelError, match="rows and columns 1 to"):

@@ -41,7 +41,9 @@ def test_mass_and_its_moments(sector):
     for axis in range(3):
         unit = np.zeros((len(sector.nodes), 3))
         unit[:, axis] = 1.0
-        assert unit.ravel() @ (sector.mass @ unit.ravel()) == pytest.approx(rho * basis.dx.sum(), rel=1e-12)
+        assert unit.ravel() @ (sector.mass @ unit.ravel()) == pytest.approx(
+            rho * basis.dx.sum(), rel=1e-12
+        )
     force = sector.body_force(sector.nodes)
     x = np.asarray(basis.global_coordinates())
     np.testing.assert_allclose(
@@ -54,9 +56,9 @@ def test_against_the_elasticity_form_of_scikit_fem():
     material = Material()
     ours = discretise(mesh, material)
     basis = Basis(mesh, ElementVector(ElementHexS2()), intorder=5)
-    theirs = linear_elasticity(*lame_parameters(material.youngs_modulus, material.poisson_ratio)).assemble(
-        basis
-    )
+    theirs = linear_elasticity(
+        *lame_parameters(material.youngs_modulus, material.poisson_ratio)
+    ).assemble(basis)
     # A smooth displacement in either numbering: theirs carries the component of each degree of freedom.
     rng = np.random.default_rng(2)
     component = np.empty(basis.N, int)

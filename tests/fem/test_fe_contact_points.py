@@ -60,7 +60,9 @@ def test_end_faces(fe):
             np.einsum("pij,pj->pi", patches.frame, patches.centre),
             atol=1e-13,
         )
-        np.testing.assert_allclose(patches.frame[:, 2], np.broadcast_to([0.0, 0.0, z], (4, 3)), atol=1e-15)
+        np.testing.assert_allclose(
+            patches.frame[:, 2], np.broadcast_to([0.0, 0.0, z], (4, 3)), atol=1e-15
+        )
 
 
 def test_patches_tile_the_face(fe):
@@ -69,7 +71,9 @@ def test_patches_tile_the_face(fe):
     for points in (9, 24, 96):
         parts = averaging_matrix(fe.damper.body, wedge_patches(g, "left", points)).toarray()
         np.testing.assert_allclose(parts.reshape(points, 3, -1).mean(axis=0), whole, atol=1e-14)
-        assert wedge_patches(g, "left", points).area.sum() == pytest.approx(g.face_length * g.face_width)
+        assert wedge_patches(g, "left", points).area.sum() == pytest.approx(
+            g.face_length * g.face_width
+        )
 
 
 def test_frames_are_right_handed_and_point_outward():

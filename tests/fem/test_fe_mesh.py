@@ -29,7 +29,9 @@ def test_surface_is_closed():
         assert set(np.unique(count)) == {1, 2}
         centre = mesh.p[:, mesh.facets[:, facets]].mean(axis=1)
         # Two boundary faces in one place would be a crack.
-        distance = np.linalg.norm(centre[:, :, None] - centre[:, None, :], axis=0) + np.eye(len(facets))
+        distance = np.linalg.norm(centre[:, :, None] - centre[:, None, :], axis=0) + np.eye(
+            len(facets)
+        )
         assert distance.min() > 1e-4
 
 
@@ -38,14 +40,19 @@ def test_volume_of_the_damper():
     mesh = damper_mesh(g, MeshDensity.preset("coarse"))
     s, c = np.sin(g.face_angle) * g.face_length, np.cos(g.face_angle) * g.face_length
     area = (g.ridge_width + 2 * s) * g.damper_body_height + s * c + g.ridge_width * c
-    assert Basis(mesh, ElementHexS2(), intorder=5).dx.sum() == pytest.approx(area * g.face_width, rel=1e-12)
+    assert Basis(mesh, ElementHexS2(), intorder=5).dx.sum() == pytest.approx(
+        area * g.face_width, rel=1e-12
+    )
 
 
 def test_undersides_lie_in_the_planes_of_the_damper():
     """Right underside of blade 0 and, one pitch on, left underside of blade 1 against the two roof planes."""
     g, n = Geometry(), MeshDensity.preset("coarse")
     blade, damper = sector_mesh(g, n).p.T, damper_mesh(g, n).p.T @ turn(-0.5 * g.pitch).T
-    for sign, place in ((-1.0, blade @ turn(-0.5 * g.pitch).T), (1.0, blade @ turn(0.5 * g.pitch).T)):
+    for sign, place in (
+        (-1.0, blade @ turn(-0.5 * g.pitch).T),
+        (1.0, blade @ turn(0.5 * g.pitch).T),
+    ):
         normal = np.array([sign * np.cos(g.face_angle), np.sin(g.face_angle), 0.0])
         offset = normal @ [sign * 0.5 * g.ridge_width, g.ridge_radius, 0.0]
         for nodes in (damper, place):

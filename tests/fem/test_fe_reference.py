@@ -32,7 +32,9 @@ def test_needed_nodal_diameters():
 
 
 def test_rotation_of_everything_opens_no_contact(fe):
-    rotation = [(np.cross([0.0, 0.0, 1.0], n)).ravel() for n in (fe.blade.nodes, fe.damper.body.nodes)]
+    rotation = [
+        (np.cross([0.0, 0.0, 1.0], n)).ravel() for n in (fe.blade.nodes, fe.damper.body.nodes)
+    ]
     left, right = (wedge_patches(fe.geometry, side, 24) for side in ("left", "right"))
     damper = averaging_matrix(fe.damper.body, left, right) @ rotation[1]
     np.testing.assert_allclose(fe.blade_contact(left, right) @ rotation[0], damper, atol=1e-14)
@@ -48,7 +50,9 @@ def test_patches_stand_at_the_contact_points(fe, model):
     for body, contact, names in (of_blade, of_damper):
         faces = [model.interfaces[name] for name in names]
         expected = np.concatenate([np.einsum("pij,pj->pi", f.frame, f.points) for f in faces])
-        np.testing.assert_allclose((contact @ body.nodes.ravel()).reshape(-1, 3), expected, atol=1e-10)
+        np.testing.assert_allclose(
+            (contact @ body.nodes.ravel()).reshape(-1, 3), expected, atol=1e-10
+        )
 
 
 def test_flexibility_is_hermitian_and_more_than_its_modes(model):
@@ -88,7 +92,9 @@ def test_load_of_the_damper(model):
 
 def test_another_grid_uses_the_same_modes(model, fe):
     other = bladed_disk((2, 3), n_modes=12, nodal_diameters=(5,), fe=fe)
-    assert np.array_equal(other.bodies["blade"].bases[5].omega2, model.bodies["blade"].bases[5].omega2)
+    assert np.array_equal(
+        other.bodies["blade"].bases[5].omega2, model.bodies["blade"].bases[5].omega2
+    )
     assert other.interfaces["left"].n_points == 6
 
 
@@ -107,7 +113,11 @@ def test_bonded_frequencies_against_a_penalty(fe, d):
     left, right = (wedge_patches(fe.geometry, side, 9) for side in ("left", "right"))
     phase = np.exp(2j * np.pi * d / fe.geometry.n_blades)
     sector, damper = fe.cyclic(d), fe.damper.body
-    blade = sp.diags(np.repeat([1.0, phase], 27)) @ fe.blade_contact(left, right) @ sector.transformation
+    blade = (
+        sp.diags(np.repeat([1.0, phase], 27))
+        @ fe.blade_contact(left, right)
+        @ sector.transformation
+    )
     body = averaging_matrix(damper, left, right)
     g = sp.hstack([blade, -body])
     stiffness, mass = (

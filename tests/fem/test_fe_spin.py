@@ -10,7 +10,14 @@ from skfem import MeshHex
 from bdamper.contact.stiffness import unit_traction
 from bdamper.fem.cyclic_symmetry import CyclicSector
 from bdamper.fem.generated_models import SectorFE, bladed_disk, wedge_patches
-from bdamper.fem.meshes import Geometry, Material, MeshDensity, discretise, geometric_stiffness, stiffness_per_squared_speed
+from bdamper.fem.meshes import (
+    Geometry,
+    Material,
+    MeshDensity,
+    discretise,
+    geometric_stiffness,
+    stiffness_per_squared_speed,
+)
 from bdamper.fem.rotation import Rotation, coriolis_matrix, spin_displacement
 from bdamper.fem.sector_faces import match_faces, no_faces
 from bdamper.model.validation import check_model
@@ -28,7 +35,9 @@ def first_mode(sector, component):
 def beam(n_elements):
     """Rotating clamped beam, 1 x 0.02 x 0.01 m, that bends in flap along Z and in lag along X; its unit of frequency."""
     mesh = MeshHex.init_tensor(
-        np.linspace(-0.01, 0.01, 2), np.linspace(0.0, 1.0, n_elements + 1), np.linspace(-0.005, 0.005, 2)
+        np.linspace(-0.01, 0.01, 2),
+        np.linspace(0.0, 1.0, n_elements + 1),
+        np.linspace(-0.005, 0.005, 2),
     )
     body = discretise(mesh, STEEL)
     held = CyclicSector(body, no_faces(), np.flatnonzero(body.nodes[:, 1] < 1e-9), 0)
@@ -41,14 +50,18 @@ def turning():
     return body, held, unit, Rotation(stiffness_per_squared_speed(body, held))
 
 
-@pytest.mark.parametrize(("eta", "expected"), [(0.0, 3.5158), (3.0, 4.7970), (6.0, 7.3600), (12.0, 13.1693)])
+@pytest.mark.parametrize(
+    ("eta", "expected"), [(0.0, 3.5158), (3.0, 4.7970), (6.0, 7.3600), (12.0, 13.1693)]
+)
 def test_rotating_beam(turning, eta, expected):
     """First flap mode of a beam clamped at the axis, over eta = Omega sqrt(rho A L^4 / (E I)): published values [1].
 
     [1] A. D. Wright et al., Vibration modes of centrifugally stiffened beams, J. Appl. Mech. 49 (1982).
     """
     _, held, unit, rotation = turning
-    assert np.sqrt(first_mode(rotation.at_speed(held, eta * unit), 2)) / unit == pytest.approx(expected, rel=1e-3)
+    assert np.sqrt(first_mode(rotation.at_speed(held, eta * unit), 2)) / unit == pytest.approx(
+        expected, rel=1e-3
+    )
 
 
 def test_lag_and_flap_of_a_square_beam_differ_by_the_spin_softening():
@@ -85,7 +98,9 @@ def test_coriolis_forces_do_no_work(turning):
 def ring(n_sectors=120, radius=1.0, thickness=0.02, width=0.02):
     half = np.pi / n_sectors
     mesh = MeshHex.init_tensor(
-        np.linspace(-half, half, 2), radius + thickness * np.array([-0.5, 0.5]), np.array([0.0, width])
+        np.linspace(-half, half, 2),
+        radius + thickness * np.array([-0.5, 0.5]),
+        np.array([0.0, width]),
     )
     angle, r, z = mesh.p
     body = discretise(MeshHex(np.array([r * np.sin(angle), r * np.cos(angle), z]), mesh.t), STEEL)
@@ -102,11 +117,20 @@ def ring_modes(n, omega, thickness=0.02):
 
     Displacements w radial and v along the ring, w = W cos(n a), v = V sin(n a), hoop stress rho Omega^2 R^2.
     """
-    c2, bend = STEEL.youngs_modulus / STEEL.density, STEEL.youngs_modulus / STEEL.density * thickness**2 / 12.0
+    c2, bend = (
+        STEEL.youngs_modulus / STEEL.density,
+        STEEL.youngs_modulus / STEEL.density * thickness**2 / 12.0,
+    )
     stretch = np.array([1.0, n])  # strain of (W, V)
     curve = np.array([n * n - 1.0, 0.0])
-    slope = np.array([[n * n + 1.0, 2.0 * n], [2.0 * n, n * n + 1.0]])  # |du/da|^2 of both components
-    matrix = c2 * np.outer(stretch, stretch) + bend * np.outer(curve, curve) + omega**2 * (slope - np.eye(2))
+    slope = np.array(
+        [[n * n + 1.0, 2.0 * n], [2.0 * n, n * n + 1.0]]
+    )  # |du/da|^2 of both components
+    matrix = (
+        c2 * np.outer(stretch, stretch)
+        + bend * np.outer(curve, curve)
+        + omega**2 * (slope - np.eye(2))
+    )
     return np.linalg.eigvalsh(matrix)[0]
 
 
@@ -132,7 +156,9 @@ def fe():
 
 @pytest.fixture(scope="module")
 def over_speed(fe):
-    return bladed_disk(2, n_modes=14, n_damper_modes=6, nodal_diameters=(0, 5), rotation=fe.rotation(600.0), fe=fe)
+    return bladed_disk(
+        2, n_modes=14, n_damper_modes=6, nodal_diameters=(0, 5), rotation=fe.rotation(600.0), fe=fe
+    )
 
 
 @pytest.mark.parametrize("d", [0, 5])
@@ -163,7 +189,9 @@ def test_flexibility_and_contact_stiffness_at_a_speed_that_the_model_does_not_kn
     own = faster.omega2[:10], faster.contact_modes.reshape(12, -1)[:, :10]
     expected = stiffness(exact, omega2, contact @ shapes)
     assert stiffness(faster.flexibility, *own) == pytest.approx(expected, rel=0.01)
-    stale = stiffness(basis.flexibility, *own)  # the total flexibility of standstill beside the frequencies of a speed
+    stale = stiffness(
+        basis.flexibility, *own
+    )  # the total flexibility of standstill beside the frequencies of a speed
     assert np.all(stale < 0.97 * expected)
     check_model(over_speed)
     check_model(over_speed.at_speed(450.0))
@@ -180,10 +208,14 @@ def test_residual_flexibility_stays_positive_and_hardly_changes(over_speed):
 def test_displacement_by_rotation(fe, over_speed):
     spin = over_speed.bodies["blade"].spin
     assert spin.theory == "linear"
-    assert 20e-6 < np.abs(spin.contact[:, 2]).max() * 600.0**2 < 200e-6  # far more than a contact gives
+    assert (
+        20e-6 < np.abs(spin.contact[:, 2]).max() * 600.0**2 < 200e-6
+    )  # far more than a contact gives
     # at nodal diameter 0 both faces of the sector move alike along the radius
     moved = spin_displacement(fe.cyclic(0)).reshape(-1, 3)
     tip = np.argmin(np.linalg.norm(fe.blade.nodes - over_speed.locations["tip"].position, axis=1))
     assert spin.locations["tip"] == pytest.approx(moved[tip], rel=1e-12)
     radial = (moved * fe.blade.nodes)[:, :2].sum(axis=1)
-    assert radial[fe.faces.independent].mean() == pytest.approx(radial[fe.faces.dependent].mean(), rel=1e-9)
+    assert radial[fe.faces.independent].mean() == pytest.approx(
+        radial[fe.faces.dependent].mean(), rel=1e-9
+    )

@@ -48,7 +48,9 @@ def test_blade_frequencies_are_close_to_those_of_the_disk(small_rig, small_blade
 
 def test_a_rigid_translation_is_the_same_in_body_and_contact_axes(small_rig):
     """Static equilibrium of each damper: normal and friction forces carry the load along its direction."""
-    study = plain_study(small_rig, friction_coefficient=0.4, excitation=bd.Excitation("tip"), blade_modes=10)
+    study = plain_study(
+        small_rig, friction_coefficient=0.4, excitation=bd.Excitation("tip"), blade_modes=10
+    )
     state = study.static(100.0)
     assert state.converged
     for side in ("left", "right"):
@@ -88,7 +90,9 @@ def test_shipped_models(name):
     # the shapes on the mesh are the modes of the body: the same at the tip
     body = next(iter(model.bodies))
     tip = np.argmin(np.linalg.norm(mesh.points - model.locations["tip"].position, axis=1))
-    assert mesh.modes[0][tip] == pytest.approx(model.bodies[body].bases[0].locations["tip"][:, :10], rel=1e-5, abs=1e-5)
+    assert mesh.modes[0][tip] == pytest.approx(
+        model.bodies[body].bases[0].locations["tip"][:, :10], rel=1e-5, abs=1e-5
+    )
     with pytest.raises(bd.SettingError, match="expected one of"):
         bd.reference_model(name, contact_points=9)
 
@@ -97,5 +101,9 @@ def test_shipped_data_stay_small():
     """The wheel must not exceed 8 MB."""
     from importlib import resources
 
-    total = sum(f.stat().st_size for f in (resources.files("bdamper") / "data").iterdir() if f.name.endswith(".h5"))
+    total = sum(
+        f.stat().st_size
+        for f in (resources.files("bdamper") / "data").iterdir()
+        if f.name.endswith(".h5")
+    )
     assert total < 7.8e6

@@ -29,11 +29,16 @@ def free():
 def test_rigid_modes_are_exact(free):
     mass, stiffness = free.body.mass, free.body.stiffness
     np.testing.assert_allclose(free.rigid.T @ (mass @ free.rigid), np.eye(6), atol=1e-13)
-    assert np.abs(stiffness @ free.rigid).max() < 1e-12 * np.abs(stiffness).max() * np.abs(free.rigid).max()
+    assert (
+        np.abs(stiffness @ free.rigid).max()
+        < 1e-12 * np.abs(stiffness).max() * np.abs(free.rigid).max()
+    )
     # They span the rigid motions, in the order of the axes: the first is a pure translation along the first
     # axis.
     exact = rigid_motions(free.body.nodes, free.centre, AXES)
-    np.testing.assert_allclose(free.rigid[:, 0], exact[:, 0] / np.sqrt(free.total_mass), rtol=0, atol=1e-10)
+    np.testing.assert_allclose(
+        free.rigid[:, 0], exact[:, 0] / np.sqrt(free.total_mass), rtol=0, atol=1e-10
+    )
     np.testing.assert_allclose(free.remove_rigid(exact), 0.0, atol=1e-13)
 
 
@@ -61,7 +66,9 @@ def test_receptance_does_not_depend_on_the_constraints(free):
     assert len({tuple(c) for c in choices}) == 3
     for choice in choices:
         other = FreeBody(free.body, AXES, constrained=choice)
-        np.testing.assert_allclose(other.receptance(contact), reference, atol=1e-10 * np.abs(reference).max())
+        np.testing.assert_allclose(
+            other.receptance(contact), reference, atol=1e-10 * np.abs(reference).max()
+        )
 
 
 def test_sum_over_all_modes_is_the_receptance():
@@ -73,7 +80,10 @@ def test_sum_over_all_modes_is_the_receptance():
     exact = small.receptance(contact)
     np.testing.assert_allclose((phi / omega2[6:]) @ phi.T, exact, atol=1e-8 * np.abs(exact).max())
     # Truncated sums approach it from below.
-    rest = [np.linalg.eigvalsh(exact - (phi[:, :n] / omega2[6 : 6 + n]) @ phi[:, :n].T) for n in (5, 20, 80)]
+    rest = [
+        np.linalg.eigvalsh(exact - (phi[:, :n] / omega2[6 : 6 + n]) @ phi[:, :n].T)
+        for n in (5, 20, 80)
+    ]
     assert all(r[0] > -1e-10 * np.abs(exact).max() for r in rest)
     assert rest[0][-1] > rest[1][-1] > rest[2][-1]
 
@@ -94,7 +104,9 @@ def test_centrifugal_load(free):
     force = free.centrifugal_load(radial).reshape(-1, 3)
     np.testing.assert_allclose(force.sum(axis=0), radial, atol=1e-12)
     # The resultant of rho (x, y, 0) passes through the axis and the centre of gravity: no moment.
-    np.testing.assert_allclose(np.cross(free.body.nodes - free.centre, force).sum(axis=0), 0.0, atol=1e-13)
+    np.testing.assert_allclose(
+        np.cross(free.body.nodes - free.centre, force).sum(axis=0), 0.0, atol=1e-13
+    )
     # Its generalised force on the rigid modes: only the radial translation, 1/sqrt(m).
     generalised = free.rigid.T @ force.ravel()
     np.testing.assert_allclose(generalised, [0, free.total_mass**-0.5, 0, 0, 0, 0], atol=1e-10)
@@ -110,7 +122,9 @@ def test_patch_receptance_converges_while_a_node_does_not():
         unit = np.zeros(body.body.n_dof)
         unit[3 * body.body.nearest_node(turn(0.5 * G.pitch) @ [*position, 0.0]) + 1] = 1.0
         node.append(unit @ body.elastic_response(unit))
-    coarse, fine = (np.linalg.norm(patch[k + 1] - patch[k], 2) / np.linalg.norm(patch[2], 2) for k in (0, 1))
+    coarse, fine = (
+        np.linalg.norm(patch[k + 1] - patch[k], 2) / np.linalg.norm(patch[2], 2) for k in (0, 1)
+    )
     assert fine < 0.5 * coarse
     assert fine < 0.05  # four elements across the face
     assert np.all(np.diff([np.trace(p) for p in patch]) > 0.0)

@@ -46,7 +46,9 @@ def test_a_rigid_motion_of_the_root_carries_the_blade_without_strain(annulus):
     motion = rigid_motions(nodes, nodes[part.nodes].mean(axis=0), np.eye(3))
     carried = part.carried(motion[part.root_dofs])
     own = np.concatenate([part.own_dofs, part.root_dofs])
-    np.testing.assert_allclose(carried[own], motion[own], rtol=0, atol=1e-8)  # rounding of the factorisation
+    np.testing.assert_allclose(
+        carried[own], motion[own], rtol=0, atol=1e-8
+    )  # rounding of the factorisation
     bent = part.carried(np.sign(np.sin(np.arange(1.0, len(part.root_dofs) + 1)))[:, None])
     strain = np.diag(carried.T @ (part.stiffness @ carried))
     assert strain.max() < 1e-10 * np.diag(bent.T @ (part.stiffness @ bent)).max()
@@ -74,7 +76,12 @@ def test_frequencies_of_a_mistuned_wheel_are_those_of_the_annulus(annulus, model
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("n_blades", "disk", "first", "six"),
-    [(5, 1.0, 6e-7, 2.2e-3), (6, 0.05, 4e-5, 3.5e-3), (7, 0.3, 4e-5, 3.7e-3), (8, 0.05, 1e-4, 2.3e-3)],
+    [
+        (5, 1.0, 6e-7, 2.2e-3),
+        (6, 0.05, 4e-5, 3.5e-3),
+        (7, 0.3, 4e-5, 3.7e-3),
+        (8, 0.05, 1e-4, 2.3e-3),
+    ],
 )
 def test_errors_do_not_grow_with_mistuning(n_blades, disk, first, six):
     """Free and stuck, standard deviations of 0, 1 and 5 %: family 1 of 5, 6, 7 and 8 blades is off by at most
@@ -83,11 +90,18 @@ def test_errors_do_not_grow_with_mistuning(n_blades, disk, first, six):
     annulus = Annulus(small_sector(n_blades, disk))
     model = small_wheel(annulus.fe)
     local = model.bodies["blade"].local
-    rigid = model.bodies["damper"].bases[0].contact_modes[: len(local.contact_modes), :, :6].reshape(-1, 6)
+    rigid = (
+        model.bodies["damper"]
+        .bases[0]
+        .contact_modes[: len(local.contact_modes), :, :6]
+        .reshape(-1, 6)
+    )
     for stuck in (None, annulus.stuck(rigid, 2e7)):
         worst = {}
         for size in (0.0, 0.01, 0.05):
-            error = frequency_errors(annulus, local, size * DEVIATION[:n_blades], stuck, 6 * n_blades)
+            error = frequency_errors(
+                annulus, local, size * DEVIATION[:n_blades], stuck, 6 * n_blades
+            )
             assert error.min() > -1e-9
             assert error[:n_blades].max() < first
             worst[size] = error.max()
@@ -100,7 +114,9 @@ def test_frequencies_of_65_blades():
     fe = SectorFE(Geometry())
     faces = [wedge_patches(fe.geometry, side, 9) for side in ("left", "right")]
     dampers = dampers_between(*faces)
-    local = local_basis(fe.blade_part(), fe.cyclic, wanted(fe.blade_contact(*faces)), dampers, LocalSizes(), "blade")
+    local = local_basis(
+        fe.blade_part(), fe.cyclic, wanted(fe.blade_contact(*faces)), dampers, LocalSizes(), "blade"
+    )
     limits = 1e-2 * np.array([3e-4, 2e-3, 3e-3, 0.15, 0.1, 0.02])
     for d in (0, 1, 2, 7, 19, 32):
         error = np.sqrt(local.nodal_diameter(d).omega2[:6] / fe.cyclic(d).modes(6)[0]) - 1.0
@@ -112,7 +128,9 @@ def test_without_the_blades_own_matrix_only_the_strain_of_the_root_is_missing(an
     """Tuned wheels are the same; blades clamped at their roots are; deviations of 5 % move family 1 by 0.05 % less."""
     part, exact = annulus.part, model.bodies["blade"].local
     bare = BladePart(part.body, part.nodes, part.fixed)
-    local = local_basis(bare, annulus.fe.cyclic, wanted(annulus.contact), annulus.dampers, LocalSizes(), "blade")
+    local = local_basis(
+        bare, annulus.fe.cyclic, wanted(annulus.contact), annulus.dampers, LocalSizes(), "blade"
+    )
     for d in (0, 1, 3):
         np.testing.assert_allclose(local.modes(d)[0], exact.modes(d)[0], rtol=1e-9)
     np.testing.assert_allclose(local.omega2, exact.omega2, rtol=1e-9)
@@ -131,8 +149,17 @@ def test_a_blade_that_does_not_fit_is_refused(annulus):
     with pytest.raises(ValueError, match="contact points that are not on the blade"):
         local_basis(own, annulus.fe.cyclic, wanted(annulus.contact), annulus.dampers, sizes, "disk")
     with pytest.raises(ValueError, match="location 'rim', which is not on the blade"):
-        local_basis(part, annulus.fe.cyclic, wanted(annulus.contact, rim=int(disk[0])), annulus.dampers, sizes, "blade")
+        local_basis(
+            part,
+            annulus.fe.cyclic,
+            wanted(annulus.contact, rim=int(disk[0])),
+            annulus.dampers,
+            sizes,
+            "blade",
+        )
     wide = np.union1d(part.nodes, annulus.fe.faces.independent[:2])
     own = BladePart(body, wide, part.fixed)
     with pytest.raises(ValueError, match="lies on a face at which the sector repeats"):
-        local_basis(own, annulus.fe.cyclic, wanted(annulus.contact), annulus.dampers, sizes, "blade")
+        local_basis(
+            own, annulus.fe.cyclic, wanted(annulus.contact), annulus.dampers, sizes, "blade"
+        )

@@ -9,13 +9,32 @@ from bdamper.fem.contact_patches import (
     patches_on_faces,
     patches_on_rectangles,
 )
-from bdamper.fem.surface import Facets, area_vectors, boundary_facets, enclosed_volume, facets_on_nodes
+from bdamper.fem.surface import (
+    Facets,
+    area_vectors,
+    boundary_facets,
+    enclosed_volume,
+    facets_on_nodes,
+)
 
 HEX = np.array([[x, y, z] for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))], float)
 WEDGE = HEX[[0, 1, 3, 4, 5, 7]]
 TET = HEX[[0, 1, 3, 4]]
 FACES = {
-    8: ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)),
+    8: (
+        (0, 1),
+        (1, 2),
+        (2, 3),
+        (3, 0),
+        (4, 5),
+        (5, 6),
+        (6, 7),
+        (7, 4),
+        (0, 4),
+        (1, 5),
+        (2, 6),
+        (3, 7),
+    ),
     6: ((0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)),
     4: ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
 }
@@ -29,7 +48,9 @@ def second_order(corners, rng):
     return np.concatenate([corners, middle[order]])
 
 
-@pytest.mark.parametrize(("corners", "volume"), [(HEX, 1.0), (WEDGE, 0.5), (TET, 1 / 6)], ids=["hex", "wedge", "tet"])
+@pytest.mark.parametrize(
+    ("corners", "volume"), [(HEX, 1.0), (WEDGE, 0.5), (TET, 1 / 6)], ids=["hex", "wedge", "tet"]
+)
 @pytest.mark.parametrize("order", [1, 2])
 def test_surface_of_one_element(corners, volume, order):
     rng = np.random.default_rng(order)
@@ -39,18 +60,26 @@ def test_surface_of_one_element(corners, volume, order):
     facets = boundary_facets([np.arange(len(nodes))[None]], nodes)
     assert len(facets) == {8: 6, 6: 5, 4: 4}[len(corners)]
     assert enclosed_volume(facets, nodes) == pytest.approx(volume)
-    np.testing.assert_allclose(area_vectors(facets, nodes).sum(axis=0), 0.0, atol=1e-12)  # closed, all outward
+    np.testing.assert_allclose(
+        area_vectors(facets, nodes).sum(axis=0), 0.0, atol=1e-12
+    )  # closed, all outward
     for row in facets.each():
         n = {3: 3, 4: 4, 6: 3, 8: 4}[len(row)]
         if len(row) > n:
-            np.testing.assert_allclose(nodes[row[n:]], 0.5 * (nodes[row[:n]] + nodes[np.roll(row[:n], -1)]), atol=1e-12)
+            np.testing.assert_allclose(
+                nodes[row[n:]], 0.5 * (nodes[row[:n]] + nodes[np.roll(row[:n], -1)]), atol=1e-12
+            )
     flipped = facets.flipped()
-    np.testing.assert_allclose(area_vectors(flipped, nodes), -area_vectors(facets, nodes), atol=1e-12)
+    np.testing.assert_allclose(
+        area_vectors(flipped, nodes), -area_vectors(facets, nodes), atol=1e-12
+    )
 
 
 def test_mirrored_and_collapsed_elements():
     mirrored = HEX * [1.0, 1.0, -1.0]
-    assert enclosed_volume(boundary_facets([np.arange(8)[None]], mirrored), mirrored) == pytest.approx(1.0)
+    assert enclosed_volume(
+        boundary_facets([np.arange(8)[None]], mirrored), mirrored
+    ) == pytest.approx(1.0)
     wedge = np.array([[0, 1, 3, 3, 4, 5, 7, 7]])  # a hexahedron with two edges shrunk to points
     facets = boundary_facets([wedge], HEX)
     assert sorted(g.shape[1] for g in facets.groups) == [3, 4]
@@ -133,7 +162,9 @@ def test_two_meshes_see_the_same_patches(a, b):
     np.testing.assert_allclose(means.distance, 0.01, atol=1e-12)
     rigid = np.cross([0.3, -0.2, 0.5], nodes_a)
     other = np.cross([0.3, -0.2, 0.5], nodes_b - [0.0, 0.0, 0.01])
-    np.testing.assert_allclose(means.matrix_a @ rigid.ravel(), means.matrix_b @ other.ravel(), atol=1e-12)
+    np.testing.assert_allclose(
+        means.matrix_a @ rigid.ravel(), means.matrix_b @ other.ravel(), atol=1e-12
+    )
 
 
 def test_corners_that_a_face_hardly_covers_join_their_neighbours():
@@ -166,9 +197,13 @@ def test_axes_of_a_face():
     """n outward, t2 against the axis; for an end face t1 follows a rotation toward +X."""
     nodes, facets = plate(1, 4)
     turned = nodes @ np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0.0]])  # normal Y now
-    np.testing.assert_allclose(mean_frame(facets, turned), [[1, 0, 0], [0, 0, -1], [0, 1, 0]], atol=1e-14)
+    np.testing.assert_allclose(
+        mean_frame(facets, turned), [[1, 0, 0], [0, 0, -1], [0, 1, 0]], atol=1e-14
+    )
     end = nodes + [-1.0, 5.0, 1.0]  # above the centre, on +Y
-    np.testing.assert_allclose(mean_frame(facets, end), np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1]]), atol=0.1)
+    np.testing.assert_allclose(
+        mean_frame(facets, end), np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1]]), atol=0.1
+    )
     frame = mean_frame(facets, end)
     np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-14)
     assert np.linalg.det(frame) == pytest.approx(1.0)

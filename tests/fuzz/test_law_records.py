@@ -21,7 +21,28 @@ LAWS = (
     bd.ContactLaw.iwan(1.0, 1.0, -0.5, 0.2, n=4),
     bd.ContactLaw.bouc_wen(1.0, 0.1, 2.0, 0.5, 1.5, kn=1.0),
 )
-NUMBERS = (0, 1, 2, 3, 5, 6, 8, -1, 0.5, 50, 5000, 3333, 1e5, -0.0, 1e-308, 1e300, 2**31, 2**63, float("nan"), float("inf"))
+NUMBERS = (
+    0,
+    1,
+    2,
+    3,
+    5,
+    6,
+    8,
+    -1,
+    0.5,
+    50,
+    5000,
+    3333,
+    1e5,
+    -0.0,
+    1e-308,
+    1e300,
+    2**31,
+    2**63,
+    float("nan"),
+    float("inf"),
+)
 OTHERS = (None, True, "2", [], [[1.0], [1.0, 2.0]], {}, "iwan", "bouc_wen", "jenkins")
 
 
@@ -29,7 +50,11 @@ def changed(record, rng):
     """The record with one to three changes of counts, numbers and kinds."""
     record = json.loads(json.dumps(record))
     for _ in range(int(rng.integers(1, 4))):
-        key = str(rng.choice(["parameters", "parameters", "n_state", "contact_law", "stick", "resolution"]))
+        key = str(
+            rng.choice(
+                ["parameters", "parameters", "n_state", "contact_law", "stick", "resolution"]
+            )
+        )
         value, number = record.get(key), NUMBERS[rng.integers(len(NUMBERS))]
         kind = int(rng.integers(6))
         if kind == 0:
@@ -37,7 +62,9 @@ def changed(record, rng):
         elif kind == 1:
             record[key] = OTHERS[rng.integers(len(OTHERS))]
         elif not isinstance(value, list):
-            record[key] = ("jenkins", "iwan", "bouc_wen")[rng.integers(3)] if key == "contact_law" else number
+            record[key] = (
+                ("jenkins", "iwan", "bouc_wen")[rng.integers(3)] if key == "contact_law" else number
+            )
         elif kind == 2:
             record[key] = value[: rng.integers(len(value) + 1)]
         elif kind == 3:
@@ -52,7 +79,9 @@ def changed(record, rng):
 @pytest.fixture(scope="module")
 def file(tmp_path_factory):
     contact = bd.Contact(0, kt=1.0, mu=1.0, preload=1.0)
-    study = bd.lumped(1.0, 0.02, 1.0, contacts=[contact], forces={0: 0.4}, harmonics=1, friction_law=LAWS[0])
+    study = bd.lumped(
+        1.0, 0.02, 1.0, contacts=[contact], forces={0: 0.4}, harmonics=1, friction_law=LAWS[0]
+    )
     path = tmp_path_factory.mktemp("laws") / "study.h5"
     study.save(path)
     return path
@@ -93,13 +122,17 @@ def test_records(file):
     for case in range(CASES):
         rng = np.random.default_rng([65, case])
         record = changed(LAWS[case % len(LAWS)].record(), rng)
-        law = outcome(lambda: pickle.loads(pickle.dumps(Pickled(record))))  # noqa: B023
+        law = outcome(lambda: pickle.loads(pickle.dumps(Pickled(record))))
         if case % 5 == 0:
             write(file, record)
             study = outcome(lambda: bd.load_study(file))
             assert study is None or law is not None
-            if study is not None and outcome(lambda: study.static(0.5)) is not None:  # noqa: B023
-                outcome(lambda: study.problem.system(0.5).evaluate(np.full(study.problem.n_unknowns, 0.3), 1.0))  # noqa: B023
+            if study is not None and outcome(lambda: study.static(0.5)) is not None:
+                outcome(
+                    lambda: study.problem.system(0.5).evaluate(
+                        np.full(study.problem.n_unknowns, 0.3), 1.0
+                    )
+                )
         accepted, refused = accepted + (law is not None), refused + (law is None)
     assert accepted > 0.05 * CASES and refused > 0.3 * CASES
 
@@ -120,7 +153,9 @@ def test_calls_of_the_core():
         law = ((function, p, memory[0].copy()),)
         x, F, J = np.full((3, 3), 0.3), np.empty((3, 3)), np.empty((3, 3, 3, 3))
         try:
-            _core.step_laws(law, np.ones((1, 3)), memory, memory.copy(), np.zeros((1, 3)), np.zeros((1, 3, 3)))
+            _core.step_laws(
+                law, np.ones((1, 3)), memory, memory.copy(), np.zeros((1, 3)), np.zeros((1, 3, 3))
+            )
             _core.evaluate_contact(x, zero, 0.0, 0.0, 0.0, zero, F, J, 7, 1, 16, own=law)
         except ValueError:
             continue

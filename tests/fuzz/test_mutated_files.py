@@ -76,7 +76,10 @@ def bar():
 
 
 def deck(numbers, nodes, elements, sets):
-    lines = ["*NODE, NSET=ALL", *(f"{n}, {x:.9g}, {y:.9g}, {z:.9g}" for n, (x, y, z) in zip(numbers, nodes))]
+    lines = [
+        "*NODE, NSET=ALL",
+        *(f"{n}, {x:.9g}, {y:.9g}, {z:.9g}" for n, (x, y, z) in zip(numbers, nodes)),
+    ]
     lines.append("*ELEMENT, TYPE=C3D20, ELSET=BODY")
     for k, e in enumerate(elements.tolist()):
         lines += [f"{k + 1}, " + ", ".join(map(str, e[:12])) + ",", ", ".join(map(str, e[12:]))]
@@ -87,14 +90,18 @@ def deck(numbers, nodes, elements, sets):
 
 def triplets(matrix):
     entries = sp.triu(matrix).tocoo()
-    return "".join(f"{i + 1} {j + 1} {v:.13e}\n" for i, j, v in zip(entries.row, entries.col, entries.data))
+    return "".join(
+        f"{i + 1} {j + 1} {v:.13e}\n" for i, j, v in zip(entries.row, entries.col, entries.data)
+    )
 
 
 def frd(numbers, nodes, elements):
     lines = ["    1C", f"    2C{'':18}{len(numbers):12d}{'':37}1"]
 
     def block(values):
-        return [f" -1{n:10d}" + "".join(f"{v:12.5E}" for v in x) for n, x in zip(numbers, values)] + [" -3"]
+        return [
+            f" -1{n:10d}" + "".join(f"{v:12.5E}" for v in x) for n, x in zip(numbers, values)
+        ] + [" -3"]
 
     lines += [*block(nodes), f"    3C{'':18}{len(elements):12d}{'':37}1"]
     for k, e in enumerate(elements.tolist()):
@@ -103,9 +110,14 @@ def frd(numbers, nodes, elements):
     lines.append(" -3")
     rng = np.random.default_rng(0)
     for mode in (1, 2):
-        lines += ["    1PHID                          1", f"    1PMODE                         {mode}"]
+        lines += [
+            "    1PHID                          1",
+            f"    1PMODE                         {mode}",
+        ]
         for name, n in (("DISP", 3), ("DISPI", 3), ("STRESS", 6), ("STRESSI", 6)):
-            lines.append(f"  100CL  10{mode} {100.0 * mode:11.7f}{len(numbers):12d}{'':20}2{mode:5d}MODAL      1")
+            lines.append(
+                f"  100CL  10{mode} {100.0 * mode:11.7f}{len(numbers):12d}{'':20}2{mode:5d}MODAL      1"
+            )
             lines += [f" -4  {name:8s}    4    1", *(f" -5  D{i}" for i in range(1, n + 1))]
             lines += block(rng.standard_normal((len(numbers), n)))
     return "\n".join([*lines, " 9999", ""])
@@ -114,22 +126,35 @@ def frd(numbers, nodes, elements):
 def unv():
     lines = ["    -1", "    58", *5 * ["NONE"]]
     lines += [f"{4:5d}{0:10d}{1:5d}{0:10d} {'NONE':10s}{3:10d}{1:4d} {'NONE':10s}{3:10d}{1:4d}"]
-    lines += ["".join(f"{v:10d}" for v in (5, 4, 1)) + "".join(f"{v:13.5e}" for v in (10.0, 1.0, 0.0))]
+    lines += [
+        "".join(f"{v:10d}" for v in (5, 4, 1)) + "".join(f"{v:13.5e}" for v in (10.0, 1.0, 0.0))
+    ]
     lines += 4 * [f"{18:10d}{0:5d}{0:5d}{0:5d} {'NONE':20s} {'NONE':20s}"]
-    lines += ["".join(f"{v:13.5e}" for v in (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)), "".join(f"{v:13.5e}" for v in (7.0, 8.0))]
+    lines += [
+        "".join(f"{v:13.5e}" for v in (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)),
+        "".join(f"{v:13.5e}" for v in (7.0, 8.0)),
+    ]
     return "\n".join([*lines, "    -1", ""])
 
 
 def bulk(numbers, nodes, elements):
     lines = ["BEGIN BULK", "CORD2C,7,,0.,0.,0.,0.,0.,1.", ",1.,0.,0."]
-    lines += [f"GRID,{n},,{x[0]:.6f},{x[1]:.6f},{x[2]:.6f},{7 if n == 3 else ''}" for n, x in zip(numbers, nodes)]
+    lines += [
+        f"GRID,{n},,{x[0]:.6f},{x[1]:.6f},{x[2]:.6f},{7 if n == 3 else ''}"
+        for n, x in zip(numbers, nodes)
+    ]
     for k, e in enumerate(elements.tolist()):
         e = [*e[:12], *e[16:], *e[12:16]]
         parts = [",".join(map(str, part)) for part in (e[:6], e[6:14], e[14:])]
         lines += [f"CHEXA,{k + 1},1,{parts[0]}", f",{parts[1]}", f",{parts[2]}"]
     lines += ["PSOLID,1,1", "MAT1,1,2.1+11,,0.3,7850.", "SET1,5,10,THRU,12"]
     for name in ("KAAX", "MAAX"):
-        lines += [f"DMIG,{name},0,6,2,0", f"DMIG,{name},10,1,,10,1,2.", ",11,1,-1.", f"DMIG,{name},11,1,,11,1,3."]
+        lines += [
+            f"DMIG,{name},0,6,2,0",
+            f"DMIG,{name},10,1,,10,1,2.",
+            ",11,1,-1.",
+            f"DMIG,{name},11,1,,11,1,3.",
+        ]
     return "\n".join([*lines, "ENDDATA", ""])
 
 
@@ -148,8 +173,12 @@ def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("valid")
     body, numbers, elements, sets = bar()
     save_model(wedge_model(), path / "model.h5")
-    made_with = Versions("0.4.0", "2.4.6", "1.17.1")  # cases are bytes of the files, which name versions
-    Measurement("tip", np.linspace(1.0, 2.0, 9), np.ones(9) + 0j, made_with=made_with).save(path / "measured.h5")
+    made_with = Versions(
+        "0.4.0", "2.4.6", "1.17.1"
+    )  # cases are bytes of the files, which name versions
+    Measurement("tip", np.linspace(1.0, 2.0, 9), np.ones(9) + 0j, made_with=made_with).save(
+        path / "measured.h5"
+    )
     k, m = body.stiffness, body.mass
     sp.save_npz(path / "k.npz", k)
     np.save(path / "k.npy", k.toarray())
@@ -159,11 +188,18 @@ def folder(tmp_path_factory):
     place = [f"{numbers[i // 3]},{i % 3 + 1}" for i in range(len(numbers) * 3)]
     for name, matrix in (("ka.mtx", k), ("ma.mtx", m)):
         entries = sp.triu(matrix).tocoo()
-        text = "".join(f"{place[i]}, {place[j]}, {v:.12e}\n" for i, j, v in zip(entries.row, entries.col, entries.data))
+        text = "".join(
+            f"{place[i]}, {place[j]}, {v:.12e}\n"
+            for i, j, v in zip(entries.row, entries.col, entries.data)
+        )
         (path / name).write_text(text)
-    (path / "nodes.csv").write_text("".join(f"{n},{x[0]},{x[1]},{x[2]}\n" for n, x in zip(numbers, body.nodes)))
+    (path / "nodes.csv").write_text(
+        "".join(f"{n},{x[0]},{x[1]},{x[2]}\n" for n, x in zip(numbers, body.nodes))
+    )
     (path / "top.csv").write_text("\n".join(map(str, sets["TOP"])) + "\n")
-    free = np.setdiff1d(np.arange(body.n_dof), (3 * (sets["HELD"][:, None] - 1) + np.arange(3)).ravel())
+    free = np.setdiff1d(
+        np.arange(body.n_dof), (3 * (sets["HELD"][:, None] - 1) + np.arange(3)).ravel()
+    )
     (path / "job.inp").write_text(deck(numbers, body.nodes, elements, sets))
     (path / "stage.inp").write_text(TWO)
     for kind in ("STIF1", "MASS1"):
@@ -198,7 +234,9 @@ def build(body: FEBody) -> None:
         return
     contact = [ContactFaces("top", "TOP", body_a="blade", body_b="ground", points=4)]
     held, four = Sector(n_blades=1, fixed="HELD"), Reduction(n_modes=4)
-    check_model(build_model(body, contacts=contact, sector=held, reduction=four, locations={"x": 5}).model)
+    check_model(
+        build_model(body, contacts=contact, sector=held, reduction=four, locations={"x": 5}).model
+    )
 
 
 def arrays(p: Path) -> None:
@@ -235,9 +273,15 @@ READERS: list[tuple[str, Callable[[Path], object]]] = [
     ("measured.h5", lambda p: load(p / "measured.h5")),
     *((name, matrix(name)) for name in ("k.npz", "k.npy", "k.mat", "z.mat")),
     *((name, arrays) for name in ("ka.mtx", "ma.mtx", "nodes.csv", "top.csv")),
-    *((f"job.{e}", lambda p: build(read_calculix(p / "job"))) for e in ("inp", "sti", "mas", "dof")),
+    *(
+        (f"job.{e}", lambda p: build(read_calculix(p / "job")))
+        for e in ("inp", "sti", "mas", "dof")
+    ),
     ("job.inp", lambda p: read_inp(p / "job.inp")),
-    *((f"stage{end}", lambda p: read_abaqus(p / "stage", "I")) for end in (".inp", "_STIF1.mtx", "_MASS1.mtx")),
+    *(
+        (f"stage{end}", lambda p: read_abaqus(p / "stage", "I"))
+        for end in (".inp", "_STIF1.mtx", "_MASS1.mtx")
+    ),
     ("job.frd", lambda p: read_frd(p / "job.frd")),
     ("job.frd", lambda p: read_frd_stress(p / "job.frd")),
     ("a.full", lambda p: build(read_ansys(p / "a.full", p / "a.cdb"))),
@@ -292,7 +336,11 @@ def words(data: bytearray, rng: np.random.Generator) -> bytearray:
 
 def numbers_in_text(data: bytearray, rng: np.random.Generator) -> bytearray:
     found = list(re.finditer(rb"[-+.\w]*\d[-+.\w]*", bytes(data)))
-    for k in sorted(set(rng.integers(len(found), size=int(rng.integers(1, 4))).tolist()), reverse=True) if found else []:
+    for k in (
+        sorted(set(rng.integers(len(found), size=int(rng.integers(1, 4))).tolist()), reverse=True)
+        if found
+        else []
+    ):
         data[found[k].start() : found[k].end()] = NUMBERS[int(rng.integers(len(NUMBERS)))]
     return data
 
@@ -310,7 +358,17 @@ def lines_in_text(data: bytearray, rng: np.random.Generator) -> bytearray:
     return bytearray(b"\n".join(lines))
 
 
-MUTATIONS = [flip_bytes, flip_bits, truncate, remove, repeat, words, numbers_in_text, numbers_in_text, lines_in_text]
+MUTATIONS = [
+    flip_bytes,
+    flip_bits,
+    truncate,
+    remove,
+    repeat,
+    words,
+    numbers_in_text,
+    numbers_in_text,
+    lines_in_text,
+]
 
 
 # -----------------------------------------------------------------------------------------------------------
@@ -354,7 +412,9 @@ def run(case: int, folder: Path, scratch: Path) -> str:
     return "valid"
 
 
-@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs an alarm of the operating system")
+@pytest.mark.skipif(
+    not hasattr(signal, "setitimer"), reason="needs an alarm of the operating system"
+)
 @pytest.mark.timeout(300 + CASES, method="thread")  # the alarm is its own
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("part", range(10))
@@ -376,7 +436,9 @@ def test_mutated_files(folder, part):
                     if isinstance(error, KeyboardInterrupt):
                         raise
                     reader = READERS[case % len(READERS)][0]
-                    raise AssertionError(f"case {case}, {reader}: {type(error).__name__}: {error}") from error
+                    raise AssertionError(
+                        f"case {case}, {reader}: {type(error).__name__}: {error}"
+                    ) from error
     finally:
         signal.signal(signal.SIGALRM, before)
     assert outcome["error"] > 0

@@ -23,7 +23,9 @@ def main(names: list[str]) -> None:
         values, counts = SCENES[name]()
         print(f"{time.process_time() - start:7.2f} s  {name}: {counts}", flush=True)
         answers[name] = {"values": values, "counts": counts}
-    FILE.write_text(json.dumps({name: answers[name] for name in SCENES if name in answers}, indent=1) + "\n")
+    FILE.write_text(
+        json.dumps({name: answers[name] for name in SCENES if name in answers}, indent=1) + "\n"
+    )
 
 
 if __name__ == "__main__":

@@ -78,9 +78,9 @@ def curve(of: Any, preload: float, frequency: tuple[float, float], **settings: A
 BAND = (270.0, 370.0)
 for preload in (60.0, 200.0, 2000.0):
     for harmonics in (1, 3):
-        scene(f"curve bladed 9, unit tractions, H={harmonics}, {preload:g} N", slow=preload == 200.0)(
-            lambda p=preload, h=harmonics: curve(study("bladed 9", harmonics=h), p, BAND)
-        )
+        scene(
+            f"curve bladed 9, unit tractions, H={harmonics}, {preload:g} N", slow=preload == 200.0
+        )(lambda p=preload, h=harmonics: curve(study("bladed 9", harmonics=h), p, BAND))
 for preload in (125.0, 500.0, 2000.0):
     scene(f"curve bladed 9, residual modes, H=3, {preload:g} N", slow=preload == 500.0)(
         lambda p=preload: curve(study("bladed 9", plain=False, harmonics=3), p, BAND)
@@ -90,19 +90,31 @@ for preload in (800.0, 2000.0):
         lambda p=preload: curve(study("bladed 24", plain=False, harmonics=1), p, BAND)
     )
     scene(f"curve paper 9, unit tractions, H=3, {preload:g} N")(
-        lambda p=preload: curve(study("paper 9", harmonics=3, fundamental_modes_only=True), p, (250.0, 400.0))
+        lambda p=preload: curve(
+            study("paper 9", harmonics=3, fundamental_modes_only=True), p, (250.0, 400.0)
+        )
     )
 for preload in (30.0, 300.0):
-    scene(f"curve wedge, H=3, {preload:g} N")(lambda p=preload: curve(study("wedge", harmonics=3), p, (900.0, 1600.0)))
-    scene(f"curve wedge sampled, H=3, {preload:g} N")(
-        lambda p=preload: curve(study("wedge", harmonics=3, contact_forces=bd.AFT(128)), p, (900.0, 1600.0))
+    scene(f"curve wedge, H=3, {preload:g} N")(
+        lambda p=preload: curve(study("wedge", harmonics=3), p, (900.0, 1600.0))
     )
-scene("curve wedge without bias, H=1, 100 N")(lambda: curve(study("wedge", bias=False), 100.0, (900.0, 1600.0)))
-scene("curve wedge, two harmonics, 100 N")(lambda: curve(study("wedge", harmonics=(1, 3)), 100.0, (900.0, 1600.0)))
+    scene(f"curve wedge sampled, H=3, {preload:g} N")(
+        lambda p=preload: curve(
+            study("wedge", harmonics=3, contact_forces=bd.AFT(128)), p, (900.0, 1600.0)
+        )
+    )
+scene("curve wedge without bias, H=1, 100 N")(
+    lambda: curve(study("wedge", bias=False), 100.0, (900.0, 1600.0))
+)
+scene("curve wedge, two harmonics, 100 N")(
+    lambda: curve(study("wedge", harmonics=(1, 3)), 100.0, (900.0, 1600.0))
+)
 scene("curve shroud, H=3")(lambda: curve(study("shroud", harmonics=3), 0.0, (250.0, 420.0)))
 scene("curve wedge, coupled friction, H=1, 100 N")(
     lambda: curve(
-        study("wedge", friction_law="coupled", contact_forces=bd.AFT(128, interpolate=False)), 100.0, (900.0, 1600.0)
+        study("wedge", friction_law="coupled", contact_forces=bd.AFT(128, interpolate=False)),
+        100.0,
+        (900.0, 1600.0),
     )
 )
 
@@ -110,7 +122,9 @@ scene("curve wedge, coupled friction, H=1, 100 N")(
 def peak(of: Any, preload: float) -> Answer:
     """The highest peak at one preload."""
     found = of.peak(preload)
-    return {"amplitude": found.amplitude, "frequency": round(found.frequency, 6)}, {"iterations": found.cost.iterations}
+    return {"amplitude": found.amplitude, "frequency": round(found.frequency, 6)}, {
+        "iterations": found.cost.iterations
+    }
 
 
 for preload in (50.0, 125.0, 500.0, 2000.0):
@@ -126,7 +140,9 @@ for preload in (125.0, 500.0, 2000.0):
 
 def optimum(of: Any, preload: tuple[float, float], n: int) -> Answer:
     """An optimal curve: values at the preloads asked, and the optimum."""
-    found = of.optimal_curve(preload, n, **({"check": False} if "check" in of.optimal_curve.__doc__ else {}))
+    found = of.optimal_curve(
+        preload, n, **({"check": False} if "check" in of.optimal_curve.__doc__ else {})
+    )
     values = {
         "amplitude": found.amplitude[found.requested].tolist(),
         "optimum": found.optimum.amplitude,
@@ -135,7 +151,9 @@ def optimum(of: Any, preload: tuple[float, float], n: int) -> Answer:
     return values, {"iterations": found.cost.iterations, "evaluations": found.cost.evaluations}
 
 
-scene("optimum bladed 9, unit tractions, H=1", slow=True)(lambda: optimum(study("bladed 9"), (50.0, 5000.0), 12))
+scene("optimum bladed 9, unit tractions, H=1", slow=True)(
+    lambda: optimum(study("bladed 9"), (50.0, 5000.0), 12)
+)
 scene("optimum bladed 9, unit tractions, H=3, mu 0.2")(
     lambda: optimum(study("bladed 9", harmonics=3, friction_coefficient=0.2), (100.0, 5000.0), 8)
 )
@@ -164,14 +182,18 @@ for preload in (1.0, 100.0, 2000.0):
 
 @cache
 def turning() -> Any:
-    return plain_study(turning_disk((0, 5)), bd.Excitation("tip", amplitude=20.0), 5, friction_coefficient=0.3)
+    return plain_study(
+        turning_disk((0, 5)), bd.Excitation("tip", amplitude=20.0), 5, friction_coefficient=0.3
+    )
 
 
 @scene("run-up")
 def run_up() -> Answer:
     found = turning().run_up((420.0, 465.0))
     top = found.peak
-    return {"peak": top.amplitude, "peak at": round(float(found.speed[found.peak_index]), 5)}, {"points": len(found)}
+    return {"peak": top.amplitude, "peak at": round(float(found.speed[found.peak_index]), 5)}, {
+        "points": len(found)
+    }
 
 
 @scene("crossings")
@@ -189,4 +211,6 @@ def wheel(preload: float, deviations: tuple[float, ...]) -> Answer:
 
 
 for preload in (300.0, 3000.0):
-    scene(f"wheel, lumped, {preload:g} N")(lambda p=preload: wheel(p, (0.01, -0.01, 0.0, 0.005, 0.02, -0.015)))
+    scene(f"wheel, lumped, {preload:g} N")(
+        lambda p=preload: wheel(p, (0.01, -0.01, 0.0, 0.005, 0.02, -0.015))
+    )

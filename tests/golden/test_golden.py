@@ -16,7 +16,9 @@ FREQUENCY = ("maxima at", "optimum at", "peak at", "frequency", "speed")
 """Places of stationary values, which are found less sharply than these."""
 
 
-@pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.slow if name in SLOW else ()) for name in SCENES])
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow if name in SLOW else ()) for name in SCENES]
+)
 def test_answer(name):
     expected = ANSWERS[name]["values"]
     values, _ = SCENES[name]()

@@ -31,16 +31,30 @@ def random_study(seed, wide=False):
     n_blade_modes = int(rng.integers(2, 5))
     angles = {}
     if kind in ("wedge", "acyclic"):
-        angles = {"alpha": np.radians(rng.uniform(35.0, 70.0)), "beta": np.radians(rng.uniform(35.0, 70.0))}
+        angles = {
+            "alpha": np.radians(rng.uniform(35.0, 70.0)),
+            "beta": np.radians(rng.uniform(35.0, 70.0)),
+        }
     if kind == "acyclic":
-        model, order = ALL_MODELS[kind](seed, n_points=n_points, n_blade_modes=n_blade_modes, **angles), 0
+        model, order = (
+            ALL_MODELS[kind](seed, n_points=n_points, n_blade_modes=n_blade_modes, **angles),
+            0,
+        )
     else:
         n_blades, order = int(rng.integers(6, 40)), int(rng.integers(1, 6))
         model = ALL_MODELS[kind](
-            seed, n_blades, order, n_points=n_points, n_blade_modes=n_blade_modes, harmonics=harmonics, **angles
+            seed,
+            n_blades,
+            order,
+            n_points=n_points,
+            n_blade_modes=n_blade_modes,
+            harmonics=harmonics,
+            **angles,
         )
     excitation = float(10.0 ** rng.uniform(-1.0, 1.5))
-    preload = excitation * float(10.0 ** rng.uniform(1.0, 4.0)) if kind in ("wedge", "acyclic") else 0.0
+    preload = (
+        excitation * float(10.0 ** rng.uniform(1.0, 4.0)) if kind in ("wedge", "acyclic") else 0.0
+    )
     translation = rng.random() < 0.3
     if wide and preload > 0.0:
         preload = float(10.0 ** rng.uniform(0.0, 4.4))
@@ -69,7 +83,9 @@ def oracle_residuals(study, preload, curve):
     system = study.problem.system(preload)
     a = for_oracle(system.structure.arrays)
     found = oracle.residuals(curve.unknowns, 2 * np.pi * curve.frequency, a)
-    spring = np.column_stack([a["kt"], a["kn"]]) * np.abs(oracle.motions(curve.unknowns, a)).max(axis=3)
+    spring = np.column_stack([a["kt"], a["kn"]]) * np.abs(oracle.motions(curve.unknowns, a)).max(
+        axis=3
+    )
     modal = max(np.abs(G).max(initial=0.0) for G in a["G"]) * system.row_scale.max()
     rounding = 4.0 * np.finfo(float).eps * modal * spring.max(axis=(1, 2), initial=0.0)
     return np.abs(found * system.row_scale).max(axis=1, initial=0.0), rounding

@@ -12,7 +12,14 @@ import pytest
 
 import bdamper as bd
 from bdamper import _core
-from bdamper.harmonic_balance.equations import NOT_CONVERGED, OK, Correction, Fold, InFrequency, Plane
+from bdamper.harmonic_balance.equations import (
+    NOT_CONVERGED,
+    OK,
+    Correction,
+    Fold,
+    InFrequency,
+    Plane,
+)
 from bdamper.harmonic_balance.sector import excitation_ramp, reach, supported_by
 from bdamper.response import branches, continuation
 from bdamper.response import branches as start
@@ -112,7 +119,8 @@ def test_ctrl_c_ends_a_comparison_with_the_curve_that_it_interrupts(monkeypatch,
     one = study()
     Clock(monkeypatch, at)
     found = bd.compare(
-        {"a": one, "b": {"friction_coefficient": 0.3}}, lambda s: s.frequency_response(200.0, (250.0, 450.0))
+        {"a": one, "b": {"friction_coefficient": 0.3}},
+        lambda s: s.frequency_response(200.0, (250.0, 450.0)),
     )
     assert found.names == ("a",) and found.curves[0].interrupted
 
@@ -140,7 +148,11 @@ def test_ctrl_c_ends_an_optimal_curve_whose_threads_are_at_work(monkeypatch, at)
 
 
 def test_interrupted_sweep_does_its_points_when_it_is_resumed(monkeypatch, tmp_path):
-    over, frequency, file = {"preload": [200.0, 300.0, 400.0]}, (250.0, 450.0), tmp_path / "sweep.jsonl"
+    over, frequency, file = (
+        {"preload": [200.0, 300.0, 400.0]},
+        (250.0, 450.0),
+        tmp_path / "sweep.jsonl",
+    )
     whole = bd.sweep(study(), over, frequency=frequency)
     with monkeypatch.context() as patch:
         Clock(patch, 100)
@@ -201,7 +213,9 @@ class Ellipse:
                 t = np.linalg.solve(A, [0.0, 1.0])
                 orientation = int(np.sign(np.linalg.det(np.array([A[0], t]))))
                 t /= np.linalg.norm(t)
-                return Correction(OK, y, t, scale, iterations, abs(self.residual(y)), 0, orientation=orientation)
+                return Correction(
+                    OK, y, t, scale, iterations, abs(self.residual(y)), 0, orientation=orientation
+                )
             step = np.linalg.solve(A, [self.residual(y), 0.0])
             if reach and np.linalg.norm(step) > reach:
                 break
@@ -209,7 +223,9 @@ class Ellipse:
         return Correction(NOT_CONVERGED, y, np.zeros(2), scale, max_iterations, np.inf, 0)
 
     def correct_at(self, u, omega, scale, tolerance, max_iterations, line_search=False):
-        return self.on_plane(np.append(u, omega), np.array([0.0, 1.0]), scale, tolerance, max_iterations)
+        return self.on_plane(
+            np.append(u, omega), np.array([0.0, 1.0]), scale, tolerance, max_iterations
+        )
 
     def solve(self, y, condition, scale, tolerance, max_iterations, reach=0.0):
         """To a fold, where the gradient has no part along u, or a peak, where it has none along omega."""
@@ -248,10 +264,14 @@ def test_a_path_from_within_makes_progress_to_both_sides(up):
     assert whole.status == "closed"
     turned = next(i for i, p in enumerate(whole.points) if p.kind == "fold")
     patience = int(0.6 * (len(whole.points) - turned))
-    path = follow(Ellipse(), start, (5.0, 15.0), up=up, options=ContinuationOptions(patience=patience))
+    path = follow(
+        Ellipse(), start, (5.0, 15.0), up=up, options=ContinuationOptions(patience=patience)
+    )
     assert path.status == "closed" and len(path.points) == len(whole.points)
     assert len(path.points) - turned > patience
-    short = follow(Ellipse(), start, (5.0, 15.0), up=up, options=ContinuationOptions(patience=patience // 3))
+    short = follow(
+        Ellipse(), start, (5.0, 15.0), up=up, options=ContinuationOptions(patience=patience // 3)
+    )
     assert short.status == "many folds"
     assert min(p.y[1] for p in short.points) < 8.1 and max(p.y[1] for p in short.points) > 11.9
     assert short.tangle is not None and 7.99 < short.tangle[0] < short.tangle[1] < 12.01
@@ -299,7 +319,9 @@ def test_what_was_not_followed_is_data(gap, status, tmp_path):
         (3.0, 3.0, "stalled: told"),
     ]
     assert [entry.why for entry in left] == [why for *_, why in expected]
-    np.testing.assert_allclose([entry[:2] for entry in left], [[a * hertz, b * hertz] for a, b, _ in expected], rtol=1e-12)
+    np.testing.assert_allclose(
+        [entry[:2] for entry in left], [[a * hertz, b * hertz] for a, b, _ in expected], rtol=1e-12
+    )
     assert ending([Piece(path, True)], 1.0, 3.5) == ("complete", path.reason, ())
 
     whole = study().frequency_response(200.0, (250.0, 450.0))
@@ -307,13 +329,17 @@ def test_what_was_not_followed_is_data(gap, status, tmp_path):
     assert "missing range" not in whole.summary()
     curve = replace(whole, missing_ranges=left)
     told = [fact.value for fact in curve._facts() if fact.name.startswith("missing ranges ")]
-    assert told == [str(part) for part in left] and f"{2.9 * hertz:.6g} Hz: drifted off: told" in told
+    assert (
+        told == [str(part) for part in left] and f"{2.9 * hertz:.6g} Hz: drifted off: told" in told
+    )
     assert all(text in curve.summary() for text in told)
     curve.save(tmp_path / "curve.h5")
     assert bd.load(tmp_path / "curve.h5").missing_ranges == left
     labels = [text.get_text() for text in curve.plot().axes[0].get_legend().get_texts()]
     assert "not computed" in labels
-    assert "not computed" not in [text.get_text() for text in whole.plot().axes[0].get_legend().get_texts()]
+    assert "not computed" not in [
+        text.get_text() for text in whole.plot().axes[0].get_legend().get_texts()
+    ]
 
 
 def test_support_is_drag_on_the_vibration_and_spring_on_the_mean_of_free_bodies():
@@ -322,10 +348,15 @@ def test_support_is_drag_on_the_vibration_and_spring_on_the_mean_of_free_bodies(
     drag, spring, part = 0.7, 0.2, 0.25
     held = supported_by(system, omega, drag, spring)
     bases = s.problem.bases
-    free = [np.array([c.body == "damper" and c.name in bd.RIGID_NAMES for c in b.coordinates]) for b in bases]
+    free = [
+        np.array([c.body == "damper" and c.name in bd.RIGID_NAMES for c in b.coordinates])
+        for b in bases
+    ]
     share = 1.0 / part - 1.0
     arrays = dict(system.structure.arrays)
-    arrays["damping"] = arrays["damping"] + share * drag * omega * np.concatenate([0.0 * free[0], *free[1:]])
+    arrays["damping"] = arrays["damping"] + share * drag * omega * np.concatenate(
+        [0.0 * free[0], *free[1:]]
+    )
     arrays["stiffness"] = arrays["stiffness"] + share * spring * omega**2 * np.concatenate(
         [free[0], *(0.0 * f for f in free[1:])]
     )
@@ -355,13 +386,19 @@ def test_a_support_that_fades_where_nothing_else_starts(seed, wide, monkeypatch)
     error, rounding = oracle_residuals(s, preload, curve)
     assert (error <= 1e-9 + rounding).all()
     homotopy, cut_off = start._homotopy, Path((), "too many points", "cut off", 0, 0)
-    monkeypatch.setattr(start, "_homotopy", lambda system, *args: cut_off if system.supported else homotopy(system, *args))
+    monkeypatch.setattr(
+        start,
+        "_homotopy",
+        lambda system, *args: cut_off if system.supported else homotopy(system, *args),
+    )
     assert not s.frequency_response(preload, interval).complete
 
 
 def reference_study(**settings):
     settings = {"engine_order": 5, "friction_coefficient": 0.3, **settings}
-    return plain_study(bd.reference_model(contact_points=24), excitation=bd.Excitation("tip"), **settings)
+    return plain_study(
+        bd.reference_model(contact_points=24), excitation=bd.Excitation("tip"), **settings
+    )
 
 
 @pytest.mark.parametrize(("preload", "interval"), [(25e3, (320.0, 400.0)), (5.0, (340.0, 420.0))])
@@ -369,7 +406,9 @@ def test_no_point_runs_backward_where_there_is_no_fold(preload, interval):
     """The last point and walks at one frequency included."""
     curve = reference_study().frequency_response(preload, interval)
     assert curve.complete
-    through = [b for b in np.unique(curve.branch) if np.ptp(curve.frequency[curve.branch == b]) > 79.9]
+    through = [
+        b for b in np.unique(curve.branch) if np.ptp(curve.frequency[curve.branch == b]) > 79.9
+    ]
     assert len(through) == 1  # at 5 N paths outside may come back with folds of their own
     own = curve.branch == through[0]
     assert "fold" not in np.array(curve.point_kind)[own]
@@ -400,7 +439,9 @@ def test_maximum_in_the_step_that_leaves_the_interval():
     preload, interval = 11.009652088200657, (200.0, 450.0)
     curve = s.frequency_response(preload, interval)
     assert "maximum" in curve.point_kind
-    fine = s.frequency_response(preload, interval, options=ContinuationOptions(step=0.01, max_step=0.02))
+    fine = s.frequency_response(
+        preload, interval, options=ContinuationOptions(step=0.01, max_step=0.02)
+    )
     assert curve.peak.frequency == pytest.approx(fine.peak.frequency, rel=1e-9)
     assert s.peak(preload, interval).amplitude == pytest.approx(fine.peak.amplitude, rel=1e-9)
 
@@ -420,7 +461,11 @@ def test_a_branch_that_turns_outside_the_interval_comes_back_into_it(bound):
     assert curve.amplitude[curve.separate] == pytest.approx([whole.peak.amplitude], rel=1e-9)
     assert curve.peak_at_end and "widen the interval" in curve._headline()
     peak = s.peak(3000.0, (282.6, bound))
-    assert not peak.converged and peak.status == peak.search_status and "widen the interval" in peak._headline()
+    assert (
+        not peak.converged
+        and peak.status == peak.search_status
+        and "widen the interval" in peak._headline()
+    )
     assert peak.lower_bound == pytest.approx(curve.peak.amplitude, rel=1e-9)
 
 
@@ -432,10 +477,17 @@ def test_a_branch_that_turns_outside_the_interval_comes_back_into_it(bound):
         ({"friction_coefficient": 0.4, "harmonics": 3}, 565.0, (335.7, 345.5), 0.178e-3),
     ],
 )
-def test_a_narrow_band_shows_the_resonance_that_passes_through_it(settings, preload, band, amplitude):
+def test_a_narrow_band_shows_the_resonance_that_passes_through_it(
+    settings, preload, band, amplitude
+):
     """The upper branch enters and leaves at the upper end; the folds that lead to it lie far outside."""
-    s = plain_study(bd.reference_model(), excitation=bd.Excitation("tip"), engine_order=5, **settings)
-    whole, narrow = s.frequency_response(preload, (233.0, 407.0)), s.frequency_response(preload, band)
+    s = plain_study(
+        bd.reference_model(), excitation=bd.Excitation("tip"), engine_order=5, **settings
+    )
+    whole, narrow = (
+        s.frequency_response(preload, (233.0, 407.0)),
+        s.frequency_response(preload, band),
+    )
     assert band[0] < whole.peak.frequency < band[1]
     assert narrow.complete
     assert (narrow.frequency.min(), narrow.frequency.max()) == pytest.approx(band, rel=1e-12)
@@ -458,16 +510,25 @@ def test_where_branches_may_turn():
     assert reach(free, stuck, 400.0, 500.0) == (400.0, 500.0)
     assert reach(free, stuck, 400.0, 620.0) == pytest.approx((400.0, 1.03 * 640.0))
     assert reach([], [], 400.0, 500.0) == (400.0, 500.0)
-    assert reach([1210.0, 1393.0], [1396.0, 1468.0], 1450.0, 1460.0) == pytest.approx((0.97 * 1393.0, 1.03 * 1468.0))
+    assert reach([1210.0, 1393.0], [1396.0, 1468.0], 1450.0, 1460.0) == pytest.approx(
+        (0.97 * 1393.0, 1.03 * 1468.0)
+    )
 
 
 def test_a_path_that_breaks_off_outside_the_interval_is_told(monkeypatch):
     """It might have come back into it with a higher branch."""
     monkeypatch.setattr(branches, "SIDE_POINTS", 5)
-    s = plain_study(bd.reference_model(), excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4)
+    s = plain_study(
+        bd.reference_model(),
+        excitation=bd.Excitation("tip"),
+        engine_order=5,
+        friction_coefficient=0.4,
+    )
     curve = s.frequency_response(125.0, (295.0, 320.0))
     assert curve.complete and not len(curve.folds)
-    assert [part.why.split(":")[0] for part in curve.missing_ranges] == ["outside the interval, too many points"]
+    assert [part.why.split(":")[0] for part in curve.missing_ranges] == [
+        "outside the interval, too many points"
+    ]
     assert not any(295.0 < part.low < 320.0 for part in curve.missing_ranges)
 
 
@@ -477,7 +538,9 @@ class Unsolvable(Ellipse):
 
 
 def span(low, high, branch):
-    points = tuple(Correction(OK, np.array([1.0, w]), np.ones(2), np.ones(2), 1, 0.0, 0) for w in (low, high))
+    points = tuple(
+        Correction(OK, np.array([1.0, w]), np.ones(2), np.ones(2), 1, 0.0, 0) for w in (low, high)
+    )
     return Piece(Path(points, "many folds", "cut off", 0, 0), True, branch)
 
 
@@ -541,10 +604,15 @@ def test_the_budget_is_set_by_the_sizes_of_the_problem_and_stands_in_the_result(
     small, large = study(), study(harmonics=7)
     budgets = [evaluation_budget(s.problem.system(200.0)) for s in (small, large)]
     assert FEWEST_EVALUATIONS <= budgets[1] < budgets[0] <= MOST_EVALUATIONS
-    assert small.frequency_response(200.0, (250.0, 260.0)).settings["continuation"]["budget"] == budgets[0]
+    assert (
+        small.frequency_response(200.0, (250.0, 260.0)).settings["continuation"]["budget"]
+        == budgets[0]
+    )
     for s, budget in zip((small, large), budgets):
         work = float(s.problem.system(200.0).work[:3].sum())
-        assert budget in (FEWEST_EVALUATIONS, MOST_EVALUATIONS) or budget * work == pytest.approx(OPERATIONS, rel=1e-3)
+        assert budget in (FEWEST_EVALUATIONS, MOST_EVALUATIONS) or budget * work == pytest.approx(
+            OPERATIONS, rel=1e-3
+        )
 
 
 def test_the_chain_of_the_first_point_says_what_was_tried(monkeypatch):
@@ -562,7 +630,9 @@ def test_the_chain_of_the_first_point_says_what_was_tried(monkeypatch):
 
     monkeypatch.setattr(start, "_homotopy", cut_off)
     monkeypatch.setattr(start.Equations, "correct_at", only_on_a_support)
-    found, log = find_start(s.problem, preload, 2.0 * np.pi * 300.0, ContinuationOptions(), CostMeter())
+    found, log = find_start(
+        s.problem, preload, 2.0 * np.pi * 300.0, ContinuationOptions(), CostMeter()
+    )
     assert found is None
     assert asked == [(False, 400, 0.45), (True, start.SIDE_POINTS, 0.45)]
     assert [line.split(":")[0] for line in log[1:4]] == [
@@ -573,7 +643,9 @@ def test_the_chain_of_the_first_point_says_what_was_tried(monkeypatch):
 
 def test_both_ways_from_a_solution_make_one_branch():
     """Its points follow each other; the solution itself counts once and is no end."""
-    path = {up: follow(Ellipse(), np.array([3.0, 10.0]), (8.5, 11.0), up=up) for up in (True, False)}
+    path = {
+        up: follow(Ellipse(), np.array([3.0, 10.0]), (8.5, 11.0), up=up) for up in (True, False)
+    }
     assert {p.status for p in path.values()} == {"complete"}
     other = Piece(path[True], True, branch=0)
     ways = [Piece(path[up], up, branch=1, inside=True) for up in (True, False)]
@@ -582,6 +654,11 @@ def test_both_ways_from_a_solution_make_one_branch():
     omega = np.array([p.y[1] for p, piece in ordered if piece.branch == 1])
     assert len(omega) == len(path[True].points) + len(path[False].points) - 1
     assert (np.diff(omega) > 0.0).all() and omega[0] == 8.5 and omega[-1] == 11.0
-    assert [p.kind for p, piece in ordered if piece.branch == 1 and p.kind == "end"] == ["end", "end"]
-    assert [piece.up for p, piece in ordered if piece.branch == 1 and p.y[1] < 10.0] == [False] * int(sum(omega < 10.0))
+    assert [p.kind for p, piece in ordered if piece.branch == 1 and p.kind == "end"] == [
+        "end",
+        "end",
+    ]
+    assert [piece.up for p, piece in ordered if piece.branch == 1 and p.y[1] < 10.0] == [
+        False
+    ] * int(sum(omega < 10.0))
     assert len(in_order(ways[:1])) == len(path[True].points) and in_order([]) == []

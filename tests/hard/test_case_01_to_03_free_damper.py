@@ -11,7 +11,12 @@ from tests.plain import plain_study
 
 def study(points=9, **settings):
     settings.setdefault("excitation", bd.Excitation("tip", "tangential", 1.0))
-    return plain_study(bd.reference_model("bladed_disk", points), engine_order=5, friction_coefficient=0.4, **settings)
+    return plain_study(
+        bd.reference_model("bladed_disk", points),
+        engine_order=5,
+        friction_coefficient=0.4,
+        **settings,
+    )
 
 
 def test_case_01_start_at_zero_motion_without_penetration():
@@ -24,7 +29,9 @@ def test_case_01_start_at_zero_motion_without_penetration():
     # no penetration: the mean of the damper is as free as that of a flying body, and the null vectors are its motions
     values = np.linalg.svd(J[:, rigid], compute_uv=False)
     assert values[-1] <= 1e-9 * np.abs(J).max()
-    assert neutral_directions(system, s.problem.bases[0].coordinates, np.append(rest, 2 * np.pi * 250.0))
+    assert neutral_directions(
+        system, s.problem.bases[0].coordinates, np.append(rest, 2 * np.pi * 250.0)
+    )
     # the chain does not start there, but from the static state, where all six are held
     system, state = s.problem.system(200.0), s.static(200.0)
     start = system.layout.pack(state.q, np.zeros(len(s.problem.bases[1].omega2)))

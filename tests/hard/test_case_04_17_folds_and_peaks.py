@@ -24,7 +24,10 @@ def two_oscillators(n_harm, **settings):
 
 
 def followed(system, low, high, springs, **options):
-    start = np.append(system.layout.pack(np.zeros(system.n_mean), system.structure.linear.response(low, springs)), low)
+    start = np.append(
+        system.layout.pack(np.zeros(system.n_mean), system.structure.linear.response(low, springs)),
+        low,
+    )
     return follow(system, start, (low, high), options=ContinuationOptions(**options))
 
 
@@ -49,7 +52,13 @@ def test_case_04_fold_beside_lift_off_is_passed_on_both_branches():
         v = system.contact(c.y[:-1])[0][0, 2]
         theta = np.linspace(0.0, 2.0 * np.pi, 4001)
         l = np.arange(1, 14)
-        return 0.35 + 6.0 * (v[0] + np.cos(np.outer(theta, l)) @ v[1::2] + np.sin(np.outer(theta, l)) @ v[2::2]).min()
+        return (
+            0.35
+            + 6.0
+            * (
+                v[0] + np.cos(np.outer(theta, l)) @ v[1::2] + np.sin(np.outer(theta, l)) @ v[2::2]
+            ).min()
+        )
 
     lift_off = brentq(least_load, closed.y[-1], opened.y[-1], xtol=1e-9)
     assert all(p.y[-1] < lift_off for p in path.points[:first])
@@ -58,13 +67,18 @@ def test_case_04_fold_beside_lift_off_is_passed_on_both_branches():
     assert senses == {1.0, -1.0}
 
 
-@pytest.mark.parametrize(("n_harm", "expected"), [(1, (1.934680, 2.435580)), (13, (1.962464, 2.441122))])
+@pytest.mark.parametrize(
+    ("n_harm", "expected"), [(1, (1.934680, 2.435580)), (13, (1.962464, 2.441122))]
+)
 def test_smooth_folds_are_located_to_1e_minus_10(n_harm, expected):
     system = two_oscillators(n_harm)
     path = followed(system, 1.0, 3.5, STUCK, tolerance=1e-12)
     other = followed(system, 1.0, 3.5, STUCK, tolerance=1e-12, max_step=0.07, step=0.03)
     for omega in expected:
-        a, b = (min((p.y[-1] for p in q.points if p.kind == "fold"), key=lambda w: abs(w - omega)) for q in (path, other))
+        a, b = (
+            min((p.y[-1] for p in q.points if p.kind == "fold"), key=lambda w: abs(w - omega))
+            for q in (path, other)
+        )
         assert abs(a - omega) < 2e-6
         assert abs(a - b) < 1e-10 * omega  # two different paths agree on it
 
@@ -79,11 +93,15 @@ def test_case_17_fully_stuck_peak_is_not_stepped_over(ratio):
     )  # fmt: skip
     omega = np.sqrt(np.linalg.eigvalsh(k + np.diag([0.6, 6.0])))[0]
     around = omega * (1.0 + ratio * np.linspace(-3, 3, 601))
-    exact = max(abs(system.structure.linear.response(w, STUCK) @ system.response_rows[1]) for w in around)
+    exact = max(
+        abs(system.structure.linear.response(w, STUCK) @ system.response_rows[1]) for w in around
+    )
 
     def peak(path):
         assert path.status == "complete"
-        return max(abs(system.response(p.y[:-1])[1]) for p in path.points if abs(p.y[-1] - omega) < 0.05)
+        return max(
+            abs(system.response(p.y[:-1])[1]) for p in path.points if abs(p.y[-1] - omega) < 0.05
+        )
 
     system = replace(system, watched=system.structure.linear.resonances((None, STUCK), 0.8, 2.5))
     assert abs(peak(followed(system, 0.8, 2.5, STUCK, max_step=0.4)) / exact - 1.0) < 1e-3
@@ -97,10 +115,17 @@ def test_turning_twice_is_seen_in_the_cubic_through_both_ends():
     rng = np.random.default_rng(3)
     seen = [0, 0]
     for _ in range(400):
-        ends, size = np.sort(rng.uniform(-1.5, 2.5, 2)), rng.choice([-1.0, 1.0]) * 10.0 ** rng.uniform(-6, 6)
+        ends, size = (
+            np.sort(rng.uniform(-1.5, 2.5, 2)),
+            rng.choice([-1.0, 1.0]) * 10.0 ** rng.uniform(-6, 6),
+        )
         slope = np.polynomial.Polynomial.fromroots(ends) * size
         first, last, rise = slope(0.0), slope(1.0), slope.integ()(1.0)
-        twice = ends[0] > 0.0 and ends[1] < 1.0 and abs(slope(ends.mean())) > 0.02 * max(abs(first), abs(last))
+        twice = (
+            ends[0] > 0.0
+            and ends[1] < 1.0
+            and abs(slope(ends.mean())) > 0.02 * max(abs(first), abs(last))
+        )
         assert turns_twice(first, last, rise) == twice
         seen[int(twice)] += 1
     assert min(seen) > 10
@@ -118,7 +143,9 @@ def test_a_pair_of_folds_in_one_step_is_not_stepped_over(case, folds, step):
     else:
         study, preload, interval = random_study(28)
     usual = study.frequency_response(preload, interval)
-    fine = study.frequency_response(preload, interval, options=ContinuationOptions(step=step, max_step=step))
+    fine = study.frequency_response(
+        preload, interval, options=ContinuationOptions(step=step, max_step=step)
+    )
     assert usual.complete
     assert len(fine.folds) == folds
     np.testing.assert_allclose(usual.frequency[usual.folds], fine.frequency[fine.folds], rtol=1e-8)

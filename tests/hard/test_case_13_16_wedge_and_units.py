@@ -11,7 +11,9 @@ from tests.models import acyclic_model, wedge_model
 from tests.plain import plain_study
 
 
-@pytest.mark.parametrize(("angle", "mu", "locks"), [(45.0, 0.3, False), (20.0, 0.3, False), (15.0, 0.3, True)])
+@pytest.mark.parametrize(
+    ("angle", "mu", "locks"), [(45.0, 0.3, False), (20.0, 0.3, False), (15.0, 0.3, True)]
+)
 def test_case_13_self_locking_is_named(angle, mu, locks):
     """tan(alpha) <= mu: 15 degrees lock at mu = 0.3 (16.7 degrees), 20 do not."""
     alpha = np.radians(angle)
@@ -32,7 +34,11 @@ def test_case_13_self_locking_is_named(angle, mu, locks):
         from bdamper.contact.static_state import StaticSystem, static_state
 
         problem = study.problem
-        (force, shift), basis, kn = problem.damper_load, problem.bases[0], problem.point_stiffness[:, 2]
+        (force, shift), basis, kn = (
+            problem.damper_load,
+            problem.bases[0],
+            problem.point_stiffness[:, 2],
+        )
         system = StaticSystem(
             basis.omega2, basis.G.real, problem.tangential_stiffness, kn, problem.friction, -kn * problem.point_gaps,
             force, shift, np.zeros_like(force),
@@ -45,7 +51,8 @@ def test_case_13_self_locking_is_named(angle, mu, locks):
 
 
 @pytest.mark.parametrize(
-    ("n_blades", "engine_order", "expected"), [(12, 4, [0, 4, 4, 0]), (12, 6, [0, 6, 0, 6]), (8, 8, [0, 0, 0, 0])]
+    ("n_blades", "engine_order", "expected"),
+    [(12, 4, [0, 4, 4, 0]), (12, 6, [0, 6, 0, 6]), (8, 8, [0, 0, 0, 0])],
 )
 def test_case_14_each_harmonic_has_its_nodal_diameter(n_blades, engine_order, expected):
     model = wedge_model(1, n_blades, engine_order, harmonics=3)
@@ -62,10 +69,14 @@ def test_case_14_each_harmonic_has_its_nodal_diameter(n_blades, engine_order, ex
     assert study.frequency_response(100.0, (250.0, 300.0)).complete
 
 
-@pytest.mark.parametrize("still", [bd.Excitation("tip", "tangential", amplitude) for amplitude in (0.0, 1e-320)])
+@pytest.mark.parametrize(
+    "still", [bd.Excitation("tip", "tangential", amplitude) for amplitude in (0.0, 1e-320)]
+)
 def test_case_15_no_excitation_has_no_response(still):
     """Every analysis says so, but for the static one."""
-    study = plain_study(acyclic_model(1), engine_order=0, contact_stiffness="model", excitation=still)
+    study = plain_study(
+        acyclic_model(1), engine_order=0, contact_stiffness="model", excitation=still
+    )
     assert study.static(200.0).converged
     interval = 250.0, 300.0
     asked = [
@@ -74,7 +85,10 @@ def test_case_15_no_excitation_has_no_response(still):
         lambda: study.frequency_sweep(200.0, interval), lambda: study.problem.system(200.0),
     ]  # fmt: skip
     for ask in asked:
-        with pytest.raises(bd.SettingError, match=r"^excitation: expected a force that works on .*, found .* N at 'tip'"):
+        with pytest.raises(
+            bd.SettingError,
+            match=r"^excitation: expected a force that works on .*, found .* N at 'tip'",
+        ):
             ask()
 
 
@@ -82,12 +96,17 @@ def test_case_15_no_excitation_has_no_response(still):
 def test_case_16_excitation_and_preload_scaled_together(factor):
     model = acyclic_model(1)
     # without gaps the equations are homogeneous
-    faces = {name: replace(face, gap=np.zeros(face.n_points)) for name, face in model.interfaces.items()}
+    faces = {
+        name: replace(face, gap=np.zeros(face.n_points)) for name, face in model.interfaces.items()
+    }
     model = replace(model, interfaces=faces)
 
     def curve(scale):
         study = plain_study(
-            model, engine_order=0, contact_stiffness="model", excitation=bd.Excitation("tip", "tangential", 2.0 * scale)
+            model,
+            engine_order=0,
+            contact_stiffness="model",
+            excitation=bd.Excitation("tip", "tangential", 2.0 * scale),
         )
         return study.frequency_response(200.0 * scale, (250.0, 400.0))
 

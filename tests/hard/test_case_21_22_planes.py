@@ -19,7 +19,11 @@ def with_gap(model, names, gap):
 
 def study(model, **settings):
     return plain_study(
-        model, engine_order=0, contact_stiffness="model", excitation=bd.Excitation("tip", "tangential", 1.0), **settings
+        model,
+        engine_order=0,
+        contact_stiffness="model",
+        excitation=bd.Excitation("tip", "tangential", 1.0),
+        **settings,
     )
 
 
@@ -46,7 +50,9 @@ def loaded_planes(s, curve):
     out = []
     for u in curve.unknowns:
         _, F, _ = system.contact(u)
-        out.append([np.abs(F[s.problem.coupling.rows(name), 2]).max() > 1e-9 for name in ("front", "back")])
+        out.append(
+            [np.abs(F[s.problem.coupling.rows(name), 2]).max() > 1e-9 for name in ("front", "back")]
+        )
     return np.array(out)
 
 
@@ -64,5 +70,7 @@ def test_case_22_planes_without_clearance_hold_both_ways():
     assert loaded_planes(s, curve).any(axis=0).all()
     # axial mean motion stays of the size of the vibration
     k = [c.name for c in s.problem.bases[0].coordinates].index("TZ")
-    free = study(with_gap(acyclic_model(1), ("front", "back"), 1e-3), harmonics=1).frequency_response(20.0, (250.0, 400.0))
+    free = study(
+        with_gap(acyclic_model(1), ("front", "back"), 1e-3), harmonics=1
+    ).frequency_response(20.0, (250.0, 400.0))
     assert np.abs(curve.unknowns[:, k]).max() <= np.abs(free.unknowns[:, k]).max() * 1.001

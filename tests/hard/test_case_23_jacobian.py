@@ -28,7 +28,11 @@ from tests.hard.random_studies import number_of_cases, random_study
 BATCH = 50
 QUICK = 25
 """Cases of the quick tests, half of the first batch."""
-BATCHES = [(0, QUICK), (QUICK, BATCH), *((first, first + BATCH) for first in range(BATCH, number_of_cases(), BATCH))]
+BATCHES = [
+    (0, QUICK),
+    (QUICK, BATCH),
+    *((first, first + BATCH) for first in range(BATCH, number_of_cases(), BATCH)),
+]
 N_TIME = 64
 LAWS = {
     "uncoupled": (LAW_SEPARABLE,),
@@ -38,7 +42,14 @@ LAWS = {
     "coupled constant": (LAW_COUPLED_CONSTANT,),
     "bonded": (LAW_BONDED,),
     "mixed, exact": (LAW_SEPARABLE, LAW_NORMAL, LAW_CONSTANT, LAW_BONDED),
-    "mixed, sampled": (LAW_SEPARABLE, LAW_NORMAL, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_BONDED),
+    "mixed, sampled": (
+        LAW_SEPARABLE,
+        LAW_NORMAL,
+        LAW_CONSTANT,
+        LAW_COUPLED,
+        LAW_COUPLED_CONSTANT,
+        LAW_BONDED,
+    ),
 }
 """The separable law, which most use, comes up as often as the others together."""
 TURN = ("uncoupled", *list(LAWS)[1:], *["uncoupled"] * 6)
@@ -53,8 +64,12 @@ class State:
         plain = study.problem.system(preload)
         self.omega = 2 * np.pi * rng.uniform(*interval)
         case = study.problem.at(preload)
-        u = plain.layout.pack(case.static.q, plain.structure.linear.response(self.omega, case.stuck_springs()))
-        u = u + np.abs(u).max() * 10.0 ** rng.uniform(-3.0, -0.5) * rng.standard_normal(len(u)) / np.sqrt(len(u))
+        u = plain.layout.pack(
+            case.static.q, plain.structure.linear.response(self.omega, case.stuck_springs())
+        )
+        u = u + np.abs(u).max() * 10.0 ** rng.uniform(-3.0, -0.5) * rng.standard_normal(
+            len(u)
+        ) / np.sqrt(len(u))
         self.u = u
         self.name = TURN[seed % len(TURN)]
         given = plain.structure.points
@@ -67,9 +82,18 @@ class State:
         sampled = bool(coupled or (self.name == "uncoupled" and rng.random() < 0.2))
         self.contact_forces = AFT(N_TIME) if sampled else "event_driven"
         self.points = PointArrays(
-            given.kt, given.kn, given.mu, given.n0, given.slider, law.astype(np.intc), given.shift, load
+            given.kt,
+            given.kn,
+            given.mu,
+            given.n0,
+            given.slider,
+            law.astype(np.intc),
+            given.shift,
+            load,
         )
-        self.system = replace(plain.structure, points=self.points, contact_forces=self.contact_forces).equations
+        self.system = replace(
+            plain.structure, points=self.points, contact_forces=self.contact_forces
+        ).equations
         # of one unit, it moves the surfaces by the vibration
         direction = rng.standard_normal(len(u))
         moved = plain.contact(direction)[0] - plain.contact(0.0 * direction)[0]
@@ -90,7 +114,10 @@ class State:
                 float(p.load[i]),
             )  # fmt: skip
             if isinstance(self.contact_forces, AFT):
-                cycle = [[(int(np.ceil(a * N_TIME / (2 * np.pi) - 1e-9)), s) for a, _, s in part] for part in parts]
+                cycle = [
+                    [(int(np.ceil(a * N_TIME / (2 * np.pi) - 1e-9)), s) for a, _, s in part]
+                    for part in parts
+                ]
                 l = np.arange(1, x.shape[1] // 2 + 1)[:, None] * theta
                 v = x[2, 0] + x[2, 1::2] @ np.cos(l) + x[2, 2::2] @ np.sin(l)
                 lift = tuple(p.n0[i] + p.kn[i] * v > 0.0)
@@ -110,14 +137,16 @@ def _contact_changes(v, kn, n0):
     z = np.zeros(2 * h + 1, complex)
     z[h] = n0 + kn * v[0]
     z[h + 1 :] = 0.5 * kn * (v[1::2] - 1j * v[2::2])
-    z[:h] = z[: h : -1].conj()
+    z[:h] = z[:h:-1].conj()
     roots = np.roots(np.trim_zeros(z[::-1], "f"))
     return int((np.abs(np.abs(roots) - 1.0) < 1e-7).sum())
 
 
 def _turned(states):
     """A cyclic sequence from its smallest turn on, repetitions left out."""
-    states = [s for i, s in enumerate(states) if s != states[i - 1] or len(states) == 1] or states[:1]
+    states = [s for i, s in enumerate(states) if s != states[i - 1] or len(states) == 1] or states[
+        :1
+    ]
     return min((states[i:] + states[:i] for i in range(len(states))), default=[])
 
 
@@ -161,7 +190,9 @@ def coupled_load_vanishes(state, event):
     X, _, _ = state.system.contact(state.at(event))
     theta = 2 * np.pi * np.arange(N_TIME) / N_TIME
     for i in np.flatnonzero(state.points.law == LAW_COUPLED):
-        load = state.points.n0[i] + state.points.kn[i] * (oracle.basis(theta, X.shape[2] // 2) @ X[i, 2])
+        load = state.points.n0[i] + state.points.kn[i] * (
+            oracle.basis(theta, X.shape[2] // 2) @ X[i, 2]
+        )
         if np.abs(load).min() < 1e-10 * np.abs(load).max():
             return True
     return False
@@ -176,14 +207,21 @@ def check_event(state, seed):
         errors = [error_beyond(state, event, h * 10.0**-k) for k in range(4)]
         assert errors[3] < 1e-3, (seed, state.name, errors)
         _, J, _ = state.evaluate(event)
-        rounding = 4e-14 * np.abs(J @ state.at(event)).max() / np.abs(J @ state.direction).max() / abs(h)
+        rounding = (
+            4e-14 * np.abs(J @ state.at(event)).max() / np.abs(J @ state.direction).max() / abs(h)
+        )
         if not coupled_load_vanishes(state, event):
-            assert errors[3] < 0.1 * errors[0] + max(1e-5, 1e3 * rounding), (seed, state.name, errors)
+            assert errors[3] < 0.1 * errors[0] + max(1e-5, 1e3 * rounding), (
+                seed,
+                state.name,
+                errors,
+            )
     return True
 
 
 @pytest.mark.parametrize(
-    ("first", "end"), [pytest.param(*ends, marks=[pytest.mark.slow] if ends[0] >= QUICK else []) for ends in BATCHES]
+    ("first", "end"),
+    [pytest.param(*ends, marks=[pytest.mark.slow] if ends[0] >= QUICK else []) for ends in BATCHES],
 )
 def test_case_23_jacobian_of_the_system(first, end):
     away = events = 0
@@ -202,7 +240,10 @@ def test_case_23_jacobian_of_the_system(first, end):
         events += check_event(state, seed)
         d = 1e-6 * state.omega
         u = state.u
-        quotient = (state.system.evaluate(u, state.omega + d)[0] - state.system.evaluate(u, state.omega - d)[0]) / (2 * d)
+        quotient = (
+            state.system.evaluate(u, state.omega + d)[0]
+            - state.system.evaluate(u, state.omega - d)[0]
+        ) / (2 * d)
         size = max(np.abs(r_omega).max(), np.abs(r).max() / state.omega)
         assert np.abs(quotient - r_omega).max() <= 1e-6 * size, seed
     assert away >= 0.9 * (end - first)

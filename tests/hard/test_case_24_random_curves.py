@@ -29,13 +29,20 @@ STATUSES = {"complete", "incomplete", "not found"}
 def check(seed, wide=False):
     """Status and reason of one case, after its points were rechecked."""
     study, preload, interval = random_study(seed, wide)
-    curve = study.frequency_response(preload, interval, options=ContinuationOptions(max_points=3000, patience=300))
+    curve = study.frequency_response(
+        preload, interval, options=ContinuationOptions(max_points=3000, patience=300)
+    )
     assert curve.status in STATUSES, (seed, curve.status)
     assert curve.reason, seed
     if len(curve):
         error, rounding = oracle_residuals(study, preload, curve)
         worst = (error - rounding).argmax()
-        assert error[worst] <= 1e-9 + rounding[worst], (seed, int(worst), error[worst], rounding[worst])
+        assert error[worst] <= 1e-9 + rounding[worst], (
+            seed,
+            int(worst),
+            error[worst],
+            rounding[worst],
+        )
     assert (curve.residual <= 1e-9).all(), seed
     if curve.status == "complete":
         width = interval[1] - interval[0]
@@ -55,23 +62,38 @@ def outcomes(tmp_path_factory):
 
 @pytest.mark.parametrize(
     "batch",
-    [pytest.param(b, marks=[pytest.mark.slow] if b >= QUICK else []) for b in range(0, number_of_cases(), BATCH)],
+    [
+        pytest.param(b, marks=[pytest.mark.slow] if b >= QUICK else [])
+        for b in range(0, number_of_cases(), BATCH)
+    ],
 )
 def test_case_24_every_curve_ends_with_a_status_and_98_percent_complete(batch, outcomes, request):
     """The batch that is done last, whichever worker it is on, judges the share of all that were asked for."""
-    batches = [item for item in request.session.items if getattr(item, "originalname", "") == request.node.originalname]
+    batches = [
+        item
+        for item in request.session.items
+        if getattr(item, "originalname", "") == request.node.originalname
+    ]
     done = {seed: check(seed) for seed in range(batch, batch + BATCH)}
     unfinished = outcomes / f"{batch}.unfinished"
     unfinished.write_text(json.dumps(done))
     unfinished.rename(outcomes / f"{batch}.json")  # complete or not there
     files = list(outcomes.glob("*.json"))
     if len(files) == len(batches):
-        judge({int(seed): outcome for file in files for seed, outcome in json.loads(file.read_text()).items()})
+        judge(
+            {
+                int(seed): outcome
+                for file in files
+                for seed, outcome in json.loads(file.read_text()).items()
+            }
+        )
 
 
 def judge(outcomes):
     failed = {seed: outcome for seed, outcome in outcomes.items() if outcome[0] != "complete"}
-    text = "\n".join(f"{seed}: {status}: {reason}" for seed, (status, reason) in list(failed.items())[:50])
+    text = "\n".join(
+        f"{seed}: {status}: {reason}" for seed, (status, reason) in list(failed.items())[:50]
+    )
     print(f"{len(outcomes)} curves, {len(failed)} not complete (full size: {FULL})\n{text}")
     assert len(failed) <= 0.02 * len(outcomes), text
 
@@ -107,7 +129,9 @@ def test_case_24_where_no_periodic_solution_is_found_there_is_none_in_time():
 
     ring = Ring(system, study.model.n_blades, study.settings.engine_order)
     steps = 512
-    rest = system.layout.pack(state.q[: system.n_mean], np.zeros(len(system.structure.bases[1].omega2)))
+    rest = system.layout.pack(
+        state.q[: system.n_mean], np.zeros(len(system.structure.bases[1].omega2))
+    )
     motion = ring.start(rest, omega, steps)
     mean = next(part for l, part, *_ in ring.blocks if l == 0)
     seat = np.eye(2 * ring.n_coordinates)[mean][np.asarray(system.structure.bases[0].omega2) == 0.0]

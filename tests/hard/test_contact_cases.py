@@ -21,7 +21,16 @@ def single(A, B, phi, n0, mu=0.5, kt=1.0, kn=1.0, **kw):
     x = np.zeros((3, 3))
     x[0, 2] = A
     x[2, 1:] = B * np.sin(phi), B * np.cos(phi)
-    return evaluate(x, [kt, kt], kn, mu, n0, [0.0, 0.0], kw.get("law", SEPARABLE), kw.get("contact_forces", EXACT))
+    return evaluate(
+        x,
+        [kt, kt],
+        kn,
+        mu,
+        n0,
+        [0.0, 0.0],
+        kw.get("law", SEPARABLE),
+        kw.get("contact_forces", EXACT),
+    )
 
 
 @pytest.mark.parametrize("phi", [0.3, 1.1, 2.5])
@@ -47,7 +56,17 @@ def test_case_5_newton_converges_at_the_onset():
         omega, stiffness, damping = 0.5, 1.0, 0.1
         force = abs(stiffness + kt - omega**2 + 1j * damping * omega) * (limit + off)
         system = oscillator(
-            1.0, damping, [[stiffness]], [[1.0], [0.0], [0.0]], [force], [1.0], 3, kt=kt, kn=0.0, mu=mu, n0=n0
+            1.0,
+            damping,
+            [[stiffness]],
+            [[1.0], [0.0], [0.0]],
+            [force],
+            [1.0],
+            3,
+            kt=kt,
+            kn=0.0,
+            mu=mu,
+            n0=n0,
         )
         scale = np.ones(system.n_unknowns + 1)
         result = system.correct_at(np.zeros(system.n_unknowns), omega, scale, 1e-10, 20)
@@ -108,12 +127,25 @@ def test_case_10_stuck_with_a_biased_slider():
     """The static slider is kept; the interval of residual traction is that of the bounds."""
     n0, mu, kt = 4.0, 0.5, 2.0
     system = oscillator(
-        1.0, 0.05, [[1.0]], [[1.0], [0.0], [0.0]], [0.1], [1.0], 1, kt=kt, kn=0.0, mu=mu, n0=n0, mean=True
+        1.0,
+        0.05,
+        [[1.0]],
+        [[1.0], [0.0], [0.0]],
+        [0.1],
+        [1.0],
+        1,
+        kt=kt,
+        kn=0.0,
+        mu=mu,
+        n0=n0,
+        mean=True,
     )
     u = np.zeros(system.n_unknowns)
     u[1] = 0.2
     interval = slider_interval(system, u)
-    np.testing.assert_allclose(interval[0, 0], [0.2 - mu * n0 / kt, -0.2 + mu * n0 / kt], atol=1e-12)
+    np.testing.assert_allclose(
+        interval[0, 0], [0.2 - mu * n0 / kt, -0.2 + mu * n0 / kt], atol=1e-12
+    )
     assert np.isnan(interval[0, 1]).all()  # no stiffness, no friction in the other direction
     x = np.zeros((3, 3))
     x[0, 1] = 0.2
@@ -127,14 +159,21 @@ def test_case_11_the_ellipse_settles(limit):
     plain time integration lead to the same."""
     x = np.zeros((3, 3))
     x[0, 1], x[1, 2] = 1.0, 0.5
-    results = [evaluate(x, [1.0, 1.0], 0.0, 1.0, limit, w, COUPLED, SAMPLED, 64)[0] for w in ([0, 0], [0.3, -0.2])]
+    results = [
+        evaluate(x, [1.0, 1.0], 0.0, 1.0, limit, w, COUPLED, SAMPLED, 64)[0]
+        for w in ([0, 0], [0.3, -0.2])
+    ]
     np.testing.assert_allclose(results[0], results[1], rtol=0, atol=1e-10)
     np.testing.assert_allclose(results[0][:2, 0], 0.0, atol=1e-10)
     fine = evaluate(x, [1.0, 1.0], 0.0, 1.0, limit, [0, 0], COUPLED, SAMPLED, 1024)[0]
-    coarse_steps, fine_steps = (oracle.settled_under_constant_load(x, limit, n) for n in (512, 1024))
+    coarse_steps, fine_steps = (
+        oracle.settled_under_constant_load(x, limit, n) for n in (512, 1024)
+    )
     expected = 2 * fine_steps - coarse_steps  # of first order in the step
     start = np.zeros((1, 2))
-    two = oracle.coupled(x[None, :2], np.ones(1), np.ones(1), lambda t: np.full((1, len(t)), limit), start, 1024, 2)[0]
+    two = oracle.coupled(
+        x[None, :2], np.ones(1), np.ones(1), lambda t: np.full((1, len(t)), limit), start, 1024, 2
+    )[0]
     error = np.abs(fine[:2] - expected).max()
     assert error < 1e-5
     assert np.abs(two - expected).max() > 30 * error, "two periods would have done"
@@ -148,7 +187,9 @@ def test_case_12_shifted_motion(harmonics):
         force = evaluate(x, **p, law=SEPARABLE, contact_forces=EXACT)[0]
         delta = rng.uniform(0, 2 * np.pi)
         shifted = evaluate(oracle.shift(x, delta), **p, law=SEPARABLE, contact_forces=EXACT)[0]
-        np.testing.assert_allclose(shifted, oracle.shift(force, delta), rtol=0, atol=3e-13 * (1 + np.abs(force).max()))
+        np.testing.assert_allclose(
+            shifted, oracle.shift(force, delta), rtol=0, atol=3e-13 * (1 + np.abs(force).max())
+        )
 
 
 def test_case_18_rigid_contact_converges():
@@ -170,10 +211,14 @@ def test_case_19_no_friction_and_much_friction(contact_forces):
     rng = np.random.default_rng(19)
     for _ in range(20):
         x, p = random_state(rng, 2)
-        force, tangent, _, _ = evaluate(x, **{**p, "mu": 0.0}, law=SEPARABLE, contact_forces=contact_forces)
+        force, tangent, _, _ = evaluate(
+            x, **{**p, "mu": 0.0}, law=SEPARABLE, contact_forces=contact_forces
+        )
         assert not force[:2].any()
         assert not tangent[:2].any()
-        force, tangent, _, _ = evaluate(x, **{**p, "mu": 2.0}, law=SEPARABLE, contact_forces=contact_forces)
+        force, tangent, _, _ = evaluate(
+            x, **{**p, "mu": 2.0}, law=SEPARABLE, contact_forces=contact_forces
+        )
         assert np.isfinite(force).all()
         assert np.isfinite(tangent).all()
 
@@ -212,5 +257,7 @@ assert s.evaluate(np.append(rng.normal(size=n), 1.0), r, J) == 0
 print(next(line.split()[1] for line in open("/proc/self/status") if line.startswith("VmHWM")))
 """
     root = Path(bd.__file__).parents[1]
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=root)
+    out = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=root
+    )
     assert int(out.stdout) < 1 << 20  # kB

@@ -20,7 +20,13 @@ def test_a_fit_leaves_a_local_minimum(tmp_path, monkeypatch):
     for block in re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.S)[:2]:
         exec(compile(block, str(PAGE), "exec"), space)
     found, free = space["found"], bd.importers.read_response("free.csv")
-    richer = bd.fit(space["study"].replace(harmonics=5), space["runs"], space["ranges"], free=free, intervals="linear")
+    richer = bd.fit(
+        space["study"].replace(harmonics=5),
+        space["runs"],
+        space["ranges"],
+        free=free,
+        intervals="linear",
+    )
     truth = np.array([1.0, 1.0, 1.05, 0.42, 0.8])  # of the names in their order
     assert richer.status == "complete" and richer.misfit < 1.1
     assert ((richer.low < truth) & (truth < richer.high)).all()

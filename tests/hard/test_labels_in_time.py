@@ -18,7 +18,9 @@ def test_labels_of_a_curve():
     judged = study.with_stability(curve, in_time=True)
     labels, ratio = judged.labels, judged.in_time
     assert "points judged" in judged.stability_note and "in_time" in judged.columns()
-    assert labels[at(curve, 352.3, 0)] == "stable" and ratio[at(curve, 352.3, 0)] == pytest.approx(1.0, abs=1e-3)
+    assert labels[at(curve, 352.3, 0)] == "stable" and ratio[at(curve, 352.3, 0)] == pytest.approx(
+        1.0, abs=1e-3
+    )
     assert labels[at(curve, 352.3, 1)] == labels[at(curve, 352.3, 2)] == "unstable"
     assert labels[at(curve, 356.5, 0)] == "stable"
     decided = np.isfinite(ratio)

@@ -23,7 +23,14 @@ DAMPING = 0.04
 
 def motion(stop, omega, periods, steps=200):
     """A mass on a spring that meets a second spring at rest (Shaw and Holmes 1983, zero clearance)."""
-    study = bd.lumped([1.0], [DAMPING], [1.0], contacts=[bd.Contact(normal=0, kn=stop)], forces={0: 1.0}, harmonics=3)
+    study = bd.lumped(
+        [1.0],
+        [DAMPING],
+        [1.0],
+        contacts=[bd.Contact(normal=0, kn=stop)],
+        forces={0: 1.0},
+        harmonics=3,
+    )
     f = omega / TAU
     curve = study.frequency_response(0.0, (0.999 * f, 1.001 * f))
     return study.motion_in_time(curve, frequency=f, periods=periods, steps_per_period=steps)
@@ -53,16 +60,24 @@ def test_energy_from_the_contacts_is_an_error_of_the_time_steps():
     fine = motion(1000.0, 1.5, 160, 1600)
     assert fine.status == "complete" and abs(fine.numerical_loss) < 1e-2
     shares = re.search("energy of a period *(.*)", fine.summary()).group(1)
-    assert all(abs(float(x)) <= 100.0 for x in re.findall(r"(\S+) %", shares)) and shares.count("%") == 4
+    assert (
+        all(abs(float(x)) <= 100.0 for x in re.findall(r"(\S+) %", shares))
+        and shares.count("%") == 4
+    )
     # the repetition with four times the steps is the motion of these steps
-    assert motion(3.0, 1.5, 100, 32).harmonics == pytest.approx(motion(3.0, 1.5, 100, 128).harmonics)
+    assert motion(3.0, 1.5, 100, 32).harmonics == pytest.approx(
+        motion(3.0, 1.5, 100, 128).harmonics
+    )
 
 
 def test_a_doubt_about_a_motion_with_a_verdict_is_in_its_headline():
     found = replace(motion(3.0, 1.5, 160), status="incomplete: its stored energy changes")
     agrees = replace(found, verdict="agrees", balance=1.0, reason="+1 %")
     assert agrees._headline().endswith(f" (+1 %). Status: {found.status}.")
-    assert "Status" not in replace(agrees, verdict="undecided", status="incomplete: undecided")._headline()
+    assert (
+        "Status"
+        not in replace(agrees, verdict="undecided", status="incomplete: undecided")._headline()
+    )
 
 
 @pytest.mark.parametrize(("energy", "change"), [
@@ -102,7 +117,9 @@ def test_periods_beside_another_integrator():
     amplitudes = []
     y = long.y[:, -1]
     for _ in range(2):
-        one = solve_ivp(rate, (0.0, period), y, t_eval=np.append(theta / 3.0, period), rtol=1e-9, atol=1e-11)
+        one = solve_ivp(
+            rate, (0.0, period), y, t_eval=np.append(theta / 3.0, period), rtol=1e-9, atol=1e-11
+        )
         amplitudes.append(abs(np.exp(-1j * theta) @ one.y[0, :-1]) / 200.0)
         y = one.y[:, -1]
     np.testing.assert_allclose(sorted(found.amplitude[-2:]), sorted(amplitudes), rtol=5e-3)
@@ -127,7 +144,10 @@ def test_a_transient_is_not_taken_for_the_end():
     curve = study.frequency_response(0.0, (0.25, 0.26))
     found = study.motion_in_time(curve, frequency=1.0 / np.pi, periods=32, steps_per_period=200)
     left = to_come(found.amplitude, 2.0 / (np.pi * 2e-4))
-    assert found.status == f"incomplete: the mean changes by another {100.0 * left:+.2g} % by estimate; use more periods"
+    assert (
+        found.status
+        == f"incomplete: the mean changes by another {100.0 * left:+.2g} % by estimate; use more periods"
+    )
     assert found.mean * (1.0 + left) > 2.0 * found.mean
 
 
@@ -170,20 +190,34 @@ def test_a_stable_solution(study, curve):
     found = study.motion_in_time(curve, frequency=float(curve.frequency[3]), periods=30)
     assert found.mean == pytest.approx(curve.amplitude[3], rel=0.01)
     assert (found.preload, found.model_hash) == (50.0, study.model.hash)
-    assert "periodic" in found._headline() and found.blades.shape == (15, 1) and len(found.columns()["period"].values) == 30
+    assert (
+        "periodic" in found._headline()
+        and found.blades.shape == (15, 1)
+        and len(found.columns()["period"].values) == 30
+    )
     assert found.plot().axes[0].get_xlabel() == "Period of the excitation"
 
 
 def test_without_an_index_it_is_the_peak(study, curve):
     found = study.motion_in_time(curve)
-    assert found.verdict == "agrees" and found.status == "complete" and found.reason in found._headline()
+    assert (
+        found.verdict == "agrees"
+        and found.status == "complete"
+        and found.reason in found._headline()
+    )
     assert found.frequency == curve.peak.frequency
     assert found.balance == pytest.approx(curve.peak.amplitude, rel=1e-13)
     assert found.plot().axes[0].get_title().endswith(": agrees")
     last, expected = found.harmonics[-1, 1:], curve.harmonics[curve.peak_index, 1:]
-    assert found.distance == pytest.approx(np.linalg.norm(last - expected) / np.linalg.norm(expected), rel=1e-6)
+    assert found.distance == pytest.approx(
+        np.linalg.norm(last - expected) / np.linalg.norm(expected), rel=1e-6
+    )
     few = study.motion_in_time(curve, periods=5, steps_per_period=400)
-    assert (few.verdict, few.status, len(few.harmonics)) == ("undecided", "incomplete: undecided", 5)
+    assert (few.verdict, few.status, len(few.harmonics)) == (
+        "undecided",
+        "incomplete: undecided",
+        5,
+    )
     far = study.motion_in_time(curve, periods=96, tolerance=1e-4, steps_per_period=256)
     assert far.verdict == "does not agree" and far.reason in far.summary()
 
@@ -209,7 +243,10 @@ def test_ctrl_c_leaves_the_periods_so_far(study, curve, monkeypatch, asked):
         (lambda s, c: s.motion_in_time(c, frequency=300.0, periods=3), "periods"),
         (lambda s, c: s.motion_in_time(c, periods=0), "periods"),
         (lambda s, c: s.motion_in_time(c, tolerance=0.0), "tolerance"),
-        (lambda s, c: s.motion_in_time(c, frequency=300.0, steps_per_period=1.5), "steps_per_period"),
+        (
+            lambda s, c: s.motion_in_time(c, frequency=300.0, steps_per_period=1.5),
+            "steps_per_period",
+        ),
         (lambda s, c: s.motion_in_time(c, frequency=300.0, steps_per_period=8), "steps_per_period"),
         (lambda s, c: s.motion_in_time(c, steps_per_period=0), "steps_per_period"),
     ],
@@ -222,7 +259,9 @@ def test_bad_arguments(study, curve, ask, name):
 STUDIES = Path(__file__).resolve().parents[3] / "shared" / "fixtures" / "studies"
 
 
-@pytest.mark.skipif(not STUDIES.exists(), reason="needs the stored studies, which are not in the repository")
+@pytest.mark.skipif(
+    not STUDIES.exists(), reason="needs the stored studies, which are not in the repository"
+)
 def test_a_slow_drift_beside_a_fold_does_not_agree():
     """An independent integration has 1.539 m after 100 periods and 0.81 m after 400; harmonic balance has 1.58 m."""
     study = bd.load_study(STUDIES / "study_42.h5")
@@ -238,4 +277,8 @@ def test_a_highest_motion_that_its_time_steps_feed_has_no_amplitude():
     curve = study.frequency_response(0.0, (0.2, 0.4))
     found = study.time_response(curve, steps_per_period=32)
     assert found.status.startswith("not found: the time steps change its energy by ")
-    assert found.status.endswith("use steps_per_period=512") and np.isnan(found.highest) and not found.answers
+    assert (
+        found.status.endswith("use steps_per_period=512")
+        and np.isnan(found.highest)
+        and not found.answers
+    )

@@ -29,13 +29,26 @@ def prepared(system, y, n_steps=96):
     integrator = EventIntegrator(system, omega, n_steps)
     x, _, _ = system.contact(u)
     p = system.structure.points
-    cycles = [segments(x[i], p.kt[i], p.kn[i], p.mu[i], p.n0[i], p.slider[i], p.law[i])[d] for i, d in integrator.pairs]
-    closed = system.structure.points.n0 + system.structure.points.kn * (x[:, 2, 0] + x[:, 2, 1::2].sum(axis=1)) > 0.0
+    cycles = [
+        segments(x[i], p.kt[i], p.kn[i], p.mu[i], p.n0[i], p.slider[i], p.law[i])[d]
+        for i, d in integrator.pairs
+    ]
+    closed = (
+        system.structure.points.n0
+        + system.structure.points.kn * (x[:, 2, 0] + x[:, 2, 1::2].sum(axis=1))
+        > 0.0
+    )
     states = [next(s for a, b, s in parts if -a % (2.0 * np.pi) < b - a) for parts in cycles]
     sliders = Ring(system, 1, 0).initial_slider(u, omega, 4096)[0]
     z = integrator.start(u, states, np.array([sliders[pair] for pair in integrator.pairs]))
     moving = [any(s for *_, s in parts) for parts in cycles]
-    return integrator, z, closed, states, [j for j, state in enumerate(states) if state == 0 and moving[j]]
+    return (
+        integrator,
+        z,
+        closed,
+        states,
+        [j for j, state in enumerate(states) if state == 0 and moving[j]],
+    )
 
 
 @pytest.mark.slow
@@ -77,10 +90,17 @@ def test_multipliers_of_a_stiff_rig_with_a_free_damper():
     for _ in range(3):
         ends = slider_interval(system, u)
         margin = 0.05 * (ends[..., 1] - ends[..., 0])
-        inside = np.clip(system.structure.points.slider, ends[..., 0] + margin, ends[..., 1] - margin)
-        points = replace(system.structure.points, slider=np.where(np.isnan(margin), system.structure.points.slider, inside))
+        inside = np.clip(
+            system.structure.points.slider, ends[..., 0] + margin, ends[..., 1] - margin
+        )
+        points = replace(
+            system.structure.points,
+            slider=np.where(np.isnan(margin), system.structure.points.slider, inside),
+        )
         scale = 1.0 / system.row_scale[0], 1.0 / system.row_scale[-1]
-        system = replace(system.structure, points=points, contact_forces="event_driven", force_scale=scale).equations
+        system = replace(
+            system.structure, points=points, contact_forces="event_driven", force_scale=scale
+        ).equations
         found = system.correct_at(u, omega, np.ones(len(u) + 1), 1e-10, 100, True)
         assert found.status == 0
         u = found.y[:-1]
@@ -93,7 +113,11 @@ def test_multipliers_of_a_stiff_rig_with_a_free_damper():
 
 def test_a_multiplier_is_one_at_a_fold(path):
     system = two_oscillators(15)
-    folds = [p for p in path.points if (p.kind == "fold" and p.shares[1] > 0.0) or (p.kind == "fold" and p.shares[2] > 0.1)]
+    folds = [
+        p
+        for p in path.points
+        if (p.kind == "fold" and p.shares[1] > 0.0) or (p.kind == "fold" and p.shares[2] > 0.1)
+    ]
     assert folds
     for p in folds:
         values = multipliers(system, p.y[:-1], p.y[-1])
@@ -160,7 +184,9 @@ def test_coupled_law_is_judged_by_the_determinant_and_verified(path):
     folds = [i for i, p in enumerate(path.points) if p.kind == "fold"]
     between = path.points[folds[0] + 3 : folds[1] - 2]
     chosen = [between[len(between) // 2], path.points[folds[0] - 5]]
-    unstable, note = unstable_solutions(coupled, np.array([p.y[:-1] for p in chosen]), np.array([p.y[-1] for p in chosen]))
+    unstable, note = unstable_solutions(
+        coupled, np.array([p.y[:-1] for p in chosen]), np.array([p.y[-1] for p in chosen])
+    )
     assert unstable.tolist() == [True, False] and "sign of det J" in note
     # disturbed a little and integrated over many periods, the unstable solution is left, the stable one comes back
     ring = Ring(coupled, 1, 0)
@@ -170,7 +196,9 @@ def test_coupled_law_is_judged_by_the_determinant_and_verified(path):
         q, v = ring.state(u, omega, 0.0)
         first, size = q, 1e-3 * np.abs(q).max()
         q = q + size * np.repeat([1.0, 0.0], n)
-        q = ring.integrate(Motion(q, v, ring.initial_slider(u, omega, 256)), omega, 256, 30).motion.q
+        q = ring.integrate(
+            Motion(q, v, ring.initial_slider(u, omega, 256)), omega, 256, 30
+        ).motion.q
         away = np.abs(q - first).max()
         assert away > 20.0 * size if leaves else away < size
     p = max((q for q in path.points), key=lambda q: abs(exact.response(q.y[:-1])[1]))
@@ -193,11 +221,18 @@ def test_a_fully_stuck_solution_under_constant_load_is_linear():
     system, omega = study.problem.system(2000.0), 2.0 * np.pi * curve.frequency[0]
     _, _, shares = system.contact(curve.unknowns[0])
     points, basis = system.structure.points, system.structure.bases[0]
-    springs = np.column_stack([points.kt * (shares[:, [0, 2]] > 0.5), points.kn * (shares[:, 4] < 0.5)])
+    springs = np.column_stack(
+        [points.kt * (shares[:, [0, 2]] > 0.5), points.kn * (shares[:, 4] < 0.5)]
+    )
     G = np.asarray(basis.G).real
     n = len(basis.omega2)
     K = np.diag(basis.omega2) + np.einsum("pdi,pd,pdj->ij", G, springs, G)
-    A = np.block([[np.zeros((n, n)), np.eye(n)], [-K, -np.diag(2.0 * basis.damping_ratio * np.sqrt(basis.omega2))]])
+    A = np.block(
+        [
+            [np.zeros((n, n)), np.eye(n)],
+            [-K, -np.diag(2.0 * basis.damping_ratio * np.sqrt(basis.omega2))],
+        ]
+    )
     period = 2.0 * np.pi / omega
     expected = np.exp(np.linalg.eigvals(A) * period)
     assert not unstable_solutions(system, curve.unknowns[:1], np.array([omega]))[0].any()
@@ -227,7 +262,9 @@ def test_coupled_law_of_a_study():
     assert study.motion_in_time(curve, periods=5, steps_per_period=448).distance < 0.02
     i = curve.peak_index
     system = study.problem.system(50.0)
-    assert not unstable_solutions(system, curve.unknowns[[i]], 2 * np.pi * curve.frequency[[i]])[0].any()
+    assert not unstable_solutions(system, curve.unknowns[[i]], 2 * np.pi * curve.frequency[[i]])[
+        0
+    ].any()
 
 
 def test_curves_carry_stability(tmp_path):
@@ -257,9 +294,14 @@ def test_cyclic_structures_by_the_determinant():
         friction_coefficient=0.4,
         excitation=bd.Excitation("tip", "tangential", 1.0),
     )
-    curve, system = study.frequency_response(1000.0, (320.0, 380.0), stability=True), study.problem.system(1000.0)
+    curve, system = (
+        study.frequency_response(1000.0, (320.0, 380.0), stability=True),
+        study.problem.system(1000.0),
+    )
     solutions = zip(curve.unknowns, 2.0 * np.pi * curve.frequency)
-    by_sign = np.array([np.linalg.slogdet(system.evaluate(u, omega)[1])[0] > 0.0 for u, omega in solutions])
+    by_sign = np.array(
+        [np.linalg.slogdet(system.evaluate(u, omega)[1])[0] > 0.0 for u, omega in solutions]
+    )
     assert "the others are not examined" in curve.stability_note
     assert " s for the curve" in curve.stability_note
     folds = curve.folds
@@ -270,7 +312,11 @@ def test_cyclic_structures_by_the_determinant():
     # between the folds all points are unstable, and no other point is said to be stable
     elsewhere = np.delete(np.arange(len(curve)), folds)  # at a fold det J is zero to rounding
     np.testing.assert_array_equal(curve.unstable[elsewhere], ~by_sign[elsewhere])
-    said = np.where(curve.unstable, "unstable (det J < 0) with 1 harmonic", "undecided (det J >= 0) with 1 harmonic")
+    said = np.where(
+        curve.unstable,
+        "unstable (det J < 0) with 1 harmonic",
+        "undecided (det J >= 0) with 1 harmonic",
+    )
     assert curve.labels.tolist() == said.tolist()
     other = bd.reference_model("bladed_disk", 24)
     with pytest.raises(bd.SettingError, match="curve"):

@@ -19,7 +19,9 @@ from tests.plain import plain_study
 
 def distance(n_harm, periods=45, steps=600):
     system = two_oscillators(n_harm)
-    p = max(followed(system, 1.0, 3.5, STUCK).points, key=lambda q: abs(system.response(q.y[:-1])[1]))
+    p = max(
+        followed(system, 1.0, 3.5, STUCK).points, key=lambda q: abs(system.response(q.y[:-1])[1])
+    )
     return compared(system, p.y[:-1], p.y[-1], 1, 0, steps, periods=periods)
 
 
@@ -37,7 +39,9 @@ def test_linear_motion_to_second_order():
     errors = []
     for n in (100, 200):
         ring = Ring(system, 1, 0)
-        settled = ring.integrate(ring.start(p.y[:-1], p.y[-1], n), p.y[-1], n, 150).harmonics[-1, 0, 1]
+        settled = ring.integrate(ring.start(p.y[:-1], p.y[-1], n), p.y[-1], n, 150).harmonics[
+            -1, 0, 1
+        ]
         errors.append(abs(settled / system.response(p.y[None, :-1])[0, 1] - 1.0))
     assert 3.5 < errors[0] / errors[1] < 4.5
     assert errors[1] < 1e-3
@@ -45,7 +49,9 @@ def test_linear_motion_to_second_order():
 
 def test_ring_of_sectors_keeps_the_travelling_wave():
     """Bias, fundamental and second harmonic in different nodal diameters; friction and separation; all sectors."""
-    model = wedge_model(0, n_blades=8, engine_order=2, n_points=4, n_blade_modes=2, harmonics=3, n_damper_modes=0)
+    model = wedge_model(
+        0, n_blades=8, engine_order=2, n_points=4, n_blade_modes=2, harmonics=3, n_damper_modes=0
+    )
     study = plain_study(
         model,
         engine_order=2,
@@ -85,17 +91,29 @@ def rig(law, contact_forces="event_driven", harmonics=5):
 
 LAWS = {
     "constant normal load": {"variable_normal_load": False, "harmonics": 13},
-    "constant load in a disk": {"friction_law": "coupled", "variable_normal_load": False, "contact_forces": bd.AFT(128)},
+    "constant load in a disk": {
+        "friction_law": "coupled",
+        "variable_normal_load": False,
+        "contact_forces": bd.AFT(128),
+    },
     "bonded": {"friction_law": "bonded"},
     "sampled": {"contact_forces": bd.AFT(128), "harmonics": 9},
 }
 # Some twice what the harmonics that are left out amount to: 4.2e-4 and 4.2e-3 under constant load, 6.0e-3 with nine
 # harmonics of a variable load (2.2e-3 with thirteen, 9.8e-3 with five).  The bonded structure is linear: what remains is
 # the error of the integration, 1.5e-4.
-DISTANCE = {"constant normal load": 1e-3, "constant load in a disk": 1e-2, "bonded": 1e-3, "sampled": 1e-2}
+DISTANCE = {
+    "constant normal load": 1e-3,
+    "constant load in a disk": 1e-2,
+    "bonded": 1e-3,
+    "sampled": 1e-2,
+}
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n == "constant normal load")) for n in LAWS])
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=[pytest.mark.slow] * (n == "constant normal load")) for n in LAWS],
+)
 def test_other_contact_laws_settle_where_harmonic_balance_says(name):
     """The peak in time, and that no other law has it.
 
@@ -123,8 +141,12 @@ def test_other_contact_laws_settle_where_harmonic_balance_says(name):
     of_another = rig({}, harmonics=harmonics).problem.system(50.0)
     other = compared(of_another, curve.unknowns[i], omega, 1, 0, 448, periods=12)
     assert other.distance > 3.0 * found.distance
-    unstable, note = unstable_solutions(study.problem.system(50.0), curve.unknowns[[i]], np.array([omega]))
-    if name == "constant load in a disk":  # det J is that of five harmonics, beyond one of their branches
+    unstable, note = unstable_solutions(
+        study.problem.system(50.0), curve.unknowns[[i]], np.array([omega])
+    )
+    if (
+        name == "constant load in a disk"
+    ):  # det J is that of five harmonics, beyond one of their branches
         assert "det J" in note
         return
     assert not unstable.any() and "multipliers" in note
@@ -133,10 +155,16 @@ def test_other_contact_laws_settle_where_harmonic_balance_says(name):
         basis, n = system.structure.bases[0], system.n_mean
         points = system.structure.points
         springs = np.column_stack([points.kt, points.kn]) * (points.law == LAW_BONDED)[:, None]
-        stiffness = np.diag(basis.omega2) + np.einsum("pam,pa,pan->mn", basis.G.real, springs, basis.G.real)
+        stiffness = np.diag(basis.omega2) + np.einsum(
+            "pam,pa,pan->mn", basis.G.real, springs, basis.G.real
+        )
         found = multipliers(system, curve.unknowns[i], omega)
-        rates = np.linalg.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness, -np.diag(basis.damping)]]))
-        np.testing.assert_allclose(np.abs(found[0]), np.exp(rates.real.max() / curve.peak.frequency), rtol=2e-3)
+        rates = np.linalg.eigvals(
+            np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness, -np.diag(basis.damping)]])
+        )
+        np.testing.assert_allclose(
+            np.abs(found[0]), np.exp(rates.real.max() / curve.peak.frequency), rtol=2e-3
+        )
 
 
 def test_a_motion_may_differ():
@@ -148,7 +176,9 @@ def test_a_motion_may_differ():
     found = compared(system, wrong, p.y[-1], 1, 0, 400, periods=48)
     assert found.distance > 0.1 and found.verdict != AGREES
     right = compared(system, p.y[:-1], p.y[-1], 1, 0, 400)
-    assert right.verdict == AGREES and right.distance < 0.02 and len(right.transient.amplitude) == 96
+    assert (
+        right.verdict == AGREES and right.distance < 0.02 and len(right.transient.amplitude) == 96
+    )
     assert compared(system, p.y[:-1], p.y[-1], 1, 0, 400, periods=5).verdict == UNDECIDED
 
 
@@ -216,9 +246,13 @@ def test_residual_modes_are_like_many_modes_in_time(frequency):
         assert ((np.concatenate([b.mass for b in study.problem.bases]) == 0.0).any()) == (not more)
         system, omega = study.problem.system(2000.0), 2 * np.pi * curve.frequency[i]
         expected.append(curve.amplitude[i])
-        found.append(integrated(system, omega, 65, 5, curve.unknowns[i], 80, 256).amplitude[-20:].mean())
+        found.append(
+            integrated(system, omega, 65, 5, curve.unknowns[i], 80, 256).amplitude[-20:].mean()
+        )
     np.testing.assert_allclose(found, expected, rtol=0.01)
-    assert abs(np.diff(found)[0]) == pytest.approx(abs(np.diff(expected)[0]), abs=0.01 * max(expected))
+    assert abs(np.diff(found)[0]) == pytest.approx(
+        abs(np.diff(expected)[0]), abs=0.01 * max(expected)
+    )
 
 
 def test_what_cannot_be_integrated_is_refused():
@@ -230,12 +264,17 @@ def test_what_cannot_be_integrated_is_refused():
     with pytest.raises(bd.SettingError, match="fundamental_modes_only"):
         Ring(study.problem.system(100.0), 8, 1)
     study = plain_study(
-        acyclic_model(1), engine_order=0, contact_stiffness="model", excitation=bd.Excitation("tip", "tangential", 1.0)
+        acyclic_model(1),
+        engine_order=0,
+        contact_stiffness="model",
+        excitation=bd.Excitation("tip", "tangential", 1.0),
     )
     curve = study.frequency_response(200.0, (300.0, 310.0))
     with pytest.raises(bd.SettingError, match="index"):
         study.motion_in_time(curve, 10**6)
-    with pytest.raises(bd.SettingError, match="index: expected none, since a frequency is given, found 0"):
+    with pytest.raises(
+        bd.SettingError, match="index: expected none, since a frequency is given, found 0"
+    ):
         study.motion_in_time(curve, 0, frequency=305.0)
     with pytest.raises(bd.SettingError, match="steps_per_period"):
         study.motion_in_time(curve, 0, steps_per_period=8)
@@ -243,12 +282,16 @@ def test_what_cannot_be_integrated_is_refused():
 
 def test_without_a_mean_the_wave_alone_is_integrated():
     """A mean that is held has no coordinates: no other nodal diameter, and no reason to ask for several bases."""
-    model = wedge_model(0, n_blades=8, engine_order=2, n_points=4, n_blade_modes=2, harmonics=3, n_damper_modes=0)
+    model = wedge_model(
+        0, n_blades=8, engine_order=2, n_points=4, n_blade_modes=2, harmonics=3, n_damper_modes=0
+    )
     study = plain_study(model, engine_order=2, contact_stiffness=3e6, friction_coefficient=0.3, damping_ratio=0.03,
                         bias=False, excitation=bd.Excitation("tip", "tangential", 200.0))  # fmt: skip
     curve = study.frequency_response(400.0, (250.0, 255.0))
     assert Ring(study.problem.system(400.0), 8, 2).families == {1: 1}
-    found = compared(study.problem.system(400.0), curve.unknowns[0], 2 * np.pi * curve.frequency[0], 8, 2, 1024)
+    found = compared(
+        study.problem.system(400.0), curve.unknowns[0], 2 * np.pi * curve.frequency[0], 8, 2, 1024
+    )
     last = np.abs(found.transient.response[-1])
     assert found.verdict == AGREES and last[0] < 1e-3 * last[1]
 
@@ -256,14 +299,22 @@ def test_without_a_mean_the_wave_alone_is_integrated():
 def test_modal_coordinates_may_have_any_mass():
     """The same structure in other units of its modal coordinates: the same motion in time and the same multipliers."""
     system, size = two_oscillators(5), np.array([3.0, 0.2])
-    bases = [replace(b, omega2=b.omega2 * size**2, mass=b.mass * size**2, G=b.G * size) for b in system.structure.bases]
+    bases = [
+        replace(b, omega2=b.omega2 * size**2, mass=b.mass * size**2, G=b.G * size)
+        for b in system.structure.bases
+    ]
     u_size = np.tile(size, system.n_unknowns // 2)
     rows = [r * size for r in system.response_rows]
     scaled = Sector(bases, system.structure.points, system.structure.force * u_size, rows).equations
     p = max(followed(system, 1.5, 2.2, STUCK).points, key=lambda q: q.shares[1])
     u = p.y[:-1] / u_size
     np.testing.assert_allclose(scaled.response(u), system.response(p.y[:-1]), rtol=1e-12)
-    one, other = (integrated(s, p.y[-1], 1, 0, x, 5, 400).response for s, x in ((system, p.y[:-1]), (scaled, u)))
+    one, other = (
+        integrated(s, p.y[-1], 1, 0, x, 5, 400).response
+        for s, x in ((system, p.y[:-1]), (scaled, u))
+    )
     np.testing.assert_allclose(other, one, atol=1e-9 * np.abs(one).max())
-    values = [np.sort_complex(multipliers(s, x, p.y[-1])) for s, x in ((system, p.y[:-1]), (scaled, u))]
+    values = [
+        np.sort_complex(multipliers(s, x, p.y[-1])) for s, x in ((system, p.y[:-1]), (scaled, u))
+    ]
     np.testing.assert_allclose(values[1], values[0], rtol=0, atol=1e-8)

@@ -1,6 +1,5 @@
 """Energy of a cycle and histories of forces: balance, closed forms, and the forces that the core projects."""
 
-
 import numpy as np
 import pytest
 
@@ -19,7 +18,9 @@ def jenkins(harmonics, limit=1.0):
     )  # fmt: skip
     guess = np.zeros(system.n_unknowns)
     guess[1:3] = 0.5, -3.0
-    found = system.correct_at(guess, 1.15, np.ones(system.n_unknowns + 1), 1e-13, 50, line_search=True)
+    found = system.correct_at(
+        guess, 1.15, np.ones(system.n_unknowns + 1), 1e-13, 50, line_search=True
+    )
     assert found.status == 0
     return system, found.y[:-1]
 
@@ -30,7 +31,9 @@ def test_a_jenkins_element_in_closed_form():
     assert A > 1.0 / KT
     assert e["contact"] == pytest.approx([4.0 * (A - 1.0 / KT)], rel=1e-12)
     angle = np.arccos(1.0 - 2.0 / (KT * A))
-    assert e["stiffness"].real == pytest.approx(KT / np.pi * (angle - 0.5 * np.sin(2.0 * angle)), rel=1e-12)
+    assert e["stiffness"].real == pytest.approx(
+        KT / np.pi * (angle - 0.5 * np.sin(2.0 * angle)), rel=1e-12
+    )
     assert e["stiffness"].imag == pytest.approx(4.0 * (A - 1.0 / KT) / (np.pi * A**2), rel=1e-12)
     assert e["kinetic"] == pytest.approx(0.5 * 1.15**2 * A**2, rel=1e-12)
 
@@ -43,7 +46,9 @@ def test_the_history_of_a_jenkins_element_is_a_parallelogram():
     assert np.abs(f).max() == pytest.approx(1.0, abs=1e-14)
     slope = np.diff(f) / np.where(np.abs(np.diff(x)) > 1e-9, np.diff(x), np.inf)
     inside = (np.abs(f[1:]) < 1.0 - 1e-9) & (np.abs(f[:-1]) < 1.0 - 1e-9)
-    assert slope[inside] == pytest.approx(KT, rel=1e-6) and slope[~inside].max() <= KT * (1.0 + 1e-6)
+    assert slope[inside] == pytest.approx(KT, rel=1e-6) and slope[~inside].max() <= KT * (
+        1.0 + 1e-6
+    )
     assert 0.1 < inside.mean() < 0.9
 
 
@@ -55,7 +60,10 @@ def test_the_history_of_a_jenkins_element_is_a_parallelogram():
         ({"variable_normal_load": False}, 2e-6),
         ({"friction_coefficient": {"left": 0.3, "right": 0.0}}, 2e-6),
         ({"friction_law": "bonded"}, 1e-12),
-        ({"friction_law": "coupled", "contact_forces": bd.AFT(256)}, 2e-3),  # of order 1/n_time with separation
+        (
+            {"friction_law": "coupled", "contact_forces": bd.AFT(256)},
+            2e-3,
+        ),  # of order 1/n_time with separation
     ],
     ids=str,
 )
@@ -67,7 +75,9 @@ def test_histories_have_the_harmonics_of_the_core(settings, error):
     system, static = study.problem.system(500.0), study.static(500.0)
     # small enough for points that come to rest in a disk
     size, frequency = (0.3, 360.0) if "contact_forces" in settings else (0.5, 355.0)
-    stuck = system.structure.linear.response(2.0 * np.pi * frequency, study.problem.at(500.0).stuck_springs())
+    stuck = system.structure.linear.response(
+        2.0 * np.pi * frequency, study.problem.at(500.0).stuck_springs()
+    )
     u = system.layout.pack(static.q, size * stuck)
     _, forces, share = system.contact(u)
     n = 3000 if error < 1e-4 else 256

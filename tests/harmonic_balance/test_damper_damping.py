@@ -17,7 +17,12 @@ from tests.plain import plain_study
 
 @pytest.fixture(scope="module")
 def plain():
-    return plain_study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4)
+    return plain_study(
+        bd.reference_model("bladed_disk", 9),
+        bd.Excitation("tip"),
+        engine_order=5,
+        friction_coefficient=0.4,
+    )
 
 
 def of_damper(basis):
@@ -31,7 +36,9 @@ def test_drag_takes_the_power_of_a_force_on_the_moving_body(plain):
     u, omega = curve.unknowns[0], 2 * np.pi * curve.frequency[0]
     # the energy balance holds, and without the damping of blades it is that of the force -drag v on the translation
     balance = energies(study.problem.system(2000.0), u, omega)
-    assert balance["excitation"] == pytest.approx(balance["damping"] + balance["contact"].sum(), rel=1e-8)
+    assert balance["excitation"] == pytest.approx(
+        balance["damping"] + balance["contact"].sum(), rel=1e-8
+    )
     body = study.model.bodies["damper"]
     motion = rigid_motion(study, u).vibratory[0]  # m and rad about principal axes
     rotation = rigid_motion(study, u).modal_vibratory[0, 3:]
@@ -46,7 +53,9 @@ def test_a_ratio_is_that_of_a_motion_on_the_closed_contacts(plain):
     basis = study.problem.bases[1]
     own = of_damper(basis)
     springs = study.problem.point_stiffness * study.problem.friction_points[:, None]
-    stiffness = np.array([(springs * np.abs(basis.G[..., k]) ** 2).sum() for k in np.flatnonzero(own)])
+    stiffness = np.array(
+        [(springs * np.abs(basis.G[..., k]) ** 2).sum() for k in np.flatnonzero(own)]
+    )
     np.testing.assert_allclose(basis.damping[own], 2 * 0.02 * np.sqrt(stiffness), rtol=1e-12)
     np.testing.assert_array_equal(basis.damping[~own], plain.problem.bases[1].damping[~own])
 
@@ -66,7 +75,10 @@ def test_residual_modes_give_way_beside_the_contact_springs():
     )  # fmt: skip
     # static displacement of the damper under a force on it, blades at rest and every contact closed and stuck
     basis, rows = study.problem.static_basis, study.problem.friction_points
-    k, blades = study.problem.point_stiffness[rows].ravel(), [c.body == "blade" for c in basis.coordinates]
+    k, blades = (
+        study.problem.point_stiffness[rows].ravel(),
+        [c.body == "blade" for c in basis.coordinates],
+    )
     G = basis.G.real[rows].reshape(len(k), -1)[:, np.logical_not(blades)]
     K = (G.T * k) @ G + np.diag(basis.omega2[np.logical_not(blades)])
     force = np.zeros(len(K))
@@ -97,17 +109,28 @@ def test_a_study_varied_has_it_as_a_new_one(plain, settings):
     np.testing.assert_array_equal(varied.problem.bases[1].damping, damping)
     assert (damping[own] > 0.0).all() and not plain.problem.bases[1].damping[own].any()
     heavier = vary(varied, {"damper_inertia_factor": 4.0}).problem.bases[1].damping[own]
-    np.testing.assert_allclose(heavier, damping[own] / (4.0 if "damper_drag" in settings else 2.0), rtol=1e-12)
+    np.testing.assert_allclose(
+        heavier, damping[own] / (4.0 if "damper_drag" in settings else 2.0), rtol=1e-12
+    )
 
 
 def test_what_does_not_fit_is_refused_and_what_is_set_is_told(plain):
     study = plain.replace(damper_damping_ratio=0.02)
-    assert re.search("damper damping ratio +0.02", str(study)) and study.problem.record()["damper_damping_ratio"] == 0.02
-    assert re.search("damper drag +5 N s/m", str(plain.replace(damper_drag=5.0))) and "drag" not in str(plain)
-    with pytest.raises(bd.BdamperError, match="damper_drag: expected a finite number >= 0 N s/m, found -1"):
+    assert (
+        re.search("damper damping ratio +0.02", str(study))
+        and study.problem.record()["damper_damping_ratio"] == 0.02
+    )
+    assert re.search(
+        "damper drag +5 N s/m", str(plain.replace(damper_drag=5.0))
+    ) and "drag" not in str(plain)
+    with pytest.raises(
+        bd.BdamperError, match="damper_drag: expected a finite number >= 0 N s/m, found -1"
+    ):
         plain.replace(damper_drag=-1.0)
     with pytest.raises(bd.BdamperError, match=r"damper_damping_ratio: expected .* < 1, found 1"):
         plain.replace(damper_damping_ratio=1.0)
     fixed = plain_study(bd.reference_model("blade_to_ground"), bd.Excitation("tip"))
-    with pytest.raises(bd.BdamperError, match="damper_drag: expected 0, since the model has no free body, found 5"):
+    with pytest.raises(
+        bd.BdamperError, match="damper_drag: expected 0, since the model has no free body, found 5"
+    ):
         fixed.replace(damper_drag=5.0)

@@ -22,7 +22,9 @@ PRELOAD, OMEGA = 200.0, 2.0 * np.pi * 300.0
 @cache
 def disk():
     excitation = bd.Excitation("tip", "tangential")
-    return plain_study(bd.reference_model("bladed_disk", 9), excitation, engine_order=5, harmonics=2)
+    return plain_study(
+        bd.reference_model("bladed_disk", 9), excitation, engine_order=5, harmonics=2
+    )
 
 
 def sector():
@@ -39,7 +41,10 @@ def support():
 
 def family():
     study = disk()
-    stiffer = [study.replace(contact_stiffness_factor=factor).problem.system(PRELOAD) for factor in (1.2, 1.0, 0.9)]
+    stiffer = [
+        study.replace(contact_stiffness_factor=factor).problem.system(PRELOAD)
+        for factor in (1.2, 1.0, 0.9)
+    ]
     return family_equations(stiffer, OMEGA / 5.0 * np.array([1.1, 1.0, 0.9]), 5), OMEGA
 
 
@@ -97,13 +102,19 @@ def test_rows_give_the_response_and_the_gradient_where_they_change_with_speed():
     assert square == pytest.approx(abs(expected) ** 2, rel=1e-12)
     for i, size in enumerate([*[1e-4] * len(u), 1e-3]):
         step = size * np.eye(len(u) + 1)[i]
-        high, low = (rows.squared_gradient(np.append(u, omega) + way * step)[1] for way in (1.0, -1.0))
+        high, low = (
+            rows.squared_gradient(np.append(u, omega) + way * step)[1] for way in (1.0, -1.0)
+        )
         assert gradient[i] == pytest.approx((high - low) / (4.0 * size), rel=1e-6, abs=1e-9)
 
 
 def test_the_places_of_harmonics_fill_the_unknowns(equations):
     system, y = equations
-    places = [np.arange(len(y))[part] for l in range(system.n_harmonics + 1) for part in system.layout.slices(l)]
+    places = [
+        np.arange(len(y))[part]
+        for l in range(system.n_harmonics + 1)
+        for part in system.layout.slices(l)
+    ]
     assert np.concatenate(places).tolist() == list(range(system.layout.n_unknowns))
     assert len(system.response(y[: system.layout.n_unknowns])) == system.n_harmonics + 1
 
@@ -121,7 +132,11 @@ def test_a_budget_ends_corrections_and_belongs_to_a_copy(equations):
     assert poor.spent and not system.spent and system.left == np.inf
     before = system.core.cost.evaluations
     found = poor.solve(y, Fixed(), np.ones(len(y)), 1e-9, 5)
-    assert found.status == NOT_CONVERGED and found.iterations == 0 and system.core.cost.evaluations == before
+    assert (
+        found.status == NOT_CONVERGED
+        and found.iterations == 0
+        and system.core.cost.evaluations == before
+    )
     half = system.within(100).with_share(0.5)
     assert half.left == 50 and not half.spent
     system.residual(y)

@@ -14,7 +14,9 @@ BAND = (250.0, 400.0)
 
 @pytest.fixture
 def study():
-    return plain_study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip", "tangential"), engine_order=5)
+    return plain_study(
+        bd.reference_model("bladed_disk", 9), bd.Excitation("tip", "tangential"), engine_order=5
+    )
 
 
 def test_problems_do_not_wait_for_each_other():
@@ -31,7 +33,10 @@ def test_problems_do_not_wait_for_each_other():
             return free.wait(20.0) if self.waits else True
 
     slow, quick = Holder(True), Holder(False)
-    threads = [threading.Thread(target=lambda holder=holder: holder.part, daemon=True) for holder in (slow, quick)]
+    threads = [
+        threading.Thread(target=lambda holder=holder: holder.part, daemon=True)
+        for holder in (slow, quick)
+    ]
     threads[0].start()
     assert begun.wait(5.0)
     threads[1].start()
@@ -51,13 +56,18 @@ def test_a_track_and_a_peak_make_one_core(study, monkeypatch):
     assert len(made) == 2
     for preload in range(1, 40):
         _ = study.problem.at(float(preload)).sector
-    assert study.problem.system(200.0) is not None and len(made) == 3  # of sixteen preloads the equations are kept
+    assert (
+        study.problem.system(200.0) is not None and len(made) == 3
+    )  # of sixteen preloads the equations are kept
     assert study.problem.system(200.0) is study.problem.system(200) and len(made) == 3
 
 
 def test_tracks_on_threads_count_for_themselves(study):
     """A budget that is enough alone is enough beside others, and each curve names its own evaluations."""
-    options, curves = bd.ContinuationOptions(budget=4 * study.frequency_response(200.0, BAND).cost.evaluations), [None] * 3
+    options, curves = (
+        bd.ContinuationOptions(budget=4 * study.frequency_response(200.0, BAND).cost.evaluations),
+        [None] * 3,
+    )
     alone = study.frequency_response(200.0, BAND, options=options)
     assert alone.complete
 

@@ -29,12 +29,17 @@ def test_forces_at_several_places_add_up(study):
     whole, one, other = (c.harmonics[on][::20] for c, on in zip(curves, at))
     assert np.abs(other).max() > 0.1 * np.abs(one).max()
     close(whole, one + other)
-    assert "beside it" in str(both) and "200 N at platform axial, phase 17.1887 degrees, order 5" in str(both)
+    assert "beside it" in str(
+        both
+    ) and "200 N at platform axial, phase 17.1887 degrees, order 5" in str(both)
 
 
 def test_a_phase_is_in_radians_and_is_shown_in_degrees(study):
     for phase in (90.0, -10.0, 6.3):
-        with pytest.raises(bd.SettingError, match=rf"excitation phase: .* np.deg2rad\(90\) is 90 degrees, found {phase}"):
+        with pytest.raises(
+            bd.SettingError,
+            match=rf"excitation phase: .* np.deg2rad\(90\) is 90 degrees, found {phase}",
+        ):
             bd.Excitation("tip", phase=phase)
     quarter = study.replace(excitation=bd.Excitation("tip", phase=np.deg2rad(90)))
     assert quarter.excitation.force == pytest.approx(1j, abs=1e-15)
@@ -44,7 +49,9 @@ def test_a_phase_is_in_radians_and_is_shown_in_degrees(study):
 
 def test_a_modal_force_is_that_of_its_mode_alone(study):
     """Closed form of one mode without contact, and no other mode moves."""
-    alone = study.replace(excitation=bd.Excitation("mode 2", amplitude=3e-3, phase=0.7), response=bd.Response("tip"))
+    alone = study.replace(
+        excitation=bd.Excitation("mode 2", amplitude=3e-3, phase=0.7), response=bd.Response("tip")
+    )
     basis = alone.problem.bases[1]
     curve = alone.free(BAND)
     omega = 2.0 * np.pi * curve.frequency
@@ -61,8 +68,12 @@ def test_two_engine_orders_superpose_where_nothing_slips(study, kind):
     """Harmonic 2 of a wave of order 5 is that of order 10 alone at twice the frequency."""
     second = bd.Excitation("tip", "axial", 2.0, 0.4, engine_order=10)
     both = study.replace(excitation=TIP + second)
-    other = study.replace(excitation=dataclasses.replace(second, engine_order=None), engine_order=10, harmonics=1)
-    springs = {name: own.stiffness for name, own in study.problem.stiffness.items()}  # those of nodal diameter 5
+    other = study.replace(
+        excitation=dataclasses.replace(second, engine_order=None), engine_order=10, harmonics=1
+    )
+    springs = {
+        name: own.stiffness for name, own in study.problem.stiffness.items()
+    }  # those of nodal diameter 5
     other = other.replace(response=bd.Response("tip"), contact_stiffness=springs)
     curve, first = getattr(both, kind)(BAND), getattr(study, kind)(BAND)
     linear, rows = other.problem.at(1.0).sector.linear, other.problem.response_rows[1]
@@ -76,21 +87,32 @@ def test_two_engine_orders_superpose_where_nothing_slips(study, kind):
 def test_two_engine_orders_in_the_balance_of_a_bonded_contact(study):
     """One linear solution of the equations of the harmonic balance; work of both orders equals what damping takes."""
     settings = {"friction_law": "bonded", "constraint_planes": False}
-    both = study.replace(excitation=TIP + bd.Excitation("tip", "axial", 2.0, 0.4, engine_order=10), **settings)
+    both = study.replace(
+        excitation=TIP + bd.Excitation("tip", "axial", 2.0, 0.4, engine_order=10), **settings
+    )
     system, omega = both.problem.system(300.0), 2.0 * np.pi * 350.0
     r, jacobian, _ = system.evaluate(np.zeros(system.n_unknowns), omega)
     u = -np.linalg.solve(jacobian, r)
     springs = both.problem.point_stiffness * both.problem.bonded_points[:, None]
     for harmonic in (1, 2):
-        close(system.layout.amplitudes(u, harmonic), system.structure.linear.response(omega, springs, harmonic))
+        close(
+            system.layout.amplitudes(u, harmonic),
+            system.structure.linear.response(omega, springs, harmonic),
+        )
 
 
 def test_the_response_at_other_places_needs_no_other_solution(study):
-    curve, other = study.free(BAND), study.replace(response=bd.Response("platform", "radial")).free(BAND)
+    curve, other = (
+        study.free(BAND),
+        study.replace(response=bd.Response("platform", "radial")).free(BAND),
+    )
     close(study.response_at(curve, "tip"), curve.harmonics)
     same = np.isin(curve.frequency, other.frequency)
     assert same.sum() >= 201
-    close(study.response_at(curve, "platform", "radial")[same], other.harmonics[np.isin(other.frequency, curve.frequency)])
+    close(
+        study.response_at(curve, "platform", "radial")[same],
+        other.harmonics[np.isin(other.frequency, curve.frequency)],
+    )
     peak = study.peak(300.0, BAND)
     assert abs(study.response_at(peak, "tip")[0, 1]) == pytest.approx(peak.amplitude, rel=1e-12)
     with pytest.raises(bd.SettingError, match="result: expected a result of this study"):
@@ -102,11 +124,23 @@ def test_the_response_at_other_places_needs_no_other_solution(study):
 @pytest.mark.parametrize(
     ("excitation", "message"),
     [
-        (bd.Excitation("mode 99"), "excitation location: expected one of .* found 'mode 99'; did you mean mode 9"),
+        (
+            bd.Excitation("mode 99"),
+            "excitation location: expected one of .* found 'mode 99'; did you mean mode 9",
+        ),
         (bd.Excitation("mode 1"), r"response: expected a Response\(location, direction\), since"),
-        (bd.Excitation("mode 1", "axial"), "excitation direction: expected none, which 'mode 1' does not have"),
-        (TIP + bd.Excitation("tip", engine_order=7), r"engine_order of an excitation: expected one of \[5, 10, 15\]"),
-        (bd.Excitation("tip", engine_order=10), "excitation: expected a force of the study's own engine_order"),
+        (
+            bd.Excitation("mode 1", "axial"),
+            "excitation direction: expected none, which 'mode 1' does not have",
+        ),
+        (
+            TIP + bd.Excitation("tip", engine_order=7),
+            r"engine_order of an excitation: expected one of \[5, 10, 15\]",
+        ),
+        (
+            bd.Excitation("tip", engine_order=10),
+            "excitation: expected a force of the study's own engine_order",
+        ),
     ],
 )
 def test_refusals(study, excitation, message):

@@ -27,7 +27,9 @@ def split_study(name, shares, load_per_preload):
     for face in model.interfaces:
         key = face.rpartition("_")[2]
         own = face.removesuffix(f"_{key}")
-        parts[face] = shares[key] * stiffness[own] if own in stiffness and key in shares else stiffness[face]
+        parts[face] = (
+            shares[key] * stiffness[own] if own in stiffness and key in shares else stiffness[face]
+        )
     return whole.replace(model=model, contact_stiffness=parts, load_per_preload=load_per_preload)
 
 
@@ -37,7 +39,10 @@ def test_one_damper_with_its_share_is_the_study_without_loads(name):
     whole, _ = whole_study(name)
     body = next(body.name for body in whole.model.bodies.values() if body.kind == "free")
     own = whole.replace(load_per_preload={body: 1.0})
-    expected, found = whole.frequency_response(300.0, NAMES[name]), own.frequency_response(300.0, NAMES[name])
+    expected, found = (
+        whole.frequency_response(300.0, NAMES[name]),
+        own.frequency_response(300.0, NAMES[name]),
+    )
     assert own.problem.system(300.0).n_unknowns == whole.problem.system(300.0).n_unknowns
     assert found.cost.evaluations == expected.cost.evaluations
     np.testing.assert_array_equal(found.frequency, expected.frequency)
@@ -48,7 +53,11 @@ def test_one_damper_with_its_share_is_the_study_without_loads(name):
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize(
-    "shares", [pytest.param({"front": 0.5, "rear": 0.5}, marks=pytest.mark.slow), {"front": 0.3, "rear": 0.7}]
+    "shares",
+    [
+        pytest.param({"front": 0.5, "rear": 0.5}, marks=pytest.mark.slow),
+        {"front": 0.3, "rear": 0.7},
+    ],
 )
 def test_a_damper_split_into_shares_responds_as_the_whole(name, shares):
     whole, _ = whole_study(name)
@@ -71,7 +80,9 @@ def test_fixed_loads_of_bodies_are_added_to_those_of_the_preload():
     assert total[1] == pytest.approx(total[0], rel=0.05), "another history of loading"
     alone = apart.static(0.0)
     coupling = both.problem.coupling
-    rear = np.char.endswith(np.array(coupling.interface_of), "_rear") & (both.problem.friction > 0.0)
+    rear = np.char.endswith(np.array(coupling.interface_of), "_rear") & (
+        both.problem.friction > 0.0
+    )
     assert alone.force[rear, 2].sum() == pytest.approx(total[0] * 0.7, rel=0.05)
     assert alone.force[:, 2].sum() == pytest.approx(alone.force[rear, 2].sum(), rel=1e-9)
     assert apart.wedge_friction(300.0).interfaces == both.wedge_friction(300.0).interfaces
@@ -80,7 +91,9 @@ def test_fixed_loads_of_bodies_are_added_to_those_of_the_preload():
 def test_the_preload_comes_after_the_assembly():
     """Friction remembers the order: fixed loads and preload that grow together lead to another equilibrium."""
     shares = {"front": 0.3, "rear": 0.7}
-    study = split_study("bladed_disk", shares, {"front": 0.3}).replace(constant_loads={"rear": 210.0})
+    study = split_study("bladed_disk", shares, {"front": 0.3}).replace(
+        constant_loads={"rear": 210.0}
+    )
     state, system = study.static(300.0), study.problem.static_system(300.0)
     after = static_state(system, 300.0, start=static_state(system, 0.0))
     together = replace(
@@ -97,12 +110,20 @@ def test_the_preload_comes_after_the_assembly():
 def test_at_a_speed_bodies_are_loaded_by_mass_times_radius():
     shares = {"front": 0.3, "rear": 0.7}
     study = split_study("bladed_disk", shares, None).at_speed(300.0)
-    arms = {key: b.mass * np.hypot(*b.centre[:2]) for key, b in study.model.bodies.items() if key in shares}
+    arms = {
+        key: b.mass * np.hypot(*b.centre[:2])
+        for key, b in study.model.bodies.items()
+        if key in shares
+    }
     assert study.preload == pytest.approx(arms["front"] * 300.0**2)
-    assert study.problem.body_loads == pytest.approx({"front": 1.0, "rear": arms["rear"] / arms["front"]})
+    assert study.problem.body_loads == pytest.approx(
+        {"front": 1.0, "rear": arms["rear"] / arms["front"]}
+    )
     with pytest.raises(bd.SettingError, match="load_per_preload: expected none at a rotor speed"):
         study.replace(load_per_preload=shares)
-    with pytest.raises(bd.SettingError, match="constant_loads: expected those of interfaces alone at a rotor speed"):
+    with pytest.raises(
+        bd.SettingError, match="constant_loads: expected those of interfaces alone at a rotor speed"
+    ):
         study.replace(constant_loads={"front": 5.0})
 
 
@@ -113,4 +134,6 @@ def test_loads_of_bodies_superpose():
     both, front, rear = (coupling.load(loads) for loads in (shares, {"front": 1.0}, {"rear": 1.0}))
     for whole, one, other in zip(both, front, rear):
         assert one.any() and other.any()
-        np.testing.assert_allclose(whole, 0.3 * one + 0.7 * other, rtol=1e-12, atol=1e-12 * np.abs(whole).max())
+        np.testing.assert_allclose(
+            whole, 0.3 * one + 0.7 * other, rtol=1e-12, atol=1e-12 * np.abs(whole).max()
+        )

@@ -27,19 +27,28 @@ def test_intervals_in_radians_per_second_and_loads_of_another_size_are_named():
     with pytest.warns(PlausibilityWarning, match=r"frequency: plausible"):
         s.frequency_response(2000.0, (1700.0, 1850.0), options=bd.ContinuationOptions(budget=20))
     strong = study(excitation=bd.Excitation("tip", amplitude=1e4))
-    with pytest.warns(PlausibilityWarning, match=r"preload: plausible 1e\+04 to .* the excitation .*, found 2000 N: kN"):
+    with pytest.warns(
+        PlausibilityWarning,
+        match=r"preload: plausible 1e\+04 to .* the excitation .*, found 2000 N: kN",
+    ):
         strong.frequency_response(2000.0, (340.0, 350.0), options=bd.ContinuationOptions(budget=20))
     with pytest.warns(PlausibilityWarning, match=r"preload: .* found 20 to 200 N"):
         plausible_ranges.check("Study", "preload", [20.0, 200.0], strong.problem.sizes)
 
 
 def test_a_range_is_named_once_at_the_line_of_the_user_and_not_for_each_of_its_preloads():
-    interval, quick = (270.0, 380.0), {"harmonics": 1, "contact_stiffness": "unit_traction", "blade_modes": 5}
+    interval, quick = (
+        (270.0, 380.0),
+        {"harmonics": 1, "contact_stiffness": "unit_traction", "blade_modes": 5},
+    )
     with warnings.catch_warnings():
         warnings.simplefilter("error", PlausibilityWarning)
         study(**quick).optimal_curve((0.3, 5000.0), 2, frequency=interval, check=False)
     weak = study(**quick, excitation=bd.Excitation("tip", amplitude=1e-4))  # stuck, so quick
-    with ThreadPoolExecutor(2) as threads, pytest.warns(PlausibilityWarning, match=r"found 2000 to 3000 N") as caught:
+    with (
+        ThreadPoolExecutor(2) as threads,
+        pytest.warns(PlausibilityWarning, match=r"found 2000 to 3000 N") as caught,
+    ):
         bd.sweep(weak, {"preload": [2000.0, 3000.0]}, frequency=interval, executor=threads)
     assert len(caught) == 1 and caught[0].filename == __file__
 
@@ -64,7 +73,9 @@ def test_shipped_scenes_are_plausible(name, points):
 
 
 def test_engine_order_0_of_a_wheel_is_named():
-    with pytest.warns(PlausibilityWarning, match="engine_order: plausible 1 to 32, found 0: a force") as caught:
+    with pytest.warns(
+        PlausibilityWarning, match="engine_order: plausible 1 to 32, found 0: a force"
+    ) as caught:
         study(engine_order=0)
     assert len(caught) == 1
     with warnings.catch_warnings():
@@ -82,7 +93,11 @@ ASKED = {
 
 
 @pytest.mark.parametrize(
-    "asked", [pytest.param(a, marks=[pytest.mark.slow] * (a not in ("peak of the mode", "free"))) for a in ASKED]
+    "asked",
+    [
+        pytest.param(a, marks=[pytest.mark.slow] * (a not in ("peak of the mode", "free")))
+        for a in ASKED
+    ],
 )
 def test_a_force_across_the_motion_of_the_mode_is_named(asked):
     """Mode 1 is tangential, mode 2 axial, by their shapes at the tip in the model."""
@@ -100,4 +115,8 @@ def test_a_force_across_the_motion_of_the_mode_is_named(asked):
             told = [str(w.message) for w in caught if "excitation direction" in str(w.message)]
             across = share[mode] < 0.12
             assert len(told) == across and across == ((mode, direction) == (0, "axial"))
-            assert not across or f"found axial at 'tip', along which these have {100.0 * share[mode]:.2g} %" in told[0]
+            assert (
+                not across
+                or f"found axial at 'tip', along which these have {100.0 * share[mode]:.2g} %"
+                in told[0]
+            )

@@ -12,7 +12,9 @@ from tests.plain import plain_study
 @pytest.fixture(scope="module")
 def study():
     return plain_study(
-        bd.reference_model("blade_to_ground"), friction_coefficient=0.4, excitation=bd.Excitation("tip", amplitude=1.0)
+        bd.reference_model("blade_to_ground"),
+        friction_coefficient=0.4,
+        excitation=bd.Excitation("tip", amplitude=1.0),
     )
 
 
@@ -60,7 +62,9 @@ def test_the_load_of_an_interface_may_be_the_preload(study):
     np.testing.assert_allclose(fixed.static(0.0).force, state.force, atol=1e-7 * state.force.max())
     one, other = shared.peak(300.0, (300.0, 400.0)), fixed.peak(0.0, (300.0, 400.0))
     assert one.amplitude == pytest.approx(other.amplitude, rel=1e-7)
-    with pytest.raises(bd.SettingError, match="preload: expected 0, since no body of the model carries a load"):
+    with pytest.raises(
+        bd.SettingError, match="preload: expected 0, since no body of the model carries a load"
+    ):
         fixed.frequency_response(10.0, (300.0, 400.0))
 
 
@@ -68,13 +72,15 @@ def test_a_scalar_load_is_spread_by_area(study):
     """Over points of unequal areas, as a fixed load and as the preload: ``N_i = N A_i / A``."""
     area = np.linspace(1.0, 4.0, 24) * 1e-5
     face = replace(study.model.interfaces["platform"], area=area)
-    unequal = study.replace(model=replace(study.model, interfaces={**study.model.interfaces, "platform": face}))
+    unequal = study.replace(
+        model=replace(study.model, interfaces={**study.model.interfaces, "platform": face})
+    )
     expected = 720.0 * area / area.sum()
     fixed = unequal.replace(constant_loads={"platform": 720.0}).static(0.0)
     assert fixed.force[:, 2] == pytest.approx(expected, rel=1e-7)
-    assert unequal.replace(load_per_preload={"platform": 2.4}).static(300.0).force[:, 2] == pytest.approx(
-        expected, rel=1e-7
-    )
+    assert unequal.replace(load_per_preload={"platform": 2.4}).static(300.0).force[
+        :, 2
+    ] == pytest.approx(expected, rel=1e-7)
 
 
 def test_other_faces_are_apart_under_loads_and_touch_under_fixed_loads():
@@ -83,12 +89,17 @@ def test_other_faces_are_apart_under_loads_and_touch_under_fixed_loads():
     Apart from the second one it gives way by N/k, so the surfaces approach by ``e = N/4 + N/1``.  With it, its motion p is
     ``4 (e - p) = (1 + 2) p``.  A fixed load is N although they touch: ``p = N/(1 + 2)``.
     """
-    contacts = [bd.Contact(1, 0, kt=1.0, kn=4.0, mu=0.5), bd.Contact(1, {0: -1.0}, kt=1.0, kn=2.0, mu=0.5)]
+    contacts = [
+        bd.Contact(1, 0, kt=1.0, kn=4.0, mu=0.5),
+        bd.Contact(1, {0: -1.0}, kt=1.0, kn=2.0, mu=0.5),
+    ]
     study = bd.lumped([1.0, 1.0], [0.01, 0.01], [1.0, 1.0], contacts=contacts, forces={1: 0.1})
     first = next(iter(study.model.interfaces))
     e = 6.0 / 4.0 + 6.0
     alone = study.replace(load_per_preload={first: 2.0}).static(3.0)
-    np.testing.assert_allclose(alone.force[:, 2], [4.0 * (e - 4.0 * e / 7.0), 2.0 * 4.0 * e / 7.0], rtol=1e-9)
+    np.testing.assert_allclose(
+        alone.force[:, 2], [4.0 * (e - 4.0 * e / 7.0), 2.0 * 4.0 * e / 7.0], rtol=1e-9
+    )
     held = study.replace(constant_loads={first: 6.0}).static(0.0)
     np.testing.assert_allclose(held.force[:, 2], [6.0, 4.0], rtol=1e-9)
 
@@ -97,7 +108,10 @@ def test_derivatives_under_prescribed_loads_hold_the_loads(study):
     pressed = study.replace(constant_loads={"platform": np.full(24, 30.0)})
     peak = pressed.peak(0.0, (300.0, 400.0))
     found = pressed.peak_sensitivities(peak, ["friction_coefficient"])["friction_coefficient"]
-    ends = [pressed.replace(friction_coefficient=0.4 + h).peak(0.0, (300.0, 400.0)).amplitude for h in (1e-5, -1e-5)]
+    ends = [
+        pressed.replace(friction_coefficient=0.4 + h).peak(0.0, (300.0, 400.0)).amplitude
+        for h in (1e-5, -1e-5)
+    ]
     assert found.amplitude == pytest.approx((ends[0] - ends[1]) / 2e-5, rel=1e-4)
 
 
@@ -108,10 +122,22 @@ def test_derivatives_under_prescribed_loads_hold_the_loads(study):
             {"load_per_preload": {"platfrom": 1.0}},
             r"expected bodies with a load and friction interfaces .* did you mean platform",
         ),
-        ({"load_per_preload": {"platform": 0.0}}, "load_per_preload: expected at least one above 0"),
-        ({"load_per_preload": {"platform": np.nan}}, "load_per_preload of 'platform': expected a finite number >= 0"),
-        ({"constant_loads": {"platform": -1.0}}, "constant_loads of 'platform': expected a finite number >= 0"),
-        ({"constant_loads": {"platform": [1.0, 2.0]}}, "constant_loads of 'platform': expected one or 24 finite numbers"),
+        (
+            {"load_per_preload": {"platform": 0.0}},
+            "load_per_preload: expected at least one above 0",
+        ),
+        (
+            {"load_per_preload": {"platform": np.nan}},
+            "load_per_preload of 'platform': expected a finite number >= 0",
+        ),
+        (
+            {"constant_loads": {"platform": -1.0}},
+            "constant_loads of 'platform': expected a finite number >= 0",
+        ),
+        (
+            {"constant_loads": {"platform": [1.0, 2.0]}},
+            "constant_loads of 'platform': expected one or 24 finite numbers",
+        ),
         ({"constant_loads": {"left": 1.0}}, "expected bodies with a load and friction interfaces"),
     ],
 )

@@ -29,7 +29,10 @@ def problem(model):
 def test_a_study_has_a_problem_and_settings(model, problem):
     study = plain_study(model, bd.Excitation("tip"), **SETTINGS)
     assert study.settings is study.problem.settings
-    ours, theirs = study.frequency_response(PRELOAD, INTERVAL), frequency_response(problem, PRELOAD, INTERVAL)
+    ours, theirs = (
+        study.frequency_response(PRELOAD, INTERVAL),
+        frequency_response(problem, PRELOAD, INTERVAL),
+    )
     assert np.array_equal(ours.unknowns, theirs.unknowns)
 
 
@@ -40,7 +43,13 @@ def test_other_harmonics(problem):
 
 
 @pytest.mark.parametrize(
-    "setting", [{"friction_coefficient": 0.2}, {"blade_modes": 4}, {"bias": False}, {"contact_stiffness_factor": 0.5}]
+    "setting",
+    [
+        {"friction_coefficient": 0.2},
+        {"blade_modes": 4},
+        {"bias": False},
+        {"contact_stiffness_factor": 0.5},
+    ],
 )
 def test_other_settings_are_those_of_a_new_problem(model, problem, setting):
     ours = problem.replace(**setting)
@@ -60,15 +69,22 @@ def test_settings_that_are_varied_keep_the_type(model, problem):
 def test_motions_across_the_load_carry_none(problem, motions):
     """Of a load along Y there is rounding along X, some 1e-16 of it, which is no preload."""
     across = problem.replace(rigid_modes=motions)
-    with pytest.raises(bd.SettingError, match=r"preload: expected 0, since .* \['damper'\] along the load .*, found 100 N"):
+    with pytest.raises(
+        bd.SettingError,
+        match=r"preload: expected 0, since .* \['damper'\] along the load .*, found 100 N",
+    ):
         across.check_preload(100.0)
-    assert across.check_preload(0.0) == 0.0 and problem.replace(rigid_modes=("TX", "TY")).carries_load
+    assert (
+        across.check_preload(0.0) == 0.0 and problem.replace(rigid_modes=("TX", "TY")).carries_load
+    )
 
 
 def test_residual_modes_that_change_come_with_a_remedy(problem):
     """A run-up of a deck with residual modes failed without one; it is computed with unit tractions."""
     basis = problem.bases[1]
-    with pytest.raises(bd.SettingError, match=r'give a shorter one, or contact_stiffness="unit_traction"$'):
+    with pytest.raises(
+        bd.SettingError, match=r'give a shorter one, or contact_stiffness="unit_traction"$'
+    ):
         aligned(replace(basis, coordinates=basis.coordinates[:-1]), basis)
 
 

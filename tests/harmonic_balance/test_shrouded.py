@@ -15,7 +15,9 @@ def model():
 
 def test_a_drift_that_ends_in_a_turn_is_no_fold_within_a_step(model):
     """Both tangents of the step point backward: the search for a fold between them had no bracket."""
-    study = bd.Study(model, bd.Excitation("tip"), engine_order=4, harmonics=1, load_per_preload={"shroud": 1.0})
+    study = bd.Study(
+        model, bd.Excitation("tip"), engine_order=4, harmonics=1, load_per_preload={"shroud": 1.0}
+    )
     assert study.peak(1.0).amplitude > 0.0
 
 
@@ -35,12 +37,16 @@ def normal(study, preload, name):
     ],
 )  # fmt: skip
 def test_the_load_of_a_shroud_is_that_of_the_assembly(model, settings):
-    study = bd.Study(model, EXCITATION, 4, **({"harmonics": 1} | settings), constant_loads={"shroud": 30.0})
+    study = bd.Study(
+        model, EXCITATION, 4, **({"harmonics": 1} | settings), constant_loads={"shroud": 30.0}
+    )
     assert normal(study, 0.0, "shroud") == pytest.approx(30.0, rel=1e-7)
 
 
 def test_dampers_take_load_off_the_shroud_and_the_state_says_so(model):
-    study = study_of(model, load_per_preload={"front": 1.0, "rear": 0.6}, constant_loads={"shroud": 500.0})
+    study = study_of(
+        model, load_per_preload={"front": 1.0, "rear": 0.6}, constant_loads={"shroud": 500.0}
+    )
     state = study.static(1000.0)
     total = state.normal_force
     assert state.converged and set(total) == set(study.problem.coupling.interfaces)
@@ -53,7 +59,10 @@ def test_dampers_take_load_off_the_shroud_and_the_state_says_so(model):
 
 def test_a_state_is_the_same_whatever_was_asked_before(model):
     """One of 1 N too, from which those of other preloads follow where nothing is pressed at assembly."""
-    fresh, asked = (study_of(model, load_per_preload={"front": 1.0}, constant_loads={"shroud": 5.0}) for _ in range(2))
+    fresh, asked = (
+        study_of(model, load_per_preload={"front": 1.0}, constant_loads={"shroud": 5.0})
+        for _ in range(2)
+    )
     _ = asked.static(3.0)
     np.testing.assert_array_equal(asked.static(1.0).force, fresh.static(1.0).force)
     assert set(asked.static(1.0).normal_force) == set(model.interfaces)
@@ -62,12 +71,16 @@ def test_a_state_is_the_same_whatever_was_asked_before(model):
 def test_a_body_without_a_share_is_not_loaded(model):
     study = study_of(model, load_per_preload={"front": 1.0})
     total = study.static(100.0).normal_force
-    assert total["rear_left"] + total["rear_right"] < 1.0 < total["front_left"] + total["front_right"]
+    assert (
+        total["rear_left"] + total["rear_right"] < 1.0 < total["front_left"] + total["front_right"]
+    )
 
 
 @pytest.mark.slow
 def test_optimum_over_the_load_of_the_shroud(model):
-    study = study_of(model, load_per_preload={"shroud": 1.0}, constant_loads={"front": 50.0, "rear": 30.0})
+    study = study_of(
+        model, load_per_preload={"shroud": 1.0}, constant_loads={"front": 50.0, "rear": 30.0}
+    )
     peaks = [study.peak(load, (200.0, 3000.0)) for load in (1.0, 2.0, 8.0)]
     assert all(p.converged for p in peaks), [p.status for p in peaks]
     assert "under a preload of 2 N (shroud 1)" in peaks[1]._headline()

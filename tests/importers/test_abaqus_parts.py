@@ -21,12 +21,17 @@ from tests.imports import build
 from tests.own_sector import OwnSector
 from tests.own_sector import _surface as surface_lines
 
-needs_ccx = pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) is not installed")
+needs_ccx = pytest.mark.skipif(
+    shutil.which("ccx") is None, reason="CalculiX (ccx) is not installed"
+)
 OWN = OwnSector("C3D8")
 SURFACES = {"RIGHT_UNDERSIDE": "UNDER_A", "LEFT_UNDERSIDE": "UNDER_B", "LEFT": "A", "RIGHT": "B"}
 NAMES = {"sector": "DISK-1", "damper": "STRIP-1"}
 SHIFT = {"sector": np.array([3.0, -20.0, 11.0]), "damper": np.array([0.0, 7.0, 0.5])}
-AXIS = {"sector": ([1.0, 2.0, 3.0], [0.0, 0.0, 1.0], 50.0), "damper": ([0.0, 0.0, 5.0], [1.0, 0.0, 0.0], -25.0)}
+AXIS = {
+    "sector": ([1.0, 2.0, 3.0], [0.0, 0.0, 1.0], 50.0),
+    "damper": ([0.0, 0.0, 5.0], [1.0, 0.0, 0.0], -25.0),
+}
 
 
 def rotation(axis, degrees):
@@ -53,7 +58,9 @@ class Case:
 
 
 def cylindrical(x):
-    return np.column_stack([np.hypot(x[:, 0], x[:, 1]), np.degrees(np.arctan2(x[:, 1], x[:, 0])), x[:, 2]])
+    return np.column_stack(
+        [np.hypot(x[:, 0], x[:, 1]), np.degrees(np.arctan2(x[:, 1], x[:, 0])), x[:, 2]]
+    )
 
 
 FRAME = rotation([0.6, 0.0, 0.8], 70.0)
@@ -82,7 +89,14 @@ CASES = {
 }  # fmt: skip
 
 
-SLOW = ("plain", "moved instances", "sets of the assembly", "*SYSTEM of two points", "meshes of instances", "another order")
+SLOW = (
+    "plain",
+    "moved instances",
+    "sets of the assembly",
+    "*SYSTEM of two points",
+    "meshes of instances",
+    "another order",
+)
 """Parts that others contain, too; flat decks of all cases are slow."""
 
 
@@ -97,7 +111,10 @@ def elements_of(name, own=OWN):
 def set_lines(name, members, case, extra=""):
     if case.generate:
         runs = np.split(members, np.flatnonzero(np.diff(members) != 1) + 1)
-        return [f"*NSET, NSET={name}, GENERATE{extra}", *(f"{run[0]}, {run[-1]}, 1" for run in runs)]
+        return [
+            f"*NSET, NSET={name}, GENERATE{extra}",
+            *(f"{run[0]}, {run[-1]}, 1" for run in runs),
+        ]
     return [f"*Nset, nset={name}{extra}", *numbered(members.tolist())]
 
 
@@ -109,7 +126,9 @@ def body_lines(name, case, parts, own=OWN):
         nodes = (nodes - point) @ rotation(axis, degrees) + point - SHIFT[name]
     elements = elements_of(name, own)
     lines = [*case.before, case.head]
-    lines += [f"{k}, {x!r}, {y!r}, {z!r}" for k, (x, y, z) in enumerate(case.numbers(nodes).tolist(), 1)]
+    lines += [
+        f"{k}, {x!r}, {y!r}, {z!r}" for k, (x, y, z) in enumerate(case.numbers(nodes).tolist(), 1)
+    ]
     lines.append(case.element_head.replace("C3D8", own.kind))
     lines += [", ".join(map(str, [k, *row])) for k, row in enumerate(elements.tolist(), 1)]
     sets = {key: members + 1 for key, members in sets.items()}
@@ -118,7 +137,10 @@ def body_lines(name, case, parts, own=OWN):
     if case.surfaces:
         for key, surface in SURFACES.items():
             if key in sets:
-                lines += [f"*SURFACE, NAME={surface}, TYPE=ELEMENT", *surface_lines(elements - 1, sets[key] - 1)]
+                lines += [
+                    f"*SURFACE, NAME={surface}, TYPE=ELEMENT",
+                    *surface_lines(elements - 1, sets[key] - 1),
+                ]
     if not (parts and case.assembly_sets):
         for key, members in sets.items():
             lines += set_lines(key, members, case)
@@ -129,7 +151,13 @@ def material():
     return ["*MATERIAL, NAME=STEEL", "*ELASTIC", "2.1e5, 0.3", "*DENSITY", "7.85e-9"]
 
 
-STEP = ["*STEP", "*MATRIX GENERATE, STIFFNESS, MASS", "*MATRIX OUTPUT, STIFFNESS, MASS, FORMAT=LABELS", "*END STEP", ""]
+STEP = [
+    "*STEP",
+    "*MATRIX GENERATE, STIFFNESS, MASS",
+    "*MATRIX OUTPUT, STIFFNESS, MASS, FORMAT=LABELS",
+    "*END STEP",
+    "",
+]
 
 
 def write_flat(folder, case, own=OWN):
@@ -157,7 +185,11 @@ def write(folder, case, parts, matrices, own=OWN):
         if case.moved:
             point, axis, degrees = AXIS[name]
             placed.append(", ".join(map(repr, SHIFT[name].tolist())))
-            placed.append(", ".join(map(repr, [*point, *(np.array(point) + 2.0 * np.array(axis)).tolist(), degrees])))
+            placed.append(
+                ", ".join(
+                    map(repr, [*point, *(np.array(point) + 2.0 * np.array(axis)).tolist(), degrees])
+                )
+            )
         placed += [*(mesh if case.independent else []), "*End Instance"]
         if case.assembly_sets:
             for key, members in sets.items():
@@ -165,7 +197,12 @@ def write(folder, case, parts, matrices, own=OWN):
     lines += [*placed, *later, *case.constraint, "*END ASSEMBLY", *material(), *STEP]
     (folder / "stage.inp").write_text("\n".join(lines))
     for at, kind in enumerate(("STIF", "MASS")):
-        write_matrix(folder / f"stage_{kind}1.mtx", [(name, matrices[name][at]) for name in names], case, parts)
+        write_matrix(
+            folder / f"stage_{kind}1.mtx",
+            [(name, matrices[name][at]) for name in names],
+            case,
+            parts,
+        )
     return tuple(read_abaqus(folder / "stage", NAMES[name]) for name in ("sector", "damper"))
 
 
@@ -204,9 +241,18 @@ def stored_matrices(folder, own=OWN):
 def settings(case):
     given = OWN.settings
     if case.surfaces:
-        contacts = [replace(c, faces_a=SURFACES[c.faces_a], faces_b=SURFACES[c.faces_b]) for c in given["contacts"]]
+        contacts = [
+            replace(c, faces_a=SURFACES[c.faces_a], faces_b=SURFACES[c.faces_b])
+            for c in given["contacts"]
+        ]
         given = given | {"contacts": contacts}
-    return given | {"engine_order": 4, "harmonics": 1, "n_modes": 4, "n_damper_modes": 8, "fixed": "BORE"}
+    return given | {
+        "engine_order": 4,
+        "harmonics": 1,
+        "n_modes": 4,
+        "n_damper_modes": 8,
+        "fixed": "BORE",
+    }
 
 
 @pytest.fixture(scope="module")
@@ -221,7 +267,11 @@ def from_arrays(matrices, own=OWN):
         _, sets, nodes = own.text(name)
         numbers = np.arange(1, len(nodes) + 1)
         given = {key: members + 1 for key, members in sets.items()}
-        bodies.append(read_arrays(*matrices[name], (numbers, nodes), sets=given, elements=elements_of(name, own)))
+        bodies.append(
+            read_arrays(
+                *matrices[name], (numbers, nodes), sets=given, elements=elements_of(name, own)
+            )
+        )
     return bodies
 
 
@@ -229,7 +279,12 @@ def dialects():
     for name in CASES:
         for parts in (False, True):
             slow = name in SLOW or not parts
-            yield pytest.param(name, parts, id=f"{name}-{'parts' if parts else 'flat'}", marks=[pytest.mark.slow] * slow)
+            yield pytest.param(
+                name,
+                parts,
+                id=f"{name}-{'parts' if parts else 'flat'}",
+                marks=[pytest.mark.slow] * slow,
+            )
 
 
 @needs_ccx
@@ -239,9 +294,14 @@ def test_each_dialect_gives_the_same_frequencies(name, parts, matrices, referenc
     built = build(blade, damper, **settings(CASES[name]))
     for d, expected in reference.frequencies.items():
         np.testing.assert_allclose(built.frequencies[d], expected, rtol=1e-6)
-    ours, theirs = (model.bodies["damper"].bases[0].omega2[6:] for model in (built.model, reference.model))
+    ours, theirs = (
+        model.bodies["damper"].bases[0].omega2[6:] for model in (built.model, reference.model)
+    )
     np.testing.assert_allclose(ours, theirs, rtol=1e-6)
-    points, others = ([i.area.sum() for i in model.interfaces.values()] for model in (built.model, reference.model))
+    points, others = (
+        [i.area.sum() for i in model.interfaces.values()]
+        for model in (built.model, reference.model)
+    )
     np.testing.assert_allclose(points, others, rtol=1e-6)
     if CASES[name].by_elements:
         assert len(blade.node_sets["EVERY"]) == len(blade.nodes)
@@ -272,11 +332,15 @@ LOW, HIGH, 1, 10
 def test_generated_nodes_and_elements_are_those_of_the_written_mesh(tmp_path):
     """Two by one by two cubes; the layers behind are written out."""
     front = {k: (float(k % 10 - 1), float(k // 10), 0.0) for k in (1, 2, 3, 11, 12, 13)}
-    back = "\n".join(f"{k + 100 * z}, {x}, {y}, {z}." for z in (1, 2) for k, (x, y, _) in front.items())
+    back = "\n".join(
+        f"{k + 100 * z}, {x}, {y}, {z}." for z in (1, 2) for k, (x, y, _) in front.items()
+    )
     (tmp_path / "a.inp").write_text(BLOCK.format(back=back))
     body = read_inp(tmp_path / "a.inp")
     found = dict(zip(body.numbers.tolist(), map(tuple, body.nodes.tolist())))
-    assert found == {k + 100 * z: (x, y, float(z)) for z in (0, 1, 2) for k, (x, y, _) in front.items()}
+    assert found == {
+        k + 100 * z: (x, y, float(z)) for z in (0, 1, 2) for k, (x, y, _) in front.items()
+    }
     first = np.array([1, 2, 12, 11, 101, 102, 112, 111])
     np.testing.assert_array_equal(body.elements[0], [first, first + 100, first + 1, first + 101])
     assert set(body.node_sets["FRONT"].tolist()) == set(front)
@@ -287,7 +351,9 @@ def test_nodes_are_filled_between_two_sets(tmp_path):
     (tmp_path / "a.inp").write_text(text + "*NFILL\nA, B, 3, 10\n")
     body = read_inp(tmp_path / "a.inp")
     found = dict(zip(body.numbers.tolist(), body.nodes.tolist()))
-    assert found[11] == pytest.approx([0.0, 1.0, 2.0]) and found[22] == pytest.approx([1.0, 4.0, 0.0])
+    assert found[11] == pytest.approx([0.0, 1.0, 2.0]) and found[22] == pytest.approx(
+        [1.0, 4.0, 0.0]
+    )
 
 
 # ---- Refusals ----
@@ -377,7 +443,11 @@ def test_surfaces_and_quoted_names_of_an_assembly(tmp_path):
     assert body.node_sets["TIPS"].tolist() == body.node_sets["ENDS"].tolist() == [4, 8]
     assert sorted(body.face_sets["TOP"][0][0].tolist()) == [5, 6, 7]
     first, second = (read_inp(tmp_path / "a.inp", name) for name in ("i 1", "J"))
-    assert "TOP" not in first.face_sets and sorted(second.face_sets["TOP"][0][0].tolist()) == [1, 2, 3]
+    assert "TOP" not in first.face_sets and sorted(second.face_sets["TOP"][0][0].tolist()) == [
+        1,
+        2,
+        3,
+    ]
     assert first.node_sets["ENDS"].tolist() == [4]
 
 
@@ -385,15 +455,21 @@ def written(folder, stiffness):
     """A job of the assembly ``TWO`` with these lines of its stiffness; the mass couples nothing."""
     (folder / "a.inp").write_text(TWO)
     (folder / "a_STIF1.mtx").write_text(stiffness)
-    (folder / "a_MASS1.mtx").write_text("".join(f"{n},{c}, {n},{c}, 1.0\n" for n in range(1, 9) for c in (1, 2, 3)))
+    (folder / "a_MASS1.mtx").write_text(
+        "".join(f"{n},{c}, {n},{c}, 1.0\n" for n in range(1, 9) for c in (1, 2, 3))
+    )
     return folder / "a"
 
 
 DIAGONAL = "".join(f"{n},{c}, {n},{c}, 9.0\n" for n in range(1, 9) for c in (1, 2, 3))
 MISMATCHED = {
-    DIAGONAL + "-1,1, -1,1, 1.0\n": "a_STIF1.mtx: expected nodes of the deck (*MATRIX GENERATE, .*PUBLIC NODES",
-    DIAGONAL + "9,1, 9,1, 1.0\n": "a_STIF1.mtx: expected nodes of .*a.inp (a job with noPartsInputFile=ON",
-    DIAGONAL.replace("9.0", "1e36"): "a_STIF1.mtx: expected a job without *BOUNDARY (Sector.fixed holds nodes)",
+    DIAGONAL
+    + "-1,1, -1,1, 1.0\n": "a_STIF1.mtx: expected nodes of the deck (*MATRIX GENERATE, .*PUBLIC NODES",
+    DIAGONAL
+    + "9,1, 9,1, 1.0\n": "a_STIF1.mtx: expected nodes of .*a.inp (a job with noPartsInputFile=ON",
+    DIAGONAL.replace(
+        "9.0", "1e36"
+    ): "a_STIF1.mtx: expected a job without *BOUNDARY (Sector.fixed holds nodes)",
     DIAGONAL + "1,1, 8,1, 1.0\n": "a_STIF1.mtx: expected instance I without contact or ties",
     "I.1,1, I.1,1, 9.0\nI.7,1, I.7,1, 9.0\n": "expected nodes of .*a.inp (a job",
     "I.1,1, I.1,1\n": "a_STIF1.mtx: line 1: expected five values, found 4",
@@ -406,14 +482,23 @@ def test_matrices_whose_nodes_are_not_those_of_the_deck_are_refused(lines, tmp_p
     with pytest.raises(ModelError) as caught:
         read_abaqus(job, "I")
     first, _, last = MISMATCHED[lines].partition(".*")
-    assert first in str(caught.value) and last in str(caught.value) and "\n" not in str(caught.value)
+    assert (
+        first in str(caught.value) and last in str(caught.value) and "\n" not in str(caught.value)
+    )
 
 
 def test_nodes_that_are_numbered_in_another_order_are_refused(tmp_path):
     """Two tetrahedra with their nodes mixed: most coupled nodes belong to different ones."""
-    pairs = [(a, b) for group in ((1, 3, 5, 7), (2, 4, 6, 8)) for a in group for b in group if a <= b]
-    lines = "".join(f"{a},{c}, {b},{c}, {9.0 if a == b else 1.0}\n" for a, b in pairs for c in (1, 2, 3))
-    with pytest.raises(ModelError, match=r"expected coupled nodes that share an element of the deck .*FORMAT=LABELS"):
+    pairs = [
+        (a, b) for group in ((1, 3, 5, 7), (2, 4, 6, 8)) for a in group for b in group if a <= b
+    ]
+    lines = "".join(
+        f"{a},{c}, {b},{c}, {9.0 if a == b else 1.0}\n" for a, b in pairs for c in (1, 2, 3)
+    )
+    with pytest.raises(
+        ModelError,
+        match=r"expected coupled nodes that share an element of the deck .*FORMAT=LABELS",
+    ):
         read_abaqus(written(tmp_path, lines))
     written(tmp_path, DIAGONAL)
     (tmp_path / "a.inp").write_text(TWO.replace("1, 1, 2, 3, 4", "1, 1, 2, 3, 9"))
@@ -421,7 +506,9 @@ def test_nodes_that_are_numbered_in_another_order_are_refused(tmp_path):
         read_abaqus(tmp_path / "a", "I")
     (tmp_path / "a.inp").write_text(TWO)
     (tmp_path / "a_STIF2.mtx").write_text(DIAGONAL)
-    with pytest.raises(ModelError, match=r"expected one file a_STIF\*.mtx, found a_STIF1.mtx, a_STIF2.mtx"):
+    with pytest.raises(
+        ModelError, match=r"expected one file a_STIF\*.mtx, found a_STIF1.mtx, a_STIF2.mtx"
+    ):
         read_abaqus(tmp_path / "a")
     for file in tmp_path.glob("*.mtx"):
         file.unlink()
@@ -443,7 +530,10 @@ def test_labels_that_a_part_lacks_are_no_nodes_of_another_instance(tmp_path):
     both += "*END INSTANCE\n"
     (tmp_path / "a.inp").write_text(part + both + "*END ASSEMBLY\n")
     body = read_inp(tmp_path / "a.inp")
-    assert [list(body.node_sets[name]) for name in ("I.G", "J.G", "I.S", "J.S")] == [[1, 2, 3, 4], [5, 6, 7, 8]] * 2
+    assert [list(body.node_sets[name]) for name in ("I.G", "J.G", "I.S", "J.S")] == [
+        [1, 2, 3, 4],
+        [5, 6, 7, 8],
+    ] * 2
     (tmp_path / "a.inp").write_text(part.replace("\nG, 1.", "\nH, 1.") + both + "*END ASSEMBLY\n")
     with pytest.raises(ModelError, match="expected a node or a set out of"):
         read_inp(tmp_path / "a.inp")

@@ -22,7 +22,11 @@ from tests.importers.test_keywords import BULK
 @each("reader", ["inp", "bdf"])
 def test_files_of_other_folders_are_not_included(line, reader, tmp_path):
     if reader == "bdf":
-        pytest.importorskip("pyNastran.bdf.bdf", reason="pyNastran is not installed (make nastran)", exc_type=Exception)
+        pytest.importorskip(
+            "pyNastran.bdf.bdf",
+            reason="pyNastran is not installed (make nastran)",
+            exc_type=Exception,
+        )
     (tmp_path / "own" / "sub").mkdir(parents=True)
     (tmp_path / "more").write_text(DECK if reader == "inp" else BULK)
     word = line.format("more")
@@ -37,7 +41,11 @@ def test_files_of_other_folders_are_not_included(line, reader, tmp_path):
 @each("reader", ["inp", "bdf"])
 def test_a_link_to_another_folder_is_not_followed(linked, reader, tmp_path):
     if reader == "bdf":
-        pytest.importorskip("pyNastran.bdf.bdf", reason="pyNastran is not installed (make nastran)", exc_type=Exception)
+        pytest.importorskip(
+            "pyNastran.bdf.bdf",
+            reason="pyNastran is not installed (make nastran)",
+            exc_type=Exception,
+        )
     (tmp_path / "own").mkdir()
     (tmp_path / "other").mkdir()
     for folder in ("own", "other"):
@@ -76,7 +84,9 @@ def test_errors_of_op4_files_have_no_text_of_another_package(tmp_path, monkeypat
     (tmp_path / "k.op4").write_bytes(b"\x00" * 40)
     with pytest.raises(ModelError) as caught:
         read_op4(tmp_path / "k.op4")
-    found = "expected an OP4 file that pyNastran can read, found another or damaged one (RuntimeError)"
+    found = (
+        "expected an OP4 file that pyNastran can read, found another or damaged one (RuntimeError)"
+    )
     assert str(caught.value) == f"{tmp_path / 'k.op4'}: {found}"
 
 
@@ -91,11 +101,20 @@ def test_the_number_of_included_files_is_bounded(tmp_path):
 
 
 def test_included_bulk_data_stands_in_its_place(tmp_path):
-    pytest.importorskip("pyNastran.bdf.bdf", reason="pyNastran is not installed (make nastran)", exc_type=Exception)
+    pytest.importorskip(
+        "pyNastran.bdf.bdf", reason="pyNastran is not installed (make nastran)", exc_type=Exception
+    )
     lines = BULK.splitlines()
     (tmp_path / "grid.bdf").write_text("\n".join([*lines[1:5], ""]))
-    (tmp_path / "a.bdf").write_text("\n".join([lines[0], "include 'grid.bdf'", *lines[5:], "ENDDATA", ""]))
-    assert read_body(tmp_path / "a.bdf").nodes.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    (tmp_path / "a.bdf").write_text(
+        "\n".join([lines[0], "include 'grid.bdf'", *lines[5:], "ENDDATA", ""])
+    )
+    assert read_body(tmp_path / "a.bdf").nodes.tolist() == [
+        [0, 0, 0],
+        [1, 0, 0],
+        [0, 1, 0],
+        [0, 0, 1],
+    ]
 
 
 def refused(path, expected):
@@ -110,12 +129,18 @@ def refused(path, expected):
 
 
 @pytest.mark.parametrize(
-    "names", [("K",), pytest.param(("format", "shape", "indices", "indptr", "data"), marks=pytest.mark.slow)]
+    "names",
+    [
+        ("K",),
+        pytest.param(("format", "shape", "indices", "indptr", "data"), marks=pytest.mark.slow),
+    ],
 )
 def test_compressed_zeros_are_not_expanded(names, tmp_path, monkeypatch):
     """2 GB of zeros in an archive of NumPy, alone and as the numbers of a sparse matrix."""
     head = io.BytesIO()
-    np.lib.format.write_array_header_1_0(head, {"descr": "<f8", "fortran_order": False, "shape": (250_000_000,)})
+    np.lib.format.write_array_header_1_0(
+        head, {"descr": "<f8", "fortran_order": False, "shape": (250_000_000,)}
+    )
     small = io.BytesIO()
     np.save(small, np.array([2, 2]))
     with zipfile.ZipFile(tmp_path / "k.npz", "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
@@ -126,12 +151,20 @@ def test_compressed_zeros_are_not_expanded(names, tmp_path, monkeypatch):
             for _ in range(200):
                 member.write(bytes(10_000_000))
     assert (tmp_path / "k.npz").stat().st_size < 2e7
-    refused(tmp_path / "k.npz", r"k\.npz: arrays: expected a size, bytes, from 1 to 1600000000, found 2000\d+")
+    refused(
+        tmp_path / "k.npz",
+        r"k\.npz: arrays: expected a size, bytes, from 1 to 1600000000, found 2000\d+",
+    )
 
 
 def test_a_sparse_file_of_zeros_is_not_read(tmp_path):
-    np.lib.format.open_memmap(tmp_path / "k.npy", "w+", float, (250_000_000,))  # has no blocks on disk
-    refused(tmp_path / "k.npy", r"k\.npy: arrays: expected a size, bytes, from 1 to 1600000000, found 2000000128")
+    np.lib.format.open_memmap(
+        tmp_path / "k.npy", "w+", float, (250_000_000,)
+    )  # has no blocks on disk
+    refused(
+        tmp_path / "k.npy",
+        r"k\.npy: arrays: expected a size, bytes, from 1 to 1600000000, found 2000000128",
+    )
 
 
 @pytest.mark.slow
@@ -139,8 +172,14 @@ def test_a_compressed_variable_of_matlab_is_not_expanded(tmp_path):
     """An element of type 14 of 2 GB in one of type 15: flags, dimensions, name, and zeros."""
     packer = zlib.compressobj(1)
     parts = [packer.compress(struct.pack("<II", 14, 2_000_000_056))]
-    parts.append(packer.compress(struct.pack("<IIII", 6, 8, 6, 0) + struct.pack("<IIii", 5, 8, 250_000_000, 1)))
-    parts.append(packer.compress(struct.pack("<II8s", 1, 1, b"K") + struct.pack("<II", 9, 2_000_000_000)))
+    parts.append(
+        packer.compress(
+            struct.pack("<IIII", 6, 8, 6, 0) + struct.pack("<IIii", 5, 8, 250_000_000, 1)
+        )
+    )
+    parts.append(
+        packer.compress(struct.pack("<II8s", 1, 1, b"K") + struct.pack("<II", 9, 2_000_000_000))
+    )
     parts += [packer.compress(bytes(10_000_000)) for _ in range(200)]
     content = b"".join([*parts, packer.flush()])
     head = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H", 0x0100) + b"IM"

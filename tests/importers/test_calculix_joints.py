@@ -28,7 +28,9 @@ N, D = 36, 4
 
 def stuck_frequencies(study):
     """Hz, with springs at all contact points."""
-    springs = np.concatenate([study.problem.stiffness[name].stiffness for name in study.problem.coupling.interfaces])
+    springs = np.concatenate(
+        [study.problem.stiffness[name].stiffness for name in study.problem.coupling.interfaces]
+    )
     return study.problem.system(0.0).structure.linear.modes(springs)[0] / (2.0 * np.pi)
 
 
@@ -58,7 +60,14 @@ def strips(tmp_path_factory):
 
 def study_of(model, place):
     loads = {"load_per_preload": {"front": 1.0, "rear": 0.6}, "constant_loads": {"shroud": 5.0}}
-    return bd.Study(model, bd.Excitation(place, amplitude=1.0), engine_order=D, harmonics=1, blade_modes=6, **loads)
+    return bd.Study(
+        model,
+        bd.Excitation(place, amplitude=1.0),
+        engine_order=D,
+        harmonics=1,
+        blade_modes=6,
+        **loads,
+    )
 
 
 def test_decks_give_the_model_of_the_arrays(strips):
@@ -72,9 +81,14 @@ def test_decks_give_the_model_of_the_arrays(strips):
         np.testing.assert_allclose(a.bases[0].omega2[6:8], b.bases[0].omega2[6:8], rtol=1e-6)
     decks, arrays = (study_of(modes_alone(built.model), "tip") for built in (strips, own))
     # other builds of CalculiX round other digits: 2.4e-7 was seen with bonded faces
-    np.testing.assert_allclose(stuck_frequencies(decks)[:6], stuck_frequencies(arrays)[:6], rtol=1e-6)
+    np.testing.assert_allclose(
+        stuck_frequencies(decks)[:6], stuck_frequencies(arrays)[:6], rtol=1e-6
+    )
     # friction makes the force on the shroud depend on the way to the static state, by up to 1e-3 of it
-    found, expected = (study.replace(friction_coefficient=1e-7).static(100.0).normal_force for study in (decks, arrays))
+    found, expected = (
+        study.replace(friction_coefficient=1e-7).static(100.0).normal_force
+        for study in (decks, arrays)
+    )
     assert found == pytest.approx(expected, rel=1e-6)
 
 
@@ -126,15 +140,28 @@ def blade_blocks():
     across = np.linspace(-1.0, 1.0, 7)[[0, 2, 3, 4, 6], None]
     neck, airfoil = np.linspace(TOP, NECK, 4), np.linspace(NECK, TIP, 9)
     root = block(across * flank(LEVELS[1:]), LEVELS[1:])
-    return [root, block(across * WIDE + 0.0 * neck, neck), block(across[1:4] * WIDE + 0.0 * airfoil, airfoil)]
+    return [
+        root,
+        block(across * WIDE + 0.0 * neck, neck),
+        block(across[1:4] * WIDE + 0.0 * airfoil, airfoil),
+    ]
 
 
 def body(blocks):
     """Mesh, and sets of its nodes."""
     made = discretise(join_blocks(blocks), Material())
     x, y, _ = made.nodes.T
-    distances = {"BORE": y - 0.2, "LOW": x + SLOPE * y, "HIGH": x - SLOPE * y, "LEFT": x + flank(y), "RIGHT": x - flank(y)}
-    sets = {name: np.flatnonzero((np.abs(away) < 1e-9) & (y < TOP + 1e-9)) for name, away in distances.items()}
+    distances = {
+        "BORE": y - 0.2,
+        "LOW": x + SLOPE * y,
+        "HIGH": x - SLOPE * y,
+        "LEFT": x + flank(y),
+        "RIGHT": x - flank(y),
+    }
+    sets = {
+        name: np.flatnonzero((np.abs(away) < 1e-9) & (y < TOP + 1e-9))
+        for name, away in distances.items()
+    }
     return made, {name: nodes for name, nodes in sets.items() if len(nodes)}
 
 
@@ -150,7 +177,9 @@ def rooted(tmp_path_factory):
     run_job(free_input(blade, 9), folder, "free")
     for name, made, sets in (("cyclic_disk", disk, on_disk), ("whole", whole, on_whole)):
         faces = SimpleNamespace(independent=sets["LOW"], dependent=sets["HIGH"])
-        sector = SimpleNamespace(blade=made, clamped=sets["BORE"], faces=faces, geometry=SimpleNamespace(n_blades=N))
+        sector = SimpleNamespace(
+            blade=made, clamped=sets["BORE"], faces=faces, geometry=SimpleNamespace(n_blades=N)
+        )
         run_job(sector_input(sector, D, 4), folder, name)
     built = build(
         read_calculix(folder / "disk"), {"airfoil": read_calculix(folder / "blade")}, n_blades=N,
@@ -158,13 +187,20 @@ def rooted(tmp_path_factory):
         contacts=[ContactFaces(side, side, side, "airfoil", "blade", points=(3, 4)) for side in ("LEFT", "RIGHT")],
         locations={"tip": ("airfoil", (0.0, TIP, 0.0))}, engine_order=D, harmonics=1, n_modes=12, n_damper_modes=30,
     )  # fmt: skip
-    return built, {name: read_frequencies(folder / f"{name}.dat") for name in ("whole", "cyclic_disk", "free")}
+    return built, {
+        name: read_frequencies(folder / f"{name}.dat") for name in ("whole", "cyclic_disk", "free")
+    }
 
 
 def at_speed(built, **settings):
     """Study of the blade in its slot, at 500 rad/s."""
-    given = {"excitation": bd.Excitation("tip", amplitude=1.0), "friction_coefficient": 0.2} | settings
-    study = bd.Study(built.model, engine_order=D, harmonics=1, damper_modes=6, blade_modes=12, **given)
+    given = {
+        "excitation": bd.Excitation("tip", amplitude=1.0),
+        "friction_coefficient": 0.2,
+    } | settings
+    study = bd.Study(
+        built.model, engine_order=D, harmonics=1, damper_modes=6, blade_modes=12, **given
+    )
     return study.at_speed(SPEED)
 
 
@@ -188,7 +224,9 @@ def test_the_stuck_root_is_a_sector_in_one_piece(rooted):
 def test_the_flanks_carry_the_centrifugal_force_of_the_blade(rooted, mu):
     """Mass and radius from the areas of root, neck and airfoil; both flanks slide like wedges of 45 degrees."""
     study = at_speed(rooted[0], friction_coefficient=mu)
-    area = np.array([(TOP - LOW) * (flank(LOW) + WIDE), 2.0 * WIDE * (NECK - TOP), 2.0 * THIN * (TIP - NECK)])
+    area = np.array(
+        [(TOP - LOW) * (flank(LOW) + WIDE), 2.0 * WIDE * (NECK - TOP), 2.0 * THIN * (TIP - NECK)]
+    )
     root = LOW + (TOP - LOW) * (flank(LOW) + 2.0 * WIDE) / (flank(LOW) + WIDE) / 3.0
     middle = [root, 0.5 * (TOP + NECK), 0.5 * (NECK + TIP)]
     force = Material().density * LENGTH * (area @ middle) * SPEED**2
@@ -215,7 +253,9 @@ def test_friction_in_the_root_damps_a_large_motion_but_no_small_one(rooted):
         )
     assert small.frequency == pytest.approx(stuck.frequency, rel=1e-3)
     assert 0.95 * stuck.amplitude < 1e3 * small.amplitude < 1.001 * stuck.amplitude
-    curve = study.replace(excitation=bd.Excitation("tip", amplitude=20.0)).frequency_response(study.preload, (300.0, 450.0))
+    curve = study.replace(excitation=bd.Excitation("tip", amplitude=20.0)).frequency_response(
+        study.preload, (300.0, 450.0)
+    )
     assert curve.complete and curve.peak.frequency < 0.995 * stuck.frequency
     assert curve.peak.amplitude / 20.0 < 0.1 * stuck.amplitude
     assert rooted[1]["whole"][0] > stuck.frequency, "part of the flanks is open at rest"

@@ -37,8 +37,16 @@ KINDS = "C3D4", "C3D6", "C3D8"
 DIALECTS = "flat", "parts", "calculix", "ansys", "matlab"
 HEADS = "plain", "*SYSTEM", "*SYSTEM of two points", "*NODE, SYSTEM=C", "continued lines"
 WAYS = "generate", "by_elements", "moved", "assembly_sets", "independent", "labels", "swapped"
-TIES = ("*TIE, NAME=T",), ("*EQUATION", "2", "1, 1, 1., 2, 1, -1."), ("*MPC", "BEAM, 1, 2"), ("*COUPLING, REF NODE=1",)
-TIES_OF_ANSYS = ("CE,R5.0,DEFI,       2,       1,  0.00000000",), ("CP,R5.0,DEFI,       2,       1,UX  ",)
+TIES = (
+    ("*TIE, NAME=T",),
+    ("*EQUATION", "2", "1, 1, 1., 2, 1, -1."),
+    ("*MPC", "BEAM, 1, 2"),
+    ("*COUPLING, REF NODE=1",),
+)
+TIES_OF_ANSYS = (
+    ("CE,R5.0,DEFI,       2,       1,  0.00000000",),
+    ("CP,R5.0,DEFI,       2,       1,UX  ",),
+)
 
 
 def drawn():
@@ -50,9 +58,13 @@ def drawn():
         tied = k in constrained
         case = replace(case, constraint=TIES[rng.integers(len(TIES))] if tied else ())
         first = DIALECTS[rng.integers(2)]
-        others = [name for name in DIALECTS if name not in (first, "matlab" if tied else "")]  # arrays have no ties
+        others = [
+            name for name in DIALECTS if name not in (first, "matlab" if tied else "")
+        ]  # arrays have no ties
         dialects = [first, str(rng.choice(others))]
-        decks.append((str(rng.choice(KINDS)), case, TIES_OF_ANSYS[rng.integers(2)] if tied else (), dialects))
+        decks.append(
+            (str(rng.choice(KINDS)), case, TIES_OF_ANSYS[rng.integers(2)] if tied else (), dialects)
+        )
     return decks
 
 
@@ -67,9 +79,15 @@ def written(dialect, folder, own, case, tie, matrices):
         stiffness, mass = matrices[name]
         numbers, elements = np.arange(1, len(nodes) + 1), elements_of(name, own)
         if dialect == "calculix":
-            (folder / f"{name}.dof").write_text("".join(f"{n}.{c}\n" for n in numbers for c in (1, 2, 3)))
+            (folder / f"{name}.dof").write_text(
+                "".join(f"{n}.{c}\n" for n in numbers for c in (1, 2, 3))
+            )
             for end, m in (("sti", sp.triu(stiffness).tocoo()), ("mas", sp.triu(mass).tocoo())):
-                np.savetxt(folder / f"{name}.{end}", np.column_stack([m.row + 1, m.col + 1, m.data]), fmt="%d %d %.17e")
+                np.savetxt(
+                    folder / f"{name}.{end}",
+                    np.column_stack([m.row + 1, m.col + 1, m.data]),
+                    fmt="%d %d %.17e",
+                )
         elif dialect == "ansys":
             write_full(folder / f"{name}.full", stiffness, mass, 10 * numbers)
             stored = [collapsed((10 * e).tolist()) for e in elements]
@@ -83,7 +101,12 @@ def written(dialect, folder, own, case, tie, matrices):
                     group["data"], group["ir"], group["jc"] = m.data, m.indices, m.indptr
                 with (folder / f"{name}_{key}.mat").open("r+b") as file:
                     file.write(b"MATLAB 7.3 MAT-file")
-            np.savetxt(folder / f"{name}.csv", np.column_stack([numbers, nodes]), delimiter=",", fmt="%.17g")
+            np.savetxt(
+                folder / f"{name}.csv",
+                np.column_stack([numbers, nodes]),
+                delimiter=",",
+                fmt="%.17g",
+            )
     if dialect == "calculix":
         return tuple(read_calculix(folder / name) for name in BODIES)
     if dialect == "ansys":
@@ -112,7 +135,9 @@ def reference(tmp_path_factory):
 
 @pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) is not installed")
 @pytest.mark.parametrize("k", range(N_DECKS))
-def test_each_drawn_deck_builds_to_the_same_frequencies_or_is_refused_by_keyword_and_line(k, reference, tmp_path):
+def test_each_drawn_deck_builds_to_the_same_frequencies_or_is_refused_by_keyword_and_line(
+    k, reference, tmp_path
+):
     kind, case, tie, dialects = drawn()[k]
     own, matrices, expected = reference(kind)
     for dialect in dialects:
@@ -122,16 +147,23 @@ def test_each_drawn_deck_builds_to_the_same_frequencies_or_is_refused_by_keyword
             with pytest.raises(ModelError) as caught:
                 written(dialect, folder, own, case, tie, matrices)
             first, message = (tie if dialect == "ansys" else case.constraint)[0], str(caught.value)
-            (lines,) = [file.read_text().splitlines() for file in folder.iterdir() if f"{file}: " in message]
+            (lines,) = [
+                file.read_text().splitlines() for file in folder.iterdir() if f"{file}: " in message
+            ]
             assert first.split(",")[0] in message and "\n" not in message
             assert f"line {lines.index(first) + 1}: expected" in message
             continue
         built = build(*written(dialect, folder, own, case, tie, matrices), **settings(Case()))
         for d, frequency in expected.frequencies.items():
             np.testing.assert_allclose(built.frequencies[d], frequency, rtol=1e-6)
-        ours, theirs = (model.bodies["damper"].bases[0].omega2[6:] for model in (built.model, expected.model))
+        ours, theirs = (
+            model.bodies["damper"].bases[0].omega2[6:] for model in (built.model, expected.model)
+        )
         np.testing.assert_allclose(ours, theirs, rtol=2e-6)
-        areas, others = ([i.area.sum() for i in model.interfaces.values()] for model in (built.model, expected.model))
+        areas, others = (
+            [i.area.sum() for i in model.interfaces.values()]
+            for model in (built.model, expected.model)
+        )
         np.testing.assert_allclose(areas, others, rtol=1e-6)
 
 

@@ -24,16 +24,29 @@ from bdamper.util.errors import ModelError, SettingError
 WEDGE = ["--units", "mm-t-s", "--axis", "1", "0", "0", "--faces", "LOW", "HIGH", "--engine-order", "4", "--harmonics", "1",
          "--contact", "left=LEFT,RIGHT_UNDERSIDE", "right=RIGHT,LEFT_UNDERSIDE", "--stop", "front=FRONT,0.2",
          "back=damper/BACK,0.2", "--modes", "8"]  # fmt: skip
-STRIPS = [f"{d}_{a}={d}/{a},UNDER_{b}" for d in ("front", "rear") for a, b in (("LEFT", "RIGHT"), ("RIGHT", "LEFT"))]
+STRIPS = [
+    f"{d}_{a}={d}/{a},UNDER_{b}"
+    for d in ("front", "rear")
+    for a, b in (("LEFT", "RIGHT"), ("RIGHT", "LEFT"))
+]
 
 
 def test_example_decks_are_small_and_never_replace_other_files(tmp_path):
-    written = [path for name in ("abaqus", "ansys", "calculix", "shroud") for path in example_decks(name, tmp_path)]
+    written = [
+        path
+        for name in ("abaqus", "ansys", "calculix", "shroud")
+        for path in example_decks(name, tmp_path)
+    ]
     assert len(written) == 3 + 4 + 8 + 12 and all(path.is_file() for path in written)
-    assert sum(path.stat().st_size for path in Path(bd.__file__).parent.glob("data/decks/*")) < 1_000_000
+    assert (
+        sum(path.stat().st_size for path in Path(bd.__file__).parent.glob("data/decks/*"))
+        < 1_000_000
+    )
     example_decks("shroud", tmp_path)
     (tmp_path / "stage.inp").write_text("*NODE")
-    with pytest.raises(FileExistsError, match=r"stage\.inp' exists and is not the file of the example 'abaqus'"):
+    with pytest.raises(
+        FileExistsError, match=r"stage\.inp' exists and is not the file of the example 'abaqus'"
+    ):
         example_decks("abaqus", tmp_path)
     assert (tmp_path / "stage.inp").read_text() == "*NODE"
     with pytest.raises(SettingError, match="example: expected one of"):
@@ -55,10 +68,30 @@ def test_a_job_is_read_by_the_files_beside_its_deck(tmp_path):
 @pytest.mark.parametrize(
     ("keyword", "line", "elasticity", "text"),
     [
-        ("DENSITY", "4.43e-9", None, "density: expected 4430 kg/m3 of the elements C3D8, found 7850 kg/m3 in the matrices"),
-        ("ELASTIC", "1.14e5, 0.3", None, "expected 1.14e\\+11 Pa of the elements C3D8, found 2.1e\\+11 Pa in the"),
-        ("ELASTIC", "2.1e5, 0.33", None, "Poisson's ratio 0.33: expected 2.1e\\+11 Pa of the elements C3D8, found 1.827"),
-        ("ELASTIC", "2.1e5, 0.3", (2e5, 0.3), "expected 2e\\+11 Pa of the elements C3D8, found 2.1e\\+11 Pa in the"),
+        (
+            "DENSITY",
+            "4.43e-9",
+            None,
+            "density: expected 4430 kg/m3 of the elements C3D8, found 7850 kg/m3 in the matrices",
+        ),
+        (
+            "ELASTIC",
+            "1.14e5, 0.3",
+            None,
+            "expected 1.14e\\+11 Pa of the elements C3D8, found 2.1e\\+11 Pa in the",
+        ),
+        (
+            "ELASTIC",
+            "2.1e5, 0.33",
+            None,
+            "Poisson's ratio 0.33: expected 2.1e\\+11 Pa of the elements C3D8, found 1.827",
+        ),
+        (
+            "ELASTIC",
+            "2.1e5, 0.3",
+            (2e5, 0.3),
+            "expected 2e\\+11 Pa of the elements C3D8, found 2.1e\\+11 Pa in the",
+        ),
     ],
 )
 def test_a_material_that_is_not_that_of_the_matrices(keyword, line, elasticity, text, tmp_path):
@@ -73,52 +106,95 @@ def test_a_material_that_is_not_that_of_the_matrices(keyword, line, elasticity, 
         "sector": Sector(36, ("LOW", "HIGH"), elasticity=elasticity), "contacts": faces, "checks": Checks(strict=True),
     }  # fmt: skip
     with pytest.raises(ModelError, match=text):
-        build_model(read_calculix(tmp_path / "sector"), read_calculix(tmp_path / "damper"), **settings)
+        build_model(
+            read_calculix(tmp_path / "sector"), read_calculix(tmp_path / "damper"), **settings
+        )
 
 
 def test_a_pair_of_faces_has_one_contact(tmp_path):
     """Under another name, also with the bodies exchanged."""
     example_decks("calculix", tmp_path)
     bodies = read_calculix(tmp_path / "sector"), read_calculix(tmp_path / "damper")
-    faces = [ContactFaces(a, a.upper(), f"{b}_UNDERSIDE", points=(3, 2)) for a, b in (("left", "RIGHT"), ("right", "LEFT"))]
+    faces = [
+        ContactFaces(a, a.upper(), f"{b}_UNDERSIDE", points=(3, 2))
+        for a, b in (("left", "RIGHT"), ("right", "LEFT"))
+    ]
     exchanged = ContactFaces("again", "RIGHT_UNDERSIDE", "LEFT", "blade", "damper", points=(3, 3))
     settings = {"placement": Placement("mm-t-s", axis=(1, 0, 0)), "sector": Sector(36, ("LOW", "HIGH")),
                 "reduction": Reduction(engine_order=4, harmonics=1, n_modes=8)}  # fmt: skip
     for again in (replace(faces[0], name="again", points=(3, 3)), exchanged):
-        with pytest.raises(ModelError, match=r"again.*: expected other faces than those of contact 'left', found"):
+        with pytest.raises(
+            ModelError, match=r"again.*: expected other faces than those of contact 'left', found"
+        ):
             build_model(*bodies, contacts=[*faces, again], **settings)
 
 
 def test_decks_and_instances_give_the_same_model_on_the_command_line(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(["decks", "calculix"]) == main(["decks", "abaqus"]) == main(["decks", "ansys"]) == 0
-    assert main(["import", "sector.inp", "--damper", "damper.inp", *WEDGE, "--tip", "0", "346.6", "0"]) == 0
-    stage = ["stage.inp:Sector-1", "--damper", "stage.inp:Strip-1", "--fixed", "BORE", "--out", "abaqus", "--tip", "117"]
+    assert (
+        main(["import", "sector.inp", "--damper", "damper.inp", *WEDGE, "--tip", "0", "346.6", "0"])
+        == 0
+    )
+    stage = [
+        "stage.inp:Sector-1",
+        "--damper",
+        "stage.inp:Strip-1",
+        "--fixed",
+        "BORE",
+        "--out",
+        "abaqus",
+        "--tip",
+        "117",
+    ]
     assert main(["import", *stage, *WEDGE]) == 0
     out = capsys.readouterr()
     assert "wrote sector.h5, sector.txt, sector.png" in out.err
     assert (tmp_path / "sector.txt").read_text() in out.out
-    assert "blade: density of the matrices 7850 kg/m3" in out.out  # the bore is held and has no rows
+    assert (
+        "blade: density of the matrices 7850 kg/m3" in out.out
+    )  # the bore is held and has no rows
     assert (tmp_path / "sector.png").stat().st_size > 10_000
     files = ["sector.cdb", "--damper", "damper.cdb", "--out", "ansys", "--tip", "117"]
     assert main(["import", *files, *WEDGE]) == 0
     one, other, third = (bd.load_model(f"{name}.h5") for name in ("sector", "abaqus", "ansys"))
     for d, basis in one.bodies["blade"].bases.items():
-        assert other.bodies["blade"].bases[d].omega2[:8] == pytest.approx(basis.omega2[:8], rel=1e-6)
-        assert third.bodies["blade"].bases[d].omega2[:8] == pytest.approx(basis.omega2[:8], rel=2e-5)  # others: ten digits
+        assert other.bodies["blade"].bases[d].omega2[:8] == pytest.approx(
+            basis.omega2[:8], rel=1e-6
+        )
+        assert third.bodies["blade"].bases[d].omega2[:8] == pytest.approx(
+            basis.omega2[:8], rel=2e-5
+        )  # others: ten digits
     areas = [[face.area.sum() for face in model.interfaces.values()] for model in (one, third)]
-    assert areas[1] == pytest.approx(areas[0], rel=1e-9)  # of wedges, stored as hexahedra, as of hexahedra
+    assert areas[1] == pytest.approx(
+        areas[0], rel=1e-9
+    )  # of wedges, stored as hexahedra, as of hexahedra
     assert [face.n_points for face in one.interfaces.values()] == [24, 24, 4, 4]
-    assert [one.interfaces[name].gap.tolist() for name in ("front", "back")] == [pytest.approx([2e-4] * 4)] * 2
+    assert [one.interfaces[name].gap.tolist() for name in ("front", "back")] == [
+        pytest.approx([2e-4] * 4)
+    ] * 2
     assert one.locations["tip"].position == pytest.approx(other.locations["tip"].position)
 
 
 def test_a_shroud_and_two_dampers_on_the_command_line(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     main(["decks", "shroud"])
-    bodies = ["blade.inp", "--damper", "front=front.inp", "rear=rear.inp", "--faces", "LOW", "HIGH", "--points", "4"]
+    bodies = [
+        "blade.inp",
+        "--damper",
+        "front=front.inp",
+        "rear=rear.inp",
+        "--faces",
+        "LOW",
+        "HIGH",
+        "--points",
+        "4",
+    ]
     faces = ["--contact", "shroud=blade/SHROUD_HIGH,SHROUD_LOW", *STRIPS]
-    assert main(["import", *bodies, *faces, "--engine-order", "4", "--harmonics", "1", "--modes", "8"]) == 0
+    assert (
+        main(["import", *bodies, *faces, "--engine-order", "4", "--harmonics", "1", "--modes", "8"])
+        == 0
+    )
     model = bd.load_model("blade.h5")
     assert [*model.bodies] == ["blade", "front", "rear"] and len(model.interfaces) == 5
     assert model.interfaces["shroud"].n_points == 4 and model.interfaces["shroud"].sector_b == 1
@@ -127,10 +203,22 @@ def test_a_shroud_and_two_dampers_on_the_command_line(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "code", "text"),
     [
-        (["decks", "nastran"], 2, "example: expected one of ('abaqus', 'ansys', 'calculix', 'shroud'), found 'nastran'"),
+        (
+            ["decks", "nastran"],
+            2,
+            "example: expected one of ('abaqus', 'ansys', 'calculix', 'shroud'), found 'nastran'",
+        ),
         (["import", "nowhere.inp", "--contact", "a=A,B"], 1, "nowhere.inp"),
-        (["import", "sector.inp", "--contact", "A,B"], 2, "--contact: expected NAME=SET,SET, found 'A,B'"),
-        (["import", "sector.inp", "--contact", "a=A,B", "--stop", "b=B"], 2, "--stop: expected NAME=SET,GAP, found 'b=B'"),
+        (
+            ["import", "sector.inp", "--contact", "A,B"],
+            2,
+            "--contact: expected NAME=SET,SET, found 'A,B'",
+        ),
+        (
+            ["import", "sector.inp", "--contact", "a=A,B", "--stop", "b=B"],
+            2,
+            "--stop: expected NAME=SET,GAP, found 'b=B'",
+        ),
         (["import", "sector.inp", "--contact", "a=A,ground", *WEDGE[:-8]], 1, "contact 'a'"),
     ],
 )

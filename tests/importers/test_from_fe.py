@@ -17,13 +17,19 @@ from bdamper.util.errors import ModelError
 from tests.imports import build
 
 ROWS = [0, 1, 3, 2, 4, 5, 7, 6]  # corners row by row in place of in turn
-SETTINGS = {"fixed": "end", "contacts": [ContactFaces("pad", "face", None, "blade", "ground", points=(2, 2))], "n_modes": 4}
+SETTINGS = {
+    "fixed": "end",
+    "contacts": [ContactFaces("pad", "face", None, "blade", "ground", points=(2, 2))],
+    "n_modes": 4,
+}
 
 
 @pytest.fixture(scope="module")
 def block():
     """A small body, held at one end: matrices, nodes, elements in the agreed order, sets."""
-    body = discretise(damper_mesh(Geometry(), MeshDensity(2, 2, 1, 4, 2, 2, 1, 6, 2, 1, 1, 2)), Material())
+    body = discretise(
+        damper_mesh(Geometry(), MeshDensity(2, 2, 1, 4, 2, 2, 1, 6, 2, 1, 1, 2)), Material()
+    )
     z = body.nodes[:, 2]
     sets = {"end": np.flatnonzero(z > z.max() - 1e-9), "face": np.flatnonzero(z < z.min() + 1e-9)}
     return body.stiffness, body.mass, body.nodes, body.elements[:, local_order()], sets
@@ -54,7 +60,10 @@ def test_a_face_on_the_ground_has_one_contact(block):
     pair = [ContactFaces(f"patch {k}", "face", patches=patches[k], **ground) for k in (0, 1)]
     assert len(build(body, n_blades=1, **SETTINGS | {"contacts": pair}).model.interfaces) == 2
     twice = [pair[0], replace(pair[1], patches=patches[0])]
-    with pytest.raises(ModelError, match=r"than those of contact 'patch 0', found 1 contact points in the same places"):
+    with pytest.raises(
+        ModelError,
+        match=r"than those of contact 'patch 0', found 1 contact points in the same places",
+    ):
         build(body, n_blades=1, **SETTINGS | {"contacts": twice})
 
 
@@ -62,10 +71,14 @@ def test_a_face_on_the_ground_has_one_contact(block):
 def test_another_order_of_the_corners_is_named(block, n):
     K, M, nodes, elements, sets = block
     wrong = np.hstack([elements[:, ROWS], elements[:, 8:]])[:, :n]
-    message = "blade (the given arrays): elements, such as the one with nodes [" + ", ".join(map(str, wrong[0, :8]))
+    message = "blade (the given arrays): elements, such as the one with nodes [" + ", ".join(
+        map(str, wrong[0, :8])
+    )
     with pytest.raises(ModelError, match="^" + re.escape(message)) as caught:
         build(read_arrays(K, M, nodes, elements=wrong, sets=sets), n_blades=1, **SETTINGS)
-    assert "4 corners in turn around one face, then the 4 opposite ones in the same turn" in str(caught.value)
+    assert "4 corners in turn around one face, then the 4 opposite ones in the same turn" in str(
+        caught.value
+    )
     assert f"another order in {len(wrong)} of {len(wrong)}" in str(caught.value)
 
 
@@ -74,16 +87,26 @@ def test_both_senses_and_collapsed_elements_are_in_order(block):
     corners = elements[:, :8]
     assert not twisted(corners, nodes).any()
     assert not twisted(corners[:, [3, 2, 1, 0, 7, 6, 5, 4]], nodes).any(), "the other sense"
-    assert not twisted(corners[:, [0, 1, 2, 2, 4, 5, 6, 6]], nodes).any(), "a hexahedron that is a wedge"
+    assert not twisted(corners[:, [0, 1, 2, 2, 4, 5, 6, 6]], nodes).any(), (
+        "a hexahedron that is a wedge"
+    )
     assert not twisted(corners[:, [0, 1, 2, 4, 5, 6]], nodes).any()
-    for order in (ROWS, [0, 1, 2, 3, 5, 4, 7, 6], [0, 1, 2, 3, 6, 7, 4, 5], [0, 1, 2, 3, 5, 6, 7, 4]):
+    for order in (
+        ROWS,
+        [0, 1, 2, 3, 5, 4, 7, 6],
+        [0, 1, 2, 3, 6, 7, 4, 5],
+        [0, 1, 2, 3, 5, 6, 7, 4],
+    ):
         assert twisted(corners[:, order], nodes).all()
     assert twisted(corners[:, [0, 1, 2, 5, 6, 4]], nodes).all()
 
 
 def test_only_the_symmetries_of_a_cube_are_in_order():
     """48 of the 40320 orders of its corners."""
-    cube = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]], float)
+    cube = np.array(
+        [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]],
+        float,
+    )
     orders = np.array([order for order in itertools.permutations(range(8)) if order[0] == 0])
     assert (~twisted(orders, cube)).sum() == 48 / 8
 

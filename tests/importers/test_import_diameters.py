@@ -41,17 +41,23 @@ def fe():
         (36, (6, 9, 12), None, {0, 6, 12, 18, 9}),
     ],
 )
-def test_those_of_nine_harmonics_and_of_time_integration(bodies, n_blades, order, harmonics, expected):
+def test_those_of_nine_harmonics_and_of_time_integration(
+    bodies, n_blades, order, harmonics, expected
+):
     found, excited, reason = _diameters(n_blades, Reduction(order, harmonics), bodies[0])
     assert set(found) == expected
     orders = (order,) if isinstance(order, int) else order
     assert set(excited) == {min(o % n_blades, -o % n_blades) for o in orders}
-    assert ", ".join(map(str, orders)) in reason and ("time integration" in reason) == (harmonics is None)
+    assert ", ".join(map(str, orders)) in reason and ("time integration" in reason) == (
+        harmonics is None
+    )
 
 
 def test_a_file_of_modes_limits_them(bodies):
     shape = Modes(4, np.ones(1), np.arange(2), np.ones((2, 3, 1)))
-    alone = replace(bodies[0], stiffness=None, mass=None, modes=(shape, replace(shape, nodal_diameter=0)))
+    alone = replace(
+        bodies[0], stiffness=None, mass=None, modes=(shape, replace(shape, nodal_diameter=0))
+    )
     assert _diameters(36, Reduction(4), alone)[0] == (0, 4)
     assert _diameters(36, Reduction(), alone)[0] == (0, 4)
 
@@ -65,13 +71,17 @@ def test_the_report_names_them_and_nine_harmonics_run(bodies):
     assert list(built.model.meshes["blade"].modes) == [1, 2]
     text = "4 nodal diameters, for 9 harmonics of engine order 1, 2 and time integration"
     assert text in str(built)
-    study = bd.Study(built.model, bd.Excitation("tip"), engine_order=2, friction_coefficient=0.3, harmonics=9)
+    study = bd.Study(
+        built.model, bd.Excitation("tip"), engine_order=2, friction_coefficient=0.3, harmonics=9
+    )
     assert len(study.problem.bases) == 10
 
 
 def test_a_wave_that_travels_backward_has_the_diameter_of_the_one_forward(bodies):
     """Of 6 blades the engine orders 5 and 8 repeat from blade to blade as 1 and 2 do, one backward, one forward."""
-    forward, folded = (build(*bodies, **SETTINGS, engine_order=orders, harmonics=1) for orders in ([1, 2], [5, 8]))
+    forward, folded = (
+        build(*bodies, **SETTINGS, engine_order=orders, harmonics=1) for orders in ([1, 2], [5, 8])
+    )
     assert list(folded.model.meshes["blade"].modes) == [1, 2]
     assert folded.model.hash == forward.model.hash
 
@@ -91,20 +101,30 @@ def test_sector_faces_match_as_exactly_as_files_round_positions(bodies, directio
     for share, words in ((5e-6, "pairs of nodes match"), (3e-5, "meshes that differ")):
         built = build(rounded(bodies[0], share, direction), bodies[1], **settings)
         assert sum(words in line for line in built.checks) == 1
-    with pytest.raises(ModelError, match=r"sector faces: expected two sets of nodes .* largest distance .* apart"):
+    with pytest.raises(
+        ModelError, match=r"sector faces: expected two sets of nodes .* largest distance .* apart"
+    ):
         build(rounded(bodies[0], 3e-4, (1.0, 0.0, 0.0)), bodies[1], **settings)
 
 
 def opened(body, share):
     """The body with its angles about the axis of rotation larger by a share."""
-    angle, radius = (1.0 + share) * np.arctan2(body.nodes[:, 0], body.nodes[:, 1]), np.hypot(*body.nodes[:, :2].T)
-    return replace(body, nodes=np.column_stack([radius * np.sin(angle), radius * np.cos(angle), body.nodes[:, 2]]))
+    angle, radius = (
+        (1.0 + share) * np.arctan2(body.nodes[:, 0], body.nodes[:, 1]),
+        np.hypot(*body.nodes[:, :2].T),
+    )
+    return replace(
+        body,
+        nodes=np.column_stack([radius * np.sin(angle), radius * np.cos(angle), body.nodes[:, 2]]),
+    )
 
 
 def test_a_sector_of_almost_one_pitch_passes_with_a_word_of_the_deviation(bodies):
     """30.015 degrees are 5e-4 more than 360/12; CalculiX takes up to 1 %."""
     blade = opened(bodies[0], 5e-4)
-    exact, near = (build(body, bodies[1], **SETTINGS, nodal_diameters=(1,)) for body in (bodies[0], blade))
+    exact, near = (
+        build(body, bodies[1], **SETTINGS, nodal_diameters=(1,)) for body in (bodies[0], blade)
+    )
     assert not any("from 60;" in line for line in exact.checks)
     assert any("60.03 degrees apart, +0.05 % from 60; tied as if" in line for line in near.checks)
     for d, frequencies in exact.frequencies.items():
@@ -114,7 +134,9 @@ def test_a_sector_of_almost_one_pitch_passes_with_a_word_of_the_deviation(bodies
     with pytest.raises(ModelError, match=r"60.03 degrees apart, nearest are 6 sectors"):
         build(blade, bodies[1], **SETTINGS, nodal_diameters=(1,), angle_tolerance=1e-4)
     for settings in (SETTINGS, without):
-        with pytest.raises(ModelError, match=r"the faces are 61.2 degrees apart, nearest are 6 sectors"):
+        with pytest.raises(
+            ModelError, match=r"the faces are 61.2 degrees apart, nearest are 6 sectors"
+        ):
             build(opened(bodies[0], 0.02), bodies[1], **settings, nodal_diameters=(1,))
 
 
@@ -139,7 +161,9 @@ def test_steps_are_named_and_counted(bodies, capsys):
     for step in ("nodal diameter 2", "disk of the wheel, nodal diameter 3", "damper"):
         assert f"import: {step}" in shown
     told = [int(share) for share in re.findall(r"^import(?:: .*)?: (\d+) %$", shown, re.M)]
-    assert told == sorted(told) and told[-1] == 100  # waves 0, 1, 2, 3, the disk at each, the damper
+    assert (
+        told == sorted(told) and told[-1] == 100
+    )  # waves 0, 1, 2, 3, the disk at each, the damper
     build(*bodies, **settings)
     assert "import" not in capsys.readouterr().err, "no terminal, no bar"
 
@@ -168,7 +192,11 @@ def test_number_of_sectors_does_not_depend_on_the_grading_of_skewed_faces(given)
         rows, radius = [], np.linspace(0.3, 0.4, 9)
         for height in z:
             turned = angle + height * np.tan(np.radians(15.0)) / 0.35
-            rows.append(np.column_stack([radius * np.sin(turned), radius * np.cos(turned), np.full(9, height)]))
+            rows.append(
+                np.column_stack(
+                    [radius * np.sin(turned), radius * np.cos(turned), np.full(9, height)]
+                )
+            )
         corner = (9 * np.arange(len(z) - 1)[:, None] + np.arange(8)).ravel()[:, None]
         return np.concatenate(rows), corner + [0, 1, 10, 9]
 

@@ -41,37 +41,57 @@ def built(given, forces, **other):
 def model(given, tmp_path_factory):
     path = tmp_path_factory.mktemp("field") / "gust.csv"
     parts = np.stack([FORCES.real, FORCES.imag], axis=-1).reshape(3, 6)
-    np.savetxt(path, np.column_stack([given[2], parts]), delimiter=",", header="node, Re x, Im x, ...", fmt="%.17g")
+    np.savetxt(
+        path,
+        np.column_stack([given[2], parts]),
+        delimiter=",",
+        header="node, Re x, Im x, ...",
+        fmt="%.17g",
+    )
     return built(given, {"gust": (given[2], FORCES), "file": str(path)})
 
 
 def force(model, excitation, engine_order):
-    settings = {"harmonics": 1, "contact_stiffness": "unit_traction", "fundamental_modes_only": True}
+    settings = {
+        "harmonics": 1,
+        "contact_stiffness": "unit_traction",
+        "fundamental_modes_only": True,
+    }
     study = bd.Study(model, excitation, engine_order, response=bd.Response("at_0"), **settings)
-    return study.problem.modal_force(1)[:8]  # on the modes; each excitation has residual vectors of its own behind them
+    return study.problem.modal_force(1)[
+        :8
+    ]  # on the modes; each excitation has residual vectors of its own behind them
 
 
 @pytest.mark.parametrize("engine_order", [5, 60], ids=["forward", "backward"])
 def test_a_field_is_the_sum_of_its_forces(model, engine_order):
     axes = ("tangential", "radial", "axial")
     points = [
-        bd.Excitation(f"at_{k}", axis, abs(f), np.angle(f)) for k in range(3) for axis, f in zip(axes, FORCES[k])
+        bd.Excitation(f"at_{k}", axis, abs(f), np.angle(f))
+        for k in range(3)
+        for axis, f in zip(axes, FORCES[k])
     ]
     summed = force(model, sum(points[1:], points[0]), engine_order)
     for name in ("gust", "file"):
         found = force(model, bd.Excitation(name), engine_order)
         np.testing.assert_allclose(found, summed, rtol=0.0, atol=1e-12 * np.abs(summed).max())
     scaled = force(model, bd.Excitation("gust", amplitude=2.0, phase=0.5), engine_order)
-    np.testing.assert_allclose(scaled, 2.0 * np.exp(0.5j) * summed, rtol=0.0, atol=1e-12 * np.abs(summed).max())
+    np.testing.assert_allclose(
+        scaled, 2.0 * np.exp(0.5j) * summed, rtol=0.0, atol=1e-12 * np.abs(summed).max()
+    )
 
 
 def test_it_follows_units_and_axes_of_the_file(given):
     """The same forces in millimetres and tonnes about another axis."""
     blade, damper, numbers = given
-    turn = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])  # axes of the file to those of the model
+    turn = np.array(
+        [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]
+    )  # axes of the file to those of the model
     other = []
     for body in (blade, damper):
-        matrices = {name: 1e-3 * turned(getattr(body, name), turn) for name in ("stiffness", "mass")}
+        matrices = {
+            name: 1e-3 * turned(getattr(body, name), turn) for name in ("stiffness", "mass")
+        }
         other.append(replace(body, nodes=1e3 * body.nodes @ turn, **matrices))
     units = {"units": "mm-t-s", "axis": turn[2], "radial": turn[1], "contacts": contacts(4, 0.2)}
     plain = built(given, {"gust": (numbers, FORCES)})
@@ -89,7 +109,11 @@ def turned(matrix, turn):
 def test_it_is_kept_in_the_file_of_the_model(model, tmp_path):
     bd.save_model(model, tmp_path / "model.h5")
     again = load_model(tmp_path / "model.h5")
-    assert again.hash == model.hash and again.locations["gust"].kind == "forces" and again.locations["at_0"].kind is None
+    assert (
+        again.hash == model.hash
+        and again.locations["gust"].kind == "forces"
+        and again.locations["at_0"].kind is None
+    )
 
 
 def test_a_field_is_no_place_for_a_response(model):
@@ -113,12 +137,17 @@ def test_a_bad_first_line_is_no_line_of_names(tmp_path):
     [
         ("no/such/file.csv", "No such file|not found"),
         (((1, 2), np.ones((3, 3))), r"forces 'gust': expected \(node numbers"),
-        (((FIRST_NUMBER,), np.zeros((1, 3))), "forces 'gust': expected forces other than 0, found zeros only"),
+        (
+            ((FIRST_NUMBER,), np.zeros((1, 3))),
+            "forces 'gust': expected forces other than 0, found zeros only",
+        ),
         (((5,), np.ones((1, 3))), "forces 'gust': expected numbers of existing nodes, found 5"),
     ],
 )
 def test_refusals(given, field, message):
     with pytest.raises((BdamperError, OSError), match=message):
         built(given, {"gust": field})
-    with pytest.raises(bd.SettingError, match="location 'at_0': expected a name that forces do not have"):
+    with pytest.raises(
+        bd.SettingError, match="location 'at_0': expected a name that forces do not have"
+    ):
         built(given, {"at_0": (given[2], FORCES)})

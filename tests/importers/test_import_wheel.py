@@ -26,16 +26,29 @@ def fe():
 
 
 def test_a_set_of_nodes_makes_the_local_basis(fe, bodies):
-    built = build(*bodies, **SETTINGS, blade_nodes="BLADE", locations={"tip": fe.blade.nodes[:, 1].argmax() + FIRST_NUMBER})
+    built = build(
+        *bodies,
+        **SETTINGS,
+        blade_nodes="BLADE",
+        locations={"tip": fe.blade.nodes[:, 1].argmax() + FIRST_NUMBER},
+    )
     check_model(built.model)
     local = built.model.bodies["blade"].local
-    assert (local.n_cantilever, local.n_attachment, local.n_interface) == (12, 12 + 3, 16)  # three directions at the tip
+    assert (local.n_cantilever, local.n_attachment, local.n_interface) == (
+        12,
+        12 + 3,
+        16,
+    )  # three directions at the tip
     np.testing.assert_allclose(local.omega2, fe.blade_part().cantilever(12)[0], rtol=1e-8)
     for d, basis in built.model.bodies["blade"].bases.items():
         np.testing.assert_allclose(local.nodal_diameter(d).omega2[:3], basis.omega2[:3], rtol=1e-4)
     assert np.all(local.blade_stiffness[-16:] == 0.0)
     assert "of them at its root; clamped there" in str(built)
-    few = build(*bodies, **SETTINGS, blade_nodes="BLADE", local_sizes=LocalSizes(4, 6, 6)).model.bodies["blade"].local
+    few = (
+        build(*bodies, **SETTINGS, blade_nodes="BLADE", local_sizes=LocalSizes(4, 6, 6))
+        .model.bodies["blade"]
+        .local
+    )
     assert few.n == 16
 
 
@@ -70,7 +83,10 @@ def test_shapes_for_pictures_are_those_of_the_excited_wave(bodies):
     ("wheel", "words"),
     [
         ("ALL", "blade_nodes: expected a set out of"),
-        ("BORE", "blade_nodes: expected the nodes of a blade from root to tip, with all its contact faces"),
+        (
+            "BORE",
+            "blade_nodes: expected the nodes of a blade from root to tip, with all its contact faces",
+        ),
         ("EVERY", "found a blade that no node of its root joins to the disk"),
         ("HALF", "found contact points that are not on the blade"),
     ],
@@ -80,7 +96,8 @@ def test_a_set_that_is_no_blade_is_refused(fe, bodies, wheel, words):
     nodes = fe.blade_part().nodes
     own = {
         "EVERY": FIRST_NUMBER + np.arange(len(fe.blade.nodes)),
-        "HALF": FIRST_NUMBER + nodes[fe.blade.nodes[nodes, 1] > np.median(fe.blade.nodes[nodes, 1])],
+        "HALF": FIRST_NUMBER
+        + nodes[fe.blade.nodes[nodes, 1] > np.median(fe.blade.nodes[nodes, 1])],
     }
     blade = replace(blade, node_sets={**blade.node_sets, **own})
     with pytest.raises(BdamperError) as error:
@@ -92,5 +109,11 @@ def test_blades_that_touch_each_other_are_refused_before_the_work(bodies, monkey
     """A wheel does not serve them, and a build for it says so at once."""
     monkeypatch.setattr(cyclic_symmetry, "factorise", lambda matrix: pytest.fail("work was done"))
     shroud = ContactFaces("shroud", "HIGH", "LOW", "blade", "blade", points=2)
-    with pytest.raises(BdamperError, match="blade_nodes: expected blades that touch dampers, found 'shroud'"):
-        build(*bodies, **{**SETTINGS, "contacts": [*SETTINGS["contacts"], shroud]}, blade_nodes="BLADE")
+    with pytest.raises(
+        BdamperError, match="blade_nodes: expected blades that touch dampers, found 'shroud'"
+    ):
+        build(
+            *bodies,
+            **{**SETTINGS, "contacts": [*SETTINGS["contacts"], shroud]},
+            blade_nodes="BLADE",
+        )

@@ -57,7 +57,9 @@ def test_real_archives():
     assert sector.nodes.shape == (655, 3)
     body = PreparedBody("beam", beam, Placement())
     # the elements fill the box that the nodes span: orientation, corners and nodes between them are understood
-    assert enclosed_volume(body.boundary, body.nodes) == pytest.approx(np.ptp(beam.nodes, axis=0).prod(), rel=1e-9)
+    assert enclosed_volume(body.boundary, body.nodes) == pytest.approx(
+        np.ptp(beam.nodes, axis=0).prod(), rel=1e-9
+    )
     # what its matrices say must hold on these nodes: no rigid motion costs a force
     found = PreparedBody("sector", sector, body.placement)
     assert enclosed_volume(found.boundary, found.nodes) > 0.0
@@ -80,7 +82,9 @@ def test_real_matrices_are_not_of_another_archive():
     missing = sorted(solid - set(matrices.nodes.tolist()))
     assert set(matrices.nodes.tolist()) <= set(archive.numbers.tolist()) and len(missing) > 5
     some = ", ".join(map(str, missing[:5]))
-    with pytest.raises(ModelError, match=rf"file.full: .*{len(missing)} of {len(solid)} missing: {some}, \.\.\."):
+    with pytest.raises(
+        ModelError, match=rf"file.full: .*{len(missing)} of {len(solid)} missing: {some}, \.\.\."
+    ):
         read_ansys(fixture("file.full"), fixture("sector.cdb"))
 
 
@@ -105,7 +109,10 @@ def test_real_cyclic_modes():
     residual = {}
     for sign in (1, -1):
         u = (shapes[:, 0] + sign * 1j * shapes[:, 1]).reshape(-1, 3)
-        ahead = u[faces.dependent] - np.exp(2j * np.pi / 8) * u[faces.independent] @ turn(2 * np.pi / 8).T
+        ahead = (
+            u[faces.dependent]
+            - np.exp(2j * np.pi / 8) * u[faces.independent] @ turn(2 * np.pi / 8).T
+        )
         residual[sign] = np.abs(ahead).max() / np.abs(u).max()
     assert sorted(residual.values())[0] < 1e-14
     assert sorted(residual.values())[1] > 1.0
@@ -127,9 +134,14 @@ def bar():
 def files(bar, tmp_path):
     body, numbers, elements = bar
     write_full(tmp_path / "bar.full", body.stiffness, body.mass, numbers, fixed=(0, 1, 2, 7))
-    write_cdb(tmp_path / "bar.cdb", numbers, body.nodes, elements, {"ENDS": numbers[[0, 1, 2, 3, 9]]})
+    write_cdb(
+        tmp_path / "bar.cdb", numbers, body.nodes, elements, {"ENDS": numbers[[0, 1, 2, 3, 9]]}
+    )
     rng = np.random.default_rng(0)
-    sets = [(0, 100.0, rng.standard_normal((len(numbers), 3))), (1, 150.0, rng.standard_normal((len(numbers), 3)))]
+    sets = [
+        (0, 100.0, rng.standard_normal((len(numbers), 3))),
+        (1, 150.0, rng.standard_normal((len(numbers), 3))),
+    ]
     write_rst(tmp_path / "bar.rst", numbers, body.nodes, elements, sets, 6)
     return tmp_path, sets
 
@@ -139,7 +151,9 @@ def test_written_files_come_back(bar, files):
     folder, sets = files
     found = read_ansys(folder / "bar.full", folder / "bar.cdb", folder / "bar.rst")
     keep = np.setdiff1d(np.arange(body.n_dof), [0, 1, 2, 7])
-    np.testing.assert_allclose(found.stiffness.toarray(), body.stiffness.toarray()[np.ix_(keep, keep)])
+    np.testing.assert_allclose(
+        found.stiffness.toarray(), body.stiffness.toarray()[np.ix_(keep, keep)]
+    )
     np.testing.assert_allclose(found.mass.toarray(), body.mass.toarray()[np.ix_(keep, keep)])
     np.testing.assert_array_equal(found.dofs, np.column_stack([numbers[keep // 3], keep % 3 + 1]))
     np.testing.assert_allclose(found.nodes, body.nodes, atol=1e-13)
@@ -156,8 +170,16 @@ def test_written_files_come_back(bar, files):
 @pytest.mark.parametrize(
     ("place", "numbers", "message"),
     [
-        ("bar.full", [2, 5], r"bar.cdb: expected the nodes of .*bar.full, .*, found 2 of 32 missing: 902, 905$"),
-        ("bar.cdb", [4], r"bar.cdb: expected the nodes of .*bar.full, .*, found 1 of 32 missing: 14$"),
+        (
+            "bar.full",
+            [2, 5],
+            r"bar.cdb: expected the nodes of .*bar.full, .*, found 2 of 32 missing: 902, 905$",
+        ),
+        (
+            "bar.cdb",
+            [4],
+            r"bar.cdb: expected the nodes of .*bar.full, .*, found 1 of 32 missing: 14$",
+        ),
         ("both", [11], None),
     ],
 )
@@ -170,7 +192,9 @@ def test_matrices_and_archive_of_different_models(bar, files, place, numbers, me
     if place != "bar.cdb":
         write_full(folder / "bar.full", body.stiffness, body.mass, changed, fixed=(0, 1, 2, 7))
     if place != "bar.full":
-        write_cdb(folder / "bar.cdb", changed, body.nodes, changed[body.elements[:, local_order()]], {})
+        write_cdb(
+            folder / "bar.cdb", changed, body.nodes, changed[body.elements[:, local_order()]], {}
+        )
     if message is None:
         assert 911 in read_ansys(folder / "bar.full", folder / "bar.cdb").dofs
     else:
@@ -184,8 +208,13 @@ def test_archive_with_more_elements_than_the_matrices(bar, files):
     folder, _ = files
     more, far = np.append(numbers, [901, 902, 903, 904]), body.nodes[:4] + [1.0, 0.0, 0.0]
     beyond = np.append(elements[-1][:-4], more[-4:])[None]
-    write_cdb(folder / "bar.cdb", more, np.vstack([body.nodes, far]), np.vstack([elements, beyond]), {})
-    with pytest.raises(ModelError, match=r"bar.full: expected the nodes of .*bar.cdb, .* 4 of 36 missing: 901, 902, 903,"):
+    write_cdb(
+        folder / "bar.cdb", more, np.vstack([body.nodes, far]), np.vstack([elements, beyond]), {}
+    )
+    with pytest.raises(
+        ModelError,
+        match=r"bar.full: expected the nodes of .*bar.cdb, .* 4 of 36 missing: 901, 902, 903,",
+    ):
         read_ansys(folder / "bar.full", folder / "bar.cdb")
 
 
@@ -201,7 +230,9 @@ def mixed_block():
     -------
     nodes : (17, 3), corners of all elements
     """
-    grid = np.stack(np.meshgrid([0.0, 1.0], [0.0, 1.5], np.arange(4.0), indexing="ij"), axis=-1)[..., ::-1].reshape(-1, 3)
+    grid = np.stack(np.meshgrid([0.0, 1.0], [0.0, 1.5], np.arange(4.0), indexing="ij"), axis=-1)[
+        ..., ::-1
+    ].reshape(-1, 3)
     cube = HEXAHEDRON + 1
     sides = [cube[list(face)] for face in FACES[8]]  # outward; the apex is inside
     pyramids = [[*side[::-1], 16] for side in sides[1:]]
@@ -217,14 +248,23 @@ def test_collapsed_elements_are_read(second, tmp_path):
     """Pyramids, wedges and tetrahedra as hexahedra with repeated nodes fill the block, and a uniform strain is uniform."""
     nodes, elements = mixed_block()
     if second:
-        edges = [[tuple(sorted(e[list(edge)].tolist())) for edge in EDGES[len(e)]] for e in elements]
+        edges = [
+            [tuple(sorted(e[list(edge)].tolist())) for edge in EDGES[len(e)]] for e in elements
+        ]
         unique = sorted({edge for own in edges for edge in own})
-        elements = [[*e, *(len(nodes) + unique.index(edge) for edge in own)] for e, own in zip(elements, edges)]
+        elements = [
+            [*e, *(len(nodes) + unique.index(edge) for edge in own)]
+            for e, own in zip(elements, edges)
+        ]
         nodes = np.vstack([nodes, nodes[np.array(unique)].mean(axis=1)])
     numbers = 5 + np.arange(len(nodes))
     stored = [numbers[collapsed(e)] for e in elements]
-    stored[-1] = stored[-1][TURNED[: len(stored[-1])]]  # a wedge whose repeated nodes are other ones
-    constants = [f"MPDATA,R5.0, 1,{name},1,1,{value}," for name, value in (("EX  ", 1.0), ("PRXY", 0.3))]
+    stored[-1] = stored[-1][
+        TURNED[: len(stored[-1])]
+    ]  # a wedge whose repeated nodes are other ones
+    constants = [
+        f"MPDATA,R5.0, 1,{name},1,1,{value}," for name, value in (("EX  ", 1.0), ("PRXY", 0.3))
+    ]
     write_cdb(tmp_path / "a.cdb", numbers, nodes, stored, {}, constants)
     read = read_cdb(tmp_path / "a.cdb")
     assert sum(map(len, read.elements)) == 10
@@ -263,7 +303,9 @@ def test_forms_of_records(tmp_path):
 
 def test_axes_of_a_node():
     """A turn of 90 degrees about Z carries the first axis to Y; the rows are a right-handed triad."""
-    np.testing.assert_allclose(_node_axes(np.array([90.0, 0.0, 0.0])), [[0, 1, 0], [-1, 0, 0], [0, 0, 1]], atol=1e-15)
+    np.testing.assert_allclose(
+        _node_axes(np.array([90.0, 0.0, 0.0])), [[0, 1, 0], [-1, 0, 0], [0, 0, 1]], atol=1e-15
+    )
     axes = _node_axes(np.array([20.0, -30.0, 50.0]))
     np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-15)
     assert np.linalg.det(axes) == pytest.approx(1.0)
@@ -294,8 +336,18 @@ def patched(path, position, value, word=0):
         ("bar.rst", 3, 10**6, "expected a number of nodes"),
         ("bar.rst", 3, 6, r"expected all 32 nodes of the model \(.* COMBINE,RST\), found 6"),
         ("bar.rst", 49, 64, r"expected all 64 nodes of the model \(.* COMBINE,RST\), found 32"),
-        ("bar.full", 62, 192, r"expected all 192 equations of the model \(.* COMBINE,FULL\), found 96"),
-        ("bar.rst", 21, 0, "expected sectors of one stage .*, found harmonic indices up to 1 without a number of sectors"),
+        (
+            "bar.full",
+            62,
+            192,
+            r"expected all 192 equations of the model \(.* COMBINE,FULL\), found 96",
+        ),
+        (
+            "bar.rst",
+            21,
+            0,
+            "expected sectors of one stage .*, found harmonic indices up to 1 without a number of sectors",
+        ),
         ("bar.rst", 17, 0, "expected the nodal diameters of a disk with 6 sectors, found none"),
         ("bar.rst", 16, 3, "geometry header: expected whole numbers"),
     ],
@@ -314,7 +366,10 @@ def test_results_of_several_stages_are_refused(files):
     path = files[0] / "bar.rst"
     geometry = _Header(_Binary(path, 12), _HEADER, "header")[16]
     patched(path, 0, 2, word=geometry + 2 + 54 - 1)
-    with pytest.raises(ModelError, match=r"expected sectors of one stage .*, found a multistage result with 2 stages"):
+    with pytest.raises(
+        ModelError,
+        match=r"expected sectors of one stage .*, found a multistage result with 2 stages",
+    ):
         read_rst(path)
 
 
@@ -336,9 +391,13 @@ def test_one_domain_of_a_distributed_run_is_refused(tmp_path):
 
 
 def test_other_files_are_told_apart(files, tmp_path):
-    with pytest.raises(ModelError, match=r"expected a file of matrices \(.full\): number 4, found 12, results"):
+    with pytest.raises(
+        ModelError, match=r"expected a file of matrices \(.full\): number 4, found 12, results"
+    ):
         read_full(files[0] / "bar.rst")
-    (tmp_path / "text.full").write_text("no binary file at all, but long enough to hold a header\n" * 20)
+    (tmp_path / "text.full").write_text(
+        "no binary file at all, but long enough to hold a header\n" * 20
+    )
     with pytest.raises(ModelError, match="standard header"):
         read_full(tmp_path / "text.full")
     with pytest.raises(FileNotFoundError, match="there is no file"):
@@ -373,7 +432,11 @@ def test_truncated_files(files, share):
         ("N,R5.3,LOC,       -1,\nEBLOCK", "EBLOCK", "a node"),
         ("       10        0        0", "       xx        0        0", "expected a node"),
         ("NBLOCK", "NBLICK", r"expected a block of nodes \(NBLOCK\), found none"),
-        ("ENDS    ,NODE,       3", "ENDS    ,NODE,      99", "whole numbers in the columns .*, found 'FINISH'"),
+        (
+            "ENDS    ,NODE,       3",
+            "ENDS    ,NODE,      99",
+            "whole numbers in the columns .*, found 'FINISH'",
+        ),
         ("       -13", "        -5", "ranges in component"),
         ("FINISH", "EBLOCK,19,SOLID,9,9\n(19i9)", r"the end of EBLOCK"),
     ],

@@ -22,7 +22,13 @@ from bdamper.importers.contact_faces import lay_contacts
 from bdamper.importers.plausibility import check_table, wave_speed
 from bdamper.importers.prepared_body import Placement, PreparedBody
 from bdamper.model.model_file import load_model
-from bdamper.util.errors import BdamperError, BdamperWarning, ModelError, PlausibilityWarning, SettingError
+from bdamper.util.errors import (
+    BdamperError,
+    BdamperWarning,
+    ModelError,
+    PlausibilityWarning,
+    SettingError,
+)
 from examples.calculix.decks import damper_sets
 from tests.each import each
 from tests.fe_bodies import FIRST_NUMBER, contacts
@@ -67,17 +73,27 @@ def assert_same(model, reference, faces=("left", "right"), tolerance=1e-8):
         side = "b" if body == "blade" else "a"
         for d, basis in reference.bodies[body].bases.items():
             own = model.bodies[body].bases[d]
-            np.testing.assert_allclose(own.omega2[: own.n_natural], basis.omega2[: basis.n_natural], rtol=tolerance)
+            np.testing.assert_allclose(
+                own.omega2[: own.n_natural], basis.omega2[: basis.n_natural], rtol=tolerance
+            )
             rows, theirs = [], []
             for name in faces:
                 start = reference.port_slice(body, (name, side)).start
                 theirs.append(start + order[name])
-                rows.append(np.arange(model.interfaces[name].n_points) + model.port_slice(body, (name, side)).start)
+                rows.append(
+                    np.arange(model.interfaces[name].n_points)
+                    + model.port_slice(body, (name, side)).start
+                )
             rows, theirs = np.concatenate(rows), np.concatenate(theirs)
-            a, b = own.contact_modes[rows][..., : own.n_natural], basis.contact_modes[theirs][..., : basis.n_natural]
+            a, b = (
+                own.contact_modes[rows][..., : own.n_natural],
+                basis.contact_modes[theirs][..., : basis.n_natural],
+            )
             # The sign of a mode of a symmetric body depends on the order of its nodes.
             overlap = np.einsum("pcm,pcm->m", a.conj(), b)
-            np.testing.assert_allclose(a * (overlap / np.abs(overlap)), b, atol=1e-5 * np.abs(b).max())
+            np.testing.assert_allclose(
+                a * (overlap / np.abs(overlap)), b, atol=1e-5 * np.abs(b).max()
+            )
             a, b = ((3 * k[:, None] + np.arange(3)).ravel() for k in (rows, theirs))
             scale = np.abs(basis.flexibility).max()
             error = own.flexibility[np.ix_(a, a)] - basis.flexibility[np.ix_(b, b)]
@@ -87,7 +103,9 @@ def assert_same(model, reference, faces=("left", "right"), tolerance=1e-8):
 def test_gives_the_reference_model(built, reference):
     assert_same(built.model, reference)
     np.testing.assert_allclose(
-        built.model.bodies["blade"].bases[ND].locations["tip"][:, : reference.bodies["blade"].bases[ND].n_modes],
+        built.model.bodies["blade"]
+        .bases[ND]
+        .locations["tip"][:, : reference.bodies["blade"].bases[ND].n_modes],
         reference.bodies["blade"].bases[ND].locations["tip"],
         atol=1e-6,
     )
@@ -102,7 +120,10 @@ def test_gives_the_reference_model(built, reference):
 def test_given_rectangles_are_those_of_the_reference(bodies, reference, fe):
     g = fe.geometry
     pairs = [
-        replace(c, patches=wedge_patches(g, c.name, 9) if c.kind == "friction" else end_patches(g, c.name))
+        replace(
+            c,
+            patches=wedge_patches(g, c.name, 9) if c.kind == "friction" else end_patches(g, c.name),
+        )
         for c in contacts()
     ]
     model = built_with(*bodies, contacts=pairs).model
@@ -121,7 +142,9 @@ def test_swapped_sector_faces_are_noticed(bodies, built):
 
 def turned_and_scaled(body: FEBody, length: float, mass: float) -> FEBody:
     """The body in other axes (axis of rotation along X, blade along -Z) and units."""
-    q = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]).T  # rows: new axes in the old ones
+    q = np.array(
+        [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]
+    ).T  # rows: new axes in the old ones
     q = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
     assert np.linalg.det(q) == pytest.approx(1.0)
     block = sp.kron(sp.identity(len(body.nodes)), sp.csr_matrix(q), format="csr")
@@ -147,7 +170,9 @@ def test_faces_in_other_forms(bodies, built, given):
     blade, damper = bodies
     if given == "renumbered":  # node order and numbers carry no meaning
         order = np.random.default_rng(1).permutation(len(damper.nodes))
-        dofs = np.stack([np.repeat(damper.numbers, 3), np.tile([1, 2, 3], len(damper.nodes))], axis=1)
+        dofs = np.stack(
+            [np.repeat(damper.numbers, 3), np.tile([1, 2, 3], len(damper.nodes))], axis=1
+        )
         rows = np.random.default_rng(2).permutation(len(dofs))
         damper = replace(
             damper,
@@ -163,10 +188,14 @@ def test_faces_in_other_forms(bodies, built, given):
         pairs = []
         for c in contacts():
             found = facets_on_nodes(facets, damper.node_sets[c.faces_a] - FIRST_NUMBER).groups[0]
-            pairs.append(replace(c, faces_a=FIRST_NUMBER + found[:, : 4 if given == "corners only" else 8]))
+            pairs.append(
+                replace(c, faces_a=FIRST_NUMBER + found[:, : 4 if given == "corners only" else 8])
+            )
     model = built_with(blade, damper, contacts=pairs).model
     if given == "corners only":  # another interpolation on the damper's side, the same place
-        np.testing.assert_allclose(model.interfaces["left"].points, built.model.interfaces["left"].points, atol=1e-12)
+        np.testing.assert_allclose(
+            model.interfaces["left"].points, built.model.interfaces["left"].points, atol=1e-12
+        )
     else:
         assert_same(model, built.model)
 
@@ -189,8 +218,12 @@ def test_meshes_need_not_match(fe, bodies):
     model = built_with(bodies[0], damper, contacts=contacts(24)).model
     reference = built_with(*bodies, contacts=contacts(24)).model
     for name in ("left", "right"):
-        np.testing.assert_allclose(model.interfaces[name].points, reference.interfaces[name].points, atol=1e-12)
-        np.testing.assert_allclose(model.interfaces[name].area, reference.interfaces[name].area, rtol=1e-9)
+        np.testing.assert_allclose(
+            model.interfaces[name].points, reference.interfaces[name].points, atol=1e-12
+        )
+        np.testing.assert_allclose(
+            model.interfaces[name].area, reference.interfaces[name].area, rtol=1e-9
+        )
     blade, theirs = (m.bodies["blade"].bases[ND] for m in (model, reference))
     scale = np.abs(theirs.contact_modes).max()
     assert np.abs(blade.contact_modes - theirs.contact_modes).max() < 1e-9 * scale
@@ -201,9 +234,13 @@ def test_meshes_need_not_match(fe, bodies):
 
 def test_fixed_nodes_may_be_missing_from_the_matrices(bodies, built, fe):
     blade, damper = bodies
-    keep = np.setdiff1d(np.arange(3 * len(blade.nodes)), (3 * fe.clamped[:, None] + np.arange(3)).ravel())
+    keep = np.setdiff1d(
+        np.arange(3 * len(blade.nodes)), (3 * fe.clamped[:, None] + np.arange(3)).ravel()
+    )
     dofs = np.stack([blade.numbers[keep // 3], keep % 3 + 1], axis=1)
-    held = replace(blade, stiffness=blade.stiffness[keep][:, keep], mass=blade.mass[keep][:, keep], dofs=dofs)
+    held = replace(
+        blade, stiffness=blade.stiffness[keep][:, keep], mass=blade.mass[keep][:, keep], dofs=dofs
+    )
     model = built_with(held, damper, fixed=None).model
     assert_same(model, built.model)
 
@@ -220,7 +257,10 @@ def test_own_axes_of_nodes(bodies, built):
     turned = sp.block_diag(list(blocks), format="csr")
     axes = {int(blade.numbers[k]): blocks[k] for k in chosen}
     given = replace(
-        blade, stiffness=turned @ blade.stiffness @ turned.T, mass=turned @ blade.mass @ turned.T, node_axes=axes
+        blade,
+        stiffness=turned @ blade.stiffness @ turned.T,
+        mass=turned @ blade.mass @ turned.T,
+        node_axes=axes,
     )
     model = built_with(given, damper).model
     assert_same(model, built.model, tolerance=1e-7)
@@ -232,13 +272,19 @@ def test_sector_faces_are_found_from_the_geometry(bodies, built):
     assert found.model.hash == built.model.hash
     assert any("sector faces: found from the geometry, 65 sectors" in line for line in found.checks)
     named = built_with(*bodies, n_blades=None, faces=("HIGH", "LOW"))
-    assert named.model.n_blades == 65 and "65 sectors, from the 5.538 degrees between" in "".join(named.checks)
+    assert named.model.n_blades == 65 and "65 sectors, from the 5.538 degrees between" in "".join(
+        named.checks
+    )
 
 
 def test_blade_alone_against_the_ground(bodies):
     """An acyclic structure that rubs on the ground; the gap is the one given."""
-    pair = ContactFaces("rub", "RIGHT_UNDERSIDE", body_a="blade", body_b="ground", points=4, gap=1e-4)
-    model = build(bodies[0], n_blades=1, contacts=[pair], fixed="BORE", n_modes=5, locations={"tip": TIP}).model
+    pair = ContactFaces(
+        "rub", "RIGHT_UNDERSIDE", body_a="blade", body_b="ground", points=4, gap=1e-4
+    )
+    model = build(
+        bodies[0], n_blades=1, contacts=[pair], fixed="BORE", n_modes=5, locations={"tip": TIP}
+    ).model
     assert set(model.bodies) == {"blade", "ground"}
     np.testing.assert_array_equal(model.interfaces["rub"].gap, 1e-4)
 
@@ -268,14 +314,22 @@ built = build_model(blade, damper, contacts=[pair], sector=Sector(65, ("LOW", "H
                     reduction=Reduction(nodal_diameters=(0,), n_modes=3), locations=dict(tip={list(map(float, TIP))}))
 print(built.frequencies[0][0])
 """
-    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr
     assert 250.0 < float(done.stdout.split()[-1]) < 300.0
 
 
 def test_report_and_file(built, tmp_path):
     text = str(built)
-    for words in ("Import report", "Frequencies of the sector", "mass 0.0689984 kg", "Interfaces", "100 % of face a"):
+    for words in (
+        "Import report",
+        "Frequencies of the sector",
+        "mass 0.0689984 kg",
+        "Interfaces",
+        "100 % of face a",
+    ):
         assert words in text
     assert len(text.splitlines()) < 66  # one page
     assert built.plot().axes[0].has_data()
@@ -286,7 +340,9 @@ def test_report_and_file(built, tmp_path):
     mesh, tip = loaded.meshes["blade"], loaded.locations["tip"]
     node = np.argmin(np.linalg.norm(mesh.points - tip.position, axis=1))
     modes = loaded.bodies["blade"].bases[ND].locations["tip"]
-    np.testing.assert_allclose(mesh.modes[ND][node], modes[:, : mesh.modes[ND].shape[2]], atol=1e-6 * np.abs(modes).max())
+    np.testing.assert_allclose(
+        mesh.modes[ND][node], modes[:, : mesh.modes[ND].shape[2]], atol=1e-6 * np.abs(modes).max()
+    )
     assert "Import report" in loaded.provenance["report"]
 
 
@@ -302,7 +358,9 @@ def unsymmetric(body):
 
 def indefinite(body):
     n = 3 * 300
-    k = body.stiffness - sp.csr_matrix(([20 * body.stiffness[n, n]], ([n], [n])), shape=body.stiffness.shape)
+    k = body.stiffness - sp.csr_matrix(
+        ([20 * body.stiffness[n, n]], ([n], [n])), shape=body.stiffness.shape
+    )
     return replace(body, stiffness=k.tocsr())
 
 
@@ -316,7 +374,9 @@ def soft(body):
 
 
 def repeated(body):
-    return replace(body, nodes=np.where(np.arange(len(body.nodes))[:, None] == 7, body.nodes[8], body.nodes))
+    return replace(
+        body, nodes=np.where(np.arange(len(body.nodes))[:, None] == 7, body.nodes[8], body.nodes)
+    )
 
 
 def same_number(body):
@@ -326,7 +386,9 @@ def same_number(body):
 
 
 def without(name):
-    return lambda body: replace(body, node_sets={k: v for k, v in body.node_sets.items() if k != name})
+    return lambda body: replace(
+        body, node_sets={k: v for k, v in body.node_sets.items() if k != name}
+    )
 
 
 def shorter(name):
@@ -340,29 +402,61 @@ def dofs_of(body):
 
 def row_5(value):
     """A body whose table has another row 5."""
-    return lambda body: replace(body, dofs=np.concatenate([dofs_of(body)[:5], [value], dofs_of(body)[6:]]))
+    return lambda body: replace(
+        body, dofs=np.concatenate([dofs_of(body)[:5], [value], dofs_of(body)[6:]])
+    )
 
 
 BAD_BLADES = [
-    (unsymmetric, r"blade \(sector arrays\): stiffness matrix: expected a symmetric matrix .* row 4, column 5"),
+    (
+        unsymmetric,
+        r"blade \(sector arrays\): stiffness matrix: expected a symmetric matrix .* row 4, column 5",
+    ),
     (indefinite, "stiffness matrix: expected a diagonal without negative numbers"),
-    (soft, "stiffness matrix, nodal diameter 0: expected a positive definite matrix, found 1 negative"),
+    (
+        soft,
+        "stiffness matrix, nodal diameter 0: expected a positive definite matrix, found 1 negative",
+    ),
     (repeated, "nodes: expected each position once, found nodes 10[89] and 10[89]"),
     (same_number, "nodes: expected each node number once, found 106 2 times"),
     (without("LOW"), r"sector faces: expected a set out of .*found 'LOW'"),
-    (without("RIGHT_UNDERSIDE"), "contact 'left': expected a set out of .*, found 'RIGHT_UNDERSIDE'"),
-    (shorter("HIGH"), r"sector faces: expected two sets of nodes of which a rotation by 2 pi/65.* no face of an element"),
-    (row_5([9_000, 1]), "table of nodes and components: expected numbers of existing nodes, found 9000"),
+    (
+        without("RIGHT_UNDERSIDE"),
+        "contact 'left': expected a set out of .*, found 'RIGHT_UNDERSIDE'",
+    ),
+    (
+        shorter("HIGH"),
+        r"sector faces: expected two sets of nodes of which a rotation by 2 pi/65.* no face of an element",
+    ),
+    (
+        row_5([9_000, 1]),
+        "table of nodes and components: expected numbers of existing nodes, found 9000",
+    ),
     (row_5([101, 4]), "displacements only .*, found component 4 of node 101"),
     (row_5([101, 1]), "each pair once, found node 101, component 1 repeated"),
-    (lambda b: replace(b, mass=b.mass[:-3, :-3]), r"mass matrix: expected shape \(1641, 1641\), found \(1638, 1638\)"),
-    (lambda b: replace(b, mass=-b.mass), "mass matrix: expected a diagonal without negative numbers"),
-    (lambda b: replace(b, stiffness=b.stiffness[:-3, :-3]), "expected 1641 rows for 547 nodes, or a table"),
+    (
+        lambda b: replace(b, mass=b.mass[:-3, :-3]),
+        r"mass matrix: expected shape \(1641, 1641\), found \(1638, 1638\)",
+    ),
+    (
+        lambda b: replace(b, mass=-b.mass),
+        "mass matrix: expected a diagonal without negative numbers",
+    ),
+    (
+        lambda b: replace(b, stiffness=b.stiffness[:-3, :-3]),
+        "expected 1641 rows for 547 nodes, or a table",
+    ),
     (lambda b: replace(b, nodes=np.full_like(b.nodes, np.inf)), "nodes: expected finite positions"),
     (lambda b: replace(b, nodes=b.nodes[:-1]), "nodes: expected numbers .n,. and positions"),
     (lambda b: replace(b, mass=None), "expected a stiffness and a mass|modes of nodal diameter 0"),
-    (lambda b: replace(b, elements=(b.elements[0][:, :19],)), "elements: expected solid elements, found .*not 19"),
-    (lambda b: replace(b, elements=()), "contact 'left': expected faces, or a set of nodes of a body with elements"),
+    (
+        lambda b: replace(b, elements=(b.elements[0][:, :19],)),
+        "elements: expected solid elements, found .*not 19",
+    ),
+    (
+        lambda b: replace(b, elements=()),
+        "contact 'left': expected faces, or a set of nodes of a body with elements",
+    ),
 ]
 
 
@@ -385,11 +479,15 @@ def by_component(body):
 
 
 def without_clamped(body):
-    return with_rows(body, np.flatnonzero(~np.isin(np.repeat(body.numbers, 3), body.node_sets["BORE"])))
+    return with_rows(
+        body, np.flatnonzero(~np.isin(np.repeat(body.numbers, 3), body.node_sets["BORE"]))
+    )
 
 
 def test_a_bare_array_of_elements_is_refused(bodies):
-    with pytest.raises(ModelError, match=r"elements: expected arrays \(n, nodes of an element\) in a tuple"):
+    with pytest.raises(
+        ModelError, match=r"elements: expected arrays \(n, nodes of an element\) in a tuple"
+    ):
         replace(bodies[1], elements=bodies[1].elements[0])
 
 
@@ -397,7 +495,9 @@ def test_a_bare_array_of_elements_is_refused(bodies):
 @pytest.mark.parametrize("which", ["blade", "damper", "held blade"])
 def test_rows_stand_in_the_order_of_the_table(bodies, which, elements):
     """Node by node and component by component alike, if the table says so; another order is refused."""
-    body = bodies[which == "damper"] if elements else replace(bodies[which == "damper"], elements=())
+    body = (
+        bodies[which == "damper"] if elements else replace(bodies[which == "damper"], elements=())
+    )
     body = without_clamped(body) if which == "held blade" else body
     prepared = PreparedBody("blade", body, Placement())
     check_table(prepared)
@@ -415,7 +515,9 @@ def test_rows_stand_in_the_order_of_the_table(bodies, which, elements):
 
 def test_positions_of_other_nodes_are_noticed(bodies):
     moved = replace(bodies[0], nodes=np.roll(bodies[0].nodes, 3, axis=0))
-    with pytest.raises(ModelError, match=r"forces on [91].* % of the nodes .*positions of other nodes"):
+    with pytest.raises(
+        ModelError, match=r"forces on [91].* % of the nodes .*positions of other nodes"
+    ):
         check_table(PreparedBody("blade", moved, Placement()))
 
 
@@ -450,30 +552,63 @@ BAD_SETTINGS = [
     ({"axis": (0, 0, 0)}, "axis and radial"),
     ({"nodal_diameters": (40,)}, "nodal_diameters: expected a whole number from 0 to 32, found 40"),
     ({"nodal_diameters": None}, "expected engine_order or nodal_diameters"),
-    ({"faces": None, "n_blades": 64}, "sector faces: expected the two faces of the sector, as no rotation"),
+    (
+        {"faces": None, "n_blades": 64},
+        "sector faces: expected the two faces of the sector, as no rotation",
+    ),
     ({"fixed": None}, "found neither, and a motion without force"),
     ({"locations": {"tip": 7}}, "location 'tip': expected numbers of existing nodes, found 7"),
     ({"locations": {"tip": [1.0, 1.0, 1.0]}}, "location 'tip': expected a position on the body"),
-    ({"locations": {"tip": ("vane", 101)}}, r"location 'tip': expected a body out of \['blade', 'damper'\]"),
-    ({"contacts": [ContactFaces("left", "LEFT", "BORE")]}, "normals that point at each other|no area"),
+    (
+        {"locations": {"tip": ("vane", 101)}},
+        r"location 'tip': expected a body out of \['blade', 'damper'\]",
+    ),
+    (
+        {"contacts": [ContactFaces("left", "LEFT", "BORE")]},
+        "normals that point at each other|no area",
+    ),
     ({"contacts": [ContactFaces("left", "LEFT", None)]}, "contact 'left': expected faces_b"),
-    ({"contacts": [ContactFaces("left", np.array([101, 102]), "BORE")]}, "at least one element face"),
-    ({"contacts": [ContactFaces("left", "LEFT", "RIGHT_UNDERSIDE", gap=0.2)]}, "gap: expected much less than the width"),
+    (
+        {"contacts": [ContactFaces("left", np.array([101, 102]), "BORE")]},
+        "at least one element face",
+    ),
+    (
+        {"contacts": [ContactFaces("left", "LEFT", "RIGHT_UNDERSIDE", gap=0.2)]},
+        "gap: expected much less than the width",
+    ),
     ({"contacts": ["left"]}, "contacts: expected a ContactFaces, found 'left'"),
     ({"contacts": None}, "contacts: expected a sequence of one or more ContactFaces, found None"),
     ({"axis": "z"}, "axis: expected 3 finite numbers, found 'z'"),
     ({"origin": (0, 0)}, "origin: expected 3 finite numbers"),
-    ({"radial": (1, 0, 0)}, r"radial: .*, 1, .*\) in the axes of the file, found \(1, 0, 0\), (89|9\d).*degrees off"),
+    (
+        {"radial": (1, 0, 0)},
+        r"radial: .*, 1, .*\) in the axes of the file, found \(1, 0, 0\), (89|9\d).*degrees off",
+    ),
     ({"locations": [344]}, r"locations: expected a mapping, found \[344\]"),
-    ({"expected_frequencies": {5: 285.0}}, "expected_frequencies at nodal diameter 5: expected a sequence"),
+    (
+        {"expected_frequencies": {5: 285.0}},
+        "expected_frequencies at nodal diameter 5: expected a sequence",
+    ),
     ({"faces": ("LOW", "HIGH", "BORE")}, "faces: expected two sets of nodes"),
-    ({"damping_ratio": "0.2%"}, "damping_ratio: expected a finite number >= 0 and < 1, found '0.2%'"),
+    (
+        {"damping_ratio": "0.2%"},
+        "damping_ratio: expected a finite number >= 0 and < 1, found '0.2%'",
+    ),
     ({"nodal_diameters": "5"}, "nodal_diameters: expected a sequence of whole numbers, found '5'"),
-    ({"nodal_diameters": None, "engine_order": 5, "harmonics": 2.5}, "harmonics: expected a whole number .*, found 2.5"),
+    (
+        {"nodal_diameters": None, "engine_order": 5, "harmonics": 2.5},
+        "harmonics: expected a whole number .*, found 2.5",
+    ),
     ({"n_modes": 10**5}, "n_modes: expected a whole number from 1 to 1000, found 100000"),
     ({"check_units": "no"}, "check_units: expected True or False"),
-    ({"contacts": [ContactFaces("left", "LEFT", "RIGHT_UNDERSIDE", stiffness=(1e8, -1.0, 0))]}, "stiffness"),
-    ({"contacts": [ContactFaces("left", "LEFT", "RIGHT_UNDERSIDE", sector_b=1)]}, "normals|no area|lie on each other"),
+    (
+        {"contacts": [ContactFaces("left", "LEFT", "RIGHT_UNDERSIDE", stiffness=(1e8, -1.0, 0))]},
+        "stiffness",
+    ),
+    (
+        {"contacts": [ContactFaces("left", "LEFT", "RIGHT_UNDERSIDE", sector_b=1)]},
+        "normals|no area|lie on each other",
+    ),
     ({"contacts": 2 * [ContactFaces("left", "LEFT", "RIGHT_UNDERSIDE")]}, "each name once"),
 ]
 
@@ -488,11 +623,20 @@ def test_bad_settings(bodies, change, message):
     ("setting", "message"),
     [
         ({"gap": np.nan}, "contact 'left': gap: expected a finite number, found nan"),
-        ({"gap": "wide"}, "contact 'left': gap: expected a distance in the units of the files, or 'measured'"),
-        ({"points": 500}, "contact 'left': points: expected a whole number from 1 to 400, found 500"),
+        (
+            {"gap": "wide"},
+            "contact 'left': gap: expected a distance in the units of the files, or 'measured'",
+        ),
+        (
+            {"points": 500},
+            "contact 'left': points: expected a whole number from 1 to 400, found 500",
+        ),
         ({"points": (30, 30)}, "contact 'left': points: expected at most 400 contact points"),
         ({"kind": "glue"}, "contact 'left': kind: expected one of"),
-        ({"sector_b": 2}, "contact 'left': sector_b: expected a whole number from -1 to 1, found 2"),
+        (
+            {"sector_b": 2},
+            "contact 'left': sector_b: expected a whole number from -1 to 1, found 2",
+        ),
     ],
 )
 def test_bad_contact_faces_are_refused_at_once(setting, message):
@@ -512,9 +656,18 @@ def softer(body, factor):
     ("change", "message"),
     [
         (lambda b: (softer(b[0], 1e-6), b[1]), "blade .*: expected a material .*, found 6.001 m/s"),
-        (lambda b: (b[0], softer(b[1], 1e-4)), r"damper .*: expected a material .*, found \d\d\.?\d* m/s"),
-        (lambda b: (b[0], softer(b[1], 1e3)), r"damper .*: expected a material .*, found 1\.\d+e\+05 m/s"),
-        (lambda b: (b[0], scaled(b[1], 1e-3, 1.0)), r"damper .*: expected an extent of .*, found 3\d.* m .*millim"),
+        (
+            lambda b: (b[0], softer(b[1], 1e-4)),
+            r"damper .*: expected a material .*, found \d\d\.?\d* m/s",
+        ),
+        (
+            lambda b: (b[0], softer(b[1], 1e3)),
+            r"damper .*: expected a material .*, found 1\.\d+e\+05 m/s",
+        ),
+        (
+            lambda b: (b[0], scaled(b[1], 1e-3, 1.0)),
+            r"damper .*: expected an extent of .*, found 3\d.* m .*millim",
+        ),
     ],
 )
 def test_materials_and_sizes_that_no_machine_has_are_named(bodies, change, message):
@@ -537,7 +690,9 @@ def test_waves_travel_as_in_the_material(bodies, fe, built):
 def test_swapped_matrices_are_named(bodies, which):
     given = list(bodies)
     given[which] = replace(given[which], stiffness=given[which].mass, mass=given[which].stiffness)
-    with pytest.raises(ModelError, match=r"expected a stiffness matrix, then a mass matrix, found .* swapped"):
+    with pytest.raises(
+        ModelError, match=r"expected a stiffness matrix, then a mass matrix, found .* swapped"
+    ):
         built_with(*given)
 
 
@@ -545,10 +700,15 @@ def test_a_number_that_is_none_is_named_with_its_matrix_and_row(bodies):
     bad = bodies[0].mass.tocoo(copy=True)
     bad.data[7] = np.nan
     found = rf"nan in row {bad.row[7] + 1}, column {bad.col[7] + 1}, one of 1 wrong values"
-    with pytest.raises(ModelError, match=rf"blade \(sector arrays\): mass matrix: expected finite numbers, found {found}"):
+    with pytest.raises(
+        ModelError,
+        match=rf"blade \(sector arrays\): mass matrix: expected finite numbers, found {found}",
+    ):
         built_with(replace(bodies[0], mass=bad), bodies[1])
     numbers, nodes = bodies[0].numbers, bodies[0].nodes
-    with pytest.raises(ModelError, match=rf"sector: mass matrix: expected finite numbers, found {found}"):
+    with pytest.raises(
+        ModelError, match=rf"sector: mass matrix: expected finite numbers, found {found}"
+    ):
         read_arrays(bodies[0].stiffness, bad, (numbers, nodes), source="sector")
 
 
@@ -565,7 +725,10 @@ def test_a_number_that_is_none_is_named_with_its_matrix_and_row(bodies):
 )
 def test_frequencies_off_by_a_factor_are_named(bodies, built, factor, words):
     expected = {ND: built.frequencies[ND][:4] / factor}
-    with pytest.raises(ModelError, match=f"blade, nodal diameter {ND}: expected the frequencies of expected_f.*{words}"):
+    with pytest.raises(
+        ModelError,
+        match=f"blade, nodal diameter {ND}: expected the frequencies of expected_f.*{words}",
+    ):
         built_with(*bodies, expected_frequencies=expected, strict=True)
 
 
@@ -576,7 +739,9 @@ def test_a_comparison_that_fails_warns_and_keeps_the_model(bodies, built):
         other = built_with(*bodies, expected_frequencies=expected)
     assert other.model.hash == built.model.hash
     assert len(other.failed) == 1 and other.failed[0] in str(other).split("Read")[0]
-    with pytest.raises(ModelError, match=r"expected_frequencies: expected nodal diameters out of .* found 7"):
+    with pytest.raises(
+        ModelError, match=r"expected_frequencies: expected nodal diameters out of .* found 7"
+    ):
         built_with(*bodies, expected_frequencies={7: [1.0]})
 
 
@@ -587,7 +752,9 @@ def test_expected_frequencies_that_agree(bodies, built):
 
 
 def scaled(body, length, mass):
-    return replace(body, nodes=body.nodes / length, stiffness=body.stiffness / mass, mass=body.mass / mass)
+    return replace(
+        body, nodes=body.nodes / length, stiffness=body.stiffness / mass, mass=body.mass / mass
+    )
 
 
 @pytest.mark.parametrize(
@@ -612,8 +779,13 @@ def test_units_of_the_file_are_suspected(bodies, length, mass, message):
 )
 def test_a_damper_off_its_place_by_a_millimetre_is_noticed(bodies, shift, text):
     place = Placement()
-    moved = bodies[1] if shift is None else replace(bodies[1], nodes=bodies[1].nodes + np.array(shift))
-    prepared = {"blade": PreparedBody("blade", bodies[0], place), "damper": PreparedBody("damper", moved, place)}
+    moved = (
+        bodies[1] if shift is None else replace(bodies[1], nodes=bodies[1].nodes + np.array(shift))
+    )
+    prepared = {
+        "blade": PreparedBody("blade", bodies[0], place),
+        "damper": PreparedBody("damper", moved, place),
+    }
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         lay_contacts(contacts(), prepared, 65)

@@ -13,7 +13,15 @@ import scipy.sparse as sp
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
 from bdamper.fem.contact_patches import Facets
-from bdamper.fem.meshes import Geometry, Material, MeshDensity, damper_mesh, discretise, join_blocks, local_order
+from bdamper.fem.meshes import (
+    Geometry,
+    Material,
+    MeshDensity,
+    damper_mesh,
+    discretise,
+    join_blocks,
+    local_order,
+)
 from bdamper.fem.surface import area_vectors, enclosed_volume
 from bdamper.importers import (
     Measurement,
@@ -58,7 +66,9 @@ def bar():
 
 def coordinate_text(matrix, triangle=True):
     entries = sp.triu(matrix).tocoo() if triangle else matrix.tocoo()
-    return "".join(f"{i + 1}, {j + 1}, {v:.16e}\n" for i, j, v in zip(entries.row, entries.col, entries.data))
+    return "".join(
+        f"{i + 1}, {j + 1}, {v:.16e}\n" for i, j, v in zip(entries.row, entries.col, entries.data)
+    )
 
 
 def node_text(matrix, numbers):
@@ -88,7 +98,9 @@ def test_a_matlab_file_of_version_7_3(bar, tmp_path, monkeypatch):
     np.testing.assert_array_equal(found["K"], uneven.toarray())
     np.testing.assert_array_equal(read_matrix(path, "S").toarray(), k.toarray())
     monkeypatch.setattr(arrays, "MOST_BYTES", 100)
-    with pytest.raises(ModelError, match=r"new.mat: 'K': expected bytes, with those before it, from 0 to 100"):
+    with pytest.raises(
+        ModelError, match=r"new.mat: 'K': expected bytes, with those before it, from 0 to 100"
+    ):
         read_matrix(path, "S")
 
 
@@ -99,7 +111,9 @@ def test_every_form_of_a_matrix(bar, tmp_path):
     np.save(tmp_path / "dense.npy", k.toarray())
     scipy.io.savemat(tmp_path / "both.mat", {"K": k, "M": bar.mass})
     scipy.io.savemat(
-        tmp_path / "compressed.mat", {"K": k.toarray(), "text": "x", "z": np.ones(2) * 1j}, do_compression=True
+        tmp_path / "compressed.mat",
+        {"K": k.toarray(), "text": "x", "z": np.ones(2) * 1j},
+        do_compression=True,
     )
     scipy.io.savemat(tmp_path / "integers.mat", {"K": np.arange(9).reshape(3, 3)})
     (tmp_path / "abaqus.mtx").write_text(coordinate_text(k))
@@ -110,7 +124,9 @@ def test_every_form_of_a_matrix(bar, tmp_path):
     ):  # fmt: skip
         found = read_matrix(tmp_path / name, key)
         assert abs(found - k).max() < 1e-9 * abs(k).max(), name
-    np.testing.assert_array_equal(read_matrix(tmp_path / "integers.mat").toarray(), np.arange(9).reshape(3, 3))
+    np.testing.assert_array_equal(
+        read_matrix(tmp_path / "integers.mat").toarray(), np.arange(9).reshape(3, 3)
+    )
 
 
 def test_arrays_and_tables_together(bar, tmp_path):
@@ -147,7 +163,11 @@ BAD_TEXT = [
     ("k.mtx", "0, 1, 1.0\n", "rows and columns counted from 1"),
     ("k.mtx", "1, 1000000000, 1.0\n", "rows and columns counted from 1"),
     ("k.mtx", "\n", "at least one line of numbers, found none"),
-    ("k.mtx", "%%MatrixMarket matrix coordinate real general\n1 1 1\n1 1 1.0\n", "pass the matrix of scipy.io.mmread"),
+    (
+        "k.mtx",
+        "%%MatrixMarket matrix coordinate real general\n1 1 1\n1 1 1.0\n",
+        "pass the matrix of scipy.io.mmread",
+    ),
     ("k.npz", "no archive", "a matrix as .npz"),
     ("k.mat", "no MATLAB file", "a MATLAB file of version 5 to 7.3, found no such header"),
     ("k.dat", "1 1 1.0", "the ending .npz, .npy, .mat or .mtx, found '.dat'"),
@@ -189,7 +209,9 @@ def test_tables_that_do_not_fit(tmp_path):
         read_matrix(tmp_path / "two.npz", "c")
     (tmp_path / "k.mtx").write_text("1,1, 1,1, 1.0\n")
     (tmp_path / "m.mtx").write_text("2,1, 2,1, 1.0\n")
-    with pytest.raises(ModelError, match=r"nodes and components of the stiffness matrix, found also \[\(2, 1\)"):
+    with pytest.raises(
+        ModelError, match=r"nodes and components of the stiffness matrix, found also \[\(2, 1\)"
+    ):
         read_arrays(tmp_path / "k.mtx", tmp_path / "m.mtx", (np.array([1, 2]), np.zeros((2, 3))))
     assert read_abaqus_matrix(tmp_path / "k.mtx")[1].tolist() == [[1, 1]]
 
@@ -201,14 +223,22 @@ def test_a_matrix_that_cannot_be_opened_is_refused(tmp_path, bar, monkeypatch):
         raise PermissionError(13, "Permission denied", str(path))
 
     monkeypatch.setattr(Path, "read_bytes", denied)
-    with pytest.raises(ModelError, match=r"k\.mtx: expected Abaqus coordinate text, found PermissionError"):
+    with pytest.raises(
+        ModelError, match=r"k\.mtx: expected Abaqus coordinate text, found PermissionError"
+    ):
         read_arrays(tmp_path / "k.mtx", bar.mass, (np.arange(len(bar.nodes)), bar.nodes))
 
 
 def test_errors_of_checks_pass_where_numbers_are_parsed():
-    with pytest.raises(ModelError, match=r"^line 3: expected a count of 8, found 7$"), parsing("file", "numbers", "x"):
+    with (
+        pytest.raises(ModelError, match=r"^line 3: expected a count of 8, found 7$"),
+        parsing("file", "numbers", "x"),
+    ):
         raise mismatch("line 3", "a count of 8", 7)
-    with pytest.raises(ModelError, match=r"^file: expected numbers, found 'x'$"), parsing("file", "numbers", "x"):
+    with (
+        pytest.raises(ModelError, match=r"^file: expected numbers, found 'x'$"),
+        parsing("file", "numbers", "x"),
+    ):
         float("x")
 
 
@@ -273,7 +303,9 @@ def test_the_reader_follows_from_the_ending(tmp_path):
         read_body(tmp_path / "a.frd")
     with pytest.raises(FileNotFoundError, match=r"there is no file '.*none\.cdb'"):
         read_body(tmp_path / "none.cdb")
-    with pytest.raises(ModelError, match=r"a\.stp: expected a name that ends in one of \['\.bdf', .*found '\.stp'"):
+    with pytest.raises(
+        ModelError, match=r"a\.stp: expected a name that ends in one of \['\.bdf', .*found '\.stp'"
+    ):
         read_body(tmp_path / "a.stp")
 
 
@@ -306,21 +338,33 @@ def test_real_and_imaginary_parts_of_a_result_file_are_put_together(tmp_path):
     (modes,) = read_body(tmp_path / "a.frd").modes
     assert modes.nodal_diameter == 2
     np.testing.assert_array_equal(modes.frequency, [120.0, 340.0])
-    np.testing.assert_allclose(modes.shapes, np.moveaxis(parts[:, 0] + 1j * parts[:, 1], 0, 2), atol=1e-4)
+    np.testing.assert_allclose(
+        modes.shapes, np.moveaxis(parts[:, 0] + 1j * parts[:, 1], 0, 2), atol=1e-4
+    )
     found = read_frd_stress(tmp_path / "a.frd")
-    np.testing.assert_allclose([values for _, values in found], stress[:, 0] + 1j * stress[:, 1], atol=1e-4)
+    np.testing.assert_allclose(
+        [values for _, values in found], stress[:, 0] + 1j * stress[:, 1], atol=1e-4
+    )
 
 
 BAD_DECKS = [
     ("1, 0., 0., 0.", "1, 0., zero, 0.", "line 5: expected a node number and its position"),
-    ("11, 1, 2, 3, 4,", "11, 1, 2, 3,", r"\*ELEMENT in line 13: expected 1 \+ 8 numbers for each element of type C3D8R"),
+    (
+        "11, 1, 2, 3, 4,",
+        "11, 1, 2, 3,",
+        r"\*ELEMENT in line 13: expected 1 \+ 8 numbers for each element of type C3D8R",
+    ),
     ("1, 7, 3", "1, 7, 0", "first, last and step"),
     ("1, 7, 3", "1, 99999999999, 1", "first, last and step"),
     ("\nALL\n", "\nNONE\n", r"a number or a set out of .*, found 'NONE'"),
     ("top, S2", "top, S7", "faces S1 to S6, found 'S7'"),
     ("top, S2", "bottom, S2", r"an element or a set out of \['BODY', 'TOP'\], found 'bottom'"),
     ("11, S4", "44, S4", "solid elements of this deck, found element 44"),
-    ("*NODE", "*NOTE", r"a\.inp: \*NOTE in line 4: expected a mesh of .*, found \*NOTE, NSET, which"),
+    (
+        "*NODE",
+        "*NOTE",
+        r"a\.inp: \*NOTE in line 4: expected a mesh of .*, found \*NOTE, NSET, which",
+    ),
     ("*HEADING", "*INCLUDE, INPUT=c.inp", "expected an existing file, found 'c.inp'"),
     ("*HEADING", "*INCLUDE, INPUT=a.inp", "at most 100 included files, 5 in each other"),
     ("5, 6, 7, 8\n", "5, 6, 7, 99\n", "elements with existing nodes, found nodes .99"),
@@ -342,7 +386,9 @@ def run(bar, tmp_path_factory):
     if shutil.which("ccx") is None:
         pytest.skip("CalculiX (ccx) is not installed")
     folder = tmp_path_factory.mktemp("ccx")
-    body = discretise(damper_mesh(Geometry(), MeshDensity(2, 1, 1, 2, 1, 1, 1, 1, 1, 1, 1, 2)), Material())
+    body = discretise(
+        damper_mesh(Geometry(), MeshDensity(2, 1, 1, 2, 1, 1, 1, 1, 1, 1, 1, 2)), Material()
+    )
     run_job(matrix_input(body, {"SOME": np.arange(5)}), folder, "damper")
     free = free_input(body, 8).replace("*END STEP", "*NODE FILE\nU\n*END STEP")
     run_job(free, folder, "modes")
@@ -371,7 +417,11 @@ def test_matrices_of_calculix(run):
     ("ending", "change", "message"),
     [
         ("sti", lambda t: t[: len(t) // 2] + "\n1 2", "lines of row, column, value"),
-        ("sti", lambda t: "99999 1 1.0\n" + t, "rows and columns 1 to .*, as many .*, found 1 to 99999"),
+        (
+            "sti",
+            lambda t: "99999 1 1.0\n" + t,
+            "rows and columns 1 to .*, as many .*, found 1 to 99999",
+        ),
         ("sti", lambda t: "1 1 nan\n" + t, "expected finite numbers"),
         ("mas", lambda t: "a b c\n" + t, "lines of row, column, value"),
         ("dof", lambda t: "1,1,1\n" + t, "line 1: expected 2 numbers, found 3"),
@@ -392,10 +442,16 @@ def test_bad_matrices_of_calculix(run, tmp_path, ending, change, message):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda t: t[: len(t) // 2], "the end of a block|a node number and 3 values|a line of values"),
+        (
+            lambda t: t[: len(t) // 2],
+            "the end of a block|a node number and 3 values|a line of values",
+        ),
         (lambda t: t.replace("    2C", "    4C", 1), r"a block of nodes \(2C\)"),
         (lambda t: t.replace(" -1         3", " -1         x", 1), "a node number and 3 values"),
-        (lambda t: t.replace("  100CL", "  100CL   x", 1), "a frequency in columns 13 to 24|result file"),
+        (
+            lambda t: t.replace("  100CL", "  100CL   x", 1),
+            "a frequency in columns 13 to 24|result file",
+        ),
         (lambda t: "\x00" + t, "the binary form"),
     ],
 )
@@ -450,7 +506,9 @@ def test_measured_response(universal, tmp_path):
         Measurement("x", np.ones(3), np.ones(2))
 
 
-@pytest.mark.parametrize("text", ["", "nothing of the kind\n", block(58, ["x"] * 12), block(15, [])])
+@pytest.mark.parametrize(
+    "text", ["", "nothing of the kind\n", block(58, ["x"] * 12), block(15, [])]
+)
 def test_bad_universal_files(universal, text):
     path = universal[1]
     path.write_text(text)
@@ -462,7 +520,9 @@ def test_bad_universal_files(universal, text):
 
 
 def nastran():
-    pytest.importorskip("pyNastran.op4.op4", reason="pyNastran is not installed (extra bdamper[nastran])")
+    pytest.importorskip(
+        "pyNastran.op4.op4", reason="pyNastran is not installed (extra bdamper[nastran])"
+    )
 
 
 def bulk():
@@ -513,15 +573,24 @@ def test_bulk_data_and_op4(bar, tmp_path):
     elements = nastran_order(numbers[bar.elements[:, local_order()]])
     (tmp_path / "a.bdf").write_text(bulk_text(numbers, bar.nodes, elements))
     rows = (6 * np.arange(len(numbers))[:, None] + np.arange(3)).ravel()
-    pick = sp.csr_matrix((np.ones(len(rows)), (rows, np.arange(len(rows)))), shape=(6 * len(numbers), len(rows)))
-    full = {name: (6, (pick @ m @ pick.T).toarray()) for name, m in (("KNN", bar.stiffness), ("MNN", bar.mass))}
+    pick = sp.csr_matrix(
+        (np.ones(len(rows)), (rows, np.arange(len(rows)))), shape=(6 * len(numbers), len(rows))
+    )
+    full = {
+        name: (6, (pick @ m @ pick.T).toarray())
+        for name, m in (("KNN", bar.stiffness), ("MNN", bar.mass))
+    }
     OP4(debug=False).write_op4(str(tmp_path / "a.op4"), full, is_binary=False)
     found = read_nastran(tmp_path / "a.bdf", tmp_path / "a.op4")
     assert found.dofs.shape == (3 * len(numbers), 2)
-    np.testing.assert_allclose(found.stiffness.toarray(), bar.stiffness.toarray(), atol=1e-9 * abs(bar.stiffness).max())
+    np.testing.assert_allclose(
+        found.stiffness.toarray(), bar.stiffness.toarray(), atol=1e-9 * abs(bar.stiffness).max()
+    )
     np.testing.assert_allclose(found.nodes, bar.nodes, atol=1e-9)
     prepared = PreparedBody("bar", found, Placement())
-    assert enclosed_volume(prepared.boundary, prepared.nodes) == pytest.approx(0.25 * 0.2 * 0.2, rel=1e-7)
+    assert enclosed_volume(prepared.boundary, prepared.nodes) == pytest.approx(
+        0.25 * 0.2 * 0.2, rel=1e-7
+    )
     assert "empty rows dropped" in str(found)
     with pytest.raises(ModelError, match=r"a matrix 'KXX', found the matrices \['KNN', 'MNN'\]"):
         read_nastran(tmp_path / "a.bdf", tmp_path / "a.op4", names=("KXX", "MGG"))
@@ -548,13 +617,20 @@ def test_axes_of_displacement(tmp_path):
         "BEGIN BULK\nCORD2C,7,,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\nGRID,1,,0.,2.,0.,7\nGRID,2,7,3.,90.,1.\nENDDATA\n"
     )
     body = read_bdf(tmp_path / "c.bdf")
-    np.testing.assert_allclose(body.nodes[1], [0.0, 3.0, 1.0], atol=1e-12)  # given in cylindrical coordinates
+    np.testing.assert_allclose(
+        body.nodes[1], [0.0, 3.0, 1.0], atol=1e-12
+    )  # given in cylindrical coordinates
     np.testing.assert_allclose(body.node_axes[1], [[0, 1, 0], [-1, 0, 0], [0, 0, 1]], atol=1e-12)
 
 
 @pytest.mark.parametrize(
     "text",
-    ["", "GRID,1,,x,0.,0.\n", "BEGIN BULK\nGRID,1,99,0.,0.,0.\nENDDATA\n", "BEGIN BULK\nCTETRA,1,1,1,2,3,4\nENDDATA\n"],
+    [
+        "",
+        "GRID,1,,x,0.,0.\n",
+        "BEGIN BULK\nGRID,1,99,0.,0.,0.\nENDDATA\n",
+        "BEGIN BULK\nCTETRA,1,1,1,2,3,4\nENDDATA\n",
+    ],
 )
 def test_bad_bulk_data(tmp_path, text):
     bulk()
@@ -572,7 +648,9 @@ def test_modes_of_an_op2_file(tmp_path):
     data[..., :3] = np.random.default_rng(0).standard_normal((2, 4, 3))
     grid = np.column_stack([np.arange(1, 5), np.ones(4, int)]).astype("int32")
     hertz = np.array([50.0, 80.0])
-    table = RealEigenvectorArray.add_modal_case("OUGV1", grid, data, 1, np.array([1, 2]), (2 * np.pi * hertz) ** 2, hertz)
+    table = RealEigenvectorArray.add_modal_case(
+        "OUGV1", grid, data, 1, np.array([1, 2]), (2 * np.pi * hertz) ** 2, hertz
+    )
     table.table_code, table.tCode = 7, 1007  # eigenvectors, not displacements
     table.data_code.update(table_code=7, tCode=1007)
     model = OP2(debug=None)

@@ -50,9 +50,14 @@ def file_modes(fe, numbers, kind, scale=1.0):
             shapes = shapes.conj() * np.exp(0.7j)
         elif d and kind == "mixed":
             shapes = np.where(np.arange(COUNT) % 2 == 0, shapes, shapes.conj())
-        elif d and kind == "pairs":  # real parts of the wave at two instants a quarter period apart, any mixture
+        elif (
+            d and kind == "pairs"
+        ):  # real parts of the wave at two instants a quarter period apart, any mixture
             angle = 0.4
-            pair = [(shapes * np.exp(1j * angle)).real, (shapes * np.exp(1j * (angle + np.pi / 2))).real]
+            pair = [
+                (shapes * np.exp(1j * angle)).real,
+                (shapes * np.exp(1j * (angle + np.pi / 2))).real,
+            ]
             shapes = np.stack(pair, axis=3).reshape(*shapes.shape[:2], 2 * COUNT)
             hertz, mass = np.repeat(hertz, 2), np.repeat(mass, 2)
         elif d == 0 and kind != "plain":
@@ -73,7 +78,9 @@ def test_waves_are_put_in_the_agreed_direction_and_length(fe, bodies, built, kin
         # a wave is known up to a factor of modulus 1: compare what does not depend on it
         for mode in range(COUNT):
             u, v = a.contact_modes[..., mode].ravel(), b.contact_modes[..., mode].ravel()
-            np.testing.assert_allclose(np.outer(u, u.conj()), np.outer(v, v.conj()), atol=1e-7 * np.abs(v).max() ** 2)
+            np.testing.assert_allclose(
+                np.outer(u, u.conj()), np.outer(v, v.conj()), atol=1e-7 * np.abs(v).max() ** 2
+            )
         assert a.flexibility is None
     text = str(other)
     if kind == "turned":
@@ -90,13 +97,17 @@ def test_modes_beside_matrices_are_compared(fe, bodies, built):
     other = build(given, damper, **HELD)
     assert f"nodal diameter {ND}: frequencies agree with pairs.modes to" in str(other)
     radians = tuple(replace(m, frequency=2 * np.pi * m.frequency) for m in given.modes)
-    with pytest.raises(ModelError, match=r"expected the frequencies of pairs.modes.*1/\(2 pi\): radians per second"):
+    with pytest.raises(
+        ModelError, match=r"expected the frequencies of pairs.modes.*1/\(2 pi\): radians per second"
+    ):
         build(replace(given, modes=radians), damper, strict=True, **HELD)
     bent = given.modes[1].shapes.copy()
     low = np.flatnonzero(np.isin(given.modes[1].numbers, blade.node_sets["LOW"]))[3]
     bent[low] += 0.1 * np.abs(bent).max()
     wrong = replace(given, modes=(replace(given.modes[1], shapes=bent),))
-    with pytest.warns(BdamperWarning, match=r"does not repeat .* in either direction \(off by .* %\)"):
+    with pytest.warns(
+        BdamperWarning, match=r"does not repeat .* in either direction \(off by .* %\)"
+    ):
         found = build(wrong, damper, **HELD)
     assert found.model.hash == built.model.hash
 
@@ -106,19 +117,27 @@ def test_wrong_nodal_diameter_is_noticed(fe, bodies):
     modes = file_modes(fe, blade.numbers, "plain")
     wrong = (modes[0], replace(modes[1], nodal_diameter=ND + 1))
     given = bare(blade, modes=wrong)
-    with pytest.raises(ModelError, match=r"does not repeat from one sector face to the other .* in either direction"):
+    with pytest.raises(
+        ModelError,
+        match=r"does not repeat from one sector face to the other .* in either direction",
+    ):
         build(given, damper, **SETTINGS | {"nodal_diameters": (ND + 1,)})
 
 
 @pytest.mark.parametrize(("factor", "found"), [(1e-4, r"0\.02\d+"), (1e6, r"2\.\d+e\+08")])
 def test_frequencies_that_no_machine_has_are_said(fe, bodies, factor, found):
     """Of modes without matrices nothing else shows their unit: the lowest of the sector is some 280 Hz."""
-    modes = tuple(replace(m, frequency=factor * m.frequency) for m in file_modes(fe, bodies[0].numbers, "plain"))
+    modes = tuple(
+        replace(m, frequency=factor * m.frequency)
+        for m in file_modes(fe, bodies[0].numbers, "plain")
+    )
     given = bare(bodies[0], modes=modes), bodies[1]
     said = rf"blade .*nodal diameter [05]: expected a lowest frequency of 0\.1 to 5e\+06 Hz, found {found} Hz"
     with pytest.warns(BdamperWarning, match=said):
         built = build(*given, **SETTINGS)
-    assert sum("a lowest frequency" in text for text in built.failed) == 2, "at both nodal diameters"
+    assert sum("a lowest frequency" in text for text in built.failed) == 2, (
+        "at both nodal diameters"
+    )
     with pytest.raises(ModelError, match=said):
         build(*given, strict=True, **SETTINGS)
     assert not build(*given, check_units=False, **SETTINGS).failed
@@ -136,11 +155,15 @@ def test_damper_from_mass_properties(fe, bodies, built):
     u, v = (b.bases[0].contact_modes[..., :6].reshape(-1, 6) for b in (body, theirs))
     np.testing.assert_allclose(u @ u.T, v @ v.T, atol=1e-8 * (v @ v.T).max())
     np.testing.assert_allclose(body.load.generalised[:6], theirs.load.generalised[:6], atol=1e-9)
-    np.testing.assert_array_equal(other.model.contact["left"].stiffness, np.tile([1e8, 2e8, 3e8], (9, 1)))
+    np.testing.assert_array_equal(
+        other.model.contact["left"].stiffness, np.tile([1e8, 2e8, 3e8], (9, 1))
+    )
     assert "elastic deformation of the damper (no matrices)" in str(other)
 
 
-@pytest.mark.parametrize("centre", [np.zeros(1), np.zeros(2), np.array([0.0, np.nan, 0.0])], ids=["one", "two", "nan"])
+@pytest.mark.parametrize(
+    "centre", [np.zeros(1), np.zeros(2), np.array([0.0, np.nan, 0.0])], ids=["one", "two", "nan"]
+)
 def test_the_centre_of_a_rigid_damper_has_three_finite_coordinates(fe, bodies, centre):
     blade, damper = bodies
     rigid = bare(damper, rigid=MassProperties(0.05, centre, 1e-6 * np.eye(3)))
@@ -151,7 +174,10 @@ def test_the_centre_of_a_rigid_damper_has_three_finite_coordinates(fe, bodies, c
 BAD = [
     (lambda m: replace(m, modal_mass=None), "modal masses .or matrices. to rescale"),
     (lambda m: replace(m, frequency=-m.frequency), "frequencies > 0 of a held sector"),
-    (lambda m: replace(m, nodal_diameter=7), "expected modes of nodal diameter 5 once, found modes of"),
+    (
+        lambda m: replace(m, nodal_diameter=7),
+        "expected modes of nodal diameter 5 once, found modes of",
+    ),
     (lambda m: replace(m, numbers=m.numbers + 5000), "expected nodes of this body, found none"),
     (lambda m: replace(m, numbers=m.numbers[:260], shapes=m.shapes[:260]), "values"),
 ]
@@ -167,7 +193,12 @@ def test_bad_modes(fe, bodies, change, message):
 
 
 def test_modes_check_themselves():
-    good = {"nodal_diameter": 1, "frequency": np.ones(2), "numbers": np.arange(3), "shapes": np.ones((3, 3, 2))}
+    good = {
+        "nodal_diameter": 1,
+        "frequency": np.ones(2),
+        "numbers": np.arange(3),
+        "shapes": np.ones((3, 3, 2)),
+    }
     for change in (
         {"nodal_diameter": -1},
         {"frequency": np.ones(3)},
@@ -193,5 +224,7 @@ def test_one_real_shape_alone_is_no_wave():
         travelling_waves(np.array([100.0]), shape.real, faces, 1)
     both = np.hstack([shape.real, 0.7 * shape.real + 0.7 * shape.imag])
     found = travelling_waves(np.array([100.0, 100.0]), both, faces, 1)
-    np.testing.assert_allclose(np.abs(np.vdot(found.shapes, shape)), np.linalg.norm(found.shapes) * np.linalg.norm(shape))
+    np.testing.assert_allclose(
+        np.abs(np.vdot(found.shapes, shape)), np.linalg.norm(found.shapes) * np.linalg.norm(shape)
+    )
     assert found.combined == 1

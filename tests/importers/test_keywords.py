@@ -91,7 +91,9 @@ def test_keywords_of_decks_that_could_change_the_mesh_are_refused(line, tmp_path
 
 def test_harmless_keywords_of_decks_leave_the_mesh_as_it_is(tmp_path):
     (tmp_path / "plain.inp").write_text(DECK)
-    (tmp_path / "more.inp").write_text(DECK + "".join(f"{line}\n1, 2, 3\n" for line in HARMLESS.splitlines()))
+    (tmp_path / "more.inp").write_text(
+        DECK + "".join(f"{line}\n1, 2, 3\n" for line in HARMLESS.splitlines())
+    )
     plain, more = (read_inp(tmp_path / f"{name}.inp") for name in ("plain", "more"))
     np.testing.assert_array_equal(more.nodes, plain.nodes)
     assert str(more).replace("more.inp", "plain.inp") == str(plain)
@@ -191,7 +193,9 @@ def test_commands_of_archives_that_could_change_the_mesh_are_refused(line, archi
     lines = (archive / "plain.cdb").read_text().splitlines()
     (archive / "a.cdb").write_text("\n".join([*lines, line, ""]))
     command = re.escape(line.split(",")[0])
-    with pytest.raises(ModelError, match=rf"a\.cdb: line {len(lines) + 1}: expected .*found {command}") as caught:
+    with pytest.raises(
+        ModelError, match=rf"a\.cdb: line {len(lines) + 1}: expected .*found {command}"
+    ) as caught:
         read_body(archive / "a.cdb")
     assert "\n" not in str(caught.value)
 
@@ -201,7 +205,9 @@ def test_commands_on_one_line_are_judged_one_by_one(line, archive):
     lines = (archive / "plain.cdb").read_text().splitlines()
     (archive / "a.cdb").write_text("\n".join([*lines, line, ""]))
     found = re.escape(CDB_ON_ONE_LINE[line])
-    with pytest.raises(ModelError, match=rf"a\.cdb: line {len(lines) + 1}: expected .*, found {found}"):
+    with pytest.raises(
+        ModelError, match=rf"a\.cdb: line {len(lines) + 1}: expected .*, found {found}"
+    ):
         read_body(archive / "a.cdb")
 
 
@@ -220,7 +226,9 @@ def test_other_commands_of_archives_leave_the_mesh_as_it_is_and_are_named(archiv
 
 def test_a_node_after_a_block_is_refused(archive):
     text = (archive / "plain.cdb").read_text()
-    (archive / "a.cdb").write_text(text.replace("N,R5.3,LOC,       -1,", "N,R5.3,LOC,       77,  1.0\nN,R5.3,LOC,-1"))
+    (archive / "a.cdb").write_text(
+        text.replace("N,R5.3,LOC,       -1,", "N,R5.3,LOC,       77,  1.0\nN,R5.3,LOC,-1")
+    )
     with pytest.raises(ModelError, match=r"expected a node, found 'N,R5\.3,LOC"):
         read_body(archive / "a.cdb")
 
@@ -239,25 +247,39 @@ def test_element_types_of_a_block_are_read(archive):
 
 def test_geometry_in_front_of_an_archive_is_left_out(archive):
     """With the solid model, lines of 80 characters in IGES form precede the mesh; some contain commands."""
-    lines = ["NGEN of a blade".ljust(72) + "S      1", "EGEN,2,100,ALL".ljust(72) + "S      2", "S      2T      1"]
-    text = "\n".join([*lines, ":CDWRITE      ! START OF CDWRITE DATA", (archive / "plain.cdb").read_text()])
+    lines = [
+        "NGEN of a blade".ljust(72) + "S      1",
+        "EGEN,2,100,ALL".ljust(72) + "S      2",
+        "S      2T      1",
+    ]
+    text = "\n".join(
+        [*lines, ":CDWRITE      ! START OF CDWRITE DATA", (archive / "plain.cdb").read_text()]
+    )
     (archive / "both.cdb").write_text(text)
-    np.testing.assert_array_equal(read_body(archive / "both.cdb").nodes, read_body(archive / "plain.cdb").nodes)
+    np.testing.assert_array_equal(
+        read_body(archive / "both.cdb").nodes, read_body(archive / "plain.cdb").nodes
+    )
     (archive / "geometry.cdb").write_text("\n".join(lines))
-    with pytest.raises(ModelError, match=r"expected the line :CDWRITE behind the geometry \(IGES\), found the end"):
+    with pytest.raises(
+        ModelError, match=r"expected the line :CDWRITE behind the geometry \(IGES\), found the end"
+    ):
         read_body(archive / "geometry.cdb")
 
 
 WORKBENCH = Path(__file__).resolve().parents[3] / "shared" / "fixtures" / "field" / "workbench.cdb"
 
 
-@pytest.mark.skipif(not WORKBENCH.exists(), reason="no archive of Workbench in ../shared/fixtures/field")
+@pytest.mark.skipif(
+    not WORKBENCH.exists(), reason="no archive of Workbench in ../shared/fixtures/field"
+)
 def test_an_archive_of_a_current_release_is_read():
     """Two bricks from z = 0 to 2, written in the form of release 2025 R1."""
     body = read_cdb(WORKBENCH)
     np.testing.assert_array_equal(body.numbers, np.arange(1, 13))
     np.testing.assert_array_equal(body.node_sets["HELD"], [1, 2, 3, 4])
-    np.testing.assert_array_equal(np.sort(np.concatenate(body.elements), axis=1), [np.arange(1, 9), np.arange(5, 13)])
+    np.testing.assert_array_equal(
+        np.sort(np.concatenate(body.elements), axis=1), [np.arange(1, 9), np.arange(5, 13)]
+    )
     assert np.ptp(body.nodes, axis=0).tolist() == [1.0, 1.0, 2.0]
 
 
@@ -298,7 +320,9 @@ def bulk_data(tmp_path):
     try:
         from pyNastran.bdf.bdf import BDF  # noqa: F401
     except (ImportError, AttributeError) as error:
-        pytest.skip(f"pyNastran is not installed or does not work with this NumPy (make nastran): {error}")
+        pytest.skip(
+            f"pyNastran is not installed or does not work with this NumPy (make nastran): {error}"
+        )
 
     def read(cards, before=""):
         (tmp_path / "a.bdf").write_text(f"{before}{BULK}{cards}\nENDDATA\n")
@@ -312,7 +336,9 @@ def bulk_data(tmp_path):
 def test_cards_that_could_change_the_mesh_are_refused(card, before, bulk_data):
     name, line = card.split(",")[0], len(f"{before}{BULK}".splitlines()) + 1
     where = rf"a\.bdf: {name} in line {line}: "
-    with pytest.raises(ModelError, match=rf"{where}expected a mesh of .*, found {name},.* which could") as caught:
+    with pytest.raises(
+        ModelError, match=rf"{where}expected a mesh of .*, found {name},.* which could"
+    ) as caught:
         bulk_data(card, before)
     assert "\n" not in str(caught.value)
 
@@ -332,7 +358,11 @@ TIED = {
 @each("cards", list(TIED))
 def test_ties_of_solid_elements_are_refused_by_card_number_and_line(cards, bulk_data):
     text, (lines, found) = f"GRID,9,,0.5,0.,0.\n{cards}", (cards.splitlines(), TIED[cards])
-    at = len(BULK.splitlines()) + 2 + next(k for k, line in enumerate(lines) if line.startswith(found))
+    at = (
+        len(BULK.splitlines())
+        + 2
+        + next(k for k, line in enumerate(lines) if line.startswith(found))
+    )
     with pytest.raises(ModelError) as caught:
         bulk_data(text)
     where = f"a.bdf: {found.split(',')[0].split()[0].strip('*')} in line {at}: expected a mesh without constraints, or RBE2"
@@ -372,13 +402,17 @@ def test_matrices_after_constraints_match_by_independent_components(bulk_data, t
     from bdamper.importers import read_nastran
 
     body = bulk_data(SPIDERS)
-    assert "RBE3 6 ties grid points without solid elements: it must be in the matrices" in body.notes
+    assert (
+        "RBE3 6 ties grid points without solid elements: it must be in the matrices" in body.notes
+    )
     assert "RBE2 5 holds its dependent grid points: 9 is held" in body.notes
     solid = np.diag(np.arange(1.0, 7.0)) + 1.0  # grid points 3 and 4
     knn = np.zeros((18, 18))  # six rows of 3, 4 and 9
     kept = [0, 1, 2, 6, 7, 8]
     knn[np.ix_(kept, kept)], knn[12:, 12:] = solid, np.eye(6)
-    OP4(debug=False).write_op4(str(tmp_path / "n.op4"), {"KNN": (6, knn), "MNN": (6, 2.0 * knn)}, is_binary=False)
+    OP4(debug=False).write_op4(
+        str(tmp_path / "n.op4"), {"KNN": (6, knn), "MNN": (6, 2.0 * knn)}, is_binary=False
+    )
     found = read_nastran(tmp_path / "a.bdf", tmp_path / "n.op4")
     np.testing.assert_array_equal(found.dofs, [(n, c) for n in (3, 4) for c in (1, 2, 3)])
     np.testing.assert_allclose(found.stiffness.toarray(), solid)
@@ -386,7 +420,9 @@ def test_matrices_after_constraints_match_by_independent_components(bulk_data, t
     np.testing.assert_array_equal(found.numbers, [1, 2, 3, 4])
     assert "12 held or empty rows dropped" in found.notes
     cards = [f"DMIG    {name}           0       6       2       0" for name in ("KAAX", "MAAX")]
-    for name, n, c in ((name, n, c) for name in ("KAAX", "MAAX") for n in (3, 4, 9) for c in (1, 2, 3)):  # as punched
+    for name, n, c in (
+        (name, n, c) for name in ("KAAX", "MAAX") for n in (3, 4, 9) for c in (1, 2, 3)
+    ):  # as punched
         cards.append(f"DMIG*   {name:16s}{n:16d}{c:16d}\n*       {n:16d}{c:16d} 3.000000000D+00")
     found = bulk_data("\n".join([SPIDERS, *cards]))
     np.testing.assert_array_equal(found.stiffness.toarray(), 3.0 * np.eye(6))
@@ -402,11 +438,20 @@ def test_matrices_that_lack_the_rows_of_constraints_are_refused(bulk_data, tmp_p
 
     bulk_data("")
     whole = np.diag(np.arange(1.0, 25.0))
-    OP4(debug=False).write_op4(str(tmp_path / "g.op4"), {"KGG": (6, whole), "MGG": (6, whole)}, is_binary=False)
+    OP4(debug=False).write_op4(
+        str(tmp_path / "g.op4"), {"KGG": (6, whole), "MGG": (6, whole)}, is_binary=False
+    )
     with pytest.raises(ModelError, match=r"a matrix 'KNN', found the matrices \['KGG', 'MGG'\]"):
         read_nastran(tmp_path / "a.bdf", tmp_path / "g.op4")
-    assert read_nastran(tmp_path / "a.bdf", tmp_path / "g.op4", names=("KGG", "MGG")).stiffness.shape == (24, 24)
+    assert read_nastran(
+        tmp_path / "a.bdf", tmp_path / "g.op4", names=("KGG", "MGG")
+    ).stiffness.shape == (24, 24)
     part = whole[:21, :21]
-    OP4(debug=False).write_op4(str(tmp_path / "n.op4"), {"KNN": (6, part), "MNN": (6, part)}, is_binary=False)
-    with pytest.raises(ModelError, match=r"expected 24 rows: six for each grid point but the dependent .*, found 21"):
+    OP4(debug=False).write_op4(
+        str(tmp_path / "n.op4"), {"KNN": (6, part), "MNN": (6, part)}, is_binary=False
+    )
+    with pytest.raises(
+        ModelError,
+        match=r"expected 24 rows: six for each grid point but the dependent .*, found 21",
+    ):
         read_nastran(tmp_path / "a.bdf", tmp_path / "n.op4")

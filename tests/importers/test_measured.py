@@ -18,7 +18,9 @@ def write(tmp_path, text):
 
 def test_points_are_read(tmp_path):
     rows = "0, 280, 2\n\n100, 300,\n50,290, 1.0\n"
-    points = load_measured(write(tmp_path, f"# rig\nLoad (N), frequency (Hz),amplitude (mm)\n{rows}"))
+    points = load_measured(
+        write(tmp_path, f"# rig\nLoad (N), frequency (Hz),amplitude (mm)\n{rows}")
+    )
     assert points.load.tolist() == [0.0, 100.0, 50.0]
     assert np.isnan(points.amplitude[1])
     assert points.frequency.tolist() == [280.0, 300.0, 290.0]
@@ -29,12 +31,30 @@ def test_points_are_read(tmp_path):
     [
         ("", "found nothing"),
         ("force,amplitude\n1,2\n", "line 1: expected the columns"),
-        ("load (N),amplitude (mm)\n1,2\n2,x\n", "line 3: expected a finite number of at least 0 .* 'amplitude', .* 'x'"),
-        ("load (N),amplitude (mm)\n-1,2\n", "line 2: expected a finite number of at least 0 in column 'load', found '-1'"),
-        ("load (N),amplitude (mm)\n,2\n", "line 2: expected a finite number of at least 0 in column 'load', found ''"),
-        ("load (N),amplitude (mm)\n1,-2\n", "line 2: expected .* in column 'amplitude', found '-2'"),
-        ("load (N),amplitude (mm)\n1,inf\n", "line 2: expected .* in column 'amplitude', found 'inf'"),
-        ("load (N),amplitude (mm)\n10,0,5\n", "line 2: expected 2 values separated by commas, .*, found 3: '10,0,5'"),
+        (
+            "load (N),amplitude (mm)\n1,2\n2,x\n",
+            "line 3: expected a finite number of at least 0 .* 'amplitude', .* 'x'",
+        ),
+        (
+            "load (N),amplitude (mm)\n-1,2\n",
+            "line 2: expected a finite number of at least 0 in column 'load', found '-1'",
+        ),
+        (
+            "load (N),amplitude (mm)\n,2\n",
+            "line 2: expected a finite number of at least 0 in column 'load', found ''",
+        ),
+        (
+            "load (N),amplitude (mm)\n1,-2\n",
+            "line 2: expected .* in column 'amplitude', found '-2'",
+        ),
+        (
+            "load (N),amplitude (mm)\n1,inf\n",
+            "line 2: expected .* in column 'amplitude', found 'inf'",
+        ),
+        (
+            "load (N),amplitude (mm)\n10,0,5\n",
+            "line 2: expected 2 values separated by commas, .*, found 3: '10,0,5'",
+        ),
         ("load (N),amplitude (mm)\n", "expected rows of numbers after the header, found none"),
     ],
 )
@@ -64,12 +84,18 @@ def test_encodings_are_found(tmp_path, encoding):
         ("frequency (rad/s),velocity (mm/s)\n10,2\n", 2e-4, 10.0 / 2.0 / np.pi),
         ("frequency (Hz),acceleration (g)\n10,2\n", 2.0 * 9.80665 / (20.0 * np.pi) ** 2, 10.0),
         ("frequency (Hz),amplitude (dB re 1 um)\n10,40\n", 1e-4, 10.0),
-        ("frequency (Hz),acceleration (m/s^2),phase (deg)\n10,,3\n20,1,\n10,4,180\n", 4.0 / (20.0 * np.pi) ** 2, 10.0),
+        (
+            "frequency (Hz),acceleration (m/s^2),phase (deg)\n10,,3\n20,1,\n10,4,180\n",
+            4.0 / (20.0 * np.pi) ** 2,
+            10.0,
+        ),
     ],
 )
 def test_laboratory_files_become_displacements(tmp_path, text, displacement, frequency):
     found = read_response(write(tmp_path, text))
-    assert np.abs(found.displacement) == pytest.approx([displacement]) and found.frequency == pytest.approx([frequency])
+    assert np.abs(found.displacement) == pytest.approx(
+        [displacement]
+    ) and found.frequency == pytest.approx([frequency])
 
 
 def test_phases_of_motions(tmp_path):
@@ -85,7 +111,9 @@ def test_tests_of_one_file_and_forces(tmp_path):
     first, second = read_responses(write(tmp_path, text), "run")
     assert first.frequency.tolist() == [2.0] and second.displacement == pytest.approx([3e-3, 5e-3])
     assert second.force == pytest.approx(4.4482216 * np.array([1.0, 3.0]))
-    named = read_response(write(tmp_path, text.replace("amplitude", "Acc 3")), columns={"amplitude": "Acc 3"})
+    named = read_response(
+        write(tmp_path, text.replace("amplitude", "Acc 3")), columns={"amplitude": "Acc 3"}
+    )
     assert named.amplitude.tolist() == [3.0, 4.0, 5.0]
 
 
@@ -96,16 +124,26 @@ def test_tables_are_read_like_files():
 
 
 def test_a_response_with_units_and_phase(tmp_path):
-    path = write(tmp_path, "# rig 7\nPoint,Frequency (Hz),Amplitude [µm],Phase (deg)\na,340,20,90\nb,341,30,-180\n")
+    path = write(
+        tmp_path,
+        "# rig 7\nPoint,Frequency (Hz),Amplitude [µm],Phase (deg)\na,340,20,90\nb,341,30,-180\n",
+    )
     found = read_response(path)
-    assert found.response == pytest.approx([20j, -30.0]) and found.frequency.tolist() == [340.0, 341.0]
+    assert found.response == pytest.approx([20j, -30.0]) and found.frequency.tolist() == [
+        340.0,
+        341.0,
+    ]
     assert found.displacement == pytest.approx([20e-6j, -30e-6]) and found.name == path.stem
-    plain = read_response(write(tmp_path, "real,imag,frequency (Hz)\n3,4,100\n"), unit="mm", name="rig")
+    plain = read_response(
+        write(tmp_path, "real,imag,frequency (Hz)\n3,4,100\n"), unit="mm", name="rig"
+    )
     assert np.abs(plain.displacement) == pytest.approx([5e-3]) and plain.name == "rig"
 
 
 def test_a_response_that_was_written_is_read(tmp_path):
-    Measurement("rig", np.array([1.0, 2.0]), np.array([3.0 + 4.0j, 1.0])).to_csv(tmp_path / "rig.csv")
+    Measurement("rig", np.array([1.0, 2.0]), np.array([3.0 + 4.0j, 1.0])).to_csv(
+        tmp_path / "rig.csv"
+    )
     found = read_response(tmp_path / "rig.csv")
     assert found.response == pytest.approx([3.0 + 4.0j, 1.0], rel=1e-15) and found.unit == "m"
 
@@ -113,14 +151,26 @@ def test_a_response_that_was_written_is_read(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("amplitude\n1\n", "line 1: expected the columns frequency, real, imag; or .*; or frequency, amplitude, found"),
+        (
+            "amplitude\n1\n",
+            "line 1: expected the columns frequency, real, imag; or .*; or frequency, amplitude, found",
+        ),
         (
             "frequency (rpm),amplitude (m)\n1,2\n",
             r"line 1, column 'frequency': .* \['Hz', 'kHz', 'rad/s'\], .* 'rpm'",
         ),
-        ("frequency (Hz),real (m),imag (mm)\n1,2,3\n", "points.csv: expected real and imag in the same unit, found 'm'"),
-        ("frequency (Hz),amplitude (m)\n1,2\n2,x\n", "line 3: expected a finite number in column 'amplitude', found 'x'"),
-        ("frequency (Hz),amplitude (m)\n1\n", "expected rows of numbers after the header, found none"),
+        (
+            "frequency (Hz),real (m),imag (mm)\n1,2,3\n",
+            "points.csv: expected real and imag in the same unit, found 'm'",
+        ),
+        (
+            "frequency (Hz),amplitude (m)\n1,2\n2,x\n",
+            "line 3: expected a finite number in column 'amplitude', found 'x'",
+        ),
+        (
+            "frequency (Hz),amplitude (m)\n1\n",
+            "expected rows of numbers after the header, found none",
+        ),
         ("frequency (Hz),amplitude (m)\n1,2,3\n", "line 2: expected 2 values separated by commas"),
         ("frequency (Hz),amplitude (m)\n", "expected rows of numbers after the header, found none"),
     ],
@@ -147,8 +197,14 @@ READERS = {"load": load_measured, "force": read_loop, "displacement": read_loop}
 def test_a_column_without_a_unit_is_refused_with_the_way_to_write_it(tmp_path, column):
     """Phases of -10, -26 and -42 degrees and loads in kN look like radians and newtons."""
     columns = HEADS[column].count(",") + 1
-    path = write(tmp_path, f"# rig\n{HEADS[column]}\n" + "".join(f"{','.join(['7'] * columns)}\n" for _ in range(3)))
-    with pytest.raises(BdamperError, match=rf"line 2, column '{column}': .* such as '{column} \(\w+\)'.*, found no unit"):
+    path = write(
+        tmp_path,
+        f"# rig\n{HEADS[column]}\n" + "".join(f"{','.join(['7'] * columns)}\n" for _ in range(3)),
+    )
+    with pytest.raises(
+        BdamperError,
+        match=rf"line 2, column '{column}': .* such as '{column} \(\w+\)'.*, found no unit",
+    ):
         READERS.get(column, read_response)(path)
 
 
@@ -156,18 +212,26 @@ def test_units_of_the_header_are_converted(tmp_path):
     phase = np.array([-10.0, -26.0, -42.0])
     rows = "".join(f"0.33,2,{p}\n" for p in phase)
     found = read_response(write(tmp_path, f"frequency (kHz),amplitude (mm),phase (deg)\n{rows}"))
-    assert found.frequency == pytest.approx([330.0] * 3) and np.rad2deg(found.phase) == pytest.approx(phase)
-    unwrapped = read_response(write(tmp_path, f"frequency (kHz),amplitude (mm),phase (rad)\n{rows}"))
+    assert found.frequency == pytest.approx([330.0] * 3) and np.rad2deg(
+        found.phase
+    ) == pytest.approx(phase)
+    unwrapped = read_response(
+        write(tmp_path, f"frequency (kHz),amplitude (mm),phase (rad)\n{rows}")
+    )
     assert unwrapped.response == pytest.approx(2.0 * np.exp(1j * phase))
     points = load_measured(write(tmp_path, "load (kN),amplitude (V)\n0,3\n0.5,2\n"))
     assert points.load.tolist() == [0.0, 500.0] and points.amplitude.tolist() == [3.0, 2.0]
     x, force = read_loop(write(tmp_path, "displacement (µm),force (kN)\n1,2\n"))
     assert [*x, *force] == pytest.approx([1e-6, 2e3])
-    with pytest.raises(BdamperError, match=r"column 'amplitude': .* one of \['um'\], found the unit 'mm'"):
+    with pytest.raises(
+        BdamperError, match=r"column 'amplitude': .* one of \['um'\], found the unit 'mm'"
+    ):
         read_response(write(tmp_path, "frequency (Hz),amplitude (mm)\n1,2\n"), unit="um")
 
 
-@pytest.mark.parametrize("text", ["frequency (Hz),amplitude (m)\n1,{}\n", "frequency (Hz),{}\n1,2\n"])
+@pytest.mark.parametrize(
+    "text", ["frequency (Hz),amplitude (m)\n1,{}\n", "frequency (Hz),{}\n1,2\n"]
+)
 def test_a_field_of_great_length_is_one_line(tmp_path, text):
     path = write(tmp_path, text.format("1" * 200_000))
     expected = r"line \d: expected values separated by ',' of at most 131072 characters"
@@ -180,7 +244,9 @@ def test_damping_ratios_need_a_unit():
     """0.5 can be half of critical damping or half a per cent of it."""
     columns = {"amplitude (mm)": [1.0], "frequency (Hz)": [2.0]}
     for unit, ratio in (("%", 0.005), ("-", 0.5), ("1", 0.5)):
-        assert read_mode(columns | {f"damping ratio ({unit})": [0.5]}).damping_ratio == pytest.approx([ratio])
+        assert read_mode(
+            columns | {f"damping ratio ({unit})": [0.5]}
+        ).damping_ratio == pytest.approx([ratio])
     expected = r"column 'damping ratio': expected its unit in the header, such as 'damping ratio \(%\)', .*, found no unit"
     with pytest.raises(BdamperError, match=expected):
         read_mode(columns | {"damping ratio": [0.5]})
@@ -198,8 +264,12 @@ def test_a_mode_over_its_amplitude_is_read(tmp_path):
     assert mode.amplitude == pytest.approx([4.0 / (20.0 * np.pi) ** 2, 8.0 / (18.0 * np.pi) ** 2])
     assert mode.damping_ratio[0] == pytest.approx(5e-3) and np.isnan(mode.damping_ratio[1])
     assert mode.preload == 3.0 and mode.source == "points"
-    assert np.isnan(read_mode({"amplitude (mm)": [1.0], "frequency (Hz)": [2.0]}, noise=1e-3).damping_ratio).all()
-    with pytest.raises(BdamperError, match="expected noise of the frequencies where no damping ratio is measured"):
+    assert np.isnan(
+        read_mode({"amplitude (mm)": [1.0], "frequency (Hz)": [2.0]}, noise=1e-3).damping_ratio
+    ).all()
+    with pytest.raises(
+        BdamperError, match="expected noise of the frequencies where no damping ratio is measured"
+    ):
         read_mode({"amplitude (mm)": [1.0], "frequency (Hz)": [2.0]})
     with pytest.raises(BdamperError, match="mode: expected damping_ratio above 0, found"):
         MeasuredMode(np.ones(1), np.ones(1), -np.ones(1))
@@ -220,14 +290,19 @@ def test_an_exponential_decay(damping, error):
     assert len(mode.amplitude) > 4 and np.abs(mode.damping_ratio / damping - 1.0).max() < error
     assert mode.frequency == pytest.approx(np.full(len(mode.amplitude), 50.0), rel=0.02 * error)
     middle = np.log(2e-3 / mode.amplitude) / (damping * OMEGA)  # times of the points
-    assert np.ptp(np.diff(middle)) < 0.02 * np.diff(middle).mean() and 0.0 < middle[0] < middle[-1] < t[-1]
+    assert (
+        np.ptp(np.diff(middle)) < 0.02 * np.diff(middle).mean()
+        and 0.0 < middle[0] < middle[-1] < t[-1]
+    )
 
 
 def coulomb(offset):
     """Closed form of the free decay of m x'' + k x + F sign x' = 0 with F/k = offset, half period by half period."""
     half = (OMEGA * T // np.pi).astype(int)
     centre = np.where(half % 2 == 0, offset, -offset)
-    return (centre + (1e-3 - offset - 2.0 * offset * half) * np.cos(OMEGA * T))[T < 2.3]  # at rest after 2.5 s
+    return (centre + (1e-3 - offset - 2.0 * offset * half) * np.cos(OMEGA * T))[
+        T < 2.3
+    ]  # at rest after 2.5 s
 
 
 def test_a_decay_by_coulomb_friction():
@@ -244,7 +319,12 @@ def test_a_decay_ends_where_noise_begins():
     noisy = x + 1e-5 * np.random.default_rng(0).standard_normal(len(x))
     mode = read_ring_down({"time (s)": T, "displacement (m)": noisy}, periods=8.0)
     assert mode.amplitude.min() > 1e-5 and np.abs(mode.damping_ratio / 0.01 - 1.0).max() < 0.1
-    with pytest.raises(BdamperError, match="expected a decay over more than 24 periods, found none in 16384 samples"):
-        read_ring_down({"time (s)": T, "displacement (m)": np.exp(0.1 * T) * np.cos(OMEGA * T)}, periods=8.0)
+    with pytest.raises(
+        BdamperError,
+        match="expected a decay over more than 24 periods, found none in 16384 samples",
+    ):
+        read_ring_down(
+            {"time (s)": T, "displacement (m)": np.exp(0.1 * T) * np.cos(OMEGA * T)}, periods=8.0
+        )
     with pytest.raises(BdamperError, match="times with a constant step"):
         read_ring_down({"time (s)": T**2, "displacement (m)": x})

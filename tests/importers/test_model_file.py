@@ -101,7 +101,12 @@ def test_a_model_without_stress_keeps_its_fingerprint():
 def test_real_stays_real_and_complex_complex(tmp_path):
     save_model(wedge_model(), tmp_path / "model.h5")
     blade = load_model(tmp_path / "model.h5").bodies["blade"]
-    assert [basis.contact_modes.dtype.kind for basis in blade.bases.values()] == ["f", "c", "c", "f"]
+    assert [basis.contact_modes.dtype.kind for basis in blade.bases.values()] == [
+        "f",
+        "c",
+        "c",
+        "f",
+    ]
     assert [basis.flexibility.dtype.kind for basis in blade.bases.values()] == ["f", "c", "c", "f"]
 
 
@@ -140,7 +145,9 @@ def test_a_failure_while_writing_leaves_the_old_file(copy, monkeypatch):
         raise OSError("no space left")
 
     monkeypatch.setattr("os.replace", fail)
-    with pytest.raises(BdamperError, match="expected a file that can be written, found no space left"):
+    with pytest.raises(
+        BdamperError, match="expected a file that can be written, found no space left"
+    ):
         save_model(shroud_model(), copy)
     assert copy.read_bytes() == before
     assert [path.name for path in copy.parent.iterdir()] == ["copy.h5"]
@@ -148,9 +155,13 @@ def test_a_failure_while_writing_leaves_the_old_file(copy, monkeypatch):
 
 def test_a_text_too_long_for_an_attribute_is_refused(tmp_path):
     model = replace(shroud_model(), provenance={"log": "x" * 70000})
-    with pytest.raises(ModelError, match="/provenance: expected texts of at most 60000 bytes, found 70000"):
+    with pytest.raises(
+        ModelError, match="/provenance: expected texts of at most 60000 bytes, found 70000"
+    ):
         save_model(model, tmp_path / "model.h5")
-    save_model(replace(model, provenance={"log": "x" * 59000, "more": "y" * 59000}), tmp_path / "model.h5")
+    save_model(
+        replace(model, provenance={"log": "x" * 59000, "more": "y" * 59000}), tmp_path / "model.h5"
+    )
     assert len(load_model(tmp_path / "model.h5").provenance["more"]) == 59000
 
 
@@ -179,7 +190,9 @@ def test_other_precisions_and_byte_orders_are_read_in_double_precision(copy):
     again = load_model(copy)
     assert again.bodies["blade"].bases[2].omega2.dtype == np.dtype("float64")
     assert again.bodies["blade"].bases[2].contact_modes.dtype == np.dtype("complex128")
-    assert np.array_equal(again.bodies["blade"].bases[2].omega2, model.bodies["blade"].bases[2].omega2)
+    assert np.array_equal(
+        again.bodies["blade"].bases[2].omega2, model.bodies["blade"].bases[2].omega2
+    )
     assert np.array_equal(again.meshes["damper"].quads, model.meshes["damper"].quads)
 
 
@@ -209,7 +222,9 @@ def test_a_file_without_creation_order_is_read_alphabetically(copy, tmp_path):
 
 
 def test_the_example_in_the_documentation_works(tmp_path, monkeypatch):
-    text = (Path(__file__).parents[2] / "docs" / "specification" / "model-file.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "docs" / "specification" / "model-file.md").read_text(
+        encoding="utf-8"
+    )
     blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     assert len(blocks) == 2
     monkeypatch.chdir(tmp_path)
@@ -221,17 +236,36 @@ def test_the_example_in_the_documentation_works(tmp_path, monkeypatch):
     assert model.bodies["beam"].bases[0].locations["tip"][0, 0] == 2.1
 
 
-RECORDS = [Body, BodyLoad, ContactStiffness, Interface, LocalBasis, Location, ModalBasis, SpeedBasis, SpinStatic]
+RECORDS = [
+    Body,
+    BodyLoad,
+    ContactStiffness,
+    Interface,
+    LocalBasis,
+    Location,
+    ModalBasis,
+    SpeedBasis,
+    SpinStatic,
+]
 RECORDS += [StaticContact, StressSet, SurfaceMesh]
 
 
 def test_the_documentation_names_every_dataset_and_unit():
-    text = (Path(__file__).parents[2] / "docs" / "specification" / "model-file.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "docs" / "specification" / "model-file.md").read_text(
+        encoding="utf-8"
+    )
     text = text[text.index("## Layout") : text.index("## What each body needs")]
-    for item in (item for kind in RECORDS for item in layout(kind) if not item.is_attribute and not item.is_record):
+    for item in (
+        item
+        for kind in RECORDS
+        for item in layout(kind)
+        if not item.is_attribute and not item.is_record
+    ):
         assert item.data.units, item.name
         name = item.file.replace("*/", "").partition("/")[0]
-        assert re.search(rf"^ +{name}\b.*\s{re.escape(item.data.units)}(\s|$)", text, re.MULTILINE), name
+        assert re.search(
+            rf"^ +{name}\b.*\s{re.escape(item.data.units)}(\s|$)", text, re.MULTILINE
+        ), name
     for convention in (model_file.TIME_CONVENTION, model_file.PHASE_CONVENTION):
         assert convention in text
 
@@ -412,7 +446,11 @@ def numbers_changed(values: np.ndarray, rng: random.Random) -> np.ndarray:
     if changed.dtype.kind not in "fciu" or changed.size == 0:
         return changed
     where = np.unravel_index(rng.randrange(changed.size), changed.shape)
-    odd = [0, -1, 7] if changed.dtype.kind in "iu" else [0, -1, 1e-30, 1e300, -1e300, np.nan, np.inf, 5e-324]
+    odd = (
+        [0, -1, 7]
+        if changed.dtype.kind in "iu"
+        else [0, -1, 1e-30, 1e300, -1e300, np.nan, np.inf, 5e-324]
+    )
     changed[where] = rng.choice(odd)
     return changed
 
@@ -482,7 +520,9 @@ def mutate_attribute(item: h5py.Group | h5py.Dataset, path: str, rng: random.Ran
     return f"replace {path}@{name}"
 
 
-@pytest.mark.parametrize("part", [pytest.param(i, marks=[pytest.mark.slow] if i > 0 else []) for i in range(10)])
+@pytest.mark.parametrize(
+    "part", [pytest.param(i, marks=[pytest.mark.slow] if i > 0 else []) for i in range(10)]
+)
 def test_structural_damage(saved, tmp_path, part):
     """250 cases in ten parts."""
     path = tmp_path / "damaged.h5"

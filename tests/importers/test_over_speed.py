@@ -52,7 +52,9 @@ def test_matrices_at_two_speeds(fe, bodies, rotation):
     assert body.spin.theory == "linear" and np.abs(body.spin.contact).max() > 0.0
     assert "at 600 rad/s" in str(built) and "spin softening 100 %" in str(built)
     free = np.repeat(~np.isin(blade.numbers, blade.node_sets["BORE"]), 3)
-    dofs = np.column_stack((np.repeat(blade.numbers, 3), np.tile((1, 2, 3), len(blade.numbers))))[free]
+    dofs = np.column_stack((np.repeat(blade.numbers, 3), np.tile((1, 2, 3), len(blade.numbers))))[
+        free
+    ]
     without = [
         replace(b, dofs=dofs, stiffness=b.stiffness[free][:, free], mass=b.mass[free][:, free])
         for b in (blade, at(blade, rotation, TOP))
@@ -65,10 +67,14 @@ def test_matrices_at_two_speeds(fe, bodies, rotation):
 @pytest.mark.slow
 def test_matrices_of_a_speed_above_standstill_give_the_same_model(bodies, rotation):
     blade, damper = bodies
-    low = build(over_speed({0.0: blade, TOP: at(blade, rotation, TOP)}), damper, fixed="BORE", **SETTINGS)
+    low = build(
+        over_speed({0.0: blade, TOP: at(blade, rotation, TOP)}), damper, fixed="BORE", **SETTINGS
+    )
     running = over_speed({300.0: at(blade, rotation, 300.0), TOP: at(blade, rotation, TOP)})
     high = build(running, damper, fixed="BORE", **SETTINGS)
-    a, b = (np.sort(m.model.at_speed(TOP).bodies["blade"].bases[ND].omega2)[:6] for m in (low, high))
+    a, b = (
+        np.sort(m.model.at_speed(TOP).bodies["blade"].bases[ND].omega2)[:6] for m in (low, high)
+    )
     np.testing.assert_allclose(a, b, rtol=2e-4)
     assert high.model.bodies["blade"].spin.theory == "stiffened"
 
@@ -76,7 +82,9 @@ def test_matrices_of_a_speed_above_standstill_give_the_same_model(bodies, rotati
 def test_a_stiffness_without_spin_softening_is_noticed(fe, bodies, rotation):
     blade, damper = bodies
     stiff = Rotation(rotation.per_squared_speed + spin_softening(fe.blade))
-    built = build(over_speed({0.0: blade, TOP: at(blade, stiff, TOP)}), damper, fixed="BORE", **SETTINGS)
+    built = build(
+        over_speed({0.0: blade, TOP: at(blade, stiff, TOP)}), damper, fixed="BORE", **SETTINGS
+    )
     assert "spin softening of the blade: the matrices at 600 rad/s take" in str(built)
 
 
@@ -85,12 +93,26 @@ def modes_at(fe, rotation, omega, numbers, count=COUNT, turned=0.0):
     for d in (0, ND):
         omega2, shapes = rotation.at_speed(fe.cyclic(d), omega).modes(count)
         shapes = shapes.reshape(-1, 3, count) * (np.exp(1j * turned) if d else 1.0)
-        out.append(Modes(d, np.sqrt(omega2) / (2 * np.pi), numbers, shapes, np.ones(count), f"{omega:g}.modes"))
+        out.append(
+            Modes(
+                d,
+                np.sqrt(omega2) / (2 * np.pi),
+                numbers,
+                shapes,
+                np.ones(count),
+                f"{omega:g}.modes",
+            )
+        )
     return tuple(out)
 
 
 def modal_body(fe, rotation, blade, omega, **options):
-    return replace(blade, stiffness=None, mass=None, modes=modes_at(fe, rotation, omega, blade.numbers, **options))
+    return replace(
+        blade,
+        stiffness=None,
+        mass=None,
+        modes=modes_at(fe, rotation, omega, blade.numbers, **options),
+    )
 
 
 def test_modes_alone_at_two_speeds(fe, bodies, rotation):
@@ -111,9 +133,17 @@ def test_modes_alone_at_two_speeds(fe, bodies, rotation):
 
 def test_modes_that_are_no_combinations_of_the_first_are_refused(fe, bodies, rotation):
     blade, damper = bodies
-    first, other = modal_body(fe, rotation, blade, 0.0), modal_body(fe, rotation, blade, TOP, count=COUNT + 1)
-    cut = [Modes(m.nodal_diameter, m.frequency[1:], m.numbers, m.shapes[..., 1:], m.modal_mass[1:]) for m in other.modes]
-    with pytest.raises(ModelError, match="nodal diameter 0 at 600 rad/s: expected combinations of the modes"):
+    first, other = (
+        modal_body(fe, rotation, blade, 0.0),
+        modal_body(fe, rotation, blade, TOP, count=COUNT + 1),
+    )
+    cut = [
+        Modes(m.nodal_diameter, m.frequency[1:], m.numbers, m.shapes[..., 1:], m.modal_mass[1:])
+        for m in other.modes
+    ]
+    with pytest.raises(
+        ModelError, match="nodal diameter 0 at 600 rad/s: expected combinations of the modes"
+    ):
         build(over_speed({0.0: first, TOP: replace(other, modes=tuple(cut))}), damper, **SETTINGS)
 
 

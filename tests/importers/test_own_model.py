@@ -27,7 +27,9 @@ D = 4
 STEEL = Material(300e6, 900e6, 800e6, name="a steel")
 CASES = {
     "hexahedra": OwnSector("C3D20R", "mm-t-s", flank=1),
-    "tetrahedra": OwnSector("C3D10", "m-kg-s", axis=(0.0, -1.0, 0.0), radial=(0.0, 0.0, 1.0), flank=-1),
+    "tetrahedra": OwnSector(
+        "C3D10", "m-kg-s", axis=(0.0, -1.0, 0.0), radial=(0.0, 0.0, 1.0), flank=-1
+    ),
 }
 
 
@@ -53,7 +55,13 @@ def built(own, folder):
 
 @pytest.fixture(scope="module")
 def study(built):
-    return bd.Study(built.model, bd.Excitation("tip", amplitude=1.0), engine_order=D, friction_coefficient=0.3, harmonics=1)
+    return bd.Study(
+        built.model,
+        bd.Excitation("tip", amplitude=1.0),
+        engine_order=D,
+        friction_coefficient=0.3,
+        harmonics=1,
+    )
 
 
 def theirs(folder, job):
@@ -69,7 +77,9 @@ def test_free_frequencies_are_those_of_calculix(built, folder):
 
 def test_stuck_frequencies_are_those_of_a_bonded_run(study, folder):
     """Six contact points a face give a little: the first is 0.3 to 0.4 % below faces that are tied all over."""
-    springs = np.concatenate([study.problem.stiffness[name].stiffness for name in study.problem.coupling.interfaces])
+    springs = np.concatenate(
+        [study.problem.stiffness[name].stiffness for name in study.problem.coupling.interfaces]
+    )
     ours = study.problem.system(0.0).structure.linear.modes(springs)[0][:4] / (2.0 * np.pi)
     bonded = theirs(folder, "bonded")
     np.testing.assert_allclose(ours[0], bonded[0], rtol=5e-3)
@@ -92,7 +102,9 @@ def test_stress_of_a_mode_is_that_of_calculix(own, built, folder):
 def test_preload_is_the_centrifugal_force_of_the_damper(own, study):
     damper = own.fe.damper
     radius = np.hypot(*damper.centre[:2])
-    assert study.at_speed(400.0).preload == pytest.approx(damper.total_mass * radius * 400.0**2, rel=1e-4)
+    assert study.at_speed(400.0).preload == pytest.approx(
+        damper.total_mass * radius * 400.0**2, rel=1e-4
+    )
 
 
 def test_the_optimum_lies_between_free_and_stuck_and_its_margin_is_larger(study, folder):
@@ -107,5 +119,9 @@ def test_the_optimum_lies_between_free_and_stuck_and_its_margin_is_larger(study,
     assert at_best.frequency < at_stuck.frequency <= 1.001 * stuck
     margins = [study.margin(peak, STEEL, speed=400.0) for peak in (at_best, at_stuck)]
     assert margins[0].factor.min() > 1.5 * margins[1].factor.min() > 1.5
-    slow, fast = (study.stress(at_best, speed=speed).coefficients[..., 0].real for speed in (400.0, 500.0))
-    np.testing.assert_allclose(fast - slow, (500.0**2 - 400.0**2) * study.model.stress["FILLET"].static, rtol=1e-5)
+    slow, fast = (
+        study.stress(at_best, speed=speed).coefficients[..., 0].real for speed in (400.0, 500.0)
+    )
+    np.testing.assert_allclose(
+        fast - slow, (500.0**2 - 400.0**2) * study.model.stress["FILLET"].static, rtol=1e-5
+    )

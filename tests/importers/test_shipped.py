@@ -19,9 +19,13 @@ SMALL = ROOT / "bdamper" / "data" / "blade_to_ground_24.h5"
 def installed(tmp_path, monkeypatch):
     """As where a wheel is installed, away from the checkout: the cache folder."""
     monkeypatch.setattr(
-        reference_models, "__file__", str(tmp_path / "lib" / "site" / "bdamper" / "fem" / "reference_models.py")
+        reference_models,
+        "__file__",
+        str(tmp_path / "lib" / "site" / "bdamper" / "fem" / "reference_models.py"),
     )
-    monkeypatch.setattr(reference_models, "user_cache_path", lambda name, version: tmp_path / "cache" / version)
+    monkeypatch.setattr(
+        reference_models, "user_cache_path", lambda name, version: tmp_path / "cache" / version
+    )
     monkeypatch.delenv("BDAMPER_MODELS", raising=False)
     return tmp_path
 
@@ -29,7 +33,9 @@ def installed(tmp_path, monkeypatch):
 @pytest.fixture
 def maker(monkeypatch):
     """Counts its calls and takes its time over a small model."""
-    large = pytest.importorskip("bdamper.fem.generated_models", reason="scikit-fem is not installed (extra bdamper[fe])")
+    large = pytest.importorskip(
+        "bdamper.fem.generated_models", reason="scikit-fem is not installed (extra bdamper[fe])"
+    )
     calls = []
 
     def make(points, progress):
@@ -70,12 +76,17 @@ def test_interruption_leaves_nothing_half_written(installed, monkeypatch):
         broken.setitem(large.MAKERS, "paper_disk", lambda points, progress: bd.load_model(SMALL))
         with pytest.raises(KeyboardInterrupt):
             read()
-    assert [path.name for path in installed.rglob("*.*") if path.is_file()] == ["paper_disk_48.lock"]
+    assert [path.name for path in installed.rglob("*.*") if path.is_file()] == [
+        "paper_disk_48.lock"
+    ]
 
 
 def test_without_scikit_fem_one_error_says_what_to_do(installed, monkeypatch):
     monkeypatch.setitem(sys.modules, "bdamper.fem.generated_models", None)
-    with pytest.raises(bd.BdamperError, match=r"pip install 'bdamper\[fe\]', or .* paper_disk_48.h5 in BDAMPER_MODELS"):
+    with pytest.raises(
+        bd.BdamperError,
+        match=r"pip install 'bdamper\[fe\]', or .* paper_disk_48.h5 in BDAMPER_MODELS",
+    ):
         read()
 
 
@@ -88,13 +99,23 @@ def test_folder_of_the_environment_variable(installed, tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("path", ["tests/models/paper_disk_24.h5", "bdamper/data/shrouded_blade_4.h5"])
+@pytest.mark.parametrize(
+    "path", ["tests/models/paper_disk_24.h5", "bdamper/data/shrouded_blade_4.h5"]
+)
 def test_what_is_made_is_what_is_stored(path):
     """Up to rounding, 1.4e-9 for the flexibility of a free damper, whose factors a shift keeps from singularity."""
-    large = pytest.importorskip("bdamper.fem.generated_models", reason="scikit-fem is not installed (extra bdamper[fe])")
-    spec = importlib.util.spec_from_file_location("make_reference_model", ROOT / "tools" / "make_reference_model.py")
+    large = pytest.importorskip(
+        "bdamper.fem.generated_models", reason="scikit-fem is not installed (extra bdamper[fe])"
+    )
+    spec = importlib.util.spec_from_file_location(
+        "make_reference_model", ROOT / "tools" / "make_reference_model.py"
+    )
     tool = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(tool)
-    made = tool.modes_alone(tool.shrouded().model) if "shrouded" in path else large.MAKERS["paper_disk"](24)
+    made = (
+        tool.modes_alone(tool.shrouded().model)
+        if "shrouded" in path
+        else large.MAKERS["paper_disk"](24)
+    )
     found = tool.differences(made, bd.load_model(ROOT / path))
     assert len(found) > 20 and max(found.values()) < 1e-8, max(found, key=found.get)

@@ -51,7 +51,12 @@ def built(fe, nodes):
 
 def study(model, pair, engine_order, **settings):
     force, read = pair
-    own = {"blade_modes": MODES, "damping_ratio": 0.0, "contact_stiffness": 1e7, "friction_coefficient": 0.3}
+    own = {
+        "blade_modes": MODES,
+        "damping_ratio": 0.0,
+        "contact_stiffness": 1e7,
+        "friction_coefficient": 0.3,
+    }
     own |= {"response": bd.Response(read, direction=X), "harmonics": 1, **settings}
     return bd.Study(model, bd.Excitation(force, direction=Z), engine_order, **own)
 
@@ -62,8 +67,18 @@ def without(model):
     def cut(basis):
         n = basis.n_natural
         places = {name: rows[:, :n] for name, rows in basis.locations.items()}
-        modes = {"omega2": basis.omega2[:n], "damping_ratio": basis.damping_ratio[:n], "locations": places}
-        return replace(basis, **modes, contact_modes=basis.contact_modes[..., :n], static_shapes=None, speed=None)
+        modes = {
+            "omega2": basis.omega2[:n],
+            "damping_ratio": basis.damping_ratio[:n],
+            "locations": places,
+        }
+        return replace(
+            basis,
+            **modes,
+            contact_modes=basis.contact_modes[..., :n],
+            static_shapes=None,
+            speed=None,
+        )
 
     blade = model.bodies["blade"]
     bases = {d: cut(basis) for d, basis in blade.bases.items()}
@@ -139,7 +154,9 @@ def test_a_wheel(fe, built, nodes, deviation):
         exact = rows @ factor.solve(rows.T) @ wave
         Z = reduced[0] - omega**2 * reduced[1]
         assert errors(own_rows @ np.linalg.solve(Z, wave @ own_rows), exact).max() < 0.01
-        fewer = own_rows[:, modes] @ np.linalg.solve(Z[np.ix_(modes, modes)], (wave @ own_rows)[modes])
+        fewer = own_rows[:, modes] @ np.linalg.solve(
+            Z[np.ix_(modes, modes)], (wave @ own_rows)[modes]
+        )
         alone.append(errors(fewer, exact).max())
     assert min(alone) > 0.03
 
@@ -148,13 +165,23 @@ def test_they_are_no_modes(built, tmp_path):
     """Counts, ranges and names of modes; a file keeps them, and one without them reads as before."""
     model, asked = built.model, study(built.model, PAIRS[2], 2, blade_modes=1)
     basis = asked.problem.bases[1]
-    assert [c.name for c in basis.coordinates if c.body == "blade"] == ["mode 1", "static shape 1", "static shape 2"]
+    assert [c.name for c in basis.coordinates if c.body == "blade"] == [
+        "mode 1",
+        "static shape 1",
+        "static shape 2",
+    ]
     assert asked.settings.most_modes("constrained") == 16
     with pytest.raises(bd.SettingError, match="mode: expected 1 to 1"):
         resonance_interval(asked.problem.at(1.0), 2)
-    assert len(built.frequencies[2]) == 16 and "16 modes at nodal diameters 0, 1, 2, 3" in str(model)
+    assert len(built.frequencies[2]) == 16 and "16 modes at nodal diameters 0, 1, 2, 3" in str(
+        model
+    )
     same = study(built.model, PAIRS[0], 2, response=None)
-    assert same.problem.bases[1].n_modes - study(without(model), PAIRS[0], 2, response=None).problem.bases[1].n_modes == 1
+    assert (
+        same.problem.bases[1].n_modes
+        - study(without(model), PAIRS[0], 2, response=None).problem.bases[1].n_modes
+        == 1
+    )
     save_model(model, tmp_path / "own.h5")
     assert load_model(tmp_path / "own.h5").hash == model.hash
     plain = without(model)

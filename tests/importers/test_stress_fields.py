@@ -61,10 +61,16 @@ def from_inp(kind, nodes, elements, folder):
 
 
 def from_run(kind, nodes, elements, folder):
-    (folder / "a.inp").write_text(deck(kind.replace("C3D6R", "C3D6"), nodes, elements, YOUNG, POISSON, 1.0))
-    (folder / "a.dof").write_text("".join(f"{k + 1}.{i}\n" for k in range(len(nodes)) for i in (1, 2, 3)))
+    (folder / "a.inp").write_text(
+        deck(kind.replace("C3D6R", "C3D6"), nodes, elements, YOUNG, POISSON, 1.0)
+    )
+    (folder / "a.dof").write_text(
+        "".join(f"{k + 1}.{i}\n" for k in range(len(nodes)) for i in (1, 2, 3))
+    )
     for end in ("sti", "mas"):
-        (folder / f"a.{end}").write_text("".join(f"{k} {k} 1.\n" for k in range(1, 3 * len(nodes) + 1)))
+        (folder / f"a.{end}").write_text(
+            "".join(f"{k} {k} 1.\n" for k in range(1, 3 * len(nodes) + 1))
+        )
     return read_calculix(folder / "a"), 1
 
 
@@ -81,13 +87,26 @@ def from_frd(kind, nodes, elements, folder):
 
 
 def from_cdb(kind, nodes, elements, folder, number="185"):
-    lines = ["/PREP7", f"ET,1,{number}", f"NBLOCK,6,SOLID,{len(nodes)},{len(nodes)}", "(3i9,6e21.13e3)"]
-    lines += [f"{FIRST + k:9d}{0:9d}{0:9d}" + "".join(f"{v:21.13E}" for v in x) for k, x in enumerate(nodes)]
+    lines = [
+        "/PREP7",
+        f"ET,1,{number}",
+        f"NBLOCK,6,SOLID,{len(nodes)},{len(nodes)}",
+        "(3i9,6e21.13e3)",
+    ]
+    lines += [
+        f"{FIRST + k:9d}{0:9d}{0:9d}" + "".join(f"{v:21.13E}" for v in x)
+        for k, x in enumerate(nodes)
+    ]
     lines += ["N,R5.3,LOC,       -1,", f"EBLOCK,19,SOLID,{len(elements)},{len(elements)}", "(19i9)"]
     for k, e in enumerate((FIRST + elements).tolist(), 1):
         words = [1, 1, 1, 1, 0, 0, 0, 0, len(e), 0, k, *e]
         lines += ["".join(f"{v:9d}" for v in words[i : i + 19]) for i in range(0, len(words), 19)]
-    lines += [f"{-1:9d}", f"MPDATA,R5.0, 1,EX  ,1, 1, {YOUNG}", f"MPDATA,R5.0, 1,PRXY,1, 1, {POISSON}", "FINISH"]
+    lines += [
+        f"{-1:9d}",
+        f"MPDATA,R5.0, 1,EX  ,1, 1, {YOUNG}",
+        f"MPDATA,R5.0, 1,PRXY,1, 1, {POISSON}",
+        "FINISH",
+    ]
     (folder / "a.cdb").write_text("\n".join([*lines, ""]))
     return read_cdb(folder / "a.cdb"), FIRST
 
@@ -101,7 +120,10 @@ def from_rst(kind, nodes, elements, folder):
 def from_bdf(kind, nodes, elements, folder):
     n = elements.shape[1]
     name = {4: "CTETRA", 6: "CPENTA", 8: "CHEXA"}[ALONG[n]]
-    lines = ["BEGIN BULK", *(f"GRID,{FIRST + k},,{x},{y},{z}" for k, (x, y, z) in enumerate(nodes.round(9).tolist()))]
+    lines = [
+        "BEGIN BULK",
+        *(f"GRID,{FIRST + k},,{x},{y},{z}" for k, (x, y, z) in enumerate(nodes.round(9).tolist())),
+    ]
     for k, e in enumerate((FIRST + elements[:, UPRIGHT_FIRST[n]]).tolist(), 1):
         words = [str(word) for word in (k, 1, *e)]
         parts = [",".join(words[i : i + 8]) for i in range(0, len(words), 8)]
@@ -112,8 +134,12 @@ def from_bdf(kind, nodes, elements, folder):
 
 
 def from_csv(kind, nodes, elements, folder):
-    (folder / "e.csv").write_text("".join(",".join(map(str, e)) + "\n" for e in (FIRST + elements).tolist()))
-    (folder / "x.csv").write_text("".join(f"{FIRST + k},{x},{y},{z}\n" for k, (x, y, z) in enumerate(nodes.tolist())))
+    (folder / "e.csv").write_text(
+        "".join(",".join(map(str, e)) + "\n" for e in (FIRST + elements).tolist())
+    )
+    (folder / "x.csv").write_text(
+        "".join(f"{FIRST + k},{x},{y},{z}\n" for k, (x, y, z) in enumerate(nodes.tolist()))
+    )
     one = sp.identity(3 * len(nodes))
     assert len(read_elements(folder / "e.csv")) == 1
     return read_arrays(one, one, folder / "x.csv", elements=folder / "e.csv"), FIRST
@@ -151,13 +177,17 @@ def bending_held(x):
     """The same without strain across, which elements of first order can follow."""
     x, _, z = x.T
     normal = [LAME * x, LAME * x, (LAME + 2.0 * SHEAR) * x]
-    return np.column_stack([-0.5 * z**2, 0 * x, x * z]), np.column_stack([*normal, 0 * x, 0 * x, 0 * x])
+    return np.column_stack([-0.5 * z**2, 0 * x, x * z]), np.column_stack(
+        [*normal, 0 * x, 0 * x, 0 * x]
+    )
 
 
 def twist(x):
     """Cross-sections that turn about the axis: shear alone."""
     x, y, z = x.T
-    return np.column_stack([-y * z, x * z, 0 * x]), SHEAR * np.column_stack([0 * x, 0 * x, 0 * x, 0 * x, x, -y])
+    return np.column_stack([-y * z, x * z, 0 * x]), SHEAR * np.column_stack(
+        [0 * x, 0 * x, 0 * x, 0 * x, x, -y]
+    )
 
 
 def hooke(gradient):
@@ -170,7 +200,11 @@ def by_linear_fits(nodes, elements, moved):
     """Stress of elements that carry one strain: of the linear field nearest to their displacements, meant over elements."""
     total, count = np.zeros((len(nodes), 6)), np.zeros((len(nodes), 1))
     for e in elements:
-        total[e] += hooke(np.linalg.lstsq(np.column_stack([np.ones(len(e)), nodes[e]]), moved[e], rcond=None)[0][1:].T)
+        total[e] += hooke(
+            np.linalg.lstsq(np.column_stack([np.ones(len(e)), nodes[e]]), moved[e], rcond=None)[0][
+                1:
+            ].T
+        )
         count[e] += 1.0
     return total / count
 
@@ -180,8 +214,12 @@ def stress_of(body: FEBody, moved, first):
     one = sp.identity(moved.size)
     given = FEBody(**{**body.__dict__, "stiffness": one, "mass": one, "dofs": None})
     prepared = PreparedBody("blade", given, Placement())
-    laid = SimpleNamespace(interfaces={}, ports={"blade": ()}, rows={"blade": sp.csr_matrix((0, moved.size))})
-    elasticity = None if body.element_kinds and body.element_kinds[0].youngs_modulus else (YOUNG, POISSON)
+    laid = SimpleNamespace(
+        interfaces={}, ports={"blade": ()}, rows={"blade": sp.csr_matrix((0, moved.size))}
+    )
+    elasticity = (
+        None if body.element_kinds and body.element_kinds[0].youngs_modulus else (YOUNG, POISSON)
+    )
     nodes, ring = {"all": first + np.arange(len(moved))}, Ring(no_faces(), (), ())
     (rows,) = stress_rows(prepared, Sector(stress=nodes, elasticity=elasticity), laid, ring)
     return (rows._rows @ moved.ravel()).reshape(-1, 6)
@@ -198,7 +236,9 @@ def test_fields_of_every_element_type_of_every_reader(reader, kind, options, tmp
     n = int(kind.removeprefix("C3D").rstrip("RI"))
     nodes, elements = box(n)
     body, first = reader(kind, nodes, elements, tmp_path, **options)
-    inner = np.isclose(nodes[:, 2], 0.5 * SIZE[2])  # here the parasitic shear of elements of first order cancels
+    inner = np.isclose(
+        nodes[:, 2], 0.5 * SIZE[2]
+    )  # here the parasitic shear of elements of first order cancels
     for field in (affine, bending if n > 8 or kind == "C3D8I" else bending_held, twist):
         moved, expected = field(nodes)
         if kind in ("C3D4", "C3D6R", "C3D8R"):
@@ -206,7 +246,9 @@ def test_fields_of_every_element_type_of_every_reader(reader, kind, options, tmp
         found = stress_of(body, moved, first)
         if field is bending_held and kind != "C3D4":
             found[~inner, 5] = expected[~inner, 5] = 0.0
-        np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9 * np.abs(expected).max(), err_msg=field.__name__)
+        np.testing.assert_allclose(
+            found, expected, rtol=0.0, atol=1e-9 * np.abs(expected).max(), err_msg=field.__name__
+        )
 
 
 def collapsed(elements):
@@ -240,17 +282,25 @@ def test_fields_of_collapsed_hexahedra_are_those_of_wedges_and_tetrahedra(n, tmp
             found = stress_of(body, moved, first)
             if n == 6:
                 expected[:, 5] = found[:, 5] if field is bending_held else expected[:, 5]
-            np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
+            np.testing.assert_allclose(
+                found, expected, rtol=0.0, atol=1e-9 * np.abs(expected).max()
+            )
 
 
 def test_a_repeated_node_counts_once_in_the_average():
     """A cube at rest and a wedge that is stretched, on one edge of which both corners are one node."""
-    nodes = np.array([[x, y, z] for z in (0.0, 1.0) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1), (2, 0.5))])
+    nodes = np.array(
+        [[x, y, z] for z in (0.0, 1.0) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1), (2, 0.5))]
+    )
     cube, wedge = [0, 1, 2, 3, 5, 6, 7, 8], [1, 4, 2, 2, 6, 9, 7, 7]
     moved = np.column_stack([np.maximum(nodes[:, 0] - 1.0, 0.0), np.zeros((10, 2))])
-    rows, owner = element_rows([Solids("C3D8", np.array([cube, wedge]), YOUNG, POISSON)], nodes, np.arange(10))
+    rows, owner = element_rows(
+        [Solids("C3D8", np.array([cube, wedge]), YOUNG, POISSON)], nodes, np.arange(10)
+    )
     assert len(owner) == 8 + 6
     found = (node_average(owner, 10) @ (rows @ moved.ravel())).reshape(-1, 6)[:, 0]
     stretched = LAME + 2.0 * SHEAR
     share = {0.0: 0.0, 1.0: 0.5, 2.0: 1.0}
-    np.testing.assert_allclose(found, [stretched * share[x] for x in nodes[:, 0]], atol=1e-9 * stretched)
+    np.testing.assert_allclose(
+        found, [stretched * share[x] for x in nodes[:, 0]], atol=1e-9 * stretched
+    )

@@ -12,7 +12,9 @@ from tests.models import wedge_model
 FREQUENCY = 2.0 * np.pi * 200.0
 
 
-def lumped_local(model, n_blades, n_c=2, r=1, n_att=0, seed=1, coupling=0.05, zeta=2e-3, complex_disk=False):
+def lumped_local(
+    model, n_blades, n_c=2, r=1, n_att=0, seed=1, coupling=0.05, zeta=2e-3, complex_disk=False
+):
     """Cantilever modes, attachments and root shapes with random contact rows, on a chain of disk masses."""
     rng = np.random.default_rng(seed)
     n_points = sum(model.interfaces[name].n_points for name, _ in model.bodies["blade"].ports)
@@ -21,7 +23,9 @@ def lumped_local(model, n_blades, n_c=2, r=1, n_att=0, seed=1, coupling=0.05, ze
     K = np.zeros((n, n))
     K[:n_c, :n_c] = np.diag(omega2)
     if n_att:
-        K[n_c : n_c + n_att, n_c : n_c + n_att] = np.diag(FREQUENCY**2 * (30.0 + 10.0 * np.arange(n_att)))
+        K[n_c : n_c + n_att, n_c : n_c + n_att] = np.diag(
+            FREQUENCY**2 * (30.0 + 10.0 * np.arange(n_att))
+        )
     M = np.eye(n)
     M[:n_c, n_c + n_att :] = 0.5 * rng.normal(size=(n_c, r))
     M[n_c + n_att :, :n_c] = M[:n_c, n_c + n_att :].T
@@ -53,15 +57,21 @@ def lumped_local(model, n_blades, n_c=2, r=1, n_att=0, seed=1, coupling=0.05, ze
     )
 
 
-def lumped_study(n_blades=6, engine_order=1, harmonics=1, n_points=4, constraint_planes=True, **options):
+def lumped_study(
+    n_blades=6, engine_order=1, harmonics=1, n_points=4, constraint_planes=True, **options
+):
     """A study whose model carries a lumped local basis."""
     own = ("friction_coefficient", "bias", "contact_forces", "friction_law")
     settings = {k: options.pop(k) for k in list(options) if k in own}
-    model = wedge_model(0, n_blades=n_blades, engine_order=engine_order, n_points=n_points, n_damper_modes=0)
+    model = wedge_model(
+        0, n_blades=n_blades, engine_order=engine_order, n_points=n_points, n_damper_modes=0
+    )
     local = lumped_local(model, n_blades, **options)
     blade = model.bodies["blade"]
     bases = {d: local.nodal_diameter(d) for d in range(n_blades // 2 + 1)}
-    model = replace(model, bodies={**model.bodies, "blade": replace(blade, bases=bases, local=local)})
+    model = replace(
+        model, bodies={**model.bodies, "blade": replace(blade, bases=bases, local=local)}
+    )
     return bd.Study(
         model, bd.Excitation("tip", amplitude=1.0), engine_order, harmonics=harmonics, contact_stiffness=2e6,
         constraint_planes=constraint_planes, blade_modes=local.n, **settings,

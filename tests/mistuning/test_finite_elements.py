@@ -1,6 +1,5 @@
 """Mistuned wheels with friction whose local basis is made from finite elements."""
 
-
 import numpy as np
 import pytest
 
@@ -33,15 +32,21 @@ def wheel_of_five(engine_order=1):
 
 def slip_and_separation(wheel, system, X):
     """Share of the cycle in slip, and of friction points that open and close."""
-    shares = system.contact(system.structure.flat(X))[2].reshape(len(X), -1, 5)[:, wheel.structure.tuned.friction > 0.0]
-    return 0.5 * shares[..., [1, 3]].sum(axis=-1).mean(), ((shares[..., 4] > 0.02) & (shares[..., 4] < 0.98)).mean()
+    shares = system.contact(system.structure.flat(X))[2].reshape(len(X), -1, 5)[
+        :, wheel.structure.tuned.friction > 0.0
+    ]
+    return 0.5 * shares[..., [1, 3]].sum(axis=-1).mean(), (
+        (shares[..., 4] > 0.02) & (shares[..., 4] < 0.98)
+    ).mean()
 
 
 def solved(wheel, frequency):
     """A solution from the wave of the tuned wheel, and the equations."""
     system = wheel.system(PRELOAD)
     omega = 2.0 * np.pi * frequency
-    y, _ = find_start(wheel.structure.tuned, PRELOAD, omega, ContinuationOptions(tolerance=1e-10), CostMeter())
+    y, _ = find_start(
+        wheel.structure.tuned, PRELOAD, omega, ContinuationOptions(tolerance=1e-10), CostMeter()
+    )
     found = solution(system, omega, system.structure.flat(wave_of(wheel.structure, y[:-1])))
     assert found.status == 0
     X = system.structure.array(found.y[:-1])
@@ -58,16 +63,23 @@ def test_directions_of_a_wheel_of_finite_elements():
     other, _ = solved(forward.replace(mistuning=np.roll(pattern.deviation, 1, axis=0)), frequency)
     assert_same(other, turned(found), 1e-7)
     height = np.abs(system.structure.responses(system.structure.flat(found))[:, 1])
-    for mistuning, places in ((pattern.deviation[-np.arange(5)], -np.arange(5)), (pattern, np.arange(5))):
+    for mistuning, places in (
+        (pattern.deviation[-np.arange(5)], -np.arange(5)),
+        (pattern, np.arange(5)),
+    ):
         back, system = solved(backward.replace(mistuning=mistuning), frequency)
-        ratio = np.abs(system.structure.responses(system.structure.flat(back))[:, 1])[places] / height
+        ratio = (
+            np.abs(system.structure.responses(system.structure.flat(back))[:, 1])[places] / height
+        )
         assert np.abs(ratio - 1.0).max() > 1e-3
 
 
 @pytest.mark.slow
 def test_a_disk_of_six_blades_whose_dampers_differ():
     """What is built passes the checks of a model, and the state of its dampers is proportional to the load."""
-    model = fem.bladed_disk(points=4, engine_order=2, fe=fem.SectorFE(fem.Geometry(n_blades=6)), wheel=LocalSizes())
+    model = fem.bladed_disk(
+        points=4, engine_order=2, fe=fem.SectorFE(fem.Geometry(n_blades=6)), wheel=LocalSizes()
+    )
     study = bd.Study(model, bd.Excitation("tip"), 2, friction_coefficient=0.4, harmonics=1)
     dampers = DamperVariation.random(6, mass=0.05, friction_coefficient=0.1, missing=[3], seed=1)
     wheel = BladedDisk(study, dampers=dampers)

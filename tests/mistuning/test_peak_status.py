@@ -18,13 +18,17 @@ def test_a_part_of_the_band_without_solutions_leaves_a_lower_bound(monkeypatch, 
     band, options = (425.0, 480.0), DiskPeakOptions(least=12, most=12, climbs=1)
     whole = wheel.peak(2000.0, band, options=options)
     assert whole.converged and whole.reason == "1 peaks from 12 of 12 points", whole.reason
-    assert whole.sweep_frequency[0] == pytest.approx(band[0]) and whole.sweep_frequency[-1] == pytest.approx(band[1])
+    assert whole.sweep_frequency[0] == pytest.approx(band[0]) and whole.sweep_frequency[
+        -1
+    ] == pytest.approx(band[1])
 
     assert whole.interval == band
     own = Search.sweep
 
     def lost(search, omega):
-        return [None if hidden[0] < y[-1] / (2.0 * np.pi) < hidden[1] else y for y in own(search, omega)]
+        return [
+            None if hidden[0] < y[-1] / (2.0 * np.pi) < hidden[1] else y for y in own(search, omega)
+        ]
 
     monkeypatch.setattr(Search, "sweep", lost)
     part = wheel.peak(2000.0, band, options=options)
@@ -32,12 +36,17 @@ def test_a_part_of_the_band_without_solutions_leaves_a_lower_bound(monkeypatch, 
     assert part.amplitude == pytest.approx(whole.amplitude, rel=1e-5)
     low, high = (float(part.reason.split(" Hz")[0].split()[i]) for i in (-3, -1))
     step = whole.sweep_frequency[1] - whole.sweep_frequency[0]
-    assert hidden[0] < low < hidden[0] + step and min(hidden[1], band[1] + 1e-9) - step < high < hidden[1]
+    assert (
+        hidden[0] < low < hidden[0] + step
+        and min(hidden[1], band[1] + 1e-9) - step < high < hidden[1]
+    )
     assert "no solution found between" in part.reason
     doubt = "Not for design: a higher blade may exist; try DiskPeakOptions(least=240). Highest of"
     assert part._headline().startswith(doubt)
     assert ", at least " in part._headline()
-    with pytest.warns(BdamperWarning, match="amplification: a lower bound, since the peak is incomplete"):
+    with pytest.warns(
+        BdamperWarning, match="amplification: a lower bound, since the peak is incomplete"
+    ):
         assert part.amplification == pytest.approx(whole.amplification, rel=1e-5)
     assert (np.diff(part.sweep_frequency) > 0.0).all()
     ends = band_of(wheel, 2000.0)
@@ -49,7 +58,12 @@ def test_a_part_of_the_band_without_solutions_leaves_a_lower_bound(monkeypatch, 
 def test_peaks_beyond_the_band_do_not_count():
     wheel = BladedDisk(study(), mistuning=PATTERN)
     top = wheel.peak(2000.0, (170.0, 215.0), options=DiskPeakOptions(least=12, most=12, climbs=1))
-    assert top.status == "not found" and np.isnan(top.amplitude) and top.blade == -1 and np.isnan(top.error)
+    assert (
+        top.status == "not found"
+        and np.isnan(top.amplitude)
+        and top.blade == -1
+        and np.isnan(top.error)
+    )
 
 
 def test_candidates_are_of_different_blades_or_frequencies_and_gaps_part_neighbours():

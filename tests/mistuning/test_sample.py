@@ -28,11 +28,17 @@ def quick(monkeypatch):
     """Peaks and curves that take no time, of an amplitude that follows from the deviations and the preload."""
 
     def height(wheel, preload):
-        return 1e-3 * (1.0 + np.abs(wheel.mistuning.deviation).max()) * (1.0 + (preload / 300.0 - 1.0) ** 2)
+        return (
+            1e-3
+            * (1.0 + np.abs(wheel.mistuning.deviation).max())
+            * (1.0 + (preload / 300.0 - 1.0) ** 2)
+        )
 
     def peak(wheel, preload, frequency, *, options):
         audit = frequency is not None
-        assert (options.climbs, options.least, options.spacing) == ((36, 120, 0.25) if audit else (12, 60, 0.5))
+        assert (options.climbs, options.least, options.spacing) == (
+            (36, 120, 0.25) if audit else (12, 60, 0.5)
+        )
         assert tuple(frequency or ()) == ((180.0, 220.0) if audit else ())
         missed = 0.95 if wheel.mistuning.seed == (0, MISSED) and not audit else 1.0
         return SimpleNamespace(
@@ -44,22 +50,41 @@ def quick(monkeypatch):
         )  # fmt: skip
 
     monkeypatch.setattr(BladedDisk, "peak", peak)
-    monkeypatch.setattr(BladedDisk, "tuned_peak", lambda _, preload: SimpleNamespace(amplitude=1e-3, frequency=200.0))
+    monkeypatch.setattr(
+        BladedDisk,
+        "tuned_peak",
+        lambda _, preload: SimpleNamespace(amplitude=1e-3, frequency=200.0),
+    )
 
 
 def sample(study, disks=8, **options):
-    return mistuned_sample(study, [0.01, 0.03], [200.0, 300.0, 400.0], disks, **({"audit": 0.25} | options))
+    return mistuned_sample(
+        study, [0.01, 0.03], [200.0, 300.0, 400.0], disks, **({"audit": 0.25} | options)
+    )
 
 
 def same(a, b):
-    names = ("amplitude", "frequency", "blade", "curve_amplitude", "status", "curve_status", "audited")
+    names = (
+        "amplitude",
+        "frequency",
+        "blade",
+        "curve_amplitude",
+        "status",
+        "curve_status",
+        "audited",
+    )
     return all(
-        np.array_equal(*(np.asarray(getattr(x, n)) for x in (a, b)), equal_nan=n == "curve_amplitude") for n in names
+        np.array_equal(
+            *(np.asarray(getattr(x, n)) for x in (a, b)), equal_nan=n == "curve_amplitude"
+        )
+        for n in names
     )
 
 
 def test_the_tuned_wheel_is_no_higher_than_its_sector(study):
-    found = mistuned_sample(study, 0.0, 300.0, 1, audit=0.0, options=DiskPeakOptions(least=8, most=8, climbs=1))
+    found = mistuned_sample(
+        study, 0.0, 300.0, 1, audit=0.0, options=DiskPeakOptions(least=8, most=8, climbs=1)
+    )
     assert found.complete and abs(found.amplification.item() - 1.0) < 1e-7
     assert not len(found.audit().disk)
 
@@ -96,10 +121,14 @@ def test_the_audit_finds_what_the_search_has_missed(study, quick):
     assert np.isclose(found.share.value, 1 / 7)
     assert 0.0036 < found.share.low < 0.0037 and 0.57 < found.share.high < 0.58
     assert "14.3 % of the disks" in str(found).replace("\n", " ") and found.covered.sum() == 42
-    assert "0 of them by more than the error estimate" in found._headline() and "search: 48" in str(found)
+    assert "0 of them by more than the error estimate" in found._headline() and "search: 48" in str(
+        found
+    )
     assert found._headline().endswith(" %): 3.")
     rows = {name: column.values for name, column in found.columns().items()}
-    assert rows["missed"].sum() == 6 and rows["run"][rows["disk"] == 5][0].startswith("failed: not found")
+    assert rows["missed"].sum() == 6 and rows["run"][rows["disk"] == 5][0].startswith(
+        "failed: not found"
+    )
 
 
 def test_a_failed_search_decides_nothing(study, quick, monkeypatch):
@@ -130,7 +159,9 @@ def test_best_preload_and_percentiles(study, quick):
     assert np.all(low < value) and np.all(value < high) and low.shape == (2, 3)
     assert np.isclose(value[1, 1], np.median(found.amplification[:, 1, 1]), rtol=1e-3)
     assert found.tail(0.01, 300.0).n_tail == 20
-    with pytest.raises(bd.SettingError, match=r"preload: expected one of \[200.0, 300.0, 400.0\], found 250.0"):
+    with pytest.raises(
+        bd.SettingError, match=r"preload: expected one of \[200.0, 300.0, 400.0\], found 250.0"
+    ):
         found.tail(preload=250.0)
 
 
@@ -157,7 +188,10 @@ def test_an_interruption_keeps_what_is_finished(study, quick, monkeypatch):
         ({"distribution": "gamma"}, "distribution: expected one of"),
         ({"dampers": {"weight": 0.1}}, "properties of dampers: expected one of"),
         ({"dampers": {"mass": -0.1}}, "standard deviation of mass: expected a finite number >= 0"),
-        ({"distribution": Mistuning(np.eye(5) / 9.0)}, "the model has 1 cantilever modes, found deviations of 5 modes"),
+        (
+            {"distribution": Mistuning(np.eye(5) / 9.0)},
+            "the model has 1 cantilever modes, found deviations of 5 modes",
+        ),
         ({"audit": 2.0}, "audit: expected a finite number >= 0 and <= 1, found 2.0"),
         ({"executor": "processes"}, "executor: expected an executor"),
     ],
@@ -186,7 +220,9 @@ def test_percentiles_of_the_stored_wheels_carry_the_errors_of_their_peaks():
     np.testing.assert_allclose(value, [1.722, 1.912, 2.148], atol=1e-3)
     assert "(2.06 to 2.39)" in found._headline()
     ends = found.percentile(50.0, "frequency")[::2]
-    assert np.isin(ends, found.frequency).all(), "frequencies do not have the error of the amplitude"
+    assert np.isin(ends, found.frequency).all(), (
+        "frequencies do not have the error of the amplitude"
+    )
     axes = found.plot_tail(preload=1000.0).axes[0]
     span = axes.patches[-1].get_extents().transformed(axes.transData.inverted())
     np.testing.assert_allclose([span.x0, span.x1], [low[1], high[1]])

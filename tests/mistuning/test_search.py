@@ -22,7 +22,13 @@ SIX = np.array([0.001, -0.001, 0.0, 0.0, 0.002, 0.0])
 def test_a_held_peak_solves_the_equations_with_its_springs():
     wheel = BladedDisk(study(), PATTERN)
     top = wheel.peak(300.0, options=FEW)
-    assert top.status == "held" and top.found and not top.converged and top.springs > 0.0 and top.error >= 0.06
+    assert (
+        top.status == "held"
+        and top.found
+        and not top.converged
+        and top.springs > 0.0
+        and top.error >= 0.06
+    )
     system = wheel.system(300.0)
     y = np.append(system.structure.flat(top.unknowns), 2.0 * np.pi * top.frequency)
     assert size(system, system.structure.held(top.springs).residual(y)) <= TOLERANCE
@@ -39,18 +45,25 @@ def test_the_peak_is_that_of_its_highest_blade(seed, preload):
     width, omega = 2.0 * np.pi * band(wheel, preload)[2], 2.0 * np.pi * top.frequency
     y = np.append(system.structure.flat(top.unknowns), omega)
     again = uphill(of_blade(system, top.blade), y, None, system.structure.units_about(y, width))
-    assert np.abs(system.structure.responses(again.y[:-1])).max() == pytest.approx(top.amplitude, rel=1e-4)
+    assert np.abs(system.structure.responses(again.y[:-1])).max() == pytest.approx(
+        top.amplitude, rel=1e-4
+    )
     for aside in (-2e-3 * width, 2e-3 * width):  # on either side that blade is lower
         found = solution(system, omega + aside, y[:-1])
         assert found.status == 0
-        assert np.abs(system.structure.responses(found.y[:-1])[top.blade, 1]) < (1.0 + 1e-6) * top.amplitude
+        assert (
+            np.abs(system.structure.responses(found.y[:-1])[top.blade, 1])
+            < (1.0 + 1e-6) * top.amplitude
+        )
 
 
 def test_the_peak_of_a_wheel_with_many_folds_is_its_first_maximum():
     """It is the one that a blade keeps in time; no search may put one further along the curve in its place."""
     top = BladedDisk(study(), SIX).peak(300.0)
     assert top.status == "complete"
-    assert top.amplitude == pytest.approx(2.248e-3, rel=1e-3) and top.frequency == pytest.approx(235.35, abs=0.01)
+    assert top.amplitude == pytest.approx(2.248e-3, rel=1e-3) and top.frequency == pytest.approx(
+        235.35, abs=0.01
+    )
 
 
 def test_a_tuned_wheel_is_not_amplified_however_coarse_the_sweep():
@@ -60,7 +73,9 @@ def test_a_tuned_wheel_is_not_amplified_however_coarse_the_sweep():
 
 def test_a_sweep_without_peaks_is_tried_with_weaker_springs():
     """With springs of a tenth this tuned wheel has none, and none of its blades may be higher than its sector."""
-    lumped = lumped_study(N, 1, harmonics=1, n_c=2, r=2, seed=2).replace(excitation=bd.Excitation("tip", amplitude=100.0))
+    lumped = lumped_study(N, 1, harmonics=1, n_c=2, r=2, seed=2).replace(
+        excitation=bd.Excitation("tip", amplitude=100.0)
+    )
     top = BladedDisk(lumped).peak(300.0)
     assert top.status == "complete" and top.amplification == pytest.approx(1.0, abs=1e-6)
     assert top.climbs[:, 3].max() < 0.1
@@ -71,7 +86,9 @@ def test_a_band_without_peaks_is_widened_upward():
     wheel = BladedDisk(study(engine_order=2))
     assert band(wheel, 300.0)[1] == pytest.approx(282.2, abs=0.1)
     top = wheel.peak(300.0, options=FEW)
-    assert top.amplification == pytest.approx(1.0, abs=1e-6) and top.interval[1] == pytest.approx(1.5 * top.frequency)
+    assert top.amplification == pytest.approx(1.0, abs=1e-6) and top.interval[1] == pytest.approx(
+        1.5 * top.frequency
+    )
     assert wheel.peak(300.0, (168.9, 282.2), options=FEW).status == "not found"
 
 
@@ -89,20 +106,27 @@ def test_a_wheel_lower_than_the_tuned_one_is_a_lower_bound():
 
 def test_shapes_that_do_not_serve_are_left_out(monkeypatch):
     """Random attachments, whose flexibility twelve shapes do not have: the reduced wheel's peak is a quarter as high."""
-    lumped = lumped_study(N, 1, harmonics=1, n_c=4, r=2, n_att=14).replace(excitation=bd.Excitation("tip", amplitude=100.0))
+    lumped = lumped_study(N, 1, harmonics=1, n_c=4, r=2, n_att=14).replace(
+        excitation=bd.Excitation("tip", amplitude=100.0)
+    )
     wheel = BladedDisk(lumped, Mistuning.random(N, 0.03, seed=(0, 1)))
     few = DiskPeakOptions(climbs=4)
     asked = wheel.peak(1000.0, options=few)
     monkeypatch.setattr("bdamper.mistuning.peak.SHAPES", 100)  # no blade is reduced
     whole = wheel.peak(1000.0, options=few)
-    assert whole.status == asked.status == "complete" and asked.amplitude == pytest.approx(whole.amplitude, rel=1e-9)
+    assert whole.status == asked.status == "complete" and asked.amplitude == pytest.approx(
+        whole.amplitude, rel=1e-9
+    )
     assert "reduced" not in asked.reason
 
 
 @pytest.mark.parametrize(("climbs", "error"), [(2, MISSED), (100, 0.0)])
 def test_a_peak_may_be_missed_where_not_all_maxima_are_climbed(climbs, error):
     options = replace(FEW, climbs=climbs)
-    assert BladedDisk(study(), Mistuning.random(N, 0.03, seed=0)).peak(500.0, options=options).error == error
+    assert (
+        BladedDisk(study(), Mistuning.random(N, 0.03, seed=0)).peak(500.0, options=options).error
+        == error
+    )
 
 
 def test_a_peak_of_the_reduced_wheel_alone_is_held():
@@ -118,7 +142,10 @@ def climbed(blade, springs, heights, **more):
 @pytest.mark.parametrize(
     ("heights", "order"),
     [
-        ({0: (8.6, 8.8), 1: (10.0, 6.0), 2: (9.4, 9.5)}, [1, 2, 0]),  # the highest falls, and with it what may be above it
+        (
+            {0: (8.6, 8.8), 1: (10.0, 6.0), 2: (9.4, 9.5)},
+            [1, 2, 0],
+        ),  # the highest falls, and with it what may be above it
         ({0: (9.5, 10.5), 1: (10.0, 10.0), 2: (8.9, 20.0)}, [1, 0]),
     ],
 )
@@ -133,14 +160,18 @@ def test_what_may_be_the_highest_is_freed_next(monkeypatch, heights, order):
     held = [climbed(blade, (0.1,), height[:1]) for blade, height in heights.items()]
     freed = Search(None, 0.0, (0.0, 0.0)).freed(held)
     assert asked == order
-    assert [peak.height for peak in freed] == [height[blade in order] for blade, height in heights.items()]
+    assert [peak.height for peak in freed] == [
+        height[blade in order] for blade, height in heights.items()
+    ]
 
 
 def test_from_weak_springs_on_only_near_rivals_are_freed_further():
     far, near = (climbed(k, (0.1, 0.01), (9.9, height)) for k, height in enumerate((9.6, 9.75)))
     assert far.below == near.below == 0.03 and climbed(0, (0.1,), (1.0,)).below == 0.1
     asked = []
-    search = SimpleNamespace(weakened=lambda p: asked.append(p.blade) or replace(p, last=True), different=list)
+    search = SimpleNamespace(
+        weakened=lambda p: asked.append(p.blade) or replace(p, last=True), different=list
+    )
     Search.freed(search, [far, near, climbed(2, (0.1, 0.0), (10.0, 10.0))])
     assert asked == [1]
 
@@ -150,10 +181,14 @@ def test_peaks_that_become_one_are_followed_once(monkeypatch):
 
     def weakened(_, peak):
         asked.append(peak.heights)
-        return Climbed(at, 7, (*peak.springs, 0.0 if len(peak.springs) > 1 else 0.01), (*peak.heights, 10.0))
+        return Climbed(
+            at, 7, (*peak.springs, 0.0 if len(peak.springs) > 1 else 0.01), (*peak.heights, 10.0)
+        )
 
     monkeypatch.setattr(Search, "weakened", weakened)
-    freed = Search(None, 1.0, (0.0, 0.0)).freed([climbed(1, (0.1,), (9.9,)), climbed(2, (0.1,), (9.8,))])
+    freed = Search(None, 1.0, (0.0, 0.0)).freed(
+        [climbed(1, (0.1,), (9.9,)), climbed(2, (0.1,), (9.8,))]
+    )
     assert asked == [(9.9,), (9.8,), (9.9, 10.0)] and len(freed) == 1
 
 

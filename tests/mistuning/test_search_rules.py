@@ -42,12 +42,16 @@ def test_less_is_promised_the_stronger_the_springs_are():
     assert errors == sorted(errors, reverse=True) and len(set(errors)) == 4 and errors[-1] == 0.0
     assert below == sorted(below, reverse=True) and below[0] > below[1] > 0.0
     assert [way.highest for way in ways] == [2.0 * (1.0 + error) for error in errors]
-    assert [way.final for way in ways] == [False, False, False, True] and replace(ways[0], last=True).final
+    assert [way.final for way in ways] == [False, False, False, True] and replace(
+        ways[0], last=True
+    ).final
 
 
 def test_what_springs_have_changed_already_may_come_again():
     """From 2 to 1 by weaker springs, so that a last step may double it, or halve it, too."""
-    fallen, risen = (peak(springs=(0.1, 0.01), heights=heights) for heights in ((2.0, 1.0), (1.0, 2.0)))
+    fallen, risen = (
+        peak(springs=(0.1, 0.01), heights=heights) for heights in ((2.0, 1.0), (1.0, 2.0))
+    )
     assert (fallen.error, fallen.highest, risen.error, risen.highest) == (1.0, 2.0, 0.5, 3.0)
 
 
@@ -71,21 +75,33 @@ def test_springs_that_lose_a_peak_are_weakened_by_less(monkeypatch, reached, ask
     found = Search(None, WIDTH, (0.0, 200.0)).weakened(before)
     assert len(tried) == asked and found.last == (not reached)
     if reached:
-        assert found.springs == (0.1, tried[-1]) and found.heights == (1.5, 1.4) and found.at.y[-1] == 121.0
+        assert (
+            found.springs == (0.1, tried[-1])
+            and found.heights == (1.5, 1.4)
+            and found.at.y[-1] == 121.0
+        )
     else:
-        assert (found.at, found.springs, found.heights) == (before.at, before.springs, before.heights)
+        assert (found.at, found.springs, found.heights) == (
+            before.at,
+            before.springs,
+            before.heights,
+        )
 
 
 def heights(*rows):
     """A search on blades whose responses are these at each frequency, and what it has swept, None in gaps."""
-    structure = SimpleNamespace(shape=(len(rows[0]),), responses=lambda u: np.array([[0.0, h] for h in u]))
+    structure = SimpleNamespace(
+        shape=(len(rows[0]),), responses=lambda u: np.array([[0.0, h] for h in u])
+    )
     swept = [None if row is None else np.array([*row, k]) for k, row in enumerate(rows)]
     return Search(SimpleNamespace(structure=structure), WIDTH, (0.0, 200.0)), swept
 
 
 def test_climbs_begin_at_the_highest_maxima_of_single_blades():
     """Beside a gap a blade may have its maximum within it; two blades may have theirs at one frequency."""
-    search, swept = heights((1.0, 0.2), (3.0, 0.1), (2.0, 0.5), None, (2.5, 0.9), (0.5, 4.0), (0.6, 0.3))
+    search, swept = heights(
+        (1.0, 0.2), (3.0, 0.1), (2.0, 0.5), None, (2.5, 0.9), (0.5, 4.0), (0.6, 0.3)
+    )
     found = [(int(y[-1]), blade) for y, blade in search.candidates(swept, 100)]
     assert found == [(5, 1), (1, 0), (4, 0), (6, 0), (2, 1), (0, 1)]
     assert [(int(y[-1]), blade) for y, blade in search.candidates(swept, 3)] == found[:3]
@@ -93,7 +109,10 @@ def test_climbs_begin_at_the_highest_maxima_of_single_blades():
 
 def test_a_flat_maximum_is_one():
     search, swept = heights((1.0, 1.0), (2.0, 2.0), (2.0, 1.5), (1.0, 1.0))
-    assert [(int(y[-1]), blade) for y, blade in search.candidates(swept, 100)] in ([(1, 0), (1, 1)], [(1, 1), (1, 0)])
+    assert [(int(y[-1]), blade) for y, blade in search.candidates(swept, 100)] in (
+        [(1, 0), (1, 1)],
+        [(1, 1), (1, 0)],
+    )
 
 
 @pytest.mark.parametrize("lost", [(), (1,), (0, 2)])
@@ -103,7 +122,9 @@ def test_a_sweep_goes_on_from_the_last_solution_or_from_rest(monkeypatch, lost):
 
     def solve(y, *arguments, **options):
         starts.append(tuple(y))
-        return SimpleNamespace(status="lost" if y[-1] in lost else OK, y=np.array([y[-1] + 10.0, y[-1]]))
+        return SimpleNamespace(
+            status="lost" if y[-1] in lost else OK, y=np.array([y[-1] + 10.0, y[-1]])
+        )
 
     structure = SimpleNamespace(at_rest=rest, units_about=lambda y, width: np.ones(2))
     search = Search(SimpleNamespace(structure=structure, solve=solve), WIDTH, (0.0, 200.0))

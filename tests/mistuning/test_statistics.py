@@ -45,12 +45,21 @@ def test_intervals_hold_wherever_values_lie_within_their_errors(side):
     for row in rng.exponential(size=(500, 200)):
         error = rng.uniform(0.3, 0.5, 200)
         found = row / (1.0 + side * error)
-        covered.append([low <= true <= high for low, _, high in (percentile(found, 90.0, e) for e in (error, 0.0))])
+        covered.append(
+            [
+                low <= true <= high
+                for low, _, high in (percentile(found, 90.0, e) for e in (error, 0.0))
+            ]
+        )
     with_errors, without = np.mean(covered, axis=0)
     assert 0.945 < with_errors < 0.99 and without < 0.6
     assert percentile(found, 90.0, error).value == percentile(found, 90.0).value
-    unknown = np.where(np.arange(200) < 15, np.nan, error)  # errors that are not known leave the interval open
-    assert percentile(found, 95.0, unknown).high == np.inf and np.isfinite(percentile(found, 95.0, error).high)
+    unknown = np.where(
+        np.arange(200) < 15, np.nan, error
+    )  # errors that are not known leave the interval open
+    assert percentile(found, 95.0, unknown).high == np.inf and np.isfinite(
+        percentile(found, 95.0, error).high
+    )
 
 
 def test_what_a_sample_does_not_bound_is_open():
@@ -71,7 +80,10 @@ def test_a_tail_at_the_quantiles_of_a_weibull_distribution_is_that_distribution(
     values = weibull_max.ppf((np.arange(3000) + 0.5) / 3000, 3.0, 2.5, 0.8)
     for tail in (1.0, 0.5):
         found = weibull_tail(values, tail)
-        assert np.allclose([found.shape, found.bound, found.scale], [3.0, 2.5, 0.8], rtol=0.02) and found.distance < 1e-3
+        assert (
+            np.allclose([found.shape, found.bound, found.scale], [3.0, 2.5, 0.8], rtol=0.02)
+            and found.distance < 1e-3
+        )
     sharp = weibull_max.ppf((np.arange(3000) + 0.5) / 3000, 1.0, 2.5, 0.8)
     found = weibull_tail(sharp, 1.0)
     assert 1.0 < found.shape < 1.01 and np.isclose(found.bound, sharp.max(), rtol=1e-3)
@@ -91,24 +103,44 @@ def test_the_tail_of_a_weibull_distribution_is_found():
 
     # and shape and bound leave the likelihood flat
     def likelihood(k, b, s):
-        return weibull_max.logpdf(tail, k, b, s).sum() + 2000 * weibull_max.logcdf(found.threshold, k, b, s)
+        return weibull_max.logpdf(tail, k, b, s).sum() + 2000 * weibull_max.logcdf(
+            found.threshold, k, b, s
+        )
 
     top = likelihood(k, b, found.scale)
     for change in np.eye(3) * 1e-3:
-        pair = [likelihood(*(np.array([k, b, found.scale]) * (1.0 + sign * change))) for sign in (-1.0, 1.0)]
+        pair = [
+            likelihood(*(np.array([k, b, found.scale]) * (1.0 + sign * change)))
+            for sign in (-1.0, 1.0)
+        ]
         assert max(pair) < top and abs(pair[1] - pair[0]) < 0.02 * abs(sum(pair) - 2.0 * top)
     # what lies below the tail does not bend it
     bent = np.where(values < np.median(values), values - 5.0, values)
     assert np.isclose(weibull_tail(bent).bound, found.bound)
-    with pytest.raises(bd.SettingError, match="percentile 40 lies below the fitted tail; give one of at least 50"):
+    with pytest.raises(
+        bd.SettingError, match="percentile 40 lies below the fitted tail; give one of at least 50"
+    ):
         found.percentile(40.0)
-    with pytest.raises(bd.SettingError, match="at least 10 different values in the tail, found 5 of 10"):
+    with pytest.raises(
+        bd.SettingError, match="at least 10 different values in the tail, found 5 of 10"
+    ):
         weibull_tail(np.arange(10.0))
 
 
 def test_every_number_of_a_best_preload_has_its_unit():
     assert Interval(np.nan, np.nan, np.nan).to_text("m") == "not known"
-    best = BestPreload(90.0, 0.03, 1230.0, Interval(7.1e-4, 7.5e-4, np.inf), 987.6, 1543.0, "interior", 950.0, 6.9e-4, 40)
+    best = BestPreload(
+        90.0,
+        0.03,
+        1230.0,
+        Interval(7.1e-4, 7.5e-4, np.inf),
+        987.6,
+        1543.0,
+        "interior",
+        950.0,
+        6.9e-4,
+        40,
+    )
     assert str(best).endswith(
         "1.23 kN (987.6 N to 1.543 kN) (interior of the preload range), 750 µm (710 µm to not bounded by the sample); "
         "tuned 950 N, 690 µm"

@@ -44,7 +44,9 @@ def turned(X, blades=1, engine_order=1):
     """The answer that belongs to a pattern turned by some blades: sectors moved on, the wave with them."""
     out = np.roll(X, blades, axis=0)
     for l in range(1, X.shape[1] // 2 + 1):
-        z = (out[:, 2 * l - 1] - 1j * out[:, 2 * l]) * np.exp(2j * np.pi * engine_order * l * blades / len(X))
+        z = (out[:, 2 * l - 1] - 1j * out[:, 2 * l]) * np.exp(
+            2j * np.pi * engine_order * l * blades / len(X)
+        )
         out[:, 2 * l - 1], out[:, 2 * l] = z.real, -z.imag
     return out
 
@@ -52,14 +54,21 @@ def turned(X, blades=1, engine_order=1):
 def assert_same(found, expected, tolerance):
     """Equal means and equal vibrations, each beside its own largest entry."""
     for part in (slice(0, 1), slice(1, None)):
-        assert np.abs(found[:, part] - expected[:, part]).max() < tolerance * np.abs(expected[:, part]).max()
+        assert (
+            np.abs(found[:, part] - expected[:, part]).max()
+            < tolerance * np.abs(expected[:, part]).max()
+        )
 
 
 def test_a_pattern_turned_by_one_blade_turns_the_answer():
     dampers = DamperVariation.of(N, mass=1.0 + 0.1 * np.arange(N), missing=[3])
     base = BladedDisk(study(harmonics=2), mistuning=PATTERN, dampers=dampers)
     X, _ = solved(base)
-    other, _ = solved(base.replace(mistuning=np.roll(PATTERN.deviation, 1), dampers=taken(dampers, np.arange(N) - 1)))
+    other, _ = solved(
+        base.replace(
+            mistuning=np.roll(PATTERN.deviation, 1), dampers=taken(dampers, np.arange(N) - 1)
+        )
+    )
     assert_same(other, turned(X), 1e-12)
 
 
@@ -83,14 +92,21 @@ def test_the_tuned_wheel_tracks_the_curve_of_the_study():
     near = np.abs(curve.frequency[:, None] - whole.frequency).argmin(axis=1)
     for i in range(0, len(curve), 5):
         found = system.correct_at(
-            whole.unknowns[near[i]], 2.0 * np.pi * curve.frequency[i], np.full(system.n_unknowns + 1, 1e-6), 1e-11, 30, True
+            whole.unknowns[near[i]],
+            2.0 * np.pi * curve.frequency[i],
+            np.full(system.n_unknowns + 1, 1e-6),
+            1e-11,
+            30,
+            True,
         )
         assert found.status == 0
         assert abs(abs(system.response(found.y[:-1])[1]) / curve.amplitude[i] - 1.0) < 1e-7
 
 
 def test_bad_input_is_refused_at_once():
-    with pytest.raises(bd.SettingError, match="mistuning: expected 6 blades, as in the model, found 5"):
+    with pytest.raises(
+        bd.SettingError, match="mistuning: expected 6 blades, as in the model, found 5"
+    ):
         BladedDisk(study(), mistuning=np.zeros(5))
     with pytest.raises(bd.SettingError, match="separation"):
         BladedDisk(study().replace(separation=False))
@@ -125,7 +141,9 @@ def test_the_whole_annulus_as_one_system_has_the_same_solution():
             G[k, p, :, N * n + k * nd : N * n + (k + 1) * nd] = s.rows[p, :, n:]
     stiffness = np.concatenate([omega2, np.tile(s.damper_stiffness, N)])
     zero = np.zeros(N * ns)
-    basis = HarmonicBasis((), stiffness, zero, G.reshape(-1, 3, N * ns).astype(complex), 0, np.ones(N * ns))
+    basis = HarmonicBasis(
+        (), stiffness, zero, G.reshape(-1, 3, N * ns).astype(complex), 0, np.ones(N * ns)
+    )
 
     def modal(force):
         return np.concatenate([V.T @ force[:, :n].ravel(), force[:, n:].ravel()])
@@ -135,7 +153,9 @@ def test_the_whole_annulus_as_one_system_has_the_same_solution():
 
     forces = system.structure.array(system.structure.force)
     force = np.concatenate([modal(forces[:, c]) for c in range(7)])
-    whole = Sector([basis] * 4, system.structure.points, force, [np.zeros(N * ns)] * 4, "event_driven").equations
+    whole = Sector(
+        [basis] * 4, system.structure.points, force, [np.zeros(N * ns)] * 4, "event_driven"
+    ).equations
     u = np.concatenate([coordinates(X[:, c]) for c in range(7)])
     residual = whole.evaluate(u, omega)[0]
     assert np.abs(residual).max() < 1e-9 * np.abs(force).max()
@@ -147,7 +167,9 @@ def test_the_whole_annulus_as_one_system_has_the_same_solution():
 
 def test_a_curve_passes_where_dampers_come_free_along_the_axis():
     """At 397.9 Hz the mean axial force of the fully slipping dampers vanishes, and they move on; only vibration counts."""
-    base = lumped_study(8, 1, harmonics=1, n_c=2, r=2).replace(excitation=bd.Excitation("tip", amplitude=40.0))
+    base = lumped_study(8, 1, harmonics=1, n_c=2, r=2).replace(
+        excitation=bd.Excitation("tip", amplitude=40.0)
+    )
     wheel = BladedDisk(base)
     curve = wheel.frequency_response(PRELOAD, (390.0, 405.0))
     assert curve.complete, curve.reason

@@ -28,16 +28,21 @@ def wheel(n_blades=6, harmonics=2, amplitude=100.0, **options):
 
 
 @pytest.mark.parametrize(
-    ("n_blades", "harmonics", "options"), [(3, 1, {}), (4, 2, {"n_att": 2}), (7, (1, 3), {"bias": False})]
+    ("n_blades", "harmonics", "options"),
+    [(3, 1, {}), (4, 2, {"n_att": 2}), (7, (1, 3), {"bias": False})],
 )
 @pytest.mark.parametrize("n_kept", [1, 8])
-def test_bordered_equations_of_a_wheel_are_those_of_dense_algebra(n_blades, harmonics, options, n_kept):
+def test_bordered_equations_of_a_wheel_are_those_of_dense_algebra(
+    n_blades, harmonics, options, n_kept
+):
     """With more or less of the disk's coupling left to iterations; orders and missing dampers of all kinds."""
     rng = np.random.default_rng(3)
     w = wheel(n_blades, harmonics, **options).replace(mistuning=0.03 * rng.normal(size=n_blades))
     far = 0.01 * np.cos(4.0 * np.pi * np.arange(n_blades) / n_blades)[:, None, None] * np.eye(2)
     w = BladedDisk(
-        w.study, w.mistuning, _structure=replace(w.structure, disk_mass=w.structure.disk_mass + far, n_kept=n_kept)
+        w.study,
+        w.mistuning,
+        _structure=replace(w.structure, disk_mass=w.structure.disk_mass + far, n_kept=n_kept),
     )
     for dampers in (None, DamperVariation.random(n_blades, mass=0.1, missing=[1], seed=1)):
         system = w.replace(dampers=dampers).system(PRELOAD).structure.held(1e-3)
@@ -62,7 +67,9 @@ def test_springs_pull_the_mean_of_dampers_to_their_place_at_rest():
     pulled = system.structure.array(system.structure.held(0.1).residual(y) - system.residual(y))
     off = system.structure.array(y[:-1] - system.structure.at_rest)[:, 0, n:]
     springs = 0.1 * system.structure.stuck
-    np.testing.assert_allclose(pulled[:, 0, n:], springs * off, rtol=1e-6, atol=1e-9 * np.abs(pulled).max())
+    np.testing.assert_allclose(
+        pulled[:, 0, n:], springs * off, rtol=1e-6, atol=1e-9 * np.abs(pulled).max()
+    )
     assert np.abs(pulled[:, 1:]).max() < 1e-9 * np.abs(pulled).max() > 0.0
     assert not pulled[..., :n].any()
 
@@ -74,7 +81,9 @@ def test_a_part_of_a_step_is_taken_where_the_whole_leads_further_away():
     for f in np.linspace(200.0, 500.0, 16):
         y = np.append(system.structure.at_rest, 2.0 * np.pi * f)
         for line_search in found:
-            c = system.correct_at(y[:-1], y[-1], system.structure.units_about(y, 1.0), 1e-9, 60, line_search)
+            c = system.correct_at(
+                y[:-1], y[-1], system.structure.units_about(y, 1.0), 1e-9, 60, line_search
+            )
             found[line_search] += c.status == 0
     # 15 or 16, by the rounding of the processor
     assert max(found[0], found[1]) < 14 < found[2], found
@@ -86,9 +95,15 @@ def test_steps_that_lead_to_and_fro_end_early_where_a_rough_point_is_enough():
     for f, found in ((240.0, True), (400.0, True), (300.0, False), (320.0, False), (340.0, False)):
         y = np.append(system.structure.at_rest, 2.0 * np.pi * f)
         scale = system.structure.units_about(y, 1.0)
-        whole, early = (system.solve(y, Fixed(), scale, 1e-9, 25, 2, rough=rough) for rough in (0.0, 1e-2))
+        whole, early = (
+            system.solve(y, Fixed(), scale, 1e-9, 25, 2, rough=rough) for rough in (0.0, 1e-2)
+        )
         assert (whole.status == 0) == (early.status == 0) == found
-        assert early.iterations == whole.iterations if found else early.iterations < 13 < whole.iterations == 25
+        assert (
+            early.iterations == whole.iterations
+            if found
+            else early.iterations < 13 < whole.iterations == 25
+        )
 
 
 def test_newton_ends_where_it_may():
@@ -121,7 +136,9 @@ def test_a_tuned_wheel_has_the_waves_of_the_study(harmonics):
     assert 0.1 < system.contact(wave)[2][:, 1].mean() < 0.9
     assert np.abs(found.y[:-1] - wave).max() < 1e-7 * np.abs(wave).max()
     rows = tuned.system(PRELOAD).response(y[:-1])
-    np.testing.assert_allclose(system.structure.responses(wave)[0], rows, rtol=1e-9, atol=1e-12 * np.abs(rows).max())
+    np.testing.assert_allclose(
+        system.structure.responses(wave)[0], rows, rtol=1e-9, atol=1e-12 * np.abs(rows).max()
+    )
     for blade in (0, 4):
         own = system.structure.responses(found.y[:-1])[blade, 1]
         assert of_blade(system, blade).rows.value(found.y) == pytest.approx(own)
@@ -132,7 +149,10 @@ def test_the_static_state_of_dampers_that_are_alike_is_that_of_the_study():
     ones = np.ones(5)
     alike = DamperVariation(ones, ones, ones, 0.0 * ones, np.zeros(5, bool))
     system, other = w.system(PRELOAD), w.replace(dampers=alike).system(PRELOAD)
-    assert np.abs(other.structure.at_rest - system.structure.at_rest).max() < 1e-8 * np.abs(system.structure.at_rest).max()
+    assert (
+        np.abs(other.structure.at_rest - system.structure.at_rest).max()
+        < 1e-8 * np.abs(system.structure.at_rest).max()
+    )
     slip = np.abs(system.structure.points.slider - other.structure.points.slider)
     assert slip.max() < 1e-8 * np.abs(system.structure.points.slider).max()
 
@@ -141,7 +161,9 @@ def test_a_missing_damper_leaves_its_place_empty():
     rng = np.random.default_rng(5)
     gone = np.arange(6) == 2
     mass, mu, stiffness, gap = rng.random((4, 6))
-    dampers = DamperVariation(1.0 + 0.2 * mass, 1.0 + 0.1 * mu, 1.0 - 0.2 * stiffness, 1e-7 * gap, gone)
+    dampers = DamperVariation(
+        1.0 + 0.2 * mass, 1.0 + 0.1 * mu, 1.0 - 0.2 * stiffness, 1e-7 * gap, gone
+    )
     w = wheel(6, 1).replace(dampers=dampers, mistuning=0.01 * rng.normal(size=6))
     system = w.system(PRELOAD)
     found = solution(system, 2.0 * np.pi * 190.0)
@@ -168,11 +190,19 @@ def test_dampers_of_the_hard_disk_that_differ_are_in_equilibrium():
     dampers = DamperVariation.random(65, mass=0.05, friction_coefficient=0.1, seed=1)
     w = BladedDisk(hard_disk(), dampers=dampers)
     state, n = w.state(2000.0), w.structure.n
-    balance = state.force.reshape(65, -1) @ w.structure.rows[..., n:].reshape(-1, state.load.shape[1] - n)
-    np.testing.assert_allclose(balance, state.load[:, n:], atol=1e-8 * np.abs(state.load[:, n:]).max())
+    balance = state.force.reshape(65, -1) @ w.structure.rows[..., n:].reshape(
+        -1, state.load.shape[1] - n
+    )
+    np.testing.assert_allclose(
+        balance, state.load[:, n:], atol=1e-8 * np.abs(state.load[:, n:]).max()
+    )
     pressed, rubbed = state.force[..., 2], np.abs(state.force[..., :2]).max(axis=-1)
-    assert pressed.min() >= 0.0 and (rubbed <= state.points.mu.reshape(65, -1) * pressed + 1e-9).all()
-    np.testing.assert_allclose(state.load[:, n:].max(axis=1) / state.load[:, n:].max(), dampers.mass / dampers.mass.max())
+    assert (
+        pressed.min() >= 0.0 and (rubbed <= state.points.mu.reshape(65, -1) * pressed + 1e-9).all()
+    )
+    np.testing.assert_allclose(
+        state.load[:, n:].max(axis=1) / state.load[:, n:].max(), dampers.mass / dampers.mass.max()
+    )
 
 
 def test_a_wheel_whose_blades_move_in_as_many_other_shapes_is_the_same():
@@ -184,7 +214,9 @@ def test_a_wheel_whose_blades_move_in_as_many_other_shapes_is_the_same():
         shapes = rng.normal(size=(n, m))
         row = w.response_row @ shapes
         excitation = np.hstack([w.excitation[:, :n] @ shapes, w.excitation[:, n:]])
-        system = disk_system(w.structure.reduced(shapes), reduced_state(w.structure, state, shapes), excitation, row)
+        system = disk_system(
+            w.structure.reduced(shapes), reduced_state(w.structure, state, shapes), excitation, row
+        )
         b = 1e-6 * rng.normal(size=system.structure.shape)
         b[:, 0, m:] += state.mean[:, n:]
         X = np.concatenate([b[..., :m] @ shapes.T, b[..., m:]], axis=2)
@@ -194,9 +226,13 @@ def test_a_wheel_whose_blades_move_in_as_many_other_shapes_is_the_same():
         expected = np.concatenate([r[..., :n] @ shapes, r[..., n:]], axis=2)
         found = system.structure.array(system.residual(np.append(system.structure.flat(b), omega)))
         for part in (slice(0, m), slice(m, None)):
-            np.testing.assert_allclose(found[..., part], expected[..., part], rtol=0, atol=1e-9 * np.abs(r).max())
+            np.testing.assert_allclose(
+                found[..., part], expected[..., part], rtol=0, atol=1e-9 * np.abs(r).max()
+            )
         moved = whole.structure.responses(whole.structure.flat(X))[:, 1]
-        np.testing.assert_allclose(system.structure.responses(system.structure.flat(b))[:, 1], moved, rtol=1e-9)
+        np.testing.assert_allclose(
+            system.structure.responses(system.structure.flat(b))[:, 1], moved, rtol=1e-9
+        )
 
 
 @pytest.mark.parametrize(("harmonics", "n_kept"), [(1, 1), (3, 8)])
@@ -223,7 +259,9 @@ def test_a_travelling_wave_is_a_mode_of_the_ring_with_springs():
         for k in (0, 1, 2):
             z = turned * phi[:, k]
             parts = z.real, z.imag
-            contact = sum(f * s.gathered(springs * s.motion(part)) for f, part in zip((1.0, 1j), parts))
+            contact = sum(
+                f * s.gathered(springs * s.motion(part)) for f, part in zip((1.0, 1j), parts)
+            )
             elastic = sum(f * s.elastic_forces(part[:, :n]) for f, part in zip((1.0, 1j), parts))
             force = contact + np.hstack([elastic, s.damper_stiffness * z[:, n:]])
             inertia = np.hstack([z[:, :n] @ s.mass.T, s.damper_mass.mean(axis=0) * z[:, n:]])
@@ -231,4 +269,6 @@ def test_a_travelling_wave_is_a_mode_of_the_ring_with_springs():
             inertia *= squares[k]
             np.testing.assert_allclose(force, inertia, rtol=0.0, atol=1e-9 * np.abs(inertia).max())
             here = s.motion(z.real)[0] + 1j * s.motion(z.imag)[0]
-            np.testing.assert_allclose(motion[:, k], here.ravel(), rtol=0.0, atol=1e-12 * np.abs(motion).max())
+            np.testing.assert_allclose(
+                motion[:, k], here.ravel(), rtol=0.0, atol=1e-12 * np.abs(motion).max()
+            )

@@ -21,12 +21,16 @@ DAMPERS = DamperVariation.of(N, mass=1.0 + 0.1 * np.arange(N), missing=[3])
 @pytest.mark.parametrize(("deviation", "tolerance"), [(0.0, 1e-9), (0.03, 3e-4)])
 def test_the_one_structure_has_the_solutions_of_the_wheel(deviation, tolerance):
     """To rounding where blades are equal; where they differ the damping that couples modes is left out."""
-    X, system = solved(BladedDisk(study(harmonics=2), Mistuning.random(N, deviation, seed=1), DAMPERS), OMEGA)
+    X, system = solved(
+        BladedDisk(study(harmonics=2), Mistuning.random(N, deviation, seed=1), DAMPERS), OMEGA
+    )
     u = system.structure.flat(X)
     for blade in (0, 4):
         one = OneStructure(system, blade)
         v, sector = one.start(u), one.ring.system
-        np.testing.assert_allclose(sector.response(v), system.structure.responses(u)[blade], rtol=1e-9)
+        np.testing.assert_allclose(
+            sector.response(v), system.structure.responses(u)[blade], rtol=1e-9
+        )
         here, away = (size(sector, sector.residual(np.append(at, OMEGA))) for at in (v, 1.01 * v))
         assert here < tolerance * away
 
@@ -62,7 +66,9 @@ def test_a_mean_that_changes_widens_the_range(monkeypatch):
     wheel = BladedDisk(study(), Mistuning.random(N, 0.03, seed=0))
     peak = wheel.peak(2000.0, options=DiskPeakOptions(least=12, most=12, climbs=2))
     changes = iter((0.002, -0.06))
-    monkeypatch.setattr(bladed_disk, "settle", lambda *asked: settle(*asked)._replace(change=next(changes)))
+    monkeypatch.setattr(
+        bladed_disk, "settle", lambda *asked: settle(*asked)._replace(change=next(changes))
+    )
     monkeypatch.setattr(bladed_disk, "step_error", lambda transient: "")  # 32 steps lose energy
     found = wheel.time_response(peak, steps_per_period=32)
     assert found.status.endswith("its mean is uncertain by 6 %")
@@ -89,9 +95,13 @@ def test_what_is_not_kept_has_no_amplitude(monkeypatch):
     wheel = BladedDisk(study(), Mistuning.random(N, 0.03, seed=0))
     peak = wheel.peak(2000.0, options=DiskPeakOptions(least=12, most=12, climbs=2))
     fallen = wheel.time_response(replace(peak, preload=1000.0), steps_per_period=32)
-    assert fallen.status.startswith("not found: the highest blade reaches ") and np.isnan(fallen.mean)
+    assert fallen.status.startswith("not found: the highest blade reaches ") and np.isnan(
+        fallen.mean
+    )
     system = wheel.system(1000.0)
-    balance = np.abs(system.structure.responses(solution(system, 2.0 * np.pi * peak.frequency).y[:-1])[:, 1])
+    balance = np.abs(
+        system.structure.responses(solution(system, 2.0 * np.pi * peak.frequency).y[:-1])[:, 1]
+    )
     assert balance[peak.blade] < 0.85 * peak.amplitude
     np.testing.assert_allclose(fallen.blades.mean(axis=0), balance, atol=0.15 * balance.max())
     assert "fall " not in fallen.summary() and "diameters" not in fallen.summary()
@@ -99,8 +109,14 @@ def test_what_is_not_kept_has_no_amplitude(monkeypatch):
     assert [b.get_height() for b in bars] == list(fallen.blades.mean(axis=0))
     fails_after(monkeypatch, 3)
     failed = wheel.time_response(peak, steps_per_period=32)
-    assert failed.status.startswith("not found: the time integration fails near ") and np.isnan(failed.highest)
-    assert np.isnan(failed.blades).all() and failed.blades.shape == (1, N) and failed.plot().axes[0].patches
+    assert failed.status.startswith("not found: the time integration fails near ") and np.isnan(
+        failed.highest
+    )
+    assert (
+        np.isnan(failed.blades).all()
+        and failed.blades.shape == (1, N)
+        and failed.plot().axes[0].patches
+    )
 
 
 def test_what_cannot_be_integrated_is_refused():
@@ -108,7 +124,14 @@ def test_what_cannot_be_integrated_is_refused():
     peak = wheel.peak(2000.0, options=DiskPeakOptions(least=12, most=12, climbs=2))
     with pytest.raises(bd.SettingError, match="peak of this bladed disk"):
         wheel.replace(mistuning=None).time_response(peak)
-    lost = replace(peak, status="not found", frequency=np.nan, amplitude=np.nan, blade=-1, unknowns=np.zeros((0, 0, 0)))
+    lost = replace(
+        peak,
+        status="not found",
+        frequency=np.nan,
+        amplitude=np.nan,
+        blade=-1,
+        unknowns=np.zeros((0, 0, 0)),
+    )
     with pytest.raises(bd.SettingError, match="a peak that was found, this one is 'not found'"):
         wheel.time_response(lost)
     many = BladedDisk(lumped_study(14, 1, n_c=2, r=2))

@@ -30,16 +30,26 @@ def study(n_blades, order, disk, zeta, m=0.95):
         damping_ratio=np.full(2, zeta),
         blade_stiffness=np.diag([OMEGA**2, 0.0]),
         blade_mass=np.array([[1.0, m], [m, 1.0]]),
-        disk_stiffness=(OMEGA**2 * (ROOT + np.asarray(disk, float))).reshape(-1, 1, 1).astype(complex),
+        disk_stiffness=(OMEGA**2 * (ROOT + np.asarray(disk, float)))
+        .reshape(-1, 1, 1)
+        .astype(complex),
         disk_mass=np.zeros((waves, 1, 1), complex),
         contact_modes=np.zeros((n_points, 3, 2)),
         locations={"tip": np.array([[1.0, 0.0]] * 3)},
     )
     blade = model.bodies["blade"]
     bases = {d: local.nodal_diameter(d) for d in range(waves)}
-    model = replace(model, bodies={**model.bodies, "blade": replace(blade, bases=bases, local=local)})
+    model = replace(
+        model, bodies={**model.bodies, "blade": replace(blade, bases=bases, local=local)}
+    )
     return bd.Study(
-        model, bd.Excitation("tip"), order, harmonics=1, contact_stiffness=1e5, constraint_planes=True, blade_modes=2
+        model,
+        bd.Excitation("tip"),
+        order,
+        harmonics=1,
+        contact_stiffness=1e5,
+        constraint_planes=True,
+        blade_modes=2,
     )
 
 
@@ -53,7 +63,11 @@ def amplification(structure, order, deviations):
     def ring(waves):
         return np.einsum("nd,dij,md->nimj", F, waves, F.conj()).reshape(2 * N, 2 * N)
 
-    disk, mass, damping = np.zeros((N, 2, 2), complex), np.zeros((N, 2, 2), complex), ring(structure.damping)
+    disk, mass, damping = (
+        np.zeros((N, 2, 2), complex),
+        np.zeros((N, 2, 2), complex),
+        ring(structure.damping),
+    )
     disk[:, 1:, 1:], mass[:] = structure.disk_stiffness, structure.mass
     mass[:, 1:, 1:] += structure.disk_mass
     disk, mass = ring(disk), ring(mass)
@@ -87,7 +101,9 @@ def test_random_wheels_keep_the_bound():
         size = 10.0 ** rng.uniform(-3.0, -1.3)
         ratio += amplification(structure, order, size * rng.normal(size=(20, 8)))[0].tolist()
     assert len(ratio) == 400 and max(ratio) < bound
-    assert max(ratio) > 0.85 * bound and min(ratio) > 0.9, "the wheels come near the bound, or it says nothing"
+    assert max(ratio) > 0.85 * bound and min(ratio) > 0.9, (
+        "the wheels come near the bound, or it says nothing"
+    )
 
 
 @pytest.mark.parametrize("n_blades", [8, pytest.param(24, marks=pytest.mark.slow)])
@@ -109,5 +125,7 @@ def test_the_worst_pattern_reaches_the_bound(n_blades):
     assert 0.99 * bound < found.max() < bound
     k = int(np.argmax(found))
     near = at[k] * (1.0 - 20.0 * zeta), at[k] * (1.0 + 25.0 * zeta)
-    peak = one.replace(mistuning=pattern(factors[k])).peak(300.0, near, options=DiskPeakOptions(least=20, climbs=1))
+    peak = one.replace(mistuning=pattern(factors[k])).peak(
+        300.0, near, options=DiskPeakOptions(least=20, climbs=1)
+    )
     assert peak.blade == 0 and 0.99 * bound < peak.amplification < bound

@@ -21,7 +21,9 @@ def lumped_wheel_model():
     model = wedge_model(0, n_blades=N, engine_order=3, n_points=4)
     local = lumped_local(model, OWN, DISK, TIE)
     blade = model.bodies["blade"]
-    blade = replace(blade, bases={0: local.nodal_diameter(0), 3: local.nodal_diameter(3)}, local=local)
+    blade = replace(
+        blade, bases={0: local.nodal_diameter(0), 3: local.nodal_diameter(3)}, local=local
+    )
     return replace(model, bodies={**model.bodies, "blade": blade})
 
 
@@ -38,8 +40,12 @@ def test_damping_is_that_of_the_modes():
     local = lumped_wheel_model().bodies["blade"].local
     omega2, phi = local.modes(2)
     damping = phi.conj().T @ local.damping(2) @ phi
-    np.testing.assert_allclose(damping, np.diag(2.0 * local.damping_ratio * np.sqrt(omega2)), atol=1e-9)
-    np.testing.assert_allclose(phi.conj().T @ local.damping(2, 0.01) @ phi, np.diag(0.02 * np.sqrt(omega2)), atol=1e-9)
+    np.testing.assert_allclose(
+        damping, np.diag(2.0 * local.damping_ratio * np.sqrt(omega2)), atol=1e-9
+    )
+    np.testing.assert_allclose(
+        phi.conj().T @ local.damping(2, 0.01) @ phi, np.diag(0.02 * np.sqrt(omega2)), atol=1e-9
+    )
 
 
 def test_the_hash_knows_a_local_basis_only_where_there_is_one():
@@ -51,7 +57,9 @@ def test_the_hash_knows_a_local_basis_only_where_there_is_one():
     feed_digest(fed["with"], "bodies", model.bodies)
     feed_digest(fed["without"], "bodies", without.bodies)
     assert b".local" in fed["with"].text
-    assert b".local" not in fed["without"].text  # the hash of earlier versions, which did not know a local basis
+    assert (
+        b".local" not in fed["without"].text
+    )  # the hash of earlier versions, which did not know a local basis
 
 
 class Recorder:
@@ -67,24 +75,38 @@ def broken(**changes):
     model = lumped_wheel_model()
     blade = model.bodies["blade"]
     local = {key: value(getattr(blade.local, key)) for key, value in changes.items()}
-    return replace(model, bodies={**model.bodies, "blade": replace(blade, local=replace(blade.local, **local))})
+    return replace(
+        model, bodies={**model.bodies, "blade": replace(blade, local=replace(blade.local, **local))}
+    )
 
 
 @each(
     ("changes", "words"),
     [
-        ({"disk_stiffness": lambda k: k + 1j}, "disk_stiffness at nodal diameter 0: expected a Hermitian"),
+        (
+            {"disk_stiffness": lambda k: k + 1j},
+            "disk_stiffness at nodal diameter 0: expected a Hermitian",
+        ),
         ({"disk_stiffness": lambda k: k[:-1]}, "disk_stiffness: expected shape"),
-        ({"disk_stiffness": lambda k: k - 4e6}, "disk_stiffness: expected blade and disk positive definite"),
+        (
+            {"disk_stiffness": lambda k: k - 4e6},
+            "disk_stiffness: expected blade and disk positive definite",
+        ),
         ({"disk_mass": lambda m: m - 1.0}, "disk_mass: expected blade and disk positive definite"),
         ({"omega2": lambda w: 1.01 * w}, "blade_stiffness: expected a diagonal block with omega2"),
-        ({"blade_stiffness": lambda k: k + 1e4 * np.array([[0, 1], [1, 0]])}, "blade_stiffness: expected a diagonal block"),
+        (
+            {"blade_stiffness": lambda k: k + 1e4 * np.array([[0, 1], [1, 0]])},
+            "blade_stiffness: expected a diagonal block",
+        ),
         ({"blade_mass": lambda m: m.astype(int)}, "blade_mass: expected real numbers"),
         ({"damping_ratio": lambda z: z[:1]}, "damping_ratio: expected shape"),
         ({"contact_modes": lambda m: m[1:]}, "modes: expected shape"),
         ({"locations": lambda m: {}}, "locations: expected"),
         ({"disk_stiffness": lambda k: 0.5 * k}, "expected frequencies of nd000 or above"),
-        ({"disk_stiffness": lambda k: 1.5 * k}, "expected frequencies of nd000 or above, the lowest within"),
+        (
+            {"disk_stiffness": lambda k: 1.5 * k},
+            "expected frequencies of nd000 or above, the lowest within",
+        ),
     ],
 )
 def test_a_basis_that_does_not_fit_is_refused(changes, words):
@@ -102,4 +124,6 @@ def test_contact_points_of_a_local_basis_are_united_with_those_of_the_modes():
     model = unite_contact_points(lumped_wheel_model(), 1)
     check_model(model)
     body = model.bodies["blade"]
-    np.testing.assert_allclose(body.local.nodal_diameter(3).contact_modes, body.bases[3].contact_modes, rtol=1e-12)
+    np.testing.assert_allclose(
+        body.local.nodal_diameter(3).contact_modes, body.bases[3].contact_modes, rtol=1e-12
+    )

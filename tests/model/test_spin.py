@@ -38,7 +38,10 @@ def turning():
         residual2=1e-18 * root @ root.T,
         coriolis=1j * hermitian(rng, n, 0.1),
     )
-    bodies = {**model.bodies, "blade": replace(body, bases={**body.bases, 5: replace(basis, speed=speed)})}
+    bodies = {
+        **model.bodies,
+        "blade": replace(body, bases={**body.bases, 5: replace(basis, speed=speed)}),
+    }
     return replace(model, bodies=bodies)
 
 
@@ -53,9 +56,17 @@ def test_the_basis_of_a_speed_has_the_receptance_of_stiffness_and_residual(turni
     shapes = at(turning).contact_modes.reshape(54, -1)
     stiffness = speed.stiffness0 + SPEED**2 * speed.stiffness2
     np.testing.assert_allclose(np.sort(basis.omega2), np.linalg.eigvalsh(stiffness), rtol=1e-12)
-    expected = speed.residual0 + SPEED**2 * speed.residual2 + shapes @ np.linalg.solve(stiffness, shapes.conj().T)
-    np.testing.assert_allclose(basis.flexibility, expected, rtol=0.0, atol=1e-12 * np.abs(expected).max())
-    forces = np.random.default_rng(0).standard_normal(54)  # dynamic receptance, free of the choice of modes
+    expected = (
+        speed.residual0
+        + SPEED**2 * speed.residual2
+        + shapes @ np.linalg.solve(stiffness, shapes.conj().T)
+    )
+    np.testing.assert_allclose(
+        basis.flexibility, expected, rtol=0.0, atol=1e-12 * np.abs(expected).max()
+    )
+    forces = np.random.default_rng(0).standard_normal(
+        54
+    )  # dynamic receptance, free of the choice of modes
     modal = basis.contact_modes.reshape(54, -1).conj().T @ forces
     moved = basis.locations["tip"] @ (modal / (basis.omega2 - 2e6))
     direct = np.linalg.solve(stiffness - 2e6 * np.eye(len(stiffness)), shapes.conj().T @ forces)
@@ -69,8 +80,12 @@ def test_the_speed_of_the_basis_gives_the_model_back(turning):
     back = at(turning.at_speed(SPEED).at_speed(0.0))
     np.testing.assert_allclose(back.omega2, at(turning).omega2, rtol=1e-11)
     size = np.abs(at(turning).contact_modes).max()
-    np.testing.assert_allclose(back.contact_modes, at(turning).contact_modes, rtol=0.0, atol=1e-9 * size)
-    np.testing.assert_allclose(at(turning).conjugate().speed.stiffness2, at(turning).speed.stiffness2.T)
+    np.testing.assert_allclose(
+        back.contact_modes, at(turning).contact_modes, rtol=0.0, atol=1e-9 * size
+    )
+    np.testing.assert_allclose(
+        at(turning).conjugate().speed.stiffness2, at(turning).speed.stiffness2.T
+    )
 
 
 @pytest.mark.parametrize("flexible", [True, False])
@@ -79,7 +94,10 @@ def test_the_hash_knows_nothing_of_how_a_processor_rounds_what_follows(turning, 
     if not flexible:  # then the matrices of the speed are all that is known of residual flexibility
         basis = replace(basis, flexibility=None)
     for change in ({}, {"residual0": 1.0 + 1e-15}, {"residual2": 1.0 + 1e-15}):
-        speed = replace(basis.speed, **{name: getattr(basis.speed, name) * factor for name, factor in change.items()})
+        speed = replace(
+            basis.speed,
+            **{name: getattr(basis.speed, name) * factor for name, factor in change.items()},
+        )
         feed_digest(digest := hashlib.sha256(), "basis", replace(basis, speed=speed))
         digests.append(digest.hexdigest())
     assert (digests[0] == digests[1]) == flexible and digests[0] != digests[2] != digests[1]
@@ -124,7 +142,10 @@ def changed(model, **parts):
         ({"stiffness2": np.eye(39)}, r"stiffness2.*\(40, 40\)"),
         ({"stiffness2": np.triu(np.ones((40, 40)))}, "stiffness2.*Hermitian"),
         ({"residual0": np.eye(54)}, "residual0.*= flexibility"),
-        ({"residual0": None}, "residual0: expected residual0 and residual2, or neither, found one alone"),
+        (
+            {"residual0": None},
+            "residual0: expected residual0 and residual2, or neither, found one alone",
+        ),
         ({"coriolis": np.eye(40)}, "skew-Hermitian"),
         ({"checked_at": -1.0}, "checked_at.*>= 0"),
     ],
@@ -138,11 +159,15 @@ def test_a_file_without_what_its_bases_cannot_supply_is_refused(turning, tmp_pat
     """Without flexibility nothing tells the residual flexibility at standstill."""
     basis = at(turning)
     bases = {**turning.bodies["blade"].bases, 5: replace(basis, flexibility=None)}
-    model = replace(turning, bodies={**turning.bodies, "blade": replace(turning.bodies["blade"], bases=bases)})
+    model = replace(
+        turning, bodies={**turning.bodies, "blade": replace(turning.bodies["blade"], bases=bases)}
+    )
     with h5py.File(tmp_path / "model.h5", "w") as file:
         write_model(file, model)
         del file["bodies/blade/nd005/speed/residual0"]
-        with pytest.raises(ModelError, match="residual0: expected this dataset where the basis has no flexibility"):
+        with pytest.raises(
+            ModelError, match="residual0: expected this dataset where the basis has no flexibility"
+        ):
             read_model(file)
 
 
@@ -154,7 +179,9 @@ def test_a_speed_that_tears_the_structure_is_refused(turning):
 
 
 def test_size_of_the_coriolis_forces():
-    speed = SpeedBasis(0.0, np.diag([4.0, 9.0]), np.eye(2), coriolis=np.array([[0.02j, 0.1], [-0.1, 0.0]]))
+    speed = SpeedBasis(
+        0.0, np.diag([4.0, 9.0]), np.eye(2), coriolis=np.array([[0.02j, 0.1], [-0.1, 0.0]])
+    )
     shift, mixing = speed.coriolis_size(0.5, np.array([4.0, 9.0]))
     np.testing.assert_allclose(shift, [0.5 * 0.02 / 2.0, 0.0])
     np.testing.assert_allclose(mixing, [0.05, 0.05])
@@ -172,5 +199,7 @@ def test_the_shipped_disk_over_rotor_speed():
         assert low == pytest.approx(283.0, rel=2e-3) and high == pytest.approx(334.2, rel=2e-3)
         assert at(model, d).speed.stiffness2[0, 0].real == pytest.approx(3.495, rel=5e-3)
     shift, mixing = at(faster).speed.coriolis_size(600.0, at(faster).omega2)
-    assert 1e-4 < shift[:10].max() < 1e-3 and mixing[:10].max() < 0.06  # small enough to be left out
+    assert (
+        1e-4 < shift[:10].max() < 1e-3 and mixing[:10].max() < 0.06
+    )  # small enough to be left out
     assert 50e-6 < np.abs(blade.spin.contact[:, 2]).max() * 600.0**2 < 100e-6

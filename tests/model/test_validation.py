@@ -15,7 +15,15 @@ from bdamper.model.validation import check_model
 from bdamper.util.errors import ModelError
 from bdamper.util.records import layout
 from tests.each import each
-from tests.models import ALL_MODELS, acyclic_model, complete_model, ground_model, rigid_modes, shroud_model, wedge_model
+from tests.models import (
+    ALL_MODELS,
+    acyclic_model,
+    complete_model,
+    ground_model,
+    rigid_modes,
+    shroud_model,
+    wedge_model,
+)
 
 WEDGE = wedge_model(n_points=4, n_blade_modes=3)
 SHROUD = shroud_model()
@@ -54,7 +62,9 @@ def load(**changes: Any) -> Model:
 
 
 def face(name: str, model: Model = WEDGE, **changes: Any) -> Model:
-    return replace(model, interfaces=put(model.interfaces, name, replace(model.interfaces[name], **changes)))
+    return replace(
+        model, interfaces=put(model.interfaces, name, replace(model.interfaces[name], **changes))
+    )
 
 
 def contact(**changes: Any) -> Model:
@@ -91,9 +101,18 @@ CASES: list[tuple[Any, str]] = [
         replace(WEDGE, bodies=put(WEDGE.bodies, "a/b", Body("a/b", "ground"))),
         "/bodies/a/b: expected a name of printable characters without '/' and '.', found 'a/b'",
     ),
-    (replace(WEDGE, bodies=put(WEDGE.bodies, "a.b", Body("a.b", "ground"))), "/bodies/a.b: expected a name of printable"),
-    (replace(WEDGE, bodies=put(WEDGE.bodies, "", Body("", "ground"))), "expected a name of printable characters"),
-    (replace(WEDGE, bodies=put(WEDGE.bodies, "a\0", Body("a\0", "ground"))), "expected a name of printable characters"),
+    (
+        replace(WEDGE, bodies=put(WEDGE.bodies, "a.b", Body("a.b", "ground"))),
+        "/bodies/a.b: expected a name of printable",
+    ),
+    (
+        replace(WEDGE, bodies=put(WEDGE.bodies, "", Body("", "ground"))),
+        "expected a name of printable characters",
+    ),
+    (
+        replace(WEDGE, bodies=put(WEDGE.bodies, "a\0", Body("a\0", "ground"))),
+        "expected a name of printable characters",
+    ),
     (
         replace(WEDGE, bodies=put(WEDGE.bodies, "earth", Body("ground", "ground"))),
         "/bodies/earth: expected the name 'earth', found 'ground'",
@@ -116,8 +135,14 @@ CASES: list[tuple[Any, str]] = [
         face("left", frame=at(LEFT.frame, 3, -LEFT.frame[3])),
         "left/frame: expected right-handed rows t1, t2, n (determinants), found -",
     ),
-    (face("right", sector_b=2), "right/@sector_b: expected one of [-1, 0, 1] (n_blades = 12), found 2"),
-    (face("right", ACYCLIC, sector_b=1), "right/@sector_b: expected one of [0] (n_blades = 1), found 1"),
+    (
+        face("right", sector_b=2),
+        "right/@sector_b: expected one of [-1, 0, 1] (n_blades = 12), found 2",
+    ),
+    (
+        face("right", ACYCLIC, sector_b=1),
+        "right/@sector_b: expected one of [0] (n_blades = 1), found 1",
+    ),
     (
         face("front", body_b="earth"),
         "/interfaces/front/@body_b: expected a body of ['blade', 'damper', 'ground'], found 'earth'",
@@ -182,8 +207,14 @@ CASES: list[tuple[Any, str]] = [
         body("blade", bases=put(BLADE.bases, 7, BLADE_2)),
         "/bodies/blade: expected nodal diameters 0 to 6 of a constrained body (n_blades = 12), found 7",
     ),
-    (body("blade", bases=put(BLADE.bases, -2, BLADE_2)), "/bodies/blade: expected nodal diameters 0 to 6"),
-    (body("blade", bases=put(BLADE.bases, "2", BLADE_2)), "/bodies/blade (nodal diameter): expected an integer, found '2'"),
+    (
+        body("blade", bases=put(BLADE.bases, -2, BLADE_2)),
+        "/bodies/blade: expected nodal diameters 0 to 6",
+    ),
+    (
+        body("blade", bases=put(BLADE.bases, "2", BLADE_2)),
+        "/bodies/blade (nodal diameter): expected an integer, found '2'",
+    ),
     (
         body("damper", bases=put(DAMPER.bases, 2, FREE)),
         "/bodies/damper: expected nodal diameters 0 to 0 of a free body (n_blades = 12), found 2",
@@ -192,8 +223,14 @@ CASES: list[tuple[Any, str]] = [
         body("left_blade", ACYCLIC, bases=put(ACYCLIC.bodies["left_blade"].bases, 1, BLADE_2)),
         "/bodies/left_blade: expected nodal diameters 0 to 0 of a constrained body (n_blades = 1), found 1",
     ),
-    (body("ground", bases={0: FREE}), "/bodies/ground: expected no modes of a ground body, found nodal diameters [0]"),
-    (body("ground", load=DAMPER.load), "/bodies/ground/load: expected no load on a ground body, found one"),
+    (
+        body("ground", bases={0: FREE}),
+        "/bodies/ground: expected no modes of a ground body, found nodal diameters [0]",
+    ),
+    (
+        body("ground", load=DAMPER.load),
+        "/bodies/ground/load: expected no load on a ground body, found one",
+    ),
     (
         basis("blade", 2, omega2=at(BLADE_2.omega2, 1, -4.0)),
         "/bodies/blade/nd002/omega2: expected numbers > 0 for elastic modes, found -4.0 at 1",
@@ -277,7 +314,10 @@ CASES: list[tuple[Any, str]] = [
         mix_rigid(np.eye(6)[:, [0, 1, 2, 3, 4, 4]]),
         "damper/nd000/modes: expected mass-normalised independent rigid-body modes",
     ),
-    (mix_rigid(np.diag([1.0, 1, 1, 0, 1, 1])), "damper/nd000/modes: expected mass-normalised independent rigid-body modes"),
+    (
+        mix_rigid(np.diag([1.0, 1, 1, 0, 1, 1])),
+        "damper/nd000/modes: expected mass-normalised independent rigid-body modes",
+    ),
     (
         basis("damper", 0, contact_modes=at(FREE.contact_modes, (2, 1, 4), 0.0)),
         "damper/nd000/modes: expected rigid motions about the centre as the first six modes, found mode 4",
@@ -286,7 +326,10 @@ CASES: list[tuple[Any, str]] = [
         basis("damper", 0, contact_modes=FREE.contact_modes[:, :, ::-1], flexibility=None),
         "expected rigid motions about the centre as the first six modes, found mode",
     ),
-    (body("damper", mass=1.1 * DAMPER.mass), "damper/nd000/modes: expected mass-normalised independent rigid-body modes"),
+    (
+        body("damper", mass=1.1 * DAMPER.mass),
+        "damper/nd000/modes: expected mass-normalised independent rigid-body modes",
+    ),
     (
         body("damper", centre=DAMPER.centre + [0.0, 0.001, 0.0]),
         "damper/nd000/modes: expected mass-normalised independent rigid-body modes",
@@ -295,9 +338,18 @@ CASES: list[tuple[Any, str]] = [
         body("damper", inertia=1.2 * DAMPER.inertia),
         "damper/nd000/modes: expected mass-normalised independent rigid-body modes",
     ),
-    (face("left", points=at(LEFT.points, (0, 2), 0.0)), "expected rigid motions about the centre as the first six modes"),
-    (face("left", frame=LEFT.frame[:, [1, 2, 0]]), "expected rigid motions about the centre as the first six modes"),
-    (load(direction=np.array([0.0, 1.1, 0.0])), "/bodies/damper/load/direction: expected a unit vector, found length 1.1"),
+    (
+        face("left", points=at(LEFT.points, (0, 2), 0.0)),
+        "expected rigid motions about the centre as the first six modes",
+    ),
+    (
+        face("left", frame=LEFT.frame[:, [1, 2, 0]]),
+        "expected rigid motions about the centre as the first six modes",
+    ),
+    (
+        load(direction=np.array([0.0, 1.1, 0.0])),
+        "/bodies/damper/load/direction: expected a unit vector, found length 1.1",
+    ),
     (
         replace(WEDGE, contact={"top": WEDGE.contact["left"]}),
         "/contact/top: expected the name of an interface of ['left', 'right', 'front', 'back'], found 'top'",
@@ -310,7 +362,10 @@ CASES: list[tuple[Any, str]] = [
         replace(WEDGE, meshes={"disk": MESH}),
         "/mesh/disk: expected the name of a body of ['blade', 'damper', 'ground'], found 'disk'",
     ),
-    (mesh(quads=at(MESH.quads, (1, 2), 6)), "/mesh/damper/quads: expected indices 0 to 5, found 6 at (1, 2)"),
+    (
+        mesh(quads=at(MESH.quads, (1, 2), 6)),
+        "/mesh/damper/quads: expected indices 0 to 5, found 6 at (1, 2)",
+    ),
 ]
 
 
@@ -320,10 +375,17 @@ def spoiled(record, put=lambda new: new):
     """
     for field in layout(type(record)):
         value, mapped = getattr(record, field.name), field.keys is not None
-        for key, part in (value or {}).items() if mapped else () if value is None else (("", value),):
+        for key, part in (
+            (value or {}).items() if mapped else () if value is None else (("", value),)
+        ):
 
             def changed(new, field=field, key=key, value=value):
-                return put(replace(record, **{field.name: {**value, key: new} if field.keys is not None else new}))
+                return put(
+                    replace(
+                        record,
+                        **{field.name: {**value, key: new} if field.keys is not None else new},
+                    )
+                )
 
             if field.is_record:
                 yield from spoiled(part, changed)
@@ -406,7 +468,10 @@ def test_free_body_in_the_neighbouring_sector():
     for name in ("front", "back"):
         interface = WEDGE.interfaces[name]
         faces[name] = replace(
-            interface, sector_a=1, points=interface.points @ to_sector.T, frame=interface.frame @ to_sector.T
+            interface,
+            sector_a=1,
+            points=interface.points @ to_sector.T,
+            frame=interface.frame @ to_sector.T,
         )
     check_model(replace(WEDGE, interfaces={**WEDGE.interfaces, **faces}))
     wrong = {name: replace(interface, sector_a=-1) for name, interface in faces.items()}
@@ -418,8 +483,13 @@ def one_point_damper() -> Model:
     """A damper that touches at one point only: its rotations about that point cannot be seen."""
     small = wedge_model(n_points=1, n_blade_modes=1, n_damper_modes=0)
     blade, damper = small.bodies["blade"], small.bodies["damper"]
-    bases = {d: replace(b, contact_modes=b.contact_modes[:1], flexibility=None) for d, b in blade.bases.items()}
-    free = replace(damper.bases[0], contact_modes=damper.bases[0].contact_modes[:1], flexibility=None)
+    bases = {
+        d: replace(b, contact_modes=b.contact_modes[:1], flexibility=None)
+        for d, b in blade.bases.items()
+    }
+    free = replace(
+        damper.bases[0], contact_modes=damper.bases[0].contact_modes[:1], flexibility=None
+    )
     bodies = {
         "blade": replace(blade, ports=(("left", "b"),), bases=bases),
         "damper": replace(damper, ports=(("left", "a"),), bases={0: free}, load=None),
@@ -431,16 +501,24 @@ def one_point_damper() -> Model:
 
 def test_rigid_modes_are_checked_where_the_points_do_not_determine_them():
     check_model(one_point_damper())
-    with pytest.raises(ModelError, match=r"mass-normalised independent rigid-body modes .* difference of"):
+    with pytest.raises(
+        ModelError, match=r"mass-normalised independent rigid-body modes .* difference of"
+    ):
         check_model(mix_rigid(np.diag([1, 1, 1, 1, 1, 1.2]), one_point_damper()))
 
 
 def test_rigid_modes_are_checked_at_locations():
     position = np.array([0.001, 0.301, 0.01])
     values = np.concatenate(
-        [rigid_modes(DAMPER.mass, DAMPER.centre, DAMPER.inertia, position[None])[0], np.ones((3, 2))], axis=1
+        [
+            rigid_modes(DAMPER.mass, DAMPER.centre, DAMPER.inertia, position[None])[0],
+            np.ones((3, 2)),
+        ],
+        axis=1,
     )
-    probed = replace(WEDGE, locations=put(WEDGE.locations, "probe", Location("probe", "damper", position)))
+    probed = replace(
+        WEDGE, locations=put(WEDGE.locations, "probe", Location("probe", "damper", position))
+    )
     check_model(basis("damper", 0, probed, locations={"probe": values}))
     with pytest.raises(ModelError, match="found mode 1 off by"):
         check_model(basis("damper", 0, probed, locations={"probe": at(values, (1, 1), 0.0)}))

@@ -22,7 +22,10 @@ from tests.others_files import (
 )
 
 if not has_decks():
-    pytest.skip("CalculiX (ccx) and its decks (Debian: calculix-ccx-test) are not installed", allow_module_level=True)
+    pytest.skip(
+        "CalculiX (ccx) and its decks (Debian: calculix-ccx-test) are not installed",
+        allow_module_level=True,
+    )
 
 HIGHEST = {"segmenttet": 2, "fullseg": 2}
 """Nodal diameters that a deck asks for, or fewer of a large one; all others ask for 0 to 6."""
@@ -80,9 +83,13 @@ def test_faces_that_do_not_match_to_a_tracking_curve(runs):
     peaks = {}
     for force in (1e-3, 0.2):
         excitation = bd.Excitation("tip", direction="axial", amplitude=force)
-        study = bd.Study(made.model, excitation, engine_order=2, friction_coefficient=0.3, harmonics=1)
+        study = bd.Study(
+            made.model, excitation, engine_order=2, friction_coefficient=0.3, harmonics=1
+        )
         curve = study.frequency_response(0.0, (0.5 * second, 1.5 * second))
         assert curve.status == "complete"
         peaks[force] = curve.peak
     assert not curve.peak_at_end and second < peaks[0.2].frequency < 1.1 * second  # it slips
-    assert peaks[1e-3].amplitude / 1e-3 < 0.2 * peaks[0.2].amplitude / 0.2  # it sticks, and resonates elsewhere
+    assert (
+        peaks[1e-3].amplitude / 1e-3 < 0.2 * peaks[0.2].amplitude / 0.2
+    )  # it sticks, and resonates elsewhere

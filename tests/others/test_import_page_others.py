@@ -11,7 +11,9 @@ from tests.others_files import ANSYS, deck, front, has_decks, held, read_calculi
 PAGE = Path(__file__).parents[2] / "docs" / "evidence" / "import-examples.md"
 
 if not (has_decks() and ANSYS.is_dir()):
-    pytest.skip("CalculiX with its decks and the files that make others unpacks", allow_module_level=True)
+    pytest.skip(
+        "CalculiX with its decks and the files that make others unpacks", allow_module_level=True
+    )
 
 
 def test_examples(tmp_path, monkeypatch, capsys):

@@ -19,7 +19,10 @@ def disk():
 
 def compared(study, advice):
     """Curves with all effects of the reference and with those called for, computed anew."""
-    both = {"all": study.replace(**advice.reference), "called for": study.replace(**advice.significant)}
+    both = {
+        "all": study.replace(**advice.reference),
+        "called for": study.replace(**advice.significant),
+    }
     return bd.compare(both, lambda s: s.frequency_response(advice.preload, advice.interval))
 
 
@@ -40,7 +43,9 @@ def test_at_low_preload_a_study_without_rotation_and_further_harmonics_is_told_s
     """The paper's Fig. 14: without rotation the amplitude is underestimated and the frequency shift overestimated."""
     cheap = disk.replace(harmonics=1, rigid_modes=("TX", "TY", "TZ"))
     advice = cheap.effect_significance(500.0, INTERVAL, against=Effects.of(disk), tolerance=0.05)
-    assert {"rotation Z", "harmonics beyond 1"} <= {e.name for e in advice.effects if e.verdict == "switch on"}
+    assert {"rotation Z", "harmonics beyond 1"} <= {
+        e.name for e in advice.effects if e.verdict == "switch on"
+    }
     turn = advice["rotation Z"]
     assert turn.amplitude_change < -0.2 and turn.frequency_change > 0.05
     assert abs(turn.amplitude_change) > abs(advice["harmonics beyond 1"].amplitude_change) > 0.1
@@ -50,16 +55,29 @@ def test_at_low_preload_a_study_without_rotation_and_further_harmonics_is_told_s
 
 def test_an_estimate_that_is_far_off_says_so():
     """Separation in the test rig at 500 N: off by more than a percent, and no smaller a miss is claimed."""
-    rig = plain_study(bd.reference_model("test_rig"), bd.Excitation("tip"), 0, friction_coefficient=0.4, harmonics=3)
+    rig = plain_study(
+        bd.reference_model("test_rig"),
+        bd.Excitation("tip"),
+        0,
+        friction_coefficient=0.4,
+        harmonics=3,
+    )
     peak = rig.peak(500.0)
     leaner = rig.replace(**Effects.of(rig).without("separation"))
-    e = estimate_change(leaner.problem.system(500.0), embed(rig.problem, leaner.problem, 500.0, peak.y))
+    e = estimate_change(
+        leaner.problem.system(500.0), embed(rig.problem, leaner.problem, 500.0, peak.y)
+    )
     true = leaner.peak(500.0).amplitude / peak.amplitude - 1.0
     assert abs(e.amplitude - true) > 0.01 and e.uncertainty > 0.01
 
 
 def test_effects_may_be_some_of_all():
     effects = Effects({"variable_normal_load": False})
-    assert dict(effects) == {"variable_normal_load": False, "separation": False} and "separation" in str(effects)
-    with pytest.raises(bd.SettingError, match=r"effects: expected names out of .* found \['prestress'\]"):
+    assert dict(effects) == {
+        "variable_normal_load": False,
+        "separation": False,
+    } and "separation" in str(effects)
+    with pytest.raises(
+        bd.SettingError, match=r"effects: expected names out of .* found \['prestress'\]"
+    ):
         Effects({"prestress": True})

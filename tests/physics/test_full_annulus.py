@@ -32,7 +32,9 @@ PRELOAD = 300.0
 def turn(k):
     """From the axes of sector 0 to those of sector k: +Y moves toward +X."""
     angle = 2 * np.pi * k / N
-    return np.array([[np.cos(angle), np.sin(angle), 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+    return np.array(
+        [[np.cos(angle), np.sin(angle), 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1]]
+    )
 
 
 class Structure:
@@ -40,12 +42,18 @@ class Structure:
 
     def __init__(self, seed=0):
         rng = np.random.default_rng(seed)
-        self.template = wedge_model(seed, n_blades=N, engine_order=3, n_points=4, harmonics=H, alpha=0.7, beta=0.9)
+        self.template = wedge_model(
+            seed, n_blades=N, engine_order=3, n_points=4, harmonics=H, alpha=0.7, beta=0.9
+        )
         faces = self.template.interfaces
         a = rng.normal(size=(DOF, DOF))
         scale = (2 * np.pi * 300.0) ** 2
-        self.own = scale * (np.diag(np.arange(1.0, DOF + 1) ** 2) + 0.1 * a @ a.T + 2.0 * np.eye(DOF))
-        self.tie = -scale * (0.3 * np.eye(DOF) + 0.05 * rng.normal(size=(DOF, DOF)))  # to the next sector
+        self.own = scale * (
+            np.diag(np.arange(1.0, DOF + 1) ** 2) + 0.1 * a @ a.T + 2.0 * np.eye(DOF)
+        )
+        self.tie = -scale * (
+            0.3 * np.eye(DOF) + 0.05 * rng.normal(size=(DOF, DOF))
+        )  # to the next sector
         # motion in the blade's own axes: at its contact points under the damper of the same sector, of the one before, and
         # at the tip
         self.left = rng.normal(size=(faces["left"].n_points, 3, DOF))
@@ -64,8 +72,12 @@ class Structure:
         bases = {}
         for d in range(N // 2 + 1):
             omega2, modes = np.linalg.eigh(self.dynamic_stiffness(d))
-            ports = np.concatenate([faces["left"].frame @ self.left, faces["right"].frame @ turn(1) @ self.right])
-            bases[d] = ModalBasis(omega2, np.full(DOF, DAMPING), ports @ modes, {"tip": self.tip @ modes})
+            ports = np.concatenate(
+                [faces["left"].frame @ self.left, faces["right"].frame @ turn(1) @ self.right]
+            )
+            bases[d] = ModalBasis(
+                omega2, np.full(DOF, DAMPING), ports @ modes, {"tip": self.tip @ modes}
+            )
         blade = Body("blade", "constrained", self.template.bodies["blade"].ports, bases)
         # a rigid damper, its load without elastic deformation
         damper = self.template.bodies["damper"]
@@ -78,10 +90,14 @@ class Structure:
             flexibility=None,
         )
         load = replace(
-            damper.load, generalised=damper.load.generalised[:6], displacement=np.zeros_like(damper.load.displacement)
+            damper.load,
+            generalised=damper.load.generalised[:6],
+            displacement=np.zeros_like(damper.load.displacement),
         )
         damper = replace(damper, bases={0: rigid}, load=load)
-        return replace(self.template, bodies={**self.template.bodies, "blade": blade, "damper": damper})
+        return replace(
+            self.template, bodies={**self.template.bodies, "blade": blade, "damper": damper}
+        )
 
 
 def skew(r):
@@ -107,7 +123,10 @@ def annulus_system(structure, study, engine_order):
 
     K = np.zeros((N * DOF, N * DOF))
     for k in range(N):
-        rows, after = slice(k * DOF, (k + 1) * DOF), slice((k + 1) % N * DOF, ((k + 1) % N + 1) * DOF)
+        rows, after = (
+            slice(k * DOF, (k + 1) * DOF),
+            slice((k + 1) % N * DOF, ((k + 1) % N + 1) * DOF),
+        )
         K[rows, rows] += structure.own
         K[rows, after] += structure.tie
         K[after, rows] += structure.tie.T
@@ -116,10 +135,16 @@ def annulus_system(structure, study, engine_order):
     # the six rigid-body coordinates of the study as translation and rotation (t, w) about the centre, sector 0
     port = np.concatenate([face.points for face in faces]) - damper.centre
     frames = np.concatenate([face.frame for face in faces])
-    kinematics = np.concatenate([np.tile(np.eye(3), (len(port), 1, 1)), np.array([skew(r) for r in port])], axis=2)
+    kinematics = np.concatenate(
+        [np.tile(np.eye(3), (len(port), 1, 1)), np.array([skew(r) for r in port])], axis=2
+    )
     stored = study.problem.coupling.model.bodies["damper"].bases[0].contact_modes[..., :6]
-    rigid = np.linalg.lstsq((frames @ kinematics).reshape(-1, 6), stored.real.reshape(-1, 6), rcond=None)[0]
-    inertia = np.block([[damper.mass * np.eye(3), np.zeros((3, 3))], [np.zeros((3, 3)), damper.inertia]])
+    rigid = np.linalg.lstsq(
+        (frames @ kinematics).reshape(-1, 6), stored.real.reshape(-1, 6), rcond=None
+    )[0]
+    inertia = np.block(
+        [[damper.mass * np.eye(3), np.zeros((3, 3))], [np.zeros((3, 3)), damper.inertia]]
+    )
     np.testing.assert_allclose(rigid.T @ inertia @ rigid, np.eye(6), rtol=0, atol=1e-12)
 
     n_blade, n = N * DOF, N * (DOF + 6)
@@ -131,7 +156,9 @@ def annulus_system(structure, study, engine_order):
                 frame = face.frame[p] @ Rk.T  # rows t1, t2, n in global axes
                 relative = np.zeros((3, n))
                 r = Rk @ (face.points[p] - damper.centre)
-                both = np.block([[Rk, np.zeros((3, 3))], [np.zeros((3, 3)), Rk]]) @ rigid  # t and w in global axes
+                both = (
+                    np.block([[Rk, np.zeros((3, 3))], [np.zeros((3, 3)), Rk]]) @ rigid
+                )  # t and w in global axes
                 columns = slice(n_blade + 6 * k, n_blade + 6 * (k + 1))
                 relative[:, columns] -= both[:3] + skew(r) @ both[3:]
                 if i < 2:  # a blade on the other side: of this sector, or of the next
@@ -145,7 +172,9 @@ def annulus_system(structure, study, engine_order):
 
     def wave(l):
         phase = np.exp(2j * np.pi * engine_order * l * np.arange(N) / N)
-        modes = np.linalg.eigh(structure.dynamic_stiffness(min(l * engine_order % N, -l * engine_order % N)))[1]
+        modes = np.linalg.eigh(
+            structure.dynamic_stiffness(min(l * engine_order % N, -l * engine_order % N))
+        )[1]
         modes = modes.conj() if l * engine_order % N > N // 2 else modes
         blade = V.T @ np.concatenate([z * modes for z in phase])
         bodies = np.concatenate([z * np.eye(6) for z in phase])
@@ -159,14 +188,18 @@ def annulus_system(structure, study, engine_order):
         Rk = turn(k)
         load = PRELOAD * (Rk @ [0.0, 1.0, 0.0]) @ (Rk @ rigid[:3])
         force[n_blade + 6 * k : n_blade + 6 * (k + 1)] = load
-        tip = study.excitation.amplitude * np.exp(1j * (study.excitation.phase + 2 * np.pi * engine_order * k / N))
+        tip = study.excitation.amplitude * np.exp(
+            1j * (study.excitation.phase + 2 * np.pi * engine_order * k / N)
+        )
         pull = V[k * DOF : (k + 1) * DOF].T @ structure.tip[0] * tip
         force[n : n + n_blade] += pull.real
         force[2 * n : 2 * n + n_blade] -= pull.imag
     p = one.structure.points
     damping = np.concatenate([np.full(n_blade, DAMPING), np.zeros(6 * N)])
     stiffness = np.concatenate([omega2, np.zeros(6 * N)])
-    basis = HarmonicBasis((), stiffness, damping, G.reshape(-1, 3, n).astype(complex), 0, np.ones(n))
+    basis = HarmonicBasis(
+        (), stiffness, damping, G.reshape(-1, 3, n).astype(complex), 0, np.ones(n)
+    )
     points = PointArrays(
         kt=np.tile(p.kt, (N, 1)),
         kn=np.tile(p.kn, N),
@@ -238,7 +271,9 @@ def test_travelling_waves_give_the_same_residual(engine_order):
         assert system.evaluate(np.append(waves, omega), whole) == 0
         expected = spread(one, r, wave, n)
         np.testing.assert_allclose(whole, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
-        np.testing.assert_allclose(shares_all(system, waves, N * one.n_points), np.tile(shares, (N, 1)), rtol=0, atol=1e-9)
+        np.testing.assert_allclose(
+            shares_all(system, waves, N * one.n_points), np.tile(shares, (N, 1)), rtol=0, atol=1e-9
+        )
         friction = one.structure.points.mu > 0
         slip += shares[friction][:, [1, 3]].mean() / 4
         separation += ((shares[friction][:, 4] > 0) & (shares[friction][:, 4] < 1)).mean() / 4
@@ -271,7 +306,10 @@ def test_a_converged_solution_of_one_sector_is_one_of_the_annulus(engine_order):
     r = np.full(system.n_unknown, np.nan)
     assert system.evaluate(np.append(spread(one, u, wave, n), omega), r) == 0
     # relative to the scales of the study: excitation for the harmonics, static load for the mean
-    excitation, load = np.abs(study.problem.modal_force(1)).max(), PRELOAD * np.abs(study.problem.coupling.load()[0]).max()
+    excitation, load = (
+        np.abs(study.problem.modal_force(1)).max(),
+        PRELOAD * np.abs(study.problem.coupling.load()[0]).max(),
+    )
     assert np.abs(r[n:]).max() <= 1e-10 * excitation
     assert np.abs(r[:n]).max() <= 1e-10 * max(load, excitation)
 

@@ -65,7 +65,9 @@ class Rates:
             if all(map(self.fits, states, level / size, self.T / size, s.mu, u, N)):
                 found.append((q, T, N))
         assert found, "no consistent rates: the motion jumps"
-        assert all(np.allclose(other[0], found[0][0], atol=1e-9) for other in found), "several consistent rates"
+        assert all(np.allclose(other[0], found[0][0], atol=1e-9) for other in found), (
+            "several consistent rates"
+        )
         return found[0]
 
     @staticmethod
@@ -122,7 +124,10 @@ def test_a_gap_closes_in_the_same_way_under_a_constant_load(steps):
 def test_opening_and_closing_again(steps):
     """Slip on the way back, since N falls to zero; the second closing begins from rest, as the first one."""
     system = one_point(0.9, mu=0.8)
-    ends = [through(system, loads, steps=steps).force[0, ::2] for loads in ((3.0,), (3.0, 0.0, 3.0), (3.0, 1.2))]
+    ends = [
+        through(system, loads, steps=steps).force[0, ::2]
+        for loads in ((3.0,), (3.0, 0.0, 3.0), (3.0, 1.2))
+    ]
     # closing with T/N = 1 wanted slips from the first contact on: u = P - T, T = 0.8 N, N = (P - 0.9)/2
     np.testing.assert_allclose(ends[0], [0.84, 1.05], rtol=1e-12)
     np.testing.assert_allclose(ends[1], ends[0], rtol=1e-12)
@@ -133,7 +138,12 @@ def test_opening_and_closing_again(steps):
 def test_a_study_of_masses_with_a_gap():
     contact = bd.Contact(0, 1, kt=1.0, kn=1.0, mu=1.2, gap=0.9)
     study = bd.lumped(
-        [1.0, 1.0], [0.01, 0.01], [1.0, 1.0], contacts=[contact], forces={0: 0.1}, load_per_preload={0: 1.0, 1: 1.0}
+        [1.0, 1.0],
+        [0.01, 0.01],
+        [1.0, 1.0],
+        contacts=[contact],
+        forces={0: 0.1},
+        load_per_preload={0: 1.0, 1: 1.0},
     )
     np.testing.assert_allclose(study.static(1.0).force, [[0.05, 0.0, 0.05]], atol=1e-12)
 
@@ -150,7 +160,9 @@ def random(seed):
 
 
 @pytest.mark.parametrize("seed", range(12))
-@pytest.mark.parametrize("load_per_preload", [(3.0,), (3.0, -2.0), (3.0, -2.0, 3.0), (3.0, 1.0, 2.5)])
+@pytest.mark.parametrize(
+    "load_per_preload", [(3.0,), (3.0, -2.0), (3.0, -2.0, 3.0), (3.0, 1.0, 2.5)]
+)
 def test_drawn_systems_against_rates(seed, load_per_preload):
     system = random(seed)
     expected = exact(system, load_per_preload, 1.0)
@@ -188,6 +200,10 @@ def test_a_loose_wedge_lands_in_the_same_way_with_any_number_of_steps():
     for q in found[1:]:
         np.testing.assert_allclose(q, found[0], rtol=0.0, atol=1e-6 * np.abs(found[0]).max())
     ones = np.ones(6)
-    whole = BladedDisk(study, dampers=DamperVariation(ones, ones, ones, 2e-7 * ones, ones < 0.0)).system(300.0)
+    whole = BladedDisk(
+        study, dampers=DamperVariation(ones, ones, ones, 2e-7 * ones, ones < 0.0)
+    ).system(300.0)
     expected = BladedDisk(apart).system(300.0).structure.at_rest
-    np.testing.assert_allclose(whole.structure.at_rest, expected, rtol=0.0, atol=1e-6 * np.abs(expected).max())
+    np.testing.assert_allclose(
+        whole.structure.at_rest, expected, rtol=0.0, atol=1e-6 * np.abs(expected).max()
+    )

@@ -22,7 +22,9 @@ def check(study, preload, load):
     pulled = np.einsum("pdm,pd->m", system.G, state.force) + system.stiffness * state.q
     applied = preload * system.force + system.constant_force
     terms = np.abs(system.G * state.force[..., None]).sum(axis=(0, 1)).max()
-    np.testing.assert_allclose(pulled, applied, rtol=0.0, atol=1e-9 * max(terms, np.abs(applied).max()))
+    np.testing.assert_allclose(
+        pulled, applied, rtol=0.0, atol=1e-9 * max(terms, np.abs(applied).max())
+    )
     T, N = np.abs(state.force[:, :2]), state.force[:, 2:]
     assert N.min() >= 0.0 and (T - system.mu[:, None] * N).max() <= 1e-9 * (preload + load)
     if preload == 0.0:

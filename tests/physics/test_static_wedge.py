@@ -46,7 +46,9 @@ def solved(system, load=LOAD, **options):
     np.testing.assert_allclose(
         np.einsum("pam,pa->m", system.G, state.force), load * system.force, rtol=0, atol=1e-8 * LOAD
     )
-    assert (np.abs(state.force[:, :2]) <= system.mu[:, None] * state.force[:, 2:] + 1e-9 * LOAD).all()
+    assert (
+        np.abs(state.force[:, :2]) <= system.mu[:, None] * state.force[:, 2:] + 1e-9 * LOAD
+    ).all()
     return state
 
 
@@ -67,7 +69,12 @@ def test_sliding_outward(alpha, beta, mu):
     """Stiff tangential springs: both faces slide from the first load on."""
     state = solved(wedge(alpha, beta, mu, kt=1e10, kn=1e7))
     rho = np.arctan(mu)
-    expected = LOAD * np.cos(rho) * np.array([np.cos(beta + rho), np.cos(alpha + rho)]) / np.sin(alpha + beta + 2 * rho)
+    expected = (
+        LOAD
+        * np.cos(rho)
+        * np.array([np.cos(beta + rho), np.cos(alpha + rho)])
+        / np.sin(alpha + beta + 2 * rho)
+    )
     np.testing.assert_allclose(state.force[:, 2], expected, rtol=1e-8)
     np.testing.assert_allclose(np.abs(state.force[:, 0]), mu * expected, rtol=1e-8)
     assert np.isin(state.status[:, 0], (SLIP_PLUS, SLIP_MINUS)).all()
@@ -141,7 +148,9 @@ def test_an_initial_gap_closes_first():
     gap = 2e-5
     state = solved(replace(system, n0=np.full(2, -system.kn[0] * gap)))
     np.testing.assert_allclose(state.force[:, 2], LOAD / np.sqrt(2), rtol=1e-9)
-    np.testing.assert_allclose(state.q, [0.0, (gap + LOAD / np.sqrt(2) / 1e7) * np.sqrt(2)], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        state.q, [0.0, (gap + LOAD / np.sqrt(2) / 1e7) * np.sqrt(2)], rtol=0, atol=1e-12
+    )
 
 
 def test_without_load_nothing_happens():
@@ -165,7 +174,9 @@ def test_a_frictionless_damper_on_elastic_blades_is_statically_determinate(alpha
     )
     state = study.static(LOAD)
     assert state.converged, state.note
-    left, right = (state.force[study.problem.coupling.rows(name), 2].sum() for name in ("left", "right"))
+    left, right = (
+        state.force[study.problem.coupling.rows(name), 2].sum() for name in ("left", "right")
+    )
     assert left == pytest.approx(LOAD * np.cos(beta) / np.sin(alpha + beta), rel=1e-7)
     assert right == pytest.approx(LOAD * np.cos(alpha) / np.sin(alpha + beta), rel=1e-7)
 
@@ -183,7 +194,9 @@ def test_the_static_state_of_a_study_is_in_equilibrium(seed):
     for load in (1.0, 1000.0):
         state = study.static(load)
         assert state.converged
-        frames = np.concatenate([study.model.interfaces[name].frame for name in study.problem.coupling.interfaces])
+        frames = np.concatenate(
+            [study.model.interfaces[name].frame for name in study.problem.coupling.interfaces]
+        )
         # (T1, T2) pull the damper along t1, t2; N pushes it against its normal
         local = state.force * [1.0, 1.0, -1.0]
         total = np.einsum("pa,pai->i", local, frames)
@@ -191,7 +204,10 @@ def test_the_static_state_of_a_study_is_in_equilibrium(seed):
         mu = study.problem.friction[:, None]
         assert (np.abs(state.force[:, :2]) <= mu * state.force[:, 2:] + 1e-9 * load).all()
         # the sliders reproduce the friction forces
-        x = np.einsum("pam,m->pa", study.problem.bases[0].G.real, state.q) + load * study.problem.coupling.load()[1]
+        x = (
+            np.einsum("pam,m->pa", study.problem.bases[0].G.real, state.q)
+            + load * study.problem.coupling.load()[1]
+        )
         closed = state.force[:, 2] > 0
         trial = study.problem.tangential_stiffness * (x[:, :2] - state.slider)
         np.testing.assert_allclose(trial[closed], state.force[closed, :2], rtol=0, atol=1e-8 * load)

@@ -64,8 +64,12 @@ def test_a_point_that_gives_way_backwards_gets_the_median():
 
 class TestPaperEquations:
     def test_quotient_and_fallback(self):
-        force = np.array([[10.0, 5.0, 100.0], [-8.0, 0.02, 80.0], [0.4, -6.0, 3.0], [9.0, 4.0, -90.0]])
-        displacement = np.array([[1e-6, 2e-6, 1e-5], [-2e-6, 1e-6, 4e-6], [1e-6, 3e-6, 1e-6], [3e-6, 1e-6, -1e-5]])
+        force = np.array(
+            [[10.0, 5.0, 100.0], [-8.0, 0.02, 80.0], [0.4, -6.0, 3.0], [9.0, 4.0, -90.0]]
+        )
+        displacement = np.array(
+            [[1e-6, 2e-6, 1e-5], [-2e-6, 1e-6, 4e-6], [1e-6, 3e-6, 1e-6], [3e-6, 1e-6, -1e-5]]
+        )
         substitute = ContactStiffness(np.full((4, 3), 7.0), "unit_traction")
         contact = paper_equations(displacement, force, substitute)
         small = np.abs(force) <= SMALL_FORCE * np.abs(force).max(axis=0)
@@ -79,7 +83,9 @@ class TestPaperEquations:
         ]
         np.testing.assert_array_equal(contact.stiffness[contact.fallback], 7.0)
         keep = ~contact.fallback
-        np.testing.assert_allclose(contact.stiffness[keep], (force / np.where(keep, displacement, 1.0))[keep])
+        np.testing.assert_allclose(
+            contact.stiffness[keep], (force / np.where(keep, displacement, 1.0))[keep]
+        )
         assert contact.source == "cigeroglu2009"
 
     def test_a_diagonal_flexibility_is_found_again(self):
@@ -90,12 +96,16 @@ class TestPaperEquations:
         assert not contact.fallback.any()
         np.testing.assert_allclose(contact.stiffness, 1 / give, rtol=1e-13)
 
-
     def test_quotients_far_from_unit_tractions_are_not_taken(self):
         """A force that has hardly an effect, or hardly a cause: quotients beyond a factor of ten are no stiffness."""
         by_force, by_traction = (
             plain_study(
-                wedge_model(4), bd.Excitation("tip"), 2, blade_modes=5, contact_stiffness=m, friction_coefficient=0.3
+                wedge_model(4),
+                bd.Excitation("tip"),
+                2,
+                blade_modes=5,
+                contact_stiffness=m,
+                friction_coefficient=0.3,
             ).problem
             for m in ("cigeroglu2009", "unit_traction")
         )
@@ -110,7 +120,9 @@ class TestPaperEquations:
             enough = np.abs(force[rows]) > SMALL_FORCE * np.abs(force[rows]).max(axis=0)
             n_far += (far & enough & (quotient > 0.0)).sum()
             np.testing.assert_array_equal(found.fallback, far | ~enough)
-            np.testing.assert_allclose(found.stiffness, np.where(far | ~enough, other, quotient), rtol=1e-12)
+            np.testing.assert_allclose(
+                found.stiffness, np.where(far | ~enough, other, quotient), rtol=1e-12
+            )
         assert n_far >= 1
 
 
@@ -127,7 +139,10 @@ def test_stiffness_of_a_study():
 
 def test_retaining_every_mode_leaves_less_flexibility():
     """More modes, stiffer contact: the residual flexibility only shrinks."""
-    few, many = (study("unit_traction", blade_modes=n).problem.coupling.residual_flexibility(1) for n in (1, 5))
+    few, many = (
+        study("unit_traction", blade_modes=n).problem.coupling.residual_flexibility(1)
+        for n in (1, 5)
+    )
     assert np.linalg.eigvalsh(few - many).min() > -1e-12 * np.abs(few).max()
     np.testing.assert_allclose(few, few.conj().T, rtol=0, atol=1e-20)
 
@@ -139,10 +154,14 @@ def test_user_values():
         assert contact.source == "user"
     given = {"left": np.array([1e6, 2e6, 3e6]), "right": np.full((4, 3), 5e6)}
     s = study(given)
-    np.testing.assert_array_equal(s.problem.stiffness["left"].stiffness, np.tile([1e6, 2e6, 3e6], (4, 1)))
+    np.testing.assert_array_equal(
+        s.problem.stiffness["left"].stiffness, np.tile([1e6, 2e6, 3e6], (4, 1))
+    )
     with pytest.raises(bd.SettingError, match=r"contact_stiffness.*\['right'\]"):
         _ = study({"left": 1e6}).problem.stiffness
-    with pytest.raises(bd.SettingError, match=r"contact_stiffness\['left'\]: expected finite numbers >= 0"):
+    with pytest.raises(
+        bd.SettingError, match=r"contact_stiffness\['left'\]: expected finite numbers >= 0"
+    ):
         _ = study({"left": -1.0, "right": 1.0}).problem.stiffness
     with pytest.raises(bd.SettingError, match="contact_stiffness: expected one of"):
         _ = study("eq5").problem.stiffness

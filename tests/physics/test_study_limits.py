@@ -43,7 +43,9 @@ def relative_motion(model, engine_order, names):
         row = np.zeros((n, 3, blade.n_modes + damper.n_modes), complex)
         if name in ("left", "right"):
             shift = 0.0 if name == "left" else phase
-            row[..., : blade.n_modes] = blade.contact_modes[model.port_slice("blade", (name, "b"))] * np.exp(1j * shift)
+            row[..., : blade.n_modes] = blade.contact_modes[
+                model.port_slice("blade", (name, "b"))
+            ] * np.exp(1j * shift)
         row[..., blade.n_modes :] = -damper.contact_modes[model.port_slice("damper", (name, "a"))]
         row[:, 2] *= -1
         rows.append(row)
@@ -54,14 +56,19 @@ class TestLinearLimits:
     @pytest.mark.parametrize("direction", ["tangential", "radial", "axial"])
     def test_free_is_the_modal_sum(self, direction):
         model = wedge_model(n_points=4)
-        study = wedge_study(model=model, excitation=bd.Excitation("tip", direction=direction, amplitude=3.0, phase=0.4))
+        study = wedge_study(
+            model=model,
+            excitation=bd.Excitation("tip", direction=direction, amplitude=3.0, phase=0.4),
+        )
         curve = study.free(BAND)
         basis = model.bodies["blade"].bases[2]
         axis = {"tangential": 0, "radial": 1, "axial": 2}[direction]
         row = basis.locations["tip"][axis]
         w = 2 * np.pi * curve.frequency[:, None]
         root = np.sqrt(basis.omega2)
-        modal = 3.0 * np.exp(0.4j) * row.conj() / (root**2 - w**2 + 2j * basis.damping_ratio * root * w)
+        modal = (
+            3.0 * np.exp(0.4j) * row.conj() / (root**2 - w**2 + 2j * basis.damping_ratio * root * w)
+        )
         np.testing.assert_allclose(curve.harmonics[:, 1], modal @ row, rtol=1e-11)
         # the peak is refined, not that of a grid
         fine = np.linspace(0.999, 1.001, 20001) * curve.peak.frequency * 2 * np.pi
@@ -85,7 +92,9 @@ class TestLinearLimits:
         row = np.concatenate([blade.locations["tip"][0], np.zeros(damper.n_modes)])
         for i in range(0, len(curve), 37):
             w = 2 * np.pi * curve.frequency[i]
-            q = np.linalg.solve(K - w**2 * np.eye(len(K)) + 1j * w * np.diag(loss), 2.0 * row.conj())
+            q = np.linalg.solve(
+                K - w**2 * np.eye(len(K)) + 1j * w * np.diag(loss), 2.0 * row.conj()
+            )
             assert curve.harmonics[i, 1] == pytest.approx(row @ q, rel=1e-8)
         assert (curve.residual < 1e-9).all()
 
@@ -135,7 +144,9 @@ class TestIndependentCheck:
         model = shroud_model(n_points=2)
         face = replace(model.interfaces["shroud"], gap=np.full(2, -2e-6))
         model = replace(model, interfaces={"shroud": face})
-        study = wedge_study(model=model, excitation=bd.Excitation("tip", amplitude=300.0), harmonics=2)
+        study = wedge_study(
+            model=model, excitation=bd.Excitation("tip", amplitude=300.0), harmonics=2
+        )
         curve = self.check(study, 0.0, (300.0, 420.0))
         assert curve.shares[:, 1].max() > 0.01
 
@@ -144,7 +155,9 @@ class TestScaling:
     @pytest.mark.parametrize("factor", [1e-6, 3.0, 1e6])
     def test_excitation_and_preload_together(self, factor):
         """Without gaps the response is homogeneous: the same curve, point by point."""
-        study = wedge_study(constraint_planes=False, excitation=bd.Excitation("tip", amplitude=20.0))
+        study = wedge_study(
+            constraint_planes=False, excitation=bd.Excitation("tip", amplitude=20.0)
+        )
         scaled = study.replace(excitation=bd.Excitation("tip", amplitude=20.0 * factor))
         a, b = study.frequency_response(60.0, BAND), scaled.frequency_response(60.0 * factor, BAND)
         assert a.complete
@@ -192,20 +205,28 @@ class TestBases:
         blade = study.model.bodies["blade"].bases[2]
         assert [b.nodal_diameter for b in study.problem.bases] == [2, 2, 2, 2]
         for l in (1, 2, 3):
-            np.testing.assert_array_equal(study.problem.bases[l].omega2[: blade.n_modes], blade.omega2)
+            np.testing.assert_array_equal(
+                study.problem.bases[l].omega2[: blade.n_modes], blade.omega2
+            )
             # the phase to the next sector is still that of the harmonic
             rows = study.problem.coupling.rows("right")
-            stored = blade.contact_modes[study.model.port_slice("blade", ("right", "b"))] * [[[1], [1], [-1]]]
+            stored = blade.contact_modes[study.model.port_slice("blade", ("right", "b"))] * [
+                [[1], [1], [-1]]
+            ]
             phase = np.exp(2j * np.pi * 2 * l / study.model.n_blades)
             G = study.problem.bases[l].G[rows, :, : blade.n_modes]
             np.testing.assert_allclose(G, phase * stored, rtol=0, atol=1e-12)
         np.testing.assert_array_equal(study.problem.bases[1].G, own.problem.bases[1].G)
         assert not np.allclose(study.problem.bases[2].G, own.problem.bases[2].G)
-        assert study.frequency_response(1e6, (300.0, 310.0)).settings["fundamental_modes_only"] is True
+        assert (
+            study.frequency_response(1e6, (300.0, 310.0)).settings["fundamental_modes_only"] is True
+        )
 
     def test_a_missing_nodal_diameter_is_named(self):
         model = wedge_model(harmonics=1)
-        with pytest.raises(SettingError, match=r"needs nodal diameter 4.*fundamental_modes_only=True"):
+        with pytest.raises(
+            SettingError, match=r"needs nodal diameter 4.*fundamental_modes_only=True"
+        ):
             wedge_study(model=model, harmonics=2)
         wedge_study(model=model, harmonics=2, fundamental_modes_only=True)
 
@@ -229,17 +250,27 @@ class TestSpecialPreloads:
     def test_without_a_preload_the_damper_leaves_its_seat(self):
         study = wedge_study(harmonics=2)
         curve, free = study.frequency_response(0.0, BAND), study.free(BAND)
-        assert curve.complete and curve.residual.max() <= 1e-9 and (curve.shares == [0.0, 0.0, 1.0]).all()
+        assert (
+            curve.complete
+            and curve.residual.max() <= 1e-9
+            and (curve.shares == [0.0, 0.0, 1.0]).all()
+        )
         np.testing.assert_array_equal(curve.harmonics[:, 1], free.harmonics[:, 1])
         system = study.problem.system(0.0)
         for u, f in zip(curve.unknowns[::20], curve.frequency[::20]):
             assert np.abs(system.evaluate(u, 2 * np.pi * f)[0] * system.row_scale).max() <= 1e-9
         assert any("study.free" in note for note in curve.notes)
-        held = study.replace(bias=False).frequency_response(0.0, BAND)  # a mean that is held stays in contact
+        held = study.replace(bias=False).frequency_response(
+            0.0, BAND
+        )  # a mean that is held stays in contact
         assert not any("study.free" in note for note in held.notes)
 
     def test_no_preload_is_never_an_unconverged_curve(self):
-        for model, harmonics in ((wedge_model(n_points=4), 1), (ground_model(n_points=2), 1), (shroud_model(), 2)):
+        for model, harmonics in (
+            (wedge_model(n_points=4), 1),
+            (ground_model(n_points=2), 1),
+            (shroud_model(), 2),
+        ):
             study = wedge_study(model=model, harmonics=harmonics)
             curve = study.frequency_response(0.0, (300.0, 320.0))
             assert curve.status in ("complete", "incomplete", "not found")
@@ -253,7 +284,10 @@ class TestSpecialPreloads:
     def test_without_excitation_the_response_is_the_static_state(self):
         study = wedge_study()
         state, system = study.static(100.0), study.problem.system(100.0)
-        system = changed(system, np.where(np.arange(system.n_unknowns) < system.n_mean, system.structure.force, 0.0))
+        system = changed(
+            system,
+            np.where(np.arange(system.n_unknowns) < system.n_mean, system.structure.force, 0.0),
+        )
         u = np.zeros(system.n_unknowns)
         u[: system.n_mean] = state.q
         r, _, _ = system.evaluate(u, 2000.0)
@@ -288,7 +322,9 @@ def test_the_neighbour_is_turned_the_right_way():
     from bdamper.model.kinematics import Coupling
 
     moved = replace(model, bodies={**model.bodies, "blade": replace(blade, bases={0: basis})})
-    coupling = Coupling(moved, ("left", "right"), {"blade": np.arange(1), "damper": np.arange(6)}, 2)
+    coupling = Coupling(
+        moved, ("left", "right"), {"blade": np.arange(1), "damper": np.arange(6)}, 2
+    )
     G = coupling.basis(0).G
     # the damper must be able to follow: some rigid motion of it cancels that of both blades
     follow = np.linalg.lstsq(G[..., 1:].reshape(-1, 6), -G[..., 0].ravel(), rcond=None)
@@ -300,7 +336,9 @@ def test_the_neighbour_is_turned_the_right_way():
 def test_linear_response_without_damping_is_unbounded_and_says_so(kind):
     """Every point solves its equations; |X| times the distance from the pole tends to a constant on both sides."""
     model = bd.reference_model("bladed_disk", contact_points=9)
-    s = plain_study(model, bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4, damping_ratio=0.0)
+    s = plain_study(
+        model, bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4, damping_ratio=0.0
+    )
     curve = getattr(s, kind)((270.0, 380.0))
     assert (curve.residual < 1e-8).all()
     assert "unbounded at" in curve.reason
@@ -308,7 +346,9 @@ def test_linear_response_without_damping_is_unbounded_and_says_so(kind):
     pole = float(curve.reason.split("unbounded at ")[1].split()[0])
     system = s.problem.system(0.0 if kind == "free" else 1.0)
     springs = None if kind == "free" else s.problem.at(1.0).stuck_springs()
-    exact = min(system.structure.linear.modes(springs)[0] / (2.0 * np.pi), key=lambda f: abs(f - pole))
+    exact = min(
+        system.structure.linear.modes(springs)[0] / (2.0 * np.pi), key=lambda f: abs(f - pole)
+    )
     distance = curve.frequency / exact - 1.0
     for side in (-1.0, 1.0):
         near = np.flatnonzero((side * distance > 0.0) & (np.abs(distance) < 1e-3))

@@ -40,7 +40,9 @@ def bladed_disk():
 
 def turbine():
     model = bd.reference_model("turbine_blade", contact_points=9)
-    return bd.Study(model, bd.Excitation("tip", amplitude=10.0), 5, friction_coefficient=0.3, harmonics=1)
+    return bd.Study(
+        model, bd.Excitation("tip", amplitude=10.0), 5, friction_coefficient=0.3, harmonics=1
+    )
 
 
 OF_DISK = {
@@ -51,13 +53,18 @@ OF_DISK = {
     "static": lambda s: s.static(500.0),
     "hysteresis": lambda s: s.hysteresis(made("frequency_response")),
     "dissipation": lambda s: s.dissipation(made("frequency_response")),
-    "motion_in_time": lambda s: s.motion_in_time(made("frequency_response"), periods=2, steps_per_period=512),
+    "motion_in_time": lambda s: s.motion_in_time(
+        made("frequency_response"), periods=2, steps_per_period=512
+    ),
     "effect_significance": lambda s: s.effect_significance(2000.0, BAND),
     "peak_sensitivities": lambda s: s.peak_sensitivities(made("peak")),
     "compare": lambda s: bd.compare(
-        {"now": s, "smooth": {"friction_coefficient": 0.2}}, lambda one: one.frequency_response(2000.0, BAND)
+        {"now": s, "smooth": {"friction_coefficient": 0.2}},
+        lambda one: one.frequency_response(2000.0, BAND),
     ),
-    "sweep": lambda s: bd.sweep(s, {"friction_coefficient": [0.2, 0.4], "preload": [1e3, 2e3]}, frequency=BAND),
+    "sweep": lambda s: bd.sweep(
+        s, {"friction_coefficient": [0.2, 0.4], "preload": [1e3, 2e3]}, frequency=BAND
+    ),
     "campbell": lambda s: turbine().campbell((350.0, 600.0, 850.0), (5,), modes=1),
     "nonlinear_mode": lambda s: s.nonlinear_mode(2000.0, 1, (1e-6, 1e-4)),
     "stress": lambda s: s.stress(made("peak")),
@@ -86,17 +93,31 @@ def disk_peak(**other):
 
 
 def not_found():
-    return disk_peak(status="not found", reason="no local search converges", amplitude=np.nan, blade=-1)
+    return disk_peak(
+        status="not found", reason="no local search converges", amplitude=np.nan, blade=-1
+    )
 
 
 def failed_checks():
     o = optimal().optimum
-    motion = TimeResponse(0.5 * o.amplitude, 0.4 * o.amplitude, 0.6 * o.amplitude, o.frequency, o.preload, o.amplitude)
-    return replace(optimal(), optimum=replace(o, status="incomplete: less may be elsewhere"), time_response=(motion,))
+    motion = TimeResponse(
+        0.5 * o.amplitude, 0.4 * o.amplitude, 0.6 * o.amplitude, o.frequency, o.preload, o.amplitude
+    )
+    return replace(
+        optimal(),
+        optimum=replace(o, status="incomplete: less may be elsewhere"),
+        time_response=(motion,),
+    )
 
 
 def without_values():
-    best = replace(optimal().optimum, preload=np.nan, amplitude=np.nan, kind="none", status="not found: no peak")
+    best = replace(
+        optimal().optimum,
+        preload=np.nan,
+        amplitude=np.nan,
+        kind="none",
+        status="not found: no peak",
+    )
     return replace(optimal(), amplitude=np.full(len(optimal()), np.nan), optimum=best)
 
 
@@ -132,13 +153,23 @@ def disks():
 WITHOUT = "estimate_errors", "robust_optimum", "dampers", "audit", "best_preload", "tail"
 """Results of masses that have no picture."""
 PICTURES = {
-    **{f"masses: {name}": lambda name=name: of_masses(name).plot() for name in RESULTS if name not in WITHOUT},
+    **{
+        f"masses: {name}": lambda name=name: of_masses(name).plot()
+        for name in RESULTS
+        if name not in WITHOUT
+    },
     **{name: lambda name=name: made(name).plot() for name in OF_DISK},
-    "curve with its limits": lambda: made("frequency_response").plot(limits=[made("free"), bladed_disk().stuck(BAND)]),
-    "six curves": lambda: plot_curves([bladed_disk().frequency_response(p, BAND) for p in (5e2, 1e3, 2e3, 3e3, 4e3, 5e3)]),
+    "curve with its limits": lambda: made("frequency_response").plot(
+        limits=[made("free"), bladed_disk().stuck(BAND)]
+    ),
+    "six curves": lambda: plot_curves(
+        [bladed_disk().frequency_response(p, BAND) for p in (5e2, 1e3, 2e3, 3e3, 4e3, 5e3)]
+    ),
     "optimum with failed checks": lambda: failed_checks().plot(),
     "optimal curve without values": lambda: without_values().plot(),
-    **{f"masses: {name} without values": lambda name=name: without(name).plot() for name in MISSING},
+    **{
+        f"masses: {name} without values": lambda name=name: without(name).plot() for name in MISSING
+    },
     "response map": lambda: plot_response_map(optimal()),
     "loops": lambda: made("hysteresis").plot(where=["left", "right", 4]),
     "history": lambda: made("hysteresis").plot_history(4),
@@ -151,12 +182,16 @@ PICTURES = {
     "crossings without any": lambda: plot_crossings(
         turbine().resonance_crossings((350.0, 850.0), [5], damper_mass_factor=(0.5,))
     ),
-    "flutter": lambda: bladed_disk().flutter((1e3, 4e3), -0.005, amplitude=(1e-6, 1e-3), n=3).plot(),
+    "flutter": lambda: (
+        bladed_disk().flutter((1e3, 4e3), -0.005, amplitude=(1e-6, 1e-3), n=3).plot()
+    ),
     "model": lambda: bladed_disk().model.plot(),
     "mode": lambda: bladed_disk().model.plot_mode(2),
     "critical points": lambda: made("margins").plot_critical(bladed_disk().model),
     "disk from the front": lambda: disk_peak().plot_wheel(bladed_disk().model),
-    "blades": lambda: disk_peak(status="incomplete", reason="no blade is as high as on the tuned disk").plot(),
+    "blades": lambda: disk_peak(
+        status="incomplete", reason="no blade is as high as on the tuned disk"
+    ).plot(),
     "blades without a peak": lambda: not_found().plot(),
     "disk without a peak": lambda: not_found().plot_wheel(bladed_disk().model),
     "contacts of a curve": lambda: made("frequency_response").plot_contacts(bladed_disk(), point=3),
@@ -176,7 +211,9 @@ def texts(figure):
             low, high = sorted(axis.get_view_interval())
             ticks = [*axis.get_major_ticks(), *axis.get_minor_ticks()]
             found += [axis.label]
-            found += [side for t in ticks if low <= t.get_loc() <= high for side in (t.label1, t.label2)]
+            found += [
+                side for t in ticks if low <= t.get_loc() <= high for side in (t.label1, t.label2)
+            ]
     return [text for text in found if text.get_visible() and text.get_text().strip()]
 
 
@@ -184,7 +221,13 @@ def look(handle):
     """Line style, marker and its filling, and the grey value in steps of a sixth."""
     grey = round(6.0 * float(np.dot(to_rgb(handle.get_color()), [0.299, 0.587, 0.114])))
     hollow = str(handle.get_markerfacecolor()) in ("w", "none")
-    return handle.get_linestyle(), str(handle._unscaled_dash_pattern), handle.get_marker(), hollow, grey
+    return (
+        handle.get_linestyle(),
+        str(handle._unscaled_dash_pattern),
+        handle.get_marker(),
+        hollow,
+        grey,
+    )
 
 
 @each("name", PICTURES)
@@ -205,7 +248,12 @@ def test_no_text_lies_on_another_one_or_is_cut(name):
         handles = [look(line) for line in legend.legend_handles if isinstance(line, Line2D)]
         assert len(set(handles)) == len(handles), "lines differ in more than the colour"
     notes = [text.get_text() for ax in figure.axes for text in ax.texts if text.get_gid() == "note"]
-    lacking = "campbell", "masses: flutter", "optimal_curve", "optimum with failed checks"  # these two: no free resonance
+    lacking = (
+        "campbell",
+        "masses: flutter",
+        "optimal_curve",
+        "optimum with failed checks",
+    )  # these two: no free resonance
     assert bool(notes) == (name in lacking or "without" in name), notes
     plt.close("all")
 
@@ -246,7 +294,11 @@ def test_contact_states_are_those_of_the_shares():
 def test_a_path_is_a_file_of_a_known_kind(tmp_path):
     figure = made("free").plot(tmp_path / "free.pdf")
     assert (tmp_path / "free.pdf").read_bytes().startswith(b"%PDF") and isinstance(figure, Figure)
-    for path, said in ((tmp_path / "free.xyz", "ending of the path"), ("amplitude", "ending"), (plt.gca(), "path")):
+    for path, said in (
+        (tmp_path / "free.xyz", "ending of the path"),
+        ("amplitude", "ending"),
+        (plt.gca(), "path"),
+    ):
         with pytest.raises(bd.SettingError, match=said):
             made("free").plot(path)
 
@@ -282,7 +334,10 @@ def test_names_avoid_lines_and_each_other():
 
 
 def test_a_line_break_does_not_part_a_number_from_its_unit():
-    assert wrapped("the peak of 474 µm lies at 344 Hz", 26).split("\n")[0] == "the peak of 474 µm lies at"
+    assert (
+        wrapped("the peak of 474 µm lies at 344 Hz", 26).split("\n")[0]
+        == "the peak of 474 µm lies at"
+    )
 
 
 def test_points_of_a_haigh_diagram_are_whole_and_within_it():

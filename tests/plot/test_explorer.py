@@ -33,7 +33,12 @@ from bdamper.util.progress import raise_if_stopped
 
 SHORT = 60.0  # longest wait for an answer, s
 SIZES = {"desktop": (1280, 800), "phone": (390, 844)}
-HEADINGS = ["Response over frequency", "Highest peak over preload", "Contacts", "Motion over one cycle"]
+HEADINGS = [
+    "Response over frequency",
+    "Highest peak over preload",
+    "Contacts",
+    "Motion over one cycle",
+]
 
 
 def small():
@@ -85,14 +90,17 @@ def test_a_question_is_answered_coarsely_then_in_full_and_kept(answering):
     answers = answering(study, queue.put)
     answers.ask(asked(damping_ratio=0.02))
     quick, full, in_time = until_done(queue)
-    assert not quick.full and full.full and full.time_response is None and in_time.curve is full.curve
+    assert (
+        not quick.full and full.full and full.time_response is None and in_time.curve is full.curve
+    )
     assert in_time.time_response.balance == pytest.approx(full.curve.peak.amplitude)
     np.testing.assert_equal(in_time.time_response.mean, full.study.time_response(full.curve).mean)
     given = vary(study, {"damping_ratio": 0.02})
     band = answers.band(asked())
     assert_array_equal(full.curve.amplitude, given.frequency_response(0.0, band).amplitude)
     assert_array_equal(
-        quick.curve.amplitude, given.replace(harmonics=1).frequency_response(0.0, band, options=MOVING).amplitude
+        quick.curve.amplitude,
+        given.replace(harmonics=1).frequency_response(0.0, band, options=MOVING).amplitude,
     )
     assert [limit.kind for limit in full.limits] == ["free", "stuck"]
     assert full.point == full.curve.peak_index and full.loops.amplitude == full.curve.peak.amplitude
@@ -120,7 +128,12 @@ def test_every_answer_is_that_of_the_study_whatever_was_asked_before(answering):
     first = Question((), 1.0, preloads)
     names = {"excitation.amplitude": 0.5, "contact_stiffness_factor": 4.0, "harmonics": 3}
     others = [replace(first, settings=(item,)) for item in names.items()]
-    others += [replace(first, preload=2.0), replace(first, preloads=(0.7, 3.0)), replace(first, mode=2), first]
+    others += [
+        replace(first, preload=2.0),
+        replace(first, preloads=(0.7, 3.0)),
+        replace(first, mode=2),
+        first,
+    ]
     shown = []
     for question in (first, *others):
         given = vary(study, dict(question.settings))
@@ -129,23 +142,37 @@ def test_every_answer_is_that_of_the_study_whatever_was_asked_before(answering):
             own = peak_interval(study.replace(harmonics=1).problem.at(1.0), None, question.mode)
             band = peak_interval(given.replace(harmonics=1).problem.at(1.0), None, question.mode)
             curve, best = answers.curve(question, harmonics), answers.optimal(question)
-            assert curve.full == (harmonics is None) and best.full and curve.question is best.question is question
+            assert (
+                curve.full == (harmonics is None)
+                and best.full
+                and curve.question is best.question is question
+            )
             ends = float(curve.curve.frequency[0]), float(curve.curve.frequency[-1])
-            assert ends == pytest.approx(own if harmonics else band, rel=5e-3), "what follows the hand has axes that stay"
-            expected = kind.frequency_response(question.preload, ends, options=MOVING if harmonics else None)
+            assert ends == pytest.approx(own if harmonics else band, rel=5e-3), (
+                "what follows the hand has axes that stay"
+            )
+            expected = kind.frequency_response(
+                question.preload, ends, options=MOVING if harmonics else None
+            )
             assert_array_equal(curve.curve.amplitude, expected.amplitude)
             touching = contact_status(kind, expected.unknowns[curve.point], question.preload)
             assert_array_equal(curve.contacts.share, touching.share)
             searched = best.optimal.settings["frequency"]
             assert searched == pytest.approx(band, rel=5e-3)
-            least = given.optimal_curve(question.preloads, 3, frequency=searched, mode=question.mode, check=False)
+            least = given.optimal_curve(
+                question.preloads, 3, frequency=searched, mode=question.mode, check=False
+            )
             assert_array_equal(best.optimal.preload, least.preload)
             assert_array_equal(best.optimal.amplitude, least.amplitude)
         one = given.replace(harmonics=1)
-        for found, limit in zip(curve.limits, (one.free(ends), one.stuck(ends, question.preload)), strict=True):
+        for found, limit in zip(
+            curve.limits, (one.free(ends), one.stuck(ends, question.preload)), strict=True
+        ):
             assert_array_equal(found.amplitude, limit.amplitude)
         shown.append((curve.curve.peak.amplitude, *best.optimal.amplitude, len(curve.curve)))
-    assert len(set(shown[:-1])) == len(others) and shown[-1] == shown[0], "and none of them shows what another does"
+    assert len(set(shown[:-1])) == len(others) and shown[-1] == shown[0], (
+        "and none of them shows what another does"
+    )
 
 
 def test_what_cannot_be_answered_is_one_line(answering):
@@ -163,7 +190,9 @@ def test_what_cannot_be_answered_is_one_line(answering):
 
 
 @pytest.mark.parametrize(("harmonics", "begun_at_all"), [(3, [1, 3, 1, 3]), (1, [1, 1, 3])])
-def test_a_newer_question_ends_the_work_and_takes_the_place_of_what_waits(monkeypatch, harmonics, begun_at_all, answering):
+def test_a_newer_question_ends_the_work_and_takes_the_place_of_what_waits(
+    monkeypatch, harmonics, begun_at_all, answering
+):
     """All work but the first step, which is finished and shown, so that a view follows the hand."""
     queue, begun, go = SimpleQueue(), Event(), Event()
     answers, calls = answering(small(), queue.put), []
@@ -171,7 +200,10 @@ def test_a_newer_question_ends_the_work_and_takes_the_place_of_what_waits(monkey
 
     def slow(study, *given, **keywords):
         calls.append(study.settings.harmonic_numbers[-1])
-        if study.settings.harmonic_numbers[-1] == harmonics and study.settings.damping_ratio == 0.05:
+        if (
+            study.settings.harmonic_numbers[-1] == harmonics
+            and study.settings.damping_ratio == 0.05
+        ):
             begun.set()
             go.wait(SHORT)
         return frequency_response(study, *given, **keywords)
@@ -183,9 +215,13 @@ def test_a_newer_question_ends_the_work_and_takes_the_place_of_what_waits(monkey
         answers.ask(asked(damping_ratio=ratio))
     go.set()
     found = until_done(queue)
-    known = [(dict(a.question.settings)["damping_ratio"], a.full) for a in found if not a.time_response]
+    known = [
+        (dict(a.question.settings)["damping_ratio"], a.full) for a in found if not a.time_response
+    ]
     assert known == [(0.05, False), (0.3, False), (0.3, True)]
-    assert calls == begun_at_all, "the full answer to the first was ended or never begun, those between were not begun"
+    assert calls == begun_at_all, (
+        "the full answer to the first was ended or never begun, those between were not begun"
+    )
 
 
 @pytest.mark.parametrize("analysis", ["frequency_response", "optimal_curve"])
@@ -197,7 +233,9 @@ def test_a_part_of_a_result_is_never_kept_as_the_whole(monkeypatch, analysis, an
     def part(*given, **more):
         found = whole(*given, **more)
         stopped = (
-            {"status": "interrupted"} if ask == answers.curve else {"optimum": replace(found.optimum, status="interrupted")}
+            {"status": "interrupted"}
+            if ask == answers.curve
+            else {"optimum": replace(found.optimum, status="interrupted")}
         )
         return replace(found, **stopped)
 
@@ -277,7 +315,9 @@ def test_colours_of_states_are_those_of_browsers():
 
 
 def test_patches_are_divided_by_their_shares():
-    left, right, low, high, state = tiles(np.array([[0.2, 0.3, 0.5]]), np.array([1.0]), np.array([4.0]), 2.0, 10.0)
+    left, right, low, high, state = tiles(
+        np.array([[0.2, 0.3, 0.5]]), np.array([1.0]), np.array([4.0]), 2.0, 10.0
+    )
     assert_allclose(right - left, [1.8, 2.7, 4.5])
     assert_allclose((left[0], right[-1], low[0], high[0]), (-0.5, 8.5, 0.1, 1.9))
     assert state.tolist() == [0, 1, 2]
@@ -285,7 +325,9 @@ def test_patches_are_divided_by_their_shares():
 
 def test_the_extra_is_named_where_bokeh_is_missing(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "bokeh.server.server", None)
-    with pytest.raises(bd.BdamperError, match=r"explore needs bokeh: install the extra bdamper\[app\]"):
+    with pytest.raises(
+        bd.BdamperError, match=r"explore needs bokeh: install the extra bdamper\[app\]"
+    ):
         bd.explore(small())
     with pytest.raises(bd.SettingError, match=r"study: expected a Study, found 'model\.h5'"):
         bd.explore("model.h5")
@@ -294,7 +336,9 @@ def test_the_extra_is_named_where_bokeh_is_missing(monkeypatch):
 # ---- the page ----
 
 
-@pytest.mark.parametrize("ends", [(1.0, 1e4), (10.0, 1e4), (61.0, 1050.0), (70.0, 95.0), (6.0, 1300.0), (1e-3, 2e9)])
+@pytest.mark.parametrize(
+    "ends", [(1.0, 1e4), (10.0, 1e4), (61.0, 1050.0), (70.0, 95.0), (6.0, 1300.0), (1e-3, 2e9)]
+)
 def test_ticks_are_few_round_and_apart(ends):
     ticks = ticks_within(*ends)
     assert 2 <= len(ticks) <= 9 and ends[0] <= min(ticks) and max(ticks) <= ends[1]
@@ -310,7 +354,10 @@ def test_a_provisional_curve_that_ends_early_is_told_without_its_reasons(page, a
     assert page.text.text.startswith("<i>Provisional, with one harmonic:</i> the curve ends early")
     assert page.glyphs["curve"].line_dash == [6]
     page.show(replace(answer, full=True))
-    assert html.escape(answer.curve.reason[:20]) in page.text.text and page.glyphs["curve"].line_dash == []
+    assert (
+        html.escape(answer.curve.reason[:20]) in page.text.text
+        and page.glyphs["curve"].line_dash == []
+    )
 
 
 HOSTILE = "<svg onload=document[`harm`]=1>"
@@ -320,17 +367,23 @@ def renamed(study, mark):
     """A lumped study with a mark in front of all names of bodies, interfaces and places."""
     model, old = study.model, study.settings
     bodies = {
-        mark + n: replace(b, name=mark + n, ports=tuple((mark + face, side) for face, side in b.ports))
+        mark + n: replace(
+            b, name=mark + n, ports=tuple((mark + face, side) for face, side in b.ports)
+        )
         for n, b in model.bodies.items()
     }
     for body in bodies.values():
         for d, basis in body.bases.items():
-            body.bases[d] = replace(basis, locations={mark + n: rows for n, rows in basis.locations.items()})
+            body.bases[d] = replace(
+                basis, locations={mark + n: rows for n, rows in basis.locations.items()}
+            )
     faces = {
         mark + n: replace(f, name=mark + n, body_a=mark + f.body_a, body_b=mark + f.body_b)
         for n, f in model.interfaces.items()
     }
-    places = {mark + n: replace(p, name=mark + n, body=mark + p.body) for n, p in model.locations.items()}
+    places = {
+        mark + n: replace(p, name=mark + n, body=mark + p.body) for n, p in model.locations.items()
+    }
     model = replace(model, bodies=bodies, interfaces=faces, locations=places)
     return bd.Study(
         model, replace(study.excitation, location=mark + study.excitation.location), friction_coefficient=0.5, harmonics=1,
@@ -347,7 +400,9 @@ def served():
 
     def get(host=f"localhost:{port}", path=path, head=""):
         with socket.create_connection(("127.0.0.1", int(port)), SHORT) as link:
-            link.sendall(f"GET /{path} HTTP/1.1\r\nHost: {host}\r\n{head or 'Connection: close'}\r\n\r\n".encode())
+            link.sendall(
+                f"GET /{path} HTTP/1.1\r\nHost: {host}\r\n{head or 'Connection: close'}\r\n\r\n".encode()
+            )
             found = b""
             while part := link.recv(65536):
                 found += part
@@ -382,13 +437,21 @@ def test_only_requests_to_this_machine_with_the_token_are_answered(served):
         for origin, status in ((host.lower(), 101), ("elsewhere.example", 403)):
             assert get(host, f"{path}/ws", f"Origin: http://{origin}\r\n{upgrade}")[0] == status
     known = len(explorer.pages)
-    for host in ("elsewhere.example", f"elsewhere.example:{port}", "localhost", f"localhost:{port + 1}"):
+    for host in (
+        "elsewhere.example",
+        f"elsewhere.example:{port}",
+        "localhost",
+        f"localhost:{port + 1}",
+    ):
         for way in (path, f"{path}/metadata", f"{path}/autoload.js?bokeh-autoload-element=1"):
             assert get(host, way)[0] == 403
         assert get(host, f"{path}/ws", f"Origin: http://localhost:{port}\r\n{upgrade}")[0] == 403
     assert [get(path=way)[0] for way in ("", "x", "explore")] == [404] * 3
     assert len(explorer.pages) == known and len(path) >= 32
-    for address in {item[4][0] for item in socket.getaddrinfo(socket.gethostname(), None)} - {"127.0.0.1", "::1"}:
+    for address in {item[4][0] for item in socket.getaddrinfo(socket.gethostname(), None)} - {
+        "127.0.0.1",
+        "::1",
+    }:
         with socket.socket() as probe:
             probe.settimeout(1.0)
             assert probe.connect_ex((address, port)) != 0, address
@@ -444,7 +507,13 @@ def browser():
         pytest.skip("no browser: Debian's chromium and chromium-driver are not installed")
     options = webdriver.ChromeOptions()
     options.binary_location = chromium
-    for argument in ("headless=new", "no-sandbox", "disable-gpu", "disable-dev-shm-usage", "window-size=1400,1000"):
+    for argument in (
+        "headless=new",
+        "no-sandbox",
+        "disable-gpu",
+        "disable-dev-shm-usage",
+        "window-size=1400,1000",
+    ):
         options.add_argument(f"--{argument}")
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     with webdriver.Chrome(options=options, service=webdriver.ChromeService(driver)) as found:
@@ -457,15 +526,30 @@ class Window:
     def __init__(self, browser, explorer, size="desktop"):
         self.browser, self.explorer = browser, explorer
         width, height = SIZES[size]
-        self.tell("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 800)
+        self.tell(
+            "Emulation.setDeviceMetricsOverride",
+            width=width,
+            height=height,
+            deviceScaleFactor=1,
+            mobile=width < 800,
+        )
         browser.get(explorer.address)
         self.wait("return window.Bokeh !== undefined && Bokeh.documents.length > 0")
         self.settle()
-        empty = "could not determine", "could not set initial ranges"  # views, before the first answer
-        self.early = [line for line in self._complaints() if not any(words in line["message"] for words in empty)]
+        empty = (
+            "could not determine",
+            "could not set initial ranges",
+        )  # views, before the first answer
+        self.early = [
+            line
+            for line in self._complaints()
+            if not any(words in line["message"] for words in empty)
+        ]
 
     def run(self, script, *given):
-        return self.browser.execute_script(f"const get = (n) => Bokeh.documents[0].get_model_by_name(n); {script}", *given)
+        return self.browser.execute_script(
+            f"const get = (n) => Bokeh.documents[0].get_model_by_name(n); {script}", *given
+        )
 
     def wait(self, script):
         until(lambda: self.run(script))
@@ -480,7 +564,13 @@ class Window:
     def shown(self, name="curve"):
         """The answer in full that the page shows to what stands on it."""
         page = self.explorer.pages[-1]
-        until(lambda: name in page.shown and page.shown[name].full and page.shown[name].question == page.question())
+        until(
+            lambda: (
+                name in page.shown
+                and page.shown[name].full
+                and page.shown[name].question == page.question()
+            )
+        )
         return page.shown[name]
 
     def type(self, name, text):
@@ -511,10 +601,17 @@ class Window:
         return self.run("return get(arguments[0]).text", name)
 
     def click(self, name):
-        self.run("Bokeh.index.find_one(get(arguments[0])).el.shadowRoot.querySelector('button').click()", name)
+        self.run(
+            "Bokeh.index.find_one(get(arguments[0])).el.shadowRoot.querySelector('button').click()",
+            name,
+        )
 
     def _complaints(self):
-        return [line for line in self.browser.get_log("browser") if line["level"] in ("SEVERE", "WARNING")]
+        return [
+            line
+            for line in self.browser.get_log("browser")
+            if line["level"] in ("SEVERE", "WARNING")
+        ]
 
     def errors(self):
         """What the console has, besides that views are empty before the first answer."""
@@ -537,8 +634,12 @@ def explorer(study):
 @pytest.fixture
 def page_of(monkeypatch):
     """Pages in no browser, whose questions nobody answers."""
-    bokeh = pytest.importorskip("bokeh.document", reason="bokeh is not installed: the extra bdamper[app]")
-    monkeypatch.setattr("bdamper.plot.explorer_page.Answers", lambda *_: SimpleNamespace(ask=lambda _: None))
+    bokeh = pytest.importorskip(
+        "bokeh.document", reason="bokeh is not installed: the extra bdamper[app]"
+    )
+    monkeypatch.setattr(
+        "bdamper.plot.explorer_page.Answers", lambda *_: SimpleNamespace(ask=lambda _: None)
+    )
     return lambda study: Page(bokeh.Document(), study, "study")
 
 
@@ -555,15 +656,25 @@ def answers(study, answering):
 def test_every_load_has_a_slider(page_of):
     """Those beside the preload: shares of the other bodies, and what does not change with it."""
     loads = {"load_per_preload": {"front": 1.0, "rear": 0.6}, "constant_loads": {"shroud": 500.0}}
-    study = bd.Study(bd.reference_model("shrouded_blade"), bd.Excitation("tip"), 4, harmonics=1, **loads)
+    study = bd.Study(
+        bd.reference_model("shrouded_blade"), bd.Excitation("tip"), 4, harmonics=1, **loads
+    )
     page = page_of(study)
-    assert [name for name in page.numbers if "." in name][1:] == ["load_per_preload.rear", "constant_loads.shroud"]
+    assert [name for name in page.numbers if "." in name][1:] == [
+        "load_per_preload.rear",
+        "constant_loads.shroud",
+    ]
     assert page.question().settings == ()
     page.sliders["constant_loads.shroud"].value = np.log10(250.0)
     page.numbers["load_per_preload.rear"].value = 0.9
-    assert dict(page.question().settings) == {"load_per_preload.rear": 0.9, "constant_loads.shroud": 250.0}
+    assert dict(page.question().settings) == {
+        "load_per_preload.rear": 0.9,
+        "constant_loads.shroud": 250.0,
+    }
     given = vary(study, dict(page.question().settings)).settings
-    assert given.load_per_preload == {"front": 1.0, "rear": 0.9} and given.constant_loads == {"shroud": 250.0}
+    assert given.load_per_preload == {"front": 1.0, "rear": 0.9} and given.constant_loads == {
+        "shroud": 250.0
+    }
 
 
 def test_a_structure_without_friction_faces_has_no_tiles(page_of, answering):
@@ -571,7 +682,10 @@ def test_a_structure_without_friction_faces_has_no_tiles(page_of, answering):
     page, answers = page_of(study), answering(study)
     page.show(answers.curve(page.question(), None))
     assert page.loop.options == ["whole"] and page.sources["loop"].data["x"].size
-    assert all(len(page.sources["tiles"].data[name]) == 0 for name in ("left", "right", "bottom", "top", "color"))
+    assert all(
+        len(page.sources["tiles"].data[name]) == 0
+        for name in ("left", "right", "bottom", "top", "color")
+    )
     assert page.sources["titles"].data == {"x": [], "y": [], "text": []}
 
 
@@ -579,7 +693,9 @@ def test_files_are_named_by_the_settings_of_what_is_in_them(page, answers):
     page.order.value = "10"
     page.show(provisional := answers.curve(page.question(), 1))
     page.order.value, page.numbers["preload"].value = "5", 501.0
-    assert [*page._results()] == [f"{part}-200-N-engine-order-10-provisional" for part in ("curve", "loop")]
+    assert [*page._results()] == [
+        f"{part}-200-N-engine-order-10-provisional" for part in ("curve", "loop")
+    ]
     page.show(replace(provisional, full=True))
     assert list(page._results()) == ["curve-200-N-engine-order-10", "loop-200-N-engine-order-10"]
 
@@ -598,7 +714,10 @@ def test_of_an_empty_curve_the_curve_alone_is_saved(page, answers, monkeypatch):
     empty = answers.curve(replace(page.question(), point=3), 1)
     assert not len(empty.curve)
     page.show(replace(empty, full=True))
-    assert page.text.text.startswith("No point of this curve was found") and "Chosen" not in page.text.text
+    assert (
+        page.text.text.startswith("No point of this curve was found")
+        and "Chosen" not in page.text.text
+    )
     for click, ending in ((page.pictures, "png"), (page.tables, "csv")):
         click()
         assert page.sources["file"].data["name"] == [f"curve-200-N-engine-order-5.{ending}"]
@@ -619,12 +738,21 @@ def test_the_page_shows_what_the_study_gives(browser, explorer, study, answering
     assert_allclose(drawn, [curve.frequency, 1e6 * curve.amplitude], rtol=1e-12)
     assert window.data("point") == pytest.approx([curve.peak.frequency, 1e6 * curve.peak.amplitude])
     best = varied.optimal_curve((15.0, 3750.0), 7, frequency=band, check=False)
-    assert window.data("optimum") == pytest.approx([best.optimum.preload, 1e6 * best.optimum.amplitude])
-    assert set(window.run("return [...get('tiles data').get_column('color')]")) == set(STATUS_COLOURS)
+    assert window.data("optimum") == pytest.approx(
+        [best.optimum.preload, 1e6 * best.optimum.amplitude]
+    )
+    assert set(window.run("return [...get('tiles data').get_column('color')]")) == set(
+        STATUS_COLOURS
+    )
     window.click("Python")
     window.wait("return get('code').text")
     names = {"study": study}
-    exec("\n".join(line for line in window.text("code").splitlines() if not line.startswith("optimal")), names)
+    exec(
+        "\n".join(
+            line for line in window.text("code").splitlines() if not line.startswith("optimal")
+        ),
+        names,
+    )
     assert_array_equal(names["curve"].amplitude, curve.amplitude)
     window.click("CSV")
     window.wait("return get('file data').data.name[0] == 'optimal-200-N-engine-order-5.csv'")
@@ -632,11 +760,17 @@ def test_the_page_shows_what_the_study_gives(browser, explorer, study, answering
     assert table.count("\n") > len(best)
     window.click("Pictures")
     window.wait("return get('file data').data.name[0] == 'optimal-200-N-engine-order-5.png'")
-    assert base64.b64decode(window.run("return get('file data').data.content[0]")).startswith(b"\x89PNG")
+    assert base64.b64decode(window.run("return get('file data').data.content[0]")).startswith(
+        b"\x89PNG"
+    )
     window.move("speed", 3000.0)
-    window.wait("return get('preload').title.includes('centrifugal') && get('preload').value != 199.5 && !get('code').text")
+    window.wait(
+        "return get('preload').title.includes('centrifugal') && get('preload').value != 199.5 && !get('code').text"
+    )
     window.move("speed", 0.0)
-    window.wait("return get('preload').value == 199.5 && !get('preload').title.includes('centrifugal')")
+    window.wait(
+        "return get('preload').value == 199.5 && !get('preload').title.includes('centrifugal')"
+    )
     assert not window.errors()
 
 
@@ -648,16 +782,25 @@ def test_every_control_at_both_sizes(browser, explorer, size):
     (wide, high), (width, height_, inner, _) = SIZES[size], window.size()
     assert width == inner == wide and (height_ <= high) == (size == "desktop")
     panels = window.boxes("#page > section")
-    assert len(panels) == 4 and all(right - left > 300 and low - top > 200 for left, top, right, low in panels)
+    assert len(panels) == 4 and all(
+        right - left > 300 and low - top > 200 for left, top, right, low in panels
+    )
     parts = [*panels, *window.boxes("nav"), *window.boxes("header")]
     for i, (left, top, right, low) in enumerate(parts):
         assert left >= 0 and right <= wide and low <= height_
         for other in parts[:i]:
-            apart = left >= other[2] - 1, other[0] >= right - 1, top >= other[3] - 1, other[1] >= low - 1
+            apart = (
+                left >= other[2] - 1,
+                other[0] >= right - 1,
+                top >= other[3] - 1,
+                other[1] >= low - 1,
+            )
             assert any(apart), "panels overlap"
     texts = "return [...document.querySelectorAll('h1, h2')].map((e) => [e.textContent, e.scrollWidth - e.clientWidth])"
     assert window.run(texts) == [[text, 0] for text in ("bdamper explorer", *HEADINGS)]
-    assert explorer.pages[-1].study.model.hash in browser.find_element("css selector", ".model").text
+    assert (
+        explorer.pages[-1].study.model.hash in browser.find_element("css selector", ".model").text
+    )
     assert window.run("return getComputedStyle(document.querySelector('h1')).fontSize") == "18px"
 
     first = window.shown().curve.peak.amplitude
@@ -672,15 +815,24 @@ def test_every_control_at_both_sizes(browser, explorer, size):
         until(lambda setting=setting: setting in explorer.pages[-1].question().settings)
         peak = window.shown().curve.peak
         assert peak.amplitude != first
-        until(lambda peak=peak: f"Peak {peak_text(peak.amplitude, peak.frequency)}" in window.text())
+        until(
+            lambda peak=peak: f"Peak {peak_text(peak.amplitude, peak.frequency)}" in window.text()
+        )
         window.move(name, explorer.pages[-1].first[name])
         until(lambda: not explorer.pages[-1].question().settings)
     window.type("preload", "104")
     until(lambda: "at a preload of 104 N" in window.text())
     window.run("get('preload slider').value = 2.5")
-    window.wait("return get('preload').value == 316 && get('answer').text.includes('at a preload of 316 N')")
+    window.wait(
+        "return get('preload').value == 316 && get('answer').text.includes('at a preload of 316 N')"
+    )
     window.move("preload", 200.0)
-    until(lambda: "at a preload of 200 N" in window.text() and window.shown().curve.peak.amplitude == first)
+    until(
+        lambda: (
+            "at a preload of 200 N" in window.text()
+            and window.shown().curve.peak.amplitude == first
+        )
+    )
     window.move("mode", "2")
     until(lambda: explorer.pages[-1].question().mode == 2)
     assert window.shown().curve.peak.amplitude != first
@@ -694,13 +846,17 @@ def test_every_control_at_both_sizes(browser, explorer, size):
     window.move("loop", "whole")
     until(lambda: window.data("loop") != before)
     window.run("get('contacts').active = 1")
-    window.wait("return Bokeh.index.find_one(get('cycle')) && Bokeh.index.find_one(get('cycle')).el.offsetWidth > 200")
+    window.wait(
+        "return Bokeh.index.find_one(get('cycle')) && Bokeh.index.find_one(get('cycle')).el.offsetWidth > 200"
+    )
     window.run("get('contacts').active = 0")
     window.move("loop", "left")
     for name in ("Python", "CSV", "Pictures"):
         window.click(name)
     window.wait("return get('code').text && (get('file data').data.name[0] || '').endsWith('png')")
-    ticks = window.run("return [get('curve').left[0].ticker.ticks, get('curve').y_range.start, get('curve').y_range.end]")
+    ticks = window.run(
+        "return [get('curve').left[0].ticker.ticks, get('curve').y_range.start, get('curve').y_range.end]"
+    )
     inside = [x for x in ticks[0] if ticks[1] <= x <= ticks[2]]
     assert 3 <= len(inside) <= 7
     moving = "return JSON.stringify(get('patches data').data.xs.slice(0, 50))"

@@ -49,7 +49,9 @@ def test_rigid_motion_is_that_of_the_damper_at_its_points(solved):
     local = body.bases[0].contact_modes[rows][..., :6] @ q[own][:6]
     expected = np.einsum("pij,pi->pj", face.frame, local)
     # the surface moves rigidly: fit its motion and read it at the points
-    fit, *_ = np.linalg.lstsq(np.c_[surface.points, np.ones(len(surface.points))], surface.amplitude, rcond=None)
+    fit, *_ = np.linalg.lstsq(
+        np.c_[surface.points, np.ones(len(surface.points))], surface.amplitude, rcond=None
+    )
     got = np.c_[face.points, np.ones(len(face.points))] @ fit
     assert np.abs(expected).max() > 1e-8
     assert got == pytest.approx(expected, abs=1e-9 * np.abs(expected).max())
@@ -60,7 +62,9 @@ def test_units_of_rigid_motion(solved):
     motion = rigid_motion(study, curve.unknowns)
     assert motion.bias.shape == (len(curve), 6) and motion.vibratory.shape == (len(curve), 1, 6)
     mass = study.model.bodies["damper"].mass
-    assert motion.amplitude[:, :3] == pytest.approx(np.abs(motion.modal_vibratory[:, 0, :3]) / np.sqrt(mass))
+    assert motion.amplitude[:, :3] == pytest.approx(
+        np.abs(motion.modal_vibratory[:, 0, :3]) / np.sqrt(mass)
+    )
     moments = np.linalg.eigvalsh(study.model.bodies["damper"].inertia)
     factor = motion.amplitude[:, 3:] / np.abs(motion.modal_vibratory[:, 0, 3:])
     assert np.sort(1.0 / factor[0] ** 2) == pytest.approx(moments, rel=1e-9)
@@ -76,7 +80,9 @@ def test_missing_rigid_modes_do_not_move(solved):
 
 def test_unknown_body_is_named(solved):
     study, curve = solved
-    with pytest.raises(bd.SettingError, match=r"must be one of the free bodies \['damper'\], found 'blade'"):
+    with pytest.raises(
+        bd.SettingError, match=r"must be one of the free bodies \['damper'\], found 'blade'"
+    ):
         rigid_motion(study, curve.unknowns[0], "blade")
 
 
@@ -109,7 +115,10 @@ def test_status_under_every_law(solved, settings):
     study = solved[0].replace(**settings)
     curve = study.frequency_response(500.0, (350.0, 380.0))
     i = curve.peak_index
-    _, _, core = (a[: study.problem.coupling.n_points] for a in study.problem.system(500.0).contact(curve.unknowns[i]))
+    _, _, core = (
+        a[: study.problem.coupling.n_points]
+        for a in study.problem.system(500.0).contact(curve.unknowns[i])
+    )
     status = contact_status(study, curve.unknowns[i], 500.0)
     assert status.share.sum(axis=2) == pytest.approx(1.0, abs=1e-12)
     rubs = study.problem.friction > 0.0
@@ -138,7 +147,9 @@ def test_export_to_vtu(solved, tmp_path):
     # the tip on the surface moves as the response says (all ten modes of the study are on the mesh)
     tip = np.argmin(np.linalg.norm(stored.points - study.model.locations["tip"].position, axis=1))
     assert abs(blade[tip, 0]) == pytest.approx(curve.peak.amplitude, rel=1e-6)
-    assert "mean displacement, m" not in meshio.read(paths[0]).point_data  # no shapes of nodal diameter 0
+    assert (
+        "mean displacement, m" not in meshio.read(paths[0]).point_data
+    )  # no shapes of nodal diameter 0
     with pytest.raises(bd.SettingError, match="mode shapes on its mesh"):
         export_modes(study.model, tmp_path / "x.vtu", body="damper")
 
@@ -149,7 +160,12 @@ SHIPPED = [("bladed_disk", 9), ("bladed_disk", 48), ("blade_to_ground", 24), ("t
 @pytest.mark.parametrize(("name", "points"), SHIPPED)
 def test_surfaces_of_shipped_models_move_as_the_response_says(name, points):
     model = bd.reference_model(name, points)
-    study = bd.Study(model, bd.Excitation("tip"), engine_order=5 if model.n_blades > 1 else 0, contact_stiffness=1e8)
+    study = bd.Study(
+        model,
+        bd.Excitation("tip"),
+        engine_order=5 if model.n_blades > 1 else 0,
+        contact_stiffness=1e8,
+    )
     curve = study.free((250.0, 300.0))
     top = curve.peak
     body = model.locations["tip"].body
@@ -165,13 +181,28 @@ def test_surfaces_without_mode_shapes_are_refused_or_named(solved, tmp_path):
     mesh = study.model.meshes["blade"]
     bare = study.replace(model=replace(study.model, meshes={"blade": replace(mesh, modes={})}))
     for call in (lambda: surface_motion(bare, u), lambda: export_response(bare, u, tmp_path)):
-        with pytest.raises(bd.SettingError, match="the mesh of 'blade' needs mode shapes of nodal diameter 5; it has none"):
+        with pytest.raises(
+            bd.SettingError,
+            match="the mesh of 'blade' needs mode shapes of nodal diameter 5; it has none",
+        ):
             call()
-    for call in (lambda: bare.model.plot_mode(1), lambda: export_modes(bare.model, tmp_path / "x.vtu")):
-        with pytest.raises(bd.SettingError, match="needs mode shapes on the mesh of a body, and the model has none"):
+    for call in (
+        lambda: bare.model.plot_mode(1),
+        lambda: export_modes(bare.model, tmp_path / "x.vtu"),
+    ):
+        with pytest.raises(
+            bd.SettingError, match="needs mode shapes on the mesh of a body, and the model has none"
+        ):
             call()
-    few = bare.replace(model=replace(study.model, meshes={"blade": replace(mesh, modes={5: mesh.modes[5][..., :1]})}))
-    with pytest.warns(bd.PlausibilityWarning, match="at most 1 % of the motion in modes without shapes on the mesh, found"):
+    few = bare.replace(
+        model=replace(
+            study.model, meshes={"blade": replace(mesh, modes={5: mesh.modes[5][..., :1]})}
+        )
+    )
+    with pytest.warns(
+        bd.PlausibilityWarning,
+        match="at most 1 % of the motion in modes without shapes on the mesh, found",
+    ):
         surface_motion(few, u)
 
 
@@ -187,7 +218,10 @@ def test_a_line_drawing_has_each_sector_at_its_phase(solved):
     assert set(parts) == {("blade", 0), ("blade", 1), ("damper", 0)}
     pitch = 2.0 * np.pi / model.n_blades
     places = {key: model.meshes[key[0]].points @ turn(pitch * key[1]).T for key in parts}
-    near = {key: np.argmin(np.linalg.norm(places[key][:, None] - face.points, axis=2), axis=0) for key in parts}
+    near = {
+        key: np.argmin(np.linalg.norm(places[key][:, None] - face.points, axis=2), axis=0)
+        for key in parts
+    }
     moved = {key: drawing.amplitude[parts[key][near[key]]].mean(axis=0) for key in parts}
     damper, blade = moved["damper", 0], moved["blade", 1]
     assert np.linalg.norm(damper - blade) < 0.2 * np.linalg.norm(damper)
@@ -201,7 +235,9 @@ def test_a_line_drawing_has_each_sector_at_its_phase(solved):
 def test_a_line_drawing_paints_the_farthest_face_first(solved):
     study, curve = solved
     drawing, model = line_drawing(study, curve.unknowns[0]), study.model
-    depth = np.concatenate([model.meshes[name].points @ turned.T @ VIEW[2] for name, _, turned in sectors_shown(model)])
+    depth = np.concatenate(
+        [model.meshes[name].points @ turned.T @ VIEW[2] for name, _, turned in sectors_shown(model)]
+    )
     assert (np.diff(depth[drawing.quads].mean(axis=1)) >= -1e-12).all()
     assert pytest.approx(np.eye(3), abs=2e-3) == VIEW @ VIEW.T
     assert len(drawing.body) == len(drawing.quads) and drawing.quads.max() < len(drawing.points)

@@ -47,7 +47,11 @@ def drawn_ticks(axis):
     """Tick labels of an axis that are drawn, major and minor."""
     low, high = sorted(axis.get_view_interval())
     ticks = [*axis.get_major_ticks(), *axis.get_minor_ticks()]
-    return [t.label1 for t in ticks if low <= t.get_loc() <= high and t.label1.get_visible() and t.label1.get_text()]
+    return [
+        t.label1
+        for t in ticks
+        if low <= t.get_loc() <= high and t.label1.get_visible() and t.label1.get_text()
+    ]
 
 
 def assert_nothing_overlaps(ax):
@@ -65,7 +69,9 @@ def assert_nothing_overlaps(ax):
 
 def test_bad_requests_are_named():
     model = bd.reference_model("bladed_disk", 24)
-    with pytest.raises(bd.SettingError, match=r"mode: expected a whole number from 1 to 10, found 11"):
+    with pytest.raises(
+        bd.SettingError, match=r"mode: expected a whole number from 1 to 10, found 11"
+    ):
         model.plot_mode(11)
     with pytest.raises(bd.SettingError, match="expected a body with mode shapes"):
         model.plot_mode(1, body="damper")
@@ -78,17 +84,23 @@ class TestCurves:
         top = next(line for line in ax.lines if line.get_markersize() == 5.0)
         assert top.get_markerfacecolor() == "w"
 
-    @pytest.mark.parametrize(("unit", "factor"), [("mm", 1e-3), ("m", 1.0), ("", 1.0), ("µm", 1e-6), ("inch", 0.0254)])
+    @pytest.mark.parametrize(
+        ("unit", "factor"), [("mm", 1e-3), ("m", 1.0), ("", 1.0), ("µm", 1e-6), ("inch", 0.0254)]
+    )
     def test_measured_points_are_in_the_legend_and_in_metres(self, study, unit, factor):
         (ax,) = study.free(INTERVAL).plot().axes
-        Measurement("shaker", np.array([280.0, 290.0]), np.array([1.0, 2.0j]), unit=unit).plot(ax=ax)
+        Measurement("shaker", np.array([280.0, 290.0]), np.array([1.0, 2.0j]), unit=unit).plot(
+            ax=ax
+        )
         assert legend_texts(ax) == ["shaker"] and [text.get_text() for text in ax.texts] == ["free"]
         assert np.allclose(ax.lines[-1].get_ydata(), [factor, 2.0 * factor], rtol=1e-15)
 
     def test_measured_points_in_other_units_are_refused(self):
         """Accelerations are drawn as displacements."""
         measurement = Measurement("shaker", np.array([280.0]), np.array([1.0]), unit="V")
-        with pytest.raises(bd.SettingError, match=r"shaker.*expected a displacement, velocity or acceleration"):
+        with pytest.raises(
+            bd.SettingError, match=r"shaker.*expected a displacement, velocity or acceleration"
+        ):
             measurement.plot()
         assert measurement.plot(scale=0.5).axes[0].lines[-1].get_ydata() == [0.5]
         shown = replace(measurement, unit="m/s2").plot().axes[0].lines[-1].get_ydata()
@@ -102,7 +114,9 @@ class TestOptimalCurves:
         assert any(text.startswith("least at the end of the range: 3 kN,") for text in texts)
 
     def test_flat(self, study):
-        curve = study.replace(friction_law="bonded").optimal_curve((20.0, 1e4), 3, frequency=INTERVAL, check=False)
+        curve = study.replace(friction_law="bonded").optimal_curve(
+            (20.0, 1e4), 3, frequency=INTERVAL, check=False
+        )
         ax, below = curve.plot().axes
         assert "The preload does not matter" in " ".join(text.get_text() for text in ax.texts)
         assert ax.get_legend() is None and below.get_legend() is None
@@ -111,10 +125,17 @@ class TestOptimalCurves:
 def test_advice_legend_shows_what_is_drawn():
     effects = tuple(
         EffectRow(name, True, change, 0.5 * change, 0.0, "computed", 0.5, significant)
-        for name, change, significant in (("harmonics beyond 1", 0.5, True), ("damper modes beyond 0", 0.001, False))
+        for name, change, significant in (
+            ("harmonics beyond 1", 0.5, True),
+            ("damper modes beyond 0", 0.001, False),
+        )
     )
     sets = [Effects(ASSUMED | {"variable_normal_load": True})] * 2
-    ax = EffectSignificance(500.0, (300.0, 400.0), 0.01, 1e-4, 350.0, effects, *sets, 0.0, 0.0, 1.0).plot().axes[0]
+    ax = (
+        EffectSignificance(500.0, (300.0, 400.0), 0.01, 1e-4, 350.0, effects, *sets, 0.0, 0.0, 1.0)
+        .plot()
+        .axes[0]
+    )
     patches = dict(zip(legend_texts(ax), ax.get_legend().get_patches()))
     said = ["black names: needed", "grey: may be left\nout together"]
     assert list(patches) == ["amplitude", "frequency", "tolerance, 1 %", *said]
@@ -148,7 +169,9 @@ def test_accuracy_explains_its_lines(times):
         Run("combination", ("3", "9"), 1e-3, 300.0, 0.0, t[0]),
     )
     sources = (ReferenceError("harmonics", 1e-3, 3.0, "harmonics 1 to 10"),)
-    result = AccuracyCost("curve", 500.0, INTERVAL, 0.01, ("harmonics", "contact_points"), runs, {}, sources=sources)
+    result = AccuracyCost(
+        "curve", 500.0, INTERVAL, 0.01, ("harmonics", "contact_points"), runs, {}, sources=sources
+    )
     assert plot_accuracy(result, title="own").get_title() == "own"
     ax = plot_accuracy(result)
     assert legend_texts(ax) == [
@@ -160,7 +183,9 @@ def test_accuracy_explains_its_lines(times):
     frame = ax.figure.bbox
     for item in (ax.get_legend(), *ax.texts):
         box = item.get_window_extent()
-        assert frame.x0 <= box.x0 and box.x1 <= frame.x1 and frame.y0 <= box.y0 and box.y1 <= frame.y1, item
+        assert (
+            frame.x0 <= box.x0 and box.x1 <= frame.x1 and frame.y0 <= box.y0 and box.y1 <= frame.y1
+        ), item
     assert len(drawn_ticks(ax.xaxis)) >= 2
 
 
@@ -172,7 +197,9 @@ def test_accuracy_that_was_not_reached_shows_what_would():
     )
     sources = (ReferenceError("harmonics", 0.06, 10.0, "harmonics 1 to 10"),)
     forecast = Forecast("harmonics 1 to 10", 0.03, 10.0)
-    result = AccuracyCost("curve", 500.0, INTERVAL, 0.05, ("harmonics",), runs, {}, sources=sources, forecast=forecast)
+    result = AccuracyCost(
+        "curve", 500.0, INTERVAL, 0.05, ("harmonics",), runs, {}, sources=sources, forecast=forecast
+    )
     ax = plot_accuracy(result)
     assert legend_texts(ax) == [
         "reference", "harmonics alone, reference 5", "forecast:\nharmonics 1 to 10", "tolerance, 5 %",
@@ -199,10 +226,15 @@ class TestSurfaces:
         red, _, blue, _ = dampers.get_facecolor().T
         assert np.ptp(red / blue) < 1e-9 and red.min() > 1.7 * blue.min(), "sand, lighter or darker"
         model = bd.reference_model("turbine_blade")
-        assert len(dampers.get_paths()) == len(model.meshes["damper"].quads) < len(blades.get_paths())
+        assert (
+            len(dampers.get_paths()) == len(model.meshes["damper"].quads) < len(blades.get_paths())
+        )
 
     def test_nearer_faces_are_painted_later(self):
-        quads, square = np.arange(4)[None], np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
+        quads, square = (
+            np.arange(4)[None],
+            np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float),
+        )
         near = square + 0.1 * VIEW[2]
         for order in (
             [(near, quads, "#ff0000"), (square, quads, "#0000ff")],
@@ -230,14 +262,21 @@ class Table(Tabular):
 
 class TestTables:
     def table(self, ratio):
-        return Table(np.array([1.0, 2.0, 3.0, 4.0, 9.0]), np.array(ratio), np.array([0, 0, 0, 0, 1]))
+        return Table(
+            np.array([1.0, 2.0, 3.0, 4.0, 9.0]), np.array(ratio), np.array([0, 0, 0, 0, 1])
+        )
 
     def test_no_line_leads_to_another_branch_and_single_points_are_seen(self):
         with drawing() as ax:
-            draw_table(ax, self.table([0.1, np.nan, 0.3, np.nan, 0.5]), "force", "damping_ratio", marker="")
+            draw_table(
+                ax, self.table([0.1, np.nan, 0.3, np.nan, 0.5]), "force", "damping_ratio", marker=""
+            )
         line, alone = ax.lines
         assert np.array_equal(line.get_xdata(), [1.0, 2.0, 3.0, 4.0, np.nan, 9.0], equal_nan=True)
-        assert alone.get_xydata().tolist() == [[1.0, 10.0], [3.0, 30.0], [9.0, 50.0]] and alone.get_marker() == "."
+        assert (
+            alone.get_xydata().tolist() == [[1.0, 10.0], [3.0, 30.0], [9.0, 50.0]]
+            and alone.get_marker() == "."
+        )
 
     def test_labels_units_and_scales_are_those_of_the_types(self):
         table = self.table([0.1, 0.2, 0.3, 0.4, 0.5])
@@ -271,16 +310,22 @@ class TestStyle:
 
     def test_is_a_sheet_of_matplotlib(self):
         with plt.style.context("bdamper.plot.style"):
-            assert plt.rcParams["axes.formatter.useoffset"] is False and plt.rcParams["legend.frameon"] is False
+            assert (
+                plt.rcParams["axes.formatter.useoffset"] is False
+                and plt.rcParams["legend.frameon"] is False
+            )
 
     @pytest.mark.parametrize(
-        ("top", "label", "last"), [(2.5e-4, "Height (µm)", "250"), (3e-3, "Height (mm)", "3"), (40.0, "Height (m)", "40")]
+        ("top", "label", "last"),
+        [(2.5e-4, "Height (µm)", "250"), (3e-3, "Height (mm)", "3"), (40.0, "Height (m)", "40")],
     )
     def test_numbers_are_in_the_unit_that_fits(self, top, label, last):
         with drawing() as ax:
             ax.plot([0.0, 1.0], [0.0, top])
             ax.set(ylabel="Height (m)", ylim=(0.0, top), yticks=[0.0, top])
-        assert ax.get_ylabel() == label and ax.lines[0].get_ydata()[1] == top, "what is drawn stays in metres"
+        assert ax.get_ylabel() == label and ax.lines[0].get_ydata()[1] == top, (
+            "what is drawn stays in metres"
+        )
         ax.figure.draw_without_rendering()
         assert [t.get_text() for t in ax.get_yticklabels()][-1] == last
         with drawing(ax):  # once more, beside something larger
@@ -293,7 +338,9 @@ class TestStyle:
             ax.set(xscale="log", yscale="log", xlabel="Preload (N)", ylabel="Amplitude (m)")
         ax.figure.draw_without_rendering()
         shown = [t.get_text() for t in ax.get_yticklabels()]
-        assert {"20", "50", "100", "200", "500"} <= set(shown) and ax.get_ylabel() == "Amplitude (µm)"
+        assert {"20", "50", "100", "200", "500"} <= set(
+            shown
+        ) and ax.get_ylabel() == "Amplitude (µm)"
         assert {"100", "200", "500"} <= {t.get_text() for t in ax.get_xticklabels()}
 
     def test_legends_lie_beside_what_is_drawn(self, study):
@@ -307,21 +354,31 @@ class TestStyle:
         assert lower.get_ylabel() == "Equivalent damping\nratio (%)"
 
     def test_many_preloads_have_a_colour_bar(self, study):
-        ax = plot_curves([study.frequency_response(load, (345.0, 360.0)) for load in (1e3, 2e3, 3e3, 4e3, 6e3, 8e3)])
+        ax = plot_curves(
+            [
+                study.frequency_response(load, (345.0, 360.0))
+                for load in (1e3, 2e3, 3e3, 4e3, 6e3, 8e3)
+            ]
+        )
         assert len(ax.figure.axes) == 2 and ax.figure.axes[1].get_ylabel() == "Preload (kN)"
-        assert not any("N" in text for text in ([] if ax.get_legend() is None else legend_texts(ax)))
+        assert not any(
+            "N" in text for text in ([] if ax.get_legend() is None else legend_texts(ax))
+        )
 
     def test_optimum_and_its_range_are_marked(self, study):
         curve = study.optimal_curve((200.0, 5e3), 6, frequency=INTERVAL, check=False)
         amplitude, shift = curve.plot().axes
         (star,) = (line for line in amplitude.lines if line.get_marker() == "*")
         assert star.get_xydata().tolist() == [[curve.optimum.preload, curve.optimum.amplitude]]
-        assert f"optimum: {amount(curve.optimum.preload, 'N')}, {amount(curve.optimum.amplitude, 'm')}" in [
-            text.get_text() for text in amplitude.texts
-        ]
+        assert (
+            f"optimum: {amount(curve.optimum.preload, 'N')}, {amount(curve.optimum.amplitude, 'm')}"
+            in [text.get_text() for text in amplitude.texts]
+        )
         assert "at most 20 % higher by harmonic balance" in legend_texts(shift)
         assert shift.get_ylabel() == "Frequency\nshift (%)"
-        drawn = np.concatenate([line.get_xdata() for line in amplitude.lines if line.get_linestyle() == "-"])
+        drawn = np.concatenate(
+            [line.get_xdata() for line in amplitude.lines if line.get_linestyle() == "-"]
+        )
         assert curve.optimum.preload in drawn, "the line goes through the optimum"
         only = curve.plot(ax=plt.figure().add_subplot()).axes[0]
         assert only.get_ylabel() == "Tip amplitude (µm)"

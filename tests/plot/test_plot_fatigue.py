@@ -42,7 +42,12 @@ def test_stress_over_the_cycle_is_drawn_at_the_critical_point():
     coefficients = np.zeros((2, 6, 2), complex)
     coefficients[:, 1, 0], coefficients[:, 1, 1] = 100e6, [20e6, 50e6]
     seen = np.ones(2, bool)
-    at = {"points": np.zeros((2, 3)), "names": ("a 1", "a 2"), "counted": seen, "spread": np.zeros(2)}
+    at = {
+        "points": np.zeros((2, 3)),
+        "names": ("a 1", "a 2"),
+        "counted": seen,
+        "spread": np.zeros(2),
+    }
     cycle = StressCycle(coefficients, **at, **SOLUTION)
     (axes,) = cycle.plot().axes
     whole = next(line for line in axes.lines if line.get_label() == "von Mises")
@@ -55,7 +60,13 @@ def test_curves_in_the_same_axes_differ_by_line_and_marker(margins):
     both = {name: getattr(margins, name) for name in ("names", "material", "rule")}
     mass, least = np.array([0.05, 0.1]), np.full(2, margins.least)
     curve = MarginCurve(
-        over="damper mass", unit="kg", values=mass, margin=least, response=np.array([1e-4, 2e-4]), **both, **columns
+        over="damper mass",
+        unit="kg",
+        values=mass,
+        margin=least,
+        response=np.array([1e-4, 2e-4]),
+        **both,
+        **columns,
     )
     axes = curve.plot().axes[0]
     assert axes.get_xlabel() == "Damper mass (kg)" and len(axes.figure.axes) == 2

@@ -56,10 +56,21 @@ def test_one_file_without_links(study, curve, tmp_path):
     assert len(content) < 400 * 1024
     page = Page(content.decode())
     assert page.open == [] and len(page.sources) == 6
-    for text in ("Blades and dampers", "Stick, slip and separation", "Pressure at rest", "Hysteresis loop"):
+    for text in (
+        "Blades and dampers",
+        "Stick, slip and separation",
+        "Pressure at rest",
+        "Hysteresis loop",
+    ):
         assert text in page.said
-    assert all(source.startswith("data:image/") for source in page.sources) and "http" not in page.said
-    assert curve._headline() in page.said and curve.model_hash in page.said and str(curve.made_with) in page.said
+    assert (
+        all(source.startswith("data:image/") for source in page.sources) and "http" not in page.said
+    )
+    assert (
+        curve._headline() in page.said
+        and curve.model_hash in page.said
+        and str(curve.made_with) in page.said
+    )
     for text in ("friction coefficient", "Not modelled", "bd.load_study", "harmonics"):
         assert text in page.said
     damper = study.model.bodies["damper"]
@@ -68,12 +79,22 @@ def test_one_file_without_links(study, curve, tmp_path):
 
 
 def test_the_first_screen_says_what_by_whom_and_when(curve, tmp_path):
-    given = {"project": "Stage 3", "author": "A. Engineer", "date": "2026-01-02", "model_file": "stage.h5"}
+    given = {
+        "project": "Stage 3",
+        "author": "A. Engineer",
+        "date": "2026-01-02",
+        "model_file": "stage.h5",
+    }
     path = tmp_path / "review.html"
     assert curve.report(path, disk=made("mistuned_sample"), **given) == path
     said = " ".join(Page(path.read_text()).said.split())
     first = said[: said.index("Checks")]
-    rows = (*given.values(), curve.model_hash, "engine order 5, tangential at tip, amplitude 1", "not given, freq")
+    rows = (
+        *given.values(),
+        curve.model_hash,
+        "engine order 5, tangential at tip, amplitude 1",
+        "not given, freq",
+    )
     for text in (*rows, "60 N to 240 N", curve._headline()):
         assert text in first
     assert "Mistuned bladed disk" in said and "Not for design" not in first
@@ -84,19 +105,30 @@ def test_settings_that_are_not_given_have_their_meaning(curve, tmp_path):
     said = " ".join(Page(curve.report(tmp_path / "review.html").read_text()).said.split())
     settings = said[said.index("Settings") : said.index("To do it again")]
     assert "null" not in said and "None" not in said and "null" not in settings
-    for text in ("damping ratioas in the model", "contact pointsall of the model", "speednone", "gapas in the model"):
+    for text in (
+        "damping ratioas in the model",
+        "contact pointsall of the model",
+        "speednone",
+        "gapas in the model",
+    ):
         assert text in settings
     assert "modal damping ratioas in the model; report(path, study) prints it" in said
     set_here = replace(curve, settings=curve.settings | {"damping_ratio": 0.0037})
     said = " ".join(Page(set_here.report(tmp_path / "set.html").read_text()).said.split())
-    assert "modal damping ratio0.0037" in said and "damping ratio0.0037" in said[said.index("Settings") :]
+    assert (
+        "modal damping ratio0.0037" in said
+        and "damping ratio0.0037" in said[said.index("Settings") :]
+    )
 
 
 def test_the_first_sentence_has_the_colour_of_the_checks(curve, tmp_path):
     """Grey while a check has not been run, and green only if none failed."""
 
     def shown(curve):
-        return re.search(r'<p class="answer (\w+)"><b>(Not for design: )?', curve.report(tmp_path / "r.html").read_text())
+        return re.search(
+            r'<p class="answer (\w+)"><b>(Not for design: )?',
+            curve.report(tmp_path / "r.html").read_text(),
+        )
 
     optimum = replace(curve.optimum, status="incomplete: less may be elsewhere")
     assert shown(curve).groups() == ("white", None)
@@ -137,16 +169,26 @@ def test_an_optimum_at_the_end_of_the_range_is_red(study, curve):
     amplitude = end.amplitude.copy()
     amplitude[1] = np.nan
     alone = replace(end, amplitude=amplitude)._headline()
-    assert "Include preloads" not in alone and "find a value at the next preload first" in alone.replace("Find", "find")
+    assert (
+        "Include preloads" not in alone
+        and "find a value at the next preload first" in alone.replace("Find", "find")
+    )
 
 
-@pytest.mark.parametrize(("ratio", "colour"), [(0.97, "green"), (0.9, "amber"), (1.1, "amber"), (0.7, "red"), (1.3, "red")])
+@pytest.mark.parametrize(
+    ("ratio", "colour"),
+    [(0.97, "green"), (0.9, "amber"), (1.1, "amber"), (0.7, "red"), (1.3, "red")],
+)
 def test_balance_against_time(curve, ratio, colour):
     high = curve.optimum.amplitude
-    kept = TimeResponse(ratio * high, ratio * high, ratio * high, 660.0, curve.optimum.preload, high)
+    kept = TimeResponse(
+        ratio * high, ratio * high, ratio * high, 660.0, curve.optimum.preload, high
+    )
     assert colours(replace(curve, time_response=(kept,)), "Harmonic balance against time") == colour
     unknown = replace(kept, status="incomplete: stopped")
-    assert colours(replace(curve, time_response=(unknown,)), "Harmonic balance against time") == "red"
+    assert (
+        colours(replace(curve, time_response=(unknown,)), "Harmonic balance against time") == "red"
+    )
     assert colours(curve, "Harmonic balance against time") == "white"
 
 
@@ -159,8 +201,17 @@ def test_the_recommended_preload_is_checked(curve):
     both = replace(curve, time_response=(here, there))
     assert both.recommended_preload == other and curve.recommended_preload == best
     assert colours(both, "Harmonic balance against time") == "green"
-    assert f"by harmonic balance {amount(1.21 * high, 'm')} there, at its optimum {amount(high, 'm')}" in str(both)
-    swapped = replace(curve, time_response=(replace(here, preload=other), replace(there, preload=best, balance=0.5 * high)))
+    assert (
+        f"by harmonic balance {amount(1.21 * high, 'm')} there, at its optimum {amount(high, 'm')}"
+        in str(both)
+    )
+    swapped = replace(
+        curve,
+        time_response=(
+            replace(here, preload=other),
+            replace(there, preload=best, balance=0.5 * high),
+        ),
+    )
     assert swapped.recommended_preload == best
     assert colours(swapped, "Harmonic balance against time") == "red"
 
@@ -170,7 +221,9 @@ def test_the_recommended_preload_is_checked(curve):
     [(1.0, {}, None, "green"), (2.0, {}, None, "amber"), (4.0, {}, None, "red"), (1.0, {"harmonics": [1, 3]}, None, "red"),
      (1.0, {}, 0.123, "red")],
 )  # fmt: skip
-def test_a_fit_and_whether_its_constants_are_those_of_the_curve(curve, tmp_path, misfit, settings, mu, colour):
+def test_a_fit_and_whether_its_constants_are_those_of_the_curve(
+    curve, tmp_path, misfit, settings, mu, colour
+):
     one, two = np.ones(1), np.full((1, 2), misfit)
     values = one * (mu or curve.settings["friction_coefficient"]["left"])
     fit = Fitted(
@@ -179,13 +232,21 @@ def test_a_fit_and_whether_its_constants_are_those_of_the_curve(curve, tmp_path,
     )  # fmt: skip
     (light,) = [light for light in lights(curve, fit) if light.name == "Contact constants"]
     assert light.colour == colour and ("other values" in light.found) == bool(settings or mu)
-    first = Page(curve.report(tmp_path / "review.html", fit=fit).read_text()).said.partition("Checks")[0]
+    first = Page(curve.report(tmp_path / "review.html", fit=fit).read_text()).said.partition(
+        "Checks"
+    )[0]
     assert ("Not for design: contact constants: misfit" in first) == (colour == "red")
     best = curve.optimum
     response = TimeResponse(*[best.amplitude] * 3, best.frequency, best.preload, best.amplitude)
-    checked = replace(curve, optimum=replace(best, kind="smooth", status="complete"), time_response=(response,))
-    first = Page(checked.report(tmp_path / "checked.html", fit=fit).read_text()).said.partition("Checks")[0]
-    assert ("Design amplitude: " in first) == (colour != "red"), "the lights and the first sentence agree"
+    checked = replace(
+        curve, optimum=replace(best, kind="smooth", status="complete"), time_response=(response,)
+    )
+    first = Page(checked.report(tmp_path / "checked.html", fit=fit).read_text()).said.partition(
+        "Checks"
+    )[0]
+    assert ("Design amplitude: " in first) == (colour != "red"), (
+        "the lights and the first sentence agree"
+    )
 
 
 def test_what_is_open_is_red(curve):
@@ -195,7 +256,10 @@ def test_what_is_open_is_red(curve):
     low = replace(curve, amplitude=amplitude[::-1], lowest_steady_preload=float(curve.preload[0]))
     (light,) = [light for light in lights(low) if light.name == "A value at every preload"]
     assert light.colour == "green"
-    assert light.found == f"{len(curve) - 1} of {len(curve)}, no steady response up to {amount(curve.preload[0], 'N')}"
+    assert (
+        light.found
+        == f"{len(curve) - 1} of {len(curve)}, no steady response up to {amount(curve.preload[0], 'N')}"
+    )
     best = replace(curve.optimum, status="incomplete: less may be elsewhere")
     assert colours(replace(curve, optimum=best), "Optimum verified") == "red"
 
@@ -206,5 +270,7 @@ def test_mistakes(study, curve, tmp_path):
     with pytest.raises(bd.BdamperError, match="folder that exists"):
         curve.report(tmp_path / "none" / "review.html")
     with pytest.raises(bd.BdamperError, match="with an optimum"):
-        replace(curve, optimum=replace(curve.optimum, amplitude=float("nan"))).report(tmp_path / "review.html")
+        replace(curve, optimum=replace(curve.optimum, amplitude=float("nan"))).report(
+            tmp_path / "review.html"
+        )
     assert not list(tmp_path.iterdir())

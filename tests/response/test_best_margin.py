@@ -48,17 +48,35 @@ def test_the_best_is_no_less_than_at_every_preload_and_near_a_fresh_peak(study, 
 def test_what_a_blade_keeps_has_a_margin_of_its_own(study, curve, tmp_path):
     """The largest period is a fifth above the balance at one preload, and not known at another."""
     p, top = curve.optimum.preload, curve.optimum.amplitude
-    known = TimeResponse(1.1 * top, top, 1.15 * top, curve.optimum.frequency, p, top, highest_period=1.2 * top, periods=9)
-    others = TimeResponse(*(np.nan,) * 4, 300.0, top), replace(known, preload=200.0)  # of another peak than there
+    known = TimeResponse(
+        1.1 * top,
+        top,
+        1.15 * top,
+        curve.optimum.frequency,
+        p,
+        top,
+        highest_period=1.2 * top,
+        periods=9,
+    )
+    others = (
+        TimeResponse(*(np.nan,) * 4, 300.0, top),
+        replace(known, preload=200.0),
+    )  # of another peak than there
     found = study.best_margin(replace(curve, time_response=(known, *others)), AISI_1050)
-    two = replace(curve, time_response=(known, replace(known, preload=1.35 * p, highest_period=1.3 * top)))
+    two = replace(
+        curve, time_response=(known, replace(known, preload=1.35 * p, highest_period=1.3 * top))
+    )
     ax = two.plot().axes[0]
     middle, _, (bars,) = ax.containers[0].lines
-    assert bars.get_segments()[0][1, 1] / middle.get_ydata()[0] == pytest.approx(1.2 / 1.1), "up to the highest period"
+    assert bars.get_segments()[0][1, 1] / middle.get_ydata()[0] == pytest.approx(1.2 / 1.1), (
+        "up to the highest period"
+    )
     (text,) = (t.get_text() for t in ax.texts if "in time" in t.get_text())
     assert f"in time: {amount(p, 'N')}, {amount(1.2 * top, 'm')}" in " ".join(text.split())
     (one,) = found.in_time
-    assert one.preload == p and one.least == pytest.approx(study.margin(study.peak(p), AISI_1050).least / 1.2, rel=1e-6)
+    assert one.preload == p and one.least == pytest.approx(
+        study.margin(study.peak(p), AISI_1050).least / 1.2, rel=1e-6
+    )
     highest = amount(1.2 * top, "m")  # a single period, above the mean
     scaled = f"vibration scaled by 1.2: the highest blade reaches {highest}"
     said = f"At {amount(p, 'N')} it is {one.least:.3g} in time, {scaled}"
@@ -78,10 +96,16 @@ def test_the_margin_is_asked_for_after_the_time_integration(study, curve, monkey
     monkeypatch.setattr(optimal_curve, "optimal_curve", lambda *_, **__: replace(curve, margins=()))
     asked = SimpleNamespace(best_status="complete")
     monkeypatch.setattr(robust_optimum, "best_margin", lambda problem, curve, material: asked)
-    for status, ended, margins in (("complete", "complete", 1), ("complete", "interrupted", 0), ("interrupted", "", 0)):
+    for status, ended, margins in (
+        ("complete", "complete", 1),
+        ("complete", "interrupted", 0),
+        ("interrupted", "", 0),
+    ):
         other = (FrictionPeak(1.0, 90.0, np.nan, ended),) * bool(ended)
         monkeypatch.setattr(
-            robust_optimum, "with_other_friction", lambda s, c, *_, other=other: replace(c, other_friction=other)
+            robust_optimum,
+            "with_other_friction",
+            lambda s, c, *_, other=other: replace(c, other_friction=other),
         )
         kept = TimeResponse(*(np.nan,) * 4, 90.0, 1e-6, status=status)
         monkeypatch.setattr(
@@ -131,7 +155,17 @@ def test_ctrl_c_in_a_peak_with_other_friction_is_an_interruption(study, curve, m
 
 
 def test_the_largest_margin_may_lie_beside_preloads_without_a_value(study, curve):
-    arrays = "preload", "amplitude", "frequency", "shares", "residual", "unknowns", "lower_bound", "goes_on", "requested"
+    arrays = (
+        "preload",
+        "amplitude",
+        "frequency",
+        "shares",
+        "residual",
+        "unknowns",
+        "lower_bound",
+        "goes_on",
+        "requested",
+    )
     asked = replace(curve, **{name: getattr(curve, name)[curve.requested] for name in arrays})
     asked = replace(asked, status=("complete",) * len(asked), kind=("peak",) * len(asked))
     gone = asked.preload < 1.5 * curve.optimum.preload
@@ -147,8 +181,13 @@ def test_the_largest_margin_may_lie_beside_preloads_without_a_value(study, curve
 def test_the_whole_tracking_curve_is_asked(study, curve, monkeypatch):
     """Whether its least margin counts as that of the peak is a matter of the tolerance."""
     agrees = study.best_margin(curve, AISI_1050)
-    along = study.margin(study.frequency_response(agrees.best_value, tuple(curve.settings["frequency"])), AISI_1050)
-    least, share = float(along.margin[along.least]), 1.0 - along.margin[along.least] / agrees.best_margin
+    along = study.margin(
+        study.frequency_response(agrees.best_value, tuple(curve.settings["frequency"])), AISI_1050
+    )
+    least, share = (
+        float(along.margin[along.least]),
+        1.0 - along.margin[along.least] / agrees.best_margin,
+    )
     monkeypatch.setattr(robust_optimum, "AGREES", share + 1e-6)
     assert study.best_margin(curve, AISI_1050).best_status.startswith("complete: ")
     monkeypatch.setattr(robust_optimum, "AGREES", share - 1e-6)

@@ -21,7 +21,9 @@ def test_a_piece_that_is_not_the_first_is_dropped_where_the_last_one_arrives():
     search = object.__new__(Coverage)
     search.pieces = [piece(1.0, 2.0, 0), piece(4.0, 5.0, 1), piece(3.0, 4.0, 2)]
     search.drop_repeated()
-    assert [p.branch for p in search.pieces] == [0, 1] and search.pieces[1].path.points[0].y[-1] == 3.0
+    assert [p.branch for p in search.pieces] == [0, 1] and search.pieces[1].path.points[0].y[
+        -1
+    ] == 3.0
 
 
 def test_a_branch_that_comes_back_on_the_way_out_of_the_interval_ends_there():
@@ -31,7 +33,9 @@ def test_a_branch_that_comes_back_on_the_way_out_of_the_interval_ends_there():
     assert curve.complete and curve.frequency.max() == 761.0
 
 
-@pytest.mark.parametrize(("why", "at_end"), [(NO_SOLUTION, True), ("a closed branch was not followed", False)])
+@pytest.mark.parametrize(
+    ("why", "at_end"), [(NO_SOLUTION, True), ("a closed branch was not followed", False)]
+)
 def test_the_highest_point_beside_a_gap_is_no_peak(why, at_end):
     """The response may rise further in the gap."""
     frequency = np.array([300.0, 310.0, 320.0, 330.0])

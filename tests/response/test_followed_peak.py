@@ -39,13 +39,16 @@ def branch_to(end):
 def followed(monkeypatch, end, heights=None, known=lambda p: True, before=None):
     follow, asked = branch_to(end)
     monkeypatch.setattr(followed_peak, "follow_upward", follow)
-    peak_at = lambda p: SimpleNamespace(parameter=p)  # noqa: E731
+    peak_at = lambda p: SimpleNamespace(parameter=p)
     return followed_peaks(None, heights or FOUND, known, peak_at, before), asked
 
 
 def test_a_lost_branch_is_followed_to_its_end(monkeypatch):
     found, asked = followed(monkeypatch, end=4.5)
-    assert {p: (f.peak.amplitude, f.start) for p, f in found.items()} == {3.0: (7.0, 2.0), 4.0: (6.0, 3.0)}
+    assert {p: (f.peak.amplitude, f.start) for p, f in found.items()} == {
+        3.0: (7.0, 2.0),
+        4.0: (6.0, 3.0),
+    }
     assert asked == [(2.0, 3.0), (3.0, 4.0), (4.0, 5.0)]
     assert found[3.0].note.startswith("higher on the peak followed from 2 N: 7 m at 1 Hz")
 
@@ -67,7 +70,11 @@ def test_preloads_between_followed_ones_are_followed(monkeypatch):
     """A preload that is added later between two followed ones has the same branch."""
     first, _ = followed(monkeypatch, end=9.0)
     found, asked = followed(monkeypatch, end=9.0, heights=FOUND | {3.5: 3.95}, before=first)
-    assert set(found) == {3.0, 3.5, 4.0, 5.0} and asked == [(3.0, 3.5)] and isinstance(found[3.5], Followed)
+    assert (
+        set(found) == {3.0, 3.5, 4.0, 5.0}
+        and asked == [(3.0, 3.5)]
+        and isinstance(found[3.5], Followed)
+    )
 
 
 def test_a_smooth_peak_is_followed_to_the_peak_of_the_other_preload():
@@ -75,8 +82,13 @@ def test_a_smooth_peak_is_followed_to_the_peak_of_the_other_preload():
     study = pressed()
     low, high = (study.peak(p, BAND) for p in (2.0, 3.0))
     there = follow_upward(study.problem, low, 3.0)
-    assert (there.amplitude, there.frequency) == pytest.approx((high.amplitude, high.frequency), rel=1e-6)
-    assert follow_upward(study.problem, low, 3.0, above=1.01 * max(low.amplitude, high.amplitude)) is None
+    assert (there.amplitude, there.frequency) == pytest.approx(
+        (high.amplitude, high.frequency), rel=1e-6
+    )
+    assert (
+        follow_upward(study.problem, low, 3.0, above=1.01 * max(low.amplitude, high.amplitude))
+        is None
+    )
     assert follow_upward(study.problem, replace(low, corner=True), 3.0) is None
 
 
@@ -109,7 +121,9 @@ class TestAnalyses:
     def test_optimal_curve(self, study, right):
         curve = study.optimal_curve(self.PLACES, frequency=BAND, check=False)
         i = int(np.flatnonzero(curve.preload == self.LOST)[0])
-        assert np.isnan(curve.amplitude[i]) and curve.lower_bound[i] == pytest.approx(right, rel=1e-6)
+        assert np.isnan(curve.amplitude[i]) and curve.lower_bound[i] == pytest.approx(
+            right, rel=1e-6
+        )
         assert curve.status[i].startswith("incomplete: higher on the peak followed from ")
         assert curve.optimum.preload != self.LOST
 
@@ -117,13 +131,21 @@ class TestAnalyses:
         found = bd.sweep(study, {"preload": self.PLACES[::-1]}, frequency=BAND)
         assert found.status[0] == found.status[2] == "complete"
         assert found.status[1].startswith("incomplete: higher on the peak followed from 1 N")
-        assert np.isnan(found.array("amplitude")[1]) and found.array("lower_bound")[1] == pytest.approx(right, rel=1e-6)
+        assert np.isnan(found.array("amplitude")[1]) and found.array("lower_bound")[
+            1
+        ] == pytest.approx(right, rel=1e-6)
         assert "followed from 1 N" in found.warnings[1]
 
     def test_robust_optimum(self, study, monkeypatch):
         grid = np.array(self.PLACES)
-        monkeypatch.setattr(robust_optimum, "preload_values", lambda ends, n: grid if n > 2 else np.array([1.0, 4.0]))
-        found = bd.robust_optimum(study, {"friction_coefficient": [0.3]}, (1.0, 4.0), n=5, tolerance=0.9, frequency=BAND)
+        monkeypatch.setattr(
+            robust_optimum,
+            "preload_values",
+            lambda ends, n: grid if n > 2 else np.array([1.0, 4.0]),
+        )
+        found = bd.robust_optimum(
+            study, {"friction_coefficient": [0.3]}, (1.0, 4.0), n=5, tolerance=0.9, frequency=BAND
+        )
         assert found.preload == 1.0 and found.warnings == 1
 
 
@@ -137,8 +159,14 @@ def curve():
     [
         ({}, ""),
         ({"missing_ranges": (LeftOut(0.1, 0.1, NO_SOLUTION),)}, ""),
-        ({"missing_ranges": (LeftOut(0.1, 0.3, "many folds: why"),)}, "a path of the response curve broke off near 0.2 Hz"),
-        ({"reason": f"through; {NO_STEADY} is expected at this preload: why"}, f"{NO_STEADY} is expected"),
+        (
+            {"missing_ranges": (LeftOut(0.1, 0.3, "many folds: why"),)},
+            "a path of the response curve broke off near 0.2 Hz",
+        ),
+        (
+            {"reason": f"through; {NO_STEADY} is expected at this preload: why"},
+            f"{NO_STEADY} is expected",
+        ),
     ],
 )
 def test_doubts_of_the_curve_at_the_optimum(curve, change, said):
@@ -162,5 +190,9 @@ def test_the_difficult_disk_loses_a_branch_at_90_newtons():
     case = study.problem.at(90.0)
     search = response_curve._search(case, peak_interval(case, None), coarse_options())
     search.both_ways(there.y)
-    amplitude = [abs(study.problem.system(90.0).response(p.y[:-1])[1]) for p in search.pieces[0].path.points]
-    assert search.pieces[0].path.status == "closed" and max(amplitude) == pytest.approx(bounds[1], rel=1e-3)
+    amplitude = [
+        abs(study.problem.system(90.0).response(p.y[:-1])[1]) for p in search.pieces[0].path.points
+    ]
+    assert search.pieces[0].path.status == "closed" and max(amplitude) == pytest.approx(
+        bounds[1], rel=1e-3
+    )

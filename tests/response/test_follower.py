@@ -40,7 +40,9 @@ class Equations:
                 t = np.linalg.solve(A, right)
                 t /= np.linalg.norm(t)
                 sign = int(np.sign(np.linalg.det(np.vstack([A[:n], t]))))
-                return Correction(OK, y, t, scale, iterations, float(np.abs(r).max()), 0, orientation=sign)
+                return Correction(
+                    OK, y, t, scale, iterations, float(np.abs(r).max()), 0, orientation=sign
+                )
             step = np.linalg.solve(A, np.append(r, 0.0))
             if reach and np.linalg.norm(step) > reach:
                 break
@@ -48,7 +50,13 @@ class Equations:
         return Correction(NOT_CONVERGED, y, np.zeros(n + 1), scale, max_iterations, np.inf, 0)
 
     def correct_at(self, u, omega, scale, tolerance, max_iterations, line_search=False):
-        return self.solve(np.append(u, omega), Plane(np.eye(self.n_unknowns + 1)[-1]), scale, tolerance, max_iterations)
+        return self.solve(
+            np.append(u, omega),
+            Plane(np.eye(self.n_unknowns + 1)[-1]),
+            scale,
+            tolerance,
+            max_iterations,
+        )
 
 
 class Beside(Equations):
@@ -131,7 +139,9 @@ class Drifts(Equations):
 
 
 def test_a_drift_without_end_is_left_a_million_vibrations_away():
-    path = follow(Drifts(), np.array([0.0, 1.0, 1.0]), (0.5, 3.0), options=ContinuationOptions(max_points=200))
+    path = follow(
+        Drifts(), np.array([0.0, 1.0, 1.0]), (0.5, 3.0), options=ContinuationOptions(max_points=200)
+    )
     assert path.status == "drifted off"
     assert "moves without bound" in path.reason
     away = np.array([abs(p.y[0]) for p in path.points])
@@ -142,9 +152,12 @@ def test_a_drift_without_end_is_left_a_million_vibrations_away():
 
 
 @pytest.mark.parametrize(
-    ("preload", "points", "most_evaluations", "most_factorisations"), [(200.0, 97, 611, 600), (2000.0, 83, 413, 402)]
+    ("preload", "points", "most_evaluations", "most_factorisations"),
+    [(200.0, 97, 611, 600), (2000.0, 83, 413, 402)],
 )
-def test_points_and_evaluations_of_plain_curves(preload, points, most_evaluations, most_factorisations):
+def test_points_and_evaluations_of_plain_curves(
+    preload, points, most_evaluations, most_factorisations
+):
     """Counts, not times: steps grow as they may, the predictor is the tangent, events are located in few trials."""
     study = plain_study(
         bd.reference_model("bladed_disk", 9), engine_order=5, friction_coefficient=0.4,
@@ -164,7 +177,9 @@ def test_a_solution_half_a_step_from_its_prediction_is_refused(off, refused):
     system = FarAtTheEnd(0.0)
     follower = Follower(system, (9.0, 11.0), ContinuationOptions())
     y, tangent, scale = np.array([1.0, 10.0]), np.array([0.0, 1.0]), np.ones(2)
-    system.solve = lambda guess, *_, **__: Correction(OK, guess + [off * step, 0.0], tangent, scale, 1, 0.0, 0)
+    system.solve = lambda guess, *_, **__: Correction(
+        OK, guess + [off * step, 0.0], tangent, scale, 1, 0.0, 0
+    )
     why = follower.try_step(Correction(OK, y, tangent, scale, 0, 0.0, 0), step)[1]
     assert (why == "solution far from its prediction") == refused
 
@@ -183,7 +198,9 @@ def test_a_path_closes_only_through_its_first_point(beside, closes):
 def test_on_a_support_a_drift_ends_a_hundred_vibrations_away():
     system = Drifts()
     system.supported = True
-    path = follow(system, np.array([0.0, 1.0, 1.0]), (0.5, 3.0), options=ContinuationOptions(max_points=200))
+    path = follow(
+        system, np.array([0.0, 1.0, 1.0]), (0.5, 3.0), options=ContinuationOptions(max_points=200)
+    )
     assert path.status == "drifted off"
     away = np.array([abs(p.y[0]) for p in path.points])
     assert 1e2 < away[-1] < 1e6
@@ -199,7 +216,9 @@ def test_a_drift_that_stops_a_thousand_vibrations_away_has_drifted_off(far, stat
             found = super().solve(y, *rest, **limits)
             return found if found.y[0] < far else replace(found, status=NOT_CONVERGED)
 
-    path = follow(Stops(), np.array([0.0, 1.0, 1.0]), (0.5, 3.0), options=ContinuationOptions(max_points=200))
+    path = follow(
+        Stops(), np.array([0.0, 1.0, 1.0]), (0.5, 3.0), options=ContinuationOptions(max_points=200)
+    )
     assert path.points[-1].y[0] == pytest.approx(far, rel=1e-4)
     assert path.status == status
 

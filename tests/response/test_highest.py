@@ -24,7 +24,9 @@ INTERVAL = (250.0, 400.0)
 
 @pytest.fixture(scope="module")
 def study():
-    return plain_study(bd.reference_model(contact_points=9), bd.Excitation("tip"), 5, friction_coefficient=0.3)
+    return plain_study(
+        bd.reference_model(contact_points=9), bd.Excitation("tip"), 5, friction_coefficient=0.3
+    )
 
 
 @pytest.fixture(scope="module")
@@ -41,21 +43,29 @@ def test_tops_are_found_on_each_branch_and_plateaus_count_once():
 
 def test_a_coarse_curve_is_refined_to_what_a_fine_one_has(study, curve):
     found = highest_of_curve(study.problem.system(1000.0), curve)
-    fine = study.frequency_response(1000.0, INTERVAL, options=bd.ContinuationOptions(tolerance=1e-10)).peak
+    fine = study.frequency_response(
+        1000.0, INTERVAL, options=bd.ContinuationOptions(tolerance=1e-10)
+    ).peak
     assert found.kind == "peak" and found.exact and not found.peak.corner
     assert found.peak.amplitude == pytest.approx(fine.amplitude, rel=1e-9)
     assert found.peak.frequency == pytest.approx(fine.frequency, rel=1e-7)
     assert abs(found.peak.slope) < 1e-7
-    assert maxima(study.problem.system(1000.0), curve)[0].amplitude == pytest.approx(fine.amplitude, rel=1e-9)
+    assert maxima(study.problem.system(1000.0), curve)[0].amplitude == pytest.approx(
+        fine.amplitude, rel=1e-9
+    )
 
 
 def test_every_analysis_takes_the_peak_of_a_curve(study):
     """With the same answer as for the peak of the study, which is corrected to 1e-10."""
     curve, peak = study.frequency_response(1000.0, INTERVAL), study.peak(1000.0, INTERVAL)
     top = curve.peak
-    assert (top.y[:-1] == curve.unknowns[curve.peak_index]).all() and top.settings["frequency"] == pytest.approx(INTERVAL)
+    assert (top.y[:-1] == curve.unknowns[curve.peak_index]).all() and top.settings[
+        "frequency"
+    ] == pytest.approx(INTERVAL)
     ask = {
-        "sensitivities": lambda p: [f for s in study.peak_sensitivities(p).values() for f in (s.amplitude, s.frequency)],
+        "sensitivities": lambda p: [
+            f for s in study.peak_sensitivities(p).values() for f in (s.amplitude, s.frequency)
+        ],
         "harmonics": lambda p: study.harmonic_convergence(p, harmonics=(3,)).peaks[-1].amplitude,
         "errors": lambda p: study.estimate_errors(p, sources=["harmonics"]).amplitude,
         "hysteresis": lambda p: study.hysteresis(p).excitation,
@@ -65,8 +75,15 @@ def test_every_analysis_takes_the_peak_of_a_curve(study):
     for name, of in ask.items():
         assert of(top) == pytest.approx(of(peak), rel=2e-5), name
     assert top.plot().axes[0].get_title().replace("\n", " ") == top._headline()
-    for refused in (study.stuck(INTERVAL).peak, study.free((INTERVAL[0], 300.0)).peak, replace(top, corner=True)):
-        with pytest.raises(bd.SettingError, match=r"expected a (converged one|result of this study|smooth peak), found"):
+    for refused in (
+        study.stuck(INTERVAL).peak,
+        study.free((INTERVAL[0], 300.0)).peak,
+        replace(top, corner=True),
+    ):
+        with pytest.raises(
+            bd.SettingError,
+            match=r"expected a (converged one|result of this study|smooth peak), found",
+        ):
             study.peak_sensitivities(refused)
 
 
@@ -79,8 +96,12 @@ def test_a_closed_branch_is_named_and_never_counted(study, curve):
     assert counted.peak.amplitude == pytest.approx(curve.peak.amplitude, rel=1e-3)
     apart = replace(parted, closed=(1,))
     found = highest_of_curve(system, apart)
-    assert found.peak.amplitude <= 1.01 * curve.amplitude[~around].max() < 0.99 * curve.peak.amplitude
-    assert apart.peak.amplitude == curve.amplitude[~around].max() and apart.detached.tolist() == [top]
+    assert (
+        found.peak.amplitude <= 1.01 * curve.amplitude[~around].max() < 0.99 * curve.peak.amplitude
+    )
+    assert apart.peak.amplitude == curve.amplitude[~around].max() and apart.detached.tolist() == [
+        top
+    ]
     assert f"detached: {amount(curve.peak.amplitude, 'm', 6)} at" in apart.summary()
     with pytest.raises(bd.BdamperError, match="connected"):
         highest_of_curve(system, replace(parted, closed=(0, 1, 2)))
@@ -90,22 +111,40 @@ def test_a_closed_branch_is_named_and_never_counted(study, curve):
 def test_an_end_of_the_interval_counts_where_there_is_no_maximum_and_is_named(study):
     peak = study.peak(1000.0, (250.0, 270.0))
     curve = study.frequency_response(1000.0, (250.0, 270.0))
-    assert curve.peak_at_end and peak.corner and peak.search_status == f"incomplete: {AT_END}, without a maximum in it"
+    assert (
+        curve.peak_at_end
+        and peak.corner
+        and peak.search_status == f"incomplete: {AT_END}, without a maximum in it"
+    )
     assert peak.frequency == pytest.approx(270.0, rel=1e-12)
-    assert peak.lower_bound == pytest.approx(curve.peak.amplitude, rel=1e-8) and np.isnan(peak.amplitude)
+    assert peak.lower_bound == pytest.approx(curve.peak.amplitude, rel=1e-8) and np.isnan(
+        peak.amplitude
+    )
     assert not peak.converged and peak.status == f"incomplete: {AT_END}, without a maximum in it"
-    assert peak._headline().startswith("No peak: incomplete: highest at an end") and "Resonance" not in str(peak)
+    assert peak._headline().startswith(
+        "No peak: incomplete: highest at an end"
+    ) and "Resonance" not in str(peak)
     assert "amplitude" not in [fact.name for fact in peak._facts()]
-    with pytest.raises(bd.SettingError, match="expected a converged one, found status 'incomplete: highest at an end"):
+    with pytest.raises(
+        bd.SettingError,
+        match="expected a converged one, found status 'incomplete: highest at an end",
+    ):
         study.peak_sensitivities(peak, ["preload"])
     with pytest.raises(bd.SettingError, match="incomplete"):
         study.hysteresis(peak)
     swept = bd.sweep(study, {"preload": [1000.0]}, bd.PeakTask(frequency=(250.0, 270.0)))
-    assert np.isnan(swept.array("amplitude")).all() and AT_END in swept.warnings[0] and "270" not in swept._headline()
-    compared = bd.compare(
-        {"as it is": study, "smooth": {"friction_coefficient": 0.2}}, lambda s: s.frequency_response(1000.0, (250.0, 270.0))
+    assert (
+        np.isnan(swept.array("amplitude")).all()
+        and AT_END in swept.warnings[0]
+        and "270" not in swept._headline()
     )
-    assert compared._headline().startswith("No peak of 'as it is' to compare with: complete, no peak: highest ")
+    compared = bd.compare(
+        {"as it is": study, "smooth": {"friction_coefficient": 0.2}},
+        lambda s: s.frequency_response(1000.0, (250.0, 270.0)),
+    )
+    assert compared._headline().startswith(
+        "No peak of 'as it is' to compare with: complete, no peak: highest "
+    )
     assert all("no peak: highest" in line for line in compared.summary().splitlines()[-2:])
 
 
@@ -114,7 +153,11 @@ def test_an_end_that_is_higher_than_the_maximum_makes_the_peak_incomplete():
     study = plain_study(wedge_model(0), bd.Excitation("tip"), 2, friction_coefficient=0.4)
     low, high = resonance_interval(study.problem.at(1.0))[0], 1610.0
     peak, curve = study.peak(30e3, (low, high)), study.frequency_response(30e3, (low, high))
-    assert curve.peak_at_end and curve.peak.amplitude > 1.5 * peak.lower_bound and np.isnan(peak.amplitude)
+    assert (
+        curve.peak_at_end
+        and curve.peak.amplitude > 1.5 * peak.lower_bound
+        and np.isnan(peak.amplitude)
+    )
     assert not peak.corner and low < peak.frequency < 0.9 * high
     inner = study.frequency_response(30e3, (low, peak.frequency * 1.02)).peak
     assert peak.lower_bound == pytest.approx(inner.amplitude, rel=1e-8)
@@ -128,9 +171,13 @@ def test_an_end_that_is_higher_than_the_maximum_makes_the_peak_incomplete():
 
 def test_a_preload_without_a_maximum_has_no_value(study):
     result = study.optimal_curve([900.0, 1000.0, 1100.0], frequency=(250.0, 270.0), check=False)
-    assert set(result.status) == {f"incomplete: {AT_END}, without a maximum in it"} and set(result.kind) == {""}
+    assert set(result.status) == {f"incomplete: {AT_END}, without a maximum in it"} and set(
+        result.kind
+    ) == {""}
     assert np.isnan(result.amplitude).all() and not result.optimum.verified
-    assert result.lower_bound[1] == pytest.approx(study.peak(1000.0, (250.0, 270.0)).lower_bound, rel=1e-9)
+    assert result.lower_bound[1] == pytest.approx(
+        study.peak(1000.0, (250.0, 270.0)).lower_bound, rel=1e-9
+    )
 
 
 def test_a_coarse_curve_that_is_not_whole_is_followed_again(study, monkeypatch):
@@ -144,10 +191,15 @@ def test_a_coarse_curve_that_is_not_whole_is_followed_again(study, monkeypatch):
 
     monkeypatch.setattr(module, "frequency_response", coarse_is_lost)
     peak = study.peak(1000.0, INTERVAL)
-    assert asked == [coarse_options().tolerance, bd.ContinuationOptions().tolerance] and peak.search_status == "complete"
+    assert (
+        asked == [coarse_options().tolerance, bd.ContinuationOptions().tolerance]
+        and peak.search_status == "complete"
+    )
 
 
-@pytest.mark.parametrize(("least", "budget", "curves"), [("coarse", None, 2), ("close", None, 2), ("", 1, 1)])
+@pytest.mark.parametrize(
+    ("least", "budget", "curves"), [("coarse", None, 2), ("close", None, 2), ("", 1, 1)]
+)
 def test_a_curve_given_up_among_folds_is_followed_again(study, monkeypatch, least, budget, curves):
     """The higher one counts, whichever has half the height; not where a given budget is used up."""
     module, asked = sys.modules["bdamper.response.highest_peak"], []
@@ -173,26 +225,38 @@ def test_an_optimum_whose_curve_was_given_up_is_not_verified(study, monkeypatch)
     preloads = [30.0, 100.0, 300.0]
     whole = study.optimal_curve(preloads, frequency=INTERVAL, check=False)
     in_time = tuple(TimeResponse(*(1e-5,) * 3, 300.0, p, 1e-5) for p in (30.0, 40.0))
-    assert whole.optimum.verified and "search" not in replace(whole, time_response=in_time)._headline()
+    assert (
+        whole.optimum.verified and "search" not in replace(whole, time_response=in_time)._headline()
+    )
     optimal = sys.modules["bdamper.response.optimal_curve"]
     with monkeypatch.context() as context:
         plain = optimal.at_preload
-        ended = lambda *asked: (lambda at: replace(at, top=replace(at.top, note="higher at an end")))(plain(*asked))  # noqa: E731
+        ended = lambda *asked: (
+            lambda at: replace(at, top=replace(at.top, note="higher at an end"))
+        )(plain(*asked))
         context.setattr(optimal, "at_preload", ended)
         beyond = study.optimal_curve(preloads, frequency=INTERVAL, check=False)
     assert not beyond.optimum.verified and "widen frequency" in beyond.optimum.status
     doubt = replace(beyond, time_response=in_time)._headline()
     assert doubt.startswith(f"No optimum: {beyond.optimum.status}")
     module = sys.modules["bdamper.response.highest_peak"]
-    monkeypatch.setattr(module, "given_up", lambda curve: "a branch was given up" if curve.preload == 30.0 else "")
+    monkeypatch.setattr(
+        module, "given_up", lambda curve: "a branch was given up" if curve.preload == 30.0 else ""
+    )
     again = study.optimal_curve(preloads, frequency=INTERVAL, check=False)
-    assert np.isnan(again.amplitude[0]) and again.lower_bound[0] == pytest.approx(whole.amplitude[0])
-    assert again.status[0] == "incomplete: a branch was given up, where the response could be higher"
+    assert np.isnan(again.amplitude[0]) and again.lower_bound[0] == pytest.approx(
+        whole.amplitude[0]
+    )
+    assert (
+        again.status[0] == "incomplete: a branch was given up, where the response could be higher"
+    )
     peak = study.peak(30.0, INTERVAL)
     assert np.isnan(peak.amplitude) and peak.lower_bound == pytest.approx(whole.amplitude[0])
     assert peak.status == again.status[0]
     lost = replace(whole.curves[0], status="incomplete", reason="no solution")
-    at = sys.modules["bdamper.response.optimal_curve"].AtPreload(300.0, lost, highest(whole.curves[0]), 0.0, "", whole.cost)
+    at = sys.modules["bdamper.response.optimal_curve"].AtPreload(
+        300.0, lost, highest(whole.curves[0]), 0.0, "", whole.cost
+    )
     assert at.status == "incomplete: no solution"
 
 
@@ -223,8 +287,12 @@ def test_among_folds_a_search_does_not_leave_the_curve():
     )  # fmt: skip
     peak, curve = study.peak(65.6), study.frequency_response(65.6, (231.1673, 412.9133))
     complete = peak.search_status == "complete"
-    assert complete or peak.search_status.startswith("incomplete: a branch was given up among many folds from")
-    assert (peak.amplitude if complete else peak.lower_bound) == pytest.approx(curve.peak.amplitude, rel=1e-7)
+    assert complete or peak.search_status.startswith(
+        "incomplete: a branch was given up among many folds from"
+    )
+    assert (peak.amplitude if complete else peak.lower_bound) == pytest.approx(
+        curve.peak.amplitude, rel=1e-7
+    )
 
 
 def test_a_response_map_shows_ridge_optimum_and_several_solutions(tmp_path):
@@ -232,7 +300,9 @@ def test_a_response_map_shows_ridge_optimum_and_several_solutions(tmp_path):
     import matplotlib as mpl
 
     mpl.use("Agg")
-    study = plain_study(bd.reference_model(contact_points=9), bd.Excitation("tip"), 5, friction_coefficient=0.3)
+    study = plain_study(
+        bd.reference_model(contact_points=9), bd.Excitation("tip"), 5, friction_coefficient=0.3
+    )
     result = study.optimal_curve((30.0, 300.0), 5, frequency=INTERVAL, check=False)
     ax = plot_response_map(result)
     labels = ax.get_legend_handles_labels()[1]
@@ -255,13 +325,20 @@ def test_a_drift_at_an_end_of_the_interval_is_no_resonance(study, curve):
         point_kind=kinds, branch=np.zeros(len(y), int), shares=curve.shares[:1].repeat(len(y), axis=0),
     )  # fmt: skip
     found = highest_of_curve(system, drifts)
-    assert found.kind == "end" and found.peak.frequency == pytest.approx(curve.frequency[top], rel=1e-6)
+    assert found.kind == "end" and found.peak.frequency == pytest.approx(
+        curve.frequency[top], rel=1e-6
+    )
     assert drifts.peak_at_end and "is not a peak" in drifts._headline()
     inside = replace(curve, point_kind=("regular",) * len(curve))
-    assert curve.frequency.min() < inside.peak.frequency < curve.frequency.max() and not inside.peak_at_end
+    assert (
+        curve.frequency.min() < inside.peak.frequency < curve.frequency.max()
+        and not inside.peak_at_end
+    )
 
 
-def test_two_branches_that_meet_an_end_of_the_interval_apart_by_rounding_are_both_at_it(study, curve):
+def test_two_branches_that_meet_an_end_of_the_interval_apart_by_rounding_are_both_at_it(
+    study, curve
+):
     """The second starts higher, at a frequency that is not the very lowest."""
     system = study.problem.system(1000.0)
     y = np.column_stack([curve.unknowns, 2.0 * np.pi * curve.frequency])[curve.peak_index + 1 :]
@@ -282,7 +359,15 @@ def test_a_peak_of_a_part_of_a_curve_is_incomplete(monkeypatch):
     """Two masses with contacts that stick: a curve that ends before it has reached the higher of both resonances."""
     mass, stiffness = np.diag([1.0, 0.3]), np.array([[2.0, -0.6], [-0.6, 0.6]])
     held = bd.Contact(tangential=1, kt=0.05, mu=0.5, preload=1e4)
-    study = bd.lumped([1.0, 0.3], 0.02 * stiffness, stiffness, contacts=[held], forces={0: 1.0}, response=1, harmonics=1)
+    study = bd.lumped(
+        [1.0, 0.3],
+        0.02 * stiffness,
+        stiffness,
+        contacts=[held],
+        forces={0: 1.0},
+        response=1,
+        harmonics=1,
+    )
     f = np.linspace(0.12, 0.4, 200_001)
     whole = stiffness + np.diag([0.0, held.kt])
     s = 2j * np.pi * f[:, None, None]
@@ -291,20 +376,33 @@ def test_a_peak_of_a_part_of_a_curve_is_incomplete(monkeypatch):
     tops = np.flatnonzero((x[1:-1] > x[:-2]) & (x[1:-1] > x[2:])) + 1
     assert len(tops) == 2
     peak = study.peak(0.0, (0.12, 0.4))
-    assert peak.status == peak.search_status == "complete" and peak.amplitude == pytest.approx(x.max(), rel=1e-6)
-    module, options = sys.modules["bdamper.response.highest_peak"], bd.ContinuationOptions(budget=60)
+    assert peak.status == peak.search_status == "complete" and peak.amplitude == pytest.approx(
+        x.max(), rel=1e-6
+    )
+    module, options = (
+        sys.modules["bdamper.response.highest_peak"],
+        bd.ContinuationOptions(budget=60),
+    )
     for name in ("coarse_options", "ContinuationOptions"):
         monkeypatch.setattr(module, name, lambda: options)
     part = study.peak(0.0, (0.12, 0.4))
-    assert part.status == part.search_status and part.status.startswith("incomplete: ") and part.lower_bound < 0.9 * x.max()
-    assert part._headline().startswith("No peak: incomplete: ") and "Lower bound" in part._headline()
+    assert (
+        part.status == part.search_status
+        and part.status.startswith("incomplete: ")
+        and part.lower_bound < 0.9 * x.max()
+    )
+    assert (
+        part._headline().startswith("No peak: incomplete: ") and "Lower bound" in part._headline()
+    )
     assert not part.converged and np.isnan(part.amplitude)
 
 
 STUDIES = Path(__file__).resolve().parents[3] / "shared" / "fixtures" / "studies"
 
 
-@pytest.mark.skipif(not STUDIES.exists(), reason="needs the stored studies, which are not in the repository")
+@pytest.mark.skipif(
+    not STUDIES.exists(), reason="needs the stored studies, which are not in the repository"
+)
 def test_a_peak_below_a_known_branch_is_incomplete():
     """An independent integration keeps 0.4434 m at 0.2238 Hz for 800 periods, on a separate branch."""
     study = bd.load_study(STUDIES / "study_46.h5")
@@ -344,7 +442,9 @@ def test_a_curve_of_closed_branches_alone_has_no_peak(study, monkeypatch):
 
     def unreachable(system, curve, *, options=None):
         if curve.preload < 50.0:
-            raise bd.BdamperError("the response curve has no point that is connected with an end of the interval")
+            raise bd.BdamperError(
+                "the response curve has no point that is connected with an end of the interval"
+            )
         return plain(system, curve, options=options)
 
     monkeypatch.setattr(module, "highest_of_curve", unreachable)

@@ -53,7 +53,9 @@ class Here(Executor):
 def whole():
     """With an optimum between preloads."""
     curve = optimal_curve(new_study().problem, **ASKED)
-    assert curve.complete and curve.optimum.verified and len(curve.curves) == len(curve) > ASKED["n"]
+    assert (
+        curve.complete and curve.optimum.verified and len(curve.curves) == len(curve) > ASKED["n"]
+    )
     return curve
 
 
@@ -94,7 +96,10 @@ def test_an_interrupted_curve_has_the_values_that_were_finished(whole, tmp_path)
     known = np.isfinite(curve.amplitude)
     assert known.tolist() == [False] * 5 + [True] * 3  # from the highest preload down
     np.testing.assert_array_equal(curve.amplitude[known], whole.amplitude[whole.requested][known])
-    assert set(np.array(curve.status)[~known]) == {"not found: no curve was followed"} and not curve.complete
+    assert (
+        set(np.array(curve.status)[~known]) == {"not found: no curve was followed"}
+        and not curve.complete
+    )
     assert curve.interrupted and curve.optimum.kind == "unknown"
     assert curve.optimum.amplitude == np.nanmin(curve.amplitude) and not curve.optimum.verified
     curve.save(tmp_path / "part.h5")
@@ -106,7 +111,15 @@ def test_what_is_kept_is_what_was_found():
     there = at_preload(study.problem, 300.0, (250.0, 400.0))
     again = AtPreload.of(json.loads(json_line(there.record())))
     assert (again.value, again.slope, again.status) == (there.value, there.slope, there.status)
-    for name in ("frequency", "amplitude", "shares", "branch", "point_kind", "missing_ranges", "settings"):
+    for name in (
+        "frequency",
+        "amplitude",
+        "shares",
+        "branch",
+        "point_kind",
+        "missing_ranges",
+        "settings",
+    ):
         assert np.array_equal(getattr(again.curve, name), getattr(there.curve, name)), name
     assert np.array_equal(again.top.peak.y, there.top.peak.y) and again.top.kind == there.top.kind
     assert json.loads(json_line(again.record())) == json.loads(json_line(there.record()))
@@ -115,12 +128,21 @@ def test_what_is_kept_is_what_was_found():
 def test_a_curve_without_points_keeps_its_shape():
     curve = without_points(new_study().problem, 300.0, "failed", ContinuationOptions(), Cost())
     light = replace(curve, harmonics=curve.harmonics[:, :2])
-    again = AtPreload.of(json.loads(json_line(AtPreload(300.0, light, None, np.nan, "", Cost()).record()))).curve
-    assert again.amplitude.shape == (0,) and again.shares.shape == (0, 3) and list(again.columns()) == list(light.columns())
+    again = AtPreload.of(
+        json.loads(json_line(AtPreload(300.0, light, None, np.nan, "", Cost()).record()))
+    ).curve
+    assert (
+        again.amplitude.shape == (0,)
+        and again.shares.shape == (0, 3)
+        and list(again.columns()) == list(light.columns())
+    )
 
 
 def test_a_file_of_another_search_is_refused(tmp_path):
-    path, asked = tmp_path / "search.jsonl", {"preload": (2e3, 4e3), "n": 2, "frequency": (250.0, 400.0)}
+    path, asked = (
+        tmp_path / "search.jsonl",
+        {"preload": (2e3, 4e3), "n": 2, "frequency": (250.0, 400.0)},
+    )
     study = new_study()
     optimal_curve(study.problem, **asked, resume=path)
     for other, changes, what in (
@@ -154,10 +176,16 @@ print(json.dumps([curve.interrupted, curve.convergence is None]))
 @pytest.mark.usefixtures("interruptible")
 def test_a_signal(tmp_path):
     child = subprocess.Popen(
-        [sys.executable, "-c", SCRIPT, tmp_path / "search.jsonl"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-c", SCRIPT, tmp_path / "search.jsonl"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     )
     assert child.stdout.readline() == "begins\n"
-    while not (tmp_path / "search.jsonl").exists() or b'"index"' not in (tmp_path / "search.jsonl").read_bytes():
+    while (
+        not (tmp_path / "search.jsonl").exists()
+        or b'"index"' not in (tmp_path / "search.jsonl").read_bytes()
+    ):
         time.sleep(0.1)
     os.kill(child.pid, signal.SIGINT)
     out, err = child.communicate(timeout=120)

@@ -74,7 +74,9 @@ def test_a_branch_that_is_not_followed_is_found_by_its_values():
 def test_where_two_branches_cross():
     f = Function(lambda x: 0.3 * (x + 1.3), lambda x: -0.7 * (x + 1.3))
     place, best = f.least()
-    assert best.kind == "crossing" and place.x == pytest.approx(-1.3, abs=1e-2) and place.value < GAIN
+    assert (
+        best.kind == "crossing" and place.x == pytest.approx(-1.3, abs=1e-2) and place.value < GAIN
+    )
 
 
 def test_the_end_of_a_higher_branch_is_closed_in_on():
@@ -114,12 +116,20 @@ def test_ends_and_gaps_are_named():
     assert Function(lambda x: -x).least()[1].kind == "end"
     f = Function((lambda x: x, -1.53, np.inf))
     place, best = f.least()
-    assert -1.53 <= place.x < -1.53 + search.CORNER and best.kind == "unknown" and best.uncertainty <= search.CORNER
+    assert (
+        -1.53 <= place.x < -1.53 + search.CORNER
+        and best.kind == "unknown"
+        and best.uncertainty <= search.CORNER
+    )
     assert len(f.asked) == 6  # halved as often as needed
-    place, best = Function((lambda x: -x, -np.inf, 1.3), (lambda x: 0.0 * x + 2.0, 1.3, np.inf)).least()
+    place, best = Function(
+        (lambda x: -x, -np.inf, 1.3), (lambda x: 0.0 * x + 2.0, 1.3, np.inf)
+    ).least()
     assert 1.3 - search.CORNER < place.x <= 1.3
     uphill = Function((lambda x: -x, -1.5, np.inf))
-    assert uphill.least()[1].kind == "end" and not uphill.asked  # nothing lower lies toward what is not known
+    assert (
+        uphill.least()[1].kind == "end" and not uphill.asked
+    )  # nothing lower lies toward what is not known
     flat = [Sample(0.0, 1.0), Sample(1.0, 0.0), Sample(2.0, 1.0)]  # corners, which have no slope
     _, best = find_minimum(flat, lambda places: [], lambda *_: None)
     assert best.kind == "unknown" and best.uncertainty == 1.0
@@ -131,7 +141,10 @@ def test_tangents_agree_along_one_branch_alone():
     assert not on_one_branch(Sample(0.0, 1.0, -0.1), Sample(1.0, 0.5, -0.1))
     assert lower_bound(Sample(0.0, 0.0, 1.0), Sample(1.0, 1.0, 1.0)) is None
     assert lower_bound(Sample(0.0, 0.0, 1.0), Sample(1.0, np.inf)) is None
-    for corner in ((Sample(0.0, 0.0), Sample(1.0, np.inf)), (Sample(0.0, np.inf), Sample(1.0, 0.0))):
+    for corner in (
+        (Sample(0.0, 0.0), Sample(1.0, np.inf)),
+        (Sample(0.0, np.inf), Sample(1.0, 0.0)),
+    ):
         assert lower_bound(*corner).value < -GAIN  # without a slope it may fall
 
 
@@ -149,7 +162,13 @@ def test_places_without_a_slope_are_enclosed_by_halving(corner):
     """Near a corner there is no slope that would lead to it; the places known are 0.1 higher, and more."""
     f = Function(lambda x: abs(x - corner))
     with_slope = f.place
-    f.place = lambda x: with_slope(x)._replace(slope=np.nan) if abs(x - corner) < 0.6 else with_slope(x)
+    f.place = lambda x: (
+        with_slope(x)._replace(slope=np.nan) if abs(x - corner) < 0.6 else with_slope(x)
+    )
     place, best = f.least()
-    assert abs(place.x - corner) <= search.CORNER and best.kind == "crossing" and best.uncertainty <= search.CORNER
+    assert (
+        abs(place.x - corner) <= search.CORNER
+        and best.kind == "crossing"
+        and best.uncertainty <= search.CORNER
+    )
     assert len(f.asked) <= search.MAX_EVALUATIONS

@@ -59,25 +59,39 @@ def test_a_shroud_with_a_load_or_a_gap_is_as_it_is_at_rest(shroud):
 
 def test_points_of_a_loaded_interface_keep_their_rule_and_shares_are_those_of_the_springs():
     """Half of the points are pressed: the others have a gap, no springs, and count as open."""
-    study = plain_study(bd.reference_model("blade_to_ground"), bd.Excitation("tip"), friction_coefficient=0.4)
+    study = plain_study(
+        bd.reference_model("blade_to_ground"), bd.Excitation("tip"), friction_coefficient=0.4
+    )
     study = study.replace(constant_loads={"platform": np.repeat([30.0, -30.0], 12)})
     closed = study.static(0.0).force[:, 2] > 0.0
     assert 0 < closed.sum() < 24
-    assert study.stuck((250.0, 500.0)).shares[0] == pytest.approx([closed.mean(), 0.0, 1.0 - closed.mean()])
+    assert study.stuck((250.0, 500.0)).shares[0] == pytest.approx(
+        [closed.mean(), 0.0, 1.0 - closed.mean()]
+    )
 
 
 def test_faces_of_a_damper_keep_their_rule():
     """Without a preload nothing presses the damper: its faces are open, and nothing is said of them."""
-    study = plain_study(bd.reference_model(contact_points=9), bd.Excitation("tip"), 5, friction_coefficient=0.3)
+    study = plain_study(
+        bd.reference_model(contact_points=9), bd.Excitation("tip"), 5, friction_coefficient=0.3
+    )
     with warnings.catch_warnings():
         warnings.simplefilter("error", BdamperWarning)
         curve = study.stuck((250.0, 400.0), preload=0.0)
     assert np.all(curve.shares == [0.0, 0.0, 1.0])
-    assert curve.peak.amplitude == pytest.approx(study.free((250.0, 400.0)).peak.amplitude, rel=1e-9)
+    assert curve.peak.amplitude == pytest.approx(
+        study.free((250.0, 400.0)).peak.amplitude, rel=1e-9
+    )
 
 
 def test_stuck_at_a_rotor_speed_has_the_preload_of_the_damper():
-    study = bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5, friction_coefficient=0.3, harmonics=1)
+    study = bd.Study(
+        bd.reference_model("turbine_blade"),
+        bd.Excitation("tip"),
+        5,
+        friction_coefficient=0.3,
+        harmonics=1,
+    )
     at = study.at_speed(850.0)
     stuck = at.stuck((600.0, 700.0))
     assert stuck.preload == at.preload > 1000.0 and study.stuck((600.0, 700.0)).preload == 1.0
@@ -89,7 +103,13 @@ def test_a_limit_prints_no_preload():
     study = plain_study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5, harmonics=1)
     band = resonance_interval(study.problem.at(200.0), 1)
     for name, limit in (("Stuck", study.stuck(band)), ("Free", study.free(band))):
-        for text in (str(limit), str(limit.peak), limit.summary(), limit._repr_html_(), limit.peak._headline()):
+        for text in (
+            str(limit),
+            str(limit.peak),
+            limit.summary(),
+            limit._repr_html_(),
+            limit.peak._headline(),
+        ):
             assert "preload" not in text and f"{name} resonance of " in text
     peak = study.peak(200.0, band)
     assert " under a preload of 200 N" in str(peak) and "\n  preload" in str(peak)

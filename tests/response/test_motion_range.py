@@ -73,7 +73,10 @@ def test_an_optimal_curve_names_it():
     assert curve.half_range == pytest.approx(half, rel=1e-6)
     best = curve.optimum
     assert best.half_range > 1.1 * best.amplitude
-    assert f"half of the range of motion is by harmonic balance {best.half_range:.2f} m" in " ".join(str(curve).split())
+    assert (
+        f"half of the range of motion is by harmonic balance {best.half_range:.2f} m"
+        in " ".join(str(curve).split())
+    )
     # the stored curves have one harmonic
     assert all(np.isnan(c.half_range) for c in curve.curves)
 
@@ -100,4 +103,6 @@ def test_half_of_the_range_of_two_harmonics(third, shift):
     exact = np.abs(c + third * (4.0 * c**3 - 3.0 * c)).max()
     harmonics = np.array([5.0, 1.0, 0.0, third]) * np.exp(1j * shift * np.arange(4))
     assert half_range(harmonics) == pytest.approx(exact, rel=1e-5)
-    assert half_range(np.array([harmonics, 2.0 * harmonics])) == pytest.approx([exact, 2.0 * exact], rel=1e-5)
+    assert half_range(np.array([harmonics, 2.0 * harmonics])) == pytest.approx(
+        [exact, 2.0 * exact], rel=1e-5
+    )

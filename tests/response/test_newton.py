@@ -16,7 +16,9 @@ INTERVAL = (250.0, 400.0)
 @pytest.fixture(scope="module")
 def study():
     model = bd.reference_model(contact_points=9)
-    return plain_study(model, excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
+    return plain_study(
+        model, excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3
+    )
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +39,10 @@ def test_a_peak_beyond_the_reach_is_refused(study, peak, beside):
     """By Newton's method, and by the search along the curve as well."""
     ways = {"tangent": beside.tangent, "scale": peak.scale, "curvature": peak.curvature}
     assert find_peak(study.problem.system(1000.0), beside.y, reach=0.2, **ways).converged
-    assert find_peak(study.problem.system(1000.0), beside.y, reach=0.01, **ways).status == f"not found: {FAR}"
+    assert (
+        find_peak(study.problem.system(1000.0), beside.y, reach=0.01, **ways).status
+        == f"not found: {FAR}"
+    )
 
 
 def test_a_poor_curvature_does_not_lead_far_away(study, peak, beside):
@@ -50,10 +55,16 @@ def test_a_poor_curvature_does_not_lead_far_away(study, peak, beside):
 @pytest.mark.parametrize("curvature", [-1.0, 1.0])
 def test_the_search_leaves_a_minimum_uphill(curvature):
     """Between the two peaks at 18.94 N the amplitude has a minimum, where the slope vanishes too."""
-    study = plain_study(bd.reference_model(contact_points=24), bd.Excitation("tip"), 5, friction_coefficient=0.3)
+    study = plain_study(
+        bd.reference_model(contact_points=24), bd.Excitation("tip"), 5, friction_coefficient=0.3
+    )
     curve = study.frequency_response(18.94, (279.0, 284.0))
     a = curve.amplitude
-    i = next(i for i in range(1, len(a) - 1) if a[i] < a[i - 1] and a[i] < a[i + 1] and a[i] > 0.3 * a.max())
+    i = next(
+        i
+        for i in range(1, len(a) - 1)
+        if a[i] < a[i - 1] and a[i] < a[i + 1] and a[i] > 0.3 * a.max()
+    )
     y, after = (np.append(curve.unknowns[k], 2 * np.pi * curve.frequency[k]) for k in (i, i + 1))
     system = study.problem.system(18.94)
     scale = system.units(y, abs(after[-1] - y[-1]))
@@ -73,7 +84,11 @@ def test_equal_peaks_are_one_and_others_are_told_apart(peak):
 
 def test_a_converged_peak_has_a_residual_within_the_tolerance(study, peak, beside):
     """Trials along the curve are corrected only as far as they need; the peak itself is corrected at the end."""
-    found = find_peak(study.problem.system(1000.0), beside.y, options=PeakOptions(tolerance=1e-12, position_tolerance=1e-2))
+    found = find_peak(
+        study.problem.system(1000.0),
+        beside.y,
+        options=PeakOptions(tolerance=1e-12, position_tolerance=1e-2),
+    )
     assert found.converged
     assert found.residual <= 1e-12
     assert np.isfinite(found.curvature)
@@ -82,7 +97,13 @@ def test_a_converged_peak_has_a_residual_within_the_tolerance(study, peak, besid
 def test_a_residual_that_rounding_keeps_above_the_tolerance_is_accepted():
     """Springs of bonded faces: terms of the residual are so large that 1e-13 of the excitation is out of reach."""
     model = bd.reference_model("bladed_disk", 9)
-    settings = {"harmonics": 1, "blade_modes": 10, "damper_modes": 4, "friction_law": "bonded", "constraint_planes": False}
+    settings = {
+        "harmonics": 1,
+        "blade_modes": 10,
+        "damper_modes": 4,
+        "friction_law": "bonded",
+        "constraint_planes": False,
+    }
     bonded = bd.Study(model, bd.Excitation("tip", "tangential", 1.0), 5, **settings)
     strict, usual = bonded.peak(500.0, options=bd.PeakOptions(tolerance=1e-13)), bonded.peak(500.0)
     assert strict.amplitude == pytest.approx(usual.amplitude, rel=1e-9)

@@ -67,7 +67,11 @@ def test_a_preload_of_an_optimal_curve(study, failure, part, monkeypatch):
             raise failure
         return original(peak, family, preload)
 
-    stand_in = {"found_at": failing(original, failure), "open_at_rest": at_rest, "amplitude_sensitivity": slope}[part]
+    stand_in = {
+        "found_at": failing(original, failure),
+        "open_at_rest": at_rest,
+        "amplitude_sensitivity": slope,
+    }[part]
     monkeypatch.setattr(curves, part, stand_in)
     found = study.optimal_curve(PRELOADS, frequency=BAND, check=False)
     for preload in (PRELOADS[0], PRELOADS[-1]):
@@ -77,7 +81,11 @@ def test_a_preload_of_an_optimal_curve(study, failure, part, monkeypatch):
     if part != "amplitude_sensitivity":  # the value is known without its slope
         (lost,) = np.flatnonzero(found.preload == LOST)
         reason = found.status[lost]
-        assert np.isnan(found.amplitude[lost]) and reason.startswith("not found: ") and str(failure) in reason
+        assert (
+            np.isnan(found.amplitude[lost])
+            and reason.startswith("not found: ")
+            and str(failure) in reason
+        )
 
 
 def test_the_preload_that_gives_the_interval(study, monkeypatch):
@@ -111,16 +119,25 @@ def test_a_draw_of_optimal_curves(study, failure, monkeypatch):
     draws = {"friction_coefficient": [0.2, 0.3, 0.4]}
     whole = bd.optimal_curve_uncertainty(study, draws, PRELOADS, frequency=BAND)
     module = sys.modules["bdamper.analyses.sweep"]
-    monkeypatch.setattr(module, "optimal_curve", failing(module.optimal_curve, failure, of_second_draw))
+    monkeypatch.setattr(
+        module, "optimal_curve", failing(module.optimal_curve, failure, of_second_draw)
+    )
     found = bd.optimal_curve_uncertainty(study, draws, PRELOADS, frequency=BAND)
     assert found.status[1].startswith("not found: ") and str(failure) in found.status[1]
-    assert np.array_equal(found.amplitude[[0, 2]], whole.amplitude[[0, 2]]) and np.isnan(found.amplitude[1]).all()
+    assert (
+        np.array_equal(found.amplitude[[0, 2]], whole.amplitude[[0, 2]])
+        and np.isnan(found.amplitude[1]).all()
+    )
 
 
 def test_a_draw_of_a_robust_optimum(study, failure, monkeypatch):
     """The median of three draws, one of which has no value anywhere, is the highest of the two others."""
     ways = {"preload": (1.0, 3.0), "n": 5, "tolerance": 0.2, "frequency": BAND}
     alone = bd.robust_optimum(study, {"friction_coefficient": [0.2, 0.4]}, percentile=100.0, **ways)
-    monkeypatch.setattr(robust_optimum, "at_preload", failing(robust_optimum.at_preload, failure, of_second_draw))
-    found = bd.robust_optimum(study, {"friction_coefficient": [0.2, 0.3, 0.4]}, percentile=50.0, **ways)
+    monkeypatch.setattr(
+        robust_optimum, "at_preload", failing(robust_optimum.at_preload, failure, of_second_draw)
+    )
+    found = bd.robust_optimum(
+        study, {"friction_coefficient": [0.2, 0.3, 0.4]}, percentile=50.0, **ways
+    )
     assert (found.preload, found.amplitude) == (alone.preload, alone.amplitude)

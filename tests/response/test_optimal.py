@@ -30,7 +30,9 @@ INTERVAL = (250.0, 400.0)
 @pytest.fixture(scope="module")
 def study():
     model = bd.reference_model(contact_points=9)
-    return plain_study(model, excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
+    return plain_study(
+        model, excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3
+    )
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +56,9 @@ class TestOptimalCurve:
     def test_agrees_with_tracking_curves(self, study, result):
         assert result.complete
         for p, a, f in zip(result.preload, result.amplitude, result.frequency):
-            curve = study.frequency_response(p, INTERVAL, options=bd.ContinuationOptions(tolerance=1e-10))
+            curve = study.frequency_response(
+                p, INTERVAL, options=bd.ContinuationOptions(tolerance=1e-10)
+            )
             assert curve.complete
             assert a == pytest.approx(curve.peak.amplitude, rel=1e-6)
             assert f == pytest.approx(curve.peak.frequency, rel=1e-6)
@@ -67,12 +71,17 @@ class TestOptimalCurve:
         assert np.all(result.residual <= 1e-10)
 
     def test_limits(self, study, result):
-        for limit, curve in ((result.free, study.free(INTERVAL)), (result.stuck, study.stuck(INTERVAL))):
+        for limit, curve in (
+            (result.free, study.free(INTERVAL)),
+            (result.stuck, study.stuck(INTERVAL)),
+        ):
             assert limit.amplitude == pytest.approx(curve.peak.amplitude, rel=1e-8)
             assert limit.frequency == pytest.approx(curve.peak.frequency, rel=1e-7)
         high = study.peak(1e6, INTERVAL)
         assert high.amplitude == pytest.approx(result.stuck.amplitude, rel=1e-6)
-        assert result.stuck_shift_percent == pytest.approx(100 * (result.stuck.frequency / result.free.frequency - 1))
+        assert result.stuck_shift_percent == pytest.approx(
+            100 * (result.stuck.frequency / result.free.frequency - 1)
+        )
         assert np.all(result.shift_percent < result.stuck_shift_percent + 1e-6)
 
     def test_optimum_of_a_smooth_curve(self, study):
@@ -85,7 +94,10 @@ class TestOptimalCurve:
         assert at.amplitude == pytest.approx(o.amplitude, rel=1e-8)
         rise = []
         for h in (1e-3, 2e-3):
-            both = [follow_peak(study.problem.system, at, [o.preload * (1 + s)]).peaks[0].amplitude for s in (h, -h)]
+            both = [
+                follow_peak(study.problem.system, at, [o.preload * (1 + s)]).peaks[0].amplitude
+                for s in (h, -h)
+            ]
             assert min(both) > o.amplitude
             rise.append(sum(both) - 2 * o.amplitude)
         assert rise[1] / rise[0] == pytest.approx(4.0, rel=0.05)
@@ -100,7 +112,9 @@ class TestOptimalCurve:
 def test_jumps_at_low_preload_are_found():
     """Down to 10 N the highest peak changes three times; every complete response curve has the same highest peak."""
     model = bd.reference_model(contact_points=24)
-    study = plain_study(model, excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
+    study = plain_study(
+        model, excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3
+    )
     curve = study.optimal_curve((15.0, 100.0), 12, frequency=INTERVAL, check=False)
     checked = 0
     for p, a in zip(curve.preload, curve.amplitude):
@@ -119,13 +133,20 @@ class TestSensitivities:
         if name == "preload":
             family, value = study.problem.system, peak.parameter
         else:
-            family, value = setting_family(study.problem, name, peak.parameter), setting_value(study.problem, name)
+            family, value = (
+                setting_family(study.problem, name, peak.parameter),
+                setting_value(study.problem, name),
+            )
         h = 1e-4 * value
         start = replace(peak, parameter=value)
         high, low = (follow_peak(family, start, [value + s]).peaks[0] for s in (h, -h))
         assert found.amplitude != 0.0
-        assert found.amplitude == pytest.approx((high.amplitude - low.amplitude) / (2 * h), rel=1e-5)
-        assert found.frequency == pytest.approx((high.frequency - low.frequency) / (2 * h), rel=1e-5)
+        assert found.amplitude == pytest.approx(
+            (high.amplitude - low.amplitude) / (2 * h), rel=1e-5
+        )
+        assert found.frequency == pytest.approx(
+            (high.frequency - low.frequency) / (2 * h), rel=1e-5
+        )
 
     def test_unconverged_peak_is_refused(self, study, peak):
         with pytest.raises(bd.SettingError, match="converged"):
@@ -144,7 +165,9 @@ class TestFindPeak:
     def test_from_a_point_beside_the_peak(self, study, peak):
         system = study.problem.system(1000.0)
         for s in (-0.3, 0.3):
-            c = system.solve(peak.y + s * peak.tangent * peak.scale, Plane(peak.tangent), peak.scale, 1e-10, 30)
+            c = system.solve(
+                peak.y + s * peak.tangent * peak.scale, Plane(peak.tangent), peak.scale, 1e-10, 30
+            )
             assert c.status == 0
             found = find_peak(system, c.y, tangent=c.tangent, scale=peak.scale)
             assert found.converged
@@ -153,7 +176,9 @@ class TestFindPeak:
 
     def test_no_two_modes_share_a_stuck_resonance(self):
         """The stuck resonance of the hard disk's fifth mode lies above its sixth mode, whose own is higher."""
-        study = bd.Study(bd.reference_model("bladed_disk"), bd.Excitation("tip"), 5, friction_coefficient=0.4)
+        study = bd.Study(
+            bd.reference_model("bladed_disk"), bd.Excitation("tip"), 5, friction_coefficient=0.4
+        )
         free, stuck = free_and_stuck(study.problem.at(1.0), 6)
         assert free[5] < stuck[4] < stuck[5]
         assert resonance_interval(study.problem.at(1.0), 6)[1] > stuck[5]
@@ -168,15 +193,21 @@ class TestNewtonToThePeak:
         rng = np.random.default_rng(3)
         side = rng.standard_normal(len(peak.y))
         side -= (side @ peak.tangent) * peak.tangent
-        guess = peak.y + (away[0] * peak.tangent + away[1] * side / np.linalg.norm(side)) * peak.scale
-        c = system.solve(guess, PeakThere(peak.tangent, 2.0 * peak.curvature, 1e-8, 0.2), peak.scale, 1e-10, 15)
+        guess = (
+            peak.y + (away[0] * peak.tangent + away[1] * side / np.linalg.norm(side)) * peak.scale
+        )
+        c = system.solve(
+            guess, PeakThere(peak.tangent, 2.0 * peak.curvature, 1e-8, 0.2), peak.scale, 1e-10, 15
+        )
         assert c.status == 0
         assert c.residual <= 1e-10
         assert abs(c.slope / c.curvature) <= 1e-8
         assert np.abs((c.y - peak.y) / peak.scale).max() < 1e-7
         slopes = []
         for h in (1e-3, -1e-3):
-            b = system.solve(c.y + h * c.tangent * peak.scale, Plane(c.tangent), peak.scale, 1e-12, 20)
+            b = system.solve(
+                c.y + h * c.tangent * peak.scale, Plane(c.tangent), peak.scale, 1e-12, 20
+            )
             slopes.append(slope_along(system, b.y, b.tangent, peak.scale))
         assert c.curvature == pytest.approx((slopes[0] - slopes[1]) / 2e-3, rel=1e-2)
         # the tangent spans the null space of the Jacobian
@@ -186,15 +217,18 @@ class TestNewtonToThePeak:
 
     def test_slope_is_the_derivative_of_the_logarithm(self, study, peak):
         system = study.problem.system(1000.0)
-        c = system.solve(peak.y + 0.1 * peak.tangent * peak.scale, Plane(peak.tangent), peak.scale, 1e-12, 20)
+        c = system.solve(
+            peak.y + 0.1 * peak.tangent * peak.scale, Plane(peak.tangent), peak.scale, 1e-12, 20
+        )
         guesses = [c.y + h * c.tangent * peak.scale for h in (1e-4, -1e-4)]
         ends = [system.solve(y, Plane(c.tangent), peak.scale, 1e-12, 20).y for y in guesses]
         difference = np.diff([np.log(abs(system.response(y[:-1])[1])) for y in ends])[0] / -2e-4
-        assert slope_along(system, c.y, c.tangent, peak.scale) == pytest.approx(difference, rel=1e-6)
+        assert slope_along(system, c.y, c.tangent, peak.scale) == pytest.approx(
+            difference, rel=1e-6
+        )
 
 
 class TestVary:
-
     @pytest.mark.parametrize(
         "settings",
         [
@@ -210,12 +244,19 @@ class TestVary:
         study.problem.system(500.0)
         fast = vary(study, settings).problem.system(500.0)
         plain = {k: v for k, v in settings.items() if "." not in k and not k.endswith("_factor")}
-        fresh = plain_study(study.model, excitation=study.excitation, engine_order=5, friction_coefficient=0.3)
+        fresh = plain_study(
+            study.model, excitation=study.excitation, engine_order=5, friction_coefficient=0.3
+        )
         fresh = fresh.replace(**plain)
         if "excitation.amplitude" in settings:
-            fresh = fresh.replace(excitation=replace(study.excitation, amplitude=settings["excitation.amplitude"]))
+            fresh = fresh.replace(
+                excitation=replace(study.excitation, amplitude=settings["excitation.amplitude"])
+            )
         if "contact_stiffness_factor" in settings:
-            given = {k: settings["contact_stiffness_factor"] * v.stiffness for k, v in fresh.problem.stiffness.items()}
+            given = {
+                k: settings["contact_stiffness_factor"] * v.stiffness
+                for k, v in fresh.problem.stiffness.items()
+            }
             fresh = fresh.replace(contact_stiffness=given)
         slow = fresh.problem.system(500.0)
         for a, b in zip(fast.evaluate(peak.y[:-1], 2000.0), slow.evaluate(peak.y[:-1], 2000.0)):
@@ -225,9 +266,14 @@ class TestVary:
     def test_a_varied_coefficient_of_friction_makes_the_contact_stiffness_anew(self, study, method):
         study = study.replace(contact_stiffness=method)
         assert study.problem.stiffness.keys() == study.model.interfaces.keys()
-        varied, fresh = vary(study, {"friction_coefficient": 0.05}), study.replace(friction_coefficient=0.05)
+        varied, fresh = (
+            vary(study, {"friction_coefficient": 0.05}),
+            study.replace(friction_coefficient=0.05),
+        )
         for name, contact in fresh.problem.stiffness.items():
-            assert varied.problem.stiffness[name].stiffness == pytest.approx(contact.stiffness, rel=1e-9)
+            assert varied.problem.stiffness[name].stiffness == pytest.approx(
+                contact.stiffness, rel=1e-9
+            )
 
     def test_the_factor_acts_on_residual_modes_too(self, study):
         """Twice the factor, half the flexibility of the whole contact: what is at the points and what the modes carry."""
@@ -242,7 +288,9 @@ class TestVary:
             k = varied.problem.point_stiffness.ravel()
             point = np.diag(np.where(k > 0.0, 1.0 / np.where(k > 0.0, k, 1.0), 0.0))
             flexibility.append(point + (G / basis.omega2[residual]) @ G.conj().T)
-        assert flexibility[1] == pytest.approx(0.5 * flexibility[0], rel=1e-12, abs=1e-12 * np.abs(flexibility[0]).max())
+        assert flexibility[1] == pytest.approx(
+            0.5 * flexibility[0], rel=1e-12, abs=1e-12 * np.abs(flexibility[0]).max()
+        )
 
 
 def test_static_states_scale_with_the_load(study):
@@ -261,7 +309,9 @@ def test_static_states_scale_with_the_load(study):
     face = study.model.interfaces["left"]
     gap = np.zeros(face.n_points)
     gap[0] = 1e-9 + 1.2 * abs(float(first.closing[0]))
-    model = replace(study.model, interfaces=dict(study.model.interfaces) | {"left": replace(face, gap=gap)})
+    model = replace(
+        study.model, interfaces=dict(study.model.interfaces) | {"left": replace(face, gap=gap)}
+    )
     gapped = plain_study(model, excitation=study.excitation, engine_order=5)
     low, high = gapped.static(5.0), gapped.static(5e4)
     fresh = plain_study(model, excitation=study.excitation, engine_order=5).static(5e4)
@@ -285,7 +335,9 @@ def test_peaks_are_found_on_the_rippled_curves_of_sampled_friction():
         peak, curve = s.peak(500.0, interval), s.frequency_response(500.0, interval)
         assert peak.converged
         assert peak.amplitude == pytest.approx(curve.peak.amplitude, rel=5e-4)
-        assert amplitude_at(s.problem.system(500.0), peak.y) == pytest.approx(peak.amplitude, rel=1e-12)
+        assert amplitude_at(s.problem.system(500.0), peak.y) == pytest.approx(
+            peak.amplitude, rel=1e-12
+        )
     with pytest.raises(SettingError, match="contact_forces"):
         s.peak_sensitivities(peak)
 
@@ -295,13 +347,19 @@ def test_a_peak_without_a_derivative_says_so(study, peak, monkeypatch):
     for value, reason in ((0.0, "flat one at"), (np.nan, "finite")):
         gradient = np.full(n, value), np.zeros(n - 1)
         monkeypatch.setattr(Equations, "slope_gradient", lambda *args, gradient=gradient: gradient)
-        found = sensitivity.sensitivities(peak, {"preload": (study.problem.system, 1000.0)})["preload"]
-        assert np.isnan([found.amplitude, found.frequency, *found.y]).all() and reason in found.reason
+        found = sensitivity.sensitivities(peak, {"preload": (study.problem.system, 1000.0)})[
+            "preload"
+        ]
+        assert (
+            np.isnan([found.amplitude, found.frequency, *found.y]).all() and reason in found.reason
+        )
 
 
 @pytest.fixture(scope="module")
 def left(study):
-    return study.optimal_curve(np.geomspace(200.0, 8000.0, 8), frequency=(335.0, 400.0), check=False)
+    return study.optimal_curve(
+        np.geomspace(200.0, 8000.0, 8), frequency=(335.0, 400.0), check=False
+    )
 
 
 class TestAnEndOfTheInterval:
@@ -314,12 +372,17 @@ class TestAnEndOfTheInterval:
         assert within[left.requested].tolist() == [False, False, True, True, True, True, True, True]
         assert np.isfinite(left.amplitude).tolist() == within.tolist()
         assert [bool(kind) for kind in left.kind] == within.tolist()
-        np.testing.assert_allclose(left.amplitude[within], whole.amplitude[whole_rows][within], rtol=1e-8)
+        np.testing.assert_allclose(
+            left.amplitude[within], whole.amplitude[whole_rows][within], rtol=1e-8
+        )
         for k in np.flatnonzero(~within):
             end = study.frequency_response(left.preload[k], (335.0, 400.0)).peak
             assert left.lower_bound[k] == pytest.approx(end.amplitude, rel=1e-7)
             assert end.frequency == pytest.approx(335.0, rel=1e-12)
-            assert left.status[k] == "incomplete: highest at an end of the interval, without a maximum in it"
+            assert (
+                left.status[k]
+                == "incomplete: highest at an end of the interval, without a maximum in it"
+            )
         assert not left.complete and "highest at an end" in left.warnings[0]
 
 
@@ -344,17 +407,25 @@ class TestNoFriction:
         for name in ("amplitude", "frequency"):
             a, b, c = (getattr(p, name) for p in (peak, one, two))
             slope = (4.0 * (b - a) - (c - a)) / 2e-4
-            assert getattr(sensitivity["friction_coefficient"], name) == pytest.approx(slope, rel=5e-3)
+            assert getattr(sensitivity["friction_coefficient"], name) == pytest.approx(
+                slope, rel=5e-3
+            )
 
 
 def test_a_scan_that_ends_among_folds_is_made_again_from_the_ends():
     """At 100 N with three harmonics the curve through the solution found first ends among folds before its peak."""
     study = plain_study(
-        bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4, harmonics=3
+        bd.reference_model("bladed_disk", 9),
+        bd.Excitation("tip"),
+        engine_order=5,
+        friction_coefficient=0.4,
+        harmonics=3,
     )
     curve = study.optimal_curve((100.0, 150.0), 2, frequency=(270.0, 380.0), check=False)
     assert curve.status[0] == "complete"
-    assert curve.amplitude[0] == pytest.approx(study.frequency_response(100.0, (270.0, 380.0)).peak.amplitude, rel=1e-4)
+    assert curve.amplitude[0] == pytest.approx(
+        study.frequency_response(100.0, (270.0, 380.0)).peak.amplitude, rel=1e-4
+    )
 
 
 def test_a_picture_marks_what_is_not_known(result):
@@ -362,13 +433,21 @@ def test_a_picture_marks_what_is_not_known(result):
 
     mpl.use("Agg")
     gap = np.isin(np.arange(len(result)), [1, 5])
-    amplitude, bound = np.where(gap, np.nan, result.amplitude), np.where(np.arange(len(result)) == 1, 1e-4, np.nan)
+    amplitude, bound = (
+        np.where(gap, np.nan, result.amplitude),
+        np.where(np.arange(len(result)) == 1, 1e-4, np.nan),
+    )
     onward = np.append(False, np.isfinite(amplitude[1:] + amplitude[:-1]))
     curve = replace(result, amplitude=amplitude, lower_bound=bound, goes_on=onward)
-    for shown, mark in ((curve, "k"), (replace(curve, optimum=replace(curve.optimum, status="incomplete: lost")), "w")):
+    for shown, mark in (
+        (curve, "k"),
+        (replace(curve, optimum=replace(curve.optimum, status="incomplete: lost")), "w"),
+    ):
         ax = shown.plot().axes[0]
         labels = ax.get_legend_handles_labels()[1]
-        assert {"no value: no peak found", "no value: curve incomplete", "lower bound"} <= set(labels)
+        assert {"no value: no peak found", "no value: curve incomplete", "lower bound"} <= set(
+            labels
+        )
         assert sum(patch.get_hatch() is not None for patch in ax.patches) == 2
         star = next(line for line in ax.lines if line.get_marker() == "*")
         assert (star.get_markerfacecolor() == "w") == (mark == "w")
@@ -384,7 +463,9 @@ def test_a_picture_is_dotted_from_one_peak_to_another_alone(result):
     curve = replace(result, goes_on=~np.isin(places, [0, 8]))
     for ax in curve.plot().axes:
         dotted = [list(line.get_xdata()) for line in ax.lines if line.get_linestyle() == ":"]
-        assert [x for x in dotted if x and x[0] > 1.0] == [result.preload[7:9].tolist()]  # others start at 0: limits
+        assert [x for x in dotted if x and x[0] > 1.0] == [
+            result.preload[7:9].tolist()
+        ]  # others start at 0: limits
 
 
 def test_preloads_within_an_amplitude(result):
@@ -407,23 +488,44 @@ def test_one_table_has_all_preloads_that_were_computed(study, tmp_path):
     curve = study.optimal_curve(asked, frequency=INTERVAL, check=False)
     o = curve.optimum
     assert curve.preload[curve.requested].tolist() == asked.tolist() and not curve.requested.all()
-    assert [response.preload for response in curve.curves] == curve.preload.tolist() == sorted(curve.preload)
-    assert curve.amplitude == pytest.approx([study.peak(p, INTERVAL).amplitude for p in curve.preload], rel=1e-8)
-    assert curve.amplitude == pytest.approx([response.amplitude.max() for response in curve.curves], rel=0.01)
+    assert (
+        [response.preload for response in curve.curves]
+        == curve.preload.tolist()
+        == sorted(curve.preload)
+    )
+    assert curve.amplitude == pytest.approx(
+        [study.peak(p, INTERVAL).amplitude for p in curve.preload], rel=1e-8
+    )
+    assert curve.amplitude == pytest.approx(
+        [response.amplitude.max() for response in curve.curves], rel=0.01
+    )
     (row,) = np.flatnonzero(curve.preload == o.preload)
-    assert o.kind == "smooth" and not curve.requested[row] and curve.amplitude[row] == o.amplitude == curve.amplitude.min()
+    assert (
+        o.kind == "smooth"
+        and not curve.requested[row]
+        and curve.amplitude[row] == o.amplitude == curve.amplitude.min()
+    )
     # at the ends of the range of acceptable preloads the amplitude is 20 % higher
-    ends = [study.peak(p, INTERVAL).amplitude / o.amplitude for p in curve.preloads_within(1.2 * o.amplitude)]
+    ends = [
+        study.peak(p, INTERVAL).amplitude / o.amplitude
+        for p in curve.preloads_within(1.2 * o.amplitude)
+    ]
     assert ends == pytest.approx([1.2, 1.2], rel=0.005)
     curve.to_csv(tmp_path / "curve.csv")
-    head, *rows = csv.reader(line for line in (tmp_path / "curve.csv").read_text().splitlines() if line[0] != "#")
-    assert [row[head.index("requested")] for row in rows] == [str(x) for x in curve.requested.tolist()]
+    head, *rows = csv.reader(
+        line for line in (tmp_path / "curve.csv").read_text().splitlines() if line[0] != "#"
+    )
+    assert [row[head.index("requested")] for row in rows] == [
+        str(x) for x in curve.requested.tolist()
+    ]
     curve.save(tmp_path / "curve.h5")
     again = bd.load(tmp_path / "curve.h5")
     assert again.requested.tolist() == curve.requested.tolist() and len(again.curves) == len(again)
     with h5py.File(tmp_path / "curve.h5", "r+") as file:
         del file["requested"]
-    assert bd.load(tmp_path / "curve.h5").requested.all(), "older files have the requested preloads alone"
+    assert bd.load(tmp_path / "curve.h5").requested.all(), (
+        "older files have the requested preloads alone"
+    )
 
 
 @pytest.mark.parametrize("slope", [1.0, np.nan])
@@ -432,7 +534,9 @@ def test_the_least_just_above_the_preloads_that_rattle_is_found(study, monkeypat
     peak = study.peak(500.0, INTERVAL)
 
     def given(problem, preload, *_):
-        curve = replace(without_points(problem, preload, "", ContinuationOptions(), Cost()), status="complete")
+        curve = replace(
+            without_points(problem, preload, "", ContinuationOptions(), Cost()), status="complete"
+        )
         top = Highest(replace(peak, amplitude=1e-6 * preload, parameter=preload), "peak", 0)
         return AtPreload(preload, curve, top, slope, "it rattles" * (preload < 70.0), Cost())
 
@@ -442,16 +546,22 @@ def test_the_least_just_above_the_preloads_that_rattle_is_found(study, monkeypat
     assert curve.optimum.status == "complete" and curve.lowest_steady_preload < 70.0
     followed = [response for response in curve.curves if response.reason != "no curve was followed"]
     assert len(curve.curves) == len(curve) > len(followed)
-    assert len(followed) <= 7 + (10 if np.isnan(slope) else 5)  # down to two that rattle, then halved
+    assert len(followed) <= 7 + (
+        10 if np.isnan(slope) else 5
+    )  # down to two that rattle, then halved
 
 
 def test_a_curve_that_uses_up_its_first_budget_is_followed_again(study, monkeypatch):
     """So that no value is missing where study.peak has one; but not where the damper rattles."""
     monkeypatch.setattr(optimal_curve, "BUDGET", 100)
     curve = study.optimal_curve([500.0, 1000.0, 2000.0], frequency=INTERVAL, check=False)
-    assert curve.amplitude == pytest.approx([study.peak(p, INTERVAL).amplitude for p in curve.preload], rel=1e-9)
+    assert curve.amplitude == pytest.approx(
+        [study.peak(p, INTERVAL).amplitude for p in curve.preload], rel=1e-9
+    )
     used = [c.cost.evaluations for c in curve.curves]
-    assert min(used) > 200 and curve.cost.evaluations >= sum(used) + 100 * len(used), "both budgets count"
+    assert min(used) > 200 and curve.cost.evaluations >= sum(used) + 100 * len(used), (
+        "both budgets count"
+    )
     monkeypatch.setattr(optimal_curve, "rattles", lambda curve, at_rest: "it rattles")
     there = optimal_curve.at_preload(study.problem, 1000.0, INTERVAL, budget=100)
     assert not there.known and there.cost.evaluations < 200

@@ -38,14 +38,25 @@ def test_by_default_it_is_computed_at_the_optimum_and_above(study, curve, monkey
     one, above = found.time_response
     assert above.preload == pytest.approx(1.35 * one.preload)
     best = found.optimum_in_time.preload
-    assert [(k.factor, k.preload) for k in found.other_friction] == [(1.0, best), (0.7, best), (1.3, best)]
+    assert [(k.factor, k.preload) for k in found.other_friction] == [
+        (1.0, best),
+        (0.7, best),
+        (1.3, best),
+    ]
     assert found.convergence.preload == one.preload == curve.optimum.preload
     assert one.balance == pytest.approx(curve.optimum.amplitude, rel=1e-3)
-    assert found.failures and ". Amplitude in time " in found._headline(), "the optimum is at the end of the range"
+    assert found.failures and ". Amplitude in time " in found._headline(), (
+        "the optimum is at the end of the range"
+    )
     inside = replace(found, optimum=replace(found.optimum, kind="smooth", status="complete"))
     # the integration is below the harmonic balance, and other friction coefficients are above it
     least = found.optimum_in_time
-    tried = [least.largest, least.balance, found.convergence.range[1], *(k.amplitude for k in found.other_friction)]
+    tried = [
+        least.largest,
+        least.balance,
+        found.convergence.range[1],
+        *(k.amplitude for k in found.other_friction),
+    ]
     assert not inside.failures and inside.design_amplitude == max(tried) > least.largest
     assert f"Design amplitude: {amount(max(tried), 'm')} (with " in inside._headline()
     found.save(tmp_path / "optimal.h5")
@@ -59,12 +70,17 @@ def test_neighbours_on_request(study, curve, monkeypatch):
     monkeypatch.setattr(in_time, "time_response", keeps)
     found = study.optimal_curve((1000.0, 5000.0), 3, frequency=(280.0, 370.0), check="neighbours")
     best = curve.optimum.preload
-    np.testing.assert_allclose([k.preload for k in found.time_response], [best / 1.35, best, best * 1.35])
+    np.testing.assert_allclose(
+        [k.preload for k in found.time_response], [best / 1.35, best, best * 1.35]
+    )
     said, least = found._headline(), found.optimum_in_time
     tops = [max(k.highest, k.highest_period) for k in found.time_response]
     assert max(least.highest, least.highest_period) == min(tops) and least in found.time_response
     assert f"Preload: {amount(least.preload, 'N')}" in said
-    assert f"in time at {amount(least.preload, 'N')} {span(least.lowest, min(tops), 'm')}, by harmonic" in said
+    assert (
+        f"in time at {amount(least.preload, 'N')} {span(least.lowest, min(tops), 'm')}, by harmonic"
+        in said
+    )
     assert ("preloads were not integrated" in said) == (least.preload != best)
     assert ("optimum in time", least._headline()) in [fact[:2] for fact in found._facts()]
     assert "least in time" in found.plot().axes[0].get_legend_handles_labels()[1]
@@ -75,13 +91,20 @@ def test_neighbours_on_request(study, curve, monkeypatch):
     assert lower.optimum_in_time.preload == best and "not integrated" not in lower._headline()
     beats = replace(half, highest_period=2.0 * max(k.highest_period for k in (low, high)))
     assert replace(found, time_response=(low, beats, high)).optimum_in_time is not beats
-    lone = replace(found, time_response=(low, replace(middle, mean=np.nan), replace(high, mean=np.nan)))
+    lone = replace(
+        found, time_response=(low, replace(middle, mean=np.nan), replace(high, mean=np.nan))
+    )
     assert lone.optimum_in_time is None and f"Preload: {amount(best, 'N')}" in lone._headline()
     wide = replace(half, status="incomplete: not settled")
     doubtful = replace(found, time_response=(low, wide, high))
     said = doubtful._headline()
-    assert doubtful.failures and said.startswith(f"Not for design: {'; '.join(doubtful.failures)}. ")
-    assert "is incomplete: not settled. " in said and f"Amplitude in time {span(wide.lowest, wide.largest, 'm')}" in said
+    assert doubtful.failures and said.startswith(
+        f"Not for design: {'; '.join(doubtful.failures)}. "
+    )
+    assert (
+        "is incomplete: not settled. " in said
+        and f"Amplitude in time {span(wide.lowest, wide.largest, 'm')}" in said
+    )
     assert np.isnan(doubtful.design_amplitude) and "esign amplitude" not in said
     stopped = replace(found, time_response=(low, replace(wide, status="interrupted"), high))
     assert stopped.optimum_in_time in (low, high)
@@ -92,8 +115,17 @@ def test_the_ends_of_the_range_on_request(study, monkeypatch, tmp_path):
 
     def rises(problem, tracked, progress=None):
         mean = 1e-4 * (1.0 + 0.5 * abs(np.log(tracked.preload / rises.best)))
-        values = mean, 0.9 * mean, 1.1 * mean, tracked.peak.frequency, tracked.preload, tracked.peak.amplitude
-        return TimeResponse(*values, 1.1 * mean, 1.0, periods=480, diameters=(0, 5), half_range=mean)
+        values = (
+            mean,
+            0.9 * mean,
+            1.1 * mean,
+            tracked.peak.frequency,
+            tracked.preload,
+            tracked.peak.amplitude,
+        )
+        return TimeResponse(
+            *values, 1.1 * mean, 1.0, periods=480, diameters=(0, 5), half_range=mean
+        )
 
     asked = (25.0, 100.0), 5
     plain = study.optimal_curve(*asked, frequency=(280.0, 370.0), check=False)
@@ -102,7 +134,9 @@ def test_the_ends_of_the_range_on_request(study, monkeypatch, tmp_path):
     found = study.optimal_curve(*asked, frequency=(280.0, 370.0), check="range")
     low, high = found.near_best
     assert low < rises.best < high
-    assert found.near_best == plain.near_best == plain.preloads_within(1.2 * plain.optimum.amplitude)
+    assert (
+        found.near_best == plain.near_best == plain.preloads_within(1.2 * plain.optimum.amplitude)
+    )
     expected = sorted([low, rises.best, 1.35 * rises.best, high])
     np.testing.assert_allclose([k.preload for k in found.time_response], expected, rtol=1e-12)
     assert [k.preload for k in found.range_in_time] == [low, high]
@@ -113,7 +147,10 @@ def test_the_ends_of_the_range_on_request(study, monkeypatch, tmp_path):
     assert light.colour == ("green" if max(more) <= 0.2 else "amber") and ends in light.found
     found.save(tmp_path / "optimal.h5")
     assert bd.load(tmp_path / "optimal.h5").range_in_time == found.range_in_time
-    lost = [replace(k, mean=np.nan, status="not found: why") if k.preload == high else k for k in found.time_response]
+    lost = [
+        replace(k, mean=np.nan, status="not found: why") if k.preload == high else k
+        for k in found.time_response
+    ]
     unknown = replace(found, time_response=tuple(lost))
     (light,) = [check for check in checks(unknown) if check.name == "Ends of the range in time"]
     assert light.colour == "amber" and f"and unknown at {amount(high, 'N')}" in light.found
@@ -123,7 +160,9 @@ def test_the_ends_of_the_range_on_request(study, monkeypatch, tmp_path):
 
 
 def test_the_range_is_named_a_result_of_harmonic_balance(curve, tmp_path):
-    assert "by harmonic balance the amplitude is within 20 % of the minimum from" in curve._headline()
+    assert (
+        "by harmonic balance the amplitude is within 20 % of the minimum from" in curve._headline()
+    )
     labels = curve.plot().axes[0].get_legend_handles_labels()[1]
     assert "at most 20 % higher by harmonic balance" in labels
     plt.close("all")
@@ -137,15 +176,30 @@ def test_what_cannot_be_integrated_says_why(study, curve):
     found, _ = in_time.with_time_response(
         shared.problem, replace(curve, time_response=(), model_hash=shared.model.hash)
     ).time_response
-    assert found.status.startswith("not found: ") and "fundamental_modes_only" in found.status and np.isnan(found.mean)
+    assert (
+        found.status.startswith("not found: ")
+        and "fundamental_modes_only" in found.status
+        and np.isnan(found.mean)
+    )
     with pytest.raises(bd.SettingError, match=r"^check: expected .*, found 'harmonics'"):
         study.optimal_curve((1000.0, 5000.0), 3, check="harmonics")
 
 
 def test_the_bottom_line_says_what_is_open(study, curve):
     best = curve.optimum
-    known = TimeResponse(9e-6, 8e-6, 1e-5, 300.0, best.preload, 1e-5, periods=9, status="incomplete: some steps failed")
-    assert "is incomplete: some steps failed. " in replace(curve, time_response=(known,))._headline()
+    known = TimeResponse(
+        9e-6,
+        8e-6,
+        1e-5,
+        300.0,
+        best.preload,
+        1e-5,
+        periods=9,
+        status="incomplete: some steps failed",
+    )
+    assert (
+        "is incomplete: some steps failed. " in replace(curve, time_response=(known,))._headline()
+    )
     none = TimeResponse(*(np.nan,) * 4, best.preload, 1e-5, status="not found: no motion stays")
     said = replace(curve, time_response=(none,))._headline()
     assert "is not found: no motion stays. " in said and "by harmonic balance alone" in said
@@ -156,13 +210,19 @@ def checked(curve, **changes):
     """Return the curve with passed checks, each with another amplitude; ``changes`` replace checks."""
     best = curve.optimum
     size, preload = best.amplitude, best.preload
-    response = TimeResponse(*(k * size for k in (0.97, 0.96, 0.98)), best.frequency, preload, size, 0.99 * size)
-    peaks = tuple(HarmonicPeak(h, k * size, best.frequency) for h, k in ((3, 1.0), (5, 1.02), (7, 1.01)))
+    response = TimeResponse(
+        *(k * size for k in (0.97, 0.96, 0.98)), best.frequency, preload, size, 0.99 * size
+    )
+    peaks = tuple(
+        HarmonicPeak(h, k * size, best.frequency) for h, k in ((3, 1.0), (5, 1.02), (7, 1.01))
+    )
     passed = {
         "optimum": replace(best, kind="smooth", status="complete"),
         "time_response": (response,),
         "convergence": Convergence(preload, 0.05, peaks),
-        "other_friction": tuple(FrictionPeak(k, preload, a * size) for k, a in ((1.0, 1.0), (0.7, 1.1), (1.3, 1.05))),
+        "other_friction": tuple(
+            FrictionPeak(k, preload, a * size) for k, a in ((1.0, 1.0), (0.7, 1.1), (1.3, 1.05))
+        ),
     }
     return replace(curve, **passed | changes)
 
@@ -171,7 +231,10 @@ def test_the_design_amplitude_is_the_largest_of_all_checks(curve):
     size, passed = curve.optimum.amplitude, checked(curve)
     (response,) = passed.time_response
     assert not passed.failures and passed.design_amplitude == pytest.approx(1.1 * size, rel=1e-14)
-    assert f"Design amplitude: {amount(1.1 * size, 'm')} (with 0.7 times the friction); in time " in passed._headline()
+    assert (
+        f"Design amplitude: {amount(1.1 * size, 'm')} (with 0.7 times the friction); in time "
+        in passed._headline()
+    )
     single = replace(passed, time_response=(replace(response, highest_period=1.2 * size),))
     assert single.design_amplitude == pytest.approx(1.2 * size, rel=1e-14)
     assert "(in time); in time " in single._headline()
@@ -180,7 +243,10 @@ def test_the_design_amplitude_is_the_largest_of_all_checks(curve):
     assert "(with more harmonics); in time " in alone._headline()
     only = replace(alone, convergence=None)
     assert only.design_amplitude == size and "(by harmonic balance); in time " in only._headline()
-    elsewhere = replace(passed, other_friction=tuple(replace(k, preload=2.0 * k.preload) for k in passed.other_friction))
+    elsewhere = replace(
+        passed,
+        other_friction=tuple(replace(k, preload=2.0 * k.preload) for k in passed.other_friction),
+    )
     assert elsewhere.design_amplitude == alone.design_amplitude, "other preloads do not count"
 
 
@@ -188,10 +254,16 @@ def test_without_a_known_amplitude_of_all_checks_there_is_no_design_amplitude(cu
     passed = checked(curve)
     (response,) = passed.time_response
     first, less, more = passed.other_friction
-    for unknown in (replace(less, amplitude=np.nan, status="not found: why"), replace(less, status="incomplete: why")):
+    for unknown in (
+        replace(less, amplitude=np.nan, status="not found: why"),
+        replace(less, status="incomplete: why"),
+    ):
         doubtful = replace(passed, other_friction=(first, unknown, more))
         assert np.isnan(doubtful.design_amplitude)
-        assert "No design amplitude, it is not known with 0.7 times the friction; in time " in doubtful._headline()
+        assert (
+            "No design amplitude, it is not known with 0.7 times the friction; in time "
+            in doubtful._headline()
+        )
     for change in (
         {"other_friction": (first, replace(less, amplitude=3.0 * first.amplitude), more)},
         {"time_response": (replace(response, status="incomplete: not settled"),)},
@@ -199,7 +271,12 @@ def test_without_a_known_amplitude_of_all_checks_there_is_no_design_amplitude(cu
     ):
         failed = replace(passed, **change)
         assert failed.failures and np.isnan(failed.design_amplitude)
-        assert failed._headline().startswith("Not for design: ") and "esign amplitude" not in str(failed)
+        assert failed._headline().startswith("Not for design: ") and "esign amplitude" not in str(
+            failed
+        )
         assert ". Amplitude in time " in failed._headline()
     without = replace(passed, time_response=())
-    assert np.isnan(without.design_amplitude) and "by harmonic balance alone, not for the stress" in without._headline()
+    assert (
+        np.isnan(without.design_amplitude)
+        and "by harmonic balance alone, not for the stress" in without._headline()
+    )

@@ -32,7 +32,9 @@ def test_many_folds_with_contacts_open_at_the_highest_point():
     height = np.arange(len(omega), dtype=float)
     share = np.where(height == height.max(), OPEN + 0.3, 0.0)
     why = rattles(omega, height, share)
-    assert why == f"{FOLDS} folds, and the contacts open for 80 % of the cycle at the highest response"
+    assert (
+        why == f"{FOLDS} folds, and the contacts open for 80 % of the cycle at the highest response"
+    )
     assert not rattles(omega, -height, share), "open at the lowest point alone"
     assert not rattles(omega, height, OPEN * share / share.max()), "open for half of the cycle"
     assert not rattles(omega, height, share, at_rest=0.61), "half of what is closed at rest"

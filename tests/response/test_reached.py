@@ -32,7 +32,11 @@ def test_a_highest_point_is_reached_by_a_slow_sweep_within_the_interval():
         assert curve.peak.amplitude == pytest.approx(highest, rel=0.05)
         known = peak.amplitude if peak.converged else peak.lower_bound
         assert known == pytest.approx(curve.peak.amplitude, rel=1e-6)
-        assert ("widen the interval" in str(curve)) == ("widen the interval" in str(peak)) == (one in (drawn[0], drawn[-1]))
+        assert (
+            ("widen the interval" in str(curve))
+            == ("widen the interval" in str(peak))
+            == (one in (drawn[0], drawn[-1]))
+        )
         assert "Not checked in time." in curve._headline()
         assert ("Not checked in time." in peak._headline()) == peak.converged
 
@@ -50,5 +54,7 @@ def test_a_branch_joined_to_one_end_is_named_and_a_wider_interval_shows_it():
     assert amplitude > 200.0 * curve.peak.amplitude and curve.frequency[curve.apart].max() == 0.54
     assert highest_in_sweeps([wide], periods=1200, steps=64)[0, 1] > 100.0 * curve.peak.amplitude
     assert np.isin(curve.branch[curve.apart], curve.branch[separate]).all()
-    broken = replace(curve, point_kind=("regular", *curve.point_kind[1:]))  # no branch leads through, so every one counts
+    broken = replace(
+        curve, point_kind=("regular", *curve.point_kind[1:])
+    )  # no branch leads through, so every one counts
     assert not len(broken.separate) and broken.peak.amplitude == amplitude

@@ -29,11 +29,20 @@ def test_a_sweep_keeps_its_branch_until_the_fold(curve):
     up, down = sweep_of(curve, "up"), sweep_of(curve, "down")
     assert (np.diff(up.frequency) >= 0.0).all() and (np.diff(down.frequency) <= 0.0).all()
     assert (up.frequency[0], up.frequency[-1]) == (down.frequency[-1], down.frequency[0])
-    assert [jump.frequency for jump in up.jumps] == [upper] and [jump.frequency for jump in down.jumps] == [lower]
-    assert up.jumps[0].after > up.jumps[0].before and down.jumps[0].after < 0.1 * down.jumps[0].before
-    assert down.amplitude.max() == curve.peak.amplitude and up.amplitude.max() < 0.51 * curve.peak.amplitude
+    assert [jump.frequency for jump in up.jumps] == [upper] and [
+        jump.frequency for jump in down.jumps
+    ] == [lower]
+    assert (
+        up.jumps[0].after > up.jumps[0].before and down.jumps[0].after < 0.1 * down.jumps[0].before
+    )
+    assert (
+        down.amplitude.max() == curve.peak.amplitude
+        and up.amplitude.max() < 0.51 * curve.peak.amplitude
+    )
     # outside of the folds both show the same, between them each its branch
-    np.testing.assert_array_equal(up.amplitude[up.frequency < 300.0], down.amplitude[down.frequency < 300.0][::-1])
+    np.testing.assert_array_equal(
+        up.amplitude[up.frequency < 300.0], down.amplitude[down.frequency < 300.0][::-1]
+    )
     largest = max((*up.jumps, *down.jumps), key=lambda jump: abs(jump.after - jump.before))
     said = f"jumps by up to {amount(abs(largest.after - largest.before), 'm')}, at {amount(largest.frequency, 'Hz')}."
     assert said in curve._headline()
@@ -65,18 +74,30 @@ def branches(*parts):
         fold.append(np.concatenate([[False], np.diff(f)[1:] * np.diff(f)[:-1] < 0.0, [False]]))
     branch = np.repeat(np.arange(len(parts)), [len(f) for f in frequency])
     kind = tuple("fold" if turns else "regular" for turns in np.concatenate(fold))
-    columns = {"frequency": np.concatenate(frequency), "amplitude": np.concatenate(height), "branch": branch}
-    return SimpleNamespace(**columns, unstable=~np.concatenate(stable).astype(bool), point_kind=kind)
+    columns = {
+        "frequency": np.concatenate(frequency),
+        "amplitude": np.concatenate(height),
+        "branch": branch,
+    }
+    return SimpleNamespace(
+        **columns, unstable=~np.concatenate(stable).astype(bool), point_kind=kind
+    )
 
 
 def test_a_jump_goes_to_the_nearest_lower_of_several_stable_solutions():
-    s_shaped = [0, 2, 5, 4, 2, 6, 9], [2.0, 2.2, 2.5, 3.0, 3.5, 5.0, 6.0], [True, True, False, False, False, True, True]
+    s_shaped = (
+        [0, 2, 5, 4, 2, 6, 9],
+        [2.0, 2.2, 2.5, 3.0, 3.5, 5.0, 6.0],
+        [True, True, False, False, False, True, True],
+    )
     low, lower = ([3, 9], [1.0, 1.6], True), ([4, 9], [0.5, 0.5], True)
     sweep = sweep_of(branches(s_shaped, low, lower), "up")
     (jump,) = sweep.jumps
     assert (jump.frequency, jump.before) == (5.0, 2.5) and jump.after == pytest.approx(1.2)
     assert sweep.frequency[-1] == 9.0 and sweep.amplitude[-1] == 1.6
-    (jump,) = sweep_of(branches(s_shaped, ([4, 9], [8.0, 8.0], True)), "up").jumps  # none is lower: the nearest higher one
+    (jump,) = sweep_of(
+        branches(s_shaped, ([4, 9], [8.0, 8.0], True)), "up"
+    ).jumps  # none is lower: the nearest higher one
     assert jump.after == pytest.approx(4.625)
 
 
@@ -98,10 +119,18 @@ def test_what_comes_back_from_a_fold_outside_is_labelled_as_on_the_wide_curve(st
     """The branch runs back up to its fold in the interval, and forward beyond."""
     for band in ((295.0, 320.0), (300.0, 400.0), (310.0, 330.0)):
         narrow = study.frequency_response(125.0, band)
-        for f, a, backward, kind in zip(narrow.frequency, narrow.amplitude, narrow.backward, narrow.point_kind):
+        for f, a, backward, kind in zip(
+            narrow.frequency, narrow.amplitude, narrow.backward, narrow.point_kind
+        ):
             if kind in ("regular", "maximum"):
-                near = np.argmin(np.hypot(curve.frequency / f - 1.0, 0.1 * np.log(curve.amplitude / a)))
-                if "regular" in curve.point_kind[near] and abs(f - 303.6) > 1.0 and abs(f - 325.0) > 3.0:
+                near = np.argmin(
+                    np.hypot(curve.frequency / f - 1.0, 0.1 * np.log(curve.amplitude / a))
+                )
+                if (
+                    "regular" in curve.point_kind[near]
+                    and abs(f - 303.6) > 1.0
+                    and abs(f - 325.0) > 3.0
+                ):
                     assert backward == curve.backward[near]
 
 

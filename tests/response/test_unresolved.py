@@ -62,7 +62,9 @@ def test_linear_response_without_damping_has_no_amplitude(kind):
     assert curve.status == "incomplete"
     assert curve.peak.amplitude == np.inf
     first = str(curve).split("\n")[0]
-    assert first.startswith(f"No amplitude of the {kind} resonance: unbounded at {resonance:.6g} Hz")
+    assert first.startswith(
+        f"No amplitude of the {kind} resonance: unbounded at {resonance:.6g} Hz"
+    )
 
 
 @pytest.mark.parametrize("ratio", [3e-8, 4e-9])
@@ -75,7 +77,9 @@ def test_a_resonance_sharper_than_the_rounding_of_its_frequency_has_no_digits(ra
 
 
 @pytest.mark.parametrize("stiffness", [1.0, 1e10])
-def test_rounding_of_the_frequency_is_that_of_the_quality_factor_and_not_of_stiff_contacts(stiffness):
+def test_rounding_of_the_frequency_is_that_of_the_quality_factor_and_not_of_stiff_contacts(
+    stiffness,
+):
     """Near a stuck resonance of quality Q the inertia force is Q times the excitation, with the square of the frequency."""
     quality = 5e3
     resonance = np.sqrt(1.0 + stiffness)

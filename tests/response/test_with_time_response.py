@@ -35,12 +35,23 @@ def test_what_is_kept_is_that_of_the_curve_at_the_preload(found, tmp_path):
     own = study.time_response(study.frequency_response(60.0, (300.0, 380.0)))
     there = out.time_response[0]
     plain = {"cost": own.cost, "fall": 0.0}  # NaN, as the motion does not fall
-    assert replace(there, **plain) == replace(own, **plain) and there.model_hash == curve.model_hash and there.settings
+    assert (
+        replace(there, **plain) == replace(own, **plain)
+        and there.model_hash == curve.model_hash
+        and there.settings
+    )
     assert there.status == "complete" and there._headline() in out.summary()
-    tracked = [study.frequency_response(k.preload, curve.settings["frequency"]).cost for k in out.time_response]
+    tracked = [
+        study.frequency_response(k.preload, curve.settings["frequency"]).cost
+        for k in out.time_response
+    ]
     for count in ("evaluations", "factorisations", "iterations"):
         parts = [curve.cost, *tracked, *(k.cost for k in out.time_response)]
-        assert getattr(out.cost, count) == sum(getattr(part, count) for part in parts) > getattr(curve.cost, count)
+        assert (
+            getattr(out.cost, count)
+            == sum(getattr(part, count) for part in parts)
+            > getattr(curve.cost, count)
+        )
     out.save(tmp_path / "curve.h5")
     own.save(tmp_path / "kept.h5")
     for read in (bd.load(tmp_path / "curve.h5").time_response[0], bd.load(tmp_path / "kept.h5")):
@@ -55,7 +66,10 @@ def test_an_interruption_keeps_the_curve_and_says_so(found, monkeypatch):
 
     monkeypatch.setattr(in_time, "time_response", stopped)
     out = study.with_time_response(curve, [60.0, 90.0])
-    assert [(k.preload, k.status) for k in out.time_response] == [(60.0, "interrupted"), (90.0, "interrupted")]
+    assert [(k.preload, k.status) for k in out.time_response] == [
+        (60.0, "interrupted"),
+        (90.0, "interrupted"),
+    ]
     assert np.isnan(out.time_response[0].mean)
     assert "time integration at 60 N is interrupted. " in out._headline()
     monkeypatch.undo()
@@ -69,10 +83,14 @@ def test_an_interruption_keeps_the_curve_and_says_so(found, monkeypatch):
 def test_a_peak_of_another_study_is_refused(found):
     study, _ = found
     peak = study.peak(60.0, frequency=(300.0, 380.0))
-    with pytest.raises(bd.SettingError, match="result: expected a peak at a preload, found 'not found"):
+    with pytest.raises(
+        bd.SettingError, match="result: expected a peak at a preload, found 'not found"
+    ):
         study.time_response(replace(peak, status="not found: nothing"))
     for other in (wedge(harmonics=3), wedge(mass=0.2)):
-        with pytest.raises(bd.SettingError, match="result: expected the highest peak of this study at its preload"):
+        with pytest.raises(
+            bd.SettingError, match="result: expected the highest peak of this study at its preload"
+        ):
             other.time_response(peak)
 
 
@@ -109,7 +127,9 @@ def test_no_steady_amplitude_where_the_shipped_disk_shows_the_sign():
     assert "no steady periodic response is expected" in low.reason
     assert "no steady" not in high.reason
     for curve, rests in ((low, False), (high, True)):
-        last = study.motion_in_time(curve, frequency=curve.peak.frequency, periods=600, steps_per_period=512)
+        last = study.motion_in_time(
+            curve, frequency=curve.peak.frequency, periods=600, steps_per_period=512
+        )
         last = last.amplitude[-150:]
         assert (np.ptp(last) < 0.02 * last.mean()) == rests
 
@@ -123,15 +143,22 @@ def test_steps_and_curve_are_those_of_the_search(found, monkeypatch):
             raise in_time.IntegrationFailed("asked")
 
     monkeypatch.setattr(in_time, "SteadySearch", Search)
-    curve, peak = study.frequency_response(60.0, (300.0, 380.0)), study.peak(60.0, frequency=(300.0, 380.0))
+    curve, peak = (
+        study.frequency_response(60.0, (300.0, 380.0)),
+        study.peak(60.0, frequency=(300.0, 380.0)),
+    )
     for result in (curve, curve.peak, peak):
-        assert study.time_response(result, steps_per_period=512, starts=2).status == "not found: asked"
+        assert (
+            study.time_response(result, steps_per_period=512, starts=2).status == "not found: asked"
+        )
     # an integration that fails is tried again with four times the steps
     tried = [(pytest.approx(peak.amplitude, rel=1e-4), steps) for steps in (512, 2048)]
     assert asked == 3 * tried
     others = [replace(peak, amplitude=off * peak.amplitude) for off in (0.99, 1.01)]
     for other in (*others, replace(peak, model_hash="another")):
-        with pytest.raises(bd.SettingError, match="result: expected the highest peak of this study at its preload"):
+        with pytest.raises(
+            bd.SettingError, match="result: expected the highest peak of this study at its preload"
+        ):
             study.time_response(other)
 
 
@@ -154,5 +181,7 @@ def test_what_cannot_be_integrated_says_why_beside_what_can(found, monkeypatch):
     assert np.isnan(out.time_response[0].mean) and out.time_response[1].mean > 0.0
     best, above = study.with_time_response(curve).time_response
     assert above.preload == pytest.approx(1.35 * best.preload)
-    assert best.preload == curve.optimum.preload and best.balance == pytest.approx(curve.optimum.amplitude, rel=1e-9)
+    assert best.preload == curve.optimum.preload and best.balance == pytest.approx(
+        curve.optimum.amplitude, rel=1e-9
+    )
     assert best.mean == pytest.approx(expected, rel=1e-9)

@@ -6,7 +6,14 @@ steps of the core, with the contact forces from a dense Newton method.
 
 import numpy as np
 
-from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC, LAW_NORMAL
+from bdamper.contact.laws import (
+    LAW_BONDED,
+    LAW_CONSTANT,
+    LAW_COUPLED,
+    LAW_COUPLED_CONSTANT,
+    LAW_CUBIC,
+    LAW_NORMAL,
+)
 from bdamper.time_domain.integration import Motion
 
 
@@ -53,14 +60,23 @@ def integrate(ring, motion, omega, n_steps, steps, first=0, omega_end=None):
     A, B = matrices(ring)
     orders, factors = ring.forcing()
     q, v, w = motion
-    mass, omega2, damping, stiffness = (np.tile(x, 2) for x in (ring.mass, ring.omega2, ring.damping, ring.stiffness))
-    light = (mass == 0.0) & (np.abs(B).sum(axis=1) > 0.0)  # imaginary parts of real coordinates are none
-    springs = np.tile(np.column_stack([ring.system.structure.points.kt, ring.system.structure.points.kn]).ravel(), ring.n)
+    mass, omega2, damping, stiffness = (
+        np.tile(x, 2) for x in (ring.mass, ring.omega2, ring.damping, ring.stiffness)
+    )
+    light = (mass == 0.0) & (
+        np.abs(B).sum(axis=1) > 0.0
+    )  # imaginary parts of real coordinates are none
+    springs = np.tile(
+        np.column_stack([ring.system.structure.points.kt, ring.system.structure.points.kn]).ravel(),
+        ring.n,
+    )
     closed = np.diag(stiffness[light]) + B[light] @ (springs[:, None] * A[:, light])
 
     def excitation(k):
         angle = 2.0 * np.pi * (k % n_steps) / n_steps * orders
-        return (np.cos(angle) @ factors[:, 0] + np.sin(angle) @ factors[:, 1]) / np.where(mass > 0.0, mass, 1.0)
+        return (np.cos(angle) @ factors[:, 0] + np.sin(angle) @ factors[:, 1]) / np.where(
+            mass > 0.0, mass, 1.0
+        )
 
     def contact(k, q, w):
         """Modal force, coordinates, of which those without mass are found by chord iterations, and sliders."""
@@ -138,7 +154,12 @@ def implicit(ring, motion, omega, n_steps, steps, radius=0.8, first=0):
                 return g, moved
             by = np.linalg.solve(np.eye(len(g)) + B @ derivative(ring, x, w) @ (A * beta), missing)
             share = next(
-                (s for s in (1.0, 0.5, 0.25, 0.1) if np.linalg.norm(off(g + s * by)[0]) < np.linalg.norm(missing)), 0.05
+                (
+                    s
+                    for s in (1.0, 0.5, 0.25, 0.1)
+                    if np.linalg.norm(off(g + s * by)[0]) < np.linalg.norm(missing)
+                ),
+                0.05,
             )
             g = g + share * by
         raise AssertionError("no convergence")

@@ -36,7 +36,10 @@ def highest_frequency(ring):
         heavy = ring.mass[s] > 0.0
         G = np.asarray(ring.wide.structure.bases[l].G).reshape(springs.size, -1)[:, heavy]
         stiffness = np.diag(ring.stiffness[s][heavy]) + (G.conj().T * springs.ravel()) @ G
-        highest = max(highest, np.abs(np.linalg.eigvals(stiffness / ring.mass[s][heavy, None])).max(initial=0.0))
+        highest = max(
+            highest,
+            np.abs(np.linalg.eigvals(stiffness / ring.mass[s][heavy, None])).max(initial=0.0),
+        )
     return np.sqrt(highest)
 
 
@@ -63,9 +66,15 @@ def both(ring, u, frequency, before, periods, window, steps=STEPS, own_steps=512
 
 
 def study_of(model, order, friction, **given):
-    excitation = bd.Excitation("tip", "tangential", 1.0) if model == "turbine_blade" else bd.Excitation("tip")
+    excitation = (
+        bd.Excitation("tip", "tangential", 1.0)
+        if model == "turbine_blade"
+        else bd.Excitation("tip")
+    )
     given = {"contact_stiffness": "unit_traction", **given}
-    return bd.Study(bd.reference_model(model, 9), excitation, order, friction_coefficient=friction, **given)
+    return bd.Study(
+        bd.reference_model(model, 9), excitation, order, friction_coefficient=friction, **given
+    )
 
 
 def test_one_mass_that_opens_its_contact():
@@ -73,7 +82,9 @@ def test_one_mass_that_opens_its_contact():
     study = one_mass(normal=0, kn=0.5 * W0**2, preload=5.0).replace(harmonics=5)
     balance = BalanceCurve(study.frequency_response(0.0, (9.0, 14.0)))
     frequency = balance.tip + 0.3
-    found, expected = both(ring_of(study.problem, 0.0), balance.solution(frequency), frequency, 0, 20, 10, 500)
+    found, expected = both(
+        ring_of(study.problem, 0.0), balance.solution(frequency), frequency, 0, 20, 10, 500
+    )
     assert expected == pytest.approx(found, rel=5e-3) and found[0] > 0.9 * balance.at(frequency)[0]
 
 
@@ -82,7 +93,15 @@ def test_six_blades_with_disturbances():
     study = study_of("turbine_blade", 10, 0.496, blade_modes=2)
     balance = BalanceCurve(study.frequency_response(38.5, (640.0, 690.0)))
     frequency = balance.tip
-    found, expected = both(ring_of(study.problem, 38.5), balance.solution(frequency), frequency, 0, 4, 2, own_steps=1024)
+    found, expected = both(
+        ring_of(study.problem, 38.5),
+        balance.solution(frequency),
+        frequency,
+        0,
+        4,
+        2,
+        own_steps=1024,
+    )
     assert expected == pytest.approx(found, rel=5e-3) and np.ptp(found) > 0.02 * found.mean()
 
 
@@ -95,7 +114,9 @@ def test_all_blades_of_real_scenes(name):
     balance = BalanceCurve(study.frequency_response(preload, interval))
     ring = ring_of(study.problem, preload)
     assert ring.n == blades
-    found, expected = both(ring, balance.solution(frequency), frequency, 240, periods, min(periods, 5))
+    found, expected = both(
+        ring, balance.solution(frequency), frequency, 240, periods, min(periods, 5)
+    )
     assert expected.max() == pytest.approx(found.max(), rel=0.03)
     if np.ptp(found) > 0.2 * found.mean():
         assert np.corrcoef(found, expected)[0, 1] > 0.9, "other blades are high"

@@ -18,7 +18,11 @@ BAND = 9.5, 10.5
 
 def one_mass(**contact):
     return bd.lumped(
-        [[1.0]], [[2.0 * ZETA * W0]], [[W0**2]], contacts=[bd.Contact(**contact)] if contact else [], forces={0: 1.0}
+        [[1.0]],
+        [[2.0 * ZETA * W0]],
+        [[W0**2]],
+        contacts=[bd.Contact(**contact)] if contact else [],
+        forces={0: 1.0},
     )
 
 
@@ -51,7 +55,9 @@ def test_a_linear_sweep_lags_behind_its_closed_form_by_what_twice_the_rate_chang
         errors.append(np.abs(found.amplitude / exact - 1.0).max())
         sweeps.append(found)
         assert found.complete and not found.jumps and found.up is up
-        late = found.highest[0] - F0 if up else F0 - found.highest[0]  # a' + (1 + i x) a = 1 with x' = factor: 2 factor
+        late = (
+            found.highest[0] - F0 if up else F0 - found.highest[0]
+        )  # a' + (1 + i x) a = 1 with x' = factor: 2 factor
         assert late == pytest.approx(2.0 * factor * ZETA * F0, rel=0.2)
     slow, fast = (sweep if up else replace(sweep, frequency=sweep.frequency[::-1], harmonics=sweep.harmonics[::-1])
                   for sweep in sweeps)  # fmt: skip
@@ -73,7 +79,10 @@ def test_a_sweep_keeps_its_branch_up_to_the_fold(separating, up):
     folds = curve.folds[np.argsort(curve.frequency[curve.folds])]
     upper, lower = curve.frequency[folds]  # where the upper branch begins, the lower one ends
     assert curve.amplitude[folds[0]] > 3.0 * curve.amplitude[folds[1]]
-    found, faster = (separating.frequency_sweep(0.0, (11.2, 12.0), up=up, rate=usual(factor)) for factor in (0.05, 0.1))
+    found, faster = (
+        separating.frequency_sweep(0.0, (11.2, 12.0), up=up, rate=usual(factor))
+        for factor in (0.05, 0.1)
+    )
     (jump,) = found.jumps
     ends, other = (lower, upper) if up else (upper, lower)
     late, later = (abs(sweep.jumps[0].frequency - ends) for sweep in (found, faster))
@@ -150,7 +159,8 @@ def test_scatter_is_no_jump(separating):
     n, scatter = len(found), np.random.default_rng(1).uniform(0.7, 1.0, len(found))
     level = np.where(np.arange(n) < n // 2, 2.0, 1.0)
     steady, falls = (
-        replace(found, harmonics=np.column_stack([0.0 * a, a]).astype(complex)) for a in (scatter, level * scatter)
+        replace(found, harmonics=np.column_stack([0.0 * a, a]).astype(complex))
+        for a in (scatter, level * scatter)
     )
     assert not steady.jumps
     (jump,) = falls.jumps

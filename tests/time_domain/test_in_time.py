@@ -32,7 +32,10 @@ def test_a_motion_that_leaves_the_solution_of_one_harmonic(disk):
     study, curve = disk
     by_harmonic = study.with_stability(curve)
     i = at(curve, 352.3, -1)
-    assert not by_harmonic.unstable[i] and by_harmonic.labels[i] == "undecided (det J >= 0) with 1 harmonic"
+    assert (
+        not by_harmonic.unstable[i]
+        and by_harmonic.labels[i] == "undecided (det J >= 0) with 1 harmonic"
+    )
     found = study.motion_in_time(curve, i)
     assert found.verdict == DIFFERS and 0.8 < found.amplitude[-80:].mean() / found.balance < 0.93
     # a damper with damping of its own stays; one harmonic has 9 % more than five and than time, which has all diameters
@@ -40,14 +43,21 @@ def test_a_motion_that_leaves_the_solution_of_one_harmonic(disk):
     curve = damped.frequency_response(2000.0, (346.0, 358.0))
     i = at(curve, 352.3, -1)
     found = damped.motion_in_time(curve, i)
-    assert found.verdict == AGREES and found.amplitude[-80:].mean() == pytest.approx(found.balance, rel=0.02)
+    assert found.verdict == AGREES and found.amplitude[-80:].mean() == pytest.approx(
+        found.balance, rel=0.02
+    )
 
 
 @pytest.mark.slow
 def test_labels_of_a_few_masses():
     """Without sectors, a mass that meets a stop: between the folds the motion leaves."""
     study = bd.lumped(
-        [[1.0]], [[0.05]], [[1.0]], contacts=[bd.Contact(normal=0, kn=2.0, gap=1.0)], forces={0: 0.2}, harmonics=5
+        [[1.0]],
+        [[0.05]],
+        [[1.0]],
+        contacts=[bd.Contact(normal=0, kn=2.0, gap=1.0)],
+        forces={0: 0.2},
+        harmonics=5,
     )
     curve = study.frequency_response(0.0, (0.1, 0.35))
     judged = study.with_stability(curve, in_time=True)
@@ -70,12 +80,20 @@ def test_points_at_rest_between_two_resonances_need_no_integration(monkeypatch):
     assert (np.diff(rest.astype(int)) == 1).sum() == 2
     np.testing.assert_array_equal(judged.in_time, np.where(rest, 1.0, 0.96))
     assert set(judged.labels) == {"stable"}
-    assert set(study.with_stability(curve).labels) <= {"stable as far as 2 harmonics tell", "unstable"}
+    assert set(study.with_stability(curve).labels) <= {
+        "stable as far as 2 harmonics tell",
+        "unstable",
+    }
 
 
 def test_interrupted_labels_keep_what_was_judged(monkeypatch):
     study = bd.lumped(
-        [[1.0]], [[0.05]], [[1.0]], contacts=[bd.Contact(normal=0, kn=2.0, gap=1.0)], forces={0: 0.2}, harmonics=5
+        [[1.0]],
+        [[0.05]],
+        [[1.0]],
+        contacts=[bd.Contact(normal=0, kn=2.0, gap=1.0)],
+        forces={0: 0.2},
+        harmonics=5,
     )
     curve = study.frequency_response(0.0, (0.1, 0.35))
     asked, own = [], floquet.judged_at
@@ -89,7 +107,10 @@ def test_interrupted_labels_keep_what_was_judged(monkeypatch):
     monkeypatch.setattr(floquet, "judged_at", interrupted)
     judged = study.with_stability(curve, in_time=True)
     assert len(asked) == 3 and "interrupted by the user" in judged.stability_note
-    assert judged.labels[asked[:2]].tolist() == ["stable"] * 2 and np.isfinite(judged.in_time[asked[:2]]).all()
+    assert (
+        judged.labels[asked[:2]].tolist() == ["stable"] * 2
+        and np.isfinite(judged.in_time[asked[:2]]).all()
+    )
     rest = judged.labels[(curve.amplitude > 1.2) & (np.arange(len(curve)) >= asked[2])]
     assert set(rest) == {"stable as far as 5 harmonics tell", "unstable"}
 
@@ -111,7 +132,9 @@ def test_points_on_a_cubic_spring_do_not_rest():
 
 
 def test_resting_contacts_on_springs_that_only_resist():
-    model = wedge_model(0, n_blades=8, engine_order=2, n_points=4, n_blade_modes=2, harmonics=3, n_damper_modes=0)
+    model = wedge_model(
+        0, n_blades=8, engine_order=2, n_points=4, n_blade_modes=2, harmonics=3, n_damper_modes=0
+    )
     study = plain_study(
         model, engine_order=2, contact_stiffness=1e5, friction_coefficient=0.3,
         excitation=bd.Excitation("tip", "tangential", 20.0),
@@ -131,7 +154,12 @@ def test_resting_contacts_on_springs_that_only_resist():
 def test_the_verdict_and_the_amplitude_are_of_the_same_periods():
     """The reason gives the mean over its periods relative to the solution, and the result has this mean."""
     study = bd.lumped(
-        [[1.0]], [[0.05]], [[1.0]], contacts=[bd.Contact(normal=0, kn=2.0, gap=1.0)], forces={0: 0.2}, harmonics=5
+        [[1.0]],
+        [[0.05]],
+        [[1.0]],
+        contacts=[bd.Contact(normal=0, kn=2.0, gap=1.0)],
+        forces={0: 0.2},
+        harmonics=5,
     )
     curve = study.frequency_response(0.0, (0.1, 0.35))
     middle = np.flatnonzero(curve.backward)
@@ -140,8 +168,13 @@ def test_the_verdict_and_the_amplitude_are_of_the_same_periods():
         found = study.motion_in_time(curve, i)
         verdicts.add(found.verdict)
         change = float(re.match(r"([+-][0-9.e+-]+) %", found.reason)[1])
-        assert change == pytest.approx(100.0 * (found.mean / found.balance - 1.0), rel=0.06, abs=1e-3), found.reason
+        assert change == pytest.approx(
+            100.0 * (found.mean / found.balance - 1.0), rel=0.06, abs=1e-3
+        ), found.reason
         n = int(re.search(r"(\d+) periods", found.reason)[1])
         assert found.mean == pytest.approx(found.amplitude[-n:].mean(), rel=1e-12)
-        assert (found.lowest, found.highest) == (found.amplitude[-n:].min(), found.amplitude[-n:].max())
+        assert (found.lowest, found.highest) == (
+            found.amplitude[-n:].min(),
+            found.amplitude[-n:].max(),
+        )
     assert verdicts == {AGREES, DIFFERS}

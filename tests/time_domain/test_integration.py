@@ -25,16 +25,30 @@ from bdamper.time_domain.transient import Transient
 from tests.each import each
 from tests.time_domain import plain_transient
 
-LAWS = LAW_SEPARABLE, LAW_NORMAL, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_BONDED, LAW_CUBIC, LAW_SEPARABLE
+LAWS = (
+    LAW_SEPARABLE,
+    LAW_NORMAL,
+    LAW_CONSTANT,
+    LAW_COUPLED,
+    LAW_COUPLED_CONSTANT,
+    LAW_BONDED,
+    LAW_CUBIC,
+    LAW_SEPARABLE,
+)
 ALL_SECTORS = {"n_blades": 6, "engine_order": 1}  # families of 0, 1, 2, and 3 = 6/2
 
 
-def structure(seed=0, n_points=11, n_modes=(3, 9, 2, 4), laws=LAWS, size=1.0, damping=0.02, light=0):
+def structure(
+    seed=0, n_points=11, n_modes=(3, 9, 2, 4), laws=LAWS, size=1.0, damping=0.02, light=0
+):
     """Random modes on every nodal diameter; eleven points under all laws, some of them open at rest."""
     rng = np.random.default_rng(seed)
     bases = []
     for l, m in enumerate(n_modes):
-        G = 0.4 * (rng.standard_normal((n_points, 3, m)) + 1j * (l > 0) * rng.standard_normal((n_points, 3, m)))
+        G = 0.4 * (
+            rng.standard_normal((n_points, 3, m))
+            + 1j * (l > 0) * rng.standard_normal((n_points, 3, m))
+        )
         omega2 = rng.uniform(0.5, 8.0, m)
         mass = rng.uniform(0.5, 2.0, m)
         mass[1 : 1 + light] = 0.0
@@ -55,7 +69,10 @@ def structure(seed=0, n_points=11, n_modes=(3, 9, 2, 4), laws=LAWS, size=1.0, da
     )
     n = n_modes[0] + 2 * sum(n_modes[1:])
     force = size * rng.standard_normal(n)
-    rows = [rng.standard_normal(m) + 1j * (l > 0) * rng.standard_normal(m) for l, m in enumerate(n_modes)]
+    rows = [
+        rng.standard_normal(m) + 1j * (l > 0) * rng.standard_normal(m)
+        for l, m in enumerate(n_modes)
+    ]
     return Sector(bases, points, force, rows, AFT(64)).equations
 
 
@@ -63,12 +80,16 @@ def state(ring, seed=1, size=1.0):
     rng = np.random.default_rng(seed)
     q, v = size * rng.standard_normal((2, 2, ring.n_coordinates))
     q[1, ring.real] = v[1, ring.real] = 0.0
-    return Motion(q.ravel(), v.ravel(), np.tile(ring.system.structure.points.slider, (ring.n, 1, 1)))
+    return Motion(
+        q.ravel(), v.ravel(), np.tile(ring.system.structure.points.slider, (ring.n, 1, 1))
+    )
 
 
 def close(found, expected, tolerance=1e-10):
     for a, b in zip(found, expected):
-        if a.ndim == 3 and a.shape[2] == 2:  # sliders; that of the last direction, without a spring, is of no account
+        if (
+            a.ndim == 3 and a.shape[2] == 2
+        ):  # sliders; that of the last direction, without a spring, is of no account
             a, b = (x[:, :-1] for x in (a, b))
         np.testing.assert_allclose(a, b, rtol=0.0, atol=tolerance * np.abs(b).max(initial=0.0))
 
@@ -80,7 +101,9 @@ def test_steps_beside_a_dense_newton(sectors, laws, light):
     """All laws, held sliders, coordinates with and without mass; points stick, slip, open and close."""
     if light and LAW_CUBIC in laws:
         laws = LAWS[3:5]
-    system = structure(n_points=5, n_modes=(3, 9, 2, 4) if sectors > 1 else (3, 3), laws=laws, light=light)
+    system = structure(
+        n_points=5, n_modes=(3, 9, 2, 4) if sectors > 1 else (3, 3), laws=laws, light=light
+    )
     if sectors == 1:
         bases = [system.structure.bases[0]] * 2
         system = replace(system.structure, bases=bases).equations
@@ -90,13 +113,19 @@ def test_steps_beside_a_dense_newton(sectors, laws, light):
     expected, trace = plain_transient.implicit(ring, start, 1.3, 60, 40, ring.radius, first=50)
     found = ring.integrate(start, 1.3, 60, steps=40, first=50, trace=True, tolerance=1e-12)
     close(found.motion, expected, 1e-8)
-    np.testing.assert_allclose(found.trace[1:], trace[1:], rtol=0.0, atol=1e-8 * np.abs(trace).max())
+    np.testing.assert_allclose(
+        found.trace[1:], trace[1:], rtol=0.0, atol=1e-8 * np.abs(trace).max()
+    )
     assert found.first == 30 and found.harmonics.shape == (0, ring.n, ring.system.n_harmonics + 1)
     solved, evaluations = ring.effort
     assert solved == 40 + (light > 0) and evaluations < 16 * solved
     # from where it has come to it goes on as it was, accelerations included
     later, _ = plain_transient.implicit(ring, expected, 1.3, 60, 5, ring.radius, first=30)
-    close(ring.integrate(found.motion, 1.3, 60, steps=5, first=30, tolerance=1e-12).motion, later, 1e-8)
+    close(
+        ring.integrate(found.motion, 1.3, 60, steps=5, first=30, tolerance=1e-12).motion,
+        later,
+        1e-8,
+    )
 
 
 @pytest.mark.parametrize("light", [0, 2])
@@ -105,7 +134,10 @@ def test_it_is_the_explicit_integration_in_many_small_steps(light):
     ring = Ring(structure(n_points=5, laws=LAWS[:3], light=light), **ALL_SECTORS)
     start = state(ring, size=0.3)
     expected, _ = plain_transient.integrate(ring, start[:3], 1.3, 1200, 200)
-    off = [np.linalg.norm(ring.integrate(start, 1.3, n, steps=n // 6).motion.q - expected.q) for n in (60, 240)]
+    off = [
+        np.linalg.norm(ring.integrate(start, 1.3, n, steps=n // 6).motion.q - expected.q)
+        for n in (60, 240)
+    ]
     assert off[0] < 0.02 * np.linalg.norm(expected.q) and off[1] < 0.2 * off[0]
 
 
@@ -129,7 +161,8 @@ def stiff(seed, light, factor):
 
 
 @pytest.mark.parametrize(
-    ("light", "factor", "n", "seed", "parts"), [(0, 1000.0, 16, 6, 2), (2, 300.0, 16, 6, 2), (2, 1000.0, 16, 5, 4)]
+    ("light", "factor", "n", "seed", "parts"),
+    [(0, 1000.0, 16, 6, 2), (2, 300.0, 16, 6, 2), (2, 1000.0, 16, 5, 4)],
 )
 def test_a_step_that_is_not_solved_is_halved(light, factor, n, seed, parts):
     """It comes to what as many shorter steps do, those of a dense Newton method, too."""
@@ -145,7 +178,9 @@ def test_a_step_that_is_not_solved_is_halved(light, factor, n, seed, parts):
     assert tried == {2: 3, 4: 6}[parts], "one step in vain, or two of half the length"
     shorter = {"n_steps": parts * n, "steps": parts, "first": parts * (first % n)}
     close(found, ring.integrate(motion, 1.3, **shorter).motion, 0.0)
-    expected, _ = plain_transient.implicit(ring, motion, 1.3, parts * n, parts, ring.radius, first=shorter["first"])
+    expected, _ = plain_transient.implicit(
+        ring, motion, 1.3, parts * n, parts, ring.radius, first=shorter["first"]
+    )
     fine = ring.integrate(motion, 1.3, n, steps=1, first=first % n, tolerance=1e-10).motion
     close(fine[:2], expected[:2], 1e-7)
 
@@ -168,9 +203,18 @@ def test_no_harmonics_or_too_many_are_refused(columns):
     ring = Ring(structure(), **ALL_SECTORS)
     start = state(ring)
     q, v, w = (np.array(x[None]) for x in start[:3])
-    path = {"n_step": 4, "per_period": 4, "omega": 1.0, "omega_end": 1.0, "radius": 0.8, "tolerance": 1e-4}
+    path = {
+        "n_step": 4,
+        "per_period": 4,
+        "omega": 1.0,
+        "omega_end": 1.0,
+        "radius": 0.8,
+        "tolerance": 1e-4,
+    }
     with pytest.raises(ValueError, match=f"^harmonic: expected 1 to 65 columns, found {columns}$"):
-        ring.core.integrate(q, v, np.zeros_like(q), w, **path, harmonic=np.zeros((1, 1, ring.n, columns), complex))
+        ring.core.integrate(
+            q, v, np.zeros_like(q), w, **path, harmonic=np.zeros((1, 1, ring.n, columns), complex)
+        )
 
 
 @pytest.mark.slow
@@ -178,12 +222,26 @@ def test_integrations_of_the_shipped_blade_come_to_an_end():
     """Every residual pattern, 20 modes of the blade and four of the damper at 256 steps, whose forces were not found in
     some steps; motions from some tenths of a millimetre to some centimetres, fifty starts (seed 49)."""
     given = {"blade_modes": 20, "damper_modes": 4, "contact_stiffness": bd.ResidualModes("all")}
-    ring = ring_of(bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5, 0.54, **given).problem, 43.7)
+    ring = ring_of(
+        bd.Study(
+            bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5, 0.54, **given
+        ).problem,
+        43.7,
+    )
     rng, omega = np.random.default_rng(49), 2.0 * np.pi * 665.3
-    heavy, w = np.tile(ring.mass > 0.0, 2), np.tile(ring.system.structure.points.slider, (ring.n, 1, 1))
+    heavy, w = (
+        np.tile(ring.mass > 0.0, 2),
+        np.tile(ring.system.structure.points.slider, (ring.n, 1, 1)),
+    )
     heavy[ring.n_coordinates :] &= ~ring.real
     for _ in range(50):
-        v, q = 1e-5 * omega * 10.0 ** rng.uniform(-1.0, 1.0) * heavy * rng.standard_normal((2, len(heavy)))
+        v, q = (
+            1e-5
+            * omega
+            * 10.0 ** rng.uniform(-1.0, 1.0)
+            * heavy
+            * rng.standard_normal((2, len(heavy)))
+        )
         q /= np.sqrt(np.tile(np.maximum(ring.omega2, omega**2), 2))
         try:
             found = ring.integrate(Motion(q, v, w), omega, 256, 20)
@@ -207,7 +265,11 @@ def test_an_integration_does_not_depend_on_the_one_before(light):
         ring.integrate(huge, 1.3, 120)
     for again in (ring, Ring(system, **ALL_SECTORS)):
         found = again.integrate(start, 1.3, 120, steps=130, trace=True)
-        close((*found.motion, found.harmonics, found.trace), (*expected.motion, expected.harmonics, expected.trace), 0.0)
+        close(
+            (*found.motion, found.harmonics, found.trace),
+            (*expected.motion, expected.harmonics, expected.trace),
+            0.0,
+        )
         again.integrate(state(ring, 3, 4.0), 0.7, 60)
     w = start.w.copy()
     ring.core.follow(expected.trace, w)
@@ -222,10 +284,14 @@ def test_a_state_is_finite(which):
     ring = Ring(structure(), **ALL_SECTORS)
     given = [np.array(x) for x in state(ring)]
     given[which].flat[3] = np.nan
-    with pytest.raises(ValueError, match=f"^{'qvw'[which]}: expected finite numbers, found nan at flat index 3"):
+    with pytest.raises(
+        ValueError, match=f"^{'qvw'[which]}: expected finite numbers, found nan at flat index 3"
+    ):
         ring.integrate(Motion(*given[:3]), 1.3, 120)
     if which != 1:
-        with pytest.raises(ValueError, match=f"^{'qvw'[which]}: expected finite numbers, found nan at flat index 3"):
+        with pytest.raises(
+            ValueError, match=f"^{'qvw'[which]}: expected finite numbers, found nan at flat index 3"
+        ):
             ring.core.follow(given[0][None], given[2])
 
 
@@ -246,8 +312,12 @@ def test_a_long_sweep_is_that_of_its_periods():
         ends = np.sqrt(squares[k]), np.sqrt(squares[k + 1])
         part = ring.integrate(motion, ends[0], 500, omega_end=ends[1], trace=True, tolerance=1e-11)
         motion = part.motion
-        np.testing.assert_allclose(part.harmonics[0], whole.harmonics[k], atol=1e-4 * np.abs(whole.harmonics).max())
-        np.testing.assert_allclose(part.trace, whole.trace[500 * k : 500 * (k + 1)], atol=1e-4 * np.abs(whole.trace).max())
+        np.testing.assert_allclose(
+            part.harmonics[0], whole.harmonics[k], atol=1e-4 * np.abs(whole.harmonics).max()
+        )
+        np.testing.assert_allclose(
+            part.trace, whole.trace[500 * k : 500 * (k + 1)], atol=1e-4 * np.abs(whole.trace).max()
+        )
     close(motion, whole.motion, 1e-3)
 
 
@@ -283,7 +353,11 @@ def test_a_solution_is_the_same_wave_in_every_sector(sectors, order):
     half = replace(second, G=second.G.real.copy())
     bases = [mean, first, back, replace(mean)] if sectors == 3 else [mean, first, half, back]
     rows = own.response_rows
-    rows = [rows[0], rows[1], rows[1].conj(), rows[0]] if sectors == 3 else [rows[0], rows[1], rows[2].real, rows[1].conj()]
+    rows = (
+        [rows[0], rows[1], rows[1].conj(), rows[0]]
+        if sectors == 3
+        else [rows[0], rows[1], rows[2].real, rows[1].conj()]
+    )
     rng = np.random.default_rng(5)
     n = len(mean.omega2) + 2 * sum(len(b.omega2) for b in bases[1:])
     system = Sector(bases, own.structure.points, rng.standard_normal(n), rows, AFT(64)).equations
@@ -293,17 +367,27 @@ def test_a_solution_is_the_same_wave_in_every_sector(sectors, order):
     amplitudes = np.concatenate([X[:, :, :1], X[:, :, 1::2] - 1j * X[:, :, 2::2]], axis=2)
     for t in (0.0, 0.4):
         q, v = ring.state(u, omega, t)
-        turn = np.exp(1j * np.arange(4) * (omega * t + 2.0 * np.pi * order / sectors * np.arange(sectors)[:, None]))
+        turn = np.exp(
+            1j
+            * np.arange(4)
+            * (omega * t + 2.0 * np.pi * order / sectors * np.arange(sectors)[:, None])
+        )
         expected = np.einsum("pdl,kl->kpd", amplitudes, turn).real
-        np.testing.assert_allclose((A @ q).reshape(expected.shape) + system.structure.points.shift, expected, atol=1e-12)
+        np.testing.assert_allclose(
+            (A @ q).reshape(expected.shape) + system.structure.points.shift, expected, atol=1e-12
+        )
         speed = np.einsum("pdl,kl->kpd", 1j * omega * np.arange(4) * amplitudes, turn).real
         np.testing.assert_allclose((A @ v).reshape(expected.shape), speed, atol=1e-12)
-        np.testing.assert_allclose(ring.rows[0] @ q, (system.response(u[None])[0] @ turn[0]).real, atol=1e-12)
+        np.testing.assert_allclose(
+            ring.rows[0] @ q, (system.response(u[None])[0] @ turn[0]).real, atol=1e-12
+        )
     # the excitation is the state of a system that answers with its force
     orders, factors = ring.forcing()
     like = ring.state(system.structure.force, 1.0, 0.7)[0]
     angle = 0.7 * orders
-    np.testing.assert_allclose(np.cos(angle) @ factors[:, 0] + np.sin(angle) @ factors[:, 1], like, atol=1e-12)
+    np.testing.assert_allclose(
+        np.cos(angle) @ factors[:, 0] + np.sin(angle) @ factors[:, 1], like, atol=1e-12
+    )
 
 
 def test_harmonics_are_those_of_the_samples():
@@ -312,7 +396,10 @@ def test_harmonics_are_those_of_the_samples():
     n, angle = ring.n_coordinates, 2.0 * np.pi * np.arange(250) / 250
     z = found.trace[:, :n] + 1j * found.trace[:, n:]
     for k in range(ring.n):  # each blade by its own sum over the families
-        parts = (phases[k] * z[:, s] @ np.asarray(ring.system.response_rows[l]) for l, s, phases, _ in ring.blocks)
+        parts = (
+            phases[k] * z[:, s] @ np.asarray(ring.system.response_rows[l])
+            for l, s, phases, _ in ring.blocks
+        )
         response = sum(parts).real.reshape(2, 250)
         for l in range(4):
             expected = (1.0 if l == 0 else 2.0) * (response @ np.exp(-1j * l * angle)) / 250
@@ -334,7 +421,12 @@ def test_energies_of_a_period_are_those_of_forces_along_the_way(light):
         x = (A @ m.q).reshape(ring.n, -1, 3) + ring.system.structure.points.shift
         F, w = plain_transient.force(ring, x, w)
         angle = 2.0 * np.pi * k / 60 * orders
-        return np.cos(angle) @ factors[:, 0] + np.sin(angle) @ factors[:, 1], F.ravel(), x.ravel(), w
+        return (
+            np.cos(angle) @ factors[:, 0] + np.sin(angle) @ factors[:, 1],
+            F.ravel(),
+            x.ravel(),
+            w,
+        )
 
     found = ring.integrate(motion, 1.3, 60, first=1, tolerance=1e-12)
     e, F, x, w = there(motion, 1, w)
@@ -356,7 +448,9 @@ def test_what_is_missing_in_the_energies_is_the_loss_of_the_step():
     """None with a radius of one (the trapezoidal rule); otherwise it falls with the step by at least its second power."""
     missing = {}
     for radius in (1.0, 0.5):
-        ring = Ring(structure(n_points=5, laws=[LAW_CUBIC, LAW_BONDED]), **ALL_SECTORS, radius=radius)
+        ring = Ring(
+            structure(n_points=5, laws=[LAW_CUBIC, LAW_BONDED]), **ALL_SECTORS, radius=radius
+        )
         for n in (200, 400, 800):
             energy = ring.integrate(state(ring, size=0.3), 1.3, n, tolerance=1e-12).energy[0]
             missing[radius, n] = (energy[0] - energy[1:].sum()) / np.abs(energy).max()
@@ -385,7 +479,11 @@ def test_disturbances_have_every_nodal_diameter():
     start = ring.start(u, 1.3, 64)
     found, again, other = (ring.seeded(start, 0.01, seed) for seed in (0, 0, 1))
     np.testing.assert_array_equal(found.q, again.q)
-    assert np.abs(found.q - other.q).max() > 0.0 and np.array_equal(found.w, start.w) and found.a is None
+    assert (
+        np.abs(found.q - other.q).max() > 0.0
+        and np.array_equal(found.w, start.w)
+        and found.a is None
+    )
     n, own = ring.n_coordinates, np.linalg.norm(start.q)
     for _, s, _, factor in ring.blocks:
         change = (found.q - start.q)[:n][s] + 1j * (found.q - start.q)[n:][s]
@@ -405,25 +503,44 @@ def test_tractions_to_start_from():
     for w, share in zip(ring.tractions(motion).values(), (0.0, -1.0, 1.0)):
         F, moved = plain_transient.force(ring, x, w)
         pulled = p.kt > 0.0
-        np.testing.assert_allclose(F[:, :, :2], share * pulled * (p.mu * normal)[:, :, None], atol=1e-9)
+        np.testing.assert_allclose(
+            F[:, :, :2], share * pulled * (p.mu * normal)[:, :, None], atol=1e-9
+        )
         np.testing.assert_allclose(moved[:, pulled], w[:, pulled], atol=1e-9)
 
 
 def test_a_larger_ring_repeats_the_smaller_one():
     """Twelve blades of sixty at engine order 10: the motion of six blades twice, and diameters that these do not have."""
-    study = bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), 10, 0.3, contact_stiffness="unit_traction")
+    study = bd.Study(
+        bd.reference_model("turbine_blade"),
+        bd.Excitation("tip"),
+        10,
+        0.3,
+        contact_stiffness="unit_traction",
+    )
     curve = study.frequency_response(100.0, (655.0, 680.0))
     u, omega = curve.peak.y[:-1], 2.0 * np.pi * curve.peak.frequency
     rings = [ring_of(study.problem, 100.0, blades) for blades in (None, 12)]
     assert [ring.n for ring in rings] == [6, 12]
-    assert rings[0].nodal_diameters == (0, 10, 20, 30) and rings[1].nodal_diameters == (0, 5, 10, 15, 20, 25, 30)
+    assert rings[0].nodal_diameters == (0, 10, 20, 30) and rings[1].nodal_diameters == (
+        0,
+        5,
+        10,
+        15,
+        20,
+        25,
+        30,
+    )
     small, large = (ring.integrate(ring.start(u, omega, 256), omega, 256, 3) for ring in rings)
     twice = np.tile(small.harmonics, (1, 2, 1))
     np.testing.assert_allclose(large.harmonics, twice, atol=1e-3 * np.abs(twice).max())
     np.testing.assert_allclose(large.energy, 2.0 * small.energy, atol=2e-3 * small.energy.max())
     away = [ring.departure(x.harmonics[:, :, 1]) for ring, x in zip(rings, (small, large))]
     np.testing.assert_allclose(away[1], away[0], atol=1e-4)
-    with pytest.raises(bd.SettingError, match=r"^blades: expected one of \[6, 12, 30, 60\], rings that repeat .*found 5"):
+    with pytest.raises(
+        bd.SettingError,
+        match=r"^blades: expected one of \[6, 12, 30, 60\], rings that repeat .*found 5",
+    ):
         ring_of(study.problem, 100.0, 5)
     with pytest.raises(bd.BdamperError, match="nodal diameter"):
         ring_of(study.problem, 100.0, 60)
@@ -440,11 +557,15 @@ def test_error_of_second_order():
 def bonded_ring(radius, light=0):
     """Nothing is damped or excited, every contact is a spring; the ring, and its energy."""
     system = structure(laws=[LAW_BONDED], size=0.0, damping=0.0, light=light)
-    points = replace(system.structure.points, shift=np.zeros((11, 3)), slider=np.zeros((11, 2)), n0=np.zeros(11))
+    points = replace(
+        system.structure.points, shift=np.zeros((11, 3)), slider=np.zeros((11, 2)), n0=np.zeros(11)
+    )
     system = replace(system.structure, points=points).equations
     ring = Ring(system, **ALL_SECTORS, radius=radius)
     A, _ = plain_transient.matrices(ring)
-    springs = np.tile(np.column_stack([system.structure.points.kt, system.structure.points.kn]).ravel(), ring.n)
+    springs = np.tile(
+        np.column_stack([system.structure.points.kt, system.structure.points.kn]).ravel(), ring.n
+    )
     weight = np.tile(1.0 / np.where(ring.real, 1.0, 2.0), 2)  # a complex coordinate counts half
     mass, own = weight * np.tile(ring.mass, 2), weight * np.tile(ring.stiffness, 2)
     stretched = np.sqrt(springs / ring.n)[:, None] * A
@@ -455,7 +576,9 @@ def test_energy_is_kept_by_a_radius_of_one_and_lost_by_less():
     """What the linear step keeps without damping of its own, and what is lost at that of the usual radius."""
     ring, energy = bonded_ring(1.0)
     before = energy(state(ring))
-    assert energy(ring.integrate(state(ring), 1.3, 256, 20, tolerance=1e-11).motion) == pytest.approx(before, rel=2e-3)
+    assert energy(
+        ring.integrate(state(ring), 1.3, 256, 20, tolerance=1e-11).motion
+    ) == pytest.approx(before, rel=2e-3)
     for radius in (0.8, 0.5):
         ring, energy = bonded_ring(radius)
         assert 0.97 * before < energy(ring.integrate(state(ring), 1.3, 256, 20).motion) < before
@@ -478,7 +601,9 @@ def test_what_bounces_gains_no_energy(friction, left):
     def energy(m):
         x = (A @ m.q).reshape(ring.n, -1, 3)
         pushed, pulled = np.maximum(x[:, :, 2] - 0.3, 0.0), x[:, :, :2] - m.w
-        kept = m.v @ (weight * np.tile(ring.mass, 2) * m.v) + m.q @ (weight * np.tile(ring.stiffness, 2) * m.q)
+        kept = m.v @ (weight * np.tile(ring.mass, 2) * m.v) + m.q @ (
+            weight * np.tile(ring.stiffness, 2) * m.q
+        )
         return kept + (np.sum(points.kn * pushed**2) + np.sum(points.kt * pulled**2)) / ring.n
 
     motion = ring.integrate(state(ring), 1.3, 256, steps=1).motion
@@ -515,7 +640,10 @@ def test_the_energy_of_a_motion_is_conserved_without_losses():
     assert held > 0.5 * own
 
 
-STARTS = {"turbine_blade": (5, 374.0, (600.0, 720.0), 2e-4), "bladed_disk": (5, 125.0, (285.0, 380.0), 1e-4)}
+STARTS = {
+    "turbine_blade": (5, 374.0, (600.0, 720.0), 2e-4),
+    "bladed_disk": (5, 125.0, (285.0, 380.0), 1e-4),
+}
 """Engine order, preload (N), interval (Hz) and a usual amplitude (m)."""
 
 
@@ -524,9 +652,13 @@ STARTS = {"turbine_blade": (5, 374.0, (600.0, 720.0), 2e-4), "bladed_disk": (5, 
 def test_random_starts_end_finite_or_fail_by_name(name, number):
     """Four periods of 128 or 256 steps from any motion of all modes and any sliders; some gained 25 decades with 128."""
     order, preload, band, usual = STARTS[name]
-    excitation = bd.Excitation("tip", "tangential", 1.0) if name == "turbine_blade" else bd.Excitation("tip")
+    excitation = (
+        bd.Excitation("tip", "tangential", 1.0) if name == "turbine_blade" else bd.Excitation("tip")
+    )
     given = {"friction_coefficient": 0.55, "contact_stiffness": "unit_traction"}
-    ring = ring_of(bd.Study(bd.reference_model(name, 9), excitation, order, **given).problem, preload)
+    ring = ring_of(
+        bd.Study(bd.reference_model(name, 9), excitation, order, **given).problem, preload
+    )
     rng, failed, said = np.random.default_rng(20261123), [], "steps_per_period"
     for _ in range(number):
         omega, n = 2.0 * np.pi * rng.uniform(*band), ring.n_coordinates
@@ -545,7 +677,10 @@ def test_random_starts_end_finite_or_fail_by_name(name, number):
             said = str(error)
             continue
         work = np.abs(np.array(transient.energy)[:, :2]).sum()
-        assert 0.25 * ring.n * float(np.tile(ring.stiffness, 2) @ transient.motion.q**2) < most + 4.0 * work
+        assert (
+            0.25 * ring.n * float(np.tile(ring.stiffness, 2) @ transient.motion.q**2)
+            < most + 4.0 * work
+        )
     assert failed.count(256) <= 0.02 * number and "steps_per_period" in said
 
 

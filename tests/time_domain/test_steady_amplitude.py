@@ -34,14 +34,26 @@ class Drawn(NamedTuple):
 def random(seed):
     """Three masses with one or two contacts to the ground: gaps that close, or friction under a constant load."""
     rng = np.random.default_rng(seed)
-    mass, k, zeta = rng.uniform(0.5, 2.0, 3), rng.uniform(0.5, 2.0, 3), 10.0 ** rng.uniform(-2.5, -1.5)
+    mass, k, zeta = (
+        rng.uniform(0.5, 2.0, 3),
+        rng.uniform(0.5, 2.0, 3),
+        10.0 ** rng.uniform(-2.5, -1.5),
+    )
     gaps, sliders = [], []
     for _ in range(rng.integers(1, 3)):
         at = int(rng.integers(0, 3))
         if rng.random() < 0.5:
-            gaps.append((at, float(10.0 ** rng.uniform(-0.5, 1.0)), float(10.0 ** rng.uniform(-1.0, 0.3))))
+            gaps.append(
+                (at, float(10.0 ** rng.uniform(-0.5, 1.0)), float(10.0 ** rng.uniform(-1.0, 0.3)))
+            )
         else:
-            sliders.append((at, float(10.0 ** rng.uniform(-0.5, 0.5)), float(0.5 * 10.0 ** rng.uniform(-1.0, 0.5))))
+            sliders.append(
+                (
+                    at,
+                    float(10.0 ** rng.uniform(-0.5, 0.5)),
+                    float(0.5 * 10.0 ** rng.uniform(-1.0, 0.5)),
+                )
+            )
     beta = float(2.0 * zeta * np.sqrt(mass.mean() / k.mean()))
     force, at = float(10.0 ** rng.uniform(-1.5, -0.3)), int(rng.integers(0, 3))
     return Drawn(mass.tolist(), k.tolist(), beta, gaps, sliders, force, at)
@@ -87,15 +99,22 @@ def test_three_masses_beside_an_own_program(seed, below):
     """Compare with a slow sweep to the tip; from the flank the second comes to less than ``below`` times its amplitude."""
     d = random(seed)
     study, modes = study_of(d)
-    curve = study.frequency_response(0.0, (0.5 * modes[0], min(1.4 * modes[0], 0.5 * modes[:2].sum())))
+    curve = study.frequency_response(
+        0.0, (0.5 * modes[0], min(1.4 * modes[0], 0.5 * modes[:2].sum()))
+    )
     found = study.time_response(curve)
     sweep = swept(d, 0.8 * found.frequency, found.frequency, 500, 300)[-50:]
-    assert np.ptp(sweep) < 0.01 * sweep.mean() and found.mean == pytest.approx(sweep.mean(), rel=0.02)
+    assert np.ptp(sweep) < 0.01 * sweep.mean() and found.mean == pytest.approx(
+        sweep.mean(), rel=0.02
+    )
     assert found.mean == pytest.approx(curve.peak.amplitude, rel=0.02) and found.settled
     if below is None:
         assert found.status == "complete"
     else:
-        start, most = "complete: from the tip; a sweep from the flank has at most ", found.status.split()[-2]
+        start, most = (
+            "complete: from the tip; a sweep from the flank has at most ",
+            found.status.split()[-2],
+        )
         assert found.status == f"{start}{most} m" and float(most) < below * found.mean
 
 
@@ -117,15 +136,25 @@ def made_up(*branches):
 @pytest.fixture(scope="module")
 def bent():
     """A spring that is pressed on opens at large amplitudes: the resonance bends to lower frequencies and folds."""
-    return one_mass(normal=0, kn=0.5 * W0**2, preload=5.0).replace(harmonics=5).frequency_response(0.0, (9.0, 14.0))
+    return (
+        one_mass(normal=0, kn=0.5 * W0**2, preload=5.0)
+        .replace(harmonics=5)
+        .frequency_response(0.0, (9.0, 14.0))
+    )
 
 
 def test_amplitudes_and_flanks_of_a_curve(bent):
     balance, (low, high) = BalanceCurve(bent), sorted(bent.frequency[bent.folds])
     three = balance.at(0.5 * (low + high))
-    assert len(three) == 3 and list(three) == sorted(three, reverse=True) and len(balance.at(high + 0.1)) == 1
+    assert (
+        len(three) == 3
+        and list(three) == sorted(three, reverse=True)
+        and len(balance.at(high + 0.1)) == 1
+    )
     assert balance.tip == bent.peak.frequency and balance.flank > high
-    assert balance.at(balance.tip + balance.half_width)[0] == pytest.approx(bent.peak.amplitude / np.sqrt(2.0), rel=0.05)
+    assert balance.at(balance.tip + balance.half_width)[0] == pytest.approx(
+        bent.peak.amplitude / np.sqrt(2.0), rel=0.05
+    )
     assert np.isnan(balance.sides[-1.0]).all(), "to the other side the branch ends at its fold"
     top = np.abs(bent.unknowns - balance.solution(0.5 * (low + high))).max(axis=1).argmin()
     assert bent.amplitude[top] == pytest.approx(three[0], rel=0.05)
@@ -137,7 +166,11 @@ def test_points_out_of_reach_are_no_peak():
         out_of_reach=np.array([False, False, False, True]),
     )  # fmt: skip
     balance = BalanceCurve(curve)
-    assert balance.tip == 100.0 and balance.at(100.5).tolist() == [1.5] and balance.solution(100.2) == 1
+    assert (
+        balance.tip == 100.0
+        and balance.at(100.5).tolist() == [1.5]
+        and balance.solution(100.2) == 1
+    )
 
 
 def test_the_half_width_is_the_smaller_one_and_the_flank_the_nearer_one():
@@ -150,11 +183,15 @@ def test_the_half_width_is_the_smaller_one_and_the_flank_the_nearer_one():
 def test_a_flank_has_one_solution():
     """Another one up to 112 Hz leaves those beyond; a ripple of less than a tenth is no other solution."""
     other = [100.0, 112.0], [0.2, 0.2]
-    assert made_up(([99.0, 100.0, 120.0], [0.0, 1.0, 0.0]), other).sides[1.0][1] == pytest.approx(112.0, abs=0.05)
+    assert made_up(([99.0, 100.0, 120.0], [0.0, 1.0, 0.0]), other).sides[1.0][1] == pytest.approx(
+        112.0, abs=0.05
+    )
     ripple = [100.0, 112.0], [0.93, 0.385]
     start = made_up(([99.0, 100.0, 120.0], [0.0, 1.0, 0.0]), ripple).sides[1.0][1]
     assert start == pytest.approx(100.0 + 10.0 * (1.0 - np.sqrt(0.5)), abs=0.1)
-    assert np.isnan(made_up(([90.0, 100.0, 120.0], [0.5, 1.0, 0.5]), ([90.0, 120.0], [0.2, 0.2])).flank)
+    assert np.isnan(
+        made_up(([90.0, 100.0, 120.0], [0.5, 1.0, 0.5]), ([90.0, 120.0], [0.2, 0.2])).flank
+    )
 
 
 def test_a_response_so_flat_that_it_has_no_half_width():
@@ -186,7 +223,12 @@ class Branches:
     n, nodal_diameters = 1, (0,)
 
     def __init__(self, swept=None, shorter=None, **branches):
-        self.branches, self.swept, self.shorter, self.seeds = branches, swept or branches, shorter or {}, []
+        self.branches, self.swept, self.shorter, self.seeds = (
+            branches,
+            swept or branches,
+            shorter or {},
+            [],
+        )
 
     def start(self, u, *_):
         return Motion(u)
@@ -208,7 +250,13 @@ class OnBranches:
     memory = 20.0
 
     def __init__(self, ring, omega, motion, steps):
-        self.ring, self.omega, self.motion, self.steps, self.harmonics = ring, omega, motion, steps, []
+        self.ring, self.omega, self.motion, self.steps, self.harmonics = (
+            ring,
+            omega,
+            motion,
+            steps,
+            [],
+        )
 
     def advance(self, periods, branches=None):
         branches = branches or self.ring.shorter.get(self.steps, self.ring.branches)
@@ -233,7 +281,15 @@ class Balance(SimpleNamespace):
     """Curve from 90 to 120 Hz with its tip at 100 Hz and a flank at 110 Hz, half a width of 8 Hz apart from it."""
 
     def __init__(self, **more):
-        super().__init__(**{"tip": 100.0, "flank": 110.0, "half_width": 8.0, "frequency": np.array([90.0, 120.0])} | more)
+        super().__init__(
+            **{
+                "tip": 100.0,
+                "flank": 110.0,
+                "half_width": 8.0,
+                "frequency": np.array([90.0, 120.0]),
+            }
+            | more
+        )
 
     def at(self, f):
         return np.ones(1)
@@ -245,7 +301,9 @@ class Balance(SimpleNamespace):
 @pytest.fixture
 def search_of(monkeypatch):
     monkeypatch.setattr(steady_amplitude, "Transient", OnBranches)
-    monkeypatch.setattr(time_response, "step_error", lambda transient: "")  # no energies are made up
+    monkeypatch.setattr(
+        time_response, "step_error", lambda transient: ""
+    )  # no energies are made up
     for room in (steady_amplitude, time_response):
         monkeypatch.setattr(room, "transfer", lambda source, motion, target: motion)
 
@@ -279,12 +337,20 @@ def test_a_sweep_ends_at_the_fall_and_the_fall_is_halved_to_a_thousandth(search_
     search = search_of(Branches(flank=rises_to(end)))
     places = search.sweep("flank", 110.0, -1.0)
     np.testing.assert_allclose(np.diff([p.frequency for p in places]), -STEP)
-    assert [p.mean for p in places[-3:]] == [0.1] * 3 and places[-4].mean > 1.0 and places[-4].motion == "flank"
+    assert (
+        [p.mean for p in places[-3:]] == [0.1] * 3
+        and places[-4].mean > 1.0
+        and places[-4].motion == "flank"
+    )
     assert places[-3].frequency <= end < places[-4].frequency
     search.run()
     best = search.best
     assert search.fall <= end < best.frequency <= search.fall + CRITERIA.fine * best.frequency
-    assert best.mean == pytest.approx(rises_to(end)(best.frequency)) and best.steady and not search.failure
+    assert (
+        best.mean == pytest.approx(rises_to(end)(best.frequency))
+        and best.steady
+        and not search.failure
+    )
     assert np.isnan(search.below) and not search.at_end(best)
 
 
@@ -297,13 +363,19 @@ def test_a_sweep_ends_below_a_smooth_maximum_or_at_the_end_of_the_curve(search_o
     for way, end in ((1.0, 120.0), (-1.0, 90.0)):
         assert 0.0 <= (end - flat.sweep("flank", 110.0, way)[-1].frequency) * way < STEP
     flat.run()
-    assert flat.best.frequency == pytest.approx(90.0, abs=2.0) and np.isnan(flat.fall) and flat.at_end(flat.best)
+    assert (
+        flat.best.frequency == pytest.approx(90.0, abs=2.0)
+        and np.isnan(flat.fall)
+        and flat.at_end(flat.best)
+    )
 
 
 @each("top", [102.0, 103.3, 97.77])
 def test_a_smooth_maximum_is_found_by_a_parabola(search_of, top):
     """Within the 1 % to which motions settle, from places up to 3 % apart."""
-    search = search_of(Branches(flank=lambda f: 1.0 / (1.0 + ((f - top) / 8.0) ** 2)), half_width=8.0)
+    search = search_of(
+        Branches(flank=lambda f: 1.0 / (1.0 + ((f - top) / 8.0) ** 2)), half_width=8.0
+    )
     search.pace *= 3.0
     search.run()
     assert search.best.mean > 0.99 and np.isnan(search.fall) and len(search.points) < 8
@@ -318,17 +390,24 @@ def test_a_maximum_is_where_the_parabola_has_it(search_of):
 
 
 def test_a_higher_motion_from_the_tip_is_the_answer(search_of):
-    ring = Branches(flank=lambda f: 1.0 - 0.01 * abs(f - 106.0), tip=lambda f: (2.0 - 0.1 * abs(f - 98.3)) * (f > 98.3))
+    ring = Branches(
+        flank=lambda f: 1.0 - 0.01 * abs(f - 106.0),
+        tip=lambda f: (2.0 - 0.1 * abs(f - 98.3)) * (f > 98.3),
+    )
     search = search_of(ring)
     search.run()
-    assert search.best.transient.motion == "tip" and search.best.frequency == pytest.approx(98.3, abs=0.1)
+    assert search.best.transient.motion == "tip" and search.best.frequency == pytest.approx(
+        98.3, abs=0.1
+    )
     assert search.below == pytest.approx(1.0, rel=0.02) and search.best.mean > 1.9
     assert search.fall == pytest.approx(98.3, abs=0.1)
 
 
 @each(("height", "higher"), [(1.005, False), (1.04, True), (1.06, True)])
 def test_a_motion_from_the_tip_is_the_answer_if_it_is_higher(search_of, height, higher):
-    search = search_of(Branches(flank=lambda f: 1.0 * (f > 92.0), tip=lambda f: height * (95.0 < f < 105.0)))
+    search = search_of(
+        Branches(flank=lambda f: 1.0 * (f > 92.0), tip=lambda f: height * (95.0 < f < 105.0))
+    )
     search.run()
     assert np.isfinite(search.below) == higher and search.best.mean == pytest.approx(height)
 
@@ -371,8 +450,12 @@ def test_a_motion_that_does_not_settle_at_its_highest_place_is_tried_at_places_b
 
 def test_without_a_motion_that_stays_there_is_a_reason(search_of):
     search = search_of(Branches())
-    search.settle_back([Place(f, 1.0 - 0.01 * abs(f - 99.0), "flank") for f in (102.0, 101.0, 100.0, 99.0, 98.0)])
-    assert search.fell == [99.0, 100.0, 101.0, 102.0] and search.best is None and search.fall == 100.0, "nearest to the tip"
+    search.settle_back(
+        [Place(f, 1.0 - 0.01 * abs(f - 99.0), "flank") for f in (102.0, 101.0, 100.0, 99.0, 98.0)]
+    )
+    assert (
+        search.fell == [99.0, 100.0, 101.0, 102.0] and search.best is None and search.fall == 100.0
+    ), "nearest to the tip"
     said = "at 102 Hz, near the peak, harmonic balance gives 1 m, but the amplitude in time becomes 100 mm"
     assert search.failure == said
 
@@ -394,7 +477,10 @@ def test_the_fall_is_the_next_one_to_the_highest_motion(points, fell, fall):
 def test_the_highest_motion_is_one_whose_blades_have_had_time_to_part(search_of, monkeypatch):
     """The first one loses a fifth of its amplitude by that, the second one falls, the third one stays."""
     search = search_of(Branches(flank=lambda f: 1.0))
-    search.points, asked = [point(100.0, 3.0), point(101.0, 2.9), point(102.0, 2.8), point(103.0, 2.7)], []
+    search.points, asked = (
+        [point(100.0, 3.0), point(101.0, 2.9), point(102.0, 2.8), point(103.0, 2.7)],
+        [],
+    )
 
     def parted(frequency, motion, expected, parting):
         asked.append((frequency, expected, parting))
@@ -424,12 +510,18 @@ def test_a_refinement_that_falls_is_repeated_from_the_next_highest_motion(search
     points = [point(f, rises_to(0.0)(f)) for f in (98.0, 99.5, 101.0, 103.0)]
     refined = _refine(search, points, search.ring, 2)
     assert (refined.frequency, refined.stays, refined.transient.steps) == (101.0, True, 128)
-    assert _refine(search, [points[1]._replace(stays=False), points[3]], search.ring, 2).frequency == 103.0
+    assert (
+        _refine(search, [points[1]._replace(stays=False), points[3]], search.ring, 2).frequency
+        == 103.0
+    )
     fallen = _refine(search, points[:2], search.ring, 2)
     assert not fallen.stays and fallen.mean == pytest.approx(0.1)
     whole = Branches(flank=rises_to(98.5))
     refined = _refine(search, points, whole, 1)
-    assert (refined.frequency, refined.transient.steps) == (99.5, 64) and refined.transient.ring is whole
+    assert (refined.frequency, refined.transient.steps) == (
+        99.5,
+        64,
+    ) and refined.transient.ring is whole
     assert not search.points and not search.fell and search.periods == 20 * 8
 
 
@@ -448,7 +540,12 @@ def test_the_amplitude_at_the_fall_is_extrapolated(points, fell, mean):
 def test_other_starts_have_other_disturbances_and_tractions(search_of):
     ring = Branches(none=lambda f: 2.0, forward=lambda f: 1.9, backward=lambda f: 0.0)
     found = _other_starts(search_of(ring), point(100.0, 2.0), 5)
-    names = {"start 1, none": 2.0, "start 2, forward": 1.9, "start 3, backward": 0.1, "start 4, none": 2.0}
+    names = {
+        "start 1, none": 2.0,
+        "start 2, forward": 1.9,
+        "start 3, backward": 0.1,
+        "start 4, none": 2.0,
+    }
     assert found == pytest.approx(names) and list(found) == list(names)
     assert [seed for _, _, seed in ring.seeds] == [1, 2, 3, 4]
 
@@ -457,7 +554,9 @@ def test_periods_are_counted(search_of, monkeypatch):
     """Of both sweeps, of the tip, and of motions that settle."""
     search = search_of(Branches(flank=rises_to(97.0)))
     counted, own = [], OnBranches.advance
-    monkeypatch.setattr(OnBranches, "advance", lambda self, n, *more: counted.append(n) or own(self, n, *more))
+    monkeypatch.setattr(
+        OnBranches, "advance", lambda self, n, *more: counted.append(n) or own(self, n, *more)
+    )
     search.run()
     assert search.periods == sum(counted)
 
@@ -465,7 +564,9 @@ def test_periods_are_counted(search_of, monkeypatch):
 STUDIES = Path(__file__).resolve().parents[3] / "shared" / "fixtures" / "studies"
 
 
-@pytest.mark.skipif(not STUDIES.exists(), reason="needs the stored studies, which are not in the repository")
+@pytest.mark.skipif(
+    not STUDIES.exists(), reason="needs the stored studies, which are not in the repository"
+)
 @each(
     ("name", "frequency", "right"),
     [

@@ -7,7 +7,15 @@ import pytest
 import scipy.linalg
 
 import bdamper as bd
-from bdamper.importers import ContactFaces, Placement, Reduction, Sector, build_model, example_decks, read_calculix
+from bdamper.importers import (
+    ContactFaces,
+    Placement,
+    Reduction,
+    Sector,
+    build_model,
+    example_decks,
+    read_calculix,
+)
 from bdamper.time_domain import time_response
 from bdamper.time_domain.integration import EnergyGained, Ring, ring_of
 from bdamper.time_domain.time_response import disturbed
@@ -26,7 +34,10 @@ def imported(tmp_path_factory):
     """The example sector of CalculiX with all its modes."""
     folder = tmp_path_factory.mktemp("deck")
     example_decks("calculix", folder)
-    contacts = [ContactFaces(a, a.upper(), f"{b}_UNDERSIDE") for a, b in (("left", "RIGHT"), ("right", "LEFT"))]
+    contacts = [
+        ContactFaces(a, a.upper(), f"{b}_UNDERSIDE")
+        for a, b in (("left", "RIGHT"), ("right", "LEFT"))
+    ]
     contacts += [
         ContactFaces(name.lower(), name, body_b="ground", kind="constraint", points=(2, 2), gap=0.2)
         for name in ("FRONT", "BACK")
@@ -38,7 +49,13 @@ def imported(tmp_path_factory):
     )  # fmt: skip
     excitation = bd.Excitation("tip", "tangential", 1.0)
     return bd.Study(
-        built.model, excitation, engine_order=4, friction_coefficient=0.3, harmonics=1, blade_modes=40, damper_modes=6
+        built.model,
+        excitation,
+        engine_order=4,
+        friction_coefficient=0.3,
+        harmonics=1,
+        blade_modes=40,
+        damper_modes=6,
     )
 
 
@@ -72,14 +89,21 @@ def test_a_free_blade_bounds_the_amplitude_of_an_imported_sector(imported):
 
 def pressed(stop=3.0, steps=256):
     """A mass that meets a stop in every period."""
-    study = bd.lumped([1.0], [0.04], [1.0], contacts=[bd.Contact(normal=0, kn=stop)], forces={0: 1.0}, harmonics=3)
+    study = bd.lumped(
+        [1.0], [0.04], [1.0], contacts=[bd.Contact(normal=0, kn=stop)], forces={0: 1.0}, harmonics=3
+    )
     curve = study.frequency_response(0.0, (0.2, 0.3))
-    transient = disturbed(ring_of(study.problem, 0.0), curve.unknowns[0], tau * curve.frequency[0], steps)
+    transient = disturbed(
+        ring_of(study.problem, 0.0), curve.unknowns[0], tau * curve.frequency[0], steps
+    )
     transient.advance(40)
     return transient
 
 
-@each(("taken", "right"), [(0.0, 0.0), (0.03, 0.03 / 1.03), (0.5, 1.0 / 3.0), (-0.03, 0.03), (-0.5, 0.5)])
+@each(
+    ("taken", "right"),
+    [(0.0, 0.0), (0.03, 0.03 / 1.03), (0.5, 1.0 / 3.0), (-0.03, 0.03), (-0.5, 0.5)],
+)
 def test_what_contacts_supply_or_time_steps_take_is_an_error(taken, right):
     """Shares of the work, supplied by the contacts and taken by the steps, or taken by the steps alone."""
     transient = pressed()
@@ -107,7 +131,13 @@ def test_contacts_return_what_they_have_stored():
 
 def test_an_undamped_motion_far_from_its_resonance_has_no_error():
     """Its energy of a period is rounding."""
-    study = bd.lumped([1.0], [0.0], [1.0], contacts=[bd.Contact(0, kt=0.5, mu=10.0, preload=1.0)], forces={0: 1e-3})
+    study = bd.lumped(
+        [1.0],
+        [0.0],
+        [1.0],
+        contacts=[bd.Contact(0, kt=0.5, mu=10.0, preload=1.0)],
+        forces={0: 1e-3},
+    )
     curve = study.frequency_response(0.0, (0.05, 0.06))
     transient = disturbed(ring_of(study.problem, 0.0), curve.unknowns[0], tau * curve.frequency[0])
     transient.advance(40)
@@ -120,7 +150,9 @@ def test_an_undamped_motion_far_from_its_resonance_has_no_error():
 def test_the_bound_of_one_mass_is_its_resonance():
     study = bd.lumped([2.0], [0.3], [5.0], contacts=[bd.Contact(normal=0, kn=1.0)], forces={0: 0.7})
     for omega in (1.0, np.sqrt(2.5)):
-        assert ring_of(study.problem, 0.0).amplitude_bound(omega) == pytest.approx(0.7 / (0.3 * omega), rel=1e-9)
+        assert ring_of(study.problem, 0.0).amplitude_bound(omega) == pytest.approx(
+            0.7 / (0.3 * omega), rel=1e-9
+        )
 
 
 def test_no_springs_and_dampers_between_three_masses_exceed_the_bound():
@@ -137,7 +169,9 @@ def test_no_springs_and_dampers_between_three_masses_exceed_the_bound():
             losses = np.diag(10.0 ** rng.uniform(-6.0, -1.0, 3))
             for squared in scipy.linalg.eigh(K + added, np.diag(mass), eigvals_only=True):
                 omega = float(np.sqrt(squared))
-                x = np.linalg.solve(K + added - squared * np.diag(mass) + 1j * omega * (C + losses), [1.0, 0.0, 0.0])
+                x = np.linalg.solve(
+                    K + added - squared * np.diag(mass) + 1j * omega * (C + losses), [1.0, 0.0, 0.0]
+                )
                 ratio = abs(x[2]) / ring.amplitude_bound(omega)
                 assert ratio <= 1.0
                 closest = max(closest, ratio)
@@ -161,7 +195,9 @@ def bent():
 def test_too_long_time_steps_are_divided_by_four(bent, monkeypatch):
     study, curve = bent
     own = time_response.step_error
-    monkeypatch.setattr(time_response, "step_error", lambda t: "too long" if t.steps < 128 else own(t))
+    monkeypatch.setattr(
+        time_response, "step_error", lambda t: "too long" if t.steps < 128 else own(t)
+    )
     found = study.time_response(curve, steps_per_period=64)
     assert found.settled and list(found.answers)[:3] == ["256 steps", "512 steps", "1024 steps"]
     motion = study.motion_in_time(curve, 0, steps_per_period=64)
@@ -176,14 +212,28 @@ def test_an_amplitude_above_that_without_contacts_is_not_stated(bent, monkeypatc
     assert found.status.startswith("not found: its amplitude of 1")
     assert "mm is higher than without contacts" in found.status
     assert found.status.endswith("where damping allows 5 mm; use steps_per_period=256")
-    assert np.isnan([found.mean, found.lowest, found.highest, found.largest]).all() and not found.answers
+    assert (
+        np.isnan([found.mean, found.lowest, found.highest, found.largest]).all()
+        and not found.answers
+    )
     assert "upper" not in found.summary() and "not known" in found._headline()
-    with pytest.raises(EnergyGained, match=r"^time integration at .* Hz: its amplitude of 1\d\.?\d* mm is higher"):
+    with pytest.raises(
+        EnergyGained, match=r"^time integration at .* Hz: its amplitude of 1\d\.?\d* mm is higher"
+    ):
         study.motion_in_time(curve, steps_per_period=16)
 
 
 def test_a_sweep_that_its_time_steps_feed_is_incomplete():
-    study = bd.lumped([1.0], [0.04], [1.0], contacts=[bd.Contact(normal=0, kn=1000.0)], forces={0: 1.0}, harmonics=3)
+    study = bd.lumped(
+        [1.0],
+        [0.04],
+        [1.0],
+        contacts=[bd.Contact(normal=0, kn=1000.0)],
+        forces={0: 1.0},
+        harmonics=3,
+    )
     swept = study.frequency_sweep(0.0, (0.24, 0.26), rate=1e-4, steps_per_period=32)
-    assert swept.status == "incomplete" and swept.reason.startswith("the time steps change its energy by ")
+    assert swept.status == "incomplete" and swept.reason.startswith(
+        "the time steps change its energy by "
+    )
     assert swept.reason.endswith("use steps_per_period=128")

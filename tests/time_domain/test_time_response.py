@@ -12,7 +12,12 @@ from bdamper.response.events import ContinuationOptions
 from bdamper.time_domain import time_response
 from bdamper.time_domain.integration import Ring, every_diameter, ring_of, transfer
 from bdamper.time_domain.steady_amplitude import BalanceCurve, SteadySearch
-from bdamper.time_domain.time_response import VECTORS, error_range, richer_structure, structure_in_time
+from bdamper.time_domain.time_response import (
+    VECTORS,
+    error_range,
+    richer_structure,
+    structure_in_time,
+)
 from bdamper.time_domain.transient import SteadyPoint
 from tests.each import each
 from tests.integrations import fails_after, interrupted_at
@@ -24,7 +29,13 @@ from tests.time_domain.test_steady_amplitude import Still
 
 
 def disk(**settings):
-    return bd.Study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), 5, friction_coefficient=0.4, **settings)
+    return bd.Study(
+        bd.reference_model("bladed_disk", 9),
+        bd.Excitation("tip"),
+        5,
+        friction_coefficient=0.4,
+        **settings,
+    )
 
 
 @each(("settings", "frequency", "blade", "damper", "ratio"), [
@@ -41,7 +52,10 @@ def test_structures_in_time_have_all_blade_modes_and_dampers_are_rigid_below_the
     structure, text = structure_in_time(problem, frequency)
     assert (structure.settings.blade_modes, structure.settings.damper_modes) == (blade, damper)
     curve = problem.settings.blade_modes
-    assert text == f"{curve} of 40 blade modes in the curve, 40 in time; damper {ratio} times the highest harmonic"
+    assert (
+        text
+        == f"{curve} of 40 blade modes in the curve, 40 in time; damper {ratio} times the highest harmonic"
+    )
     assert (structure is problem) == (curve == 40)
 
 
@@ -52,7 +66,10 @@ def test_a_richer_structure_has_all_damper_modes_and_more_residual_modes(stiffne
     problem = disk(contact_stiffness=stiffness, harmonics=1).problem
     richer, name = richer_structure(problem)
     assert name == ("all modes, 24 residual modes" if vectors == VECTORS else "all modes")
-    assert richer.settings.damper_modes == 10 and richer.settings.contact_stiffness.n_vectors == vectors
+    assert (
+        richer.settings.damper_modes == 10
+        and richer.settings.contact_stiffness.n_vectors == vectors
+    )
     assert richer_structure(richer) is None
 
 
@@ -68,23 +85,34 @@ def test_a_search_without_a_motion_names_the_modes_of_the_structure_in_time(monk
     """Four blade modes in the curve may put its peak where the structure in time has none."""
     study = disk(harmonics=1, blade_modes=4)
     curve = study.frequency_response(125.0, (300.0, 360.0))
-    monkeypatch.setattr(SteadySearch, "run", lambda self: setattr(self, "failure", "the motion falls"))
+    monkeypatch.setattr(
+        SteadySearch, "run", lambda self: setattr(self, "failure", "the motion falls")
+    )
     found = study.time_response(curve)
     whole = study.model.bodies["blade"].bases[5].n_natural
     assert whole > 4
-    assert found.status == f"not found: the motion falls; try a response curve with blade_modes={whole}, as in time"
+    assert (
+        found.status
+        == f"not found: the motion falls; try a response curve with blade_modes={whole}, as in time"
+    )
 
 
 def test_a_motion_carried_to_another_structure_has_the_same_displacements_at_the_contacts():
     """Of all modes but the residual ones; carried to its own structure it is the same, and so it is when carried back."""
     own = disk(harmonics=1, blade_modes=4)
     middle, _ = structure_in_time(own.problem, 330.0)
-    rings = [ring_of(problem, 125.0) for problem in (own.problem, middle, richer_structure(middle)[0])]
+    rings = [
+        ring_of(problem, 125.0) for problem in (own.problem, middle, richer_structure(middle)[0])
+    ]
     kept = []
     for ring in rings:
         bases = (ring.wide.structure.bases[l] for l, *_ in ring.blocks)
         kept.append(np.tile([c.body != RESIDUAL for basis in bases for c in basis.coordinates], 2))
-    assert kept[0].sum() < kept[1].sum() < kept[2].sum() and not kept[0].all() and (~kept[2]).sum() > (~kept[1]).sum()
+    assert (
+        kept[0].sum() < kept[1].sum() < kept[2].sum()
+        and not kept[0].all()
+        and (~kept[2]).sum() > (~kept[1]).sum()
+    )
     curve = own.frequency_response(125.0, (330.0, 332.0))
     start = rings[0].seeded(rings[0].start(curve.unknowns[0], 2.0 * np.pi * 331.0, 256), 0.1, 0)
     x = [plain_transient.matrices(rings[0])[0][:, kept[0]] @ part[kept[0]] for part in start[:2]]
@@ -92,7 +120,9 @@ def test_a_motion_carried_to_another_structure_has_the_same_displacements_at_the
         found = transfer(rings[0], start, ring)
         A = plain_transient.matrices(ring)[0]
         for part, expected in zip(found[:2], x):
-            np.testing.assert_allclose(A @ part, expected, rtol=0.0, atol=1e-13 * np.abs(expected).max())
+            np.testing.assert_allclose(
+                A @ part, expected, rtol=0.0, atol=1e-13 * np.abs(expected).max()
+            )
             assert not part[~known].any()
         assert found.w is start.w and found.a is None
         back = transfer(ring, found, rings[0])
@@ -112,8 +142,14 @@ def test_every_nodal_diameter_that_the_model_has_is_integrated():
         G = np.asarray(wide.wide.structure.bases[own].G).reshape(-1, len(basis.omega2))
         mine = np.asarray(basis.G).reshape(G.shape)
         turned = G @ wide._turns[l]
-        np.testing.assert_allclose(turned, mine.conj() if reversed_ else mine, atol=1e-6 * np.abs(mine).max())
-    assert every_diameter(study.replace(fundamental_modes_only=True).problem).harmonic_numbers == (1, 2, 3)
+        np.testing.assert_allclose(
+            turned, mine.conj() if reversed_ else mine, atol=1e-6 * np.abs(mine).max()
+        )
+    assert every_diameter(study.replace(fundamental_modes_only=True).problem).harmonic_numbers == (
+        1,
+        2,
+        3,
+    )
 
 
 # ---- one mass ----
@@ -135,15 +171,27 @@ def found(bent):
 def test_one_mass_falls_at_the_fold_of_its_branch(bent, found):
     """Its motion is periodic: the amplitude is that of five harmonics, and it falls at the fold of these."""
     _, curve = bent
-    assert found.status == "complete: from the tip; a sweep from the flank has at most 10.4 mm" and found.settled
+    assert (
+        found.status == "complete: from the tip; a sweep from the flank has at most 10.4 mm"
+        and found.settled
+    )
     low = curve.frequency[curve.folds].min()
-    assert low - 0.15 < found.fall < found.frequency and found.frequency == pytest.approx(low, abs=0.25)
+    assert low - 0.15 < found.fall < found.frequency and found.frequency == pytest.approx(
+        low, abs=0.25
+    )
     on = BalanceCurve(curve).at(found.frequency)
     assert found.mean == pytest.approx(on[0], rel=0.02) and found.highest_period < 1.01 * found.mean
-    assert found.balance == curve.peak.amplitude and 0.9 < found.factor <= 1.01 and found.diameters == (0,)
+    assert (
+        found.balance == curve.peak.amplitude
+        and 0.9 < found.factor <= 1.01
+        and found.diameters == (0,)
+    )
     assert found.lowest < found.balance < found.highest
     said = found._headline()
-    assert "The motion jumps to a lower amplitude at" in said and f"in time the highest blade has {found.text}" in said
+    assert (
+        "The motion jumps to a lower amplitude at" in said
+        and f"in time the highest blade has {found.text}" in said
+    )
     assert said.split(";")[0] in str(found)
     doubtful = replace(found, status="incomplete: some steps failed")._headline()
     assert "(incomplete: some steps failed); the peak of the harmonic balance" in doubtful
@@ -156,18 +204,33 @@ def test_the_range_is_an_error(found):
     assert set(found.answers) == {"256 steps", "at the fall", "512 steps", "1024 steps"}
     low, high = min(found.answers.values()), max(found.answers.values())
     assert found.answers["256 steps"] == found.mean
-    assert found.lowest <= found.balance <= found.highest, "a stable solution of harmonic balance is in the range"
+    assert found.lowest <= found.balance <= found.highest, (
+        "a stable solution of harmonic balance is in the range"
+    )
     assert (found.lowest, found.highest) == (pytest.approx(0.99 * low), pytest.approx(1.01 * high))
     assert found.text == "11.1 mm (11 to 11.2)"
     beats = replace(found, highest_period=1.2 * found.mean)
-    assert "Single periods reach 13.3 mm." in beats._headline() and "Single periods" not in found._headline()
+    assert (
+        "Single periods reach 13.3 mm." in beats._headline()
+        and "Single periods" not in found._headline()
+    )
     assert beats.largest == beats.highest_period and found.largest == found.highest
-    assert beats.factor == beats.highest_period / found.balance and found.factor == found.highest / found.balance
+    assert (
+        beats.factor == beats.highest_period / found.balance
+        and found.factor == found.highest / found.balance
+    )
 
 
 def test_energies_and_blades_of_the_last_periods(found):
-    assert found.blades.shape[1] == 1 and not found.parted and abs(found.numerical_loss) < 5e-3 and found.energy[0] > 0.0
-    assert found.energy[1] == pytest.approx(found.energy[0], rel=5e-3), "no friction: damping takes all"
+    assert (
+        found.blades.shape[1] == 1
+        and not found.parted
+        and abs(found.numerical_loss) < 5e-3
+        and found.energy[0] > 0.0
+    )
+    assert found.energy[1] == pytest.approx(found.energy[0], rel=5e-3), (
+        "no friction: damping takes all"
+    )
 
 
 def test_a_response_in_time_marks_a_picture(bent, found):
@@ -183,7 +246,9 @@ def test_every_start_of_one_mass_comes_to_the_same_motion(bent, found):
         "start 1, no traction", "start 2, limit of friction", "start 3, limit of friction backward"]  # fmt: skip
     assert more.elsewhere == 0 and more.answers == found.answers and not found.starts
     assert "0 of 3 other starts came to another motion." in more._headline()
-    assert replace(more, starts=more.starts | {"start 1, no traction": 0.9 * more.mean}).elsewhere == 1
+    assert (
+        replace(more, starts=more.starts | {"start 1, no traction": 0.9 * more.mean}).elsewhere == 1
+    )
     with pytest.raises(bd.SettingError, match="starts"):
         study.time_response(curve, starts=0)
 
@@ -191,7 +256,9 @@ def test_every_start_of_one_mass_comes_to_the_same_motion(bent, found):
 @each("steps", [2.5, "a", True, 0, 8])
 def test_a_number_of_steps_is_needed(bent, steps):
     study, curve = bent
-    with pytest.raises(bd.SettingError, match=r"^steps_per_period: expected a whole number >= 16, found"):
+    with pytest.raises(
+        bd.SettingError, match=r"^steps_per_period: expected a whole number >= 16, found"
+    ):
         study.time_response(curve, steps_per_period=steps)
 
 
@@ -222,18 +289,26 @@ def test_what_leaves_the_answer_open_is_its_status(bent, monkeypatch, changes, s
     search_that(monkeypatch, changes)
     found = bent[0].time_response(bent[1])
     assert found.status == status and found.settled == status.startswith("complete")
-    np.testing.assert_allclose(found.lowest, (1.0 - change) * min(found.answers.values(), default=np.nan))
-    np.testing.assert_allclose(found.highest, (1.0 + change) * max(found.answers.values(), default=np.nan))
+    np.testing.assert_allclose(
+        found.lowest, (1.0 - change) * min(found.answers.values(), default=np.nan)
+    )
+    np.testing.assert_allclose(
+        found.highest, (1.0 + change) * max(found.answers.values(), default=np.nan)
+    )
     assert np.isnan(found.mean) == np.isnan(change)
 
 
 def test_nodal_diameters_that_a_model_does_not_have_are_said(bent, monkeypatch):
     monkeypatch.setattr(Ring, "nodal_diameters", ())
-    assert bent[0].time_response(bent[1]).status.endswith("; 0 of 1 nodal diameters were integrated")
+    assert (
+        bent[0].time_response(bent[1]).status.endswith("; 0 of 1 nodal diameters were integrated")
+    )
 
 
 @each(("share", "settled"), [(1.04, True), (0.97, True), (1.07, False), (0.93, False)])
-def test_answers_that_differ_by_more_than_a_twentieth_are_a_range(bent, monkeypatch, share, settled):
+def test_answers_that_differ_by_more_than_a_twentieth_are_a_range(
+    bent, monkeypatch, share, settled
+):
     own = time_response._refine
 
     def refine(search, points, ring, finer):
@@ -247,7 +322,11 @@ def test_answers_that_differ_by_more_than_a_twentieth_are_a_range(bent, monkeypa
     low, high = min(found.answers.values()), max(found.answers.values())
     assert found.lowest < low < high < found.highest and found.settled == settled
     if not settled:
-        assert found.status == "incomplete: not settled" and found.text.count(" to ") == 1 and "(" not in found.text
+        assert (
+            found.status == "incomplete: not settled"
+            and found.text.count(" to ") == 1
+            and "(" not in found.text
+        )
         assert found.factor == found.highest / found.balance
 
 
@@ -259,18 +338,29 @@ def test_single_periods_widen_the_range(scatter):
     """
     beating = Still(10.0, 1.0)
     beating.amplitude = 1.0 + np.sqrt(2.0) * scatter * np.cos(0.5 * np.pi * np.arange(40))
-    low, high, doubt = error_range({"256 steps": 1.0, "512 steps": 1.02}, [SteadyPoint(beating, True, 0.0)])
+    low, high, doubt = error_range(
+        {"256 steps": 1.0, "512 steps": 1.02}, [SteadyPoint(beating, True, 0.0)]
+    )
     assert low == pytest.approx(1.0 - max(scatter, 0.01))
-    assert high == pytest.approx(max(1.02 * (1.0 + max(scatter, 0.01)), 1.0 + np.sqrt(2.0) * scatter))
+    assert high == pytest.approx(
+        max(1.02 * (1.0 + max(scatter, 0.01)), 1.0 + np.sqrt(2.0) * scatter)
+    )
     assert not doubt
 
 
 @each(("share", "settled"), [(0.5, True), (1.02, True), (1.3, False)])
-def test_a_higher_motion_from_another_start_belongs_to_the_range(bent, found, monkeypatch, share, settled):
-    monkeypatch.setattr(time_response, "_other_starts", lambda search, best, n: {"start 1": share * best.mean})
+def test_a_higher_motion_from_another_start_belongs_to_the_range(
+    bent, found, monkeypatch, share, settled
+):
+    monkeypatch.setattr(
+        time_response, "_other_starts", lambda search, best, n: {"start 1": share * best.mean}
+    )
     more = bent[0].time_response(bent[1], starts=2)
     assert more.settled == settled and (settled or more.status == "incomplete: not settled")
-    assert more.highest == pytest.approx(max(found.highest, 1.01 * share * found.mean)) and more.lowest == found.lowest
+    assert (
+        more.highest == pytest.approx(max(found.highest, 1.01 * share * found.mean))
+        and more.lowest == found.lowest
+    )
 
 
 def test_a_failing_integration_leaves_what_was_found_before(bent, monkeypatch):
@@ -280,7 +370,9 @@ def test_a_failing_integration_leaves_what_was_found_before(bent, monkeypatch):
     found = study.time_response(curve)
     assert found.status.startswith("not found: the time integration fails near ")
     assert found.status.endswith("raise steps_per_period") and found.text == found.status
-    assert all(np.isnan(x) for x in (found.mean, found.lowest, found.highest, found.frequency, found.fall))
+    assert all(
+        np.isnan(x) for x in (found.mean, found.lowest, found.highest, found.frequency, found.fall)
+    )
     said = "At 0 N the amplitude in time is not known, so nothing confirms the peak of the harmonic balance: the time int"
     assert found._headline().startswith(said)
     monkeypatch.undo()
@@ -304,7 +396,8 @@ def test_a_part_of_a_curve_gives_a_lower_bound(bent):
     """A curve that ends at its highest point, where the evaluations were used up, has no peak."""
     study, _ = bent
     none, curve = (
-        study.frequency_response(0.0, (9.0, 14.0), options=ContinuationOptions(budget=budget)) for budget in (100, 250)
+        study.frequency_response(0.0, (9.0, 14.0), options=ContinuationOptions(budget=budget))
+        for budget in (100, 250)
     )
     with pytest.raises(bd.SettingError, match=r"^curve: expected a curve with a peak"):
         study.time_response(none)
@@ -330,7 +423,9 @@ def test_a_curve_that_ends_before_the_branch_is_alone_is_no_start(bent, monkeypa
 def test_a_peak_whose_contacts_stay_closed_is_integrated_too():
     study = one_mass(tangential=0, kt=1e-3, mu=0.3, preload=1e3)
     found = study.time_response(study.frequency_response(0.0, (9.5, 10.5)))
-    assert found.periods > 0 and found.factor == pytest.approx(1.0, rel=0.015) and np.isnan(found.fall)
+    assert (
+        found.periods > 0 and found.factor == pytest.approx(1.0, rel=0.015) and np.isnan(found.fall)
+    )
 
 
 def test_a_contact_without_friction_that_opens():
@@ -346,7 +441,9 @@ def test_a_contact_without_friction_that_opens():
 def test_long_transients_take_more_periods():
     """With 0.1 % of damping a transient is seen in part within 40 periods."""
     contact = bd.Contact(normal=0, kn=0.5 * W0**2, preload=5.0)
-    study = bd.lumped([1.0], [2e-3 * W0], [W0**2], contacts=[contact], forces={0: 0.05}, harmonics=3)
+    study = bd.lumped(
+        [1.0], [2e-3 * W0], [W0**2], contacts=[contact], forces={0: 0.05}, harmonics=3
+    )
     curve = study.frequency_response(0.0, (11.0, 13.0))
     assert study.time_response(curve).mean > 0.8 * curve.peak.amplitude
 
@@ -365,9 +462,13 @@ def test_one_harmonic_may_be_wrong_where_contacts_stay_closed():
     assert not len(curve.folds) and not curve.shares[:, 2].any()
     found = turbine.time_response(curve)
     assert found.mean < 0.9 * curve.peak.amplitude and found.settled
-    assert found.structure.startswith("5 of 20 blade modes in the curve, 20 in time; damper rigid, ")
+    assert found.structure.startswith(
+        "5 of 20 blade modes in the curve, 20 in time; damper rigid, "
+    )
     whole = turbine.replace(blade_modes=20)
-    long = whole.motion_in_time(whole.frequency_response(125.0, (610.0, 710.0)), frequency=found.frequency)
+    long = whole.motion_in_time(
+        whole.frequency_response(125.0, (610.0, 710.0)), frequency=found.frequency
+    )
     assert found.mean == pytest.approx(long.mean, rel=0.02)
 
 
@@ -380,7 +481,9 @@ def test_the_reference_disk_beside_an_independent_integration():
     """
     study = disk(contact_stiffness="unit_traction")
     ring = ring_of(study.problem, 125.0)
-    search = SteadySearch(ring, ring, BalanceCurve(study.frequency_response(125.0, (285.0, 380.0))), 1024)
+    search = SteadySearch(
+        ring, ring, BalanceCurve(study.frequency_response(125.0, (285.0, 380.0))), 1024
+    )
     search.run()
     assert search.best.mean == pytest.approx(97e-6, rel=0.05) and 308.0 < search.fall < 312.0
 
@@ -393,7 +496,9 @@ def test_blades_that_part_are_said_and_drawn(found, tmp_path):
     blades = 1e-6 * np.array([150.0, 275.0, 275.0]) * (1.0 + 0.01 * rng.standard_normal((n, 3)))
     waves = np.array([[10.0, 188e-6], [-10.0, 131e-6], [30.0, 1e-6]])
     parted = replace(found, blades=blades, blade=1, waves=waves)
-    assert parted.parted and "Blades do not vibrate alike: 150 to 275 \u00b5m." in parted._headline()
+    assert (
+        parted.parted and "Blades do not vibrate alike: 150 to 275 \u00b5m." in parted._headline()
+    )
     assert "10 forward 188 \u00b5m, 10 backward 131 \u00b5m" in parted.summary()
     beats = np.where(np.arange(n)[:, None] < 40, blades, blades[:, ::-1])
     assert not replace(parted, blades=beats).parted, "other blades are high in the second half"

@@ -61,7 +61,9 @@ def test_a_decaying_beat_agrees_and_a_lasting_one_does_not():
     k = np.arange(1000.0)
     assert first_verdict(0.9 * np.exp(-k / 100.0) * np.cos(k * np.pi / 15.0), 100.0)[0] == AGREES
     assert first_verdict(0.17 * np.sin(k * np.pi / 50.0), 100.0) == (DIFFERS, 4 * CRITERIA.window)
-    assert first_verdict(0.04 * np.sin(k * np.pi / 15.0))[0] == AGREES, "within the tolerance in all periods"
+    assert first_verdict(0.04 * np.sin(k * np.pi / 15.0))[0] == AGREES, (
+        "within the tolerance in all periods"
+    )
 
 
 def test_the_scale_is_that_of_the_solution():
@@ -121,7 +123,9 @@ class TestSettled:
         assert verdict(constant(sign * 0.15, 96), tolerance=0.2) == AGREES
         assert verdict(constant(sign * 0.015, 96), tolerance=0.01) == DIFFERS
 
-    @pytest.mark.parametrize(("change", "expected"), [(0.0015, AGREES), (0.008, UNDECIDED), (0.013, UNDECIDED)])
+    @pytest.mark.parametrize(
+        ("change", "expected"), [(0.0015, AGREES), (0.008, UNDECIDED), (0.013, UNDECIDED)]
+    )
     def test_a_steady_drift(self, sign, change, expected):
         """Over 80 periods; beside a fold a motion drifts so before it falls, unless it is rounding."""
         assert verdict(sign * change * np.arange(-96.0, 0.0) / 80.0) == expected
@@ -134,7 +138,9 @@ class TestSettled:
         near[70] = 0.0  # so that it has not simply left
         assert verdict(near) == (DIFFERS if sign > 0.0 else UNDECIDED)
 
-    @pytest.mark.parametrize(("size", "expected"), [(4e-3, UNDECIDED), (4e-4, UNDECIDED), (4e-6, AGREES)])
+    @pytest.mark.parametrize(
+        ("size", "expected"), [(4e-3, UNDECIDED), (4e-4, UNDECIDED), (4e-6, AGREES)]
+    )
     def test_a_drift_that_speeds_up(self, sign, size, expected):
         """By a factor of e every 20 periods, up to less than 1 %; below 0.001 % that is rounding."""
         assert verdict(sign * size * np.exp(np.arange(-95.0, 1.0) / 20.0)) == expected
@@ -151,7 +157,9 @@ class TestSettled:
         assert verdict(off) == expected
 
     @pytest.mark.parametrize(("other", "expected"), [(0.08, UNDECIDED), (0.06, AGREES)])
-    def test_the_means_of_eighty_and_of_the_last_periods_must_say_the_same(self, sign, other, expected):
+    def test_the_means_of_eighty_and_of_the_last_periods_must_say_the_same(
+        self, sign, other, expected
+    ):
         """The last are at 4 %, some before them farther away: 5.2 % or 4.6 % in the mean."""
         off = constant(sign * 0.04, 96)
         off[-40:-16] = sign * other
@@ -202,7 +210,9 @@ class TestWanders:
     @pytest.mark.parametrize("sign", [1.0, -1.0])
     def test_either_side_of_the_solution_counts(self, sign):
         """A beat of somewhat larger range that moves away to one side, while it comes nearer on the other."""
-        beats = np.where(self.k < 80.0, 0.12, 0.13) * np.sin(self.k * np.pi / 50.0) - 0.14 * (self.k >= 80.0)
+        beats = np.where(self.k < 80.0, 0.12, 0.13) * np.sin(self.k * np.pi / 50.0) - 0.14 * (
+            self.k >= 80.0
+        )
         found, reason, _ = judged(1.0 + sign * beats[:160], 1.0, TOLERANCE, 1e9)
         assert found == DIFFERS and reason.startswith("wanders, ")
 
@@ -219,7 +229,9 @@ def test_reasons_name_the_distance():
     spread = judged(1.0 + 0.04 * (-1.0) ** np.arange(96), 1.0, TOLERANCE, SHORT)[1]
     assert spread.endswith("in the mean of 80 periods, -4 to +4 %")
     drifts = judged(1.0 + 2e-4 * np.arange(96), 1.0, TOLERANCE, 20.0)[1]
-    assert "changed by +1.6 % within 80 periods; a transient takes 20 periods to fall to 1/e" in drifts
+    assert (
+        "changed by +1.6 % within 80 periods; a transient takes 20 periods to fall to 1/e" in drifts
+    )
 
 
 def test_what_is_not_a_number_decides_nothing():
@@ -233,7 +245,13 @@ class Known:
     """A transient of which the amplitude (m) of every period is known, and the part outside the wave of the excitation."""
 
     def __init__(self, amplitude, memory=20.0, away=lambda k: 0.0 * k):
-        self.of_period, self.memory, self.harmonics, self.ring, self.away = amplitude, memory, [], self, away
+        self.of_period, self.memory, self.harmonics, self.ring, self.away = (
+            amplitude,
+            memory,
+            [],
+            self,
+            away,
+        )
 
     def advance(self, periods):
         self.harmonics.extend(range(len(self.harmonics), len(self.harmonics) + periods))
@@ -266,7 +284,9 @@ def test_a_motion_is_integrated_until_it_is_steady_or_has_left(amplitude, memory
     point = settle(transient, 1.0)
     assert (len(transient.harmonics), point.stays) == (periods, stays)
     np.testing.assert_array_equal(point.amplitude, transient.amplitude[periods // 2 :])
-    assert point.mean == point.amplitude.mean() and point.steady == (stays and abs(point.change) <= CRITERIA.drift)
+    assert point.mean == point.amplitude.mean() and point.steady == (
+        stays and abs(point.change) <= CRITERIA.drift
+    )
 
 
 @each("memory", [5.0, 20.0, 60.0, 150.0])
@@ -283,11 +303,16 @@ def test_a_steady_mean_is_the_limit_of_a_transient(memory, size):
 @each("size", [0.05, 0.2])
 def test_a_steady_mean_is_that_of_many_beats(period, size):
     for phase in np.arange(6.0):
-        point = settle(Known(lambda k, phase=phase: 1.0 + size * np.sin(2.0 * np.pi * k / period + phase)), 1.0)
+        point = settle(
+            Known(lambda k, phase=phase: 1.0 + size * np.sin(2.0 * np.pi * k / period + phase)), 1.0
+        )
         assert point.steady and abs(point.mean - 1.0) < 2.0 * CRITERIA.drift
 
 
-@each(("size", "rate", "periods"), [(0.02, 1.025, 240), (0.02, 1.003, 100), (4e-5, 1.025, 100), (0.02, 0.9, 100)])
+@each(
+    ("size", "rate", "periods"),
+    [(0.02, 1.025, 240), (0.02, 1.003, 100), (4e-5, 1.025, 100), (0.02, 0.9, 100)],
+)
 def test_integration_continues_while_blades_part(size, rate, periods):
     """By a tenth from a quarter to the next, and for a hundred periods; a part below a thousandth does not count."""
     away = {"away": lambda k: size * rate**k}
@@ -295,8 +320,12 @@ def test_integration_continues_while_blades_part(size, rate, periods):
     transient = settle(Known(lambda k: 1.0 + 0.0 * k, **away), 1.0, parting=True).transient
     n = len(transient.harmonics)
     grows, last = outside(transient, n // 4)
-    assert n == periods and grows == pytest.approx(rate ** (n // 4) if last > 1e-3 else 0.0, rel=1e-9)
-    assert last == pytest.approx(np.sqrt(np.mean(away["away"](np.arange(n - n // 4, n)) ** 2)), rel=1e-9)
+    assert n == periods and grows == pytest.approx(
+        rate ** (n // 4) if last > 1e-3 else 0.0, rel=1e-9
+    )
+    assert last == pytest.approx(
+        np.sqrt(np.mean(away["away"](np.arange(n - n // 4, n)) ** 2)), rel=1e-9
+    )
 
 
 # ---- transients of a structure ----
@@ -313,7 +342,9 @@ def test_a_sweep_is_one_integration_with_a_changing_frequency(ring):
     transient.sweep(1.6, 40, lambda: counted.append(1))
     whole = ring.integrate(state(ring), 1.3, 64, 40, omega_end=1.6)
     assert (len(counted), len(transient.harmonics), transient.omega) == (40, 40, 1.6)
-    np.testing.assert_allclose(transient.harmonics, whole.harmonics, atol=1e-2 * np.abs(whole.harmonics).max())
+    np.testing.assert_allclose(
+        transient.harmonics, whole.harmonics, atol=1e-2 * np.abs(whole.harmonics).max()
+    )
 
 
 def test_the_blade_is_the_highest_of_the_second_half(ring):
@@ -321,7 +352,9 @@ def test_the_blade_is_the_highest_of_the_second_half(ring):
     transient.advance(8)
     means = np.abs(transient.blades[4:]).mean(axis=0)
     assert transient.blade == means.argmax() and np.ptp(means) > 0.1 * means.max()
-    np.testing.assert_allclose(transient.amplitude, np.abs(transient.blades[:, transient.blade]), rtol=1e-12)
+    np.testing.assert_allclose(
+        transient.amplitude, np.abs(transient.blades[:, transient.blade]), rtol=1e-12
+    )
     other = Transient(ring, 1.3, state(ring), 64, blade=2)
     other.advance(8)
     turned = other.response * np.exp(1j * np.arange(4) * 2.0 * 2.0 * np.pi / ring.n)
@@ -348,7 +381,9 @@ def test_a_motion_that_gains_energy_is_an_error(ring, monkeypatch, share):
     if not share:
         transient.advance(4)
         return
-    with pytest.raises(IntegrationFailed, match=r"gains energy near 0.206901 Hz, .* raise steps_per_period, 64 now"):
+    with pytest.raises(
+        IntegrationFailed, match=r"gains energy near 0.206901 Hz, .* raise steps_per_period, 64 now"
+    ):
         transient.advance(4)
 
 
@@ -358,5 +393,7 @@ def test_a_motion_of_another_structure_is_refused(ring):
         Transient(ring, 1.3, Motion(motion.q[1:], motion.v[1:], motion.w))
     with pytest.raises(bd.SettingError, match="start: expected a motion of this study"):
         Transient(ring, 1.3, motion._replace(w=motion.w[1:]))
-    with pytest.raises(bd.SettingError, match="steps_per_period: expected a whole number >= 16, found 15"):
+    with pytest.raises(
+        bd.SettingError, match="steps_per_period: expected a whole number >= 16, found 15"
+    ):
         Transient(ring, 1.3, motion, 15)

@@ -18,7 +18,16 @@ from bdamper.fem import Material as Elastic
 from bdamper.fem.local_basis import LocalSizes
 from bdamper.harmonic_balance.rotor_speed import Conditions
 from bdamper.harmonic_balance.settings import Settings
-from bdamper.importers import Checks, ContactFaces, Placement, Reduction, Sector, Units, build_model, over_speed
+from bdamper.importers import (
+    Checks,
+    ContactFaces,
+    Placement,
+    Reduction,
+    Sector,
+    Units,
+    build_model,
+    over_speed,
+)
 from bdamper.importers.contact_faces import Patches
 from bdamper.mistuning import BladedDisk, DamperVariation, DiskPeakOptions, Mistuning
 from bdamper.util.records import is_array
@@ -50,7 +59,9 @@ def holds_numbers(hint: Any) -> bool:
 def doors() -> dict[str, Any]:
     """Functions and classes by name, as the table of plausible ranges names them."""
     found = {name: getattr(bd, name) for name in bd.__all__ if name not in OUTSIDE}
-    found = {name: thing for name, thing in found.items() if callable(thing) and not _is_error(thing)}
+    found = {
+        name: thing for name, thing in found.items() if callable(thing) and not _is_error(thing)
+    }
     found |= {thing.__name__: thing for thing in FURTHER} | {"fem.Material": Elastic}
     for cls in PARTS:
         for name in dir(cls):
@@ -68,7 +79,11 @@ def numeric(door: Any) -> list[str]:
     """Parameters of a function or class that take numbers."""
     made = Settings if door is bd.Study else door
     called = made.__init__ if isinstance(made, type) else made
-    names = [n for n, p in inspect.signature(called).parameters.items() if p.kind not in (p.VAR_KEYWORD, p.VAR_POSITIONAL)]
+    names = [
+        n
+        for n, p in inspect.signature(called).parameters.items()
+        if p.kind not in (p.VAR_KEYWORD, p.VAR_POSITIONAL)
+    ]
     names = [n for n in names if n not in ("self", "cls") and n[0] != "_"]
     if isinstance(made, type):
         return [n for n in names if holds_numbers(_of_field(made, n))]

@@ -101,9 +101,14 @@ def test_a_study_solves_on_one_thread(monkeypatch):
 
     seen = []
     inner = track_module.first_point
-    monkeypatch.setattr(track_module, "first_point", lambda *args: seen.append(blas()) or inner(*args))
+    monkeypatch.setattr(
+        track_module, "first_point", lambda *args: seen.append(blas()) or inner(*args)
+    )
     plain_study(
-        bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4
+        bd.reference_model("bladed_disk", 9),
+        bd.Excitation("tip"),
+        engine_order=5,
+        friction_coefficient=0.4,
     ).frequency_response(2000.0, (340.0, 360.0))
     assert seen
     assert all(threads == {1} for threads in seen)

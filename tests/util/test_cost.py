@@ -66,8 +66,18 @@ def test_no_part_counts_time_in_which_the_thread_waits(crowded):
 
 def test_integration_in_time_is_a_part_of_its_own(crowded):
     study = plain_study(models.wedge_model(1), bd.Excitation("tip", amplitude=5.0), engine_order=2)
-    cost = study.motion_in_time(study.frequency_response(200.0, (280.0, 320.0)), frequency=300.0, periods=30).cost
-    assert cost.contact == cost.assembly == 0.0 < cost.time_integration <= cost.core < cost.processor < cost.seconds
+    cost = study.motion_in_time(
+        study.frequency_response(200.0, (280.0, 320.0)), frequency=300.0, periods=30
+    ).cost
+    assert (
+        cost.contact
+        == cost.assembly
+        == 0.0
+        < cost.time_integration
+        <= cost.core
+        < cost.processor
+        < cost.seconds
+    )
     assert (
         cost.python == cost.processor - cost.core
         and f", time {cost.time_integration:.3f}, Python {cost.python:.3f};" in str(cost)
@@ -91,8 +101,15 @@ def test_a_meter_sums_systems_and_parts(clocks):
     meter.add(Cost(evaluations=100, iterations=10, work=5.0))
     cost = meter.read()
     assert (cost.seconds, cost.processor) == pytest.approx((10.0, 1.0))
-    assert meter.read(Cost(jacobians=4, work=1.0)) == replace(cost, jacobians=cost.jacobians + 4, work=cost.work + 1.0)
-    assert (cost.evaluations, cost.jacobians, cost.factorisations, cost.least_norm) == (112, 9, 6, 3)
+    assert meter.read(Cost(jacobians=4, work=1.0)) == replace(
+        cost, jacobians=cost.jacobians + 4, work=cost.work + 1.0
+    )
+    assert (cost.evaluations, cost.jacobians, cost.factorisations, cost.least_norm) == (
+        112,
+        9,
+        6,
+        3,
+    )
     assert (cost.iterations, cost.failed_steps) == (17, 2)
     assert cost.work == pytest.approx(5.0 + 3 * (4 + 3 + 2 + 1))
 

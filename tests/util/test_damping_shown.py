@@ -15,7 +15,10 @@ from tests.turning import turning_disk
 def with_damping(model, low, high):
     """The model with modal damping ratios of the blade that rise from one mode to the next."""
     blade = model.bodies["blade"]
-    bases = {d: replace(b, damping_ratio=np.linspace(low, high, b.n_modes)) for d, b in blade.bases.items()}
+    bases = {
+        d: replace(b, damping_ratio=np.linspace(low, high, b.n_modes))
+        for d, b in blade.bases.items()
+    }
     return replace(model, bodies=model.bodies | {"blade": replace(blade, bases=bases)})
 
 
@@ -26,7 +29,13 @@ def row(text, name):
 
 @pytest.fixture(scope="module")
 def study():
-    return bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5, harmonics=1, friction_coefficient=0.3)
+    return bd.Study(
+        bd.reference_model("turbine_blade"),
+        bd.Excitation("tip"),
+        5,
+        harmonics=1,
+        friction_coefficient=0.3,
+    )
 
 
 def test_the_damping_ratio_is_the_one_of_the_response(study):
@@ -41,16 +50,24 @@ def test_the_damping_ratio_is_the_one_of_the_response(study):
 
 def test_mass_and_radius_are_those_of_the_centrifugal_load():
     """The preload at a speed is m r Omega^2."""
-    at = bd.Study(turning_disk((0, 5), spin=True), bd.Excitation("tip"), 5, harmonics=1).at_speed(400.0)
-    mass, radius = re.fullmatch(r"(\S+) kg at a radius of (\S+) m", row(str(at), "damper mass")).groups()
+    at = bd.Study(turning_disk((0, 5), spin=True), bd.Excitation("tip"), 5, harmonics=1).at_speed(
+        400.0
+    )
+    mass, radius = re.fullmatch(
+        r"(\S+) kg at a radius of (\S+) m", row(str(at), "damper mass")
+    ).groups()
     assert float(mass) * float(radius) * 400.0**2 == pytest.approx(at.preload, rel=1e-3)
-    assert "radius" not in str(bd.Study(bd.reference_model("test_rig"), bd.Excitation("tip"))), "nothing rotates"
+    assert "radius" not in str(bd.Study(bd.reference_model("test_rig"), bd.Excitation("tip"))), (
+        "nothing rotates"
+    )
 
 
 def test_bodies_with_other_damping_are_named():
     model = with_damping(bd.reference_model("turbine_blade"), 0.001, 0.004)
     study = bd.Study(model, bd.Excitation("tip"), 5, harmonics=1)
-    assert row(str(study), "modal damping ratio") == "0.001 to 0.004", "the damper has no elastic modes here"
+    assert row(str(study), "modal damping ratio") == "0.001 to 0.004", (
+        "the damper has no elastic modes here"
+    )
     both = study.replace(damper_modes=2)
     assert row(str(both), "modal damping ratio") == "blade 0.001 to 0.004, damper 0.002"
 
@@ -63,7 +80,10 @@ def test_model_command_and_import_report_show_both(capsys, tmp_path):
     radius = float(np.hypot(*damper.centre[:2]))
     for text in (str(model), capsys.readouterr().out):
         assert re.search(r"^  blade: .*, modal damping ratio 0\.001 to 0\.004$", text, re.M)
-        assert f"  damper: free, 10 modes, {damper.mass:.4g} kg at a radius of {radius:.4g} m, modal damping" in text
+        assert (
+            f"  damper: free, 10 modes, {damper.mass:.4g} kg at a radius of {radius:.4g} m, modal damping"
+            in text
+        )
     report = str(BuiltModel(model, {}, (), (), (), (), ()))
     for text in ("blade: 0.001 to 0.004", f"radius {radius:.6g} m", f"mass {damper.mass:.6g} kg"):
         assert text in report

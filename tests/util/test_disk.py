@@ -14,7 +14,14 @@ import pytest
 
 import bdamper as bd
 from bdamper.fem import generated_models, reference_models
-from bdamper.importers import example_decks, load_measured, read_cdb, read_inp, read_mode, read_response
+from bdamper.importers import (
+    example_decks,
+    load_measured,
+    read_cdb,
+    read_inp,
+    read_mode,
+    read_response,
+)
 from bdamper.plot import save_figure
 from bdamper.response.optimal_curve import optimal_curve
 from bdamper.util.errors import BdamperWarning
@@ -41,7 +48,11 @@ def full(tmp_path):
     disk = tmp_path / "disk"
     disk.mkdir()
     command = ["mount", "-t", "tmpfs", "-o", "size=16k", "tmpfs", str(disk)]
-    if sys.platform != "linux" or os.geteuid() or subprocess.run(command, capture_output=True).returncode:
+    if (
+        sys.platform != "linux"
+        or os.geteuid()
+        or subprocess.run(command, capture_output=True).returncode
+    ):
         pytest.skip("no file system can be mounted: root and Linux are needed")
     try:
         (disk / "others").write_bytes(b"x" * 12288)
@@ -92,7 +103,9 @@ def test_a_file_that_cannot_grow_is_one_line_and_leaves_the_former_one(tmp_path)
     assert done.returncode == 0 and not done.stderr
     too_large = f"{path}: expected a file that can be written, found [Errno {errno.EFBIG}] "
     assert done.stdout.startswith(too_large) and done.stdout.count("\n") <= 2
-    assert path.read_bytes() == b"former" and [item.name for item in tmp_path.iterdir()] == ["curve.h5"]
+    assert path.read_bytes() == b"former" and [item.name for item in tmp_path.iterdir()] == [
+        "curve.h5"
+    ]
 
 
 def test_every_writer_on_a_full_disk(full):
@@ -136,7 +149,9 @@ def test_every_writer_on_a_read_only_file_system(full, monkeypatch):
             write(full / name)
     # a generated model is not lost if it cannot be stored
     monkeypatch.setattr(reference_models, "user_cache_path", lambda *_, **__: full / "cache")
-    monkeypatch.setitem(generated_models.MAKERS, "bladed_disk", lambda points, progress: study.model)
+    monkeypatch.setitem(
+        generated_models.MAKERS, "bladed_disk", lambda points, progress: study.model
+    )
     with pytest.warns(BdamperWarning, match="is generated again by the next process"):
         assert reference_models._kept("bladed_disk", 24) is study.model
 
@@ -144,7 +159,9 @@ def test_every_writer_on_a_read_only_file_system(full, monkeypatch):
 def test_a_search_on_a_full_disk_is_finished(full):
     asked = {"preload": (0.5, 5.0), "n": 8, "frequency": BAND}
     whole = optimal_curve(pressed().problem, **asked)
-    with pytest.warns(BdamperWarning, match=r"o\.jsonl: expected free disk space, found \[Errno 28\]"):
+    with pytest.warns(
+        BdamperWarning, match=r"o\.jsonl: expected free disk space, found \[Errno 28\]"
+    ):
         found = optimal_curve(pressed().problem, **asked, resume=full / "o.jsonl")
     np.testing.assert_array_equal(found.amplitude, whole.amplitude)
     assert found.optimum == whole.optimum
@@ -154,7 +171,9 @@ def test_a_search_on_a_full_disk_is_finished(full):
 
 
 @pytest.mark.parametrize("parts", [0.3, 1.5, 3.0])
-def test_a_sweep_without_room_keeps_all_results_and_writes_them_once_there_is(tmp_path, monkeypatch, parts):
+def test_a_sweep_without_room_keeps_all_results_and_writes_them_once_there_is(
+    tmp_path, monkeypatch, parts
+):
     over, path = {"preload": [float(k) for k in range(1, 9)]}, tmp_path / "sweep.jsonl"
     bd.sweep(pressed(), over, question, resume=tmp_path / "whole.jsonl")
     header, part = map(len, (tmp_path / "whole.jsonl").read_bytes().splitlines(keepends=True)[:2])
@@ -168,11 +187,17 @@ def test_a_sweep_without_room_keeps_all_results_and_writes_them_once_there_is(tm
         return question(study, preload)
 
     again = False
-    with pytest.warns(BdamperWarning, match=r"sweep\.jsonl: expected free disk space, found \[Errno 28\]") as said:
+    with pytest.warns(
+        BdamperWarning, match=r"sweep\.jsonl: expected free disk space, found \[Errno 28\]"
+    ) as said:
         result = bd.sweep(pressed(), over, freed, resume=path)
     assert len({str(w.message) for w in said}) == 1
     assert result.complete and result.array("value").tolist() == [2.0 * p for p in over["preload"]]
-    known = [json.loads(line)["index"] for line in path.read_bytes().splitlines(keepends=True)[1:] if line.endswith(b"\n")]
+    known = [
+        json.loads(line)["index"]
+        for line in path.read_bytes().splitlines(keepends=True)[1:]
+        if line.endswith(b"\n")
+    ]
     assert len(known) < len(result) and path.stat().st_size == room, "the disk was full"
     disk.room, again = 500, True
     with warnings.catch_warnings():
@@ -181,13 +206,17 @@ def test_a_sweep_without_room_keeps_all_results_and_writes_them_once_there_is(tm
     assert result.complete and result.array("value").tolist() == [2.0 * p for p in over["preload"]]
     lines = [json.loads(line) for line in path.read_text().splitlines()[1:]]
     assert sorted(line["index"] for line in lines) == list(range(8))
-    assert {line["index"]: line["values"]["value"] for line in lines} == {k: 2.0 * (k + 1.0) for k in range(8)}
+    assert {line["index"]: line["values"]["value"] for line in lines} == {
+        k: 2.0 * (k + 1.0) for k in range(8)
+    }
 
 
 def test_no_room_at_the_start_is_an_error(tmp_path, monkeypatch):
     asks = {
         "sweep.jsonl": lambda path: bd.sweep(pressed(), {"preload": [1.0]}, question, resume=path),
-        "search.jsonl": lambda path: optimal_curve(pressed().problem, (0.5, 5.0), 3, frequency=BAND, resume=path),
+        "search.jsonl": lambda path: optimal_curve(
+            pressed().problem, (0.5, 5.0), 3, frequency=BAND, resume=path
+        ),
     }
     for name, ask in asks.items():
         monkeypatch.setattr(os, "write", Disk(100))
@@ -215,8 +244,12 @@ except bd.BdamperError as error:
 def test_a_device_is_not_read_without_end():
     if not Path("/dev/full").exists():
         pytest.skip("no /dev/full on this system")
-    done = subprocess.run([sys.executable, "-c", DEVICE, "/dev/full"], capture_output=True, text=True, timeout=60)
-    assert done.stdout == "/dev/full: expected a regular file, found a device or a pipe\n", done.stderr
+    done = subprocess.run(
+        [sys.executable, "-c", DEVICE, "/dev/full"], capture_output=True, text=True, timeout=60
+    )
+    assert done.stdout == "/dev/full: expected a regular file, found a device or a pipe\n", (
+        done.stderr
+    )
 
 
 def test_a_pipe_is_left_alone(tmp_path):
@@ -226,7 +259,9 @@ def test_a_pipe_is_left_alone(tmp_path):
     os.mkfifo(path)
     curve = pressed().frequency_response(1.0, BAND)
     for write in (pressed().save, curve.save, curve.to_csv):
-        with pytest.raises(bd.BdamperError, match=r"expected a regular file, found (a device or )?a pipe"):
+        with pytest.raises(
+            bd.BdamperError, match=r"expected a regular file, found (a device or )?a pipe"
+        ):
             write(path)
     assert path.is_fifo() and [item.name for item in tmp_path.iterdir()] == ["pipe"]
 
@@ -287,7 +322,9 @@ def test_a_lack_of_memory_at_one_point_keeps_the_others(monkeypatch):
 def test_a_lack_of_memory_names_what_was_called(monkeypatch):
     study = pressed()
     monkeypatch.setattr(type(study.problem), "static_states", property(without_memory))
-    with pytest.raises(bd.BdamperError, match=r"^static: expected enough memory, found too little; end") as caught:
+    with pytest.raises(
+        bd.BdamperError, match=r"^static: expected enough memory, found too little; end"
+    ) as caught:
         study.static(1.0)
     assert isinstance(caught.value, MemoryError)
 
@@ -297,7 +334,10 @@ def test_a_folder_without_permission(tmp_path, monkeypatch):
         raise PermissionError(errno.EACCES, "Permission denied")
 
     monkeypatch.setattr(os, "open", refuse)
-    with pytest.raises(bd.BdamperError, match=r"r\.jsonl: expected a file that can be written, found .*Permission denied"):
+    with pytest.raises(
+        bd.BdamperError,
+        match=r"r\.jsonl: expected a file that can be written, found .*Permission denied",
+    ):
         bd.sweep(pressed(), {"preload": [1.0]}, question, resume=tmp_path / "r.jsonl")
 
 

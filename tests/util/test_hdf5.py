@@ -30,9 +30,15 @@ def same(a, b):
     if isinstance(a, np.ndarray) and a.dtype.names:
         return a.dtype == b.dtype and all(same(a[name], b[name]) for name in a.dtype.names)
     if isinstance(a, np.ndarray):
-        return isinstance(b, np.ndarray) and a.dtype == b.dtype and np.array_equal(a, b, equal_nan=a.dtype.kind in "fc")
+        return (
+            isinstance(b, np.ndarray)
+            and a.dtype == b.dtype
+            and np.array_equal(a, b, equal_nan=a.dtype.kind in "fc")
+        )
     if isinstance(a, Storable):
-        return type(a) is type(b) and all(same(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
+        return type(a) is type(b) and all(
+            same(getattr(a, f.name), getattr(b, f.name)) for f in fields(a)
+        )
     if isinstance(a, tuple):
         return isinstance(b, tuple) and len(a) == len(b) and all(map(same, a, b))
     if isinstance(a, dict):
@@ -43,7 +49,9 @@ def same(a, b):
 @pytest.fixture(scope="module")
 def curve():
     made = result("frequency_response")
-    return replace(made, unstable=np.zeros(len(made), bool), made_with=replace(INSTALLED, bdamper="0.4.0"))
+    return replace(
+        made, unstable=np.zeros(len(made), bool), made_with=replace(INSTALLED, bdamper="0.4.0")
+    )
 
 
 @pytest.fixture(scope="module")
@@ -78,19 +86,31 @@ class TestReading:
         with pytest.raises(FileNotFoundError, match=r"there is no file '.*result\.h5'"):
             bd.load(path)
         path.write_bytes(b"not HDF5")
-        with pytest.raises(bd.BdamperError, match=rf"{path}: expected a file written by bdamper, found something else"):
+        with pytest.raises(
+            bd.BdamperError,
+            match=rf"{path}: expected a file written by bdamper, found something else",
+        ):
             bd.load(path)
         h5py.File(path, "w").close()
-        with pytest.raises(bd.BdamperError, match=rf"{path}: expected a file written by bdamper, found the format 'none'"):
+        with pytest.raises(
+            bd.BdamperError,
+            match=rf"{path}: expected a file written by bdamper, found the format 'none'",
+        ):
             bd.load(path)
         with h5py.File(path, "w") as file:
             file.attrs["format"] = "other"
-        with pytest.raises(bd.BdamperError, match=rf"{path}: expected a file written by bdamper, found the format 'other'"):
+        with pytest.raises(
+            bd.BdamperError,
+            match=rf"{path}: expected a file written by bdamper, found the format 'other'",
+        ):
             bd.load(path)
 
     def test_errors_without_a_text_are_named(self, tmp_path):
         h5py.File(path := tmp_path / "result.h5", "w").close()
-        with pytest.raises(bd.BdamperError, match=r"found something else \(EOFError\)$"), read_hdf5(path, "a file"):
+        with (
+            pytest.raises(bd.BdamperError, match=r"found something else \(EOFError\)$"),
+            read_hdf5(path, "a file"),
+        ):
             raise EOFError
 
     @each("cls", Storable.__subclasses__(), ids=lambda cls: cls.__name__)
@@ -98,7 +118,9 @@ class TestReading:
         path = tmp_path / "result.h5"
         with h5py.File(path, "w") as file:
             file.attrs["format"], file.attrs["version"] = cls._format, 4
-        with pytest.raises(bd.BdamperError, match=r"result\.h5: /@?\w+: expected this \w+.*, found nothing"):
+        with pytest.raises(
+            bd.BdamperError, match=r"result\.h5: /@?\w+: expected this \w+.*, found nothing"
+        ):
             bd.load(path)
 
 
@@ -107,7 +129,11 @@ def rewritten(path, name, change):
     with h5py.File(path, "r+") as file:
         value = file[name][()]
         del file[name]
-        file[name] = change(value) if isinstance(value, np.ndarray) else json.dumps(change(json.loads(value)))
+        file[name] = (
+            change(value)
+            if isinstance(value, np.ndarray)
+            else json.dumps(change(json.loads(value)))
+        )
 
 
 class TestDamaged:
@@ -134,7 +160,9 @@ class TestDamaged:
         path = tmp_path / "result.h5"
         answers(name).save(path)
         rewritten(path, field, lambda value: [*value, *value] if field == "shape" else value[:-1])
-        with pytest.raises(bd.BdamperError, match=rf"{path}: expected a file written by \w+\.save, found .*") as caught:
+        with pytest.raises(
+            bd.BdamperError, match=rf"{path}: expected a file written by \w+\.save, found .*"
+        ) as caught:
             bd.load(path)
         assert "\n" not in str(caught.value)
 
@@ -149,12 +177,19 @@ class TestDamaged:
         """Without the first harmonic, the normal direction or the open contacts, nothing could be printed."""
         path = tmp_path / "result.h5"
         answers(name).save(path)
-        rewritten(path, field, lambda value: value[..., :-1] if field != "harmonics" else value[:, :1])
-        with pytest.raises(bd.BdamperError, match=rf"{path}: expected a file written by \w+\.save, found .*") as caught:
+        rewritten(
+            path, field, lambda value: value[..., :-1] if field != "harmonics" else value[:, :1]
+        )
+        with pytest.raises(
+            bd.BdamperError, match=rf"{path}: expected a file written by \w+\.save, found .*"
+        ) as caught:
             bd.load(path)
         assert "\n" not in str(caught.value)
 
-    @each("field", ["place", "measured", "model", "test", "residual", "prediction", "values", "information"])
+    @each(
+        "field",
+        ["place", "measured", "model", "test", "residual", "prediction", "values", "information"],
+    )
     def test_points_of_a_fit_without_one_of_their_values_are_refused(self, tmp_path, field):
         """Two points of one test, and one parameter."""
         one, two = np.ones(1), np.ones(2)
@@ -166,14 +201,19 @@ class TestDamaged:
         fit.save(tmp_path / "fit.h5")
         assert bd.load(tmp_path / "fit.h5").names == fit.names
         rewritten(tmp_path / "fit.h5", field, lambda value: value[..., :-1])
-        with pytest.raises(bd.BdamperError, match=r"expected a file written by Fitted\.save, found .*' has the shape"):
+        with pytest.raises(
+            bd.BdamperError,
+            match=r"expected a file written by Fitted\.save, found .*' has the shape",
+        ):
             bd.load(tmp_path / "fit.h5")
 
     def test_what_would_fill_the_memory_is_not_read(self, tmp_path, curve, monkeypatch):
         curve.save(tmp_path / "zeros.h5")
         with h5py.File(tmp_path / "zeros.h5", "r+") as file:
             del file["residual"]
-            file.create_dataset("residual", (625_000_000,), "f8", chunks=(1_000_000,), compression="gzip")
+            file.create_dataset(
+                "residual", (625_000_000,), "f8", chunks=(1_000_000,), compression="gzip"
+            )
         monkeypatch.setattr("bdamper.util.storage.MOST_TEXT", 1_000_000)
         for name, text in (("long.h5", "x" * 8_000_000), ("fixed.h5", np.bytes_(b"x" * 8_000_000))):
             with h5py.File(tmp_path / name, "w", libver="latest") as file:
@@ -181,7 +221,10 @@ class TestDamaged:
         text = r"80\d+ bytes of texts and attributes"
         for name, found in (("zeros", "arrays of 50000"), ("long", text), ("fixed", text)):
             tracemalloc.start()
-            with pytest.raises(bd.BdamperError, match=rf"{name}\.h5: expected a file written by bdamper, found .*{found}"):
+            with pytest.raises(
+                bd.BdamperError,
+                match=rf"{name}\.h5: expected a file written by bdamper, found .*{found}",
+            ):
                 bd.load(tmp_path / f"{name}.h5")
             assert tracemalloc.get_traced_memory()[1] < 4_000_000
             tracemalloc.stop()
@@ -190,8 +233,9 @@ class TestDamaged:
 class TestWriting:
     @each("name", [name for name in RESULTS if name not in WITHOUT_TABLE])
     def test_what_is_written_is_read(self, tmp_path, name, answers):
-        result = through_a_file(answers(name),
-            tmp_path / "once.h5")  # plain numbers of a file have become those of the types
+        result = through_a_file(
+            answers(name), tmp_path / "once.h5"
+        )  # plain numbers of a file have become those of the types
         assert same(through_a_file(result, tmp_path / "twice.h5"), result)
 
     def test_fields_of_all_kinds(self, tmp_path):
@@ -202,7 +246,14 @@ class TestWriting:
         }  # fmt: skip
         for columns in (kinds, {}):
             rows = named_fields(columns, 3)
-            made = SweepResult(("p",), named_fields({"p": [1.0, 2.0, 3.0]}, 3), rows, ("complete",) * 3, np.zeros(3), (3,))
+            made = SweepResult(
+                ("p",),
+                named_fields({"p": [1.0, 2.0, 3.0]}, 3),
+                rows,
+                ("complete",) * 3,
+                np.zeros(3),
+                (3,),
+            )
             made.save(tmp_path / "kinds.h5")
             again = bd.load(tmp_path / "kinds.h5").values
             assert again.dtype == rows.dtype and len(again) == 3
@@ -216,8 +267,13 @@ class TestWriting:
         made = bd.sweep(pressed(), {"preload": np.linspace(1.0, 2.0, n)}, halved)
         made.save(tmp_path / "sweep.h5")
         with h5py.File(tmp_path / "sweep.h5") as file:
-            assert file["values"].dtype == [("half", "f8")] and file["points"].dtype == [("preload", "f8")]
-            assert file["cost"].dtype["evaluations"] == np.int64 and file["cost"].dtype["seconds"] == np.float64
+            assert file["values"].dtype == [("half", "f8")] and file["points"].dtype == [
+                ("preload", "f8")
+            ]
+            assert (
+                file["cost"].dtype["evaluations"] == np.int64
+                and file["cost"].dtype["seconds"] == np.float64
+            )
         assert (tmp_path / "sweep.h5").stat().st_size < 100 * n
 
     def test_results_within_a_result(self, tmp_path, curve):
@@ -241,7 +297,9 @@ class TestWriting:
         class Special(ResponseCurve):
             pass
 
-        Special(**{f.name: getattr(curve, f.name) for f in fields(curve)}).save(tmp_path / "curve.h5")
+        Special(**{f.name: getattr(curve, f.name) for f in fields(curve)}).save(
+            tmp_path / "curve.h5"
+        )
         assert same(bd.load(tmp_path / "curve.h5"), curve)
 
     def test_a_file_is_replaced_once_all_is_written(self, tmp_path, curve):
@@ -250,7 +308,9 @@ class TestWriting:
         before = path.read_bytes()
         with pytest.raises(TypeError, match="expected a number"):
             replace(curve, settings={"broken": object()}).save(path)
-        assert path.read_bytes() == before and [item.name for item in tmp_path.iterdir()] == ["curve.h5"]
+        assert path.read_bytes() == before and [item.name for item in tmp_path.iterdir()] == [
+            "curve.h5"
+        ]
 
     def test_one_place_opens_files_for_writing(self):
         package = Path(bd.__file__).resolve().parent
@@ -266,21 +326,34 @@ class TestWriting:
 
 class TestVersions:
     def test_a_file_tells_what_made_it(self, tmp_path, curve):
-        assert replace(curve, preload=1.0).made_with == curve.made_with != INSTALLED  # a copy of an old result stays old
+        assert (
+            replace(curve, preload=1.0).made_with == curve.made_with != INSTALLED
+        )  # a copy of an old result stays old
         made_now = replace(curve, made_with=INSTALLED)
-        assert str(INSTALLED) == f"bdamper {bd.__version__}, NumPy {np.__version__}, SciPy {INSTALLED.scipy}"
+        assert (
+            str(INSTALLED)
+            == f"bdamper {bd.__version__}, NumPy {np.__version__}, SciPy {INSTALLED.scipy}"
+        )
         made_now.save(tmp_path / "curve.h5")
         with h5py.File(tmp_path / "curve.h5", "a") as file:
             made_with = file["made_with"].attrs
-            assert made_with["bdamper"].decode() == bd.__version__ and made_with["numpy"].decode() == np.__version__
+            assert (
+                made_with["bdamper"].decode() == bd.__version__
+                and made_with["numpy"].decode() == np.__version__
+            )
             made_with["scipy"] = "1.99"
         assert bd.load(tmp_path / "curve.h5").made_with == replace(INSTALLED, scipy="1.99")
 
     def test_results_within_results_keep_their_own(self, tmp_path, curve, answers):
         whole = answers("optimal_curve")
-        replace(whole, curves=(curve, replace(curve, made_with=INSTALLED)), made_with=INSTALLED).save(tmp_path / "whole.h5")
+        replace(
+            whole, curves=(curve, replace(curve, made_with=INSTALLED)), made_with=INSTALLED
+        ).save(tmp_path / "whole.h5")
         again = bd.load(tmp_path / "whole.h5")
-        assert again.made_with == INSTALLED and [c.made_with for c in again.curves] == [curve.made_with, INSTALLED]
+        assert again.made_with == INSTALLED and [c.made_with for c in again.curves] == [
+            curve.made_with,
+            INSTALLED,
+        ]
 
     def test_a_kind_that_is_unknown_is_named_with_its_version(self, tmp_path, curve):
         curve.save(path := tmp_path / "curve.h5")
@@ -290,11 +363,15 @@ class TestVersions:
         with pytest.raises(bd.BdamperError, match=refused):
             bd.load(path)
 
-    def test_fields_that_this_version_does_not_know_are_refused_with_the_version_that_wrote_them(self, tmp_path, curve):
+    def test_fields_that_this_version_does_not_know_are_refused_with_the_version_that_wrote_them(
+        self, tmp_path, curve
+    ):
         curve.save(path := tmp_path / "curve.h5")
         with h5py.File(path, "a") as file:
             file.move("residual", "remainder")
-        with pytest.raises(bd.BdamperError, match=r"\(written by bdamper 0\.4\.0, .*: .*/remainder: expected"):
+        with pytest.raises(
+            bd.BdamperError, match=r"\(written by bdamper 0\.4\.0, .*: .*/remainder: expected"
+        ):
             bd.load(path)
 
     def test_files_of_a_later_version_are_refused(self, tmp_path, curve):
@@ -317,13 +394,18 @@ class TestResumeFiles:
         bd.sweep(study, **asked, resume=path)
         lines = path.read_text().splitlines()
         header = json.loads(lines[0])
-        assert header["numpy_version"] == np.__version__ and header["bdamper_version"] == bd.__version__
+        assert (
+            header["numpy_version"] == np.__version__
+            and header["bdamper_version"] == bd.__version__
+        )
         path.write_text("\n".join([json.dumps({**header, "numpy_version": "1.0"}), lines[1], ""]))
         result = bd.sweep(study, **asked, resume=path)
         assert result.array("half").tolist() == [1000.0, 2000.0]
         assert len(path.read_text().splitlines()) == 3
         path.write_text(json.dumps({**header, "bdamper_version": "0.6.0"}) + "\n")
-        with pytest.raises(bd.BdamperError, match=r"expected results of .*, found results of bdamper 0\.6\.0,"):
+        with pytest.raises(
+            bd.BdamperError, match=r"expected results of .*, found results of bdamper 0\.6\.0,"
+        ):
             bd.sweep(study, **asked, resume=path)
 
 

@@ -13,7 +13,14 @@ from bdamper.util.storage import FORMATS, Storable
 
 @pytest.fixture(scope="module")
 def study():
-    return bd.lumped(1.0, 0.02, 1.0, contacts=[bd.Contact(0, kt=1.0, mu=1.0, preload=1.0)], forces={0: 1.0}, harmonics=1)
+    return bd.lumped(
+        1.0,
+        0.02,
+        1.0,
+        contacts=[bd.Contact(0, kt=1.0, mu=1.0, preload=1.0)],
+        forces={0: 1.0},
+        harmonics=1,
+    )
 
 
 def modules_after(code):
@@ -57,11 +64,15 @@ def test_pictures_are_found_by_an_entry_point(study):
 
 def test_a_missing_attribute_is_explained_when_it_is_printed(study, monkeypatch):
     looked_at = []
-    monkeypatch.setattr("bdamper.util.display._kinds", lambda kind: looked_at.append(kind) or iter([Summarised]))
+    monkeypatch.setattr(
+        "bdamper.util.display._kinds", lambda kind: looked_at.append(kind) or iter([Summarised])
+    )
     curve = study.frequency_response(0.0, (0.1, 0.3))
     assert not hasattr(curve, "zzzz")  # a name that no result has
     assert not looked_at
-    with pytest.raises(AttributeError, match=r"ResponseCurve has no attribute 'amplitud'; did you mean .*amplitude"):
+    with pytest.raises(
+        AttributeError, match=r"ResponseCurve has no attribute 'amplitud'; did you mean .*amplitude"
+    ):
         curve.amplitud  # noqa: B018
     with pytest.raises(AttributeError, match=r"^ResponseCurve has no attribute 'zzzz'$"):
         curve.zzzz  # noqa: B018

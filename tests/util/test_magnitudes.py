@@ -21,12 +21,20 @@ LAW = bd.ContactLaw.jenkins([5e6], 10.0, 0.3, kn=1e7)
 
 @pytest.fixture(scope="module")
 def study():
-    return plain_study(bd.reference_model("bladed_disk"), TIP, engine_order=5, friction_coefficient=0.4)
+    return plain_study(
+        bd.reference_model("bladed_disk"), TIP, engine_order=5, friction_coefficient=0.4
+    )
 
 
 def lumped(**given):
     contact = bd.Contact(0, kt=1.0, mu=1.0, preload=1.0)
-    usual = {"mass": 1.0, "damping": 0.1, "stiffness": 1.0, "contacts": [contact], "forces": {0: 1.0}}
+    usual = {
+        "mass": 1.0,
+        "damping": 0.1,
+        "stiffness": 1.0,
+        "contacts": [contact],
+        "forces": {0: 1.0},
+    }
     return bd.lumped(**usual | given)
 
 

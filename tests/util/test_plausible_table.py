@@ -19,7 +19,10 @@ DOORS = doors()
 PARAMETERS = [(name, parameter) for name, door in DOORS.items() for parameter in numeric(door)]
 BY_STUDY = ("Study", "Excitation", "Body")
 """Looked at when a study is made."""
-VARIED = {f"Study.{name}" for name in (*FACTORS, "force_factor", "excitation", "excitation.amplitude", "excitation.phase")}
+VARIED = {
+    f"Study.{name}"
+    for name in (*FACTORS, "force_factor", "excitation", "excitation.amplitude", "excitation.phase")
+}
 CONDITIONS = {"friction", "excitation"}
 
 
@@ -48,8 +51,16 @@ def test_functions_look_at_their_ranges(name, parameter):
 
 
 def test_every_entry_is_in_use():
-    used = {key(name, parameter) for name, parameter in WITH_ENTRY} | VARIED | CONDITIONS | {"Body.mass"}
-    drawn = {f"DamperVariation.random.{name}" for name in ("mass", "friction_coefficient", "contact_stiffness", "gap")}
+    used = (
+        {key(name, parameter) for name, parameter in WITH_ENTRY}
+        | VARIED
+        | CONDITIONS
+        | {"Body.mass"}
+    )
+    drawn = {
+        f"DamperVariation.random.{name}"
+        for name in ("mass", "friction_coefficient", "contact_stiffness", "gap")
+    }
     assert set(TABLE) == used | drawn
 
 
@@ -107,12 +118,16 @@ def test_functions_of_a_user_warn_in_sweeps_and_comparisons():
         Material(300.0, 1e9, 1e9)
         return {"answer": 1.0}
 
-    study = bd.lumped(1.0, 0.02, 1.0, contacts=[bd.Contact(0, kt=1.0, mu=1.0, preload=1.0)], forces={0: 1.0})
+    study = bd.lumped(
+        1.0, 0.02, 1.0, contacts=[bd.Contact(0, kt=1.0, mu=1.0, preload=1.0)], forces={0: 1.0}
+    )
     over = {"damping_factor": [1.0]}
     assert told(lambda: bd.sweep(study, over, evaluate=evaluate)) == ["endurance_limit"]
     # threads do not know the call of the user
     with ThreadPoolExecutor(1) as pool:
-        assert told(lambda: bd.sweep(study, over, evaluate=evaluate, executor=pool)) == ["endurance_limit"]
+        assert told(lambda: bd.sweep(study, over, evaluate=evaluate, executor=pool)) == [
+            "endurance_limit"
+        ]
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e-8])
@@ -120,7 +135,13 @@ def test_normalised_lumped_models_draw_no_warning_of_units(scale):
     """Preloads below the excitation, or beyond a million times of it, and excitations of any size."""
     contact = bd.Contact(0, {1: 1.0}, kt=1.0, kn=1.0, mu=0.5)
     study = bd.lumped(
-        [1.0, 1.0], [0.02, 1.0], [1.0, 100.0], contacts=[contact], forces={0: 1.0}, harmonics=1, load_per_preload={1: 1.0}
+        [1.0, 1.0],
+        [0.02, 1.0],
+        [1.0, 100.0],
+        contacts=[contact],
+        forces={0: 1.0},
+        harmonics=1,
+        load_per_preload={1: 1.0},
     )
     interval = (0.05, 0.5)
     with warnings.catch_warnings():
@@ -129,7 +150,9 @@ def test_normalised_lumped_models_draw_no_warning_of_units(scale):
         for preload in (0.3, 1e7):
             study.peak(preload, interval)
             study.static(preload)
-            study.optimal_curve([preload, 1.5 * preload, 2.0 * preload], frequency=interval, check=False)
+            study.optimal_curve(
+                [preload, 1.5 * preload, 2.0 * preload], frequency=interval, check=False
+            )
             bd.sweep(study, {"preload": [preload]}, frequency=interval)
 
 
@@ -156,7 +179,11 @@ def test_parameters_of_a_function_have_the_ranges_of_that_function():
 
 
 def test_the_deviation_of_a_prior_is_no_value():
-    study = bd.lumped(1.0, 0.01, 1.0, contacts=[bd.Contact(0, kt=0.25, mu=1.0, preload=0.2)], forces={0: 1.0})
+    study = bd.lumped(
+        1.0, 0.01, 1.0, contacts=[bd.Contact(0, kt=0.25, mu=1.0, preload=0.2)], forces={0: 1.0}
+    )
     vary = {"friction_coefficient": (0.1, 1.0)}
     assert names(study, vary=vary, priors={"friction_coefficient": (0.3, 0.01)}) == []
-    assert names(study, vary=vary, priors={"friction_coefficient": (30.0, 0.1)}) == ["friction_coefficient"]
+    assert names(study, vary=vary, priors={"friction_coefficient": (30.0, 0.1)}) == [
+        "friction_coefficient"
+    ]

@@ -28,7 +28,9 @@ def test_the_docstring_names_the_function_that_draws(cls):
 
 
 def test_arguments_are_passed_on(monkeypatch):
-    monkeypatch.setitem(_DRAWINGS, (Model, "film"), lambda *arguments, **options: (arguments, options))
+    monkeypatch.setitem(
+        _DRAWINGS, (Model, "film"), lambda *arguments, **options: (arguments, options)
+    )
     model = Model(1, {}, {})
     assert draw(model, "film", 1, size=2) == ((model, 1), {"size": 2})
 

@@ -42,7 +42,9 @@ def study():
 
 @pytest.fixture(scope="module")
 def bonded(study):
-    return study.replace(friction_law="bonded").optimal_curve((20.0, 1e4), 3, frequency=INTERVAL, check=False)
+    return study.replace(friction_law="bonded").optimal_curve(
+        (20.0, 1e4), 3, frequency=INTERVAL, check=False
+    )
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +76,9 @@ class TestHighestAtTheEnd:
         curve = study.frequency_response(2000.0, (330.0, 365.0))
         assert not curve.peak_at_end
         told = {fact.name: fact.to_digits(6) for fact in curve._facts()}
-        assert told["peak status"] == "complete" and told["peak amplitude"] == amount(curve.peak.amplitude, "m", 6)
+        assert told["peak status"] == "complete" and told["peak amplitude"] == amount(
+            curve.peak.amplitude, "m", 6
+        )
 
     def test_of_linear_limits(self, study):
         assert not study.free(INTERVAL).peak_at_end
@@ -90,15 +94,24 @@ class TestOptimum:
 
     def test_without_any_peak_the_end_of_the_interval_is_named(self, study):
         curve = study.optimal_curve((100.0, 1e3), 3, frequency=(100.0, 150.0), check=False)
-        assert set(curve.kind) == {""} and np.isnan(curve.amplitude).all() and (curve.lower_bound > 0.0).all()
+        assert (
+            set(curve.kind) == {""}
+            and np.isnan(curve.amplitude).all()
+            and (curve.lower_bound > 0.0).all()
+        )
         assert "highest at an end of the interval, without a maximum in it" in curve.summary()
 
     def test_without_any_response_is_refused(self, study, monkeypatch):
         def overflows(*args, **_):
             raise FloatingPointError("overflow")
 
-        monkeypatch.setattr(sys.modules["bdamper.response.highest_peak"], "frequency_response", overflows)
-        with pytest.raises(bd.BdamperError, match=r"no peak found at any of 3 preloads from 100 to 1000 N between 100 and"):
+        monkeypatch.setattr(
+            sys.modules["bdamper.response.highest_peak"], "frequency_response", overflows
+        )
+        with pytest.raises(
+            bd.BdamperError,
+            match=r"no peak found at any of 3 preloads from 100 to 1000 N between 100 and",
+        ):
             study.optimal_curve((100.0, 1e3), 3, frequency=(100.0, 150.0), check=False)
 
     def test_flat_where_the_preload_does_not_matter(self, bonded):
@@ -106,7 +119,10 @@ class TestOptimum:
         assert np.isnan(bonded.optimum.preload)
         assert bonded.optimum.amplitude == pytest.approx(bonded.stuck.amplitude, rel=1e-6)
         none = "none, the preload has no effect, not found: the preload does not matter"
-        assert Fact("optimum", none) in bonded._facts() and "The preload does not matter" in bonded.summary()
+        assert (
+            Fact("optimum", none) in bonded._facts()
+            and "The preload does not matter" in bonded.summary()
+        )
 
     def test_flat_is_kept_in_a_file(self, bonded, tmp_path):
         bonded.save(tmp_path / "flat.h5")
@@ -157,46 +173,100 @@ class TestBottomLine:
             values = o.amplitude * np.array([ends[0], 1.1, 1.0, 1.0, 1.1, ends[1]])
             unknown = np.full(6, np.nan)
             steep = replace(curve, preload=shares, amplitude=values, lower_bound=unknown, curves=())
-            bound = replace(steep, amplitude=np.where(values > 8.0 * o.amplitude, np.nan, values), lower_bound=values)
+            bound = replace(
+                steep,
+                amplitude=np.where(values > 8.0 * o.amplitude, np.nan, values),
+                lower_bound=values,
+            )
             for c in (steep, bound):  # a lower bound counts as well
                 said = c._headline().partition(". Amplitude")[0]
                 assert said.endswith(side) and ("faster" in said) == bool(side)
             # the amplitude of the flatter side is a lower bound and may rise faster than the other side
             doubtful = np.where(values == 1.6 * o.amplitude, np.nan, values)
-            doubtful[[0, -1]] = np.where(values[[0, -1]] == 1.5 * o.amplitude, np.nan, doubtful[[0, -1]])
-            assert "faster" not in replace(steep, amplitude=doubtful, lower_bound=values)._headline()
-        at_twenty = {**curve.settings, "excitation": {**curve.settings["excitation"], "amplitude": 20.0}}
+            doubtful[[0, -1]] = np.where(
+                values[[0, -1]] == 1.5 * o.amplitude, np.nan, doubtful[[0, -1]]
+            )
+            assert (
+                "faster" not in replace(steep, amplitude=doubtful, lower_bound=values)._headline()
+            )
+        at_twenty = {
+            **curve.settings,
+            "excitation": {**curve.settings["excitation"], "amplitude": 20.0},
+        }
         said = replace(curve, settings=at_twenty)._headline()
         assert f"{amount(o.preload, 'N')} at 20 N of excitation;" in said
         load = study.at_speed(2.0 * np.pi * o.frequency / 5.0).preload
-        assert f" The damper has {amount(load, 'N')} at {amount(12.0 * o.frequency, 'rpm')}; the preload needs " in said
+        assert (
+            f" The damper has {amount(load, 'N')} at {amount(12.0 * o.frequency, 'rpm')}; the preload needs "
+            in said
+        )
         assert f" {o.preload / load:.2g} times its mass. Amplitude" in said
-        assert "times its mass" not in replace(curve, settings=at_twenty, mass_radius=np.nan)._headline()
-        faster = replace(curve, settings=at_twenty | {"speed": 4.0 * np.pi * o.frequency / 5.0})._headline()
-        assert f" The damper has {amount(4.0 * load, 'N')} at {amount(24.0 * o.frequency, 'rpm')}; the" in faster
+        assert (
+            "times its mass"
+            not in replace(curve, settings=at_twenty, mass_radius=np.nan)._headline()
+        )
+        faster = replace(
+            curve, settings=at_twenty | {"speed": 4.0 * np.pi * o.frequency / 5.0}
+        )._headline()
+        assert (
+            f" The damper has {amount(4.0 * load, 'N')} at {amount(24.0 * o.frequency, 'rpm')}; the"
+            in faster
+        )
         shares = at_twenty | {"load_per_preload": {"damper": 2.0}}  # the load is not the preload
         assert "times its mass" not in replace(curve, settings=shares)._headline()
-        in_time = tuple(TimeResponse(0.9 * a, 0.8 * a, a, 1.0, p * o.preload, a) for p, a in ((1.0, 2.0), (1.35, 1.0)))
+        in_time = tuple(
+            TimeResponse(0.9 * a, 0.8 * a, a, 1.0, p * o.preload, a)
+            for p, a in ((1.0, 2.0), (1.35, 1.0))
+        )
         best = f"Preload: {amount(1.35 * o.preload, 'N')} per newton of excitation, least in time (harmonic balance alone: "
         more = replace(curve, time_response=in_time)._headline()
-        assert more.startswith(f"{best}{amount(o.preload, 'N')}); higher preloads were not integrated; by harmonic")
-        assert f"Design amplitude: 1 m (in time); in time at {amount(1.35 * o.preload, 'N')} 0.8 to 1 m, by" in more
+        assert more.startswith(
+            f"{best}{amount(o.preload, 'N')}); higher preloads were not integrated; by harmonic"
+        )
+        assert (
+            f"Design amplitude: 1 m (in time); in time at {amount(1.35 * o.preload, 'N')} 0.8 to 1 m, by"
+            in more
+        )
         assert "motion in time" not in more
         lines = str(curve).split("\n")
         assert len(lines) <= 14 and lines[-1] == "  1 further row; summary() has the rest"
-        flat = replace(curve, optimum=replace(o, preload=np.nan, kind="flat", status="not found: flat"))
+        flat = replace(
+            curve, optimum=replace(o, preload=np.nan, kind="flat", status="not found: flat")
+        )
         assert "does not matter" in flat._headline() and not flat.failures
-        for stiffness, points, more in (("model", None, False), ({"values": 1e7}, None, False), ({"values": 1e7}, 9, True)):
-            given = replace(curve, settings=curve.settings | {"contact_stiffness": stiffness, "contact_points": points})
-            assert ("more contact points" in given._headline()) == more, "contact points with given stiffnesses are joints"
+        for stiffness, points, more in (
+            ("model", None, False),
+            ({"values": 1e7}, None, False),
+            ({"values": 1e7}, 9, True),
+        ):
+            given = replace(
+                curve,
+                settings=curve.settings
+                | {"contact_stiffness": stiffness, "contact_points": points},
+            )
+            assert ("more contact points" in given._headline()) == more, (
+                "contact points with given stiffnesses are joints"
+            )
 
     @pytest.mark.parametrize(
         ("change", "first"),
         [
-            ({"kind": "end"}, "the least amplitude is at the end of the range, the optimum may lie beyond. Include"),
-            ({"status": "incomplete: why"}, "the search for the optimum is incomplete: why. Compute other preloads near"),
-            (1.3, "harmonic balance and time integration differ by 30 %. Add harmonics and blade modes until both"),
-            (np.nan, "time integration at 1 N is not found: why. Integrate at other preloads, study."),
+            (
+                {"kind": "end"},
+                "the least amplitude is at the end of the range, the optimum may lie beyond. Include",
+            ),
+            (
+                {"status": "incomplete: why"},
+                "the search for the optimum is incomplete: why. Compute other preloads near",
+            ),
+            (
+                1.3,
+                "harmonic balance and time integration differ by 30 %. Add harmonics and blade modes until both",
+            ),
+            (
+                np.nan,
+                "time integration at 1 N is not found: why. Integrate at other preloads, study.",
+            ),
             (
                 [1.0, 1.3, 1.31],
                 "more harmonics may be needed, 1.3 to 1.31 m with 5 to 7: not converged with 3. Use harmonics=5.",
@@ -212,7 +282,9 @@ class TestBottomLine:
             peaks = tuple(HarmonicPeak(h, a, 1.0) for h, a in zip((3, 5, 7), change))
             curve = replace(curve, optimum=o, convergence=Convergence(o.preload, 0.05, peaks))
         else:
-            preload, status = (o.preload, "complete") if np.isfinite(change) else (1.0, "not found: why")
+            preload, status = (
+                (o.preload, "complete") if np.isfinite(change) else (1.0, "not found: why")
+            )
             response = TimeResponse(change, change, change, 1.0, preload, 1.0, status=status)
             curve = replace(curve, optimum=o, time_response=(response,))
         assert str(curve).replace("\n", " ").startswith(f"Not for design: {first}")
@@ -239,20 +311,30 @@ class TestBottomLine:
         assert (check.colour, check.found) == (colour, found)
         failure = f"Not for design: at 1 kN the amplitude is {found}. Choose a preload for these friction coefficients"
         assert (failure in curve._headline()) == (colour == "red")
-        assert (f" Other friction: {check.found}. Not covered" in curve._headline()) == (colour != "red")
+        assert (f" Other friction: {check.found}. Not covered" in curve._headline()) == (
+            colour != "red"
+        )
         known = "1.3" if status == "complete" else "1"  # what was not found is not covered
         assert f"friction coefficients beyond 0.7 to {known} times 0.4." in curve._headline()
 
     def test_friction_coefficients_of_points(self, study):
         points = {"left": np.array([0.0, 0.5, 0.2]), "right": 0.3}
         curve = study.optimal_curve((200.0, 5e3), 4, frequency=INTERVAL, check=False)
-        said = replace(curve, settings=curve.settings | {"friction_coefficient": points})._headline()
+        said = replace(
+            curve, settings=curve.settings | {"friction_coefficient": points}
+        )._headline()
         assert said.endswith("friction coefficients other than 0.2, 0.3, 0.5.")
 
     def test_the_margin_is_that_near_the_preload(self, bonded):
         o = replace(bonded.optimum, preload=1000.0, kind="smooth", status="complete")
-        margins = SimpleNamespace(preload=np.array([800.0, 1000.0, 2000.0]), margin=np.array([1.8, 0.8, 2.0]))
-        (check,) = [c for c in checks(replace(bonded, optimum=o, margins=(margins,))) if c.name == "Margin against fatigue"]
+        margins = SimpleNamespace(
+            preload=np.array([800.0, 1000.0, 2000.0]), margin=np.array([1.8, 0.8, 2.0])
+        )
+        (check,) = [
+            c
+            for c in checks(replace(bonded, optimum=o, margins=(margins,)))
+            if c.name == "Margin against fatigue"
+        ]
         assert check.colour == "red" and check.found == "0.8 at 1 kN"
 
     def test_an_uncertain_preload_is_named_in_all_places(self, study, tmp_path):
@@ -262,16 +344,23 @@ class TestBottomLine:
         uncertain = replace(curve, optimum=o)
         (check,) = [c for c in checks(uncertain) if c.name == "Optimum verified"]
         assert (check.colour, check.found) == ("amber", "complete, preload known to 24 %")
-        first = f"Preload: {amount(o.preload, 'N')} per newton of excitation (preload known to 24 %)"
+        first = (
+            f"Preload: {amount(o.preload, 'N')} per newton of excitation (preload known to 24 %)"
+        )
         assert first in uncertain._headline()
-        assert o.text.endswith(", preload known to 24 %") and Fact("optimum", o.text) in uncertain._facts()
+        assert (
+            o.text.endswith(", preload known to 24 %")
+            and Fact("optimum", o.text) in uncertain._facts()
+        )
         lost = replace(curve, optimum=replace(o, status="incomplete: why"))
         assert "optimum incomplete: why, preload known to 24 %" in lost.warnings
         fine = replace(curve, optimum=replace(o, uncertainty=1e-6))
         assert "known to" not in fine._headline() and checks(fine)[1].colour == "green"
 
     def test_a_status_follows_the_amplitude_that_it_is_about(self):
-        response = TimeResponse(9e-6, 8e-6, 1e-5, 300.0, 50.0, 2e-5, status="incomplete: some steps failed")
+        response = TimeResponse(
+            9e-6, 8e-6, 1e-5, 300.0, 50.0, 2e-5, status="incomplete: some steps failed"
+        )
         said = "9 µm (8 to 10) at 300 Hz (incomplete: some steps failed); the peak of the harmonic balance is 20 µm."
         assert said in response._headline()
 
@@ -284,11 +373,17 @@ class TestBottomLine:
 
 
 def test_details_have_the_units_of_the_columns(peak):
-    assert Fact("preload", 8000.0, "N") in peak._facts() and "\n  preload          8 kN\n" in peak.summary()
+    assert (
+        Fact("preload", 8000.0, "N") in peak._facts()
+        and "\n  preload          8 kN\n" in peak.summary()
+    )
 
 
 def test_places_close_together_are_told_apart():
-    assert as_words({"preload": 1001.0}) == "preload 1.001 kN" and as_words({"mu": 0.46049}) == "mu 0.46049"
+    assert (
+        as_words({"preload": 1001.0}) == "preload 1.001 kN"
+        and as_words({"mu": 0.46049}) == "mu 0.46049"
+    )
     kept = TimeResponse(1e-4, 1e-4, 1e-4, 354.17, 4e3, 2e-4, fall=354.24, periods=9)._headline()
     assert "at 354.17 Hz;" in kept and "jumps to a lower amplitude at 354.24 Hz" in kept
 
@@ -316,11 +411,22 @@ def test_sensitivities_begin_with_the_largest(rich, peak):
 
 
 def test_tables_are_at_most_120_wide():
-    rows = [("name", *(f"column {k}" for k in range(12)), "empty"), ("first", *("1.2345678" for _ in range(12)), "")]
+    rows = [
+        ("name", *(f"column {k}" for k in range(12)), "empty"),
+        ("first", *("1.2345678" for _ in range(12)), ""),
+    ]
     lines = table_lines(rows, "  ")
-    assert max(map(len, lines)) <= 120 and lines[-1].startswith("  also: column 10") and "empty" not in lines[-1]
+    assert (
+        max(map(len, lines)) <= 120
+        and lines[-1].startswith("  also: column 10")
+        and "empty" not in lines[-1]
+    )
     below = table_lines(rows, "  ", whole=True)
-    assert max(map(len, below)) <= 120 and len(below) == 4 and [line.split()[0] for line in below] == ["name", "first"] * 2
+    assert (
+        max(map(len, below)) <= 120
+        and len(below) == 4
+        and [line.split()[0] for line in below] == ["name", "first"] * 2
+    )
     assert all(f"column {k}" in "".join(below) for k in range(12))
     assert table_lines([("a", "b"), ("1", "2")]) == ["a  b", "1  2"] and not table_lines([])
 
@@ -334,7 +440,15 @@ def test_the_help_of_a_study_has_types_without_their_checks():
 
 
 def test_every_result_that_prints_itself_is_shown_in_notebooks():
-    printing = WeibullTail, BestPreload, WedgeFriction, RobustOptimum, FEBody, DamperVariation, BladedDisk
+    printing = (
+        WeibullTail,
+        BestPreload,
+        WedgeFriction,
+        RobustOptimum,
+        FEBody,
+        DamperVariation,
+        BladedDisk,
+    )
     assert all("_repr_html_" in dir(kind) for kind in (*printing, MeasuredResponse))
     assert DamperVariation.of(6)._repr_html_().startswith("<div><pre>6 dampers, 0 missing")
 

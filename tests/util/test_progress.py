@@ -84,7 +84,9 @@ def same(a, b):
         if isinstance(x, np.ndarray):
             np.testing.assert_array_equal(x, y, err_msg=f.name)
         elif not isinstance(x, Cost):
-            assert re.sub(r"seconds=[^,)]*", "", str(x)) == re.sub(r"seconds=[^,)]*", "", str(y)), f.name
+            assert re.sub(r"seconds=[^,)]*", "", str(x)) == re.sub(r"seconds=[^,)]*", "", str(y)), (
+                f.name
+            )
 
 
 @each("name", WORK)
@@ -130,7 +132,11 @@ def test_where_there_is_no_terminal_a_line_comes_every_half_minute(capsys, monke
         for stage in "abcdefgh":
             report(stage, 0, 10)
     lines = capsys.readouterr().err.splitlines()
-    assert lines[-1] == "work: 100 %" and 2 <= len(lines) - 1 <= 4 and all(line.endswith(": 0 %") for line in lines[:-1])
+    assert (
+        lines[-1] == "work: 100 %"
+        and 2 <= len(lines) - 1 <= 4
+        and all(line.endswith(": 0 %") for line in lines[:-1])
+    )
 
 
 def test_a_curve_reports_each_point_once(monkeypatch):

@@ -20,14 +20,24 @@ from tests.util.numeric import doors, numeric
 from tests.util.test_plausible_table import own_name
 
 Q = pint.UnitRegistry().Quantity
-PER_HERTZ = {"Hz": 1.0, "kHz": 1e-3, "turn/s": 1.0, "rpm": 60.0, "rad/s": 2.0 * np.pi, "degree/s": 360.0, "turn/min": 60.0}
+PER_HERTZ = {
+    "Hz": 1.0,
+    "kHz": 1e-3,
+    "turn/s": 1.0,
+    "rpm": 60.0,
+    "rad/s": 2.0 * np.pi,
+    "degree/s": 360.0,
+    "turn/min": 60.0,
+}
 """Number that each unit has for 1 Hz."""
 BAND = (330.0, 360.0)
 
 
 @pytest.fixture(scope="module")
 def study():
-    return plain_study(turning_disk((0, 5)), bd.Excitation("tip", amplitude=20.0), 5, friction_coefficient=0.3)
+    return plain_study(
+        turning_disk((0, 5)), bd.Excitation("tip", amplitude=20.0), 5, friction_coefficient=0.3
+    )
 
 
 @each("unit", PER_HERTZ)
@@ -52,24 +62,33 @@ def test_speeds_are_converted_through_turns(study, unit):
     for found in (study.at_speed(speed), study.at_speed(rpm=speed)):
         assert found.settings.speed == pytest.approx(expected, rel=1e-12)
     speeds = (speed, 1.1 * speed)
-    assert study.campbell(speeds, (5,)).speed[[0, -1]] == pytest.approx([expected, 1.1 * expected], rel=1e-12)
+    assert study.campbell(speeds, (5,)).speed[[0, -1]] == pytest.approx(
+        [expected, 1.1 * expected], rel=1e-12
+    )
     assert validation.number("speed", speed, unit="rad/s") == pytest.approx(expected, rel=1e-12)
 
 
 def test_what_may_count_turns_or_radians_is_refused(study):
     with pytest.raises(bd.SettingError, match=r"^omega: expected rad/s, found 400\.0 / second$"):
         study.at_speed(Q(400.0, "1/s"))
-    with pytest.raises(bd.SettingError, match=r"^friction_coefficient: expected a plain number, found 20 degree$"):
+    with pytest.raises(
+        bd.SettingError, match=r"^friction_coefficient: expected a plain number, found 20 degree$"
+    ):
         study.replace(friction_coefficient=Q(20, "degree"))
     with pytest.raises(bd.SettingError, match=r"^preload: expected N, found 3 kilohertz$"):
         study.peak(Q(3, "kHz"))
-    with pytest.raises(bd.SettingError, match=r"^mode: expected a plain number, found 3 kilohertz$"):
+    with pytest.raises(
+        bd.SettingError, match=r"^mode: expected a plain number, found 3 kilohertz$"
+    ):
         study.peak(200.0, mode=Q(3, "kHz"))
 
 
 SETTINGS = {
     "contact_stiffness": (Q(40.0, "kN/mm"), 4e7),
-    "gap": ({"left": Q(5.0, "um"), "right": Q([0.002] * 9, "mm")}, {"left": 5e-6, "right": np.full(9, 2e-6)}),
+    "gap": (
+        {"left": Q(5.0, "um"), "right": Q([0.002] * 9, "mm")},
+        {"left": 5e-6, "right": np.full(9, 2e-6)},
+    ),
     "constant_loads": ({"damper": Q(0.5, "kN")}, {"damper": 500.0}),
     "damper_drag": ({"damper": Q(0.02, "N/(mm/s)")}, {"damper": 20.0}),
     "damping_ratio": (Q(0.2, "percent"), 0.002),
@@ -92,33 +111,57 @@ def test_parts_of_settings_are_converted():
         "tip", amplitude=20.0, phase=0.5 * np.pi
     )
     assert PerArea(Q(2.0, "N/mm**3")).stiffness == pytest.approx(2e9)
-    given, expected = ContactLaw.jenkins([Q(20.0, "kN/m")], [Q(5e-3, "kN")]), ContactLaw.jenkins([2e4], [5.0])
+    given, expected = (
+        ContactLaw.jenkins([Q(20.0, "kN/m")], [Q(5e-3, "kN")]),
+        ContactLaw.jenkins([2e4], [5.0]),
+    )
     np.testing.assert_allclose(given.parameters, expected.parameters, rtol=1e-12)
     steel = Material(Q(300.0, "MPa"), Q(900.0, "MPa"), Q(0.8, "GPa"))
-    assert (steel.endurance_limit, steel.ultimate_strength, steel.yield_strength) == pytest.approx((3e8, 9e8, 8e8))
+    assert (steel.endurance_limit, steel.ultimate_strength, steel.yield_strength) == pytest.approx(
+        (3e8, 9e8, 8e8)
+    )
 
 
 def test_a_lumped_model_is_converted():
     """An oscillator of 2 kg on 80 N/mm has sqrt(8e4 / 2) / 2 pi = 31.83 Hz."""
     contact = bd.Contact(tangential=0, kt=Q(10.0, "N/mm"), mu=0.3, preload=Q(1e-2, "kN"))
-    made = bd.lumped(Q(2000.0, "g"), Q(2.0, "N s/m"), Q(80.0, "N/mm"), contacts=[contact], forces={0: Q(500.0, "mN")})
+    made = bd.lumped(
+        Q(2000.0, "g"),
+        Q(2.0, "N s/m"),
+        Q(80.0, "N/mm"),
+        contacts=[contact],
+        forces={0: Q(500.0, "mN")},
+    )
     assert made.settings.excitation.amplitude == 0.5
     free = made.free((Q(25.0, "Hz"), Q(40.0, "Hz"))).peak
     assert free.frequency == pytest.approx(np.sqrt(4e4 - 0.5) / (2.0 * np.pi), rel=1e-3)
 
 
 def test_varied_values_are_converted(study):
-    values = {"preload": [Q(0.2, "kN"), Q(400.0, "N")], "excitation.amplitude": Q([0.01, 0.02], "kN")}
+    values = {
+        "preload": [Q(0.2, "kN"), Q(400.0, "N")],
+        "excitation.amplitude": Q([0.01, 0.02], "kN"),
+    }
     with pytest.warns(bd.PlausibilityWarning, match="centrifugal load of the damper at 439.8"):
-        found = bd.sweep(study, values | {"speed": [Q(70.0, "Hz")]}, lambda s, preload: {"seen": preload}).points
+        found = bd.sweep(
+            study, values | {"speed": [Q(70.0, "Hz")]}, lambda s, preload: {"seen": preload}
+        ).points
     assert np.unique(found["preload"]).tolist() == [200.0, 400.0]
     assert np.unique(found["excitation.amplitude"]).tolist() == [10.0, 20.0]
     np.testing.assert_allclose(found["speed"], 140.0 * np.pi, rtol=1e-12)
-    designs = {"now": study, "harder": {"excitation.amplitude": Q(0.03, "kN"), "gap": {"left": Q(1.0, "um")}}}
+    designs = {
+        "now": study,
+        "harder": {"excitation.amplitude": Q(0.03, "kN"), "gap": {"left": Q(1.0, "um")}},
+    }
     seen = []
     bd.compare(designs, lambda s: seen.append(s) or s.free(BAND))
-    assert seen[1].excitation.amplitude == 30.0 and seen[1].settings.gap["left"] == pytest.approx(1e-6)
-    assert study.replace(speed=None, **{"excitation.amplitude": Q(0.03, "kN")}).excitation.amplitude == 30.0
+    assert seen[1].excitation.amplitude == 30.0 and seen[1].settings.gap["left"] == pytest.approx(
+        1e-6
+    )
+    assert (
+        study.replace(speed=None, **{"excitation.amplitude": Q(0.03, "kN")}).excitation.amplitude
+        == 30.0
+    )
 
 
 SI = ("N", "m", "rad", "rad/s", "Hz", "Hz/s", "Pa", "kg", "N/m", "N/m3", "kg/m3", "N s/m")
@@ -149,5 +192,7 @@ def test_most_numbers_have_a_documented_unit():
 def test_the_unit_of_a_quantity_is_the_documented_one(name, parameter, unit):
     assert quantities.unit_of(own_name(name), parameter) == unit
     door = DOORS[name]
-    called = Settings.__init__ if door is bd.Study else door.__init__ if isinstance(door, type) else door
+    called = (
+        Settings.__init__ if door is bd.Study else door.__init__ if isinstance(door, type) else door
+    )
     assert hasattr(called, "doubts"), f"decorate {name} with validation.check_arguments"

@@ -23,12 +23,18 @@ def test_prints_draws_saves_and_is_a_table(name, tmp_path):
     first = str(result).split("\n")[0]
     assert first[0].isupper() or first[0].isdigit() or name == "mistuning", "a sentence comes first"
     assert len(str(result).split("\n")) <= 16 and "e-05" not in first and "e-06" not in first
-    assert isinstance(result, Plottable) and result.summary() and result._repr_html_().startswith("<div>")
+    assert (
+        isinstance(result, Plottable)
+        and result.summary()
+        and result._repr_html_().startswith("<div>")
+    )
     figure = result.plot(tmp_path / "picture.svg")
     assert isinstance(figure, Figure) and figure.axes and (tmp_path / "picture.svg").stat().st_size
     assert not plt.get_fignums(), "a saved figure is closed"
     result.to_csv(tmp_path / "table.csv")
-    rows = [row for row in csv.reader((tmp_path / "table.csv").open()) if not row[0].startswith("#")]
+    rows = [
+        row for row in csv.reader((tmp_path / "table.csv").open()) if not row[0].startswith("#")
+    ]
     assert len(rows) > 1 and len(rows[0]) == len(rows[1])
     result.save(tmp_path / "result.h5")
     again = bd.load(tmp_path / "result.h5")

@@ -5,11 +5,16 @@ from bdamper.util.errors import STATUSES, all_complete, not_run_lines, status_wo
 
 
 def test_words_are_those_of_the_docstring_and_stay_as_they_are():
-    assert all(f'"{one}"' in errors.__doc__ for one in STATUSES) and len(set(STATUSES)) == len(STATUSES)
+    assert all(f'"{one}"' in errors.__doc__ for one in STATUSES) and len(set(STATUSES)) == len(
+        STATUSES
+    )
 
 
 def test_reasons():
-    assert with_reason("failed", ValueError("no")) == "failed: no" and with_reason("complete") == "complete"
+    assert (
+        with_reason("failed", ValueError("no")) == "failed: no"
+        and with_reason("complete") == "complete"
+    )
     assert status_word("failed: no: none") == "failed"
 
 

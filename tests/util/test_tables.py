@@ -53,7 +53,9 @@ def curve(study):
 def swept():
     mu, preload = np.repeat([0.2, 0.4], 3), np.tile([1.0, 2.0, 3.0], 2)
     points = named_fields({"mu": mu, "preload": preload}, 6)
-    values = named_fields({"amplitude": mu * preload, "curve_amplitude": [[m, 0.0] for m in mu.tolist()]}, 6)
+    values = named_fields(
+        {"amplitude": mu * preload, "curve_amplitude": [[m, 0.0] for m in mu.tolist()]}, 6
+    )
     return SweepResult(("mu", "preload"), points, values, ("complete",) * 6, np.zeros(6), (2, 3))
 
 
@@ -76,7 +78,10 @@ class TestTables:
     def test_xarray(self, curve, swept):
         pytest.importorskip("xarray")
         data = curve.to_xarray()
-        assert data["harmonics"].dims == ("point", "harmonic") and data["amplitude"].attrs["units"] == "m"
+        assert (
+            data["harmonics"].dims == ("point", "harmonic")
+            and data["amplitude"].attrs["units"] == "m"
+        )
         grid = swept.to_xarray()
         assert float(grid["amplitude"].sel(mu=0.4, preload=3.0)) == pytest.approx(1.2)
         assert grid["curve_amplitude"].shape == (2, 3, 2)
@@ -88,24 +93,37 @@ class TestTables:
         data = curve.to_xarray()
         data.to_netcdf(tmp_path / "curve.nc", engine="h5netcdf", invalid_netcdf=True)
         with xarray.open_dataset(tmp_path / "curve.nc", engine="h5netcdf") as found:
-            assert np.array_equal(found["harmonics"], data["harmonics"]) and np.iscomplexobj(found["harmonics"])
+            assert np.array_equal(found["harmonics"], data["harmonics"]) and np.iscomplexobj(
+                found["harmonics"]
+            )
 
     def test_a_value_twice_is_no_coordinate(self, swept):
         pytest.importorskip("xarray")
-        twice = replace(swept, points=named_fields({"mu": np.full(6, 0.4), "preload": swept.points["preload"]}, 6))
-        with pytest.raises(bd.BdamperError, match="expected each value of 'mu' once, as coordinates are, found 2 values"):
+        twice = replace(
+            swept,
+            points=named_fields({"mu": np.full(6, 0.4), "preload": swept.points["preload"]}, 6),
+        )
+        with pytest.raises(
+            bd.BdamperError,
+            match="expected each value of 'mu' once, as coordinates are, found 2 values",
+        ):
             twice.to_xarray()
         assert len(twice.to_pandas()) == len(swept)
 
     @pytest.mark.parametrize("module", ["pandas", "xarray"])
     def test_what_is_not_installed_is_named(self, curve, module, monkeypatch):
         monkeypatch.setitem(sys.modules, module, None)
-        with pytest.raises(bd.BdamperError, match=rf"to_{module} needs {module}: install the extra bdamper\[table\]"):
+        with pytest.raises(
+            bd.BdamperError,
+            match=rf"to_{module} needs {module}: install the extra bdamper\[table\]",
+        ):
             getattr(curve, f"to_{module}")()
 
     def test_every_table_has_columns(self):
         own = [cls for cls in Tabular.__subclasses__() if cls.__module__.startswith("bdamper.")]
-        assert len(own) > 15 and all(cls.columns is not Tabular.columns or quantities(cls) for cls in own)
+        assert len(own) > 15 and all(
+            cls.columns is not Tabular.columns or quantities(cls) for cls in own
+        )
 
 
 @dataclass(frozen=True)
@@ -149,14 +167,22 @@ class Gridded(Tabular, row="place"):
 def test_arrays_over_a_grid_are_columns_beside_its_coordinates():
     found = Gridded(np.array([5.0, 6.0, 7.0]), np.arange(6.0).reshape(3, 2))
     columns = found.columns()
-    assert list(columns) == ["load", "mode", "height"] and columns["load"].unit == "N" and columns["height"].unit == "m"
+    assert (
+        list(columns) == ["load", "mode", "height"]
+        and columns["load"].unit == "N"
+        and columns["height"].unit == "m"
+    )
     assert columns["load"].values.tolist() == [5.0, 5.0, 6.0, 6.0, 7.0, 7.0]
-    assert columns["mode"].values.tolist() == [1, 2] * 3 and columns["height"].values.tolist() == list(range(6))
+    assert columns["mode"].values.tolist() == [1, 2] * 3 and columns[
+        "height"
+    ].values.tolist() == list(range(6))
     pytest.importorskip("xarray")
     assert float(found.to_xarray()["height"].sel(load=6.0, mode=2)) == 3.0
 
 
-MADE = Made(np.zeros(3), np.array([1.0, 2.0]), np.arange(6.0).reshape(2, 3), ("a", "b"), np.zeros((2, 4)))
+MADE = Made(
+    np.zeros(3), np.array([1.0, 2.0]), np.arange(6.0).reshape(2, 3), ("a", "b"), np.zeros((2, 4))
+)
 
 
 class TestQuantities:
@@ -164,23 +190,50 @@ class TestQuantities:
 
     def test_columns_follow_from_the_types_of_fields_and_properties(self):
         columns = self.made.columns()
-        assert list(columns) == ["place", "twice", "half", "stick", "slip", "open", "kind", "waves", "mass"]
-        assert [columns[name].unit for name in ("place", "half", "waves", "mass", "kind")] == ["m", "mm", "N", "kg", ""]
-        assert columns["slip"].values.tolist() == [1.0, 4.0] and columns["twice"].values.tolist() == [2.0, 4.0]
+        assert list(columns) == [
+            "place",
+            "twice",
+            "half",
+            "stick",
+            "slip",
+            "open",
+            "kind",
+            "waves",
+            "mass",
+        ]
+        assert [columns[name].unit for name in ("place", "half", "waves", "mass", "kind")] == [
+            "m",
+            "mm",
+            "N",
+            "kg",
+            "",
+        ]
+        assert columns["slip"].values.tolist() == [1.0, 4.0] and columns[
+            "twice"
+        ].values.tolist() == [2.0, 4.0]
         assert columns["waves"].dims == ("step", "harmonic") and not columns["place"].dims
 
     def test_what_is_none_is_left_out_and_what_is_there_is_not(self):
-        assert replace(self.made, judged=np.array([True, False])).columns()["judged"].values.tolist() == [True, False]
+        assert replace(self.made, judged=np.array([True, False])).columns()[
+            "judged"
+        ].values.tolist() == [True, False]
 
     def test_labels(self):
-        assert axis_label(Made, "half") == "Half of it (mm)" and axis_label(Made, "weight") == "Mass of the disk (kg)"
+        assert (
+            axis_label(Made, "half") == "Half of it (mm)"
+            and axis_label(Made, "weight") == "Mass of the disk (kg)"
+        )
         assert axis_label(ResponseCurve, "peak_to_peak") == "Peak to peak (m)"
         assert axis_label(ResponseCurve, "unstable") == "Unstable"
         assert axis_label(Made, "place", "mm") == "Place (mm)"
 
     def test_rows_of_small_records(self):
         columns = columns_of_rows([HarmonicPeak(3, 2.0, 100.0), HarmonicPeak(5, 2.0, 101.0)])
-        assert columns["amplitude"].unit == "m" and columns["frequency"].unit == "Hz" and columns["harmonics"].unit == ""
+        assert (
+            columns["amplitude"].unit == "m"
+            and columns["frequency"].unit == "Hz"
+            and columns["harmonics"].unit == ""
+        )
         assert columns["harmonics"].values.tolist() == [3, 5] and columns_of_rows([]) == {}
 
 
@@ -188,21 +241,40 @@ class TestNotebook:
     def test_a_table_with_units_and_a_picture(self, study, curve):
         for shown, line in ((curve, f"{1e6 * curve.peak.amplitude:.3g} µm"), (study, "1 N at tip")):
             page = shown._repr_html_()
-            assert "<table>" in page and line in page and page.count("data:image/png;base64,iVBOR") == 1
+            assert (
+                "<table>" in page
+                and line in page
+                and page.count("data:image/png;base64,iVBOR") == 1
+            )
         first = f"<div><p><b>{curve._headline()}</b></p><table>"
-        assert curve._repr_html_().startswith(first) and amount(curve.peak.amplitude, "m", 6) in curve._repr_html_(), (
-            "folded away"
-        )
+        assert (
+            curve._repr_html_().startswith(first)
+            and amount(curve.peak.amplitude, "m", 6) in curve._repr_html_()
+        ), "folded away"
         assert not plt.get_fignums(), "a notebook would show open figures once more"
 
     def test_what_is_printed_where_there_are_no_facts(self, swept):
         page = swept._repr_html_()
-        assert f"<p><b>{swept._headline()}</b></p><table>" in page and f"<pre>{swept.summary()[:10]}" in page
-        assert "  mu   preload (N)  amplitude" in str(swept) and page.count("<tr>") == 1 + len(swept)
+        assert (
+            f"<p><b>{swept._headline()}</b></p><table>" in page
+            and f"<pre>{swept.summary()[:10]}" in page
+        )
+        assert "  mu   preload (N)  amplitude" in str(swept) and page.count("<tr>") == 1 + len(
+            swept
+        )
 
     def test_of_a_long_table_the_ends_are_printed(self):
-        text = replace(MADE, words=tuple("ab" * 20), place=np.arange(40.0), shares=np.zeros((40, 3)), weight=np.ones(40))
-        assert text.as_rows()[0] == ("step: 40", "least", "largest") and ("place (m)", "0", "39") in text.as_rows()
+        text = replace(
+            MADE,
+            words=tuple("ab" * 20),
+            place=np.arange(40.0),
+            shares=np.zeros((40, 3)),
+            weight=np.ones(40),
+        )
+        assert (
+            text.as_rows()[0] == ("step: 40", "least", "largest")
+            and ("place (m)", "0", "39") in text.as_rows()
+        )
 
     def test_without_anything_to_draw(self):
         class Empty(Plottable):
@@ -216,8 +288,12 @@ class TestNotebook:
         assert Empty()._repr_html_() == "<div><pre>a &lt; b</pre></div>"
 
     def test_the_peak_of_a_curve_is_called_a_peak(self, study, curve):
-        assert str(curve.peak).startswith(f"Resonance of {peak_text(curve.peak.amplitude, curve.peak.frequency)}")
-        assert "No peak: incomplete: highest at an end" in str(study.frequency_response(2000.0, (360.0, 362.0)).peak)
+        assert str(curve.peak).startswith(
+            f"Resonance of {peak_text(curve.peak.amplitude, curve.peak.frequency)}"
+        )
+        assert "No peak: incomplete: highest at an end" in str(
+            study.frequency_response(2000.0, (360.0, 362.0)).peak
+        )
 
 
 class TestDifferences:
@@ -225,8 +301,14 @@ class TestDifferences:
         twice = bd.Excitation("tip", amplitude=2.0)
         other = study.replace(friction_coefficient={"left": 0.4, "right": 0.2}, excitation=twice)
         found = study.diff(other)
-        assert found.settings == (("friction_coefficient.right", 0.4, 0.2), ("excitation.amplitude", 1.0, 2.0))
-        assert "friction_coefficient.right  0.4    0.2     -50 %" in str(found) and "+100 %" in found._repr_html_()
+        assert found.settings == (
+            ("friction_coefficient.right", 0.4, 0.2),
+            ("excitation.amplitude", 1.0, 2.0),
+        )
+        assert (
+            "friction_coefficient.right  0.4    0.2     -50 %" in str(found)
+            and "+100 %" in found._repr_html_()
+        )
         again = study._with_problem(study.problem.replace())
         assert not study.diff(again) and "no difference" in str(study.diff(again))
 
@@ -235,7 +317,10 @@ class TestDifferences:
         found = curve.diff(other)
         assert found.settings == ()
         names = {a.name: (a.value, b.value) for a, b in found.outcomes}
-        assert names["peak amplitude"] == (curve.peak.amplitude, other.peak.amplitude) and "preload" in names
+        assert (
+            names["peak amplitude"] == (curve.peak.amplitude, other.peak.amplitude)
+            and "preload" in names
+        )
         assert not curve.diff(curve)
 
     def test_settings_of_a_study_and_a_result(self, study, curve):
@@ -243,7 +328,9 @@ class TestDifferences:
         assert [name for name, *_ in study.replace(bias=False).diff(curve).settings] == ["bias"]
 
     def test_with_something_else_is_refused(self, curve):
-        with pytest.raises(bd.SettingError, match=r"other: expected a study or a result, found 1\.0"):
+        with pytest.raises(
+            bd.SettingError, match=r"other: expected a study or a result, found 1\.0"
+        ):
             curve.diff(1.0)
 
 
@@ -251,7 +338,10 @@ class TestMistakenArguments:
     """What a user gives in the place of something else is named for what it is."""
 
     def test_a_list_of_results(self, study, curve):
-        with pytest.raises(bd.SettingError, match=r"curve: expected a response curve, found a list of 1 ResponseCurve$"):
+        with pytest.raises(
+            bd.SettingError,
+            match=r"curve: expected a response curve, found a list of 1 ResponseCurve$",
+        ):
             study.with_stability([curve])
         with pytest.raises(bd.SettingError, match=r"found a tuple of 2 ResponseCurve$"):
             study.with_stability((curve, curve))
@@ -260,7 +350,10 @@ class TestMistakenArguments:
         with pytest.raises(bd.ModelError, match="model: expected a Model, found ResponseCurve"):
             bd.Study(curve, bd.Excitation("tip"))
         curve.save(tmp_path / "curve.h5")
-        with pytest.raises(bd.ModelError, match=r"expected 'bdamper-model', found 'bdamper-curve': bd\.load reads results"):
+        with pytest.raises(
+            bd.ModelError,
+            match=r"expected 'bdamper-model', found 'bdamper-curve': bd\.load reads results",
+        ):
             bd.load_model(tmp_path / "curve.h5")
 
     def test_a_model_in_the_place_of_a_study(self, study):
@@ -269,15 +362,21 @@ class TestMistakenArguments:
 
     @pytest.mark.parametrize("kind", ["save", "to_csv"])
     def test_a_folder_in_the_place_of_a_file(self, curve, tmp_path, kind):
-        with pytest.raises(bd.BdamperError, match=r"expected a file that can be written, found a folder$"):
+        with pytest.raises(
+            bd.BdamperError, match=r"expected a file that can be written, found a folder$"
+        ):
             getattr(curve, kind)(tmp_path)
 
     def test_a_folder_in_the_place_of_a_results_file(self, study, tmp_path):
-        with pytest.raises(bd.BdamperError, match=r"expected a file that can be written, found a folder$"):
+        with pytest.raises(
+            bd.BdamperError, match=r"expected a file that can be written, found a folder$"
+        ):
             bd.sweep(study, {"preload": [4e3]}, bd.PeakTask(), resume=tmp_path)
 
     def test_a_class_in_the_place_of_a_question(self, study):
-        with pytest.raises(bd.SettingError, match=r"evaluate: expected PeakTask.* found the class PeakTask"):
+        with pytest.raises(
+            bd.SettingError, match=r"evaluate: expected PeakTask.* found the class PeakTask"
+        ):
             bd.sweep(study, {"preload": [4e3]}, bd.PeakTask)
 
 

@@ -11,7 +11,14 @@ from tests.each import each
 
 @pytest.mark.parametrize(
     ("value", "text"),
-    [(0.0123, "1.2 %"), (0.994, "99 %"), (1.5, "150 %"), (1e-5, "0.001 %"), (np.nan, "unknown"), (-0.5, "-50 %")],
+    [
+        (0.0123, "1.2 %"),
+        (0.994, "99 %"),
+        (1.5, "150 %"),
+        (1e-5, "0.001 %"),
+        (np.nan, "unknown"),
+        (-0.5, "-50 %"),
+    ],
 )
 def test_percent(value, text):
     assert percent(value) == text
@@ -19,7 +26,6 @@ def test_percent(value, text):
 
 def test_percent_with_a_sign():
     assert percent(0.5, True) == "+50 %"
-
 
 
 def test_names_and_tables():

@@ -66,10 +66,26 @@ def test_limits_are_in_the_message():
             ("b",),
             ["a", ("a", "a"), ("c",), (1,), (), None, ([],)],
         ),
-        (lambda n, v: validation.instance(n, v, bd.Excitation), bd.Excitation("tip"), ["tip", None, bd.Excitation]),
-        (lambda n, v: validation.mapping(n, v, ("a",), "faces"), {"a": 1}, [("a", 1), {"b": 1}, None]),
-        (lambda n, v: validation.interval(n, v), (1.0, 2.0), [1.0, (2.0, 1.0), (0.0, 1.0), (1.0,), "12", ("1", "2"), None]),
-        (lambda n, v: validation.integers(n, v, most=9), (1, 2), [1, "12", (1.5,), (10,), (1, 1), None]),
+        (
+            lambda n, v: validation.instance(n, v, bd.Excitation),
+            bd.Excitation("tip"),
+            ["tip", None, bd.Excitation],
+        ),
+        (
+            lambda n, v: validation.mapping(n, v, ("a",), "faces"),
+            {"a": 1},
+            [("a", 1), {"b": 1}, None],
+        ),
+        (
+            lambda n, v: validation.interval(n, v),
+            (1.0, 2.0),
+            [1.0, (2.0, 1.0), (0.0, 1.0), (1.0,), "12", ("1", "2"), None],
+        ),
+        (
+            lambda n, v: validation.integers(n, v, most=9),
+            (1, 2),
+            [1, "12", (1.5,), (10,), (1, 1), None],
+        ),
     ],
 )
 def test_checks_return_what_is_good_and_name_what_is_not(check, good, bad):
@@ -82,8 +98,20 @@ def test_checks_return_what_is_good_and_name_what_is_not(check, good, bad):
 def test_sequences_of_numbers():
     np.testing.assert_array_equal(validation.numbers("f", [1, 2.0, np.float32(3)]), [1.0, 2.0, 3.0])
     assert validation.numbers("f", np.arange(3.0), 3).dtype == float
-    for value in ("123", 1.0, None, [], [1.0, "2"], [[1.0, 2.0, 3.0]], [1.0, np.nan], np.eye(3), np.array(1.0)):
-        with pytest.raises(bd.SettingError, match="f: expected a sequence of one or more finite numbers"):
+    for value in (
+        "123",
+        1.0,
+        None,
+        [],
+        [1.0, "2"],
+        [[1.0, 2.0, 3.0]],
+        [1.0, np.nan],
+        np.eye(3),
+        np.array(1.0),
+    ):
+        with pytest.raises(
+            bd.SettingError, match="f: expected a sequence of one or more finite numbers"
+        ):
             validation.numbers("f", value)
     with pytest.raises(bd.SettingError, match="f: expected 3 finite numbers > 0 N, found"):
         validation.numbers("f", [1.0, 2.0, 0.0], 3, above=0.0, unit="N")
@@ -134,7 +162,9 @@ def test_a_study_refuses_bad_settings_at_once(study, name, value):
 
 
 def test_too_few_samples_for_the_harmonics_are_refused_at_once(study):
-    with pytest.raises(bd.SettingError, match="AFT with at least 24 samples for 5 harmonics, found 16"):
+    with pytest.raises(
+        bd.SettingError, match="AFT with at least 24 samples for 5 harmonics, found 16"
+    ):
         study.replace(harmonics=5, contact_forces=bd.AFT(16))
     few = study.replace(contact_forces=bd.AFT(16))
     with pytest.raises(bd.SettingError, match="contact_forces: expected"):
@@ -151,15 +181,30 @@ FREE = {"name", "source", "location", "beside", "fixed", "blade_nodes", "stress"
 
 
 @each("value", WRONG)
-@each(("option", "name"), [(option, f.name) for option in OPTIONS for f in fields(option) if f.init and f.name not in FREE])
+@each(
+    ("option", "name"),
+    [
+        (option, f.name)
+        for option in OPTIONS
+        for f in fields(option)
+        if f.init and f.name not in FREE
+    ],
+)
 def test_every_field_of_options_is_checked(option, name, value):
     with pytest.raises(bd.SettingError, match=rf"{name.replace('_', '.')}.*: expected .*, found "):
         replace(option, **{name: value})
 
 
 def test_all_kinds_of_options_are_checked_here():
-    kinds = {kind.__name__ for kind in validation.Checked.__subclasses__() if kind.__module__.startswith("bdamper.")}
-    assert kinds <= {type(option).__name__ for option in OPTIONS} | {"LeastMargin", "MeasuredResponse"}
+    kinds = {
+        kind.__name__
+        for kind in validation.Checked.__subclasses__()
+        if kind.__module__.startswith("bdamper.")
+    }
+    assert kinds <= {type(option).__name__ for option in OPTIONS} | {
+        "LeastMargin",
+        "MeasuredResponse",
+    }
 
 
 @each(
@@ -231,7 +276,9 @@ def test_a_field_that_does_not_fit_its_annotation_is_named(given, words):
 
 
 def test_a_prefix_stands_before_the_names_of_fields():
-    with pytest.raises(bd.SettingError, match=r"^excitation amplitude: expected a finite number >= 0 N, found -1"):
+    with pytest.raises(
+        bd.SettingError, match=r"^excitation amplitude: expected a finite number >= 0 N, found -1"
+    ):
         bd.Excitation("tip", amplitude=-1)
 
 
@@ -280,7 +327,9 @@ def test_calls_on_results_refuse_bad_arguments(study):
 def test_files_that_cannot_be_named(study, tmp_path):
     curve = study.free(F)
     for save in (curve.save, lambda path: bd.save_model(study.model, path)):
-        with pytest.raises(bd.BdamperError, match=r"a\.h5: expected a folder that exists, found no '.*nowhere'"):
+        with pytest.raises(
+            bd.BdamperError, match=r"a\.h5: expected a folder that exists, found no '.*nowhere'"
+        ):
             save(tmp_path / "nowhere" / "a.h5")
     (tmp_path / "folder").mkdir()
     for use in (bd.load, bd.load_model, lambda path: bd.save_model(study.model, path)):
@@ -325,7 +374,10 @@ def test_pictures_refuse_what_they_cannot_draw(study, tracked, draw):
 def test_a_load_whose_motions_are_left_out_is_named(study):
     still = study.replace(rigid_modes=())
     for ask in (lambda: still.static(10.0), lambda: still.optimal_curve((10.0, 100.0), 3)):
-        with pytest.raises(bd.SettingError, match=r"the study leaves out the motions of \['damper'\] along the load"):
+        with pytest.raises(
+            bd.SettingError,
+            match=r"the study leaves out the motions of \['damper'\] along the load",
+        ):
             ask()
     assert still.static(0.0).converged
 

@@ -65,7 +65,11 @@ def test_a_reader_leaves_the_warnings_of_others(tmp_path):
 
     (tmp_path / "file").write_text("")
     said = [f"warning {k}" for k in range(50)]
-    heard = heard_beside(lambda: read(tmp_path / "file"), pause, lambda: [warnings.warn(t, stacklevel=1) for t in said])
+    heard = heard_beside(
+        lambda: read(tmp_path / "file"),
+        pause,
+        lambda: [warnings.warn(t, stacklevel=1) for t in said],
+    )
     assert heard == said
 
 
@@ -80,7 +84,12 @@ def test_all_diameters_are_made_without_warnings_and_leave_those_of_others(monke
 
     monkeypatch.setattr(Problem, "replace", slow)
     said = [f"warning {k}" for k in range(50)]
-    assert heard_beside(lambda: every_diameter(study.problem), pause, lambda: [warn(text) for text in said]) == said
+    assert (
+        heard_beside(
+            lambda: every_diameter(study.problem), pause, lambda: [warn(text) for text in said]
+        )
+        == said
+    )
 
 
 def test_a_universal_file_leaves_the_output_of_others(tmp_path, monkeypatch, capsys):
