@@ -1,6 +1,7 @@
 """Models of a few masses: their equations against plain matrices, damping, static loads, files, and what is refused."""
 
 import re
+import warnings
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import scipy.linalg
 
 import bdamper as bd
 from bdamper.harmonic_balance.contact_cycle import energies, histories
+from bdamper.util.errors import BdamperWarning
 from tests.each import each
 
 JENKINS = bd.Contact(0, kt=1.0, mu=0.5, preload=1.0)
@@ -320,3 +322,85 @@ class TestSizesOfNumbers:
         one, peak = pressed(0.1).peak(1.0, self.BAND), pressed(0.1 * factor).peak(factor, self.BAND)
         assert peak.amplitude / factor == pytest.approx(one.amplitude, rel=1e-6)
         assert peak.frequency == pytest.approx(one.frequency, rel=1e-6)
+
+
+def test_a_response_in_modal_coordinates_is_a_point_of_the_structure():
+    """Two modes of a beam: the tip moves sum phi^2 F / (omega_k^2 - omega^2 + i omega d_k)."""
+    phi, omega2, d = np.array([1.2, -0.7]), np.array([4.0, 81.0]), np.array([0.04, 0.18])
+    tip = {0: phi[0], 1: phi[1]}
+    stuck = bd.Contact({0: 0.1, 1: 0.3}, kt=1e-9, mu=1.0, preload=1e7)
+    study = bd.lumped(
+        np.eye(2),
+        np.diag(d),
+        np.diag(omega2),
+        contacts=[stuck],
+        forces=tip,
+        response=tip,
+        harmonics=1,
+    )
+    curve = study.frequency_response(0.0, (2.5 / (2.0 * np.pi), 3.5 / (2.0 * np.pi)))
+    omega = 2.0 * np.pi * curve.frequency[:, None]
+    expected = np.abs((phi**2 / (omega2 - omega**2 + 1j * omega * d)).sum(axis=1))
+    np.testing.assert_allclose(curve.amplitude, expected, rtol=1e-8)
+
+
+@each("response", [{}, {0: 0.0}, {"tip": 1.0}, {5: 1.0}, {0: "one"}])
+def test_a_response_without_motion_is_refused(response):
+    with pytest.raises(bd.SettingError, match="response"):
+        bd.lumped(
+            [1.0, 1.0],
+            [0.1, 0.1],
+            [1.0, 1.0],
+            contacts=[JENKINS],
+            forces={0: 1.0},
+            response=response,
+        )
+
+
+class TestJoint:
+    def test_damping_of_small_slip_is_that_of_the_power_law(self):
+        """In small slip the damping ratio is loss / (2 pi k u^2); three decades below macroslip."""
+        stiffness, friction, exponent = 1e4, 10.0, 1.5
+        study = bd.joint(50.0, 0.0, stiffness, friction, exponent)
+        last, a = friction / stiffness, 1.0 / exponent
+        mode = study.nonlinear_mode(0.0, 1, (1.2e-3 * last, 0.1 * last))
+        u = mode.amplitude
+        loss = 4.0 * stiffness * a * last**2 * (u / last) ** (a + 2.0) / ((a + 1.0) * (a + 2.0))
+        expected = loss / (2.0 * np.pi * (2.0 * np.pi * mode.frequency) ** 2 * u**2)
+        np.testing.assert_allclose(mode.damping_ratio, expected, rtol=0.025)
+
+    @each("analysis", ["mode", "curve"])
+    def test_motions_below_the_first_slider_are_told(self, analysis):
+        last = 10.0 / 1e4
+
+        def answer(decades):
+            study = bd.joint(50.0, 1e-3, 1e4, 10.0, decades=decades)
+            if analysis == "mode":
+                return study.nonlinear_mode(0.0, 1, (1e-4 * last, 1e-2 * last))
+            weak = bd.Excitation("x0", amplitude=2.0 * 1e-3 * (100.0 * np.pi) ** 2 * 1e-4 * last)
+            return study.replace(excitation=weak).frequency_response(0.0, (49.0, 51.0))
+
+        with pytest.warns(BdamperWarning, match="the joint moves by .* its sliders resolve"):
+            answer(3.0)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            answer(5.0)
+
+    def test_a_file_keeps_the_resolution(self, tmp_path):
+        study = bd.joint(50.0, 1e-3, 1e4, 10.0)
+        assert study.model.slip_resolution == pytest.approx(1e-6)
+        study.save(tmp_path / "joint.h5")
+        assert (
+            bd.load_study(tmp_path / "joint.h5").model.slip_resolution
+            == study.model.slip_resolution
+        )
+
+    def test_exponent_0_is_one_slider(self):
+        study = bd.joint(50.0, 1e-3, 1e4, 10.0, 0.0)
+        (face,) = study.model.interfaces.values()
+        assert -face.gap[0] * 1e4 == pytest.approx(10.0)
+
+    @each("wrong", [{"exponent": 0.05}, {"exponent": -1.0}, {"decades": 0.5}, {"sliders": 1}])
+    def test_what_is_refused(self, wrong):
+        with pytest.raises(bd.SettingError, match=next(iter(wrong))):
+            bd.joint(50.0, 1e-3, 1e4, 10.0, **wrong)

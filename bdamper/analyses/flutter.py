@@ -109,11 +109,10 @@ def flutter(
 ) -> Flutter:
     """See :meth:`bdamper.Study.flutter`."""
     low, high = validation.interval("amplitude", amplitude, "m")
-    values = (
-        preload_values(preload, n)
-        if np.ndim(preload)
-        else np.array([problem.check_preload(preload)])
-    )  # type: ignore[arg-type]
+    if np.ndim(preload):
+        values = preload_values(preload, n)
+    else:
+        values = np.array([problem.check_preload(preload)])  # type: ignore[arg-type]
     own_diameter = problem.model.folded_nodal_diameter(int(problem.engine_order))[0]
     by_diameter = (
         aerodynamic_damping

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from bdamper import _core
 from bdamper.contact.preload_state import PreloadState
+from bdamper.harmonic_balance.checks import warn_of_small_slip
 from bdamper.harmonic_balance.contact_cycle import at_angles
 from bdamper.harmonic_balance.equations import OK, Correction, Equations, Rows, norm2
 from bdamper.harmonic_balance.problem import Problem
@@ -334,6 +335,8 @@ def nonlinear_mode(
     y = np.array([p.y for p, _ in points]).reshape(len(points), system.n_unknowns + 1)
     u, correlation = system.structure.motion(y), _correlation(system, y)
     status, reason = _ending(branch, y, correlation, mode)
+    if len(u):
+        warn_of_small_slip(problem, system.structure.driven.contact(u[np.argmin(y[:, -1])])[0])
     return NonlinearMode(
         frequency=y[:, -3] / TWO_PI,
         damping_ratio=y[:, -2],

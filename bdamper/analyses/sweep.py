@@ -745,9 +745,10 @@ def compare(
         settings: Any = validation.instance(
             f"study '{name}'", getattr(entry, "problem", entry), (Problem, Mapping), words
         )
-        variants.append(
-            entry if isinstance(settings, Problem) else like(first, vary(problem, settings))
-        )  # type: ignore[type-var]
+        if isinstance(settings, Problem):
+            variants.append(entry)
+        else:
+            variants.append(like(first, vary(problem, settings)))  # type: ignore[type-var]
     validation.check_value(callable(question), "question", "a function of a study", question)
     results: list[ResponseCurve | OptimalCurve] = []
     for study in with_progress(variants, shows_progress(progress), "studies", "study"):

@@ -24,7 +24,7 @@ from bdamper.harmonic_balance.settings import FRICTION
 from bdamper.model.loads import Direction, Response
 from bdamper.model.structure import Model
 from bdamper.util import plausible_ranges, validation
-from bdamper.util.errors import SettingError, warn_implausible
+from bdamper.util.errors import SettingError, warn, warn_implausible
 from bdamper.util.progress import one_thread
 
 ALONG = 0.12
@@ -181,6 +181,27 @@ def response_at(
     return np.stack(
         [problem.layout.amplitudes(unknowns, l) @ row for l, row in enumerate(rows)], axis=-1
     )
+
+
+def warn_of_small_slip(problem: Problem, motion: NDArray) -> None:
+    """Warn of joints that move less than what their sliders represent.
+
+    Parameters
+    ----------
+    problem : Problem
+    motion : (n_points, 3, n_coef) complex, m
+    """
+    if problem.own_laws is not None:
+        problem.own_laws.warn_below(motion)
+    resolution = problem.model.slip_resolution
+    if resolution is None:
+        return
+    largest = float(np.abs(motion[:, :2, 1:]).sum(axis=2).max())
+    if largest < resolution:
+        warn(
+            f"the joint moves by {largest:.3g} m, less than the {resolution:.3g} m that its sliders "
+            "resolve: its damping is wrong there; increase its decades"
+        )
 
 
 # ---- functions of a problem or a study ----

@@ -364,6 +364,9 @@ class Model(Plottable, Record):
     meshes : mapping of body name to SurfaceMesh
     provenance : mapping of str to str
     stress : mapping of name to StressSet
+    slip_resolution : float, m, optional
+        Amplitude of the contact motion below which the friction of a joint is wrong, since its
+        sliders do not represent smaller slip.
     """
 
     n_blades: int
@@ -375,6 +378,7 @@ class Model(Plottable, Record):
     meshes: Annotated[Mapping[str, SurfaceMesh], Data(file="mesh/*")] = field(default_factory=dict)
     provenance: Mapping[str, str] = field(default_factory=dict)
     stress: Mapping[str, StressSet] = field(default_factory=dict)
+    slip_resolution: Annotated[float | None, Data(limits=validation.Limits(above=0.0))] = None
 
     def __str__(self) -> str:
         sectors = f"{self.n_blades} sectors" if self.n_blades > 1 else "no sectors"

@@ -184,9 +184,12 @@ def plot_surfaces(surfaces: Sequence[Surface], ax: Axes | None = None, *, title:
         look = {"edgecolors": "0.35", "linewidths": 0.15}
         ax.add_collection(
             PolyCollection(
-                list(corner[order, :, :2]), facecolors=shade[order], rasterized=True, **look
+                list(corner[order, :, :2]),
+                facecolors=shade[order],
+                rasterized=True,
+                **look,  # type: ignore[arg-type]
             )
-        )  # type: ignore[arg-type]
+        )
         if new:
             ax.autoscale_view()
             ax.set(aspect="equal", title=title)

@@ -36,7 +36,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.contact.laws import LAW_BONDED
-from bdamper.harmonic_balance.checks import check_solution
+from bdamper.harmonic_balance.checks import check_solution, warn_of_small_slip
 from bdamper.harmonic_balance.equations import NOT_FINITE, STATUS_TEXT, Correction, Equations
 from bdamper.harmonic_balance.problem import LoadCase, Problem
 from bdamper.harmonic_balance.sector import Sector, reach
@@ -314,8 +314,8 @@ def frequency_response(
             kind="response",
             preload=case.preload,
         )
-        if problem.own_laws is not None and len(curve):
-            problem.own_laws.warn_below(search.system.contact(curve.peak.y[:-1])[0])
+        if len(curve):
+            warn_of_small_slip(problem, search.system.contact(curve.peak.y[:-1])[0])
         locked = (f"{name} {LOCKED}" for name in self_locking(problem))
         reason, left_out = _reason(case, search, curve), (*curve.missing_ranges, *search.lost)
         return replace(curve, reason=reason, missing_ranges=left_out, notes=(*curve.notes, *locked))
